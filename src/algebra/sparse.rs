@@ -1,0 +1,114 @@
+//! Compressed sparse rows.
+
+/// Why parts do not make a sparse matrix.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SparseError {
+    /// The row offsets are not `rows + 1` ascending numbers from 0 to the number of entries.
+    #[error("row offset {row} is out of order or does not end at the number of entries")]
+    Offsets {
+        /// The first offending position in the offsets.
+        row: usize,
+    },
+    /// A column index is out of range, or a row's columns are not strictly ascending.
+    #[error("row {row}: column {column} is out of range or out of order")]
+    Column {
+        /// The offending row.
+        row: usize,
+        /// The offending column index.
+        column: u32,
+    },
+}
+
+/// A sparse matrix in compressed sparse row form. Within a row, columns are strictly ascending.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SparseMatrix<T = f64> {
+    rows: usize,
+    columns: usize,
+    offsets: Vec<usize>,
+    indices: Vec<u32>,
+    values: Vec<T>,
+}
+
+impl<T> SparseMatrix<T> {
+    /// Builds a matrix from its parts and checks every invariant.
+    ///
+    /// # Errors
+    /// [`SparseError`] names the first row that breaks one.
+    pub fn new(
+        rows: usize,
+        columns: usize,
+        offsets: Vec<usize>,
+        indices: Vec<u32>,
+        values: Vec<T>,
+    ) -> Result<Self, SparseError> {
+        if offsets.len() != rows + 1 || offsets[0] != 0 {
+            return Err(SparseError::Offsets { row: 0 });
+        }
+        if let Some(row) = (0..rows).find(|&r| offsets[r] > offsets[r + 1]) {
+            return Err(SparseError::Offsets { row });
+        }
+        if offsets[rows] != indices.len() || indices.len() != values.len() {
+            return Err(SparseError::Offsets { row: rows });
+        }
+        for row in 0..rows {
+            let mut least = 0u64;
+            for &column in &indices[offsets[row]..offsets[row + 1]] {
+                if u64::from(column) < least || column as usize >= columns {
+                    return Err(SparseError::Column { row, column });
+                }
+                least = u64::from(column) + 1;
+            }
+        }
+        Ok(Self { rows, columns, offsets, indices, values })
+    }
+
+    /// Builds a matrix from parts that the caller made in order; the invariants are checked in debug builds only.
+    pub fn from_sorted_parts(
+        rows: usize,
+        columns: usize,
+        offsets: Vec<usize>,
+        indices: Vec<u32>,
+        values: Vec<T>,
+    ) -> Self {
+        debug_assert_eq!(offsets.len(), rows + 1);
+        debug_assert_eq!(offsets[rows], indices.len());
+        debug_assert_eq!(indices.len(), values.len());
+        Self { rows, columns, offsets, indices, values }
+    }
+
+    /// The number of rows.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// The number of columns.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// The number of stored entries.
+    pub fn entries(&self) -> usize {
+        self.indices.len()
+    }
+
+    /// The `rows + 1` positions at which rows begin in [`indices`](Self::indices) and [`values`](Self::values).
+    pub fn offsets(&self) -> &[usize] {
+        &self.offsets
+    }
+
+    /// Column indices, row after row.
+    pub fn indices(&self) -> &[u32] {
+        &self.indices
+    }
+
+    /// Values, row after row.
+    pub fn values(&self) -> &[T] {
+        &self.values
+    }
+
+    /// The columns and values of one row.
+    pub fn row(&self, row: usize) -> (&[u32], &[T]) {
+        let range = self.offsets[row]..self.offsets[row + 1];
+        (&self.indices[range.clone()], &self.values[range])
+    }
+}

@@ -1,0 +1,24 @@
+//! Surfaces and solids: reading, writing, checking and repairing, connectivity, distances, sampling, generated shapes.
+
+pub mod read;
+
+/// A triangle mesh: positions in the units of the input, faces as counter-clockwise triples of vertex indices.
+///
+/// Meshes that come out of [`check`](self) satisfy: every index is in range, every coordinate is finite, no face repeats a
+/// vertex.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TriangleMesh {
+    /// `n` vertex positions.
+    pub positions: Vec<[f64; 3]>,
+    /// `f` faces.
+    pub faces: Vec<[u32; 3]>,
+}
+
+/// A tetrahedral mesh; tetrahedra are positively oriented quadruples of vertex indices.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TetMesh {
+    /// `n` vertex positions.
+    pub positions: Vec<[f64; 3]>,
+    /// `t` tetrahedra.
+    pub tetrahedra: Vec<[u32; 4]>,
+}

@@ -1,0 +1,1 @@
+//! Reading meshes from untrusted bytes: one file per format.

@@ -1,0 +1,85 @@
+//! The one hook through which long work reports its stage and progress and learns that it was cancelled.
+
+/// Work was asked to stop at a checkpoint and did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the work was cancelled")]
+pub struct Cancelled;
+
+/// Watches long work. Implementations are called from many threads at once and must return quickly.
+pub trait Monitor: Sync {
+    /// A stage begins; the one before it, if any, has ended. Stage names are stable identifiers (`operator`, `sampling`, …).
+    fn stage(&self, name: &'static str);
+
+    /// The fraction of the current stage that is done, in `0..=1`. It may arrive out of order from parallel work.
+    fn progress(&self, fraction: f64);
+
+    /// Ends the work with [`Cancelled`] where that was asked for. Called often: at least every few milliseconds of work.
+    fn checkpoint(&self) -> Result<(), Cancelled>;
+}
+
+/// Watches nothing and never cancels.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Unwatched;
+
+impl Monitor for Unwatched {
+    fn stage(&self, _name: &'static str) {}
+    fn progress(&self, _fraction: f64) {}
+    fn checkpoint(&self) -> Result<(), Cancelled> {
+        Ok(())
+    }
+}
+
+/// Seconds spent in each stage, in order of first appearance; wraps another monitor and passes everything on to it.
+pub struct StageClock<'a> {
+    inner: &'a dyn Monitor,
+    state: std::sync::Mutex<ClockState>,
+}
+
+#[derive(Default)]
+struct ClockState {
+    seconds: Vec<(&'static str, f64)>,
+    current: Option<(&'static str, std::time::Instant)>,
+}
+
+impl ClockState {
+    fn close(&mut self) {
+        if let Some((name, since)) = self.current.take() {
+            let elapsed = since.elapsed().as_secs_f64();
+            match self.seconds.iter_mut().find(|(n, _)| *n == name) {
+                Some((_, total)) => *total += elapsed,
+                None => self.seconds.push((name, elapsed)),
+            }
+        }
+    }
+}
+
+impl<'a> StageClock<'a> {
+    /// A clock that has not begun a stage yet.
+    pub fn new(inner: &'a dyn Monitor) -> Self {
+        Self { inner, state: std::sync::Mutex::default() }
+    }
+
+    /// Ends the last stage and gives the seconds of each.
+    pub fn finish(self) -> Vec<(&'static str, f64)> {
+        let mut state = self.state.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+        state.close();
+        state.seconds
+    }
+}
+
+impl Monitor for StageClock<'_> {
+    fn stage(&self, name: &'static str) {
+        {
+            let mut state = self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            state.close();
+            state.current = Some((name, std::time::Instant::now()));
+        }
+        self.inner.stage(name);
+    }
+    fn progress(&self, fraction: f64) {
+        self.inner.progress(fraction);
+    }
+    fn checkpoint(&self) -> Result<(), Cancelled> {
+        self.inner.checkpoint()
+    }
+}

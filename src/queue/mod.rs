@@ -1,0 +1,1 @@
+//! Leases, heartbeats, retries and the worker pool.

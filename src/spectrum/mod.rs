@@ -1,0 +1,1 @@
+//! Eigenproblems solved: the fast approximation (chapter 2 of the thesis) and what certifies a result.
