@@ -1,7 +1,6 @@
 //! The product: a sparse factor, a dense factor, eigenvalues and a certificate.
 
-use crate::algebra::{DenseMatrix, SparseMatrix};
-use crate::operator::MassMatrix;
+use crate::algebra::{DenseMatrix, MassMatrix, SparseMatrix};
 
 /// A compact basis `Φ = U φ̄` of `m` approximate eigenfunctions on `n` vertices, `M`-orthonormal in the units of the input.
 #[derive(Debug, Clone, PartialEq)]

@@ -2,6 +2,8 @@
 
 use crate::algebra::SparseMatrix;
 
+pub use crate::algebra::MassMatrix;
+
 /// Which mass matrix the hat functions get (`numerics`: per face of area A).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -13,15 +15,6 @@ pub enum MassKind {
     Barycentric,
     /// Mixed Voronoi areas (Meyer et al. 2003), lumped.
     Voronoi,
-}
-
-/// A mass matrix, `n × n`, symmetric positive definite.
-#[derive(Debug, Clone, PartialEq)]
-pub enum MassMatrix {
-    /// A lumped mass: the diagonal.
-    Diagonal(Vec<f64>),
-    /// A consistent mass, both triangles stored.
-    Sparse(SparseMatrix),
 }
 
 /// The generalised eigenproblem `S x = λ M x` on the mesh scaled to unit area.
