@@ -1,5 +1,6 @@
 //! Surfaces and solids: reading, writing, checking and repairing, connectivity, distances, sampling, generated shapes.
 
+pub mod connectivity;
 pub mod read;
 
 /// A triangle mesh: positions in the units of the input, faces as counter-clockwise triples of vertex indices.
