@@ -1,2 +1,165 @@
 //! The kinds of job, their parameters with defaults and limits, and how one runs: a pure function of its inputs and a
-//! [`Monitor`](crate::monitor::Monitor).
+//! [`Monitor`].
+
+mod eigenbasis;
+
+pub use eigenbasis::{Accuracy, Construction, EigenbasisParameters, Method};
+
+use crate::basis::Basis;
+use crate::mesh::TriangleMesh;
+use crate::monitor::{Cancelled, Monitor, StageClock};
+use crate::spectrum::ApproximationError;
+
+/// The version of the solvers: it enters the key of equal work, so that a better solver does not answer with old results.
+pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+1");
+
+/// The names of all kinds of job.
+pub const KINDS: &[&str] = &["eigenbasis"];
+
+/// Why parameters were refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ParameterError {
+    /// There is no such kind of job.
+    #[error("there is no job of kind \"{kind}\"; the kinds are: {}", KINDS.join(", "))]
+    UnknownKind {
+        /// The kind asked for.
+        kind: String,
+    },
+    /// The parameters are not of the kind's form.
+    #[error("parameters of a job of kind \"{kind}\": {reason}")]
+    Form {
+        /// The kind asked for.
+        kind: &'static str,
+        /// What does not fit, and where.
+        reason: String,
+    },
+    /// A parameter has a value outside its range.
+    #[error("parameter \"{name}\": {reason}")]
+    Value {
+        /// The parameter.
+        name: &'static str,
+        /// What its value must be, and what it is.
+        reason: String,
+    },
+}
+
+/// Why a job ended without a result.
+#[derive(Debug, thiserror::Error)]
+pub enum JobError {
+    /// It was asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// Its parameters do not fit the mesh.
+    #[error(transparent)]
+    Parameters(#[from] ParameterError),
+    /// The approximation failed.
+    #[error(transparent)]
+    Approximation(ApproximationError),
+}
+
+impl From<ApproximationError> for JobError {
+    fn from(error: ApproximationError) -> Self {
+        match error {
+            ApproximationError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Approximation(other),
+        }
+    }
+}
+
+impl JobError {
+    /// A stable identifier of the failure, in kebab case.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Cancelled(_) => "cancelled",
+            Self::Parameters(_) => "invalid-parameters",
+            Self::Approximation(error) => error.kind(),
+        }
+    }
+}
+
+/// What a job leaves behind.
+#[derive(Debug)]
+pub struct Outcome {
+    /// The basis.
+    pub basis: Basis,
+    /// Seconds spent in each stage, in order.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// The parameters of a job, checked, with every default filled in.
+#[derive(Debug, Clone, PartialEq)]
+pub enum JobParameters {
+    /// Eigenpairs of an operator on a mesh.
+    Eigenbasis(EigenbasisParameters),
+}
+
+impl JobParameters {
+    /// Reads and checks the parameters of a job of the given kind; `null` stands for all defaults.
+    ///
+    /// # Errors
+    /// [`ParameterError`] names the kind or the parameter that does not fit.
+    pub fn parse(kind: &str, parameters: &serde_json::Value) -> Result<Self, ParameterError> {
+        match kind {
+            "eigenbasis" => EigenbasisParameters::parse(parameters).map(Self::Eigenbasis),
+            other => Err(ParameterError::UnknownKind { kind: other.chars().take(64).collect() }),
+        }
+    }
+
+    /// The kind of job.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Eigenbasis(_) => "eigenbasis",
+        }
+    }
+
+    /// The parameters as JSON with every default filled in: equal work has equal canonical parameters.
+    pub fn canonical(&self) -> serde_json::Value {
+        match self {
+            Self::Eigenbasis(parameters) => parameters.canonical(),
+        }
+    }
+
+    /// The key of equal work, 64 hexadecimal digits: a hash of mesh, kind, canonical parameters and solver version.
+    pub fn work_key(&self, mesh: &str) -> String {
+        let text = serde_json::json!([mesh, self.kind(), self.canonical(), SOLVER_VERSION]).to_string();
+        blake3::hash(text.as_bytes()).to_hex().to_string()
+    }
+
+    /// Checks the parameters against the size of a mesh.
+    ///
+    /// # Errors
+    /// [`ParameterError::Value`] where they ask for more than the mesh has.
+    pub fn check_mesh(&self, vertices: usize) -> Result<(), ParameterError> {
+        match self {
+            Self::Eigenbasis(parameters) => parameters.check_mesh(vertices),
+        }
+    }
+
+    /// An estimate of the memory that the job needs beside the server itself, in bytes.
+    pub fn memory_bytes(&self, vertices: usize, faces: usize) -> u64 {
+        match self {
+            Self::Eigenbasis(parameters) => parameters.memory_bytes(vertices, faces),
+        }
+    }
+
+    /// Runs the job on the rayon pool of the calling thread.
+    ///
+    /// # Errors
+    /// [`JobError`]; in particular [`JobError::Cancelled`] soon after the monitor's checkpoint asks for it.
+    pub fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Outcome, JobError> {
+        self.check_mesh(mesh.positions.len())?;
+        let clock = StageClock::new(monitor);
+        let mut basis = match self {
+            Self::Eigenbasis(parameters) => parameters.run(mesh, &clock)?,
+        };
+        let seconds = clock.finish();
+        basis.metadata = serde_json::json!({
+            "kind": self.kind(),
+            "parameters": self.canonical(),
+            "solver_version": SOLVER_VERSION,
+            "vertices": mesh.positions.len(),
+            "faces": mesh.faces.len(),
+        });
+        Ok(Outcome { basis, seconds })
+    }
+}

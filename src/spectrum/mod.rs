@@ -1,1 +1,5 @@
 //! Eigenproblems solved: the fast approximation (chapter 2 of the thesis) and what certifies a result.
+
+mod approximate;
+
+pub use approximate::{Accuracy, ApproximationError, ApproximationParameters, Construction, approximate};
