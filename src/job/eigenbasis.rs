@@ -66,11 +66,11 @@ impl EigenbasisParameters {
     /// # Errors
     /// [`ParameterError`] names what does not fit.
     pub fn parse(value: &serde_json::Value) -> Result<Self, ParameterError> {
-        let parameters: Self = if value.is_null() {
-            Self::default()
-        } else {
-            Self::deserialize(value)
-                .map_err(|error| ParameterError::Form { kind: "eigenbasis", reason: error.to_string() })?
+        let form = |reason| ParameterError::Form { kind: "eigenbasis", reason };
+        let parameters = match value {
+            serde_json::Value::Null => Self::default(),
+            serde_json::Value::Object(_) => Self::deserialize(value).map_err(|error| form(error.to_string()))?,
+            _ => return Err(form("a JSON object is expected".to_owned())),
         };
         parameters.validate()?;
         Ok(parameters)
@@ -183,7 +183,7 @@ mod tests {
         for (parameters, word) in [
             (json!({"count": 0}), "count"),
             (json!({"count": -1}), "-1"),
-            (json!({"count": 1e9}), "1000000000"),
+            (json!({"count": 1_000_000_000}), "1000000000"),
             (json!({"dimension": 10}), "dimension"),
             (json!({"methd": "approximate"}), "methd"),
             (json!({"method": "magic"}), "magic"),
