@@ -1,1 +1,218 @@
 //! Logs and metrics.
+//!
+//! Log lines are structured: identifiers are fields (`job`, `mesh`, `basis`, `request`), and a field that measures something
+//! carries its unit in its name (`run_seconds`, `basis_bytes`). Metrics are in base units and begin with `chladni_`.
+
+use crate::config::{LogFormat, LogSettings};
+use prometheus::{
+    HistogramOpts, HistogramVec, IntCounter, IntCounterVec, IntGauge, IntGaugeVec, Opts, Registry, TextEncoder,
+    core::Collector,
+};
+
+/// Logs or metrics could not be set up.
+#[derive(Debug, thiserror::Error)]
+pub enum TelemetryError {
+    /// The level is neither a level nor a list of directives.
+    #[error("the log level {level:?} is not understood: {reason}")]
+    Level {
+        /// What was given.
+        level: String,
+        /// Why it was refused.
+        reason: String,
+    },
+    /// A metric was refused by the registry.
+    #[error("a metric cannot be registered: {0}")]
+    Metric(#[from] prometheus::Error),
+}
+
+/// Sends log lines to standard error from now on. A second call in one process changes nothing.
+pub fn start_logs(settings: &LogSettings) -> Result<(), TelemetryError> {
+    use std::io::IsTerminal;
+    let filter = tracing_subscriber::EnvFilter::try_new(&settings.log_level)
+        .map_err(|error| TelemetryError::Level { level: settings.log_level.clone(), reason: error.to_string() })?;
+    let builder = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    // The only failure is that another subscriber is installed, as when two servers live in one test process.
+    let _installed = match settings.log_format {
+        LogFormat::Human => builder.with_ansi(std::io::stderr().is_terminal()).try_init(),
+        LogFormat::Json => builder.json().flatten_event(true).with_current_span(true).with_span_list(false).try_init(),
+    };
+    Ok(())
+}
+
+/// The metrics of one server. Cheap to share through an `Arc`; every member may be used from any thread.
+pub struct Metrics {
+    registry: Registry,
+    /// Requests answered, by route template, method and status.
+    pub http_requests: IntCounterVec,
+    /// Seconds from the request's header to the end of the answer's header, by route template and method.
+    pub http_request_seconds: HistogramVec,
+    /// Jobs in the store, by kind and status.
+    pub jobs: IntGaugeVec,
+    /// Seconds that a job waited before it was claimed, by kind.
+    pub job_queue_seconds: HistogramVec,
+    /// Seconds that each stage of a job took, by kind and stage; the stage `total` is the whole run.
+    pub job_run_seconds: HistogramVec,
+    /// Attempts after the first one.
+    pub job_retries: IntCounter,
+    /// Leases that ended without a word from their worker.
+    pub leases_lost: IntCounter,
+    /// Seconds of a synchronous solve, by operation (`filter`, `project`, …).
+    pub reduced_solve_seconds: HistogramVec,
+    /// Bases found decoded in the cache.
+    pub basis_cache_hits: IntCounter,
+    /// Bases that had to be loaded.
+    pub basis_cache_misses: IntCounter,
+    /// Bytes of decoded bases in the cache.
+    pub basis_cache_bytes: IntGauge,
+    /// Bytes of the blob database.
+    pub blob_bytes: IntGauge,
+    /// Bytes of the write-ahead logs.
+    pub wal_bytes: IntGauge,
+    /// 1 where a GPU takes part in solves, else 0.
+    pub gpu_available: IntGauge,
+    /// Solves that fell back from the GPU to the CPU.
+    pub gpu_fallbacks: IntCounter,
+}
+
+/// Bounds for what a user waits for: 0.5 ms to 30 s.
+const REQUEST_BUCKETS: &[f64] =
+    &[0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0];
+/// Bounds for what runs in the background: 5 ms to an hour.
+const JOB_BUCKETS: &[f64] =
+    &[0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 180.0, 600.0, 1800.0, 3600.0];
+
+impl Metrics {
+    /// Fresh metrics in a registry of their own, with the metrics of the process beside them.
+    pub fn new() -> Result<Self, TelemetryError> {
+        let registry = Registry::new();
+        let kept = Keeper(&registry);
+        registry.register(Box::new(prometheus::process_collector::ProcessCollector::for_self()))?;
+        let build = IntGaugeVec::new(Opts::new("chladni_build_info", "1, labelled with the version"), &["version"])?;
+        build.with_label_values(&[env!("CARGO_PKG_VERSION")]).set(1);
+        kept.keep(build)?;
+        Ok(Self {
+            http_requests: kept.keep(IntCounterVec::new(
+                Opts::new("chladni_http_requests_total", "Requests answered"),
+                &["route", "method", "status"],
+            )?)?,
+            http_request_seconds: kept.histogram(
+                "chladni_http_request_duration_seconds",
+                "Seconds until the header of the answer",
+                REQUEST_BUCKETS,
+                &["route", "method"],
+            )?,
+            jobs: kept.keep(IntGaugeVec::new(Opts::new("chladni_jobs", "Jobs in the store"), &["kind", "status"])?)?,
+            job_queue_seconds: kept.histogram(
+                "chladni_job_queue_seconds",
+                "Seconds that a job waited before it was claimed",
+                JOB_BUCKETS,
+                &["kind"],
+            )?,
+            job_run_seconds: kept.histogram(
+                "chladni_job_run_seconds",
+                "Seconds of each stage of a job; the stage total is the whole run",
+                JOB_BUCKETS,
+                &["kind", "stage"],
+            )?,
+            job_retries: kept.counter("chladni_job_retries_total", "Attempts after the first one")?,
+            leases_lost: kept.counter("chladni_lease_lost_total", "Leases that ended without a word")?,
+            reduced_solve_seconds: kept.histogram(
+                "chladni_reduced_solve_seconds",
+                "Seconds of a synchronous solve",
+                REQUEST_BUCKETS,
+                &["operation"],
+            )?,
+            basis_cache_hits: kept.counter("chladni_basis_cache_hits", "Bases found decoded in the cache")?,
+            basis_cache_misses: kept.counter("chladni_basis_cache_misses", "Bases that had to be loaded")?,
+            basis_cache_bytes: kept.gauge("chladni_basis_cache_bytes", "Bytes of decoded bases in the cache")?,
+            blob_bytes: kept.gauge("chladni_blob_bytes", "Bytes of the blob database")?,
+            wal_bytes: kept.gauge("chladni_wal_bytes", "Bytes of the write-ahead logs")?,
+            gpu_available: kept.gauge("chladni_gpu_available", "1 where a GPU takes part in solves")?,
+            gpu_fallbacks: kept.counter("chladni_gpu_fallbacks_total", "Solves that fell back to the CPU")?,
+            registry,
+        })
+    }
+
+    /// All metrics in the Prometheus text format.
+    pub fn render(&self) -> String {
+        let mut text = String::new();
+        if let Err(error) = TextEncoder::new().encode_utf8(&self.registry.gather(), &mut text) {
+            tracing::error!(%error, "metrics cannot be written");
+        }
+        text
+    }
+}
+
+impl std::fmt::Debug for Metrics {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Metrics").finish_non_exhaustive()
+    }
+}
+
+/// Registers what it makes.
+struct Keeper<'a>(&'a Registry);
+
+impl Keeper<'_> {
+    fn keep<C: Collector + Clone + 'static>(&self, collector: C) -> Result<C, prometheus::Error> {
+        self.0.register(Box::new(collector.clone()))?;
+        Ok(collector)
+    }
+    fn histogram(
+        &self,
+        name: &str,
+        help: &str,
+        buckets: &[f64],
+        labels: &[&str],
+    ) -> Result<HistogramVec, prometheus::Error> {
+        self.keep(HistogramVec::new(HistogramOpts::new(name, help).buckets(buckets.to_vec()), labels)?)
+    }
+    fn counter(&self, name: &str, help: &str) -> Result<IntCounter, prometheus::Error> {
+        self.keep(IntCounter::new(name, help)?)
+    }
+    fn gauge(&self, name: &str, help: &str) -> Result<IntGauge, prometheus::Error> {
+        self.keep(IntGauge::new(name, help)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_metric_is_rendered_with_its_prefix() {
+        let metrics = Metrics::new().unwrap();
+        metrics.http_requests.with_label_values(&["/v1/meshes", "POST", "201"]).inc();
+        metrics.job_run_seconds.with_label_values(&["eigenbasis", "eigen"]).observe(0.2);
+        metrics.leases_lost.inc();
+        metrics.job_retries.inc();
+        let text = metrics.render();
+        for line in [
+            r#"chladni_http_requests_total{method="POST",route="/v1/meshes",status="201"} 1"#,
+            r#"chladni_job_run_seconds_count{kind="eigenbasis",stage="eigen"} 1"#,
+            "chladni_lease_lost_total 1",
+            "chladni_job_retries_total 1",
+            "chladni_gpu_available 0",
+            "chladni_wal_bytes 0",
+        ] {
+            assert!(text.lines().any(|l| l == line), "{line} is missing from\n{text}");
+        }
+        assert!(
+            text.lines()
+                .filter(|l| !l.starts_with('#'))
+                .all(|l| l.starts_with("chladni_") || l.starts_with("process_"))
+        );
+    }
+
+    #[test]
+    fn two_servers_in_one_process_have_metrics_of_their_own() {
+        let (one, other) = (Metrics::new().unwrap(), Metrics::new().unwrap());
+        one.job_retries.inc();
+        assert_eq!(other.job_retries.get(), 0);
+    }
+
+    #[test]
+    fn a_log_level_that_is_not_understood_is_named() {
+        let settings = LogSettings { log_level: "chladni=loudly".into(), ..LogSettings::default() };
+        assert!(start_logs(&settings).unwrap_err().to_string().contains("chladni=loudly"));
+    }
+}
