@@ -1,0 +1,64 @@
+//! What the queue asks of the work itself, and what it tells an observer.
+
+use std::sync::Arc;
+
+use crate::{
+    basis::Basis,
+    mesh::TriangleMesh,
+    monitor::{Cancelled, Monitor},
+    store::{JobRecord, JobStatus},
+};
+
+/// Does the work of a job: a pure function of the job and its mesh.
+pub trait Runner: Send + Sync + 'static {
+    /// Runs one attempt on the rayon pool of jobs. A panic counts as a failed attempt.
+    ///
+    /// # Errors
+    /// [`JobFailure`] says whether another attempt may help.
+    fn run(&self, job: &JobRecord, mesh: Arc<TriangleMesh>, monitor: &dyn Monitor) -> Result<Outcome, JobFailure>;
+}
+
+/// What an attempt made.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// The basis.
+    pub basis: Basis,
+}
+
+/// Why an attempt made nothing.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum JobFailure {
+    /// It was asked to stop and did.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// The work cannot be done, or could not be done this time.
+    #[error("{kind}: {detail}")]
+    Failed {
+        /// A stable identifier such as `mass-not-positive`.
+        kind: String,
+        /// A sentence that names the offending element.
+        detail: String,
+        /// Whether another attempt may help.
+        retryable: bool,
+    },
+}
+
+/// Hears what the queue does: the seam for metrics. Called from worker tasks; must return quickly.
+pub trait QueueObserver: Send + Sync + 'static {
+    /// A job was claimed after so many seconds in the queue.
+    fn claimed(&self, _kind: &str, _queue_seconds: f64) {}
+    /// A stage of a job ended.
+    fn stage_ended(&self, _kind: &str, _stage: &str, _seconds: f64) {}
+    /// An attempt ended and the job is to be tried again.
+    fn retried(&self, _kind: &str) {}
+    /// A worker found that its lease was lost.
+    fn lease_lost(&self, _kind: &str) {}
+    /// A job is finished.
+    fn finished(&self, _kind: &str, _status: JobStatus) {}
+}
+
+/// Hears nothing.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Unobserved;
+
+impl QueueObserver for Unobserved {}

@@ -1,0 +1,140 @@
+//! Why the store could not do what it was asked to.
+
+use uuid::Uuid;
+
+/// Why the store could not do what it was asked to. Nothing of a failed call is visible afterwards.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// No such mesh, job, basis or blob.
+    #[error("{resource} {id} is not known")]
+    NotFound {
+        /// `mesh`, `job`, `basis` or `blob`.
+        resource: &'static str,
+        /// The identifier that was asked for.
+        id: String,
+    },
+    /// A mesh cannot be deleted: something refers to it.
+    #[error("mesh {mesh} is in use by {unfinished_jobs} unfinished jobs and {bases} bases")]
+    MeshInUse {
+        /// The mesh.
+        mesh: String,
+        /// Jobs on it that are enqueued or processing.
+        unfinished_jobs: u64,
+        /// Bases that were made from it.
+        bases: u64,
+    },
+    /// An idempotency key came back with another request.
+    #[error("the idempotency key {key:?} was used for another request, which made job {job}")]
+    IdempotencyConflict {
+        /// The key.
+        key: String,
+        /// The job that the first request made.
+        job: Uuid,
+    },
+    /// A job's status does not allow what was asked.
+    #[error("job {job} is {status}: {reason}")]
+    JobState {
+        /// The job.
+        job: Uuid,
+        /// Its status.
+        status: super::JobStatus,
+        /// Why that status does not allow it.
+        reason: String,
+    },
+    /// A page cursor was not made by this store.
+    #[error("the page cursor {cursor:?} is not one of this service")]
+    InvalidCursor {
+        /// The cursor, shortened.
+        cursor: String,
+    },
+    /// A byte range does not lie within a blob.
+    #[error("bytes {start}..{end} do not lie within the {bytes} bytes of the content")]
+    InvalidRange {
+        /// The first byte.
+        start: u64,
+        /// The byte after the last.
+        end: u64,
+        /// The size of the blob.
+        bytes: u64,
+    },
+    /// The disk, or the limit on stored bytes, is full.
+    #[error("the storage is full: {detail}")]
+    StorageFull {
+        /// What was full.
+        detail: String,
+    },
+    /// The database is locked by someone else, or every connection is busy. Trying again later may work.
+    #[error("the storage is busy: {detail}")]
+    Busy {
+        /// What was waited for.
+        detail: String,
+    },
+    /// Another process holds the data folder.
+    #[error("the data folder {folder} is in use by another process")]
+    FolderInUse {
+        /// The folder.
+        folder: String,
+    },
+    /// Stored bytes are not what was stored.
+    #[error("stored data is damaged: {detail}")]
+    Corrupt {
+        /// What is damaged.
+        detail: String,
+    },
+    /// The SQLite library is one with a known corruption bug.
+    #[error("SQLite {found} is too old: {needed} or newer is needed")]
+    Version {
+        /// The version found.
+        found: String,
+        /// The least version.
+        needed: &'static str,
+    },
+    /// The data folder or one of its files cannot be used.
+    #[error("{path}: {source}")]
+    Folder {
+        /// The folder or file.
+        path: String,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// Anything else: the store is shut, or the database refused.
+    #[error("the storage is unavailable: {detail}")]
+    Unavailable {
+        /// What happened.
+        detail: String,
+    },
+}
+
+impl StoreError {
+    /// Whether the same call may succeed later without anyone changing the request.
+    pub fn is_retryable(&self) -> bool {
+        matches!(self, Self::Busy { .. } | Self::StorageFull { .. } | Self::Unavailable { .. })
+    }
+}
+
+// SQLite's primary result codes: <https://www.sqlite.org/rescode.html>.
+const BUSY: i32 = 5;
+const LOCKED: i32 = 6;
+const CORRUPT: i32 = 11;
+const FULL: i32 = 13;
+const NOT_A_DATABASE: i32 = 26;
+
+impl From<sqlx::Error> for StoreError {
+    fn from(error: sqlx::Error) -> Self {
+        let detail = error.to_string();
+        match &error {
+            sqlx::Error::Database(database) => {
+                // The extended code carries the primary one in its low byte.
+                match database.code().and_then(|code| code.parse::<i32>().ok()).map(|code| code & 0xff) {
+                    Some(BUSY | LOCKED) => Self::Busy { detail },
+                    Some(FULL) => Self::StorageFull { detail },
+                    Some(CORRUPT | NOT_A_DATABASE) => Self::Corrupt { detail },
+                    _ => Self::Unavailable { detail },
+                }
+            }
+            sqlx::Error::PoolTimedOut => Self::Busy { detail },
+            sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) => Self::Corrupt { detail },
+            _ => Self::Unavailable { detail },
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! Keyset pages: newest first, stable while new rows arrive.
+
+use super::StoreError;
+
+/// Which page of a list is wanted.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PageRequest {
+    /// The most items; at least 1 and at most [`PageRequest::MOST`] are given whatever is asked.
+    pub limit: u32,
+    /// [`Page::next`] of the page before; the newest items without one.
+    pub from: Option<String>,
+}
+
+impl PageRequest {
+    /// The most items of one page.
+    pub const MOST: u32 = 200;
+
+    /// The limit as a bound of a query that looks one item ahead.
+    pub(super) fn look_ahead(&self) -> i64 {
+        i64::from(self.limit.clamp(1, Self::MOST)) + 1
+    }
+
+    /// The sequence number that every item of the page stays below.
+    pub(super) fn below(&self) -> Result<i64, StoreError> {
+        let Some(cursor) = &self.from else { return Ok(i64::MAX) };
+        cursor
+            .parse::<i64>()
+            .ok()
+            .filter(|&sequence| sequence > 0)
+            .ok_or_else(|| StoreError::InvalidCursor { cursor: cursor.chars().take(40).collect() })
+    }
+}
+
+impl Default for PageRequest {
+    fn default() -> Self {
+        Self { limit: 50, from: None }
+    }
+}
+
+/// One page of a list, newest first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Page<T> {
+    /// The items.
+    pub items: Vec<T>,
+    /// The cursor of the next page; `None` on the last.
+    pub next: Option<String>,
+}
+
+impl<T> Page<T> {
+    /// A page from rows that look one item ahead, each with its sequence number.
+    pub(super) fn from_rows(mut rows: Vec<(i64, T)>, request: &PageRequest) -> Self {
+        let most = (request.look_ahead() - 1) as usize;
+        let more = rows.len() > most;
+        rows.truncate(most);
+        let next = rows.last().filter(|_| more).map(|(sequence, _)| sequence.to_string());
+        Self { items: rows.into_iter().map(|(_, item)| item).collect(), next }
+    }
+}
