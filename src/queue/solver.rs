@@ -1,0 +1,34 @@
+//! The runner of the service: reads a job's parameters and does its work.
+
+use std::sync::Arc;
+
+use super::{JobFailure, Outcome, Runner};
+use crate::{
+    job::{JobError, JobParameters},
+    mesh::TriangleMesh,
+    monitor::Monitor,
+    store::JobRecord,
+};
+
+/// Runs every kind of job that the room `job` knows.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Solver;
+
+impl Runner for Solver {
+    fn run(&self, job: &JobRecord, mesh: Arc<TriangleMesh>, monitor: &dyn Monitor) -> Result<Outcome, JobFailure> {
+        let parameters = JobParameters::parse(&job.kind, &job.parameters).map_err(JobError::from).map_err(failure)?;
+        let mut basis = parameters.run(&mesh, monitor).map_err(failure)?.basis;
+        if let Some(metadata) = basis.metadata.as_object_mut() {
+            metadata.insert("mesh".to_owned(), job.mesh.clone().into());
+        }
+        Ok(Outcome { basis })
+    }
+}
+
+/// Numerical work is deterministic: another attempt at the same input would fail in the same way.
+fn failure(error: JobError) -> JobFailure {
+    match error {
+        JobError::Cancelled(cancelled) => JobFailure::Cancelled(cancelled),
+        other => JobFailure::Failed { kind: other.kind().to_owned(), detail: other.to_string(), retryable: false },
+    }
+}
