@@ -1,0 +1,79 @@
+//! Mesh files from the local disk.
+
+use super::CliError;
+use crate::mesh::TriangleMesh;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// A mesh file and how it is read.
+#[derive(Debug, Clone, clap::Args)]
+pub struct MeshInput {
+    /// Mesh file: OBJ, PLY, OFF, STL or MEDIT, as it is or compressed by gzip
+    #[arg(value_name = "MESH")]
+    pub mesh: PathBuf,
+
+    /// Format of the file, where its name does not tell: obj, ply, off, stl, medit
+    #[arg(long, value_name = "FORMAT", help_heading = "Input")]
+    pub format: Option<String>,
+
+    /// Whether vertices at equal positions become one; auto joins them where the format splits them, as STL does
+    #[arg(long, value_name = "WHEN", value_parser = ["auto", "always", "never"], default_value = "auto", help_heading = "Input")]
+    pub merge: String,
+}
+
+impl MeshInput {
+    /// Reads, checks and repairs the mesh.
+    pub fn load(&self) -> Result<TriangleMesh, CliError> {
+        let (_bytes, _name) = read_bytes(&self.mesh)?;
+        Err(CliError::mesh(&self.mesh, "no reader is built in yet"))
+    }
+}
+
+/// The content of a file, decompressed where it is gzip by its first bytes, with its name less the ending `.gz`.
+pub fn read_bytes(path: &Path) -> Result<(Vec<u8>, PathBuf), CliError> {
+    let raw = std::fs::read(path).map_err(|error| CliError::file("read", path, error))?;
+    if !raw.starts_with(&[0x1f, 0x8b]) {
+        return Ok((raw, path.to_owned()));
+    }
+    let mut bytes = Vec::with_capacity(raw.len().saturating_mul(3));
+    flate2::read::MultiGzDecoder::new(raw.as_slice())
+        .read_to_end(&mut bytes)
+        .map_err(|error| CliError::file("decompress", path, error))?;
+    let name = if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gz")) {
+        path.with_extension("")
+    } else {
+        path.to_owned()
+    };
+    Ok((bytes, name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    #[test]
+    fn gzip_is_told_by_its_content_and_its_ending_is_dropped() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        encoder.write_all(b"OFF\n").unwrap();
+        let packed = encoder.finish().unwrap();
+        for (name, content, expected) in
+            [("a.off.gz", packed.as_slice(), "a.off"), ("b.off", &packed, "b.off"), ("c.off", b"OFF\n", "c.off")]
+        {
+            let path = folder.path().join(name);
+            std::fs::write(&path, content).unwrap();
+            let (bytes, name) = read_bytes(&path).unwrap();
+            assert_eq!((bytes.as_slice(), name), (&b"OFF\n"[..], folder.path().join(expected)));
+        }
+    }
+
+    #[test]
+    fn a_cut_gzip_file_and_a_missing_file_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cut.ply.gz");
+        std::fs::write(&path, [0x1f, 0x8b, 8, 0, 0]).unwrap();
+        assert!(read_bytes(&path).unwrap_err().to_string().contains("cut.ply.gz"));
+        assert!(read_bytes(&folder.path().join("none.ply")).unwrap_err().to_string().contains("none.ply"));
+    }
+}

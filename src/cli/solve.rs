@@ -1,0 +1,290 @@
+//! `solve`: one eigenproblem, without a server.
+
+use super::{CliError, MeshInput, StageBars, Table, bytes, grouped, number};
+use crate::basis::Basis;
+use crate::job::{JobParameters, SOLVER_VERSION};
+use serde_json::{Map, Value, json};
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Rows of the printed table of eigenvalues.
+const LISTED_PAIRS: usize = 12;
+
+/// Compute the lowest eigenpairs of a mesh, without a server
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct SolveArguments {
+    #[command(flatten)]
+    input: MeshInput,
+
+    /// Eigenpairs wanted, the constant one included
+    #[arg(long, short = 'n', value_name = "M", default_value_t = 100, help_heading = "Problem")]
+    count: usize,
+
+    /// Mass matrix
+    #[arg(long, value_name = "KIND", help_heading = "Problem", value_parser = ["barycentric", "voronoi", "consistent"])]
+    mass: Option<String>,
+
+    /// How eigenpairs are computed
+    #[arg(long, value_name = "METHOD", help_heading = "Method", value_parser = ["approximate"], default_value = "approximate")]
+    method: String,
+
+    /// How the subspace is built: heat is more accurate, radial is the construction of the thesis
+    #[arg(long, value_name = "NAME", help_heading = "Method", value_parser = ["heat", "radial"])]
+    construction: Option<String>,
+
+    /// How far the heat construction goes
+    #[arg(long, value_name = "LEVEL", help_heading = "Method", value_parser = ["standard", "accurate"])]
+    accuracy: Option<String>,
+
+    /// Dimension of the subspace; twice the count where it is not given
+    #[arg(long, short = 'd', value_name = "D", help_heading = "Method")]
+    dimension: Option<usize>,
+
+    /// Seed of everything drawn at random
+    #[arg(long, value_name = "SEED", help_heading = "Method")]
+    seed: Option<u64>,
+
+    /// Any parameter of the job by name, as the API takes it; may be given several times
+    #[arg(long = "parameter", short = 'p', value_name = "NAME=VALUE", help_heading = "Method")]
+    parameters: Vec<String>,
+
+    /// Threads; 0 for one per core
+    #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Method")]
+    threads: usize,
+
+    /// Write the basis to this NPZ file
+    #[arg(long, short = 'o', value_name = "FILE", help_heading = "Output")]
+    output: Option<PathBuf>,
+
+    /// Print one line of JSON instead of a table
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+
+    /// Draw no progress bars
+    #[arg(long, short = 'q', help_heading = "Output")]
+    quiet: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  chladni solve bunny.ply --count 500 --output bunny.npz
+  chladni solve dragon.ply.gz -n 500 --accuracy accurate
+  chladni solve igea.ply -n 500 --construction radial --threads 1 --json";
+
+impl SolveArguments {
+    /// The arguments as parameters of the job `eigenbasis`; what was not given is left to the job's own defaults.
+    fn job(&self) -> Result<JobParameters, CliError> {
+        let mut parameters = Map::new();
+        let given = [
+            ("method", Some(json!(self.method))),
+            ("count", Some(json!(self.count))),
+            ("dimension", self.dimension.map(|value| json!(value))),
+            ("mass", self.mass.as_ref().map(|value| json!(value))),
+            ("construction", self.construction.as_ref().map(|value| json!(value))),
+            ("accuracy", self.accuracy.as_ref().map(|value| json!(value))),
+            ("seed", self.seed.map(|value| json!(value))),
+        ];
+        parameters.extend(given.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?))));
+        for text in &self.parameters {
+            let (name, value) = text
+                .split_once('=')
+                .ok_or_else(|| CliError::Usage(format!("--parameter takes NAME=VALUE, not \"{text}\"")))?;
+            // What is not JSON is a word: `accuracy=accurate` needs no quotes.
+            parameters.insert(name.to_owned(), serde_json::from_str(value).unwrap_or_else(|_| json!(value)));
+        }
+        Ok(JobParameters::parse("eigenbasis", &Value::Object(parameters))?)
+    }
+}
+
+/// What one run measured.
+struct Run {
+    vertices: usize,
+    faces: usize,
+    basis: Basis,
+    stages: Vec<(&'static str, f64)>,
+    total: f64,
+    write: Option<f64>,
+}
+
+/// Runs `chladni solve`.
+pub fn solve(arguments: SolveArguments) -> Result<ExitCode, CliError> {
+    let job = arguments.job()?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(arguments.threads)
+        .build()
+        .map_err(|error| CliError::Service(format!("cannot start {} threads: {error}", arguments.threads)))?;
+    let bars = StageBars::new(arguments.json || arguments.quiet);
+    let began = Instant::now();
+    bars.begin("read");
+    let mesh = pool.install(|| arguments.input.load())?;
+    let read = began.elapsed().as_secs_f64();
+    let outcome = pool.install(|| job.run(&mesh, &bars))?;
+    let total = began.elapsed().as_secs_f64();
+    bars.finish();
+
+    let mut stages = vec![("read", read)];
+    stages.extend(outcome.seconds);
+    let mut run = Run {
+        vertices: mesh.positions.len(),
+        faces: mesh.faces.len(),
+        basis: outcome.basis,
+        stages,
+        total,
+        write: None,
+    };
+    if let Some(path) = &arguments.output {
+        let began = Instant::now();
+        write_npz(&run.basis, path)?;
+        run.write = Some(began.elapsed().as_secs_f64());
+    }
+    let text = if arguments.json {
+        format!("{}\n", run.json(&job, pool.current_num_threads()))
+    } else {
+        run.table(&job, &arguments)
+    };
+    std::io::stdout().write_all(text.as_bytes()).map_err(CliError::stdout)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn write_npz(_basis: &Basis, path: &std::path::Path) -> Result<(), CliError> {
+    Err(CliError::file("write", path, std::io::Error::other("NPZ is not built in yet")))
+}
+
+impl Run {
+    /// One object with what was computed and what it cost.
+    fn json(&self, job: &JobParameters, threads: usize) -> Value {
+        let stages: Map<String, Value> =
+            self.stages.iter().map(|&(name, seconds)| (name.to_owned(), json!(seconds))).collect();
+        let mut line = json!({
+            "vertices": self.vertices,
+            "faces": self.faces,
+            "subspace": self.basis.coefficients.rows(),
+            "seconds": {"total": self.total, "stages": stages, "write": self.write},
+            "threads": threads,
+            "solver_version": SOLVER_VERSION,
+            "peak_rss_bytes": peak_rss_bytes(),
+            "eigenvalues": self.basis.eigenvalues,
+            "residuals": self.basis.certificate.residuals,
+            "bounds": self.basis.certificate.bounds,
+            "orthonormality_defect": self.basis.certificate.orthonormality_defect,
+            "basis_bytes": 0,
+            "dense_bytes": 0,
+        });
+        if let (Value::Object(line), Value::Object(parameters)) = (&mut line, job.canonical()) {
+            for (name, value) in parameters {
+                line.entry(name).or_insert(value);
+            }
+            // What the basis really holds: a mesh of few vertices may have fewer pairs than were asked for.
+            line.insert("count".into(), json!(self.basis.eigenvalues.len()));
+        }
+        line
+    }
+
+    /// A few lines to read.
+    fn table(&self, job: &JobParameters, arguments: &SolveArguments) -> String {
+        let parameters = job.canonical();
+        let word = |name: &str| parameters[name].as_str().unwrap_or_default().to_owned();
+        let mut text = format!(
+            "{}: {} vertices, {} faces\n{} eigenpairs from a subspace of dimension {} ({}, {}, {})\n\n",
+            arguments.input.mesh.display(),
+            grouped(self.vertices),
+            grouped(self.faces),
+            grouped(self.basis.eigenvalues.len()),
+            grouped(self.basis.coefficients.rows()),
+            word("method"),
+            word("construction"),
+            word("accuracy"),
+        );
+        let mut stages = Table::new(&["stage", "seconds"]);
+        for (name, seconds) in &self.stages {
+            stages.row([(*name).to_owned(), format!("{seconds:.3}")]);
+        }
+        stages.row(["total".into(), format!("{:.3}", self.total)]);
+        text += &format!("{stages}\n");
+        text += &eigenvalue_table(
+            &self.basis.eigenvalues,
+            &self.basis.certificate.residuals,
+            &self.basis.certificate.bounds,
+        );
+        if let Some(path) = &arguments.output {
+            let size = std::fs::metadata(path).map_or(0, |file| file.len());
+            text += &format!("\n{} in {}\n", bytes(size), path.display());
+        }
+        text
+    }
+}
+
+/// The first eigenvalues with residuals and bounds, and the last one.
+pub fn eigenvalue_table(eigenvalues: &[f64], residuals: &[f64], bounds: &[f64]) -> String {
+    let mut table = Table::new(&["pair", "eigenvalue", "residual", "bound ±"]);
+    let mut listed: Vec<usize> = (0..eigenvalues.len().min(LISTED_PAIRS)).collect();
+    if eigenvalues.len() > LISTED_PAIRS {
+        listed.push(eigenvalues.len() - 1);
+    }
+    let cell = |values: &[f64], index: usize| values.get(index).map_or_else(|| "–".into(), |&value| number(value));
+    for index in listed {
+        table.row([(index + 1).to_string(), cell(eigenvalues, index), cell(residuals, index), cell(bounds, index)]);
+    }
+    table.to_string()
+}
+
+/// The largest resident memory of this process so far, in bytes; absent where the system does not tell.
+fn peak_rss_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kibibytes * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Harness {
+        #[command(flatten)]
+        arguments: SolveArguments,
+    }
+
+    fn job(arguments: &[&str]) -> Result<JobParameters, CliError> {
+        Harness::try_parse_from([&["solve", "a.ply"], arguments].concat()).unwrap().arguments.job()
+    }
+
+    #[test]
+    fn what_is_not_given_is_left_to_the_job() {
+        let plain = JobParameters::parse("eigenbasis", &json!({"count": 100})).unwrap();
+        assert_eq!(job(&[]).unwrap(), plain);
+    }
+
+    #[test]
+    fn every_listed_value_is_one_that_the_job_knows() {
+        use clap::CommandFactory;
+        for argument in Harness::command().get_arguments() {
+            let name = argument.get_id().as_str();
+            if !["method", "mass", "construction", "accuracy"].contains(&name) {
+                continue;
+            }
+            for value in argument.get_possible_values() {
+                let flags = [format!("--{name}"), value.get_name().to_owned()];
+                assert!(job(&[&flags[0], &flags[1]]).is_ok(), "{flags:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn any_parameter_can_be_given_by_name() {
+        let named = job(&["-p", "count=7", "-p", "construction=radial", "-p", "dimension=20"]).unwrap();
+        assert_eq!(named, job(&["-n", "7", "--construction", "radial", "-d", "20"]).unwrap());
+        assert!(job(&["-p", "colour=red"]).unwrap_err().to_string().contains("colour"));
+        assert!(job(&["-p", "count"]).unwrap_err().to_string().contains("NAME=VALUE"));
+    }
+
+    #[test]
+    fn peak_memory_is_told_on_linux() {
+        assert!(!cfg!(target_os = "linux") || peak_rss_bytes().is_some_and(|bytes| bytes > 1 << 20));
+    }
+}
