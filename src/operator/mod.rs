@@ -1,8 +1,40 @@
 //! Operators on a mesh: one public operator per file. Solvers take an [`EigenProblem`].
 
+pub mod laplace;
+
 use crate::algebra::SparseMatrix;
 
 pub use crate::algebra::MassMatrix;
+
+/// Why no operator can be made of a mesh.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum OperatorError {
+    /// A face refers to a vertex that is not there.
+    #[error("face {face} refers to vertex {vertex} of {vertices}")]
+    VertexOutOfRange {
+        /// The face.
+        face: usize,
+        /// The vertex that it refers to.
+        vertex: u32,
+        /// The number of vertices.
+        vertices: usize,
+    },
+    /// A coordinate is infinite or not a number.
+    #[error("vertex {vertex} has a coordinate that is not finite")]
+    NotFinite {
+        /// The first such vertex.
+        vertex: usize,
+    },
+    /// There is no face with an area, or its extent is beyond what can be squared.
+    #[error("the mesh has no area")]
+    NoArea,
+    /// Corners are counted in 32 bits.
+    #[error("{faces} faces are more than the operator can count")]
+    TooManyFaces {
+        /// The number of faces.
+        faces: usize,
+    },
+}
 
 /// Which mass matrix the hat functions get (`numerics`: per face of area A).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
