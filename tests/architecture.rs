@@ -1,0 +1,344 @@
+//! The rooms of `src/` and the arrows between them. A room may use another only where the table says so; what is named
+//! nowhere else — faer, sqlx, axum — stays in its one room.
+//!
+//! Test modules may use what they like: everything from the first `#[cfg(test)]` of a file is left out.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Each room with the rooms that it may use. What is a single file beside the rooms counts as one too.
+const ARROWS: &[(&str, &[&str])] = &[
+    ("monitor", &[]),
+    ("mesh", &["monitor"]),
+    ("algebra", &["monitor"]),
+    ("operator", &["mesh", "algebra", "monitor"]),
+    ("spectrum", &["operator", "mesh", "algebra", "basis", "monitor"]),
+    ("basis", &["algebra", "monitor"]),
+    ("analysis", &["basis", "operator", "algebra", "monitor"]),
+    ("job", &["analysis", "basis", "spectrum", "operator", "algebra", "mesh", "monitor"]),
+    ("config", &[]),
+    ("telemetry", &["config"]),
+    ("store", &["basis", "mesh", "monitor", "config", "telemetry"]),
+    ("queue", &["job", "store", "basis", "mesh", "monitor", "config", "telemetry"]),
+    (
+        "http",
+        &[
+            "job",
+            "queue",
+            "store",
+            "analysis",
+            "basis",
+            "spectrum",
+            "operator",
+            "algebra",
+            "mesh",
+            "monitor",
+            "config",
+            "telemetry",
+        ],
+    ),
+    (
+        "cli",
+        &[
+            "http",
+            "job",
+            "queue",
+            "store",
+            "analysis",
+            "basis",
+            "spectrum",
+            "operator",
+            "algebra",
+            "mesh",
+            "monitor",
+            "config",
+            "telemetry",
+        ],
+    ),
+];
+
+/// Crates that only one room names.
+const GUARDED: &[(&str, &[&str])] = &[
+    ("faer", &["algebra"]),
+    ("wgpu", &["algebra"]),
+    ("sqlx", &["store"]),
+    ("axum", &["http"]),
+    ("hyper", &["http"]),
+    ("hyper_util", &["http"]),
+    ("utoipa", &["http"]),
+    ("tower", &["http"]),
+    ("tower_http", &["http"]),
+    ("clap", &["cli", "config"]),
+    ("indicatif", &["cli"]),
+    ("reqwest", &["cli"]),
+];
+
+/// The numerical heart: a library that knows nothing of a server.
+const PURE: &[&str] = &["mesh", "algebra", "operator", "spectrum", "basis", "analysis", "job", "monitor"];
+
+/// What the numerical heart never says.
+const IMPURE: &[&str] = &[
+    "tokio",
+    "sqlx",
+    "axum",
+    "hyper",
+    "reqwest",
+    "tracing",
+    "std::env",
+    "env::var",
+    "println!",
+    "eprintln!",
+    "print!",
+    "eprint!",
+    "dbg!",
+    "async fn",
+];
+
+#[test]
+fn rooms_use_only_what_the_table_allows() {
+    let mut wrong = Vec::new();
+    for source in sources() {
+        let Some((_, allowed)) = ARROWS.iter().find(|(room, _)| *room == source.room) else {
+            wrong.push(format!("{}: the room {} is not in the table", source.path.display(), source.room));
+            continue;
+        };
+        for used in source.rooms_used() {
+            if used != source.room && !allowed.contains(&used.as_str()) {
+                wrong.push(format!("{}: {} may not use {used}", source.path.display(), source.room));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn a_guarded_crate_is_named_in_its_room_alone() {
+    let mut wrong = Vec::new();
+    for source in sources() {
+        for (name, rooms) in GUARDED {
+            if !rooms.contains(&source.room.as_str()) && source.names_crate(name) {
+                wrong.push(format!("{}: only {rooms:?} may name {name}", source.path.display()));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn the_numerical_heart_knows_no_server_and_prints_nothing() {
+    let mut wrong = Vec::new();
+    for source in sources().iter().filter(|source| PURE.contains(&source.room.as_str())) {
+        for word in IMPURE {
+            if let Some(line) = source.code.lines().position(|line| contains_word(line, word)) {
+                wrong.push(format!("{}: line {} says {word}", source.path.display(), line + 1));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn no_library_room_gives_up() {
+    let mut wrong = Vec::new();
+    for source in sources() {
+        for word in [".unwrap()", ".expect(", "unimplemented!", "todo!", "println!"] {
+            let printing = word == "println!" && source.room == "cli";
+            if let Some(line) = source.code.lines().position(|line| line.contains(word))
+                && !printing
+            {
+                wrong.push(format!("{}: line {} says {word}", source.path.display(), line + 1));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// The test itself sees what it is meant to see.
+#[test]
+fn uses_are_found_in_every_spelling() {
+    let source = Source {
+        path: PathBuf::new(),
+        room: "mesh".into(),
+        code: strip(
+            "use crate::store::Store;\nuse crate::{\n    basis::Basis,\n    job::{self, A},\n};\nlet a = crate::http::B; // crate::cli\nuse super::queue;\nlet s = \"crate::telemetry\";",
+        ),
+    };
+    let expected: BTreeSet<String> = ["store", "basis", "job", "http"].map(String::from).into();
+    assert_eq!(source.rooms_used(), expected);
+    assert!(contains_word("std::println!(\"\")", "println!") && !contains_word("eprintln!()", "println!"));
+    assert!(!contains_word("tokio_like", "tokio") && contains_word("tokio::spawn", "tokio"));
+}
+
+struct Source {
+    path: PathBuf,
+    room: String,
+    /// Without comments, texts and tests; lines keep their numbers.
+    code: String,
+}
+
+impl Source {
+    /// The rooms that this file names after `crate::`.
+    fn rooms_used(&self) -> BTreeSet<String> {
+        let rooms: Vec<&str> = ARROWS.iter().map(|(room, _)| *room).collect();
+        let mut used = BTreeSet::new();
+        for (place, _) in self.code.match_indices("crate::") {
+            let rest = &self.code[place + "crate::".len()..];
+            match rest.strip_prefix('{') {
+                None => used.extend(first_word(rest)),
+                Some(list) => used.extend(heads_of_list(list)),
+            }
+        }
+        used.retain(|name| rooms.contains(&name.as_str()));
+        used
+    }
+
+    fn names_crate(&self, name: &str) -> bool {
+        self.code.lines().any(|line| {
+            line.match_indices(name).any(|(place, _)| {
+                let before = line[..place].chars().next_back();
+                let after = &line[place + name.len()..];
+                let begins = before.is_none_or(|c| !is_word(c) && c != ':' && c != '.');
+                begins
+                    && (after.starts_with("::")
+                        || (line.trim_start().starts_with("use ") && after.starts_with([';', ' '])))
+            })
+        })
+    }
+}
+
+fn is_word(character: char) -> bool {
+    character.is_alphanumeric() || character == '_'
+}
+
+fn first_word(text: &str) -> Option<String> {
+    let word: String = text.chars().take_while(|&c| is_word(c)).collect();
+    (!word.is_empty()).then_some(word)
+}
+
+/// The first word of each item of a braced list, whose opening brace is gone already.
+fn heads_of_list(list: &str) -> Vec<String> {
+    let mut heads = Vec::new();
+    let (mut depth, mut fresh) = (0, true);
+    for (place, character) in list.char_indices() {
+        match character {
+            '{' => depth += 1,
+            '}' if depth == 0 => break,
+            '}' => depth -= 1,
+            ',' if depth == 0 => fresh = true,
+            c if fresh && depth == 0 && is_word(c) => {
+                heads.extend(first_word(&list[place..]));
+                fresh = false;
+            }
+            _ => {}
+        }
+    }
+    heads
+}
+
+/// Whether a line has a word, with no letter right before it and, after a name, none right behind.
+fn contains_word(line: &str, word: &str) -> bool {
+    line.match_indices(word).any(|(place, _)| {
+        let before = line[..place].chars().next_back();
+        let after = line[place + word.len()..].chars().next();
+        let ends = !word.ends_with(is_word) || after.is_none_or(|c| !is_word(c));
+        before.is_none_or(|c| !is_word(c)) && ends
+    })
+}
+
+fn sources() -> Vec<Source> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    collect(&root, &mut files);
+    assert!(files.len() > 10, "the source tree was not found");
+    files
+        .into_iter()
+        .filter_map(|path| {
+            let inside = path.strip_prefix(&root).ok()?;
+            let room = inside.components().next()?.as_os_str().to_str()?.trim_end_matches(".rs").to_owned();
+            // The roots name every room to declare it.
+            if room == "lib" || room == "main" || is_test_file(&path) {
+                return None;
+            }
+            let text = fs::read_to_string(&path).expect("a source file is UTF-8");
+            Some(Source { code: strip(&text), room, path: inside.to_owned() })
+        })
+        .collect()
+}
+
+/// Files that hold tests alone, declared under `#[cfg(test)]`.
+fn is_test_file(path: &Path) -> bool {
+    path.file_stem().and_then(|name| name.to_str()).is_some_and(|name| name == "tests" || name.ends_with("_tests"))
+        || path.components().any(|part| part.as_os_str() == "tests")
+}
+
+fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("the folder can be read") {
+        let path = entry.expect("the entry can be read").path();
+        if path.is_dir() {
+            collect(&path, files);
+        } else if path.extension().is_some_and(|ending| ending == "rs") {
+            files.push(path);
+        }
+    }
+    files.sort();
+}
+
+/// The code before the first test module, with comments and the content of texts blanked.
+fn strip(text: &str) -> String {
+    // A mere declaration, `mod tests;`, ends nothing.
+    let is_module = |place: &usize| text[*place..].lines().nth(1).is_some_and(|line| line.ends_with('{'));
+    let tests = text.match_indices("#[cfg(test)]\nmod ").map(|(place, _)| place).find(is_module);
+    let text = tests.map_or(text, |place| &text[..place]);
+    let mut code = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(character) = rest.chars().next() {
+        if rest.starts_with("//") {
+            rest = &rest[rest.find('\n').unwrap_or(rest.len())..];
+        } else if rest.starts_with("/*") {
+            let end = rest.find("*/").map_or(rest.len(), |place| place + 2);
+            code.extend(rest[..end].chars().filter(|&c| c == '\n'));
+            rest = &rest[end..];
+        } else if let Some(hashes) = raw_text(rest, code.chars().next_back()) {
+            let closing = format!("\"{}", "#".repeat(hashes));
+            let begin = 2 + hashes;
+            let end = rest[begin..].find(&closing).map_or(rest.len(), |place| begin + place + closing.len());
+            code.extend(rest[..end].chars().filter(|&c| c == '\n'));
+            rest = &rest[end..];
+        } else if character == '"' {
+            let end = end_of_text(rest);
+            code.push_str("\"\"");
+            code.extend(rest[..end].chars().filter(|&c| c == '\n'));
+            rest = &rest[end..];
+        } else if let Some(behind) = rest.strip_prefix("'\"'").or_else(|| rest.strip_prefix("'\\\"'")) {
+            rest = behind;
+        } else {
+            code.push(character);
+            rest = &rest[character.len_utf8()..];
+        }
+    }
+    code
+}
+
+/// The number of `#` of a raw text that begins here.
+fn raw_text(rest: &str, before: Option<char>) -> Option<usize> {
+    let inner = rest.strip_prefix('r')?;
+    if before.is_some_and(|c| is_word(c) && c != 'b') {
+        return None;
+    }
+    let hashes = inner.len() - inner.trim_start_matches('#').len();
+    inner[hashes..].starts_with('"').then_some(hashes)
+}
+
+fn end_of_text(rest: &str) -> usize {
+    let bytes = rest.as_bytes();
+    let mut place = 1;
+    while place < bytes.len() {
+        match bytes[place] {
+            b'\\' => place += 2,
+            b'"' => return place + 1,
+            _ => place += 1,
+        }
+    }
+    rest.len()
+}
