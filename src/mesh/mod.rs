@@ -1,7 +1,11 @@
 //! Surfaces and solids: reading, writing, checking and repairing, connectivity, distances, sampling, generated shapes.
 
+pub mod check;
 pub mod connectivity;
 pub mod read;
+mod repair;
+mod report;
+mod topology;
 
 /// A triangle mesh: positions in the units of the input, faces as counter-clockwise triples of vertex indices.
 ///
