@@ -2,7 +2,8 @@
 
 pub mod laplace;
 
-use crate::algebra::SparseMatrix;
+use crate::algebra::{GalerkinError, SparseMatrix};
+use crate::monitor::Monitor;
 
 pub use crate::algebra::MassMatrix;
 
@@ -61,4 +62,18 @@ pub struct EigenProblem {
     pub mass: MassMatrix,
     /// The area of the mesh in the units of the input.
     pub area: f64,
+}
+
+impl EigenProblem {
+    /// The pencil restricted to the columns of `space`, `n × d`: `UᵀSU` and `UᵀMU`.
+    ///
+    /// # Errors
+    /// [`GalerkinError`]: sizes that do not fit, or the work was cancelled.
+    pub fn restrict(
+        &self,
+        space: &SparseMatrix<f32>,
+        monitor: &dyn Monitor,
+    ) -> Result<(SparseMatrix, SparseMatrix), GalerkinError> {
+        crate::algebra::galerkin(space, &self.stiffness, &self.mass, monitor)
+    }
 }
