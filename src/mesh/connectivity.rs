@@ -1,5 +1,7 @@
 //! Who is next to whom: the edge graph with lengths, and the faces around each vertex.
 
+use rayon::prelude::*;
+
 use super::TriangleMesh;
 
 /// The edge graph of a mesh (both directions stored, neighbours ascending) and the faces around each vertex.
@@ -69,5 +71,28 @@ impl Connectivity {
     /// The faces around a vertex, ascending.
     pub fn faces_around(&self, vertex: u32) -> &[u32] {
         &self.faces_around[self.face_offsets[vertex as usize] as usize..self.face_offsets[vertex as usize + 1] as usize]
+    }
+
+    /// Where the edges of a vertex lie in [`all_neighbours`](Self::all_neighbours) and
+    /// [`scaled_lengths`](Self::scaled_lengths).
+    pub fn edge_range(&self, vertex: u32) -> std::ops::Range<usize> {
+        self.vertex_offsets[vertex as usize] as usize..self.vertex_offsets[vertex as usize + 1] as usize
+    }
+
+    /// The neighbours of all vertices, one vertex after another.
+    pub fn all_neighbours(&self) -> &[u32] {
+        &self.neighbours
+    }
+
+    /// The lengths of the edges to [`all_neighbours`](Self::all_neighbours), in multiples of `unit`, in single precision. A unit
+    /// that is not a positive number counts as 1.
+    pub fn scaled_lengths(&self, unit: f64) -> Vec<f32> {
+        let scale = if unit > 0.0 && unit.is_finite() { 1.0 / unit } else { 1.0 };
+        self.lengths.par_iter().with_min_len(1 << 14).map(|&l| (l * scale) as f32).collect()
+    }
+
+    /// The length of the longest edge; 0 without edges.
+    pub fn longest_edge(&self) -> f64 {
+        self.lengths.par_iter().with_min_len(1 << 14).copied().reduce(|| 0.0, f64::max)
     }
 }

@@ -2,9 +2,12 @@
 
 pub mod check;
 pub mod connectivity;
+pub mod distance;
+pub mod measure;
 pub mod read;
 mod repair;
 mod report;
+pub mod sample;
 mod topology;
 
 /// A triangle mesh: positions in the units of the input, faces as counter-clockwise triples of vertex indices.

@@ -1,0 +1,195 @@
+//! Radial basis functions around samples, made a partition of unity: the subspace of chapter 2 of the thesis.
+
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+
+use rayon::prelude::*;
+
+use crate::algebra::SparseMatrix;
+use crate::mesh::TriangleMesh;
+use crate::mesh::connectivity::Connectivity;
+use crate::mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
+use crate::mesh::measure::surface_area;
+use crate::monitor::{Cancelled, Monitor};
+
+/// The weight of a vertex by its distance from the sample, as a share of the support radius (appendix 2.A). All are 1 at the
+/// sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Profile {
+    /// `1 − 3t² + 2t³`: the thesis' choice.
+    #[default]
+    Cubic,
+    /// `1 − t`.
+    Linear,
+    /// `1 − 10t³ + 15t⁴ − 6t⁵`.
+    Quintic,
+    /// `exp(−ln 2 · t² / 0.45²)`, cut off at 1.
+    Gaussian,
+}
+
+impl Profile {
+    /// The weight at the share `t` of the support radius; 0 from 1 on.
+    pub fn weight(self, t: f32) -> f32 {
+        if !(t < 1.0) {
+            return 0.0;
+        }
+        match self {
+            Self::Cubic => 1.0 - t * t * (3.0 - 2.0 * t),
+            Self::Linear => 1.0 - t,
+            Self::Quintic => 1.0 - t * t * t * (10.0 - t * (15.0 - 6.0 * t)),
+            Self::Gaussian => (-std::f32::consts::LN_2 / (0.45 * 0.45) * t * t).exp(),
+        }
+    }
+}
+
+/// Why radial columns could not be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RadialError {
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// There is nothing to centre a function on.
+    #[error("a mesh of {vertices} vertices and {samples} samples makes no subspace")]
+    Empty {
+        /// The number of vertices.
+        vertices: usize,
+        /// The number of samples.
+        samples: usize,
+    },
+    /// A sample is not a vertex.
+    #[error("sample {sample} refers to vertex {vertex} of {vertices}")]
+    Sample {
+        /// The offending position among the samples.
+        sample: usize,
+        /// What stands there.
+        vertex: u32,
+        /// The number of vertices.
+        vertices: usize,
+    },
+    /// The support radius is not a positive number.
+    #[error("sigma {sigma} and area {area} give no support radius")]
+    Radius {
+        /// The overlap that was asked for.
+        sigma: f64,
+        /// The area of the mesh.
+        area: f64,
+    },
+}
+
+/// The support radius `√(σ·area/(π d))`: a disk of this radius holds `σ` of `d` evenly spread samples (`numerics`, 2.2). In the
+/// units of `√area`.
+pub fn support_radius(area: f64, sigma: f64, dimension: usize) -> f64 {
+    (sigma * area / (std::f64::consts::PI * dimension as f64)).sqrt()
+}
+
+/// The columns of `U` around `samples`: `n × d`, each row non-negative with sum 1, and no row empty.
+///
+/// Column `j` is the profile of the distance from sample `j`, over the support radius that follows from `sigma` and the area of the
+/// mesh. A vertex that lies in no support becomes a sample itself, in ascending order after the given ones, so
+/// `d ≥ samples.len()`.
+///
+/// # Errors
+/// [`RadialError`] for samples that are not vertices, for a mesh without vertices, samples or area, and when cancelled.
+pub fn columns(
+    mesh: &TriangleMesh,
+    connectivity: &Connectivity,
+    samples: &[u32],
+    distance: DistanceKind,
+    profile: Profile,
+    sigma: f64,
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix<f32>, RadialError> {
+    let n = connectivity.vertices();
+    if n == 0 || samples.is_empty() {
+        return Err(RadialError::Empty { vertices: n, samples: samples.len() });
+    }
+    if let Some((sample, &vertex)) = samples.iter().enumerate().find(|&(_, &v)| v as usize >= n) {
+        return Err(RadialError::Sample { sample, vertex, vertices: n });
+    }
+    let area = surface_area(mesh);
+    let radius = support_radius(area, sigma, samples.len());
+    if !(radius > 0.0 && radius.is_finite()) {
+        return Err(RadialError::Radius { sigma, area });
+    }
+    let geometry = DistanceGeometry::new(mesh, connectivity, distance, radius);
+    let counts: Vec<AtomicU32> = (0..n).map(|_| AtomicU32::new(0)).collect();
+    let grow = |workspace: &mut DistanceWorkspace, sample: u32| {
+        let disk = workspace.local_distances(&geometry, sample, 1.0);
+        let mut column: Vec<(u32, f32)> = Vec::with_capacity(disk.len());
+        for &(v, t) in disk {
+            let weight = profile.weight(t);
+            if weight > 0.0 {
+                counts[v as usize].fetch_add(1, Ordering::Relaxed);
+                column.push((v, weight));
+            }
+        }
+        column
+    };
+    let done = AtomicU32::new(0);
+    let mut columns = samples
+        .par_iter()
+        .map_init(
+            || DistanceWorkspace::new(n),
+            |workspace, &sample| {
+                monitor.checkpoint()?;
+                let column = grow(workspace, sample);
+                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                if done.is_multiple_of(32) {
+                    monitor.progress(f64::from(done) / samples.len() as f64);
+                }
+                Ok(column)
+            },
+        )
+        .collect::<Result<Vec<_>, Cancelled>>()?;
+    let mut workspace = None;
+    for v in 0..n as u32 {
+        if counts[v as usize].load(Ordering::Relaxed) == 0 {
+            monitor.checkpoint()?;
+            columns.push(grow(workspace.get_or_insert_with(|| DistanceWorkspace::new(n)), v));
+        }
+    }
+    Ok(normalised_rows(n, &counts, columns))
+}
+
+/// Turns columns into rows that sum to 1. `counts` holds the length of each row and is used up.
+fn normalised_rows(n: usize, counts: &[AtomicU32], columns: Vec<Vec<(u32, f32)>>) -> SparseMatrix<f32> {
+    let dimension = columns.len();
+    let mut offsets = Vec::with_capacity(n + 1);
+    let mut total = 0usize;
+    offsets.push(0);
+    for count in counts {
+        total += count.load(Ordering::Relaxed) as usize;
+        offsets.push(total);
+    }
+    // Threads drop entries into their rows in any order; sorting each row afterwards makes the result independent of that.
+    let entries: Vec<AtomicU64> = (0..total).map(|_| AtomicU64::new(0)).collect();
+    columns.into_par_iter().enumerate().for_each(|(j, column)| {
+        for (v, weight) in column {
+            let left = counts[v as usize].fetch_sub(1, Ordering::Relaxed) as usize;
+            let entry = (j as u64) << 32 | u64::from(weight.to_bits());
+            entries[offsets[v as usize + 1] - left].store(entry, Ordering::Relaxed);
+        }
+    });
+    let mut indices = vec![0u32; total];
+    let mut values = vec![0f32; total];
+    let mut rows: Vec<(&mut [u32], &mut [f32])> = Vec::with_capacity(n);
+    let (mut rest_indices, mut rest_values) = (&mut indices[..], &mut values[..]);
+    for row in 0..n {
+        let length = offsets[row + 1] - offsets[row];
+        let (i, ri) = rest_indices.split_at_mut(length);
+        let (v, rv) = rest_values.split_at_mut(length);
+        rows.push((i, v));
+        (rest_indices, rest_values) = (ri, rv);
+    }
+    rows.into_par_iter().with_min_len(1 << 10).enumerate().for_each_init(Vec::new, |row, (r, (indices, values))| {
+        row.clear();
+        row.extend(entries[offsets[r]..offsets[r + 1]].iter().map(|e| e.load(Ordering::Relaxed)));
+        row.sort_unstable();
+        let sum: f32 = row.iter().map(|&e| f32::from_bits(e as u32)).sum();
+        for ((&entry, index), value) in row.iter().zip(indices).zip(values) {
+            *index = (entry >> 32) as u32;
+            *value = f32::from_bits(entry as u32) / sum;
+        }
+    });
+    SparseMatrix::from_sorted_parts(n, dimension, offsets, indices, values)
+}
