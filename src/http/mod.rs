@@ -1,1 +1,125 @@
 //! Routes, wire types, problems and the OpenAPI document: the only room that names axum.
+//!
+//! [`AppState`] holds what requests share, [`router`] answers them, [`serve`] accepts connections.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `serve` | connections: accept loop, timeouts, drain |
+//! | `middleware` | what surrounds every request: id, log, metrics, authentication |
+//! | `auth` | API keys and scopes |
+//! | `problem`, `convert` | every error as RFC 9457 |
+//! | `body`, `extract`, `conditional` | reading requests: limits, JSON, queries, negotiation, ranges |
+//! | `wire` | what goes over the wire |
+//! | `meshes`, `jobs`, `bases`, `content`, `modes`, `solves`, `system`, `docs` | the routes |
+
+mod auth;
+mod bases;
+mod body;
+mod conditional;
+mod convert;
+mod docs;
+mod extract;
+mod jobs;
+mod middleware;
+mod problem;
+mod serve;
+mod state;
+mod system;
+mod wire;
+
+pub use auth::{ApiKey, KeyError, KeysNeeded, Scope, require_keys};
+pub use docs::document as openapi;
+pub use problem::{Kind, Problem};
+pub use serve::serve;
+pub use state::{AppState, Shared, StateError};
+pub use wire::{
+    BasisLinks, BasisResource, BasisSummary, JobLinks, JobProblemResource, JobRequest, JobResource, MeshLinks,
+    MeshResource, PageOf, StageSeconds, Status,
+};
+
+use axum::Router;
+use axum::extract::DefaultBodyLimit;
+use axum::http::{HeaderName, HeaderValue, Method, header};
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::compression::CompressionLayer;
+use tower_http::compression::predicate::{Predicate, SizeAbove};
+use tower_http::cors::{AllowOrigin, Any, CorsLayer};
+use utoipa_axum::router::OpenApiRouter;
+
+use jobs::page;
+
+/// Every route with its documentation.
+fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::with_openapi(docs::base())
+        .merge(jobs::routes())
+        .merge(bases::routes())
+        .merge(system::routes())
+        .merge(docs::routes())
+}
+
+/// The whole API as a service.
+pub fn router(state: AppState) -> Router {
+    let (router, _) = routes().split_for_parts();
+    let compression = CompressionLayer::new().gzip(true).zstd(true).compress_when(SizeAbove::new(1024).and(Text));
+    router
+        .fallback(middleware::not_found)
+        .method_not_allowed_fallback(middleware::method_not_allowed)
+        // Limits are applied where bodies are read, with problems of their own.
+        .layer(DefaultBodyLimit::disable())
+        .layer(compression)
+        .layer(axum::middleware::from_fn_with_state(state.clone(), middleware::authorise))
+        .layer(cors(&state.config.cors_origins))
+        .layer(CatchPanicLayer::custom(middleware::panicked))
+        .layer(axum::middleware::from_fn_with_state(state.clone(), middleware::observe))
+        .with_state(state)
+}
+
+/// Only text is worth compressing: factors and positions are close to random, and a strong tag names exact bytes.
+#[derive(Debug, Clone, Copy)]
+struct Text;
+
+impl Predicate for Text {
+    fn should_compress<B: http_body_util::BodyExt + axum::body::HttpBody>(
+        &self,
+        response: &axum::http::Response<B>,
+    ) -> bool {
+        let headers = response.headers();
+        let exact = headers.contains_key(header::ACCEPT_RANGES);
+        let kind = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
+        let text = kind.contains("json") || kind.starts_with("text/") && !kind.starts_with("text/event-stream");
+        text && !exact
+    }
+}
+
+fn cors(origins: &[String]) -> CorsLayer {
+    let layer = CorsLayer::new()
+        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::DELETE])
+        .allow_headers([
+            header::ACCEPT,
+            header::AUTHORIZATION,
+            header::CONTENT_ENCODING,
+            header::CONTENT_TYPE,
+            header::IF_NONE_MATCH,
+            header::RANGE,
+            HeaderName::from_static("idempotency-key"),
+            HeaderName::from_static("last-event-id"),
+            middleware::REQUEST_ID,
+        ])
+        .expose_headers([
+            header::ACCEPT_RANGES,
+            header::CONTENT_RANGE,
+            header::ETAG,
+            header::LOCATION,
+            header::RETRY_AFTER,
+            HeaderName::from_static("chladni-columns"),
+            HeaderName::from_static("chladni-outcome"),
+            HeaderName::from_static("chladni-relative-error"),
+            HeaderName::from_static("chladni-rows"),
+            middleware::REQUEST_ID,
+        ])
+        .max_age(std::time::Duration::from_secs(3600));
+    if origins.iter().any(|origin| origin == "*") {
+        return layer.allow_origin(Any);
+    }
+    layer.allow_origin(AllowOrigin::list(origins.iter().filter_map(|origin| HeaderValue::from_str(origin).ok())))
+}

@@ -1,0 +1,249 @@
+//! Request bodies: read with limits on size, pace and shared memory, and decompressed off the event loop.
+
+use std::io::Read;
+use std::time::Duration;
+
+use axum::body::Body;
+use axum::http::{HeaderMap, HeaderValue, header};
+use bytes::Bytes;
+use http_body_util::BodyExt;
+use tokio::sync::OwnedSemaphorePermit;
+use tokio::time::{Instant, timeout_at};
+
+use super::problem::{self, Problem};
+use super::state::AppState;
+
+/// The least rate of a body after its first seconds, in bytes per second: below, a client only holds a place.
+const LEAST_RATE: f64 = 1024.0;
+
+/// Bytes that one permit of the shared body budget stands for.
+pub const BUDGET_UNIT: u64 = 64 * 1024;
+
+/// How a body is compressed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Encoding {
+    Identity,
+    Gzip,
+    Zstd,
+}
+
+/// A whole body in memory, decompressed. Its share of the server's body budget is given back when it is dropped.
+#[derive(Debug)]
+pub struct WholeBody {
+    /// The bytes.
+    pub bytes: Bytes,
+    _share: Option<OwnedSemaphorePermit>,
+}
+
+/// Reads and decompresses a whole body of at most `limit` bytes, counted before and after decompression.
+///
+/// # Errors
+/// A problem for each way in which this fails: too large, too slow, cut off, unknown or damaged encoding, no memory left for
+/// bodies.
+pub async fn read(state: &AppState, headers: &HeaderMap, body: Body, limit: u64) -> Result<WholeBody, Problem> {
+    let encoding = encoding(headers)?;
+    if let Some(length) = headers.get(header::CONTENT_LENGTH).and_then(|v| v.to_str().ok()?.parse::<u64>().ok())
+        && length > limit
+    {
+        return Err(too_large(limit));
+    }
+    let (packed, mut share) = collect(state, body, limit).await?;
+    if encoding == Encoding::Identity {
+        return Ok(WholeBody { bytes: packed, _share: share });
+    }
+    let budget = state.body_budget.clone();
+    let unpacked = tokio::task::spawn_blocking(move || {
+        let mut grow = |bytes: u64| reserve(&budget, &mut share, bytes);
+        let unpacked = decompress(&packed, encoding, limit, &mut grow);
+        unpacked.map(|bytes| WholeBody { bytes: bytes.into(), _share: share })
+    });
+    unpacked.await.map_err(Problem::internal)?
+}
+
+fn encoding(headers: &HeaderMap) -> Result<Encoding, Problem> {
+    let mut values = headers.get_all(header::CONTENT_ENCODING).iter();
+    let encoding = match values.next().map(|value| value.to_str().unwrap_or("?").trim().to_ascii_lowercase()) {
+        None => Encoding::Identity,
+        Some(name) => match name.as_str() {
+            "" | "identity" => Encoding::Identity,
+            "gzip" | "x-gzip" => Encoding::Gzip,
+            "zstd" => Encoding::Zstd,
+            other => return Err(unsupported(other)),
+        },
+    };
+    if values.next().is_some() { Err(unsupported("several encodings")) } else { Ok(encoding) }
+}
+
+fn unsupported(name: &str) -> Problem {
+    Problem::new(
+        &problem::UNSUPPORTED_ENCODING,
+        format!("Content-Encoding {name:?} is not supported; gzip, zstd and identity are."),
+    )
+    .header(header::ACCEPT_ENCODING, HeaderValue::from_static("gzip, zstd, identity"))
+}
+
+fn too_large(limit: u64) -> Problem {
+    Problem::new(&problem::BODY_TOO_LARGE, format!("The body is larger than the limit of {limit} bytes."))
+        .with("limit", limit)
+}
+
+/// Grows a share of the body budget to `bytes`.
+fn reserve(
+    budget: &std::sync::Arc<tokio::sync::Semaphore>,
+    share: &mut Option<OwnedSemaphorePermit>,
+    bytes: u64,
+) -> Result<(), Problem> {
+    let held = share.as_ref().map_or(0, OwnedSemaphorePermit::num_permits) as u64;
+    let missing = bytes.div_ceil(BUDGET_UNIT).saturating_sub(held);
+    if missing == 0 {
+        return Ok(());
+    }
+    let busy = || Problem::new(&problem::BUSY, "Too many large bodies are being received at once.").retry_after(2);
+    let missing = u32::try_from(missing).map_err(|_| busy())?;
+    let more = budget.clone().try_acquire_many_owned(missing).map_err(|_| busy())?;
+    match share {
+        Some(share) => share.merge(more),
+        None => *share = Some(more),
+    }
+    Ok(())
+}
+
+async fn collect(
+    state: &AppState,
+    mut body: Body,
+    limit: u64,
+) -> Result<(Bytes, Option<OwnedSemaphorePermit>), Problem> {
+    let pause = state.config.body_seconds;
+    let begin = Instant::now();
+    let mut share = None;
+    let mut first: Option<Bytes> = None;
+    let mut rest: Vec<u8> = Vec::new();
+    let mut length = 0u64;
+    loop {
+        let pace = begin + pause + Duration::from_secs_f64(length as f64 / LEAST_RATE);
+        let deadline = pace.min(Instant::now() + pause);
+        let frame = match timeout_at(deadline, body.frame()).await {
+            Ok(Some(Ok(frame))) => frame,
+            Ok(None) => break,
+            Ok(Some(Err(error))) => {
+                tracing::debug!(%error, received_bytes = length, "body cut off");
+                return Err(Problem::new(
+                    &problem::BODY_INCOMPLETE,
+                    format!("The body ended after {length} bytes, before its announced end."),
+                ));
+            }
+            Err(_) => {
+                return Err(Problem::new(
+                    &problem::BODY_TOO_SLOW,
+                    format!(
+                        "After {length} bytes the body paused for more than {} s or came at less than {LEAST_RATE} bytes a second.",
+                        pause.as_secs_f64()
+                    ),
+                )
+                .header(header::CONNECTION, HeaderValue::from_static("close")));
+            }
+        };
+        let Ok(data) = frame.into_data() else { continue };
+        length += data.len() as u64;
+        if length > limit {
+            return Err(too_large(limit));
+        }
+        reserve(&state.body_budget, &mut share, length)?;
+        // A small body comes as one frame and needs no copy.
+        match first.take() {
+            None if rest.is_empty() => first = Some(data),
+            Some(before) => {
+                rest.extend_from_slice(&before);
+                rest.extend_from_slice(&data);
+            }
+            None => rest.extend_from_slice(&data),
+        }
+    }
+    Ok((first.unwrap_or_else(|| rest.into()), share))
+}
+
+/// Decompresses the whole of `packed`, all members or frames of it, into at most `limit` bytes.
+fn decompress(
+    packed: &[u8],
+    encoding: Encoding,
+    limit: u64,
+    grow: &mut dyn FnMut(u64) -> Result<(), Problem>,
+) -> Result<Vec<u8>, Problem> {
+    let damaged = |error: std::io::Error| {
+        Problem::new(&problem::DAMAGED_ENCODING, format!("The compressed body is damaged: {error}."))
+    };
+    let mut reader: Box<dyn Read + '_> = match encoding {
+        Encoding::Identity => Box::new(packed),
+        Encoding::Gzip => Box::new(flate2::read::MultiGzDecoder::new(packed)),
+        Encoding::Zstd => {
+            let mut decoder = zstd::stream::read::Decoder::with_buffer(packed).map_err(damaged)?;
+            // A frame may demand a window this large and no larger: RFC 8878 recommends 8 MiB, tools go to 128 MiB.
+            decoder.window_log_max(27).map_err(damaged)?;
+            Box::new(decoder)
+        }
+    };
+    let mut unpacked = Vec::new();
+    let mut piece = vec![0u8; 256 * 1024];
+    loop {
+        let read = reader.read(&mut piece).map_err(damaged)?;
+        if read == 0 {
+            return Ok(unpacked);
+        }
+        if unpacked.len() as u64 + read as u64 > limit {
+            return Err(too_large(limit));
+        }
+        grow((packed.len() + unpacked.len() + read) as u64)?;
+        unpacked.extend_from_slice(&piece[..read]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    fn free(_: u64) -> Result<(), Problem> {
+        Ok(())
+    }
+
+    fn gzip(bytes: &[u8]) -> Vec<u8> {
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+        encoder.write_all(bytes).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    #[test]
+    fn both_encodings_round_trip_with_all_their_members() {
+        let text = b"v 0 0 0\n".repeat(10_000);
+        let members = [gzip(&text), gzip(&text)].concat();
+        assert_eq!(decompress(&members, Encoding::Gzip, 1 << 20, &mut free).unwrap(), text.repeat(2));
+        let frame = zstd::encode_all(&text[..], 3).unwrap();
+        let frames = [frame.clone(), frame].concat();
+        assert_eq!(decompress(&frames, Encoding::Zstd, 1 << 20, &mut free).unwrap(), text.repeat(2));
+    }
+
+    #[test]
+    fn a_bomb_stops_at_the_limit() {
+        let bomb = gzip(&vec![0u8; 50 << 20]);
+        assert!(bomb.len() < 100_000);
+        let refused = decompress(&bomb, Encoding::Gzip, 1 << 20, &mut free).unwrap_err();
+        assert_eq!(refused.kind(), &problem::BODY_TOO_LARGE);
+        let bomb = zstd::encode_all(&vec![0u8; 50 << 20][..], 3).unwrap();
+        let refused = decompress(&bomb, Encoding::Zstd, 1 << 20, &mut free).unwrap_err();
+        assert_eq!(refused.kind(), &problem::BODY_TOO_LARGE);
+    }
+
+    #[test]
+    fn damage_is_named() {
+        let whole = gzip(b"v 0 0 0\n");
+        for (bytes, encoding) in [
+            (&whole[..whole.len() / 2], Encoding::Gzip),
+            (&b"plain text"[..], Encoding::Gzip),
+            (&b"plain text"[..], Encoding::Zstd),
+            (&[][..], Encoding::Gzip),
+        ] {
+            let refused = decompress(bytes, encoding, 1 << 20, &mut free).unwrap_err();
+            assert_eq!(refused.kind(), &problem::DAMAGED_ENCODING, "{encoding:?}");
+        }
+    }
+}

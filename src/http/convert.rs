@@ -1,0 +1,61 @@
+//! Errors of other rooms as problems.
+
+use super::problem::{self, Problem};
+use crate::job::ParameterError;
+use crate::store::StoreError;
+
+impl From<StoreError> for Problem {
+    fn from(error: StoreError) -> Self {
+        let text = sentence(&error);
+        match error {
+            StoreError::NotFound { resource, .. } => match resource {
+                "mesh" => Self::new(&problem::UNKNOWN_MESH, text),
+                "job" => Self::new(&problem::UNKNOWN_JOB, text),
+                "basis" => Self::new(&problem::UNKNOWN_BASIS, text),
+                _ => Self::new(&problem::NOT_FOUND, "The content was deleted."),
+            },
+            StoreError::MeshInUse { unfinished_jobs, bases, .. } => {
+                Self::new(&problem::MESH_IN_USE, text).with("unfinished_jobs", unfinished_jobs).with("bases", bases)
+            }
+            StoreError::IdempotencyConflict { job, .. } => {
+                Self::new(&problem::IDEMPOTENCY_CONFLICT, text).with("job", job.to_string())
+            }
+            StoreError::JobState { status, .. } => {
+                Self::new(&problem::STATE_CONFLICT, text).with("job_status", status.as_str())
+            }
+            StoreError::InvalidCursor { .. } => Self::new(&problem::INVALID_CURSOR, text),
+            StoreError::InvalidRange { .. } => Self::new(&problem::RANGE_NOT_SATISFIABLE, text),
+            StoreError::StorageFull { detail } => {
+                tracing::warn!(detail, "storage full");
+                Self::new(&problem::STORAGE_FULL, "The storage is full. Nothing was stored.").retry_after(60)
+            }
+            StoreError::Busy { detail } => {
+                tracing::warn!(detail, "storage busy");
+                Self::new(&problem::STORAGE_BUSY, "The storage is busy. Nothing was stored; try again.").retry_after(1)
+            }
+            other => Self::internal(other),
+        }
+    }
+}
+
+impl From<ParameterError> for Problem {
+    fn from(error: ParameterError) -> Self {
+        let text = sentence(&error);
+        match error {
+            ParameterError::UnknownKind { .. } => Self::within(&problem::INVALID_PARAMETER, "kind", text),
+            ParameterError::Form { .. } => Self::within(&problem::INVALID_PARAMETER, "form", text),
+            ParameterError::Value { name, .. } => {
+                Self::within(&problem::INVALID_PARAMETER, name, text).with("parameter", name)
+            }
+        }
+    }
+}
+
+/// An error message as a sentence.
+fn sentence(error: &dyn std::error::Error) -> String {
+    let text = error.to_string();
+    let mut letters = text.chars();
+    let Some(first) = letters.next() else { return text };
+    let end = if text.ends_with(['.', '!', '?']) { "" } else { "." };
+    format!("{}{}{end}", first.to_uppercase(), letters.as_str())
+}

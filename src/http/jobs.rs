@@ -1,0 +1,460 @@
+//! Jobs: submitted, listed, watched, cancelled and retried.
+
+use std::convert::Infallible;
+use std::time::{Duration, Instant};
+
+use axum::Json;
+use axum::body::Body;
+use axum::extract::{Extension, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use futures_util::{Stream, stream};
+use serde::Deserialize;
+use tokio::sync::broadcast::{Receiver, error::RecvError};
+use utoipa::IntoParams;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+use uuid::Uuid;
+
+use super::extract::{self, PathOf, QueryOf};
+use super::middleware::Principal;
+use super::problem::{self, Problem};
+use super::state::AppState;
+use super::wire::{JobRequest, JobResource, PageOf, Status};
+use super::{body, conditional};
+use crate::job::{JobParameters, SOLVER_VERSION};
+use crate::store::{
+    EnqueueOutcome, IdempotencyKey, JobEvent, JobFilter, JobRecord, JobStatus, NewJob, PageRequest, StoreError,
+};
+
+/// The largest body of a JSON request that carries no function values.
+const JSON_BYTES: u64 = 1 << 20;
+
+/// The longest a long poll waits.
+const LONGEST_WAIT: Duration = Duration::from_secs(60);
+
+/// How often an idle event stream sends a comment, so that nothing between takes it for dead.
+const KEEP_ALIVE: Duration = Duration::from_secs(15);
+
+/// How far apart progress events are at least.
+const EVENT_PAUSE: Duration = Duration::from_millis(100);
+
+/// How the job of an answer came about: `created`, `same-work` or `replayed`.
+const OUTCOME: HeaderName = HeaderName::from_static("chladni-outcome");
+
+/// The routes of jobs.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new()
+        .routes(routes!(submit, list))
+        .routes(routes!(show))
+        .routes(routes!(events))
+        .routes(routes!(cancel))
+        .routes(routes!(retry))
+}
+
+/// Submits a job
+///
+/// The same mesh, kind and parameters are worked on once: where an equal job waits, runs or is done, that job is the answer.
+/// With an `Idempotency-Key` a request that is sent twice makes one job, whatever happened to the first answer.
+#[utoipa::path(
+    post, path = "/v1/jobs", tag = "jobs", operation_id = "submitJob",
+    params(("Idempotency-Key" = Option<String>, Header, description = "1 to 200 visible ASCII characters that stand for this request", example = "8f14e45f")),
+    request_body = JobRequest,
+    responses(
+        (status = 202, description = "The job is stored; `Location` names it and `Retry-After` says when to look", body = JobResource,
+            headers(("Location" = String), ("Retry-After" = u64), ("Chladni-Outcome" = String, description = "created, same-work or replayed"))),
+        (status = 200, description = "Equal work is done: its job, with its basis", body = JobResource, headers(("Location" = String))),
+        (status = "4XX", description = "A problem: invalid-json, invalid-request, unknown-mesh, invalid-parameter, job-too-large, idempotency-conflict or queue-full", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["submit"]))
+)]
+async fn submit(
+    State(state): State<AppState>,
+    Extension(Principal(principal)): Extension<Principal>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Problem> {
+    if state.is_draining() {
+        return Err(Problem::new(&problem::DRAINING, "The server is shutting down and takes no jobs.").retry_after(10));
+    }
+    extract::require_json(&headers)?;
+    let key = idempotency_key(&headers)?;
+    let body = body::read(&state, &headers, body, JSON_BYTES).await?;
+    let request: JobRequest = extract::parse_json(&body.bytes)?;
+    if !(-100..=100).contains(&request.priority) {
+        return Err(Problem::new(
+            &problem::INVALID_REQUEST,
+            format!("priority: must lie between -100 and 100, not be {}.", request.priority),
+        ));
+    }
+    let parameters = JobParameters::parse(&request.kind, &request.parameters)?;
+    let mesh = state.store.mesh(&request.mesh).await.map_err(|error| match error {
+        StoreError::NotFound { .. } => Problem::new(
+            &problem::UNKNOWN_MESH,
+            format!("mesh: no mesh has the id {:?}.", problem::shorten(request.mesh.clone())),
+        ),
+        other => other.into(),
+    })?;
+    let (vertices, faces) = (mesh.vertices as usize, mesh.faces as usize);
+    parameters.check_mesh(vertices)?;
+    let (estimate, limit) = (parameters.memory_bytes(vertices, faces), state.config.limits.max_job_bytes);
+    if estimate > limit {
+        return Err(Problem::new(
+            &problem::JOB_TOO_LARGE,
+            format!("The job needs about {estimate} bytes of memory; this server admits {limit}."),
+        )
+        .with("estimate", estimate)
+        .with("limit", limit));
+    }
+    check_queue(&state).await?;
+    let canonical = parameters.canonical();
+    let idempotency = key.map(|key| {
+        let asked = serde_json::json!([request.kind, mesh.id, canonical, request.priority]).to_string();
+        IdempotencyKey {
+            key: format!("{principal}:{key}"),
+            request_hash: blake3::hash(asked.as_bytes()).to_hex().to_string(),
+        }
+    });
+    let enqueued = state
+        .store
+        .enqueue(NewJob {
+            kind: parameters.kind().to_owned(),
+            work_key: parameters.work_key(&mesh.id),
+            mesh: mesh.id,
+            parameters: canonical,
+            priority: request.priority,
+            idempotency,
+            max_attempts: state.config.max_attempts,
+            solver_version: SOLVER_VERSION.to_owned(),
+        })
+        .await?;
+    let (record, outcome) = (enqueued.record, enqueued.outcome);
+    tracing::info!(job = %record.id, mesh = record.mesh, kind = record.kind, outcome = outcome_name(outcome), "job submitted");
+    let done = record.status == JobStatus::Succeeded;
+    let mut response = resource(record, if done { StatusCode::OK } else { StatusCode::ACCEPTED });
+    response.headers_mut().insert(OUTCOME, HeaderValue::from_static(outcome_name(outcome)));
+    Ok(response)
+}
+
+fn outcome_name(outcome: EnqueueOutcome) -> &'static str {
+    match outcome {
+        EnqueueOutcome::Created => "created",
+        EnqueueOutcome::SameWork => "same-work",
+        EnqueueOutcome::Replayed => "replayed",
+    }
+}
+
+fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+    let Some(value) = headers.get("idempotency-key") else { return Ok(None) };
+    let fits = |key: &&str| (1..=200).contains(&key.len()) && key.bytes().all(|b| b.is_ascii_graphic() || b == b' ');
+    value.to_str().ok().map(str::trim).filter(fits).map(|key| Some(key.to_owned())).ok_or_else(|| {
+        Problem::new(&problem::INVALID_HEADER, "Idempotency-Key: must be 1 to 200 visible ASCII characters.")
+    })
+}
+
+async fn check_queue(state: &AppState) -> Result<(), Problem> {
+    let counts = state.store.job_counts().await?;
+    let waiting: u64 = counts.iter().filter(|(_, status, _)| *status == JobStatus::Enqueued).map(|(.., n)| n).sum();
+    let limit = state.config.limits.max_queued_jobs as u64;
+    if waiting >= limit {
+        return Err(Problem::new(&problem::QUEUE_FULL, format!("{waiting} jobs wait; this server queues {limit}."))
+            .with("limit", limit)
+            .retry_after(10));
+    }
+    Ok(())
+}
+
+/// A job as an answer.
+fn resource(record: JobRecord, status: StatusCode) -> Response {
+    let tag = conditional::etag(&record.revision.to_string(), true);
+    let location = HeaderValue::from_str(&format!("/v1/jobs/{}", record.id)).ok();
+    let finished = record.status.is_finished();
+    let mut response = (status, Json(JobResource::from(record))).into_response();
+    let headers = response.headers_mut();
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+    if let Some(tag) = tag {
+        headers.insert(header::ETAG, tag);
+    }
+    if !finished {
+        headers.insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
+    }
+    if let Some(location) = location {
+        headers.insert(header::LOCATION, location);
+    }
+    response
+}
+
+/// Which jobs, and which page of them.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct ListQuery {
+    /// Only jobs with this status.
+    #[param(inline)]
+    status: Option<Status>,
+    /// Only jobs of this kind.
+    #[param(example = "eigenbasis")]
+    kind: Option<String>,
+    /// Only jobs on this mesh.
+    mesh: Option<String>,
+    /// Items of the page, at most 200.
+    #[param(minimum = 1, maximum = 200, default = 50)]
+    limit: Option<u32>,
+    /// `next` of the page before.
+    from: Option<String>,
+}
+
+/// Lists jobs
+///
+/// Newest first. Pages stay stable while new jobs arrive.
+#[utoipa::path(
+    get, path = "/v1/jobs", tag = "jobs", operation_id = "listJobs", params(ListQuery),
+    responses(
+        (status = 200, description = "A page of jobs", body = PageOf<JobResource>),
+        (status = 400, description = "A problem: invalid-query or invalid-cursor", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn list(
+    State(state): State<AppState>,
+    QueryOf(query): QueryOf<ListQuery>,
+) -> Result<Json<PageOf<JobResource>>, Problem> {
+    let filter = JobFilter { status: query.status.map(Into::into), kind: query.kind, mesh: query.mesh };
+    let page = state.store.jobs(&filter, &super::page(query.limit, query.from)?).await?;
+    Ok(Json(PageOf::of(page, JobResource::from)))
+}
+
+/// Whether to wait.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct ShowQuery {
+    /// Answer only when the job has ended, or after this time (`20s`, `1500ms`; at most a minute). With `If-None-Match`: when
+    /// it has changed.
+    #[param(example = "20s")]
+    wait: Option<String>,
+}
+
+fn job_id(text: &str) -> Result<Uuid, Problem> {
+    text.parse().map_err(|_| {
+        Problem::new(&problem::UNKNOWN_JOB, format!("No job has the id {:?}.", problem::shorten(text.to_owned())))
+    })
+}
+
+/// Shows a job
+///
+/// With `wait`, a long poll: the answer comes when the job has ended or the time is over, whichever is first; with
+/// `If-None-Match` beside it, as soon as the job differs from what the tag names.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "showJob",
+    params(("id" = String, Path, description = "The id of the job", example = "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2"), ShowQuery),
+    responses(
+        (status = 200, description = "The job", body = JobResource, headers(("ETag" = String))),
+        (status = 304, description = "The job is as `If-None-Match` names it"),
+        (status = 404, description = "A problem: unknown-job", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn show(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<ShowQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let id = job_id(&id)?;
+    let wait = match &query.wait {
+        None => Duration::ZERO,
+        Some(text) => extract::duration(text).map(|wait| wait.min(LONGEST_WAIT)).ok_or_else(|| {
+            Problem::new(
+                &problem::INVALID_QUERY,
+                format!("wait: {:?} is not a time such as 20s.", problem::shorten(text.clone())),
+            )
+        })?,
+    };
+    let conditional_on = headers.contains_key(header::IF_NONE_MATCH);
+    let known = |record: &JobRecord| {
+        conditional::etag(&record.revision.to_string(), true).is_some_and(|tag| conditional::matches(&headers, &tag))
+    };
+    // Watching begins before the first look, so that no change falls between.
+    let mut changes = state.store.watch_jobs();
+    let deadline = Instant::now() + wait;
+    let mut record = state.store.job(id).await?;
+    loop {
+        let news = if conditional_on { !known(&record) } else { record.status.is_finished() };
+        // A finished job does not change: waiting longer is of no use.
+        if news || wait.is_zero() || record.status.is_finished() {
+            break;
+        }
+        tokio::select! {
+            changed = next_change(&mut changes, id) => if !changed { break },
+            () = tokio::time::sleep_until(deadline.into()) => break,
+            () = state.draining.cancelled() => break,
+        }
+        record = state.store.job(id).await?;
+    }
+    if conditional_on && known(&record) {
+        return Ok(StatusCode::NOT_MODIFIED.into_response());
+    }
+    let mut response = resource(record, StatusCode::OK);
+    response.headers_mut().remove(header::LOCATION);
+    Ok(response)
+}
+
+/// Waits until a job may have changed; false when nothing will be heard of any more.
+async fn next_change(changes: &mut Receiver<JobEvent>, id: Uuid) -> bool {
+    loop {
+        match changes.recv().await {
+            Ok(event) if event.job == id => return true,
+            Ok(_) => {}
+            Err(RecvError::Lagged(_)) => return true,
+            Err(RecvError::Closed) => return false,
+        }
+    }
+}
+
+/// Streams the changes of a job
+///
+/// Server-sent events of the type `job`, each with the whole job as data and its revision as id: the present state first (not
+/// repeated where `Last-Event-ID` names it), then every change, until the job has ended. Progress comes at most ten times a
+/// second. A client that reconnects after the end is told by 204 to stop.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}/events", tag = "jobs", operation_id = "watchJob",
+    params(
+        ("id" = String, Path, description = "The id of the job", example = "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2"),
+        ("Last-Event-ID" = Option<i64>, Header, description = "The revision that the client has seen", example = 7),
+    ),
+    responses(
+        (status = 200, description = "The stream", body = String, content_type = "text/event-stream",
+            example = "event: job\nid: 8\ndata: {\"id\":\"019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2\",\"status\":\"processing\",\"stage\":\"eigen\",\"progress\":0.5}\n\n"),
+        (status = 204, description = "The job has ended, and the client has seen it"),
+        (status = 404, description = "A problem: unknown-job", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn events(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let id = job_id(&id)?;
+    let seen = headers.get("last-event-id").and_then(|value| value.to_str().ok()?.trim().parse::<i64>().ok());
+    let changes = state.store.watch_jobs();
+    let record = state.store.job(id).await?;
+    if record.status.is_finished() && seen.is_some_and(|seen| seen >= record.revision) {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    }
+    let watch = Watch { state, id, changes, seen: seen.unwrap_or(-1), first: Some(record), sent: None };
+    let mut response =
+        Sse::new(watch.stream()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE).text("keep-alive")).into_response();
+    // Proxies such as nginx would collect events otherwise.
+    response.headers_mut().insert("x-accel-buffering", HeaderValue::from_static("no"));
+    Ok(response)
+}
+
+/// One event stream.
+struct Watch {
+    state: AppState,
+    id: Uuid,
+    changes: Receiver<JobEvent>,
+    seen: i64,
+    first: Option<JobRecord>,
+    sent: Option<Instant>,
+}
+
+impl Watch {
+    fn stream(self) -> impl Stream<Item = Result<Event, Infallible>> {
+        stream::unfold(Some(self), |watch| async move {
+            let mut watch = watch?;
+            let record = watch.next().await?;
+            let ended = record.status.is_finished();
+            watch.seen = record.revision;
+            watch.sent = Some(Instant::now());
+            let event = Event::default().event("job").id(record.revision.to_string());
+            let event = event.json_data(JobResource::from(record)).ok()?;
+            Some((Ok(event), (!ended).then_some(watch)))
+        })
+    }
+
+    /// The next state to send; `None` at the end.
+    async fn next(&mut self) -> Option<JobRecord> {
+        if let Some(record) = self.first.take().filter(|record| record.revision > self.seen) {
+            return Some(record);
+        }
+        loop {
+            tokio::select! {
+                heard = next_change(&mut self.changes, self.id) => if !heard { return None },
+                () = self.state.draining.cancelled() => return None,
+            }
+            if let Some(sent) = self.sent {
+                tokio::time::sleep_until((sent + EVENT_PAUSE).into()).await;
+            }
+            match self.state.store.job(self.id).await {
+                Ok(record) if record.revision > self.seen => return Some(record),
+                Ok(_) => {}
+                Err(error) => {
+                    // The client reconnects with Last-Event-ID.
+                    tracing::warn!(job = %self.id, %error, "an event stream ends early");
+                    return None;
+                }
+            }
+        }
+    }
+}
+
+/// Cancels a job
+///
+/// A waiting job is canceled at once; a running one is asked to stop and does within a second. Cancelling twice is no error.
+#[utoipa::path(
+    post, path = "/v1/jobs/{id}/cancel", tag = "jobs", operation_id = "cancelJob",
+    params(("id" = String, Path, description = "The id of the job", example = "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2")),
+    responses(
+        (status = 202, description = "The job, canceled or asked to stop", body = JobResource),
+        (status = 404, description = "A problem: unknown-job", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 409, description = "A problem: state-conflict, where the job has succeeded or failed", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["submit"]))
+)]
+async fn cancel(State(state): State<AppState>, PathOf(id): PathOf<String>) -> Result<Response, Problem> {
+    let record = state.store.cancel_job(job_id(&id)?).await?;
+    tracing::info!(job = %record.id, status = record.status.as_str(), "job cancelled");
+    Ok(resource(record, StatusCode::ACCEPTED))
+}
+
+/// Retries a job
+///
+/// A failed or canceled job waits again, with all its attempts. Retrying a job that waits or runs changes nothing.
+#[utoipa::path(
+    post, path = "/v1/jobs/{id}/retry", tag = "jobs", operation_id = "retryJob",
+    params(("id" = String, Path, description = "The id of the job", example = "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2")),
+    responses(
+        (status = 202, description = "The job, waiting again", body = JobResource),
+        (status = 404, description = "A problem: unknown-job", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 409, description = "A problem: state-conflict, where the job has succeeded", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["submit"]))
+)]
+async fn retry(State(state): State<AppState>, PathOf(id): PathOf<String>) -> Result<Response, Problem> {
+    if state.is_draining() {
+        return Err(Problem::new(&problem::DRAINING, "The server is shutting down and takes no jobs.").retry_after(10));
+    }
+    check_queue(&state).await?;
+    let record = state.store.retry_job(job_id(&id)?).await?;
+    tracing::info!(job = %record.id, status = record.status.as_str(), "job retried");
+    Ok(resource(record, StatusCode::ACCEPTED))
+}
+
+/// A page request from query parameters.
+///
+/// # Errors
+/// `invalid-query` where the limit is zero.
+pub fn page(limit: Option<u32>, from: Option<String>) -> Result<PageRequest, Problem> {
+    let limit = limit.unwrap_or(PageRequest::default().limit);
+    if !(1..=PageRequest::MOST).contains(&limit) {
+        return Err(Problem::new(
+            &problem::INVALID_QUERY,
+            format!("limit: must lie between 1 and {}, not be {limit}.", PageRequest::MOST),
+        ));
+    }
+    Ok(PageRequest { limit, from })
+}

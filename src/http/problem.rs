@@ -1,0 +1,265 @@
+//! Problems: every error of the API as `application/problem+json` (RFC 9457). The one file where errors of other rooms
+//! become answers.
+
+use std::borrow::Cow;
+
+use axum::http::{HeaderName, HeaderValue, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use problem_details::ProblemDetails;
+use serde_json::{Map, Value};
+
+/// The media type of every error.
+pub const MEDIA_TYPE: &str = "application/problem+json";
+
+/// The longest text that is echoed back to a client, in characters.
+const LONGEST_DETAIL: usize = 500;
+
+/// A kind of problem: the end of its `type` URI, its status and its title. Kinds are part of the API and do not change.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Kind {
+    /// The end of the `type` URI `/problems/{id}`.
+    pub id: &'static str,
+    /// The HTTP status.
+    pub status: u16,
+    /// A short summary, the same for every occurrence.
+    pub title: &'static str,
+    /// What it means and what to do, for the page that documents it.
+    pub meaning: &'static str,
+}
+
+macro_rules! kinds {
+    ($($name:ident = $id:literal, $status:literal, $title:literal, $meaning:literal;)*) => {
+        $(#[doc = $title] pub static $name: Kind = Kind { id: $id, status: $status, title: $title, meaning: $meaning };)*
+        /// Every kind of problem, in the order of the documentation.
+        pub static KINDS: &[&Kind] = &[$(&$name),*];
+    };
+}
+
+kinds! {
+    NOT_FOUND = "not-found", 404, "There is nothing here",
+        "No route has this path. The document at /openapi.json lists them all.";
+    METHOD_NOT_ALLOWED = "method-not-allowed", 405, "The method is not allowed here",
+        "The route exists, but not with this method. The header Allow lists those it has.";
+    UNKNOWN_MESH = "unknown-mesh", 404, "There is no such mesh",
+        "No mesh has this id. It may have been deleted.";
+    UNKNOWN_JOB = "unknown-job", 404, "There is no such job",
+        "No job has this id.";
+    UNKNOWN_BASIS = "unknown-basis", 404, "There is no such basis",
+        "No basis has this id. It may have been deleted.";
+    NOT_ACCEPTABLE = "not-acceptable", 406, "No such representation",
+        "The resource cannot be had in any of the media types that Accept names. The detail lists those it has.";
+    UNSUPPORTED_MEDIA_TYPE = "unsupported-media-type", 415, "The media type is not supported here",
+        "Content-Type names something this route does not read. The detail lists what it reads.";
+    UNSUPPORTED_ENCODING = "unsupported-content-encoding", 415, "The content encoding is not supported",
+        "Content-Encoding may be gzip, zstd or identity.";
+    DAMAGED_ENCODING = "damaged-content-encoding", 400, "The compressed body is damaged",
+        "The body cannot be decompressed as Content-Encoding says.";
+    BODY_TOO_LARGE = "body-too-large", 413, "The body is too large",
+        "The body, or what it decompresses to, is larger than the server accepts. The member `limit` has the bytes.";
+    BODY_INCOMPLETE = "body-incomplete", 400, "The body ended early",
+        "The connection ended before the announced body was there.";
+    BODY_TOO_SLOW = "body-too-slow", 408, "The body came too slowly",
+        "The client sent nothing for too long, or less than the least rate.";
+    INVALID_JSON = "invalid-json", 400, "The body is not JSON",
+        "The body does not parse. The detail says where.";
+    INVALID_REQUEST = "invalid-request", 422, "The request does not fit",
+        "The body parses, but a member is missing, unknown or of the wrong type. The detail names it.";
+    INVALID_QUERY = "invalid-query", 400, "The query does not fit",
+        "A query parameter is unknown, missing or malformed. The detail names it.";
+    INVALID_HEADER = "invalid-header", 400, "A header does not fit",
+        "A request header is malformed. The detail names it.";
+    INVALID_CURSOR = "invalid-cursor", 400, "The cursor is not one of ours",
+        "`from` must be the `next` of an earlier page of the same list.";
+    INVALID_MULTIPART = "invalid-multipart", 400, "The multipart body does not fit",
+        "The multipart body is malformed or has no mesh in it. The detail says what is wrong.";
+    INVALID_FUNCTION = "invalid-function", 422, "The function does not fit the mesh",
+        "A function needs one finite value per vertex and column. The detail names the offending value or count.";
+    INVALID_TRANSFER = "invalid-transfer-function", 422, "The transfer function does not fit",
+        "A transfer function is of a known kind or a list of one finite value per eigenvalue.";
+    INVALID_RANGE_OF_MODES = "invalid-mode-range", 422, "There are no such modes",
+        "`from` must be less than `to`, and `to` at most the number of eigenfunctions of the basis.";
+    INVALID_PARAMETER = "invalid-parameter", 422, "A parameter of the job does not fit",
+        "The detail names the parameter, its value and the values it may have.";
+    JOB_TOO_LARGE = "job-too-large", 422, "The job needs too much memory",
+        "The estimate of the memory that the job needs is above what the server admits. The members `estimate` and `limit` have the bytes.";
+    QUEUE_FULL = "queue-full", 429, "The queue is full",
+        "Too many jobs wait. Retry-After says when to try again.";
+    IDEMPOTENCY_CONFLICT = "idempotency-conflict", 409, "The idempotency key was used for another request",
+        "An Idempotency-Key stands for one request. Use a fresh key for another body.";
+    MESH_IN_USE = "mesh-in-use", 409, "The mesh is in use",
+        "Unfinished jobs or stored bases refer to the mesh. Delete them first, or pass cascade=true.";
+    NOT_RETRYABLE = "job-not-retryable", 409, "The job cannot be retried",
+        "Only failed and canceled jobs can be retried.";
+    STATE_CONFLICT = "state-conflict", 409, "The resource is not in a state for this",
+        "The detail says what state it is in.";
+    RANGE_NOT_SATISFIABLE = "range-not-satisfiable", 416, "The range cannot be satisfied",
+        "The range begins beyond the end. The header Content-Range has the length.";
+    UNAUTHENTICATED = "unauthenticated", 401, "An API key is needed",
+        "Send `Authorization: Bearer KEY` with one of the server's keys.";
+    FORBIDDEN = "scope-missing", 403, "The API key lacks a scope",
+        "The member `scope` names the one that is needed: read, submit or operate.";
+    ORIGIN_NOT_ALLOWED = "origin-not-allowed", 403, "The origin is not allowed",
+        "A browser sent this from a page of another origin that the server was not told to trust.";
+    STORAGE_FULL = "storage-full", 507, "The storage is full",
+        "Nothing was stored. Reading goes on; writing works again once there is room.";
+    STORAGE_BUSY = "storage-busy", 503, "The storage is busy",
+        "The database was locked for too long. Nothing was stored; try again.";
+    BUSY = "busy", 503, "The server is busy",
+        "Too many requests of this kind run at once. Retry-After says when to try again.";
+    DRAINING = "draining", 503, "The server is shutting down",
+        "It finishes what runs and accepts nothing new.";
+    NOT_READY = "not-ready", 503, "The server is not ready",
+        "The member `reasons` says why: storage-full, storage-unavailable, workers-dead or draining.";
+    INTERNAL = "internal-error", 500, "Something went wrong in the server",
+        "The fault is logged under the request id that the header X-Request-Id has.";
+    UNREADABLE_MESH = "unreadable-mesh", 422, "The mesh cannot be read",
+        "The type goes on with what is wrong, as in unreadable-mesh/index-out-of-range. The detail names the line or the element.";
+    UNUSABLE_MESH = "unusable-mesh", 422, "The mesh cannot be used",
+        "The type goes on with what is wrong, as in unusable-mesh/no-faces. The detail names the element.";
+    UNKNOWN_FORMAT = "unknown-mesh-format", 415, "The format of the mesh is unknown",
+        "Name the format by Content-Type or ?format=: obj, ply, off, stl or medit.";
+}
+
+/// An error on its way to a client.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    kind: &'static Kind,
+    within: Option<Cow<'static, str>>,
+    detail: String,
+    members: Map<String, Value>,
+    headers: Vec<(HeaderName, HeaderValue)>,
+}
+
+impl Problem {
+    /// A problem of a kind; `detail` is one sentence that names the offending element and shows no internals.
+    pub fn new(kind: &'static Kind, detail: impl Into<String>) -> Self {
+        Self { kind, within: None, detail: shorten(detail.into()), members: Map::new(), headers: Vec::new() }
+    }
+
+    /// A kind within a family of kinds: `unreadable-mesh/index-out-of-range`.
+    pub fn within(kind: &'static Kind, within: impl Into<Cow<'static, str>>, detail: impl Into<String>) -> Self {
+        Self { within: Some(within.into()), ..Self::new(kind, detail) }
+    }
+
+    /// A fault of the server: logged with its cause, told without it.
+    pub fn internal(cause: impl std::fmt::Display) -> Self {
+        tracing::error!(cause = %cause, "internal error");
+        Self::new(&INTERNAL, "The server could not do this. The request id finds the cause in its log.")
+    }
+
+    /// Adds an extension member.
+    pub fn with(mut self, name: &str, value: impl Into<Value>) -> Self {
+        self.members.insert(name.to_owned(), value.into());
+        self
+    }
+
+    /// Adds a response header.
+    pub fn header(mut self, name: HeaderName, value: HeaderValue) -> Self {
+        self.headers.push((name, value));
+        self
+    }
+
+    /// Adds `Retry-After`, in seconds.
+    pub fn retry_after(self, seconds: u64) -> Self {
+        self.header(header::RETRY_AFTER, HeaderValue::from(seconds))
+    }
+
+    /// The kind.
+    pub fn kind(&self) -> &'static Kind {
+        self.kind
+    }
+
+    /// The sentence.
+    pub fn detail(&self) -> &str {
+        &self.detail
+    }
+
+    /// The `type` URI: a path on this server, where the kind is documented.
+    pub fn type_uri(&self) -> String {
+        match &self.within {
+            Some(within) => format!("/problems/{}/{within}", self.kind.id),
+            None => format!("/problems/{}", self.kind.id),
+        }
+    }
+}
+
+/// What a response carries beside its bytes, so that the request log can name the problem.
+#[derive(Debug, Clone)]
+pub struct ProblemNote {
+    /// The `type` URI.
+    pub kind: String,
+    /// The sentence.
+    pub detail: String,
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let status = StatusCode::from_u16(self.kind.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let uri = self.type_uri();
+        let mut details = ProblemDetails::new()
+            .with_status(status)
+            .with_title(self.kind.title)
+            .with_detail(self.detail.clone())
+            .with_extensions(self.members);
+        if let Ok(uri) = uri.parse::<Uri>() {
+            details = details.with_type(uri);
+        }
+        // A map of JSON values always serialises.
+        let body = serde_json::to_vec(&details).unwrap_or_default();
+        let mut response = (status, body).into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+        for (name, value) in self.headers {
+            headers.insert(name, value);
+        }
+        response.extensions_mut().insert(ProblemNote { kind: uri, detail: self.detail });
+        response
+    }
+}
+
+/// Cuts a text that is too long to echo.
+pub fn shorten(text: String) -> String {
+    match text.char_indices().nth(LONGEST_DETAIL) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_have_unique_ids_and_error_statuses() {
+        let mut ids: Vec<_> = KINDS.iter().map(|k| k.id).collect();
+        ids.sort_unstable();
+        ids.dedup();
+        assert_eq!(ids.len(), KINDS.len());
+        assert!(KINDS.iter().all(|k| (400..600).contains(&k.status)));
+    }
+
+    #[tokio::test]
+    async fn problem_becomes_rfc_9457_json() {
+        let problem = Problem::within(&UNREADABLE_MESH, "index-out-of-range", "face 17 refers to vertex 99 of 40")
+            .with("limit", 40)
+            .retry_after(3);
+        let response = problem.into_response();
+        assert_eq!(response.status(), 422);
+        assert_eq!(response.headers()["content-type"], MEDIA_TYPE);
+        assert_eq!(response.headers()["retry-after"], "3");
+        let body = axum::body::to_bytes(response.into_body(), 10_000).await.unwrap();
+        let value: Value = serde_json::from_slice(&body).unwrap();
+        assert_eq!(value["type"], "/problems/unreadable-mesh/index-out-of-range");
+        assert_eq!(value["status"], 422);
+        assert_eq!(value["title"], "The mesh cannot be read");
+        assert_eq!(value["detail"], "face 17 refers to vertex 99 of 40");
+        assert_eq!(value["limit"], 40);
+    }
+
+    #[test]
+    fn long_details_are_cut_at_a_character() {
+        let cut = shorten("é".repeat(2000));
+        assert_eq!(cut.chars().count(), LONGEST_DETAIL + 1);
+    }
+}

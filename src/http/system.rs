@@ -1,0 +1,154 @@
+//! Health, readiness and metrics.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use utoipa::ToSchema;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::problem::{self, Problem};
+use super::state::AppState;
+use crate::store::JobStatus;
+
+/// The routes for operators and their machines.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(healthz)).routes(routes!(readyz)).routes(routes!(metrics))
+}
+
+/// Whether the process answers.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(example = json!({"status": "ok", "version": "0.1.0"}))]
+struct Health {
+    /// `ok`.
+    status: &'static str,
+    /// The version of the server.
+    version: &'static str,
+}
+
+/// Tells that the process answers
+///
+/// For restarts: it stays 200 while the server drains or its disk is full. See `/readyz` for that.
+#[utoipa::path(
+    get, path = "/healthz", tag = "system", operation_id = "health",
+    responses((status = 200, description = "The process answers", body = Health)), security(())
+)]
+async fn healthz() -> Json<Health> {
+    Json(Health { status: "ok", version: env!("CARGO_PKG_VERSION") })
+}
+
+/// Whether the server takes work.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(example = json!({"status": "ready", "free_bytes": 53687091200u64, "blob_bytes": 73400320, "wal_bytes": 131072}))]
+struct Readiness {
+    /// `ready`.
+    status: &'static str,
+    /// Free bytes on the disk of the data folder, where the system tells.
+    free_bytes: Option<u64>,
+    /// Bytes of all stored content.
+    blob_bytes: u64,
+    /// Bytes of the write-ahead logs.
+    wal_bytes: u64,
+}
+
+/// Tells whether the server takes work
+///
+/// Where it does not, the problem's `reasons` tell a full disk (`storage-full`), a store that cannot be written for another
+/// cause (`storage-unavailable`), dead workers (`workers-dead`) and a server that shuts down (`draining`) apart.
+#[utoipa::path(
+    get, path = "/readyz", tag = "system", operation_id = "ready",
+    responses(
+        (status = 200, description = "The server takes work", body = Readiness),
+        (status = 503, description = "A problem: not-ready, with `reasons`", body = super::docs::ProblemSchema, content_type = "application/problem+json",
+            example = json!({"type": "/problems/not-ready", "title": "The server is not ready", "status": 503, "detail": "Not ready: storage-full.", "reasons": ["storage-full"]})),
+    ),
+    security(())
+)]
+async fn readyz(State(state): State<AppState>) -> Result<Json<Readiness>, Problem> {
+    let health = state.store_health().await;
+    let mut reasons = Vec::new();
+    if health.full {
+        reasons.push("storage-full");
+    } else if !health.writable {
+        tracing::warn!(reason = health.reason, "the store cannot be written");
+        reasons.push("storage-unavailable");
+    }
+    if !state.workers_alive() {
+        reasons.push("workers-dead");
+    }
+    if state.is_draining() {
+        reasons.push("draining");
+    }
+    if !reasons.is_empty() {
+        let mut refused = Problem::new(&problem::NOT_READY, format!("Not ready: {}.", reasons.join(", ")))
+            .with("reasons", reasons)
+            .with("blob_bytes", health.blob_bytes)
+            .retry_after(5);
+        if let Some(free) = health.free_bytes {
+            refused = refused.with("free_bytes", free).with("least_free_bytes", health.least_free_bytes);
+        }
+        return Err(refused);
+    }
+    Ok(Json(Readiness {
+        status: "ready",
+        free_bytes: health.free_bytes,
+        blob_bytes: health.blob_bytes,
+        wal_bytes: health.wal_bytes,
+    }))
+}
+
+/// Gives the metrics
+///
+/// In the Prometheus text format, in base units, with the prefix `chladni_`.
+#[utoipa::path(
+    get, path = "/metrics", tag = "system", operation_id = "metrics",
+    responses((status = 200, description = "The metrics", body = String, content_type = "text/plain; version=0.0.4",
+        example = "# TYPE chladni_http_requests_total counter\nchladni_http_requests_total{method=\"GET\",route=\"/v1/jobs\",status=\"200\"} 3\n")),
+    security(("bearer" = ["operate"]))
+)]
+async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
+    let metrics = &state.metrics;
+    match state.store.job_counts().await {
+        Ok(counts) => {
+            let mut kinds: Vec<&str> = crate::job::KINDS.to_vec();
+            kinds.extend(counts.iter().map(|(kind, ..)| kind.as_str()));
+            for kind in kinds {
+                for status in JobStatus::ALL {
+                    let count = counts.iter().find(|(k, s, _)| k == kind && *s == status).map_or(0, |(.., n)| *n);
+                    metrics.jobs.with_label_values(&[kind, status.as_str()]).set(count as i64);
+                }
+            }
+        }
+        // The other metrics matter most when the store is in trouble.
+        Err(error) => tracing::warn!(%error, "jobs cannot be counted"),
+    }
+    let health = state.store_health().await;
+    metrics.blob_bytes.set(health.blob_bytes as i64);
+    metrics.wal_bytes.set(health.wal_bytes as i64);
+    let cache = state.store.cache_statistics();
+    metrics.basis_cache_bytes.set(cache.bytes as i64);
+    catch_up(&state.counted.hits, cache.hits, |n| metrics.basis_cache_hits.inc_by(n));
+    catch_up(&state.counted.misses, cache.misses, |n| metrics.basis_cache_misses.inc_by(n));
+    let text = metrics.render();
+    Ok(([(header::CONTENT_TYPE, HeaderValue::from_static("text/plain; version=0.0.4; charset=utf-8"))], text)
+        .into_response())
+}
+
+/// What counters were already raised to.
+#[derive(Debug, Default)]
+pub struct Counted {
+    hits: AtomicU64,
+    misses: AtomicU64,
+}
+
+/// Raises a counter to a total that someone else keeps; two scrapes at once raise it once.
+fn catch_up(counted: &AtomicU64, total: u64, raise: impl Fn(u64)) {
+    let before = counted.fetch_max(total, Ordering::Relaxed);
+    if total > before {
+        raise(total - before);
+    }
+}

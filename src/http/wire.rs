@@ -1,0 +1,394 @@
+//! What goes over the wire, apart from what is stored: conversion stands here alone.
+//!
+//! Times are milliseconds since 1970-01-01 UTC; lengths are in the units of the uploaded mesh.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use crate::store::{BasisRecord, JobRecord, JobStatus, MeshRecord, Page};
+
+/// A page of a list, newest first.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct PageOf<T: ToSchema> {
+    /// The items.
+    pub items: Vec<T>,
+    /// Pass this as `from` to get the next page; null on the last.
+    pub next: Option<String>,
+}
+
+impl<T: ToSchema> PageOf<T> {
+    /// A page of stored records as a page of the wire.
+    pub fn of<R>(page: Page<R>, convert: impl FnMut(R) -> T) -> Self {
+        Self { items: page.items.into_iter().map(convert).collect(), next: page.next }
+    }
+}
+
+/// A stored mesh.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(example = json!({
+    "id": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "name": "spot", "format": "obj", "source_bytes": 181734,
+    "vertices": 2930, "faces": 5856, "bytes": 140592, "created_ms": 1795269600000i64,
+    "report": {"area": 5.49, "genus": 0, "components": 1, "boundary_loops": 0},
+    "links": {"self": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "content": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3/content"}
+}))]
+pub struct MeshResource {
+    /// 32 hexadecimal digits of the BLAKE3 hash of positions and faces: equal content has an equal id.
+    pub id: String,
+    /// The name it was given.
+    pub name: Option<String>,
+    /// The format it came in.
+    pub format: String,
+    /// Bytes it came in as, after decompression.
+    pub source_bytes: u64,
+    /// Vertices, after repairs.
+    pub vertices: u64,
+    /// Faces, after repairs.
+    pub faces: u64,
+    /// Bytes of the stored content.
+    pub bytes: u64,
+    /// When it was stored.
+    pub created_ms: i64,
+    /// Area, bounding box, Euler characteristic, genus, components, boundary loops, each kind of defect with a count and its
+    /// first offenders, and what was repaired.
+    #[schema(value_type = Object)]
+    pub report: Value,
+    /// Where to go from here.
+    pub links: MeshLinks,
+}
+
+/// Links of a mesh.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct MeshLinks {
+    /// The mesh itself.
+    #[serde(rename = "self")]
+    pub itself: String,
+    /// Its content.
+    pub content: String,
+}
+
+impl From<MeshRecord> for MeshResource {
+    fn from(record: MeshRecord) -> Self {
+        let itself = format!("/v1/meshes/{}", record.id);
+        Self {
+            links: MeshLinks { content: format!("{itself}/content"), itself },
+            id: record.id,
+            name: record.name,
+            format: record.format,
+            source_bytes: record.source_bytes,
+            vertices: record.vertices,
+            faces: record.faces,
+            bytes: record.bytes,
+            created_ms: record.created_ms,
+            report: record.report,
+        }
+    }
+}
+
+/// A job to be done.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({
+    "kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
+    "parameters": {"method": "approximate", "count": 500}, "priority": 0
+}))]
+pub struct JobRequest {
+    /// The kind of job: `eigenbasis`.
+    pub kind: String,
+    /// The id of the mesh.
+    pub mesh: String,
+    /// Parameters of the kind; what is absent takes its default.
+    ///
+    /// `eigenbasis`: `method` (`approximate`), `count` (eigenpairs, the kernel included), `dimension` (of the subspace, default
+    /// twice the count), `mass` (`barycentric`, `voronoi`, `consistent`), `construction` (`heat`, `radial`), `accuracy`
+    /// (`standard`, `accurate`), `seed`.
+    #[serde(default)]
+    #[schema(value_type = Object)]
+    pub parameters: Value,
+    /// Higher runs first.
+    #[serde(default)]
+    #[schema(minimum = -100, maximum = 100)]
+    pub priority: i32,
+}
+
+/// Seconds spent in a stage.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct StageSeconds {
+    /// The name of the stage.
+    pub stage: String,
+    /// Wall-clock seconds.
+    pub seconds: f64,
+}
+
+fn stages(seconds: Vec<(String, f64)>) -> Vec<StageSeconds> {
+    seconds.into_iter().map(|(stage, seconds)| StageSeconds { stage, seconds }).collect()
+}
+
+/// Why a job failed, in the form of RFC 9457.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct JobProblemResource {
+    /// A stable URI.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// A short summary.
+    pub title: String,
+    /// A sentence that names the offending element.
+    pub detail: String,
+}
+
+/// Where a job stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// Waiting for a worker.
+    Enqueued,
+    /// Running.
+    Processing,
+    /// Done: its basis is stored.
+    Succeeded,
+    /// Given up: its problem says why.
+    Failed,
+    /// Ended on request.
+    Canceled,
+}
+
+impl From<JobStatus> for Status {
+    fn from(status: JobStatus) -> Self {
+        match status {
+            JobStatus::Enqueued => Self::Enqueued,
+            JobStatus::Processing => Self::Processing,
+            JobStatus::Succeeded => Self::Succeeded,
+            JobStatus::Failed => Self::Failed,
+            JobStatus::Canceled => Self::Canceled,
+        }
+    }
+}
+
+impl From<Status> for JobStatus {
+    fn from(status: Status) -> Self {
+        match status {
+            Status::Enqueued => Self::Enqueued,
+            Status::Processing => Self::Processing,
+            Status::Succeeded => Self::Succeeded,
+            Status::Failed => Self::Failed,
+            Status::Canceled => Self::Canceled,
+        }
+    }
+}
+
+/// A job.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(example = json!({
+    "id": "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2", "kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
+    "parameters": {"method": "approximate", "count": 500, "dimension": 1000, "mass": "barycentric", "construction": "heat",
+                   "accuracy": "standard", "seed": 0},
+    "priority": 0, "status": "processing", "stage": "basis", "progress": 0.4,
+    "stage_seconds": [{"stage": "operator", "seconds": 0.031}, {"stage": "sampling", "seconds": 0.022}],
+    "attempt": 1, "max_attempts": 3, "cancel_requested": false, "basis": null, "problem": null, "solver_version": "0.1.0+1",
+    "created_ms": 1795269600000i64, "started_ms": 1795269600012i64, "finished_ms": null, "revision": 7,
+    "links": {"self": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2", "events": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2/events",
+              "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "basis": null}
+}))]
+pub struct JobResource {
+    /// A time-ordered UUID.
+    pub id: String,
+    /// The kind of job.
+    pub kind: String,
+    /// The mesh it works on.
+    pub mesh: String,
+    /// The parameters, with every default filled in.
+    #[schema(value_type = Object)]
+    pub parameters: Value,
+    /// Higher runs first.
+    pub priority: i32,
+    /// Where it stands.
+    pub status: Status,
+    /// The stage that runs.
+    pub stage: Option<String>,
+    /// The fraction of the stage that is done, from 0 to 1.
+    pub progress: Option<f64>,
+    /// Seconds spent in each stage of the last attempt, in order.
+    pub stage_seconds: Vec<StageSeconds>,
+    /// The attempt that runs or ran last; 0 before the first.
+    pub attempt: u32,
+    /// How often it is tried at most.
+    pub max_attempts: u32,
+    /// Whether it was asked to stop.
+    pub cancel_requested: bool,
+    /// The id of the basis it made.
+    pub basis: Option<String>,
+    /// Why it failed, or why its last attempt did.
+    pub problem: Option<JobProblemResource>,
+    /// The version of the solver.
+    pub solver_version: String,
+    /// When it was submitted.
+    pub created_ms: i64,
+    /// When its last attempt began.
+    pub started_ms: Option<i64>,
+    /// When it ended.
+    pub finished_ms: Option<i64>,
+    /// Grows with every change.
+    pub revision: i64,
+    /// Where to go from here.
+    pub links: JobLinks,
+}
+
+/// Links of a job.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct JobLinks {
+    /// The job itself.
+    #[serde(rename = "self")]
+    pub itself: String,
+    /// Its changes, as server-sent events.
+    pub events: String,
+    /// Its mesh.
+    pub mesh: String,
+    /// Its basis, once there is one.
+    pub basis: Option<String>,
+}
+
+impl From<JobRecord> for JobResource {
+    fn from(record: JobRecord) -> Self {
+        let itself = format!("/v1/jobs/{}", record.id);
+        Self {
+            links: JobLinks {
+                events: format!("{itself}/events"),
+                mesh: format!("/v1/meshes/{}", record.mesh),
+                basis: record.basis.map(|basis| format!("/v1/bases/{basis}")),
+                itself,
+            },
+            id: record.id.to_string(),
+            kind: record.kind,
+            mesh: record.mesh,
+            parameters: record.parameters,
+            priority: record.priority,
+            status: record.status.into(),
+            stage: record.stage,
+            progress: record.progress,
+            stage_seconds: stages(record.stage_seconds),
+            attempt: record.attempt,
+            max_attempts: record.max_attempts,
+            cancel_requested: record.cancel_requested,
+            basis: record.basis.map(|basis| basis.to_string()),
+            problem: record.problem.map(|problem| JobProblemResource {
+                kind: format!("/problems/job/{}", problem.kind),
+                title: "The job failed".to_owned(),
+                detail: problem.detail,
+            }),
+            solver_version: record.solver_version,
+            created_ms: record.created_ms,
+            started_ms: record.started_ms,
+            finished_ms: record.finished_ms,
+            revision: record.revision,
+        }
+    }
+}
+
+/// A stored basis without its eigenvalues and certificate, as lists have it.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct BasisSummary {
+    /// A time-ordered UUID.
+    pub id: String,
+    /// The mesh it lives on.
+    pub mesh: String,
+    /// The job that made it.
+    pub job: String,
+    /// The kind of that job.
+    pub kind: String,
+    /// The parameters of that job, with every default filled in.
+    #[schema(value_type = Object)]
+    pub parameters: Value,
+    /// Vertices, n.
+    pub vertices: u64,
+    /// Columns of the sparse factor, d.
+    pub dimension: u64,
+    /// Eigenfunctions, m.
+    pub count: u64,
+    /// Entries of the sparse factor.
+    pub nonzeros: u64,
+    /// Bytes of the NPZ file.
+    pub bytes: u64,
+    /// Bytes that the eigenfunctions would take as a dense n × m matrix of f64.
+    pub dense_bytes: u64,
+    /// The version of the solver.
+    pub solver_version: String,
+    /// When it was stored.
+    pub created_ms: i64,
+    /// Seconds spent in each stage, in order.
+    pub stage_seconds: Vec<StageSeconds>,
+    /// Where to go from here.
+    pub links: BasisLinks,
+}
+
+/// A stored basis.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(example = json!({
+    "id": "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
+    "job": "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2", "kind": "eigenbasis", "parameters": {"count": 3},
+    "vertices": 2930, "dimension": 6, "count": 3, "nonzeros": 17580, "bytes": 260000, "dense_bytes": 70320,
+    "solver_version": "0.1.0+1", "created_ms": 1795269601000i64, "stage_seconds": [{"stage": "eigen", "seconds": 0.001}],
+    "eigenvalues": [0.0, 1.31, 2.08],
+    "certificate": {"residuals": [1e-12, 0.01, 0.02], "bounds": [1e-12, 0.004, 0.01], "orthonormality_defect": 1e-13},
+    "links": {"self": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "content": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/content",
+              "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes", "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"}
+}))]
+pub struct BasisResource {
+    /// What lists have as well.
+    #[serde(flatten)]
+    pub summary: BasisSummary,
+    /// m Ritz values, ascending, in 1/length² of the mesh.
+    pub eigenvalues: Vec<f64>,
+    /// Per pair a residual and a bound, and the defect of orthonormality.
+    #[schema(value_type = Object)]
+    pub certificate: Value,
+}
+
+/// Links of a basis.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct BasisLinks {
+    /// The basis itself.
+    #[serde(rename = "self")]
+    pub itself: String,
+    /// Its factors as NPZ, safetensors or MatrixMarket.
+    pub content: String,
+    /// Its eigenfunctions on the vertices.
+    pub modes: String,
+    /// Its mesh.
+    pub mesh: String,
+}
+
+impl From<BasisRecord> for BasisSummary {
+    fn from(record: BasisRecord) -> Self {
+        let itself = format!("/v1/bases/{}", record.id);
+        Self {
+            links: BasisLinks {
+                content: format!("{itself}/content"),
+                modes: format!("{itself}/modes"),
+                mesh: format!("/v1/meshes/{}", record.mesh),
+                itself,
+            },
+            id: record.id.to_string(),
+            mesh: record.mesh,
+            job: record.job.to_string(),
+            kind: record.kind,
+            parameters: record.parameters,
+            vertices: record.vertices,
+            dimension: record.dimension,
+            count: record.count,
+            nonzeros: record.nonzeros,
+            bytes: record.bytes,
+            dense_bytes: record.dense_bytes,
+            solver_version: record.solver_version,
+            created_ms: record.created_ms,
+            stage_seconds: stages(record.stage_seconds),
+        }
+    }
+}
+
+impl From<BasisRecord> for BasisResource {
+    fn from(mut record: BasisRecord) -> Self {
+        let eigenvalues = std::mem::take(&mut record.eigenvalues);
+        let certificate = std::mem::take(&mut record.certificate);
+        Self { summary: record.into(), eigenvalues, certificate }
+    }
+}
