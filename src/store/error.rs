@@ -41,6 +41,12 @@ pub enum StoreError {
         /// Why that status does not allow it.
         reason: String,
     },
+    /// As many jobs wait as may.
+    #[error("{waiting} jobs wait already, which is the limit")]
+    QueueFull {
+        /// Jobs that wait.
+        waiting: u64,
+    },
     /// A page cursor was not made by this store.
     #[error("the page cursor {cursor:?} is not one of this service")]
     InvalidCursor {
@@ -108,7 +114,7 @@ pub enum StoreError {
 impl StoreError {
     /// Whether the same call may succeed later without anyone changing the request.
     pub fn is_retryable(&self) -> bool {
-        matches!(self, Self::Busy { .. } | Self::StorageFull { .. } | Self::Unavailable { .. })
+        matches!(self, Self::Busy { .. } | Self::StorageFull { .. } | Self::QueueFull { .. } | Self::Unavailable { .. })
     }
 }
 

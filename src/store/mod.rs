@@ -1,15 +1,313 @@
 //! Jobs, meshes, bases and blobs in SQL: the only room that names sqlx.
+//!
+//! Two SQLite databases lie in the data folder. `meta.db` knows what there is; `blobs.db` holds content by its BLAKE3 hash.
+//! Content is written first (chunks pending → hash verified → ready), then one transaction in `meta.db` makes it visible, so
+//! what a crash leaves behind is content that nothing refers to; it is collected when the store is opened next.
+//!
+//! | file | what |
+//! |---|---|
+//! | `database.rs`, `folder.rs` | connections, write transactions, the lock of the folder, free space |
+//! | `blobs.rs` | content in chunks |
+//! | `meshes.rs`, `bases.rs`, `jobs.rs` | what clients see |
+//! | `leases.rs` | what workers do: claim, heartbeat, complete, fail, release, reap |
+//! | `fault.rs` | points at which a test makes the process die |
 
+mod bases;
+mod blobs;
+mod clock;
+mod database;
 mod error;
 pub mod fault;
+mod folder;
+mod jobs;
+mod leases;
+mod meshes;
 mod page;
 mod records;
-mod stub;
+#[cfg(test)]
+mod tests;
 
+use std::{
+    fmt,
+    path::PathBuf,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
+    time::Duration,
+};
+
+use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
+use sqlx::migrate::Migrator;
+use tokio::sync::{Notify, RwLock, broadcast};
+use uuid::Uuid;
+
+use crate::{basis::Basis, mesh::TriangleMesh};
+use database::{Database, DatabaseSettings};
+use folder::DataFolder;
+
+pub use clock::Clock;
 pub use error::StoreError;
+pub use leases::{Claim, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
 pub use page::{Page, PageRequest};
 pub use records::{
     BasisFilter, BasisRecord, CacheStatistics, EnqueueOutcome, Enqueued, IdempotencyKey, JobEvent, JobFilter,
     JobProblem, JobRecord, JobStatus, MeshRecord, NewJob, NewMesh, StoreHealth, Stored, UnknownStatus,
 };
-pub use stub::*;
+
+static META_MIGRATIONS: Migrator = sqlx::migrate!("migrations/meta");
+static BLOB_MIGRATIONS: Migrator = sqlx::migrate!("migrations/blobs");
+
+/// Job events that a slow listener may fall behind by.
+const EVENTS_KEPT: usize = 1024;
+
+/// How a store is opened.
+#[derive(Debug, Clone)]
+pub struct StoreOptions {
+    /// The data folder; made where it is missing.
+    pub folder: PathBuf,
+    /// Bytes of decoded bases and meshes that are kept in memory; a quarter is for meshes.
+    pub cache_bytes: u64,
+    /// New content is refused where it would leave fewer bytes than these free.
+    pub least_free_bytes: u64,
+    /// The most bytes of the blob database; no limit without one.
+    pub blob_bytes_limit: Option<u64>,
+    /// The most jobs that may wait; no limit without one.
+    pub queued_jobs_limit: Option<u64>,
+    /// How long a statement waits for a lock before it is [`StoreError::Busy`].
+    pub busy_timeout: Duration,
+    /// The pause after a first failed attempt; it doubles with each further one, up to [`StoreOptions::LONGEST_PAUSE`].
+    pub retry_pause: Duration,
+    /// The time.
+    pub clock: Clock,
+    /// Faults for tests.
+    pub faults: fault::Faults,
+}
+
+impl StoreOptions {
+    /// The longest pause after a failed attempt.
+    pub const LONGEST_PAUSE: Duration = Duration::from_secs(60);
+
+    /// The defaults for a folder.
+    pub fn new(folder: impl Into<PathBuf>) -> Self {
+        Self {
+            folder: folder.into(),
+            cache_bytes: 1 << 30,
+            least_free_bytes: 256 << 20,
+            blob_bytes_limit: None,
+            queued_jobs_limit: None,
+            busy_timeout: Duration::from_secs(5),
+            retry_pause: Duration::from_secs(1),
+            clock: Clock::system(),
+            faults: fault::Faults::default(),
+        }
+    }
+}
+
+/// The store: cheap to clone. Its calls need a tokio runtime and block none of its threads.
+#[derive(Clone)]
+pub struct Store {
+    inner: Arc<Inner>,
+}
+
+struct Inner {
+    options: StoreOptions,
+    meta: Database,
+    blobs: Database,
+    folder: DataFolder,
+    events: broadcast::Sender<JobEvent>,
+    work: Notify,
+    /// Held for reading from the moment a blob is written or found until something refers to it, and for writing while
+    /// blobs that nothing refers to are deleted.
+    blob_use: RwLock<()>,
+    bases: Cache<Uuid, Weighed<Basis>, ByWeight>,
+    meshes: Cache<String, Weighed<TriangleMesh>, ByWeight>,
+    hits: AtomicU64,
+    misses: AtomicU64,
+}
+
+impl fmt::Debug for Store {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Store").field("options", &self.inner.options).finish_non_exhaustive()
+    }
+}
+
+/// A cached value and the bytes it counts for.
+struct Weighed<T> {
+    value: Arc<T>,
+    bytes: u64,
+}
+
+// Derived, it would ask for `T: Clone`.
+impl<T> Clone for Weighed<T> {
+    fn clone(&self) -> Self {
+        Self { value: Arc::clone(&self.value), bytes: self.bytes }
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct ByWeight;
+
+impl<K, T> Weighter<K, Weighed<T>> for ByWeight {
+    fn weight(&self, _key: &K, value: &Weighed<T>) -> u64 {
+        value.bytes.max(1)
+    }
+}
+
+impl Store {
+    /// Opens the data folder: makes it where it is missing, locks it, checks the databases and brings them up to date, gives
+    /// jobs back to the queue that a dead process was running, and collects content that nothing refers to.
+    ///
+    /// # Errors
+    /// [`StoreError::FolderInUse`] where another process has it open; [`StoreError::Version`], [`StoreError::Corrupt`],
+    /// [`StoreError::Folder`] where it cannot be used.
+    pub async fn open(options: StoreOptions) -> Result<Self, StoreError> {
+        let folder = {
+            let path = options.folder.clone();
+            blobs::blocking(move || DataFolder::open(&path)).await??
+        };
+        let settings = |page_bytes, limit: Option<u64>, readers| DatabaseSettings {
+            busy_timeout: options.busy_timeout,
+            page_bytes,
+            most_pages: limit.map(|bytes| (bytes / u64::from(page_bytes)).max(1)),
+            readers,
+        };
+        let meta = Database::open(&folder.file("meta.db"), settings(4096, None, 4), &META_MIGRATIONS).await?;
+        let blob_settings = settings(blobs::PAGE_BYTES, options.blob_bytes_limit, 4);
+        let blobs = Database::open(&folder.file("blobs.db"), blob_settings, &BLOB_MIGRATIONS).await?;
+        let for_meshes = options.cache_bytes / 4;
+        let store = Self {
+            inner: Arc::new(Inner {
+                bases: cache(options.cache_bytes - for_meshes)?,
+                meshes: cache(for_meshes)?,
+                options,
+                meta,
+                blobs,
+                folder,
+                events: broadcast::channel(EVENTS_KEPT).0,
+                work: Notify::new(),
+                blob_use: RwLock::new(()),
+                hits: AtomicU64::new(0),
+                misses: AtomicU64::new(0),
+            }),
+        };
+        // The folder is ours alone, so whoever holds a lease is dead.
+        let reaped = store.reap_leases(i64::MAX).await?;
+        let collected = store.collect_orphans().await?;
+        if reaped.is_empty() && collected == 0 {
+            tracing::debug!("opened the store");
+        } else {
+            tracing::info!(
+                jobs_recovered = reaped.len(),
+                blobs_collected = collected,
+                "opened the store after an early end"
+            );
+        }
+        Ok(store)
+    }
+
+    /// Waits for running statements and closes the databases. Later calls are [`StoreError::Unavailable`].
+    pub async fn close(&self) {
+        self.inner.meta.close().await;
+        self.inner.blobs.close().await;
+    }
+
+    /// How the storage feels; tries a small write in both databases.
+    pub async fn health(&self) -> StoreHealth {
+        let now_ms = self.now_ms();
+        let write = async {
+            self.inner.meta.check_writable(now_ms).await?;
+            self.inner.blobs.check_writable(now_ms).await
+        };
+        let written = write.await;
+        let space = self.check_space(0);
+        let full = space.is_err() || matches!(written, Err(StoreError::StorageFull { .. }));
+        StoreHealth {
+            writable: written.is_ok(),
+            reason: written.and(space).err().map(|error| error.to_string()),
+            full,
+            free_bytes: self.inner.folder.free_bytes(),
+            least_free_bytes: self.inner.options.least_free_bytes,
+            wal_bytes: self.inner.meta.wal_bytes() + self.inner.blobs.wal_bytes(),
+            blob_bytes: self.all_blob_bytes().await.unwrap_or(0),
+        }
+    }
+
+    /// What the caches did so far.
+    pub fn cache_statistics(&self) -> CacheStatistics {
+        CacheStatistics {
+            hits: self.inner.hits.load(Ordering::Relaxed),
+            misses: self.inner.misses.load(Ordering::Relaxed),
+            bytes: self.inner.bases.weight() + self.inner.meshes.weight(),
+        }
+    }
+
+    /// Every change of every job from now on. A listener that lags misses events and has to read its job again.
+    pub fn watch_jobs(&self) -> broadcast::Receiver<JobEvent> {
+        self.inner.events.subscribe()
+    }
+
+    /// Rings once for each job that becomes ready; a bell that nobody waits for is kept for the next who does.
+    pub fn work(&self) -> &Notify {
+        &self.inner.work
+    }
+
+    /// The faults that a test armed.
+    pub fn faults(&self) -> &fault::Faults {
+        &self.inner.options.faults
+    }
+
+    /// The store's time, in milliseconds since 1970.
+    pub fn now_ms(&self) -> i64 {
+        self.inner.options.clock.now_ms()
+    }
+
+    /// Tells listeners about a job, after the commit.
+    fn announce(&self, job: &JobRecord) {
+        if job.status == JobStatus::Enqueued {
+            self.inner.work.notify_one();
+        }
+        // Nobody listening is no trouble.
+        let _ = self.inner.events.send(JobEvent {
+            job: job.id,
+            revision: job.revision,
+            status: job.status,
+            cancel_requested: job.cancel_requested,
+        });
+    }
+
+    fn count_hit(&self, hit: bool) {
+        let counter = if hit { &self.inner.hits } else { &self.inner.misses };
+        counter.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// A cache of so many bytes. One shard: with more, each would hold its part only, and a large basis would fit in none.
+fn cache<K: Eq + std::hash::Hash, T>(bytes: u64) -> Result<Cache<K, Weighed<T>, ByWeight>, StoreError> {
+    let options = OptionsBuilder::new()
+        .shards(1)
+        .estimated_items_capacity(256)
+        .weight_capacity(bytes)
+        .build()
+        .map_err(|error| StoreError::Unavailable { detail: format!("the cache: {error}") })?;
+    Ok(Cache::with_options(options, ByWeight, Default::default(), Default::default()))
+}
+
+/// Runs work to its end even if the caller goes away: a client that disconnects leaves nothing half done.
+async fn detached<T: Send + 'static>(
+    work: impl Future<Output = Result<T, StoreError>> + Send + 'static,
+) -> Result<T, StoreError> {
+    tokio::spawn(work)
+        .await
+        .map_err(|error| StoreError::Unavailable { detail: format!("a task ended early: {error}") })?
+}
+
+/// Decodes a JSON column.
+fn from_json<T: serde::de::DeserializeOwned>(column: &str, text: &str) -> Result<T, StoreError> {
+    serde_json::from_str(text).map_err(|error| StoreError::Corrupt { detail: format!("column {column}: {error}") })
+}
+
+/// Encodes a JSON column.
+fn to_json<T: serde::Serialize + ?Sized>(value: &T) -> Result<String, StoreError> {
+    serde_json::to_string(value).map_err(|error| StoreError::Unavailable { detail: format!("JSON: {error}") })
+}

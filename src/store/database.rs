@@ -1,0 +1,171 @@
+//! One SQLite database: a single writing connection, a few reading ones, migrations and checks.
+
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use sqlx::{
+    ConnectOptions, SqliteConnection, SqlitePool,
+    migrate::Migrator,
+    pool::PoolConnection,
+    sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous},
+};
+
+use super::StoreError;
+
+/// Older ones can corrupt a database when the write-ahead log is reset: <https://www.sqlite.org/wal.html#walresetbug>.
+const LEAST_SQLITE: (u32, u32, u32) = (3, 51, 3);
+const LEAST_SQLITE_TEXT: &str = "3.51.3";
+/// The write-ahead log is cut back to this size at a checkpoint.
+const WAL_BYTES_KEPT: u32 = 64 << 20;
+/// A file up to this size is checked page by page when it is opened.
+const QUICK_CHECK_BYTES: u64 = 64 << 20;
+
+/// How a database is opened.
+pub(super) struct DatabaseSettings {
+    pub busy_timeout: Duration,
+    pub page_bytes: u32,
+    pub most_pages: Option<u64>,
+    pub readers: u32,
+}
+
+/// One database. SQLite has one writer at a time: writers queue for its connection in memory, fairly, and not for a file
+/// lock with sleeps.
+#[derive(Debug)]
+pub(super) struct Database {
+    writer: SqlitePool,
+    reader: SqlitePool,
+    path: PathBuf,
+}
+
+impl Database {
+    /// Opens a database, making it where it is missing, and brings its tables up to date.
+    pub async fn open(path: &Path, settings: DatabaseSettings, migrator: &Migrator) -> Result<Self, StoreError> {
+        let mut options = SqliteConnectOptions::new()
+            .filename(path)
+            .create_if_missing(true)
+            .page_size(settings.page_bytes)
+            .journal_mode(SqliteJournalMode::Wal)
+            .synchronous(SqliteSynchronous::Full)
+            .busy_timeout(settings.busy_timeout)
+            .pragma("journal_size_limit", WAL_BYTES_KEPT.to_string())
+            .disable_statement_logging();
+        let reading = options.clone().pragma("query_only", "true");
+        if let Some(pages) = settings.most_pages {
+            options = options.pragma("max_page_count", pages.to_string());
+        }
+        // A writer may wait behind several others, each of which may wait for a lock.
+        let patience = settings.busy_timeout * 4 + Duration::from_millis(500);
+        let pool = || {
+            SqlitePoolOptions::new()
+                .acquire_timeout(patience)
+                .idle_timeout(None)
+                .max_lifetime(None)
+                // Connections do not go away by themselves, and each test is a round trip to a thread.
+                .test_before_acquire(false)
+        };
+        let writer = pool().max_connections(1).connect_with(options).await?;
+        check_version(&writer).await?;
+        if std::fs::metadata(path).is_ok_and(|file| file.len() <= QUICK_CHECK_BYTES) {
+            check_integrity(&writer, path).await?;
+        }
+        migrator.run(&writer).await.map_err(|error| match error {
+            sqlx::migrate::MigrateError::Execute(error) | sqlx::migrate::MigrateError::ExecuteMigration(error, _) => {
+                StoreError::from(error)
+            }
+            other => StoreError::Unavailable { detail: format!("{}: {other}", path.display()) },
+        })?;
+        let reader = pool().max_connections(settings.readers.max(1)).connect_with(reading).await?;
+        Ok(Self { writer, reader, path: path.to_owned() })
+    }
+
+    /// The connections for statements that only read.
+    pub fn reader(&self) -> &SqlitePool {
+        &self.reader
+    }
+
+    /// Begins a write transaction, alone among writers from its first statement on.
+    pub async fn write(&self) -> Result<WriteTransaction, StoreError> {
+        let mut transaction = WriteTransaction { connection: self.writer.acquire().await?, finished: false };
+        sqlx::query("BEGIN IMMEDIATE").execute(transaction.on()).await?;
+        Ok(transaction)
+    }
+
+    /// Bytes of the write-ahead log.
+    pub fn wal_bytes(&self) -> u64 {
+        let mut name = self.path.clone().into_os_string();
+        name.push("-wal");
+        std::fs::metadata(name).map_or(0, |file| file.len())
+    }
+
+    /// Commits a transaction that changes one row.
+    pub async fn check_writable(&self, now_ms: i64) -> Result<(), StoreError> {
+        let mut transaction = self.write().await?;
+        sqlx::query("UPDATE health SET checked_ms = ? WHERE id = 1").bind(now_ms).execute(transaction.on()).await?;
+        transaction.commit().await
+    }
+
+    /// Waits for running statements and closes every connection.
+    pub async fn close(&self) {
+        self.reader.close().await;
+        self.writer.close().await;
+    }
+}
+
+/// A write transaction. Dropped before [`commit`](Self::commit), it closes its connection, which rolls back.
+///
+/// Own statements instead of sqlx's `Transaction`: where SQLite itself rolls back (a full disk does that), the `ROLLBACK`
+/// that sqlx sends afterwards fails, its count of open transactions stays at one, and the connection can never begin
+/// another. With a single writing connection that would end all writing.
+pub(super) struct WriteTransaction {
+    connection: PoolConnection<sqlx::Sqlite>,
+    finished: bool,
+}
+
+impl WriteTransaction {
+    /// The connection, to run a statement on.
+    pub fn on(&mut self) -> &mut SqliteConnection {
+        &mut self.connection
+    }
+
+    /// Makes everything durable and visible at once.
+    pub async fn commit(mut self) -> Result<(), StoreError> {
+        sqlx::query("COMMIT").execute(self.on()).await?;
+        self.finished = true;
+        Ok(())
+    }
+
+    /// Gives up without closing the connection: for refusals, which are no trouble of the database.
+    pub async fn rollback(mut self) -> Result<(), StoreError> {
+        sqlx::query("ROLLBACK").execute(self.on()).await?;
+        self.finished = true;
+        Ok(())
+    }
+}
+
+impl Drop for WriteTransaction {
+    fn drop(&mut self) {
+        if !self.finished {
+            self.connection.close_on_drop();
+        }
+    }
+}
+
+async fn check_version(pool: &SqlitePool) -> Result<(), StoreError> {
+    let found: String = sqlx::query_scalar("SELECT sqlite_version()").fetch_one(pool).await?;
+    let mut numbers = found.split('.').map(|word| word.parse::<u32>().unwrap_or(0));
+    let mut next = || numbers.next().unwrap_or(0);
+    if (next(), next(), next()) < LEAST_SQLITE {
+        return Err(StoreError::Version { found, needed: LEAST_SQLITE_TEXT });
+    }
+    Ok(())
+}
+
+async fn check_integrity(pool: &SqlitePool, path: &Path) -> Result<(), StoreError> {
+    let answer: String = sqlx::query_scalar("PRAGMA quick_check(1)").fetch_one(pool).await?;
+    if answer != "ok" {
+        return Err(StoreError::Corrupt { detail: format!("{}: {answer}", path.display()) });
+    }
+    Ok(())
+}

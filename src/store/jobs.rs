@@ -1,0 +1,354 @@
+//! Jobs as clients see them: enqueue, read, list, cancel, retry.
+
+use sqlx::{QueryBuilder, Row, sqlite::SqliteRow};
+use uuid::Uuid;
+
+use super::{
+    EnqueueOutcome, Enqueued, JobFilter, JobRecord, JobStatus, NewJob, Page, PageRequest, Store, StoreError,
+    database::WriteTransaction,
+    detached,
+    fault::FailPoint,
+    from_json,
+    meshes::{push_filter, unknown_mesh},
+    to_json,
+};
+
+/// For so long a repeated request with the same idempotency key is answered with the job of the first.
+const KEY_LIFE_MS: i64 = 7 * 24 * 3600 * 1000;
+
+impl Store {
+    /// Enqueues a job once: the same idempotency key gives the job that it gave before, and equal work that waits, runs or is
+    /// done gives that job. It is durable when this returns.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`] for an unknown mesh, [`StoreError::IdempotencyConflict`], [`StoreError::QueueFull`].
+    pub async fn enqueue(&self, new: NewJob) -> Result<Enqueued, StoreError> {
+        let store = self.clone();
+        detached(async move { store.enqueue_now(new).await }).await
+    }
+
+    async fn enqueue_now(&self, new: NewJob) -> Result<Enqueued, StoreError> {
+        let now_ms = self.now_ms();
+        let mut transaction = self.inner.meta.write().await?;
+        let decided = self.decide(&mut transaction, &new, now_ms).await;
+        let enqueued = match decided {
+            Ok(enqueued) => enqueued,
+            Err(refusal) => {
+                transaction.rollback().await?;
+                return Err(refusal);
+            }
+        };
+        transaction.commit().await?;
+        self.faults().meet(FailPoint::AfterEnqueue);
+        if enqueued.outcome == EnqueueOutcome::Created {
+            self.announce(&enqueued.record);
+        }
+        Ok(enqueued)
+    }
+
+    /// Finds or makes the job of a request, within a transaction.
+    async fn decide(&self, on: &mut WriteTransaction, new: &NewJob, now_ms: i64) -> Result<Enqueued, StoreError> {
+        if let Some(key) = &new.idempotency {
+            let known = sqlx::query("SELECT request_hash, job FROM idempotency_keys WHERE idempotency_key = ?")
+                .bind(&key.key)
+                .fetch_optional(on.on())
+                .await?;
+            if let Some(known) = known {
+                let job = uuid_column(&known, "job")?;
+                if known.try_get::<&str, _>("request_hash")? != key.request_hash {
+                    return Err(StoreError::IdempotencyConflict { key: key.key.clone(), job });
+                }
+                return Ok(Enqueued { record: read_job(on, job).await?, outcome: EnqueueOutcome::Replayed });
+            }
+        }
+        let mesh: Option<i64> = sqlx::query_scalar("SELECT sequence FROM meshes WHERE id = ?")
+            .bind(&new.mesh)
+            .fetch_optional(on.on())
+            .await?;
+        if mesh.is_none() {
+            return Err(unknown_mesh(&new.mesh));
+        }
+        // A job that is asked to stop will not do the work.
+        let same = sqlx::query(
+            "SELECT * FROM jobs WHERE work_key = ?
+               AND ((status IN ('enqueued', 'processing') AND cancel_requested = 0) OR (status = 'succeeded' AND basis IS NOT NULL))
+             ORDER BY sequence DESC LIMIT 1",
+        )
+        .bind(&new.work_key)
+        .fetch_optional(on.on())
+        .await?;
+        let (record, outcome) = match same {
+            Some(row) => {
+                // Whoever is in more of a hurry moves the work that both wait for.
+                let job = job_from_row(&row)?;
+                let raised = sqlx::query(
+                    "UPDATE jobs SET priority = ?1, revision = revision + 1
+                     WHERE id = ?2 AND status = 'enqueued' AND priority < ?1 RETURNING *",
+                )
+                .bind(new.priority)
+                .bind(job.id.to_string())
+                .fetch_optional(on.on())
+                .await?;
+                (raised.as_ref().map(job_from_row).transpose()?.unwrap_or(job), EnqueueOutcome::SameWork)
+            }
+            None => (self.insert_job(on, new, now_ms).await?, EnqueueOutcome::Created),
+        };
+        if let Some(key) = &new.idempotency {
+            sqlx::query(
+                "INSERT INTO idempotency_keys (idempotency_key, request_hash, job, created_ms) VALUES (?, ?, ?, ?)",
+            )
+            .bind(&key.key)
+            .bind(&key.request_hash)
+            .bind(record.id.to_string())
+            .bind(now_ms)
+            .execute(on.on())
+            .await?;
+        }
+        Ok(Enqueued { record, outcome })
+    }
+
+    async fn insert_job(&self, on: &mut WriteTransaction, new: &NewJob, now_ms: i64) -> Result<JobRecord, StoreError> {
+        self.check_queue(on).await?;
+        let row = sqlx::query(
+            "INSERT INTO jobs (id, kind, mesh, parameters, priority, status, max_attempts, work_key, solver_version,
+                created_ms, enqueued_ms, not_before_ms)
+             VALUES (?1, ?2, ?3, ?4, ?5, 'enqueued', ?6, ?7, ?8, ?9, ?9, ?9) RETURNING *",
+        )
+        .bind(Uuid::now_v7().to_string())
+        .bind(&new.kind)
+        .bind(&new.mesh)
+        .bind(to_json(&new.parameters)?)
+        .bind(new.priority)
+        .bind(i64::from(new.max_attempts.max(1)))
+        .bind(&new.work_key)
+        .bind(&new.solver_version)
+        .bind(now_ms)
+        .fetch_one(on.on())
+        .await?;
+        job_from_row(&row)
+    }
+
+    async fn check_queue(&self, on: &mut WriteTransaction) -> Result<(), StoreError> {
+        let Some(limit) = self.inner.options.queued_jobs_limit else { return Ok(()) };
+        let waiting: i64 =
+            sqlx::query_scalar("SELECT COUNT(*) FROM jobs WHERE status = 'enqueued'").fetch_one(on.on()).await?;
+        if waiting as u64 >= limit { Err(StoreError::QueueFull { waiting: waiting as u64 }) } else { Ok(()) }
+    }
+
+    /// A job by its identifier.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`].
+    pub async fn job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
+        sqlx::query("SELECT * FROM jobs WHERE id = ?")
+            .bind(id.to_string())
+            .fetch_optional(self.inner.meta.reader())
+            .await?
+            .map(|row| job_from_row(&row))
+            .unwrap_or_else(|| Err(unknown_job(id)))
+    }
+
+    /// A page of jobs, newest first.
+    ///
+    /// # Errors
+    /// [`StoreError::InvalidCursor`].
+    pub async fn jobs(&self, filter: &JobFilter, page: &PageRequest) -> Result<Page<JobRecord>, StoreError> {
+        let mut query = QueryBuilder::new("SELECT * FROM jobs WHERE sequence < ");
+        query.push_bind(page.below()?);
+        push_filter(&mut query, "status", filter.status.map(JobStatus::as_str));
+        push_filter(&mut query, "kind", filter.kind.as_deref());
+        push_filter(&mut query, "mesh", filter.mesh.as_deref());
+        query.push(" ORDER BY sequence DESC LIMIT ").push_bind(page.look_ahead());
+        let rows = query.build().fetch_all(self.inner.meta.reader()).await?;
+        let rows = rows.iter().map(|row| Ok((row.try_get("sequence")?, job_from_row(row)?)));
+        Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, page))
+    }
+
+    /// How many jobs there are of each kind in each status; combinations without jobs are left out.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`] and its kin.
+    pub async fn job_counts(&self) -> Result<Vec<(String, JobStatus, u64)>, StoreError> {
+        let rows = sqlx::query("SELECT kind, status, COUNT(*) AS jobs FROM jobs GROUP BY kind, status")
+            .fetch_all(self.inner.meta.reader())
+            .await?;
+        rows.iter()
+            .map(|row| Ok((row.try_get("kind")?, status_column(row)?, row.try_get::<i64, _>("jobs")? as u64)))
+            .collect()
+    }
+
+    /// Cancels a job: an enqueued one at once, a running one at its next checkpoint. Asking twice changes nothing.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`]; [`StoreError::JobState`] where it has succeeded or failed.
+    pub async fn cancel_job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
+        let store = self.clone();
+        detached(async move { store.cancel_job_now(id).await }).await
+    }
+
+    async fn cancel_job_now(&self, id: Uuid) -> Result<JobRecord, StoreError> {
+        let mut transaction = self.inner.meta.write().await?;
+        let changed = sqlx::query(
+            "UPDATE jobs SET
+                status = CASE status WHEN 'enqueued' THEN 'canceled' ELSE status END,
+                finished_ms = CASE status WHEN 'enqueued' THEN ?1 ELSE finished_ms END,
+                cancel_requested = CASE status WHEN 'enqueued' THEN 0 ELSE 1 END,
+                revision = revision + 1
+             WHERE id = ?2 AND (status = 'enqueued' OR (status = 'processing' AND cancel_requested = 0)) RETURNING *",
+        )
+        .bind(self.now_ms())
+        .bind(id.to_string())
+        .fetch_optional(transaction.on())
+        .await?;
+        transaction.commit().await?;
+        if let Some(row) = changed {
+            let job = job_from_row(&row)?;
+            self.announce(&job);
+            return Ok(job);
+        }
+        let job = self.job(id).await?;
+        match job.status {
+            JobStatus::Succeeded | JobStatus::Failed => Err(StoreError::JobState {
+                job: id,
+                status: job.status,
+                reason: "it cannot be cancelled any more".to_owned(),
+            }),
+            _ => Ok(job),
+        }
+    }
+
+    /// Enqueues a failed or cancelled job again, with all its attempts. One that waits or runs stays as it is.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`], for its mesh too; [`StoreError::JobState`] where it has succeeded, is asked to stop, or
+    /// where equal work is under way as another job; [`StoreError::QueueFull`].
+    pub async fn retry_job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
+        let store = self.clone();
+        detached(async move { store.retry_job_now(id).await }).await
+    }
+
+    async fn retry_job_now(&self, id: Uuid) -> Result<JobRecord, StoreError> {
+        let mut transaction = self.inner.meta.write().await?;
+        match self.requeue(&mut transaction, id).await {
+            Ok((job, changed)) => {
+                transaction.commit().await?;
+                if changed {
+                    self.announce(&job);
+                }
+                Ok(job)
+            }
+            Err(refusal) => {
+                transaction.rollback().await?;
+                Err(refusal)
+            }
+        }
+    }
+
+    async fn requeue(&self, on: &mut WriteTransaction, id: Uuid) -> Result<(JobRecord, bool), StoreError> {
+        let job = read_job(on, id).await?;
+        let refuse = |reason: String| Err(StoreError::JobState { job: id, status: job.status, reason });
+        match job.status {
+            JobStatus::Processing if job.cancel_requested => return refuse("it is being cancelled".to_owned()),
+            JobStatus::Enqueued | JobStatus::Processing => return Ok((job, false)),
+            JobStatus::Succeeded if job.basis.is_some() => return refuse("its result is stored".to_owned()),
+            JobStatus::Succeeded | JobStatus::Failed | JobStatus::Canceled => {}
+        }
+        let other = sqlx::query(
+            "SELECT id FROM jobs WHERE work_key = ? AND status IN ('enqueued', 'processing') AND cancel_requested = 0",
+        )
+        .bind(&job.work_key)
+        .fetch_optional(on.on())
+        .await?;
+        if let Some(other) = other {
+            let other = uuid_column(&other, "id")?;
+            return refuse(format!("equal work is under way as job {other}"));
+        }
+        let mesh: Option<i64> = sqlx::query_scalar("SELECT sequence FROM meshes WHERE id = ?")
+            .bind(&job.mesh)
+            .fetch_optional(on.on())
+            .await?;
+        if mesh.is_none() {
+            return Err(unknown_mesh(&job.mesh));
+        }
+        self.check_queue(on).await?;
+        let row = sqlx::query(
+            "UPDATE jobs SET status = 'enqueued', attempt = 0, cancel_requested = 0, problem = NULL, stage = NULL,
+                progress = NULL, stage_seconds = '[]', enqueued_ms = ?1, not_before_ms = ?1, started_ms = NULL,
+                finished_ms = NULL, revision = revision + 1
+             WHERE id = ?2 RETURNING *",
+        )
+        .bind(self.now_ms())
+        .bind(id.to_string())
+        .fetch_one(on.on())
+        .await?;
+        Ok((job_from_row(&row)?, true))
+    }
+
+    /// Forgets idempotency keys that are older than a week.
+    pub(super) async fn forget_old_keys(&self) -> Result<(), StoreError> {
+        let mut transaction = self.inner.meta.write().await?;
+        sqlx::query("DELETE FROM idempotency_keys WHERE created_ms < ?")
+            .bind(self.now_ms().saturating_sub(KEY_LIFE_MS))
+            .execute(transaction.on())
+            .await?;
+        transaction.commit().await
+    }
+}
+
+/// Reads a job within a transaction.
+pub(super) async fn read_job(on: &mut WriteTransaction, id: Uuid) -> Result<JobRecord, StoreError> {
+    sqlx::query("SELECT * FROM jobs WHERE id = ?")
+        .bind(id.to_string())
+        .fetch_optional(on.on())
+        .await?
+        .map(|row| job_from_row(&row))
+        .unwrap_or_else(|| Err(unknown_job(id)))
+}
+
+fn unknown_job(id: Uuid) -> StoreError {
+    StoreError::NotFound { resource: "job", id: id.to_string() }
+}
+
+pub(super) fn job_from_row(row: &SqliteRow) -> Result<JobRecord, StoreError> {
+    let basis: Option<&str> = row.try_get("basis")?;
+    let problem: Option<&str> = row.try_get("problem")?;
+    Ok(JobRecord {
+        id: uuid_column(row, "id")?,
+        kind: row.try_get("kind")?,
+        mesh: row.try_get("mesh")?,
+        parameters: from_json("parameters", row.try_get("parameters")?)?,
+        priority: row.try_get("priority")?,
+        status: status_column(row)?,
+        stage: row.try_get("stage")?,
+        progress: row.try_get("progress")?,
+        stage_seconds: from_json("stage_seconds", row.try_get("stage_seconds")?)?,
+        attempt: row.try_get::<i64, _>("attempt")? as u32,
+        max_attempts: row.try_get::<i64, _>("max_attempts")? as u32,
+        cancel_requested: row.try_get("cancel_requested")?,
+        basis: basis.map(|text| uuid(text, "basis")).transpose()?,
+        problem: problem.map(|text| from_json("problem", text)).transpose()?,
+        work_key: row.try_get("work_key")?,
+        solver_version: row.try_get("solver_version")?,
+        created_ms: row.try_get("created_ms")?,
+        enqueued_ms: row.try_get("enqueued_ms")?,
+        not_before_ms: row.try_get("not_before_ms")?,
+        started_ms: row.try_get("started_ms")?,
+        finished_ms: row.try_get("finished_ms")?,
+        revision: row.try_get("revision")?,
+    })
+}
+
+/// Reads a column that holds a UUID.
+pub(super) fn uuid_column(row: &SqliteRow, column: &str) -> Result<Uuid, StoreError> {
+    uuid(row.try_get(column)?, column)
+}
+
+fn uuid(text: &str, column: &str) -> Result<Uuid, StoreError> {
+    Uuid::try_parse(text).map_err(|error| StoreError::Corrupt { detail: format!("column {column}: {error}") })
+}
+
+fn status_column(row: &SqliteRow) -> Result<JobStatus, StoreError> {
+    row.try_get::<&str, _>("status")?
+        .parse()
+        .map_err(|error| StoreError::Corrupt { detail: format!("column status: {error}") })
+}

@@ -1,0 +1,408 @@
+//! Jobs as workers see them. A claim gives a lease; every later write carries its token, so a worker that lost its lease
+//! changes nothing.
+
+use std::time::Duration;
+
+use sqlx::{QueryBuilder, Sqlite};
+use uuid::Uuid;
+
+use super::{
+    JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions, bases::EncodedBasis, database::WriteTransaction,
+    detached, fault::FailPoint, jobs::job_from_row, to_json,
+};
+use crate::basis::Basis;
+
+/// A job and the lease on it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Claim {
+    /// The job, as it stands after the claim.
+    pub job: JobRecord,
+    /// What every later write of this attempt carries.
+    pub token: Uuid,
+}
+
+/// How far an attempt has come.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Progress {
+    /// The stage that runs.
+    pub stage: Option<String>,
+    /// The fraction of it that is done, in `0..=1`.
+    pub fraction: Option<f64>,
+    /// Seconds spent in each stage so far, in order.
+    pub stage_seconds: Vec<(String, f64)>,
+}
+
+/// What a heartbeat learns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HeartbeatAnswer {
+    /// The lease holds.
+    Held {
+        /// Whether the job was asked to stop.
+        cancel_requested: bool,
+    },
+    /// Someone else has the job, or nobody: the attempt is void.
+    Lost,
+}
+
+/// What became of a finished attempt.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CompleteAnswer {
+    /// The basis is stored and the job succeeded.
+    Stored(Uuid),
+    /// The job had been asked to stop: it is cancelled, nothing is stored.
+    Canceled,
+    /// The lease was lost: nothing is stored.
+    Lost,
+}
+
+/// What became of a failed attempt.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FailAnswer {
+    /// The job is to be tried again.
+    Retried,
+    /// The job is finished with this status: failed or cancelled.
+    Finished(JobStatus),
+    /// The lease was lost: nothing has changed.
+    Lost,
+}
+
+/// A job whose worker was lost.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reaped {
+    /// The job, as it stands now: enqueued, failed or cancelled.
+    pub job: JobRecord,
+}
+
+impl Store {
+    /// Claims the ready job of the highest priority, the oldest among equals; `None` where none is ready. Each job is
+    /// claimed by one worker only. An empty `kinds` claims every kind.
+    ///
+    /// # Errors
+    /// [`StoreError::Busy`] and its kin.
+    pub async fn claim(&self, worker: &str, kinds: &[String], lease: Duration) -> Result<Option<Claim>, StoreError> {
+        let now_ms = self.now_ms();
+        let token = Uuid::now_v7();
+        let mut query = QueryBuilder::<Sqlite>::new(
+            "UPDATE jobs SET status = 'processing', attempt = attempt + 1, stage = NULL, progress = NULL,
+                stage_seconds = '[]', revision = revision + 1, started_ms = ",
+        );
+        query.push_bind(now_ms).push(", worker = ").push_bind(worker.to_owned());
+        query.push(", lease_token = ").push_bind(token.to_string());
+        query.push(", lease_expires_ms = ").push_bind(expiry(now_ms, lease));
+        query.push(" WHERE sequence = (SELECT sequence FROM jobs WHERE status = 'enqueued' AND not_before_ms <= ");
+        query.push_bind(now_ms);
+        if !kinds.is_empty() {
+            query.push(" AND kind IN (");
+            let mut list = query.separated(", ");
+            for kind in kinds {
+                list.push_bind(kind.clone());
+            }
+            query.push(")");
+        }
+        query.push(" ORDER BY priority DESC, sequence LIMIT 1) RETURNING *");
+        let mut transaction = self.inner.meta.write().await?;
+        let row = query.build().fetch_optional(transaction.on()).await?;
+        transaction.commit().await?;
+        let Some(row) = row else { return Ok(None) };
+        let job = job_from_row(&row)?;
+        self.announce(&job);
+        self.faults().meet(FailPoint::AfterClaim);
+        Ok(Some(Claim { job, token }))
+    }
+
+    /// Prolongs a lease. With `progress`, listeners hear of it.
+    ///
+    /// # Errors
+    /// [`StoreError::Busy`] and its kin; the lease may still hold then.
+    pub async fn heartbeat(
+        &self,
+        token: Uuid,
+        progress: Option<&Progress>,
+        lease: Duration,
+    ) -> Result<HeartbeatAnswer, StoreError> {
+        let expires_ms = expiry(self.now_ms(), lease);
+        let mut transaction = self.inner.meta.write().await?;
+        let row = match progress {
+            None => {
+                sqlx::query("UPDATE jobs SET lease_expires_ms = ? WHERE lease_token = ? AND status = 'processing' RETURNING *")
+                    .bind(expires_ms)
+                    .bind(token.to_string())
+                    .fetch_optional(transaction.on())
+                    .await?
+            }
+            Some(progress) => {
+                sqlx::query(
+                    "UPDATE jobs SET lease_expires_ms = ?, stage = ?, progress = ?, stage_seconds = ?, revision = revision + 1
+                     WHERE lease_token = ? AND status = 'processing' RETURNING *",
+                )
+                .bind(expires_ms)
+                .bind(&progress.stage)
+                .bind(progress.fraction)
+                .bind(to_json(&progress.stage_seconds)?)
+                .bind(token.to_string())
+                .fetch_optional(transaction.on())
+                .await?
+            }
+        };
+        transaction.commit().await?;
+        let Some(row) = row else { return Ok(HeartbeatAnswer::Lost) };
+        let job = job_from_row(&row)?;
+        if progress.is_some() {
+            self.announce(&job);
+        }
+        Ok(HeartbeatAnswer::Held { cancel_requested: job.cancel_requested })
+    }
+
+    /// Stores the basis of an attempt and marks its job succeeded, in one step that readers see whole or not at all.
+    ///
+    /// # Errors
+    /// [`StoreError::StorageFull`] and its kin: nothing is visible and the lease still holds.
+    pub async fn complete(
+        &self,
+        token: Uuid,
+        basis: Basis,
+        stage_seconds: Vec<(String, f64)>,
+    ) -> Result<CompleteAnswer, StoreError> {
+        let store = self.clone();
+        detached(async move { store.complete_now(token, basis, stage_seconds).await }).await
+    }
+
+    async fn complete_now(
+        &self,
+        token: Uuid,
+        basis: Basis,
+        stage_seconds: Vec<(String, f64)>,
+    ) -> Result<CompleteAnswer, StoreError> {
+        let encoded = EncodedBasis::new(basis).await?;
+        self.faults().meet(FailPoint::BeforeChunks);
+        let answer = {
+            let _in_use = self.inner.blob_use.read().await;
+            self.put_blob(&encoded.hash, &encoded.content).await?;
+            self.make_visible(token, &encoded, &stage_seconds).await
+        };
+        if !matches!(answer, Ok(CompleteAnswer::Stored(_))) {
+            let _alone = self.inner.blob_use.write().await;
+            self.delete_unreferenced(std::slice::from_ref(&encoded.hash)).await?;
+        }
+        answer
+    }
+
+    async fn make_visible(
+        &self,
+        token: Uuid,
+        encoded: &EncodedBasis,
+        stage_seconds: &[(String, f64)],
+    ) -> Result<CompleteAnswer, StoreError> {
+        let now_ms = self.now_ms();
+        let mut transaction = self.inner.meta.write().await?;
+        let Some(job) = leased_job(&mut transaction, token).await? else {
+            transaction.rollback().await?;
+            return Ok(CompleteAnswer::Lost);
+        };
+        if job.cancel_requested {
+            let job = finish(&mut transaction, &job, JobStatus::Canceled, None, now_ms).await?;
+            transaction.commit().await?;
+            self.announce(&job);
+            return Ok(CompleteAnswer::Canceled);
+        }
+        let id = encoded.insert(&mut transaction, &job, stage_seconds, now_ms).await?;
+        let row = sqlx::query(
+            "UPDATE jobs SET status = 'succeeded', basis = ?, stage = NULL, progress = 1, stage_seconds = ?, problem = NULL,
+                lease_token = NULL, lease_expires_ms = NULL, finished_ms = ?, revision = revision + 1
+             WHERE id = ? RETURNING *",
+        )
+        .bind(id.to_string())
+        .bind(to_json(stage_seconds)?)
+        .bind(now_ms)
+        .bind(job.id.to_string())
+        .fetch_one(transaction.on())
+        .await?;
+        self.faults().meet(FailPoint::BeforeComplete);
+        transaction.commit().await?;
+        self.faults().meet(FailPoint::AfterComplete);
+        encoded.remember(self, id);
+        self.announce(&job_from_row(&row)?);
+        Ok(CompleteAnswer::Stored(id))
+    }
+
+    /// Ends an attempt that failed. The job is tried again after a pause where `retryable` is set and attempts are left; one
+    /// that was asked to stop is cancelled.
+    ///
+    /// # Errors
+    /// [`StoreError::Busy`] and its kin.
+    pub async fn fail(&self, token: Uuid, problem: &JobProblem, retryable: bool) -> Result<FailAnswer, StoreError> {
+        let (store, problem) = (self.clone(), problem.clone());
+        detached(async move {
+            let now_ms = store.now_ms();
+            let mut transaction = store.inner.meta.write().await?;
+            let Some(job) = leased_job(&mut transaction, token).await? else {
+                transaction.rollback().await?;
+                return Ok(FailAnswer::Lost);
+            };
+            let job = store.end_attempt(&mut transaction, &job, &problem, retryable, now_ms).await?;
+            transaction.commit().await?;
+            store.announce(&job);
+            Ok(if job.status == JobStatus::Enqueued { FailAnswer::Retried } else { FailAnswer::Finished(job.status) })
+        })
+        .await
+    }
+
+    /// Ends an attempt that stopped because it was asked to. False where the lease was lost.
+    ///
+    /// # Errors
+    /// [`StoreError::Busy`] and its kin.
+    pub async fn finish_canceled(&self, token: Uuid) -> Result<bool, StoreError> {
+        let store = self.clone();
+        detached(async move {
+            let mut transaction = store.inner.meta.write().await?;
+            let Some(job) = leased_job(&mut transaction, token).await? else {
+                transaction.rollback().await?;
+                return Ok(false);
+            };
+            let job = finish(&mut transaction, &job, JobStatus::Canceled, None, store.now_ms()).await?;
+            transaction.commit().await?;
+            store.announce(&job);
+            Ok(true)
+        })
+        .await
+    }
+
+    /// Gives a job back to the queue unharmed, as a worker does that has to stop: the attempt does not count. One that was
+    /// asked to stop is cancelled. False where the lease was lost.
+    ///
+    /// # Errors
+    /// [`StoreError::Busy`] and its kin.
+    pub async fn release(&self, token: Uuid) -> Result<bool, StoreError> {
+        let store = self.clone();
+        detached(async move {
+            let now_ms = store.now_ms();
+            let mut transaction = store.inner.meta.write().await?;
+            let Some(job) = leased_job(&mut transaction, token).await? else {
+                transaction.rollback().await?;
+                return Ok(false);
+            };
+            let job = if job.cancel_requested {
+                finish(&mut transaction, &job, JobStatus::Canceled, None, now_ms).await?
+            } else {
+                let problem = job.problem.as_ref();
+                requeue(&mut transaction, &job, job.attempt.saturating_sub(1), problem, now_ms, now_ms).await?
+            };
+            transaction.commit().await?;
+            store.announce(&job);
+            Ok(true)
+        })
+        .await
+    }
+
+    /// Takes jobs from workers whose leases ran out: they are enqueued again after a pause, or failed as `worker-lost` after
+    /// their last attempt. Forgets old idempotency keys too.
+    ///
+    /// # Errors
+    /// [`StoreError::Busy`] and its kin.
+    pub async fn reap(&self) -> Result<Vec<Reaped>, StoreError> {
+        let reaped = self.reap_leases(self.now_ms()).await?;
+        self.forget_old_keys().await?;
+        Ok(reaped)
+    }
+
+    /// Reaps leases that ran out before `until_ms`.
+    pub(super) async fn reap_leases(&self, until_ms: i64) -> Result<Vec<Reaped>, StoreError> {
+        let now_ms = self.now_ms();
+        let mut transaction = self.inner.meta.write().await?;
+        let rows = sqlx::query("SELECT * FROM jobs WHERE status = 'processing' AND lease_expires_ms < ?")
+            .bind(until_ms)
+            .fetch_all(transaction.on())
+            .await?;
+        let mut reaped = Vec::with_capacity(rows.len());
+        for row in &rows {
+            let job = job_from_row(row)?;
+            let stage = job.stage.as_deref().map_or(String::new(), |stage| format!(" at stage {stage}"));
+            let problem = JobProblem {
+                kind: "worker-lost".to_owned(),
+                detail: format!("the worker of attempt {} of {} was lost{stage}", job.attempt, job.max_attempts),
+            };
+            let job = self.end_attempt(&mut transaction, &job, &problem, true, now_ms).await?;
+            reaped.push(Reaped { job });
+        }
+        transaction.commit().await?;
+        reaped.iter().for_each(|reaped| self.announce(&reaped.job));
+        Ok(reaped)
+    }
+
+    /// Cancels, enqueues again or fails a job whose attempt came to nothing.
+    async fn end_attempt(
+        &self,
+        on: &mut WriteTransaction,
+        job: &JobRecord,
+        problem: &JobProblem,
+        retryable: bool,
+        now_ms: i64,
+    ) -> Result<JobRecord, StoreError> {
+        if job.cancel_requested {
+            return finish(on, job, JobStatus::Canceled, None, now_ms).await;
+        }
+        if retryable && job.attempt < job.max_attempts {
+            let doublings = job.attempt.saturating_sub(1).min(16);
+            let pause = (self.inner.options.retry_pause * (1 << doublings)).min(StoreOptions::LONGEST_PAUSE);
+            return requeue(on, job, job.attempt, Some(problem), now_ms, expiry(now_ms, pause)).await;
+        }
+        finish(on, job, JobStatus::Failed, Some(problem), now_ms).await
+    }
+}
+
+fn expiry(now_ms: i64, lease: Duration) -> i64 {
+    now_ms.saturating_add(i64::try_from(lease.as_millis()).unwrap_or(i64::MAX))
+}
+
+async fn leased_job(on: &mut WriteTransaction, token: Uuid) -> Result<Option<JobRecord>, StoreError> {
+    sqlx::query("SELECT * FROM jobs WHERE lease_token = ? AND status = 'processing'")
+        .bind(token.to_string())
+        .fetch_optional(on.on())
+        .await?
+        .map(|row| job_from_row(&row))
+        .transpose()
+}
+
+async fn requeue(
+    on: &mut WriteTransaction,
+    job: &JobRecord,
+    attempt: u32,
+    problem: Option<&JobProblem>,
+    now_ms: i64,
+    not_before_ms: i64,
+) -> Result<JobRecord, StoreError> {
+    let row = sqlx::query(
+        "UPDATE jobs SET status = 'enqueued', attempt = ?, problem = ?, stage = NULL, progress = NULL, enqueued_ms = ?,
+            not_before_ms = ?, lease_token = NULL, lease_expires_ms = NULL, revision = revision + 1
+         WHERE id = ? RETURNING *",
+    )
+    .bind(i64::from(attempt))
+    .bind(problem.map(to_json).transpose()?)
+    .bind(now_ms)
+    .bind(not_before_ms)
+    .bind(job.id.to_string())
+    .fetch_one(on.on())
+    .await?;
+    job_from_row(&row)
+}
+
+async fn finish(
+    on: &mut WriteTransaction,
+    job: &JobRecord,
+    status: JobStatus,
+    problem: Option<&JobProblem>,
+    now_ms: i64,
+) -> Result<JobRecord, StoreError> {
+    let row = sqlx::query(
+        "UPDATE jobs SET status = ?, problem = ?, cancel_requested = 0, lease_token = NULL, lease_expires_ms = NULL,
+            finished_ms = ?, revision = revision + 1
+         WHERE id = ? RETURNING *",
+    )
+    .bind(status.as_str())
+    .bind(problem.map(to_json).transpose()?)
+    .bind(now_ms)
+    .bind(job.id.to_string())
+    .fetch_one(on.on())
+    .await?;
+    job_from_row(&row)
+}

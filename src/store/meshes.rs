@@ -1,0 +1,258 @@
+//! Meshes: known by their content, each stored once.
+
+use std::sync::Arc;
+
+use bytes::Bytes;
+use sqlx::{QueryBuilder, Row, Sqlite, sqlite::SqliteRow};
+
+use super::{
+    JobRecord, MeshRecord, NewMesh, Page, PageRequest, Store, StoreError, Stored, Weighed, blobs, detached, from_json,
+    jobs::job_from_row, to_json,
+};
+use crate::mesh::TriangleMesh;
+
+/// The head of a mesh's canonical content; the counts of vertices and faces follow, u64 little-endian, then positions as
+/// f64 and faces as u32, all little-endian.
+const MAGIC: &[u8; 8] = b"CHLMESH1";
+const HEAD_BYTES: usize = 24;
+const POSITION_BYTES: usize = 24;
+const FACE_BYTES: usize = 12;
+/// Digits of a mesh's identifier: 128 bits of its hash.
+const ID_DIGITS: usize = 32;
+
+impl Store {
+    /// Stores a mesh, or finds it where the same content is known. A name or report of a known mesh stays as it was.
+    ///
+    /// # Errors
+    /// [`StoreError::StorageFull`], [`StoreError::Busy`].
+    pub async fn add_mesh(&self, new: NewMesh) -> Result<Stored<MeshRecord>, StoreError> {
+        let store = self.clone();
+        detached(async move { store.add_mesh_now(new).await }).await
+    }
+
+    async fn add_mesh_now(&self, new: NewMesh) -> Result<Stored<MeshRecord>, StoreError> {
+        let mesh = Arc::clone(&new.mesh);
+        let content = blobs::blocking(move || Bytes::from(encode(&mesh))).await?;
+        let hash = blobs::hash_of(&content).await?;
+        let id = hash[..ID_DIGITS].to_owned();
+        let _in_use = self.inner.blob_use.read().await;
+        match self.mesh(&id).await {
+            Ok(record) => return Ok(Stored { record, created: false }),
+            Err(StoreError::NotFound { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        self.put_blob(&hash, &content).await?;
+        let mut transaction = self.inner.meta.write().await?;
+        let inserted = sqlx::query(
+            "INSERT INTO meshes (id, name, format, source_bytes, vertices, faces, report, content_hash, bytes, created_ms)
+             VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO NOTHING",
+        )
+        .bind(&id)
+        .bind(&new.name)
+        .bind(&new.format)
+        .bind(new.source_bytes as i64)
+        .bind(new.mesh.positions.len() as i64)
+        .bind(new.mesh.faces.len() as i64)
+        .bind(to_json(&new.report)?)
+        .bind(&hash)
+        .bind(content.len() as i64)
+        .bind(self.now_ms())
+        .execute(transaction.on())
+        .await?
+        .rows_affected();
+        transaction.commit().await?;
+        Ok(Stored { record: self.mesh(&id).await?, created: inserted > 0 })
+    }
+
+    /// A mesh by its identifier.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`].
+    pub async fn mesh(&self, id: &str) -> Result<MeshRecord, StoreError> {
+        sqlx::query("SELECT * FROM meshes WHERE id = ?")
+            .bind(id)
+            .fetch_optional(self.inner.meta.reader())
+            .await?
+            .map(|row| mesh_from_row(&row))
+            .unwrap_or_else(|| Err(unknown_mesh(id)))
+    }
+
+    /// A page of meshes, newest first.
+    ///
+    /// # Errors
+    /// [`StoreError::InvalidCursor`].
+    pub async fn meshes(&self, page: &PageRequest) -> Result<Page<MeshRecord>, StoreError> {
+        let rows = sqlx::query("SELECT * FROM meshes WHERE sequence < ? ORDER BY sequence DESC LIMIT ?")
+            .bind(page.below()?)
+            .bind(page.look_ahead())
+            .fetch_all(self.inner.meta.reader())
+            .await?;
+        let rows = rows.iter().map(|row| Ok((row.try_get("sequence")?, mesh_from_row(row)?)));
+        Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, page))
+    }
+
+    /// Deletes a mesh. With `cascade`, enqueued jobs on it are cancelled, running ones asked to stop, and its bases deleted.
+    /// Jobs stay on record.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`]; without `cascade`, [`StoreError::MeshInUse`] where unfinished jobs or bases refer to it.
+    pub async fn delete_mesh(&self, id: &str, cascade: bool) -> Result<(), StoreError> {
+        let (store, id) = (self.clone(), id.to_owned());
+        detached(async move { store.delete_mesh_now(&id, cascade).await }).await
+    }
+
+    async fn delete_mesh_now(&self, id: &str, cascade: bool) -> Result<(), StoreError> {
+        let _alone = self.inner.blob_use.write().await;
+        let mut transaction = self.inner.meta.write().await?;
+        let content: Option<String> = sqlx::query_scalar("SELECT content_hash FROM meshes WHERE id = ?")
+            .bind(id)
+            .fetch_optional(transaction.on())
+            .await?;
+        let Some(content) = content else {
+            transaction.rollback().await?;
+            return Err(unknown_mesh(id));
+        };
+        let counts = sqlx::query(
+            "SELECT (SELECT COUNT(*) FROM jobs WHERE mesh = ?1 AND status IN ('enqueued', 'processing')) AS jobs,
+                    (SELECT COUNT(*) FROM bases WHERE mesh = ?1) AS bases",
+        )
+        .bind(id)
+        .fetch_one(transaction.on())
+        .await?;
+        let (unfinished, bases) = (counts.try_get::<i64, _>("jobs")?, counts.try_get::<i64, _>("bases")?);
+        if !cascade && unfinished + bases > 0 {
+            transaction.rollback().await?;
+            return Err(StoreError::MeshInUse {
+                mesh: id.to_owned(),
+                unfinished_jobs: unfinished as u64,
+                bases: bases as u64,
+            });
+        }
+        let mut changed = sqlx::query(
+            "UPDATE jobs SET status = 'canceled', finished_ms = ?, revision = revision + 1
+             WHERE mesh = ? AND status = 'enqueued' RETURNING *",
+        )
+        .bind(self.now_ms())
+        .bind(id)
+        .fetch_all(transaction.on())
+        .await?;
+        changed.extend(
+            sqlx::query(
+                "UPDATE jobs SET cancel_requested = 1, revision = revision + 1
+                 WHERE mesh = ? AND status = 'processing' AND cancel_requested = 0 RETURNING *",
+            )
+            .bind(id)
+            .fetch_all(transaction.on())
+            .await?,
+        );
+        changed.extend(
+            sqlx::query(
+                "UPDATE jobs SET basis = NULL, revision = revision + 1
+                 WHERE basis IN (SELECT id FROM bases WHERE mesh = ?) RETURNING *",
+            )
+            .bind(id)
+            .fetch_all(transaction.on())
+            .await?,
+        );
+        let mut hashes: Vec<String> = vec![content];
+        for row in sqlx::query("DELETE FROM bases WHERE mesh = ? RETURNING id, content_hash")
+            .bind(id)
+            .fetch_all(transaction.on())
+            .await?
+        {
+            hashes.push(row.try_get("content_hash")?);
+            self.inner.bases.remove(&super::jobs::uuid_column(&row, "id")?);
+        }
+        sqlx::query("DELETE FROM meshes WHERE id = ?").bind(id).execute(transaction.on()).await?;
+        let changed = changed.iter().map(job_from_row).collect::<Result<Vec<JobRecord>, StoreError>>()?;
+        transaction.commit().await?;
+        self.inner.meshes.remove(id);
+        changed.iter().for_each(|job| self.announce(job));
+        self.delete_unreferenced(&hashes).await
+    }
+
+    /// A mesh, from the cache or verified and decoded once however many ask.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`]; [`StoreError::Corrupt`] where the content does not verify.
+    pub async fn load_mesh(&self, id: &str) -> Result<Arc<TriangleMesh>, StoreError> {
+        if let Some(found) = self.inner.meshes.get(id) {
+            self.count_hit(true);
+            return Ok(found.value);
+        }
+        // Held until the value is in the cache, so that a deletion comes before or after, not between.
+        let _in_use = self.inner.blob_use.read().await;
+        let loaded = self.inner.meshes.get_or_insert_async(id, async {
+            self.count_hit(false);
+            let record = self.mesh(id).await?;
+            let content = self.verified_blob(&record.content_hash).await?;
+            let bytes = content.len() as u64;
+            let mesh = blobs::blocking(move || decode(&content))
+                .await?
+                .ok_or_else(|| StoreError::Corrupt { detail: format!("mesh {id}: its content is not a mesh") })?;
+            Ok::<_, StoreError>(Weighed { value: Arc::new(mesh), bytes })
+        });
+        Ok(loaded.await?.value)
+    }
+}
+
+pub(super) fn unknown_mesh(id: &str) -> StoreError {
+    StoreError::NotFound { resource: "mesh", id: id.chars().take(64).collect() }
+}
+
+fn mesh_from_row(row: &SqliteRow) -> Result<MeshRecord, StoreError> {
+    Ok(MeshRecord {
+        id: row.try_get("id")?,
+        name: row.try_get("name")?,
+        format: row.try_get("format")?,
+        source_bytes: row.try_get::<i64, _>("source_bytes")? as u64,
+        vertices: row.try_get::<i64, _>("vertices")? as u64,
+        faces: row.try_get::<i64, _>("faces")? as u64,
+        report: from_json("report", row.try_get("report")?)?,
+        content_hash: row.try_get("content_hash")?,
+        bytes: row.try_get::<i64, _>("bytes")? as u64,
+        created_ms: row.try_get("created_ms")?,
+    })
+}
+
+/// Adds `column = value` where there is a value to filter by.
+pub(super) fn push_filter(query: &mut QueryBuilder<Sqlite>, column: &'static str, value: Option<&str>) {
+    if let Some(value) = value {
+        query.push(" AND ").push(column).push(" = ").push_bind(value.to_owned());
+    }
+}
+
+fn encode(mesh: &TriangleMesh) -> Vec<u8> {
+    let size = HEAD_BYTES + POSITION_BYTES * mesh.positions.len() + FACE_BYTES * mesh.faces.len();
+    let mut bytes = Vec::with_capacity(size);
+    bytes.extend_from_slice(MAGIC);
+    bytes.extend_from_slice(&(mesh.positions.len() as u64).to_le_bytes());
+    bytes.extend_from_slice(&(mesh.faces.len() as u64).to_le_bytes());
+    for position in &mesh.positions {
+        for coordinate in position {
+            bytes.extend_from_slice(&coordinate.to_le_bytes());
+        }
+    }
+    for face in &mesh.faces {
+        for vertex in face {
+            bytes.extend_from_slice(&vertex.to_le_bytes());
+        }
+    }
+    bytes
+}
+
+fn decode(bytes: &[u8]) -> Option<TriangleMesh> {
+    let body = bytes.strip_prefix(MAGIC)?;
+    let (vertices, body) = body.split_first_chunk::<8>()?;
+    let (faces, body) = body.split_first_chunk::<8>()?;
+    let vertices = usize::try_from(u64::from_le_bytes(*vertices)).ok()?;
+    let faces = usize::try_from(u64::from_le_bytes(*faces)).ok()?;
+    let position_bytes = vertices.checked_mul(POSITION_BYTES)?;
+    if body.len() != position_bytes.checked_add(faces.checked_mul(FACE_BYTES)?)? {
+        return None;
+    }
+    let (positions, faces) = body.split_at(position_bytes);
+    let positions = positions.as_chunks::<8>().0.iter().map(|&word| f64::from_le_bytes(word)).collect::<Vec<_>>();
+    let faces = faces.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word)).collect::<Vec<_>>();
+    Some(TriangleMesh { positions: positions.as_chunks().0.to_vec(), faces: faces.as_chunks().0.to_vec() })
+}
