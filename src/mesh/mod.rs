@@ -9,6 +9,7 @@ mod repair;
 mod report;
 pub mod sample;
 mod topology;
+pub mod write;
 
 /// A triangle mesh: positions in the units of the input, faces as counter-clockwise triples of vertex indices.
 ///

@@ -1,9 +1,34 @@
 //! Reading meshes from untrusted bytes: one file per format.
+//!
+//! | format | file | notes |
+//! |---|---|---|
+//! | Wavefront OBJ | `obj` | `v` lines are the identity of vertices; materials are never opened |
+//! | Stanford PLY | `ply` | ASCII and both byte orders, polygons, triangle strips, extra elements |
+//! | Geomview OFF | `off` | ASCII, with the `ST`, `C`, `N`, `4` and `n` prefixes |
+//! | STL | `stl` | ASCII and binary; positions are repeated by design |
+//! | MEDIT `.mesh` | `medit` | ASCII; triangles, quadrilaterals, tetrahedra |
+//!
+//! Every reader takes a byte slice, is linear in its length, allocates in proportion to the bytes that are really there
+//! (never to a count that a header claims), and answers with a [`RawMesh`] or a [`ReadError`] that names the offender.
+
+mod builder;
+mod error;
+mod medit;
+mod obj;
+mod off;
+mod ply;
+mod polygon;
+mod stl;
+mod text;
+
+use serde::{Deserialize, Serialize};
+
+pub use error::{Place, ReadError};
 
 /// What a reader found, before anything is checked: indices are in range, nothing else is promised.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RawMesh {
-    /// Vertex positions as written; they may be non-finite.
+    /// Vertex positions as written, in the order of the file; they may be non-finite.
     pub positions: Vec<[f64; 3]>,
     /// Triangles; polygons and strips have been triangulated. A face may repeat a vertex.
     pub faces: Vec<[u32; 3]>,
@@ -11,6 +36,214 @@ pub struct RawMesh {
     pub tetrahedra: Vec<[u32; 4]>,
     /// Polygons of more than three corners that were triangulated.
     pub polygons_triangulated: usize,
+    /// Faces of no, one or two corners. They have no area, so they were left out.
+    pub short_faces_dropped: usize,
     /// Whether the format repeats positions by design (STL), so that equal positions have to be merged.
     pub splits_vertices: bool,
+}
+
+/// The formats that can be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MeshFormat {
+    /// Wavefront OBJ.
+    Obj,
+    /// Stanford PLY.
+    Ply,
+    /// Geomview OFF.
+    Off,
+    /// Stereolithography, ASCII or binary.
+    Stl,
+    /// MEDIT (INRIA) `.mesh`, ASCII.
+    Medit,
+}
+
+impl MeshFormat {
+    /// Every format, in the order in which documentation lists them.
+    pub const ALL: [MeshFormat; 5] =
+        [MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Off, MeshFormat::Stl, MeshFormat::Medit];
+
+    /// The name on the wire and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            MeshFormat::Obj => "obj",
+            MeshFormat::Ply => "ply",
+            MeshFormat::Off => "off",
+            MeshFormat::Stl => "stl",
+            MeshFormat::Medit => "medit",
+        }
+    }
+
+    /// The media type to answer with. Only `model/obj` and `model/stl` are registered with IANA.
+    pub fn media_type(self) -> &'static str {
+        match self {
+            MeshFormat::Obj => "model/obj",
+            MeshFormat::Ply => "model/ply",
+            MeshFormat::Off => "model/off",
+            MeshFormat::Stl => "model/stl",
+            MeshFormat::Medit => "model/x-medit",
+        }
+    }
+
+    /// The format of a file extension, with or without the dot and in any case; [`MeshFormat::name`] is understood too.
+    pub fn from_extension(extension: &str) -> Option<Self> {
+        match extension.trim_start_matches('.').to_ascii_lowercase().as_str() {
+            "obj" => Some(MeshFormat::Obj),
+            "ply" => Some(MeshFormat::Ply),
+            "off" | "coff" | "noff" => Some(MeshFormat::Off),
+            "stl" => Some(MeshFormat::Stl),
+            "mesh" | "medit" => Some(MeshFormat::Medit),
+            _ => None,
+        }
+    }
+
+    /// The format of a media type in any case; parameters after `;` are ignored. General types (`text/plain`,
+    /// `application/octet-stream`) are no format: see [`MeshFormat::sniff`].
+    pub fn from_media_type(media_type: &str) -> Option<Self> {
+        let essence = media_type.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
+        match essence.as_str() {
+            "model/obj" | "model/x-obj" | "application/obj" | "application/x-obj" | "application/wavefront-obj" => {
+                Some(MeshFormat::Obj)
+            }
+            "model/ply" | "model/x-ply" | "application/ply" | "application/x-ply" => Some(MeshFormat::Ply),
+            "model/off" | "model/x-off" | "application/off" | "application/x-off" => Some(MeshFormat::Off),
+            "model/stl"
+            | "model/x-stl"
+            | "model/x.stl-ascii"
+            | "model/x.stl-binary"
+            | "application/sla"
+            | "application/stl"
+            | "application/x-stl"
+            | "application/vnd.ms-pki.stl" => Some(MeshFormat::Stl),
+            "model/medit" | "model/x-medit" | "application/x-medit" => Some(MeshFormat::Medit),
+            _ => None,
+        }
+    }
+
+    /// Guesses the format from the first bytes (and, for binary STL, the length) of a whole file.
+    pub fn sniff(bytes: &[u8]) -> Option<Self> {
+        if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
+            return Some(MeshFormat::Ply);
+        }
+        if stl::is_binary_by_size(bytes) {
+            return Some(MeshFormat::Stl);
+        }
+        let mut text = text::Text::new(bytes);
+        if !text.any() {
+            return None;
+        }
+        match text.token() {
+            b"solid" => Some(MeshFormat::Stl),
+            b"MeshVersionFormatted" => Some(MeshFormat::Medit),
+            b"v" | b"vt" | b"vn" | b"vp" | b"f" | b"o" | b"g" | b"s" | b"mtllib" | b"usemtl" => Some(MeshFormat::Obj),
+            word if off::Variant::from_keyword(word).is_some() => Some(MeshFormat::Off),
+            _ => None,
+        }
+    }
+}
+
+impl std::fmt::Display for MeshFormat {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        out.write_str(match self {
+            MeshFormat::Obj => "OBJ",
+            MeshFormat::Ply => "PLY",
+            MeshFormat::Off => "OFF",
+            MeshFormat::Stl => "STL",
+            MeshFormat::Medit => "MEDIT",
+        })
+    }
+}
+
+/// How much a file may hold. Each limit is its own [`ReadError`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ReadLimits {
+    /// Vertices (for STL, three per facet). Values above `u32::MAX` mean `u32::MAX`.
+    pub vertices: usize,
+    /// Triangles, after polygons were triangulated. Values above `u32::MAX` mean `u32::MAX`.
+    pub faces: usize,
+    /// Tetrahedra.
+    pub tetrahedra: usize,
+    /// Corners of one polygon. A fan of more makes one vertex the neighbour of all others, which nothing later can use.
+    pub corners_per_polygon: usize,
+    /// Groups and objects of an OBJ, solids of an ASCII STL, elements and properties of a PLY, sections of a MEDIT file.
+    pub groups: usize,
+}
+
+impl Default for ReadLimits {
+    fn default() -> Self {
+        Self {
+            vertices: 50_000_000,
+            faces: 100_000_000,
+            tetrahedra: 200_000_000,
+            corners_per_polygon: 65_536,
+            groups: 1_000_000,
+        }
+    }
+}
+
+/// Reads a whole file that is in memory. Vertices keep the order of the file, faces too.
+///
+/// Fails with the first [`ReadError`] in the order of the file. Time and memory are linear in `bytes.len()`.
+pub fn read(bytes: &[u8], format: MeshFormat, limits: &ReadLimits) -> Result<RawMesh, ReadError> {
+    if bytes.iter().all(u8::is_ascii_whitespace) {
+        return Err(ReadError::Empty);
+    }
+    let mesh = match format {
+        MeshFormat::Obj => obj::read(bytes, limits),
+        MeshFormat::Ply => ply::read(bytes, limits),
+        MeshFormat::Off => off::read(bytes, limits),
+        MeshFormat::Stl => stl::read(bytes, limits),
+        MeshFormat::Medit => medit::read(bytes, limits),
+    }?;
+    if mesh.positions.is_empty() {
+        return Err(ReadError::NoVertices);
+    }
+    Ok(mesh)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_extensions_and_media_types_lead_back_to_the_format() {
+        for format in MeshFormat::ALL {
+            assert_eq!(MeshFormat::from_extension(format.name()), Some(format));
+            assert_eq!(MeshFormat::from_media_type(format.media_type()), Some(format));
+            assert_eq!(serde_json::to_value(format).unwrap(), format.name());
+        }
+        assert_eq!(MeshFormat::from_extension(".MESH"), Some(MeshFormat::Medit));
+        assert_eq!(MeshFormat::from_media_type(" Model/PLY ; charset=utf-8"), Some(MeshFormat::Ply));
+        assert_eq!(MeshFormat::from_media_type("text/plain"), None);
+        assert_eq!(MeshFormat::from_extension("gltf"), None);
+    }
+
+    #[test]
+    fn the_first_words_tell_the_format() {
+        let cases: [(&[u8], Option<MeshFormat>); 11] = [
+            (b"ply\r\nformat ascii 1.0\r\n", Some(MeshFormat::Ply)),
+            (b"# made by hand\n\nv 0 0 0\n", Some(MeshFormat::Obj)),
+            (b"\xef\xbb\xbfmtllib a.mtl\n", Some(MeshFormat::Obj)),
+            (b"# hello\nOFF\n3 1 0\n", Some(MeshFormat::Off)),
+            (b"STCN4OFF 3 1 0\n", Some(MeshFormat::Off)),
+            (b"solid cube\nfacet normal 0 0 1\n", Some(MeshFormat::Stl)),
+            (b"MeshVersionFormatted 2\n", Some(MeshFormat::Medit)),
+            (b"<html>", None),
+            (b"plywood", None),
+            (b"", None),
+            (b"\0\0\0\0", None),
+        ];
+        for (bytes, format) in cases {
+            assert_eq!(MeshFormat::sniff(bytes), format, "{}", String::from_utf8_lossy(bytes));
+        }
+    }
+
+    #[test]
+    fn blank_files_are_empty_in_every_format() {
+        for format in MeshFormat::ALL {
+            for bytes in [b"".as_slice(), b" \r\n\t\n"] {
+                assert_eq!(read(bytes, format, &ReadLimits::default()), Err(ReadError::Empty));
+            }
+        }
+    }
 }

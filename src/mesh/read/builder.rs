@@ -1,0 +1,199 @@
+//! Collects vertices and polygons under the limits; every reader ends here.
+
+use super::error::{Place, ReadError};
+use super::{MeshFormat, RawMesh, ReadLimits, polygon};
+
+/// A polygon that was entered as a fan: its first triangle and its number of corners. Its corners can be told from the
+/// fan, so nothing else is kept until all positions are known.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fan {
+    pub first_face: u32,
+    pub corners: u32,
+}
+
+pub(super) struct Builder<'l> {
+    pub mesh: RawMesh,
+    limits: &'l ReadLimits,
+    fans: Vec<Fan>,
+    /// Polygons begun so far, the current one excluded.
+    pub polygons: usize,
+    first: u32,
+    previous: u32,
+    corners: usize,
+    /// The largest index so far that referred to a vertex that had not been read.
+    forward: Option<Forward>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Forward {
+    index: u32,
+    element: &'static str,
+    number: usize,
+    place: Place,
+}
+
+impl<'l> Builder<'l> {
+    pub fn new(limits: &'l ReadLimits) -> Self {
+        Self {
+            mesh: RawMesh::default(),
+            limits,
+            fans: Vec::new(),
+            polygons: 0,
+            first: 0,
+            previous: 0,
+            corners: 0,
+            forward: None,
+        }
+    }
+
+    /// Refuses an announced number of vertices beyond the limit, and makes room for as many as the file can hold.
+    pub fn expect_vertices(&mut self, declared: u64, possible: u64) -> Result<(), ReadError> {
+        let limit = self.limits.vertices.min(u32::MAX as usize);
+        if declared > possible {
+            return Err(ReadError::CountExceedsFile { element: "vertex", declared, possible });
+        }
+        if declared > limit as u64 {
+            return Err(ReadError::TooManyVertices { limit });
+        }
+        self.mesh.positions.reserve_exact(declared as usize);
+        Ok(())
+    }
+
+    /// The same for faces. `possible` bounds faces of any kind, `triangles` those that need room.
+    pub fn expect_faces(&mut self, declared: u64, possible: u64, triangles: u64) -> Result<(), ReadError> {
+        let limit = self.limits.faces.min(u32::MAX as usize);
+        if declared > possible {
+            return Err(ReadError::CountExceedsFile { element: "face", declared, possible });
+        }
+        if declared > limit as u64 {
+            return Err(ReadError::TooManyFaces { limit });
+        }
+        self.mesh.faces.reserve(declared.min(triangles) as usize);
+        Ok(())
+    }
+
+    /// The same for tetrahedra.
+    pub fn expect_tetrahedra(&mut self, declared: u64, possible: u64) -> Result<(), ReadError> {
+        if declared > possible {
+            return Err(ReadError::CountExceedsFile { element: "tetrahedron", declared, possible });
+        }
+        if declared > self.limits.tetrahedra as u64 {
+            return Err(ReadError::TooManyTetrahedra { limit: self.limits.tetrahedra });
+        }
+        self.mesh.tetrahedra.reserve_exact(declared as usize);
+        Ok(())
+    }
+
+    pub fn vertex(&mut self, position: [f64; 3]) -> Result<(), ReadError> {
+        let limit = self.limits.vertices.min(u32::MAX as usize);
+        if self.mesh.positions.len() >= limit {
+            return Err(ReadError::TooManyVertices { limit });
+        }
+        self.mesh.positions.push(position);
+        Ok(())
+    }
+
+    /// Adds a corner to the current polygon.
+    #[inline]
+    pub fn corner(&mut self, vertex: u32, place: Place) -> Result<(), ReadError> {
+        if self.corners >= self.limits.corners_per_polygon {
+            let limit = self.limits.corners_per_polygon;
+            return Err(ReadError::PolygonTooLarge { number: self.polygons, place, limit });
+        }
+        match self.corners {
+            0 => self.first = vertex,
+            1 => {}
+            _ => self.triangle([self.first, self.previous, vertex])?,
+        }
+        self.previous = vertex;
+        self.corners += 1;
+        Ok(())
+    }
+
+    /// Ends the current polygon.
+    #[inline]
+    pub fn end_polygon(&mut self) {
+        match self.corners {
+            0..=2 => self.mesh.short_faces_dropped += 1,
+            3 => {}
+            // The limit on faces keeps both below `u32::MAX`.
+            corners => self
+                .fans
+                .push(Fan { first_face: (self.mesh.faces.len() + 2 - corners) as u32, corners: corners as u32 }),
+        }
+        self.corners = 0;
+        self.polygons += 1;
+    }
+
+    /// Adds a triangle that belongs to no polygon, or is part of a fan.
+    #[inline]
+    pub fn triangle(&mut self, face: [u32; 3]) -> Result<(), ReadError> {
+        let limit = self.limits.faces.min(u32::MAX as usize);
+        if self.mesh.faces.len() >= limit {
+            return Err(ReadError::TooManyFaces { limit });
+        }
+        self.mesh.faces.push(face);
+        Ok(())
+    }
+
+    pub fn tetrahedron(&mut self, corners: [u32; 4]) -> Result<(), ReadError> {
+        if self.mesh.tetrahedra.len() >= self.limits.tetrahedra {
+            return Err(ReadError::TooManyTetrahedra { limit: self.limits.tetrahedra });
+        }
+        self.mesh.tetrahedra.push(corners);
+        Ok(())
+    }
+
+    /// An index of a format that counts from one. Vertices may follow later; [`finish`](Self::finish) checks that they did.
+    pub fn from_one(
+        &mut self,
+        index: i64,
+        format: MeshFormat,
+        element: &'static str,
+        number: usize,
+        place: Place,
+    ) -> Result<u32, ReadError> {
+        if index == 0 {
+            return Err(ReadError::IndexZero { format, element, number, place });
+        }
+        let vertices = self.mesh.positions.len();
+        let zero_based = u32::try_from(index - 1).map_err(|_| ReadError::IndexOutOfRange {
+            element,
+            number,
+            place,
+            index,
+            vertices,
+        })?;
+        if zero_based as usize >= vertices && self.forward.is_none_or(|forward| zero_based > forward.index) {
+            self.forward = Some(Forward { index: zero_based, element, number, place });
+        }
+        Ok(zero_based)
+    }
+
+    /// Checks what could not be checked before all vertices were known, and triangulates polygons.
+    pub fn finish(mut self) -> Result<RawMesh, ReadError> {
+        let vertices = self.mesh.positions.len();
+        if let Some(Forward { index, element, number, place }) = self.forward
+            && index as usize >= vertices
+        {
+            return Err(ReadError::IndexOutOfRange { element, number, place, index: i64::from(index) + 1, vertices });
+        }
+        polygon::triangulate(&self.mesh.positions, &mut self.mesh.faces, &self.fans);
+        self.mesh.polygons_triangulated = self.fans.len();
+        Ok(self.mesh)
+    }
+}
+
+/// An index of a format that counts from zero and announces its vertices.
+pub(super) fn from_zero(
+    index: i64,
+    vertices: usize,
+    element: &'static str,
+    number: usize,
+    place: Place,
+) -> Result<u32, ReadError> {
+    match u32::try_from(index) {
+        Ok(vertex) if (vertex as usize) < vertices => Ok(vertex),
+        _ => Err(ReadError::IndexOutOfRange { element, number, place, index, vertices }),
+    }
+}
