@@ -48,4 +48,11 @@ impl DenseMatrix {
     pub fn values_mut(&mut self) -> &mut [f64] {
         &mut self.values
     }
+
+    /// Drops all columns from `columns` on, and the memory they took.
+    pub fn keep_columns(&mut self, columns: usize) {
+        self.columns = self.columns.min(columns);
+        self.values.truncate(self.rows * self.columns);
+        self.values.shrink_to_fit();
+    }
 }
