@@ -9,6 +9,7 @@ use crate::mesh::TriangleMesh;
 use crate::mesh::connectivity::Connectivity;
 use crate::mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
 use crate::mesh::measure::surface_area;
+use crate::mesh::sample::{farthest_points, poisson_disk};
 use crate::monitor::{Cancelled, Monitor};
 
 /// The weight of a vertex by its distance from the sample, as a share of the support radius (appendix 2.A). All are 1 at the
@@ -82,10 +83,81 @@ pub fn support_radius(area: f64, sigma: f64, dimension: usize) -> f64 {
     (sigma * area / (std::f64::consts::PI * dimension as f64)).sqrt()
 }
 
+/// Where the functions of a subspace are centred.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sampling {
+    /// Constrained Poisson disks (Corsini et al. 2012): the thesis' choice.
+    #[default]
+    PoissonDisk,
+    /// Farthest points along edges.
+    FarthestPoints,
+}
+
+/// The choices of the radial construction; the default is the thesis'.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case", default, deny_unknown_fields)]
+pub struct RadialParameters {
+    /// How samples are chosen.
+    pub sampling: Sampling,
+    /// How the distance to a sample is measured.
+    pub distance: DistanceKind,
+    /// How weights fall with the distance.
+    pub profile: Profile,
+    /// How many samples the support of a function holds on average; 7 to 15 in the thesis.
+    pub sigma: f64,
+}
+
+impl Default for RadialParameters {
+    fn default() -> Self {
+        Self {
+            sampling: Sampling::default(),
+            distance: DistanceKind::default(),
+            profile: Profile::default(),
+            sigma: 10.0,
+        }
+    }
+}
+
+/// The thesis' subspace: `dimension` samples and the [`columns`] around them. It has fewer columns than `dimension` only where the
+/// mesh has fewer vertices, and more where vertices had to be covered.
+///
+/// Reports the stages `sampling` and `basis`.
+///
+/// # Errors
+/// As [`columns`].
+pub fn space(
+    mesh: &TriangleMesh,
+    connectivity: &Connectivity,
+    dimension: usize,
+    seed: u64,
+    parameters: &RadialParameters,
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix<f32>, RadialError> {
+    monitor.stage("sampling");
+    let samples = match parameters.sampling {
+        Sampling::PoissonDisk => poisson_disk(mesh, connectivity, dimension, seed, monitor)?,
+        Sampling::FarthestPoints => farthest_points(connectivity, dimension, seed, monitor)?,
+    };
+    monitor.stage("basis");
+    let RadialParameters { distance, profile, sigma, .. } = *parameters;
+    columns(mesh, connectivity, &samples, distance, profile, sigma, monitor)
+}
+
+/// The support of a sample shrinks by this factor while the sample is crowded.
+const SHRINK: f32 = 1.5;
+
+/// How often supports may shrink.
+const SHRINK_ROUNDS: usize = 4;
+
+/// A sample is crowded when its share of its own vertex is less than this divided by σ. Evenly spread samples have about 3.3/σ.
+const CROWDED: f64 = 1.2;
+
 /// The columns of `U` around `samples`: `n × d`, each row non-negative with sum 1, and no row empty.
 ///
 /// Column `j` is the profile of the distance from sample `j`, over the support radius that follows from `sigma` and the area of the
-/// mesh. A vertex that lies in no support becomes a sample itself, in ascending order after the given ones, so
+/// mesh; where samples crowd, their supports are shrunk until each keeps a fair share of its own vertex, so that columns stay
+/// independent. A vertex that lies in no support becomes a sample itself, in ascending order after the given ones, so
 /// `d ≥ samples.len()`.
 ///
 /// # Errors
@@ -112,84 +184,159 @@ pub fn columns(
         return Err(RadialError::Radius { sigma, area });
     }
     let geometry = DistanceGeometry::new(mesh, connectivity, distance, radius);
-    let counts: Vec<AtomicU32> = (0..n).map(|_| AtomicU32::new(0)).collect();
-    let grow = |workspace: &mut DistanceWorkspace, sample: u32| {
-        let disk = workspace.local_distances(&geometry, sample, 1.0);
-        let mut column: Vec<(u32, f32)> = Vec::with_capacity(disk.len());
-        for &(v, t) in disk {
-            let weight = profile.weight(t);
-            if weight > 0.0 {
-                counts[v as usize].fetch_add(1, Ordering::Relaxed);
-                column.push((v, weight));
-            }
-        }
-        column
+    let mut supports = Supports {
+        geometry,
+        profile,
+        centres: samples.iter().map(|&v| (v, 1.0)).collect(),
+        columns: vec![Vec::new(); samples.len()],
+        counts: (0..n).map(|_| AtomicU32::new(0)).collect(),
     };
-    let done = AtomicU32::new(0);
-    let mut columns = samples
-        .par_iter()
-        .map_init(
-            || DistanceWorkspace::new(n),
-            |workspace, &sample| {
-                monitor.checkpoint()?;
-                let column = grow(workspace, sample);
-                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                if done.is_multiple_of(32) {
-                    monitor.progress(f64::from(done) / samples.len() as f64);
-                }
-                Ok(column)
-            },
-        )
-        .collect::<Result<Vec<_>, Cancelled>>()?;
-    let mut workspace = None;
-    for v in 0..n as u32 {
-        if counts[v as usize].load(Ordering::Relaxed) == 0 {
-            monitor.checkpoint()?;
-            columns.push(grow(workspace.get_or_insert_with(|| DistanceWorkspace::new(n)), v));
+    let all: Vec<u32> = (0..samples.len() as u32).collect();
+    supports.grow(&all, monitor)?;
+    for _ in 0..SHRINK_ROUNDS {
+        let crowded = supports.crowded((CROWDED / sigma) as f32);
+        if crowded.is_empty() {
+            break;
         }
+        supports.shrink(&crowded, monitor)?;
     }
-    Ok(normalised_rows(n, &counts, columns))
+    supports.cover(monitor)?;
+    Ok(supports.into_rows())
 }
 
-/// Turns columns into rows that sum to 1. `counts` holds the length of each row and is used up.
-fn normalised_rows(n: usize, counts: &[AtomicU32], columns: Vec<Vec<(u32, f32)>>) -> SparseMatrix<f32> {
-    let dimension = columns.len();
-    let mut offsets = Vec::with_capacity(n + 1);
-    let mut total = 0usize;
-    offsets.push(0);
-    for count in counts {
-        total += count.load(Ordering::Relaxed) as usize;
-        offsets.push(total);
-    }
-    // Threads drop entries into their rows in any order; sorting each row afterwards makes the result independent of that.
-    let entries: Vec<AtomicU64> = (0..total).map(|_| AtomicU64::new(0)).collect();
-    columns.into_par_iter().enumerate().for_each(|(j, column)| {
-        for (v, weight) in column {
-            let left = counts[v as usize].fetch_sub(1, Ordering::Relaxed) as usize;
-            let entry = (j as u64) << 32 | u64::from(weight.to_bits());
-            entries[offsets[v as usize + 1] - left].store(entry, Ordering::Relaxed);
+/// A column: the vertices of a support and their weights, in the order in which they were reached.
+type Column = Vec<(u32, f32)>;
+
+/// The functions before they are normalised.
+struct Supports<'a> {
+    geometry: DistanceGeometry<'a>,
+    profile: Profile,
+    /// The sample of each column and its support radius, as a share of the common one.
+    centres: Vec<(u32, f32)>,
+    columns: Vec<Column>,
+    /// In how many supports each vertex lies.
+    counts: Vec<AtomicU32>,
+}
+
+impl Supports<'_> {
+    /// Makes the given columns anew, in parallel.
+    fn grow(&mut self, which: &[u32], monitor: &dyn Monitor) -> Result<(), Cancelled> {
+        let done = AtomicU32::new(0);
+        let (geometry, profile, counts) = (&self.geometry, self.profile, &self.counts);
+        let fresh = which
+            .par_iter()
+            .map_init(
+                || DistanceWorkspace::new(counts.len()),
+                |workspace, &j| {
+                    monitor.checkpoint()?;
+                    let (sample, share) = self.centres[j as usize];
+                    let disk = workspace.local_distances(geometry, sample, share);
+                    let mut column = Vec::with_capacity(disk.len());
+                    for &(v, distance) in disk {
+                        let weight = profile.weight(distance / share);
+                        if weight > 0.0 {
+                            counts[v as usize].fetch_add(1, Ordering::Relaxed);
+                            column.push((v, weight));
+                        }
+                    }
+                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    if done.is_multiple_of(32) {
+                        monitor.progress(f64::from(done) / which.len() as f64);
+                    }
+                    Ok(column)
+                },
+            )
+            .collect::<Result<Vec<Column>, Cancelled>>()?;
+        for (&j, column) in which.iter().zip(fresh) {
+            self.columns[j as usize] = column;
         }
-    });
-    let mut indices = vec![0u32; total];
-    let mut values = vec![0f32; total];
-    let mut rows: Vec<(&mut [u32], &mut [f32])> = Vec::with_capacity(n);
-    let (mut rest_indices, mut rest_values) = (&mut indices[..], &mut values[..]);
-    for row in 0..n {
-        let length = offsets[row + 1] - offsets[row];
-        let (i, ri) = rest_indices.split_at_mut(length);
-        let (v, rv) = rest_values.split_at_mut(length);
-        rows.push((i, v));
-        (rest_indices, rest_values) = (ri, rv);
+        Ok(())
     }
-    rows.into_par_iter().with_min_len(1 << 10).enumerate().for_each_init(Vec::new, |row, (r, (indices, values))| {
-        row.clear();
-        row.extend(entries[offsets[r]..offsets[r + 1]].iter().map(|e| e.load(Ordering::Relaxed)));
-        row.sort_unstable();
-        let sum: f32 = row.iter().map(|&e| f32::from_bits(e as u32)).sum();
-        for ((&entry, index), value) in row.iter().zip(indices).zip(values) {
-            *index = (entry >> 32) as u32;
-            *value = f32::from_bits(entry as u32) / sum;
+
+    /// The columns whose share of their own sample's vertex is less than `least`.
+    fn crowded(&self, least: f32) -> Vec<u32> {
+        let mut slots = vec![u32::MAX; self.counts.len()];
+        let mut sums = vec![0f32; self.centres.len()];
+        for (j, &(v, _)) in self.centres.iter().enumerate() {
+            slots[v as usize] = j as u32;
         }
-    });
-    SparseMatrix::from_sorted_parts(n, dimension, offsets, indices, values)
+        for &(v, weight) in self.columns.iter().flatten() {
+            if let Some(sum) = sums.get_mut(slots[v as usize] as usize) {
+                *sum += weight;
+            }
+        }
+        (0..self.centres.len() as u32)
+            .filter(|&j| sums[slots[self.centres[j as usize].0 as usize] as usize] * least > 1.0)
+            .collect()
+    }
+
+    fn shrink(&mut self, which: &[u32], monitor: &dyn Monitor) -> Result<(), Cancelled> {
+        for &j in which {
+            for &(v, _) in &self.columns[j as usize] {
+                self.counts[v as usize].fetch_sub(1, Ordering::Relaxed);
+            }
+            self.centres[j as usize].1 /= SHRINK;
+        }
+        self.grow(which, monitor)
+    }
+
+    /// Gives each vertex outside all supports a function of its own, until there is none.
+    fn cover(&mut self, monitor: &dyn Monitor) -> Result<(), Cancelled> {
+        for v in 0..self.counts.len() as u32 {
+            if self.counts[v as usize].load(Ordering::Relaxed) == 0 {
+                self.centres.push((v, 1.0));
+                self.columns.push(Vec::new());
+                self.grow(&[self.centres.len() as u32 - 1], monitor)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Turns columns into rows that sum to 1.
+    fn into_rows(self) -> SparseMatrix<f32> {
+        let (n, dimension) = (self.counts.len(), self.columns.len());
+        let counts = self.counts;
+        let mut offsets = Vec::with_capacity(n + 1);
+        let mut total = 0usize;
+        offsets.push(0);
+        for count in &counts {
+            total += count.load(Ordering::Relaxed) as usize;
+            offsets.push(total);
+        }
+        // Threads drop entries into their rows in any order; sorting each row afterwards makes the result independent of
+        // that.
+        let entries: Vec<AtomicU64> = (0..total).map(|_| AtomicU64::new(0)).collect();
+        self.columns.into_par_iter().enumerate().for_each(|(j, column)| {
+            for (v, weight) in column {
+                let left = counts[v as usize].fetch_sub(1, Ordering::Relaxed) as usize;
+                let entry = (j as u64) << 32 | u64::from(weight.to_bits());
+                entries[offsets[v as usize + 1] - left].store(entry, Ordering::Relaxed);
+            }
+        });
+        let mut indices = vec![0u32; total];
+        let mut values = vec![0f32; total];
+        let mut rows: Vec<(&mut [u32], &mut [f32])> = Vec::with_capacity(n);
+        let (mut rest_indices, mut rest_values) = (&mut indices[..], &mut values[..]);
+        for row in 0..n {
+            let length = offsets[row + 1] - offsets[row];
+            let (i, ri) = rest_indices.split_at_mut(length);
+            let (v, rv) = rest_values.split_at_mut(length);
+            rows.push((i, v));
+            (rest_indices, rest_values) = (ri, rv);
+        }
+        rows.into_par_iter().with_min_len(1 << 10).enumerate().for_each_init(
+            Vec::new,
+            |row, (r, (indices, values))| {
+                row.clear();
+                row.extend(entries[offsets[r]..offsets[r + 1]].iter().map(|e| e.load(Ordering::Relaxed)));
+                row.sort_unstable();
+                let sum: f32 = row.iter().map(|&e| f32::from_bits(e as u32)).sum();
+                for ((&entry, index), value) in row.iter().zip(indices).zip(values) {
+                    *index = (entry >> 32) as u32;
+                    *value = f32::from_bits(entry as u32) / sum;
+                }
+            },
+        );
+        SparseMatrix::from_sorted_parts(n, dimension, offsets, indices, values)
+    }
 }

@@ -2,7 +2,9 @@
 
 mod farthest;
 mod lloyd;
+mod poisson;
 mod random;
 
 pub use farthest::{extend_farthest_points, farthest_points};
-pub use lloyd::{lloyd, voronoi_cells};
+pub use lloyd::{NO_CELL, lloyd, voronoi_cells};
+pub use poisson::poisson_disk;
