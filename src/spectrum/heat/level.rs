@@ -1,0 +1,145 @@
+//! One level of the hierarchy: a weighted graph with masses, in single precision and on unit area.
+
+use rayon::prelude::*;
+
+use super::HeatError;
+use crate::mesh::connectivity::Connectivity;
+use crate::operator::{EigenProblem, MassMatrix};
+
+/// A weighted graph: the finest one holds the mesh, coarser ones its aggregates.
+///
+/// The stiffness is `diagonal[i]` on the diagonal and `−weights` off it; neighbours of a vertex ascend.
+pub(super) struct Level {
+    pub offsets: Vec<u32>,
+    pub neighbours: Vec<u32>,
+    pub weights: Vec<f32>,
+    pub lengths: Vec<f32>,
+    pub diagonal: Vec<f32>,
+    pub mass: Vec<f32>,
+}
+
+impl Level {
+    /// The mesh itself: the stiffness and lumped mass of `problem` and the lengths of `connectivity` over √area. An entry that
+    /// only one of the two knows gets weight 0, or a length that no path takes.
+    pub fn finest(problem: &EigenProblem, connectivity: &Connectivity) -> Result<Self, HeatError> {
+        let n = problem.stiffness.rows();
+        if !(problem.area > 0.0 && problem.area.is_finite()) {
+            return Err(HeatError::NotFinite { row: 0 });
+        }
+        let scale = 1.0 / problem.area.sqrt();
+        let rows_per_chunk = 8192;
+        let chunks: Vec<Chunk> = (0..n.div_ceil(rows_per_chunk))
+            .into_par_iter()
+            .map(|chunk| {
+                let rows = chunk * rows_per_chunk..((chunk + 1) * rows_per_chunk).min(n);
+                Chunk::merge(problem, connectivity, rows, scale)
+            })
+            .collect::<Result<_, _>>()?;
+        let mut level = Self {
+            offsets: Vec::with_capacity(n + 1),
+            neighbours: Vec::new(),
+            weights: Vec::new(),
+            lengths: Vec::new(),
+            diagonal: Vec::with_capacity(n),
+            mass: Vec::with_capacity(n),
+        };
+        let entries = chunks.iter().map(|chunk| chunk.neighbours.len()).sum();
+        level.neighbours.reserve_exact(entries);
+        level.weights.reserve_exact(entries);
+        level.lengths.reserve_exact(entries);
+        level.offsets.push(0);
+        for chunk in chunks {
+            for count in chunk.counts {
+                let end = level.offsets.last().copied().unwrap_or(0) + count;
+                level.offsets.push(end);
+            }
+            level.neighbours.extend(chunk.neighbours);
+            level.weights.extend(chunk.weights);
+            level.lengths.extend(chunk.lengths);
+            level.diagonal.extend(chunk.diagonal);
+            level.mass.extend(chunk.mass);
+        }
+        Ok(level)
+    }
+
+    /// The number of vertices.
+    pub fn vertices(&self) -> usize {
+        self.diagonal.len()
+    }
+
+    /// Where the neighbours of a vertex lie.
+    #[inline]
+    pub fn edges(&self, vertex: usize) -> std::ops::Range<usize> {
+        self.offsets[vertex] as usize..self.offsets[vertex + 1] as usize
+    }
+}
+
+/// A run of rows of the finest level.
+#[derive(Default)]
+struct Chunk {
+    counts: Vec<u32>,
+    neighbours: Vec<u32>,
+    weights: Vec<f32>,
+    lengths: Vec<f32>,
+    diagonal: Vec<f32>,
+    mass: Vec<f32>,
+}
+
+impl Chunk {
+    fn merge(
+        problem: &EigenProblem,
+        connectivity: &Connectivity,
+        rows: std::ops::Range<usize>,
+        scale: f64,
+    ) -> Result<Self, HeatError> {
+        let mut chunk = Self::default();
+        chunk.neighbours.reserve(7 * rows.len());
+        chunk.weights.reserve(7 * rows.len());
+        chunk.lengths.reserve(7 * rows.len());
+        for row in rows {
+            let before = chunk.neighbours.len();
+            let (indices, values) = problem.stiffness.row(row);
+            let (ring, lengths) = connectivity.neighbours(row as u32);
+            let (mut s, mut c) = (0, 0);
+            let mut diagonal = 0.0;
+            let mut finite = true;
+            while s < indices.len() || c < ring.len() {
+                let left = indices.get(s).copied().unwrap_or(u32::MAX);
+                let right = ring.get(c).copied().unwrap_or(u32::MAX);
+                let vertex = left.min(right);
+                let (mut weight, mut length) = (0.0, f32::INFINITY);
+                if left == vertex {
+                    weight = values[s];
+                    finite &= weight.is_finite();
+                    s += 1;
+                }
+                if right == vertex {
+                    length = (lengths[c] * scale) as f32;
+                    c += 1;
+                }
+                if vertex as usize == row {
+                    diagonal = weight;
+                } else {
+                    chunk.neighbours.push(vertex);
+                    chunk.weights.push(-weight as f32);
+                    chunk.lengths.push(length);
+                }
+            }
+            let mass = lumped(&problem.mass, row);
+            if !(finite && mass.is_finite()) {
+                return Err(HeatError::NotFinite { row });
+            }
+            chunk.counts.push((chunk.neighbours.len() - before) as u32);
+            chunk.diagonal.push(diagonal as f32);
+            chunk.mass.push(mass.max(0.0) as f32);
+        }
+        Ok(chunk)
+    }
+}
+
+fn lumped(mass: &MassMatrix, row: usize) -> f64 {
+    match mass {
+        MassMatrix::Diagonal(diagonal) => diagonal[row],
+        MassMatrix::Sparse(matrix) => matrix.row(row).1.iter().sum(),
+    }
+}
