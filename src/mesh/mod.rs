@@ -8,6 +8,7 @@ pub mod read;
 mod repair;
 mod report;
 pub mod sample;
+pub mod shape;
 mod topology;
 pub mod write;
 
