@@ -109,6 +109,10 @@ pub struct Config {
     #[arg(long, value_name = "N", env = "CHLADNI_MAX_ATTEMPTS", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..), help_heading = "Work")]
     pub max_attempts: u32,
 
+    /// A fault for tests, as POINT:ACTION[:PASSES]; see the faults of the store
+    #[arg(long, value_name = "FAULT", env = "CHLADNI_FAULT", hide = true)]
+    pub fault: Option<String>,
+
     /// What a request may ask for.
     #[command(flatten)]
     pub limits: Limits,
@@ -261,6 +265,7 @@ impl Default for Config {
             stall_seconds: Duration::from_secs(300),
             drain_seconds: Duration::from_secs(30),
             max_attempts: 3,
+            fault: None,
             limits: Limits::default(),
             logs: LogSettings::default(),
         }

@@ -39,6 +39,9 @@ pub enum CliError {
     /// Logs or metrics cannot be set up.
     #[error(transparent)]
     Telemetry(#[from] TelemetryError),
+    /// The server refused a request, or its job failed.
+    #[error("{0}")]
+    Refused(String),
     /// The server cannot start, or stopped with an error.
     #[error("{0}")]
     Service(String),
@@ -63,7 +66,7 @@ impl CliError {
     /// What the process answers: 1 the mesh or the work failed; 2 wrong usage; 3 a file, the network or the storage failed.
     pub fn exit_code(&self) -> ExitCode {
         ExitCode::from(match self {
-            Self::Mesh { .. } | Self::Job(_) => 1,
+            Self::Mesh { .. } | Self::Job(_) | Self::Refused(_) => 1,
             Self::Usage(_) | Self::Parameters(_) | Self::Config(_) | Self::Telemetry(_) => 2,
             Self::Io { .. } | Self::Service(_) => 3,
         })

@@ -1,8 +1,11 @@
 //! The command line: one file per command.
 
+mod client;
+mod demo;
 mod error;
 mod input;
 mod progress;
+pub mod serve;
 mod solve;
 mod text;
 
@@ -11,7 +14,9 @@ pub use input::{MeshInput, read_bytes};
 pub use progress::StageBars;
 pub use text::{Table, bytes, grouped, number, seconds};
 
+use crate::config::Config;
 use clap::Parser;
+use std::io::Write;
 use std::process::ExitCode;
 
 /// Spectral geometry as a service: eigenbases of surfaces, compact and certified.
@@ -24,6 +29,8 @@ struct Cli {
 
 const EXAMPLES: &str = "\
 Examples:
+  chladni demo                                             see it work, from upload to basis
+  chladni serve --data /srv/chladni --workers 2            the service
   chladni solve bunny.ply --count 500 --output bunny.npz   500 eigenpairs, without a server
 
 Exit codes: 0 done; 1 the mesh or the work failed; 2 wrong usage; 3 a file, the network or the storage failed.
@@ -31,13 +38,31 @@ Exit codes: 0 done; 1 the mesh or the work failed; 2 wrong usage; 3 a file, the 
 
 #[derive(Debug, clap::Subcommand)]
 enum Command {
+    Demo(demo::DemoArguments),
+    /// Serve the API over HTTP, with the queue, the workers and the storage in this one process
+    #[command(after_help = SERVE_HELP)]
+    Serve(Box<Config>),
     Solve(solve::SolveArguments),
+    /// Print the OpenAPI document of the API
+    Openapi,
 }
+
+const SERVE_HELP: &str = "\
+Examples:
+  chladni serve                                           on this machine alone, data in ./chladni-data
+  chladni serve --data /srv/chladni --workers 2 --threads 16 --log-format json
+  chladni serve --listen 0.0.0.0:8080 --keys-file keys    for others: one NAME:SCOPES:SECRET per line
+
+A server that others can reach does not start without API keys unless told --insecure. The first SIGTERM or Ctrl-C
+drains: running jobs get --drain-seconds, then they return to the queue. A second one ends the process at once.";
 
 /// Parses the command line and runs the chosen command.
 pub fn main() -> ExitCode {
     let result = match Cli::parse().command {
+        Command::Demo(arguments) => demo::demo(arguments),
+        Command::Serve(config) => serve::serve(*config),
         Command::Solve(arguments) => solve::solve(arguments),
+        Command::Openapi => openapi(),
     };
     result.unwrap_or_else(|error| {
         // A reader that closed the pipe, such as `head`, has all that it wanted.
@@ -47,6 +72,13 @@ pub fn main() -> ExitCode {
         eprintln!("chladni: {error}");
         error.exit_code()
     })
+}
+
+/// Runs `chladni openapi`.
+fn openapi() -> Result<ExitCode, CliError> {
+    let document = crate::http::openapi().map_err(|error| CliError::Service(error.to_string()))?;
+    std::io::stdout().write_all(document.as_bytes()).map_err(CliError::stdout)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 #[cfg(test)]

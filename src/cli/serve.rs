@@ -1,0 +1,251 @@
+//! `serve`: the store, the workers and the API, wired together, and their end in order.
+
+use super::CliError;
+use crate::config::Config;
+use crate::http::{self, AppState};
+use crate::queue::{QueueObserver, Solver, WorkerOptions, WorkerPool};
+use crate::store::{JobStatus, Store, StoreOptions, fault::Faults};
+use crate::telemetry::{Metrics, start_logs};
+use std::io::{self, Write};
+use std::net::SocketAddr;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+/// What the process answers when it is told twice to stop.
+const INTERRUPTED: u8 = 130;
+
+/// Runs `chladni serve` until SIGTERM or SIGINT.
+pub fn serve(config: Config) -> Result<ExitCode, CliError> {
+    start_logs(&config.logs)?;
+    runtime()?.block_on(async {
+        let signals = Signals::install()?;
+        let running = start(config).await?;
+        // One line for scripts, which may have asked for a free port; everything else goes to the log.
+        writeln!(io::stdout(), "listening on {}", running.url()).map_err(CliError::stdout)?;
+        signals.stop_on_first(running).await
+    })
+}
+
+/// The async runtime of the server. Solves run on rayon pools; this one only moves bytes and waits.
+pub(super) fn runtime() -> Result<tokio::runtime::Runtime, CliError> {
+    tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .thread_name("chladni-io")
+        .build()
+        .map_err(|error| CliError::Service(format!("cannot start the async runtime: {error}")))
+}
+
+/// A running server.
+pub struct Running {
+    /// Where it listens, with the port that was taken where 0 was asked for.
+    pub address: SocketAddr,
+    /// What it stores.
+    pub store: Store,
+    /// What it counts.
+    pub metrics: Arc<Metrics>,
+    workers: Arc<WorkerPool>,
+    stop: CancellationToken,
+    server: JoinHandle<io::Result<()>>,
+    drain: Duration,
+}
+
+/// Starts a server on the configured address.
+///
+/// # Errors
+/// [`CliError::Config`] for settings that contradict each other, [`CliError::Service`] where the address is taken, the data folder
+/// cannot be used, or a server beyond loopback would run without keys.
+pub async fn start(config: Config) -> Result<Running, CliError> {
+    let listener = bind(config.listen).await?;
+    start_on(listener, config).await
+}
+
+/// Takes an address.
+pub(super) async fn bind(address: SocketAddr) -> Result<TcpListener, CliError> {
+    TcpListener::bind(address).await.map_err(|source| CliError::Io {
+        action: "listen on",
+        target: address.to_string(),
+        source,
+    })
+}
+
+/// Starts a server on a socket that listens already.
+///
+/// # Errors
+/// As [`start`].
+pub async fn start_on(listener: TcpListener, config: Config) -> Result<Running, CliError> {
+    let service = |error: &dyn std::fmt::Display| CliError::Service(error.to_string());
+    config.validate()?;
+    let address = listener.local_addr().map_err(|source| CliError::Io {
+        action: "listen on",
+        target: config.listen.to_string(),
+        source,
+    })?;
+    let keys = config
+        .all_keys()?
+        .entries()
+        .iter()
+        .map(|entry| entry.parse())
+        .collect::<Result<Vec<http::ApiKey>, http::KeyError>>()
+        .map_err(|error| CliError::Usage(error.to_string()))?;
+    http::require_keys(address, &keys, config.insecure).map_err(|error| CliError::Usage(error.to_string()))?;
+
+    let metrics = Arc::new(Metrics::new()?);
+    let mut options = StoreOptions::new(&config.data);
+    options.cache_bytes = config.cache_bytes;
+    options.least_free_bytes = config.least_free_bytes;
+    if let Some(fault) = &config.fault {
+        options.faults = Faults::parse(fault).map_err(|error| CliError::Usage(error.to_string()))?;
+    }
+    let store = Store::open(options).await.map_err(|error| service(&error))?;
+    let workers = Arc::new(WorkerPool::start(
+        store.clone(),
+        WorkerOptions {
+            workers: config.workers,
+            threads: config.job_threads(),
+            lease: config.lease_seconds,
+            stall: config.stall_seconds,
+            kinds: Vec::new(),
+        },
+        Arc::new(Solver),
+        Arc::new(Counting(metrics.clone())),
+    ));
+    let drain = config.drain_seconds;
+    let (solve_threads, threads, jobs_at_once) = (config.reduced_solve_threads(), config.job_threads(), config.workers);
+    let data = config.data.display().to_string();
+    let alive = workers.clone();
+    let state = AppState::new(store.clone(), config, metrics.clone(), move || alive.alive())
+        .map_err(|error| service(&error))?;
+    let stop = CancellationToken::new();
+    let server = tokio::spawn(http::serve(listener, state, stop.clone().cancelled_owned()));
+    tracing::info!(
+        %address,
+        data,
+        workers = jobs_at_once,
+        threads,
+        solve_threads,
+        keys = keys.len(),
+        version = env!("CARGO_PKG_VERSION"),
+        "listening"
+    );
+    Ok(Running { address, store, metrics, workers, stop, server, drain })
+}
+
+impl Running {
+    /// The address as the beginning of a URL, without a slash at the end. An unspecified address is given as loopback.
+    pub fn url(&self) -> String {
+        let mut address = self.address;
+        if address.ip().is_unspecified() {
+            address.set_ip(match address {
+                SocketAddr::V4(_) => std::net::Ipv4Addr::LOCALHOST.into(),
+                SocketAddr::V6(_) => std::net::Ipv6Addr::LOCALHOST.into(),
+            });
+        }
+        format!("http://{address}")
+    }
+
+    /// Stops in order: no new requests and jobs; running ones get the drain time; what still runs returns to the queue.
+    ///
+    /// # Errors
+    /// [`CliError::Service`] where the server had ended with an error before.
+    pub async fn stop(self) -> Result<(), CliError> {
+        self.stop.cancel();
+        // Both get the same time at once: a request may wait for a job.
+        let (served, ()) = tokio::join!(self.server, self.workers.drain(self.drain));
+        self.store.close().await;
+        let ended = |reason: String| CliError::Service(format!("the server ended early: {reason}"));
+        match served {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(error)) => Err(ended(error.to_string())),
+            Err(error) => Err(ended(error.to_string())),
+        }
+    }
+}
+
+/// The signals that ask a server to stop.
+pub(super) struct Signals {
+    #[cfg(unix)]
+    terminate: tokio::signal::unix::Signal,
+    #[cfg(unix)]
+    interrupt: tokio::signal::unix::Signal,
+}
+
+impl Signals {
+    /// Takes SIGTERM and SIGINT over from now on.
+    #[cfg(unix)]
+    pub(super) fn install() -> Result<Self, CliError> {
+        use tokio::signal::unix::{SignalKind, signal};
+        let listen =
+            |kind| signal(kind).map_err(|error| CliError::Service(format!("cannot listen for signals: {error}")));
+        Ok(Self { terminate: listen(SignalKind::terminate())?, interrupt: listen(SignalKind::interrupt())? })
+    }
+
+    /// Takes Ctrl-C over from now on.
+    #[cfg(not(unix))]
+    pub(super) fn install() -> Result<Self, CliError> {
+        Ok(Self {})
+    }
+
+    /// Waits for the next signal and gives its name.
+    #[cfg(unix)]
+    pub(super) async fn next(&mut self) -> &'static str {
+        tokio::select! {
+            _ = self.terminate.recv() => "SIGTERM",
+            _ = self.interrupt.recv() => "SIGINT",
+        }
+    }
+
+    /// Waits for the next Ctrl-C.
+    #[cfg(not(unix))]
+    pub(super) async fn next(&mut self) -> &'static str {
+        if tokio::signal::ctrl_c().await.is_err() {
+            std::future::pending::<()>().await;
+        }
+        "Ctrl-C"
+    }
+
+    /// Serves until the first signal, then drains; a second signal ends the process without waiting.
+    pub(super) async fn stop_on_first(mut self, mut running: Running) -> Result<ExitCode, CliError> {
+        tokio::select! {
+            signal = self.next() => tracing::info!(signal, drain_seconds = running.drain.as_secs_f64(), "stopping"),
+            ended = &mut running.server => {
+                return Err(CliError::Service(format!("the server ended early: {ended:?}")));
+            }
+        }
+        tokio::select! {
+            stopped = running.stop() => {
+                stopped?;
+                tracing::info!("stopped");
+                Ok(ExitCode::SUCCESS)
+            }
+            signal = self.next() => {
+                tracing::warn!(signal, "ended without waiting; running jobs return to the queue when their leases end");
+                Ok(ExitCode::from(INTERRUPTED))
+            }
+        }
+    }
+}
+
+/// Counts what the queue does.
+struct Counting(Arc<Metrics>);
+
+impl QueueObserver for Counting {
+    fn claimed(&self, kind: &str, queue_seconds: f64) {
+        self.0.job_queue_seconds.with_label_values(&[kind]).observe(queue_seconds);
+    }
+    fn stage_ended(&self, kind: &str, stage: &str, seconds: f64) {
+        self.0.job_run_seconds.with_label_values(&[kind, stage]).observe(seconds);
+    }
+    fn retried(&self, _kind: &str) {
+        self.0.job_retries.inc();
+    }
+    fn lease_lost(&self, _kind: &str) {
+        self.0.leases_lost.inc();
+    }
+    fn finished(&self, kind: &str, status: JobStatus) {
+        tracing::debug!(kind, status = status.as_str(), "job finished");
+    }
+}
