@@ -2,6 +2,8 @@
 
 use super::CliError;
 use crate::mesh::TriangleMesh;
+use crate::mesh::check::{CheckOptions, Merge, check};
+use crate::mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -13,19 +15,51 @@ pub struct MeshInput {
     pub mesh: PathBuf,
 
     /// Format of the file, where its name does not tell: obj, ply, off, stl, medit
-    #[arg(long, value_name = "FORMAT", help_heading = "Input")]
-    pub format: Option<String>,
+    #[arg(long, value_name = "FORMAT", value_parser = format, help_heading = "Input")]
+    pub format: Option<MeshFormat>,
 
-    /// Whether vertices at equal positions become one; auto joins them where the format splits them, as STL does
-    #[arg(long, value_name = "WHEN", value_parser = ["auto", "always", "never"], default_value = "auto", help_heading = "Input")]
-    pub merge: String,
+    /// Whether vertices at equal positions become one: auto (where the format splits them, as STL does), always, never
+    #[arg(long, value_name = "WHEN", value_parser = merge, default_value = "auto", help_heading = "Input")]
+    pub merge: Merge,
 }
 
 impl MeshInput {
+    /// Reads the file, without a check.
+    pub fn read(&self) -> Result<RawMesh, CliError> {
+        let (bytes, name) = read_bytes(&self.mesh)?;
+        let by_name = || name.extension().and_then(|ending| MeshFormat::from_extension(ending.to_str()?));
+        let format = self.format.or_else(by_name).or_else(|| MeshFormat::sniff(&bytes));
+        let format = format.ok_or_else(|| {
+            CliError::mesh(&self.mesh, "neither name nor content tells the format; name it with --format")
+        })?;
+        read(&bytes, format, &ReadLimits::default()).map_err(|error| CliError::mesh(&self.mesh, error))
+    }
+
+    /// How the mesh is checked.
+    pub fn options(&self) -> CheckOptions {
+        CheckOptions { merge: self.merge, ..CheckOptions::default() }
+    }
+
     /// Reads, checks and repairs the mesh.
     pub fn load(&self) -> Result<TriangleMesh, CliError> {
-        let (_bytes, _name) = read_bytes(&self.mesh)?;
-        Err(CliError::mesh(&self.mesh, "no reader is built in yet"))
+        let checked = check(self.read()?, &self.options()).map_err(|error| CliError::mesh(&self.mesh, error))?;
+        Ok(checked.mesh)
+    }
+}
+
+fn format(text: &str) -> Result<MeshFormat, String> {
+    MeshFormat::from_extension(text).ok_or_else(|| {
+        let names: Vec<&str> = MeshFormat::ALL.iter().map(|format| format.name()).collect();
+        format!("the formats are {}", names.join(", "))
+    })
+}
+
+fn merge(text: &str) -> Result<Merge, String> {
+    match text {
+        "auto" => Ok(Merge::Auto),
+        "always" => Ok(Merge::Always),
+        "never" => Ok(Merge::Never),
+        _ => Err("one of auto, always, never".into()),
     }
 }
 

@@ -1,11 +1,11 @@
 //! `solve`: one eigenproblem, without a server.
 
 use super::{CliError, MeshInput, StageBars, Table, bytes, grouped, number};
-use crate::basis::Basis;
+use crate::basis::{Basis, npz};
 use crate::job::{JobParameters, SOLVER_VERSION};
 use serde_json::{Map, Value, json};
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -116,6 +116,8 @@ pub fn solve(arguments: SolveArguments) -> Result<ExitCode, CliError> {
         .num_threads(arguments.threads)
         .build()
         .map_err(|error| CliError::Service(format!("cannot start {} threads: {error}", arguments.threads)))?;
+    // Before the work: a solve of minutes must not end at a folder that does not exist.
+    let output = arguments.output.as_deref().map(OutputFile::probe).transpose()?;
     let bars = StageBars::new(arguments.json || arguments.quiet);
     let began = Instant::now();
     bars.begin("read");
@@ -135,9 +137,9 @@ pub fn solve(arguments: SolveArguments) -> Result<ExitCode, CliError> {
         total,
         write: None,
     };
-    if let Some(path) = &arguments.output {
+    if let Some(file) = output {
         let began = Instant::now();
-        write_npz(&run.basis, path)?;
+        file.write(&run.basis)?;
         run.write = Some(began.elapsed().as_secs_f64());
     }
     let text = if arguments.json {
@@ -149,8 +151,41 @@ pub fn solve(arguments: SolveArguments) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn write_npz(_basis: &Basis, path: &std::path::Path) -> Result<(), CliError> {
-    Err(CliError::file("write", path, std::io::Error::other("NPZ is not built in yet")))
+/// A file that appears under its name only when it is whole.
+struct OutputFile {
+    path: PathBuf,
+    part: PathBuf,
+}
+
+impl OutputFile {
+    /// Makes sure that the file can be written; leaves nothing behind, so that an interrupted solve does not either.
+    fn probe(path: &Path) -> Result<Self, CliError> {
+        let mut name = path
+            .file_name()
+            .map(std::ffi::OsStr::to_owned)
+            .ok_or_else(|| CliError::Usage(format!("--output {}: this is no name of a file", path.display())))?;
+        name.push(format!(".{}.part", std::process::id()));
+        let output = Self { path: path.to_owned(), part: path.with_file_name(name) };
+        let failed = |error| CliError::file("write", &output.path, error);
+        std::fs::File::create(&output.part).map_err(failed)?;
+        std::fs::remove_file(&output.part).map_err(failed)?;
+        Ok(output)
+    }
+
+    fn write(&self, basis: &Basis) -> Result<(), CliError> {
+        let written = self.write_part(basis).and_then(|()| std::fs::rename(&self.part, &self.path));
+        written.map_err(|error| {
+            // What was written so far is of no use; that it may not be removed either adds nothing.
+            let _removed = std::fs::remove_file(&self.part);
+            CliError::file("write", &self.path, error)
+        })
+    }
+
+    fn write_part(&self, basis: &Basis) -> std::io::Result<()> {
+        let mut out = std::io::BufWriter::with_capacity(1 << 20, std::fs::File::create(&self.part)?);
+        npz::write(basis, &mut out).map_err(std::io::Error::other)?;
+        out.flush()
+    }
 }
 
 impl Run {
@@ -170,8 +205,8 @@ impl Run {
             "residuals": self.basis.certificate.residuals,
             "bounds": self.basis.certificate.bounds,
             "orthonormality_defect": self.basis.certificate.orthonormality_defect,
-            "basis_bytes": 0,
-            "dense_bytes": 0,
+            "basis_bytes": self.basis.compact_bytes(),
+            "dense_bytes": self.basis.dense_bytes(),
         });
         if let (Value::Object(line), Value::Object(parameters)) = (&mut line, job.canonical()) {
             for (name, value) in parameters {
@@ -209,9 +244,15 @@ impl Run {
             &self.basis.certificate.residuals,
             &self.basis.certificate.bounds,
         );
-        if let Some(path) = &arguments.output {
-            let size = std::fs::metadata(path).map_or(0, |file| file.len());
-            text += &format!("\n{} in {}\n", bytes(size), path.display());
+        let (compact, dense) = (self.basis.compact_bytes(), self.basis.dense_bytes());
+        text += &format!(
+            "\n{}, {:.0} % of the {} of a dense basis\n",
+            bytes(compact),
+            100.0 * compact as f64 / dense.max(1) as f64,
+            bytes(dense)
+        );
+        if let (Some(path), Some(seconds)) = (&arguments.output, self.write) {
+            text += &format!("written to {} in {seconds:.3} s\n", path.display());
         }
         text
     }
