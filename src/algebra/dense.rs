@@ -55,4 +55,21 @@ impl DenseMatrix {
         self.values.truncate(self.rows * self.columns);
         self.values.shrink_to_fit();
     }
+
+    /// `selfᵀ · other`, on the threads of the pool it is called from; `None` unless both have the same number of rows.
+    pub fn transposed_times(&self, other: &Self) -> Option<Self> {
+        if self.rows != other.rows {
+            return None;
+        }
+        let mut product = Self::zeros(self.columns, other.columns);
+        faer::linalg::matmul::matmul(
+            faer::MatMut::from_column_major_slice_mut(&mut product.values, self.columns, other.columns),
+            faer::Accum::Replace,
+            faer::MatRef::from_column_major_slice(&self.values, self.rows, self.columns).transpose(),
+            faer::MatRef::from_column_major_slice(&other.values, other.rows, other.columns),
+            1.0,
+            faer::Par::rayon(0),
+        );
+        Some(product)
+    }
 }

@@ -1,15 +1,19 @@
 //! Sparse and dense matrices and the dense symmetric-definite eigenproblem. The only room that names faer.
 
+mod blocks;
 mod dense;
 mod eigen;
 mod galerkin;
+mod lift;
 mod mass;
 mod product;
 mod sparse;
 
+pub use blocks::compact_order;
 pub use dense::DenseMatrix;
 pub use eigen::{CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};
 pub use galerkin::{GalerkinError, galerkin};
+pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::MassMatrix;
 pub use product::{Panel, Scalar};
 pub use sparse::{SparseError, SparseMatrix};

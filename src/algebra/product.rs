@@ -57,6 +57,17 @@ impl Panel {
         Some(panel)
     }
 
+    /// The same numbers, column after column.
+    pub fn to_columns(&self) -> DenseMatrix {
+        let mut dense = DenseMatrix::zeros(self.rows, self.width);
+        for k in 0..self.width {
+            for (row, value) in dense.column_mut(k).iter_mut().enumerate() {
+                *value = self.values[row * self.width + k];
+            }
+        }
+        dense
+    }
+
     /// The number of rows.
     pub fn rows(&self) -> usize {
         self.rows
@@ -146,6 +157,12 @@ impl<T: Scalar> SparseMatrix<T> {
         let mut y = Panel::zeros(self.rows(), x.width());
         self.multiply_rows(x.values(), x.width(), y.values_mut());
         Some(y)
+    }
+
+    /// `Y = A X` for a dense matrix, in parallel; `None` unless `X` has as many rows as the matrix columns.
+    pub fn multiply_dense(&self, x: &DenseMatrix) -> Option<DenseMatrix> {
+        let product = self.multiply_panel(&Panel::from_columns(x, 0..x.columns())?)?;
+        Some(product.to_columns())
     }
 
     fn multiply_rows(&self, x: &[f64], width: usize, y: &mut [f64]) {

@@ -2,6 +2,7 @@
 
 mod approximate;
 pub mod heat;
+pub mod certificate;
 pub mod radial;
 
 pub use approximate::{Accuracy, ApproximationError, ApproximationParameters, Construction, approximate};

@@ -1,0 +1,83 @@
+//! Lifting: rows of `U φ̄`, without ever forming all of it.
+
+use super::{DenseMatrix, SparseMatrix};
+
+/// Columns that are lifted at once: as many accumulators as keep the units of a core busy and still fit its registers.
+pub const LIFT_WIDTH: usize = 32;
+
+/// Lifts rows of `U φ̄` for a sparse `U`, `n × d`, and a dense `φ̄`, `d × m`.
+pub struct RowLifter<'a> {
+    space: &'a SparseMatrix<f32>,
+    /// `φ̄` row after row, rows padded with zeros to a multiple of [`LIFT_WIDTH`].
+    coefficients: Vec<f64>,
+    stride: usize,
+}
+
+impl<'a> RowLifter<'a> {
+    /// Keeps a copy of `coefficients` in the order that lifting reads it in. `None` unless it has as many rows as `space` columns.
+    pub fn new(space: &'a SparseMatrix<f32>, coefficients: &DenseMatrix) -> Option<Self> {
+        if coefficients.rows() != space.columns() {
+            return None;
+        }
+        let stride = coefficients.columns().next_multiple_of(LIFT_WIDTH);
+        let mut rows = vec![0.0; coefficients.rows() * stride];
+        // Eight columns at a time, so that whole cache lines are written.
+        for first in (0..coefficients.columns()).step_by(8) {
+            let columns = first..coefficients.columns().min(first + 8);
+            for (row, target) in rows.chunks_exact_mut(stride.max(1)).enumerate() {
+                for column in columns.clone() {
+                    target[column] = coefficients.column(column)[row];
+                }
+            }
+        }
+        Some(Self { space, coefficients: rows, stride })
+    }
+
+    /// Entries of columns `from..from + 32` in the given rows. `from` is a multiple of 32; columns beyond the last are zero.
+    pub fn lift(&self, rows: &[u32], from: usize, out: &mut [[f64; LIFT_WIDTH]]) {
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (&row, out) in rows.iter().zip(out) {
+                    let (columns, values) = self.space.row(row as usize);
+                    let mut acc = [0.0; LIFT_WIDTH];
+                    for (&column, &value) in columns.iter().zip(values) {
+                        let start = column as usize * self.stride + from;
+                        let value = f64::from(value);
+                        if let Some(x) = self.coefficients.get(start..start + LIFT_WIDTH) {
+                            for k in 0..LIFT_WIDTH {
+                                acc[k] += value * x[k];
+                            }
+                        }
+                    }
+                    *out = acc;
+                }
+            },
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lifted_rows_are_those_of_the_product() {
+        let space = SparseMatrix::new(3, 2, vec![0, 1, 1, 3], vec![1, 0, 1], vec![0.5f32, 2.0, -1.0]).unwrap();
+        let values: Vec<f64> = (0..80).map(|k| (f64::from(k) * 0.7).sin()).collect();
+        let dense = DenseMatrix::from_columns(2, 40, values).unwrap();
+        let lifter = RowLifter::new(&space, &dense).unwrap();
+        let mut out = vec![[9.0; LIFT_WIDTH]; 3];
+        for from in [0, 32] {
+            lifter.lift(&[2, 0, 1], from, &mut out);
+            for k in 0..LIFT_WIDTH {
+                let column = if from + k < 40 { dense.column(from + k) } else { &[0.0, 0.0] };
+                assert_eq!([out[0][k], out[1][k], out[2][k]], [2.0 * column[0] - column[1], 0.5 * column[1], 0.0]);
+            }
+        }
+        assert!(RowLifter::new(&space, &DenseMatrix::zeros(3, 1)).is_none());
+        let mut none = [[1.0; LIFT_WIDTH]; 1];
+        RowLifter::new(&space, &DenseMatrix::zeros(2, 0)).unwrap().lift(&[2], 0, &mut none);
+        assert_eq!(none[0], [0.0; LIFT_WIDTH]);
+    }
+}
