@@ -1,10 +1,18 @@
 //! Leases, heartbeats, retries and the worker pool.
+//!
+//! A worker is a tokio task with a rayon pool of its own. It claims a job, runs it on that pool, and meanwhile another task
+//! beats for it: it prolongs the lease, writes down the progress, and learns that the job was cancelled, that the lease was
+//! lost, or that the work has stalled. The promise: an attempt at least once, a result exactly once.
 
+mod attempt;
+mod monitor;
+mod pool;
 mod runner;
 mod solver;
-mod stub;
+#[cfg(test)]
+mod tests;
 
 pub use crate::store::fault;
+pub use pool::{WorkerOptions, WorkerPool};
 pub use runner::{JobFailure, Outcome, QueueObserver, Runner, Unobserved};
 pub use solver::Solver;
-pub use stub::{WorkerOptions, WorkerPool};

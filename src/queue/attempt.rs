@@ -1,0 +1,338 @@
+//! One attempt at a job: from the claim to what becomes of it.
+
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::Duration,
+};
+
+use tokio::{
+    sync::{broadcast, mpsc, oneshot, watch},
+    time::{Instant, MissedTickBehavior, interval},
+};
+use uuid::Uuid;
+
+use super::{JobFailure, Outcome, WorkerOptions, monitor::AttemptMonitor, pool::Shared};
+use crate::store::{
+    Claim, CompleteAnswer, FailAnswer, HeartbeatAnswer, JobProblem, JobStatus, Progress, Store, StoreError,
+};
+
+/// How often the heartbeat looks whether there is anything to write down.
+const LOOK: Duration = Duration::from_millis(100);
+/// Work that was asked to stop gets so long until its job is cancelled without it.
+const CANCEL_PATIENCE: Duration = Duration::from_millis(500);
+/// Pause between two tries to write down what became of an attempt, while the storage refuses.
+const STORE_PAUSE: Duration = Duration::from_millis(500);
+
+/// What the heartbeat tells the attempt.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    /// The job was asked to stop.
+    Cancel,
+    /// The lease is lost.
+    Lost,
+    /// The work has not been heard of for too long.
+    Stalled,
+}
+
+/// Whether the worker's pool of threads is free again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Threads {
+    /// The work has ended.
+    Free,
+    /// The work was left behind and may still run.
+    Occupied,
+}
+
+/// Runs one attempt to its end. The job is left in a state that tells the truth, or its lease runs out.
+pub(super) async fn run(shared: &Arc<Shared>, claim: Claim, threads: &rayon::ThreadPool) -> Threads {
+    let Claim { job, token } = claim;
+    let waited_ms = job.started_ms.unwrap_or(job.enqueued_ms) - job.enqueued_ms.max(job.not_before_ms);
+    shared.observer.claimed(&job.kind, waited_ms.max(0) as f64 / 1000.0);
+    tracing::info!(mesh = job.mesh, "job claimed");
+
+    let monitor = Arc::new(AttemptMonitor::new(shared.store.faults().clone()));
+    let (verdicts, mut verdict) = mpsc::channel(4);
+    let beating =
+        Heartbeat { store: shared.store.clone(), job: job.id, token, monitor: Arc::clone(&monitor), verdicts };
+    let beating = AbortOnDrop(tokio::spawn(beating.run(shared.options.clone())));
+
+    let mesh = match shared.store.load_mesh(&job.mesh).await {
+        Ok(mesh) => mesh,
+        Err(error) => {
+            let retryable = error.is_retryable();
+            settle(shared, &job.kind, Ending::Failed(problem("mesh-unavailable", &error), retryable), token).await;
+            return Threads::Free;
+        }
+    };
+    let (sender, mut result) = oneshot::channel();
+    let left_behind = LeftBehind::new(Arc::clone(&shared.left_behind));
+    threads.spawn({
+        let (runner, job, monitor) = (Arc::clone(&shared.runner), job.clone(), Arc::clone(&monitor));
+        move || {
+            let outcome = catch_unwind(AssertUnwindSafe(|| runner.run(&job, mesh, monitor.as_ref())));
+            // Nobody may be waiting any more; then the result is void.
+            let _ = sender.send(outcome);
+            drop(left_behind);
+        }
+    });
+
+    let mut draining = shared.give_back.subscribe();
+    let mut cancel_deadline: Option<Instant> = None;
+    let mut settled = false;
+    loop {
+        tokio::select! {
+            outcome = &mut result => {
+                if !settled {
+                    conclude(shared, &job.kind, token, &monitor, outcome).await;
+                }
+                break;
+            }
+            Some(verdict) = verdict.recv() => match verdict {
+                Verdict::Cancel => {
+                    monitor.cancel();
+                    cancel_deadline.get_or_insert(Instant::now() + CANCEL_PATIENCE);
+                }
+                Verdict::Lost if settled => {}
+                Verdict::Lost => {
+                    tracing::warn!("lease lost");
+                    shared.observer.lease_lost(&job.kind);
+                    monitor.cancel();
+                    settled = true;
+                }
+                Verdict::Stalled => {
+                    tracing::error!("job stalled");
+                    monitor.cancel();
+                    if !settled {
+                        let stage = stage_words(&monitor);
+                        let silent_seconds = monitor.silence().as_secs_f64();
+                        let detail = format!("the work was not heard of for {silent_seconds:.1} s{stage}");
+                        let stalled = JobProblem { kind: "worker-stalled".to_owned(), detail };
+                        settle(shared, &job.kind, Ending::Failed(stalled, true), token).await;
+                    }
+                    return Threads::Occupied;
+                }
+            },
+            () = until(cancel_deadline) => {
+                // The work stops when it comes to it; the client need not wait for that.
+                cancel_deadline = None;
+                if !settled {
+                    settle(shared, &job.kind, Ending::Canceled, token).await;
+                    settled = true;
+                }
+            }
+            () = told(&mut draining) => {
+                monitor.cancel();
+                if !settled {
+                    settle(shared, &job.kind, Ending::Released, token).await;
+                }
+                return Threads::Occupied;
+            }
+        }
+    }
+    drop(beating);
+    Threads::Free
+}
+
+/// What the work came to, by way of a thread that may have panicked.
+type Returned = Result<std::thread::Result<Result<Outcome, JobFailure>>, oneshot::error::RecvError>;
+
+/// Writes down what the work came to.
+async fn conclude(shared: &Shared, kind: &str, token: Uuid, monitor: &AttemptMonitor, returned: Returned) {
+    let ending = match returned {
+        Ok(Ok(Ok(outcome))) => return store_result(shared, kind, token, monitor, outcome).await,
+        Ok(Ok(Err(JobFailure::Cancelled(_)))) => Ending::Canceled,
+        Ok(Ok(Err(JobFailure::Failed { kind, detail, retryable }))) => {
+            Ending::Failed(JobProblem { kind, detail }, retryable)
+        }
+        Ok(Err(_)) | Err(_) => {
+            let detail = format!("the work ended in a panic{}", stage_words(monitor));
+            Ending::Failed(JobProblem { kind: "worker-panicked".to_owned(), detail }, true)
+        }
+    };
+    settle(shared, kind, ending, token).await;
+}
+
+async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &AttemptMonitor, outcome: Outcome) {
+    monitor.begin_storing();
+    let mut stage_seconds = monitor.snapshot().stage_seconds;
+    stage_seconds.retain(|(stage, _)| stage != "store");
+    for (stage, seconds) in &stage_seconds {
+        shared.observer.stage_ended(kind, stage, *seconds);
+    }
+    let begun = Instant::now();
+    match shared.store.complete(token, outcome.basis, stage_seconds).await {
+        Ok(CompleteAnswer::Stored(basis)) => {
+            shared.observer.stage_ended(kind, "store", begun.elapsed().as_secs_f64());
+            shared.observer.finished(kind, JobStatus::Succeeded);
+            tracing::info!(%basis, store_seconds = begun.elapsed().as_secs_f64(), "basis stored");
+        }
+        Ok(CompleteAnswer::Canceled) => shared.observer.finished(kind, JobStatus::Canceled),
+        Ok(CompleteAnswer::Lost) => shared.observer.lease_lost(kind),
+        Err(error) => {
+            let name = match &error {
+                StoreError::StorageFull { .. } => "storage-full",
+                _ => "storage-unavailable",
+            };
+            settle(shared, kind, Ending::Failed(problem(name, &error), true), token).await;
+        }
+    }
+}
+
+/// How an attempt without a result ends.
+#[derive(Debug)]
+enum Ending {
+    Failed(JobProblem, bool),
+    Canceled,
+    Released,
+}
+
+/// Writes down how an attempt ended; where the storage refuses for longer than a lease, the reaper will see to it.
+async fn settle(shared: &Shared, kind: &str, ending: Ending, token: Uuid) {
+    let deadline = Instant::now() + shared.options.lease;
+    loop {
+        let written = match &ending {
+            Ending::Failed(problem, retryable) => {
+                tracing::warn!(problem = problem.kind, detail = problem.detail, "attempt failed");
+                shared.store.fail(token, problem, *retryable).await
+            }
+            Ending::Canceled => shared
+                .store
+                .finish_canceled(token)
+                .await
+                .map(|held| if held { FailAnswer::Finished(JobStatus::Canceled) } else { FailAnswer::Lost }),
+            Ending::Released => {
+                shared.store.release(token).await.map(|held| if held { FailAnswer::Retried } else { FailAnswer::Lost })
+            }
+        };
+        match written {
+            // A job that was given back unharmed is not tried again but for the first time.
+            Ok(FailAnswer::Retried) if matches!(ending, Ending::Released) => return,
+            Ok(FailAnswer::Retried) => return shared.observer.retried(kind),
+            Ok(FailAnswer::Finished(status)) => return shared.observer.finished(kind, status),
+            Ok(FailAnswer::Lost) => return shared.observer.lease_lost(kind),
+            Err(error) if Instant::now() < deadline && error.is_retryable() => {
+                tracing::warn!(%error, "the end of an attempt could not be written down yet");
+                tokio::time::sleep(STORE_PAUSE).await;
+            }
+            Err(error) => {
+                tracing::error!(%error, "the end of an attempt could not be written down; its lease will run out");
+                return;
+            }
+        }
+    }
+}
+
+fn problem(kind: &str, error: &StoreError) -> JobProblem {
+    JobProblem { kind: kind.to_owned(), detail: error.to_string() }
+}
+
+fn stage_words(monitor: &AttemptMonitor) -> String {
+    monitor.snapshot().stage.map_or(String::new(), |stage| format!(" at stage {stage}"))
+}
+
+/// Waits until a flag is raised.
+pub(super) async fn told(flag: &mut watch::Receiver<bool>) {
+    // An error means that whoever might raise it is gone: that counts too.
+    let _ = flag.wait_for(|&raised| raised).await;
+}
+
+async fn until(deadline: Option<Instant>) {
+    match deadline {
+        Some(deadline) => tokio::time::sleep_until(deadline).await,
+        None => std::future::pending().await,
+    }
+}
+
+/// Ends a task when the attempt ends, whichever way.
+struct AbortOnDrop(tokio::task::JoinHandle<()>);
+
+impl Drop for AbortOnDrop {
+    fn drop(&mut self) {
+        self.0.abort();
+    }
+}
+
+/// Counts work that runs, so that what was left behind is known until it ends.
+struct LeftBehind(Arc<AtomicUsize>);
+
+impl LeftBehind {
+    fn new(count: Arc<AtomicUsize>) -> Self {
+        count.fetch_add(1, Ordering::Relaxed);
+        Self(count)
+    }
+}
+
+impl Drop for LeftBehind {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// Beats for one attempt, on the threads of the runtime and never on those of the work.
+struct Heartbeat {
+    store: Store,
+    job: Uuid,
+    token: Uuid,
+    monitor: Arc<AttemptMonitor>,
+    verdicts: mpsc::Sender<Verdict>,
+}
+
+impl Heartbeat {
+    async fn run(self, options: WorkerOptions) {
+        let mut events = self.store.watch_jobs();
+        let mut look = interval(LOOK.min(options.heartbeat));
+        look.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut written = Progress::default();
+        let mut beaten = Instant::now();
+        // A request to stop may have come before these events did.
+        let mut ask = true;
+        let (mut held, mut stalled) = (true, false);
+        while !stalled {
+            tokio::select! {
+                _ = look.tick() => {}
+                event = events.recv(), if held => match event {
+                    Ok(event) if event.job == self.job && event.cancel_requested => ask = true,
+                    // Events were missed; perhaps the one that matters.
+                    Err(broadcast::error::RecvError::Lagged(_)) => ask = true,
+                    _ => continue,
+                },
+            }
+            if self.monitor.silence() > options.stall {
+                stalled = true;
+                self.tell(Verdict::Stalled).await;
+            }
+            let progress = self.monitor.snapshot();
+            let moved = progress.stage != written.stage || progress.fraction != written.fraction;
+            let due = moved && beaten.elapsed() >= options.heartbeat;
+            // A lease is prolonged in good time even where nothing moves.
+            if !held || !(ask || due || beaten.elapsed() >= options.lease / 4) {
+                continue;
+            }
+            match self.store.heartbeat(self.token, moved.then_some(&progress), options.lease).await {
+                Ok(HeartbeatAnswer::Held { cancel_requested }) => {
+                    ask = false;
+                    beaten = Instant::now();
+                    written = progress;
+                    if cancel_requested {
+                        self.tell(Verdict::Cancel).await;
+                    }
+                }
+                Ok(HeartbeatAnswer::Lost) => {
+                    // Only whether the work still lives is of interest now.
+                    held = false;
+                    self.tell(Verdict::Lost).await;
+                }
+                Err(error) => tracing::warn!(%error, "heartbeat refused"),
+            }
+        }
+    }
+
+    async fn tell(&self, verdict: Verdict) {
+        // The attempt may have ended just now.
+        let _ = self.verdicts.send(verdict).await;
+    }
+}

@@ -1,0 +1,123 @@
+//! The monitor of one attempt: written by the work, read by the heartbeat.
+
+use std::{
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+use crate::{
+    monitor::{Cancelled, Monitor},
+    store::{
+        Progress,
+        fault::{FailPoint, Faults},
+    },
+};
+
+/// Collects stage, progress and signs of life of one attempt, and tells the work to stop.
+#[derive(Debug)]
+pub(super) struct AttemptMonitor {
+    begun: Instant,
+    cancelled: AtomicBool,
+    /// Milliseconds after `begun` at which the work was last heard of.
+    heard_ms: AtomicU64,
+    /// The bits of an f64.
+    fraction: AtomicU64,
+    stages: Mutex<Stages>,
+    faults: Faults,
+}
+
+#[derive(Debug, Default)]
+struct Stages {
+    ended: Vec<(&'static str, f64)>,
+    current: Option<(&'static str, Instant)>,
+}
+
+impl Stages {
+    /// Seconds in each stage, in order of first appearance, with the one that runs counted up to now.
+    fn seconds(&self) -> Vec<(String, f64)> {
+        let current = self.current.map(|(name, since)| (name, since.elapsed().as_secs_f64()));
+        let mut seconds: Vec<(String, f64)> = Vec::with_capacity(self.ended.len() + 1);
+        for (name, elapsed) in self.ended.iter().copied().chain(current) {
+            match seconds.iter_mut().find(|(known, _)| known == name) {
+                Some((_, total)) => *total += elapsed,
+                None => seconds.push((name.to_owned(), elapsed)),
+            }
+        }
+        seconds
+    }
+}
+
+impl AttemptMonitor {
+    pub fn new(faults: Faults) -> Self {
+        Self {
+            begun: Instant::now(),
+            cancelled: AtomicBool::new(false),
+            heard_ms: AtomicU64::new(0),
+            fraction: AtomicU64::new(0f64.to_bits()),
+            stages: Mutex::default(),
+            faults,
+        }
+    }
+
+    /// Asks the work to stop at its next checkpoint.
+    pub fn cancel(&self) {
+        self.cancelled.store(true, Ordering::Relaxed);
+    }
+
+    /// How long the work has not been heard of.
+    pub fn silence(&self) -> Duration {
+        let heard = Duration::from_millis(self.heard_ms.load(Ordering::Relaxed));
+        self.begun.elapsed().saturating_sub(heard)
+    }
+
+    /// How far the work has come.
+    pub fn snapshot(&self) -> Progress {
+        let stages = self.stages.lock().unwrap_or_else(PoisonError::into_inner);
+        let stage = stages.current.map(|(name, _)| name.to_owned());
+        let fraction = f64::from_bits(self.fraction.load(Ordering::Relaxed));
+        Progress { fraction: stage.as_ref().map(|_| fraction), stage, stage_seconds: stages.seconds() }
+    }
+
+    /// Begins a stage, or none.
+    fn turn(&self, next: Option<&'static str>) {
+        let mut stages = self.stages.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((name, since)) = stages.current.take() {
+            stages.ended.push((name, since.elapsed().as_secs_f64()));
+        }
+        stages.current = next.map(|name| (name, Instant::now()));
+        self.fraction.store(0f64.to_bits(), Ordering::Relaxed);
+    }
+
+    /// Ends the last stage and begins the storing of the result.
+    pub fn begin_storing(&self) {
+        self.turn(Some("store"));
+        self.hear();
+    }
+
+    fn hear(&self) {
+        self.heard_ms.store(self.begun.elapsed().as_millis() as u64, Ordering::Relaxed);
+    }
+}
+
+impl Monitor for AttemptMonitor {
+    fn stage(&self, name: &'static str) {
+        self.turn(Some(name));
+        self.hear();
+    }
+
+    fn progress(&self, fraction: f64) {
+        if fraction.is_finite() {
+            self.fraction.store(fraction.clamp(0.0, 1.0).to_bits(), Ordering::Relaxed);
+        }
+        self.hear();
+    }
+
+    fn checkpoint(&self) -> Result<(), Cancelled> {
+        self.hear();
+        self.faults.meet(FailPoint::MidRun);
+        if self.cancelled.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) }
+    }
+}

@@ -1,0 +1,242 @@
+//! The workers: they claim, run and go on, until they are told to stop.
+
+use std::{
+    panic::AssertUnwindSafe,
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::Duration,
+};
+
+use futures_util::FutureExt;
+use tokio::{sync::watch, task::JoinHandle};
+use tracing::Instrument;
+
+use super::{
+    QueueObserver, Runner,
+    attempt::{self, Threads},
+};
+use crate::store::{JobStatus, Store};
+
+/// How the worker pool runs.
+#[derive(Debug, Clone)]
+pub struct WorkerOptions {
+    /// Jobs that run at the same time, at least 1.
+    pub workers: usize,
+    /// Threads of all jobs together; 0 takes one for each core. Each worker gets its share, and one at least.
+    pub threads: usize,
+    /// How long a lease lasts without a heartbeat.
+    pub lease: Duration,
+    /// The least time between two records of a job's progress.
+    pub heartbeat: Duration,
+    /// How long a job may go without a checkpoint before it counts as stalled.
+    pub stall: Duration,
+    /// The kinds of job that are claimed; all where it is empty.
+    pub kinds: Vec<String>,
+}
+
+impl Default for WorkerOptions {
+    fn default() -> Self {
+        Self {
+            workers: 1,
+            threads: 0,
+            lease: Duration::from_secs(30),
+            heartbeat: Duration::from_millis(500),
+            stall: Duration::from_secs(900),
+            kinds: Vec::new(),
+        }
+    }
+}
+
+/// An idle worker looks at the queue this often, beside being rung for.
+const IDLE: Duration = Duration::from_millis(500);
+/// Attempts that hang cannot be ended, only left behind, and each keeps its threads and memory: with so many, no more jobs
+/// are claimed.
+const MOST_LEFT_BEHIND: usize = 4;
+
+/// What workers and attempts share.
+pub(super) struct Shared {
+    pub store: Store,
+    pub options: WorkerOptions,
+    pub runner: Arc<dyn Runner>,
+    pub observer: Arc<dyn QueueObserver>,
+    /// Attempts whose work runs, whether or not anyone waits for it.
+    pub left_behind: Arc<AtomicUsize>,
+    /// True from when running jobs go back to the queue.
+    pub give_back: watch::Sender<bool>,
+    stopping: watch::Sender<bool>,
+}
+
+impl Shared {
+    fn stopping(&self) -> bool {
+        *self.stopping.borrow()
+    }
+
+    /// Work that runs beyond the one of each worker.
+    fn hanging(&self) -> usize {
+        self.left_behind.load(Ordering::Relaxed).saturating_sub(self.options.workers.max(1))
+    }
+}
+
+/// The running worker pool. Dropped without [`drain`](Self::drain), it goes on until the runtime ends.
+pub struct WorkerPool {
+    shared: Arc<Shared>,
+    workers: Vec<JoinHandle<()>>,
+    reaper: JoinHandle<()>,
+}
+
+impl std::fmt::Debug for WorkerPool {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.debug_struct("WorkerPool").field("options", &self.shared.options).finish_non_exhaustive()
+    }
+}
+
+impl WorkerPool {
+    /// Starts the workers and the reaper on the current tokio runtime.
+    ///
+    /// Each worker has a rayon pool of its own. In a shared one, a thread of one job that waits for its own parts would take
+    /// up the whole of another job in the meantime, and be silent until that ends.
+    pub fn start(
+        store: Store,
+        options: WorkerOptions,
+        runner: Arc<dyn Runner>,
+        observer: Arc<dyn QueueObserver>,
+    ) -> Self {
+        let shared = Arc::new(Shared {
+            store,
+            runner,
+            observer,
+            left_behind: Arc::default(),
+            give_back: watch::Sender::new(false),
+            stopping: watch::Sender::new(false),
+            options,
+        });
+        let workers = shared.options.workers.max(1);
+        let threads = match shared.options.threads {
+            0 => std::thread::available_parallelism().map_or(1, usize::from),
+            threads => threads,
+        };
+        let workers = (0..workers)
+            .map(|worker| {
+                let share = (threads / workers + usize::from(worker < threads % workers)).max(1);
+                tokio::spawn(work(Arc::clone(&shared), worker, share))
+            })
+            .collect();
+        let reaper = tokio::spawn(reap(Arc::clone(&shared)));
+        Self { shared, workers, reaper }
+    }
+
+    /// Whether every worker can still take jobs. False while it drains, too.
+    pub fn alive(&self) -> bool {
+        !self.shared.stopping()
+            && !self.reaper.is_finished()
+            && self.workers.iter().all(|worker| !worker.is_finished())
+            && self.shared.hanging() < MOST_LEFT_BEHIND
+    }
+
+    /// Claims nothing more, lets running jobs go on for `limit`, then gives what still runs back to the queue. Work that does
+    /// not stop at once is left behind; its result is void.
+    pub async fn drain(&self, limit: Duration) {
+        self.shared.stopping.send_replace(true);
+        let ended = async {
+            while !self.workers.iter().all(JoinHandle::is_finished) {
+                tokio::time::sleep(Duration::from_millis(10)).await;
+            }
+        };
+        tokio::pin!(ended);
+        if tokio::time::timeout(limit, &mut ended).await.is_err() {
+            tracing::info!("running jobs go back to the queue");
+            self.shared.give_back.send_replace(true);
+            ended.await;
+        }
+        self.reaper.abort();
+    }
+}
+
+async fn work(shared: Arc<Shared>, worker: usize, share: usize) {
+    let name = format!("{}-{worker}", std::process::id());
+    let mut stopping = shared.stopping.subscribe();
+    let mut threads: Option<rayon::ThreadPool> = None;
+    while !shared.stopping() {
+        let pool = match threads.take() {
+            Some(pool) => pool,
+            None => match thread_pool(worker, share) {
+                Ok(pool) => pool,
+                Err(error) => {
+                    tracing::error!(%error, "no threads for a worker");
+                    tokio::time::sleep(IDLE).await;
+                    continue;
+                }
+            },
+        };
+        // Whatever goes wrong in here, the worker goes on; the lease of a job in hand runs out.
+        match AssertUnwindSafe(one_job(&shared, &name, &pool)).catch_unwind().await {
+            Ok(Some(Threads::Free)) => threads = Some(pool),
+            Ok(Some(Threads::Occupied)) => {
+                // Dropping the pool waits for nobody; its threads end with the work.
+            }
+            Ok(None) => {
+                threads = Some(pool);
+                tokio::select! {
+                    () = shared.store.work().notified() => {}
+                    () = tokio::time::sleep(IDLE) => {}
+                    () = attempt::told(&mut stopping) => {}
+                }
+            }
+            Err(_) => {
+                tracing::error!(worker = name, "a worker panicked and goes on");
+                tokio::time::sleep(IDLE).await;
+            }
+        }
+    }
+}
+
+/// Claims and runs a job; `None` where there is none to do.
+async fn one_job(shared: &Arc<Shared>, worker: &str, pool: &rayon::ThreadPool) -> Option<Threads> {
+    if shared.hanging() >= MOST_LEFT_BEHIND {
+        return None;
+    }
+    match shared.store.claim(worker, &shared.options.kinds, shared.options.lease).await {
+        Ok(Some(claim)) => {
+            let job = &claim.job;
+            let span = tracing::info_span!("attempt", job = %job.id, kind = job.kind, attempt = job.attempt);
+            Some(attempt::run(shared, claim, pool).instrument(span).await)
+        }
+        Ok(None) => None,
+        Err(error) => {
+            tracing::warn!(%error, "claim refused");
+            None
+        }
+    }
+}
+
+fn thread_pool(worker: usize, threads: usize) -> Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(move |thread| format!("job-{worker}-{thread}"))
+        .panic_handler(|_| tracing::error!("work panicked outside its attempt"))
+        .build()
+}
+
+async fn reap(shared: Arc<Shared>) {
+    let mut every =
+        tokio::time::interval((shared.options.lease / 3).clamp(Duration::from_millis(50), Duration::from_secs(5)));
+    every.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+    loop {
+        every.tick().await;
+        match shared.store.reap().await {
+            Ok(reaped) => {
+                for reaped in reaped {
+                    let job = reaped.job;
+                    tracing::warn!(job = %job.id, status = %job.status, "a worker was lost");
+                    match job.status {
+                        JobStatus::Enqueued => shared.observer.retried(&job.kind),
+                        status => shared.observer.finished(&job.kind, status),
+                    }
+                }
+            }
+            Err(error) => tracing::warn!(%error, "reaping refused"),
+        }
+    }
+}
