@@ -2,6 +2,8 @@
 
 use super::problem::{self, Problem};
 use crate::job::ParameterError;
+use crate::mesh::check::MeshError;
+use crate::mesh::read::ReadError;
 use crate::store::StoreError;
 
 impl From<StoreError> for Problem {
@@ -48,6 +50,18 @@ impl From<ParameterError> for Problem {
                 Self::within(&problem::INVALID_PARAMETER, name, text).with("parameter", name)
             }
         }
+    }
+}
+
+impl From<ReadError> for Problem {
+    fn from(error: ReadError) -> Self {
+        Self::within(&problem::UNREADABLE_MESH, error.kind(), sentence(&error))
+    }
+}
+
+impl From<MeshError> for Problem {
+    fn from(error: MeshError) -> Self {
+        Self::within(&problem::UNUSABLE_MESH, error.kind(), sentence(&error))
     }
 }
 

@@ -16,10 +16,12 @@ mod auth;
 mod bases;
 mod body;
 mod conditional;
+mod content;
 mod convert;
 mod docs;
 mod extract;
 mod jobs;
+mod meshes;
 mod middleware;
 mod problem;
 mod serve;
@@ -51,8 +53,10 @@ use jobs::page;
 /// Every route with its documentation.
 fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::with_openapi(docs::base())
+        .merge(meshes::routes())
         .merge(jobs::routes())
         .merge(bases::routes())
+        .merge(content::routes())
         .merge(system::routes())
         .merge(docs::routes())
 }

@@ -1,0 +1,213 @@
+//! Content with an immutable tag: whole or in ranges, from memory or streamed from the store.
+
+use std::ops::Range;
+
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
+use serde::Deserialize;
+use utoipa::IntoParams;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::bases::find;
+use super::conditional;
+use super::extract::{self, PathOf, QueryOf};
+use super::problem::Problem;
+use super::state::AppState;
+use crate::basis::{self, Basis, FormatError};
+
+/// The routes of content of bases.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(basis_content))
+}
+
+/// What does not change as long as its tag does not.
+pub struct Immutable {
+    /// The entity tag without quotes.
+    pub tag: String,
+    /// The media type.
+    pub media_type: &'static str,
+    /// The name of the file when it is saved.
+    pub file_name: String,
+    /// The length of the whole, in bytes.
+    pub length: u64,
+}
+
+/// What a request wants of immutable content.
+pub enum Wanted {
+    /// It has it already: the answer is there.
+    Known(Response),
+    /// These bytes, under this head.
+    Bytes(Range<u64>, Response),
+}
+
+impl Immutable {
+    /// Looks at the conditions and the range of a request.
+    ///
+    /// # Errors
+    /// `range-not-satisfiable`.
+    pub fn wanted(&self, headers: &HeaderMap) -> Result<Wanted, Problem> {
+        let tag = conditional::etag(&self.tag, false).ok_or_else(|| Problem::internal("a tag is no header value"))?;
+        if conditional::matches(headers, &tag) {
+            let mut response = StatusCode::NOT_MODIFIED.into_response();
+            self.describe(&mut response, tag);
+            return Ok(Wanted::Known(response));
+        }
+        let range = conditional::range(headers, self.length, &tag)?;
+        let status = if range.is_some() { StatusCode::PARTIAL_CONTENT } else { StatusCode::OK };
+        let mut response = status.into_response();
+        self.describe(&mut response, tag);
+        let head = response.headers_mut();
+        head.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.media_type));
+        if let Ok(value) = HeaderValue::from_str(&format!("attachment; filename=\"{}\"", self.file_name)) {
+            head.insert(header::CONTENT_DISPOSITION, value);
+        }
+        if let Some(range) = &range
+            && let Ok(value) =
+                HeaderValue::from_str(&format!("bytes {}-{}/{}", range.start, range.end - 1, self.length))
+        {
+            head.insert(header::CONTENT_RANGE, value);
+        }
+        let range = range.unwrap_or(0..self.length);
+        head.insert(header::CONTENT_LENGTH, HeaderValue::from(range.end - range.start));
+        Ok(Wanted::Bytes(range, response))
+    }
+
+    fn describe(&self, response: &mut Response, tag: HeaderValue) {
+        let head = response.headers_mut();
+        head.insert(header::ETAG, tag);
+        head.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+        head.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, max-age=31536000, immutable"));
+        head.insert(header::VARY, HeaderValue::from_static("accept"));
+    }
+
+    /// Answers from memory.
+    ///
+    /// # Errors
+    /// `range-not-satisfiable`.
+    pub fn answer(self, headers: &HeaderMap, bytes: Bytes) -> Result<Response, Problem> {
+        match self.wanted(headers)? {
+            Wanted::Known(response) => Ok(response),
+            Wanted::Bytes(range, mut response) => {
+                *response.body_mut() = Body::from(bytes.slice(range.start as usize..range.end as usize));
+                Ok(response)
+            }
+        }
+    }
+}
+
+impl From<FormatError> for Problem {
+    fn from(error: FormatError) -> Self {
+        Self::internal(error)
+    }
+}
+
+/// How the factors of a basis are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+enum Format {
+    Npz,
+    Safetensors,
+    MatrixMarket,
+}
+
+const NPZ: &str = "application/x-npz";
+const SAFETENSORS: &str = "application/x-safetensors";
+const MATRIX_MARKET: &str = "application/x-matrix-market+zip";
+
+impl Format {
+    fn media_type(self) -> &'static str {
+        match self {
+            Self::Npz => NPZ,
+            Self::Safetensors => SAFETENSORS,
+            Self::MatrixMarket => MATRIX_MARKET,
+        }
+    }
+
+    /// The format that `Accept` asks for.
+    fn negotiated(headers: &HeaderMap) -> Result<Self, Problem> {
+        // An NPZ is a ZIP archive and a stream of octets as well.
+        let offered = [NPZ, SAFETENSORS, MATRIX_MARKET, "application/zip", "application/octet-stream"];
+        Ok(match extract::negotiated(headers, &offered)? {
+            SAFETENSORS => Self::Safetensors,
+            MATRIX_MARKET => Self::MatrixMarket,
+            _ => Self::Npz,
+        })
+    }
+}
+
+/// How to write the content.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct ContentQuery {
+    /// Takes the place of `Accept`.
+    #[param(inline)]
+    format: Option<Format>,
+}
+
+/// Gets the factors of a basis
+///
+/// The eigenfunctions are the columns of `U φ̄`, with the sparse `U` (n × d, f32) and the dense `φ̄` (d × m, f64).
+///
+/// As NPZ (the default): the members `format`, `shape`, `data`, `indices`, `indptr` of U in CSR form beside `coefficients`,
+/// `eigenvalues`, the mass, `residuals`, `bounds`, `certificate` and `metadata`; it opens with `scipy.sparse.load_npz` (U) and with
+/// `numpy.load` (everything). As safetensors and as a ZIP archive of MatrixMarket files: the same under the same names.
+#[utoipa::path(
+    get, path = "/v1/bases/{id}/content", tag = "bases", operation_id = "getBasisContent",
+    params(
+        ("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"),
+        ContentQuery,
+        ("Range" = Option<String>, Header, description = "One range of bytes", example = "bytes=0-1023"),
+    ),
+    responses(
+        (status = 200, description = "The whole content", content(
+            (Vec<u8> = "application/x-npz"), (Vec<u8> = "application/x-safetensors"), (Vec<u8> = "application/x-matrix-market+zip")),
+            headers(("ETag" = String))),
+        (status = 206, description = "The bytes that `Range` asks for", body = Vec<u8>, content_type = "application/x-npz", headers(("Content-Range" = String))),
+        (status = 304, description = "The content is as `If-None-Match` names it"),
+        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 416, description = "A problem: range-not-satisfiable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn basis_content(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<ContentQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let format = match query.format {
+        Some(format) => format,
+        None => Format::negotiated(&headers)?,
+    };
+    let record = find(&state, &id).await?;
+    let immutable = |suffix: &str, extension: &str, length: u64| Immutable {
+        tag: format!("{}{suffix}", record.content_hash),
+        media_type: format.media_type(),
+        file_name: format!("basis-{}.{extension}", record.id),
+        length,
+    };
+    let written: fn(&Basis) -> Result<Vec<u8>, FormatError> = match format {
+        Format::Npz => {
+            return match immutable("", "npz", record.bytes).wanted(&headers)? {
+                Wanted::Known(response) => Ok(response),
+                Wanted::Bytes(range, mut response) => {
+                    *response.body_mut() = Body::from_stream(state.store.blob_stream(&record.content_hash, range));
+                    Ok(response)
+                }
+            };
+        }
+        Format::Safetensors => basis::safetensors::to_bytes,
+        Format::MatrixMarket => basis::matrix_market::to_bytes,
+    };
+    let basis = state.store.load_basis(record.id).await?;
+    let bytes = state.take_in(move || Ok(Bytes::from(written(&basis)?))).await?;
+    let (suffix, extension) =
+        if format == Format::Safetensors { ("-safetensors", "safetensors") } else { ("-mtx", "mtx.zip") };
+    immutable(suffix, extension, bytes.len() as u64).answer(&headers, bytes)
+}

@@ -1,0 +1,414 @@
+//! Meshes: uploaded, listed, shown, deleted, and given back in other formats.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::body::Body;
+use axum::extract::{FromRequest, Multipart, Request, State};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
+use serde::Deserialize;
+use utoipa::IntoParams;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::content::Immutable;
+use super::extract::{self, PathOf, QueryOf};
+use super::problem::{self, Problem};
+use super::state::AppState;
+use super::wire::{MeshResource, PageOf};
+use super::{body, conditional};
+use crate::mesh::TriangleMesh;
+use crate::mesh::check::{CheckOptions, Merge, check};
+use crate::mesh::read::{MeshFormat, ReadLimits, read};
+use crate::mesh::write::{write_obj, write_ply};
+use crate::store::NewMesh;
+
+/// The longest name of a mesh, in characters.
+const LONGEST_NAME: usize = 200;
+
+/// The media type of positions and indices for web clients.
+const BUFFERS: &str = "application/vnd.chladni.mesh";
+
+/// The routes of meshes.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(upload, list)).routes(routes!(show, delete)).routes(routes!(content))
+}
+
+/// How to read an upload.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct UploadQuery {
+    /// The format: `obj`, `ply`, `off`, `stl` or `medit`. Takes the place of `Content-Type`.
+    #[param(example = "ply")]
+    format: Option<String>,
+    /// Whether vertices at exactly equal positions become one: `auto` (where the format repeats positions by design, as STL
+    /// does), `always` or `never`.
+    #[param(value_type = Option<String>, example = "auto")]
+    merge: Option<Merge>,
+    /// A name for people, at most 200 characters.
+    #[param(example = "igea")]
+    name: Option<String>,
+}
+
+/// Uploads a mesh
+///
+/// The body is the file itself, or `multipart/form-data` with the file in a part named `mesh` (and, optionally, parts `format`,
+/// `merge` and `name`). The format comes from `format`, from `Content-Type` or the file name, or, for general types such as
+/// `application/octet-stream`, from the first bytes. `Content-Encoding` may be gzip or zstd.
+///
+/// The mesh is checked; repairs that lose nothing are done and listed in the report. The same content has the same id: sending
+/// it again answers 200 with what is stored.
+#[utoipa::path(
+    post, path = "/v1/meshes", tag = "meshes", operation_id = "uploadMesh", params(UploadQuery),
+    request_body(description = "The mesh", content(
+        (Vec<u8> = "model/obj", example = json!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")),
+        (Vec<u8> = "model/ply"), (Vec<u8> = "model/off"), (Vec<u8> = "model/stl"), (Vec<u8> = "model/x-medit"),
+        (Vec<u8> = "application/octet-stream"), (Vec<u8> = "multipart/form-data"))),
+    responses(
+        (status = 201, description = "The mesh is stored; `Location` names it", body = MeshResource, headers(("Location" = String), ("ETag" = String))),
+        (status = 200, description = "The same content was stored before", body = MeshResource, headers(("Location" = String))),
+        (status = "4XX", description = "A problem: body-too-large, body-incomplete, body-too-slow, damaged-content-encoding, unsupported-content-encoding, invalid-multipart, unknown-mesh-format, unreadable-mesh/… or unusable-mesh/…", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 507, description = "A problem: storage-full", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["submit"]))
+)]
+async fn upload(
+    State(state): State<AppState>,
+    QueryOf(query): QueryOf<UploadQuery>,
+    request: Request,
+) -> Result<Response, Problem> {
+    if state.is_draining() {
+        return Err(
+            Problem::new(&problem::DRAINING, "The server is shutting down and takes no meshes.").retry_after(10)
+        );
+    }
+    let (parts, content) = request.into_parts();
+    let body = body::read(&state, &parts.headers, content, state.config.limits.max_body_bytes).await?;
+    let mut sent = if extract::media_type(&parts.headers).as_deref() == Some("multipart/form-data") {
+        Sent::from_multipart(parts, body.bytes.clone()).await?
+    } else {
+        Sent { bytes: body.bytes.clone(), media_type: extract::media_type(&parts.headers), ..Sent::default() }
+    };
+    let name = query.name.or(sent.name.take()).filter(|name| !name.trim().is_empty());
+    if name.as_ref().is_some_and(|name| name.chars().count() > LONGEST_NAME) {
+        return Err(Problem::new(&problem::INVALID_QUERY, format!("name: may have {LONGEST_NAME} characters.")));
+    }
+    let format = sent.format(query.format.as_deref())?;
+    let options = CheckOptions { merge: query.merge.or(sent.merge).unwrap_or_default(), ..CheckOptions::default() };
+    let limits = ReadLimits {
+        vertices: state.config.limits.max_vertices,
+        faces: state.config.limits.max_faces,
+        ..ReadLimits::default()
+    };
+    let bytes = sent.bytes;
+    let new = state
+        .take_in(move || {
+            let source_bytes = bytes.len() as u64;
+            let raw = read(&bytes, format, &limits)?;
+            drop(bytes);
+            // The share of the body budget is held until the bytes are gone.
+            drop(body);
+            let checked = check(raw, &options)?;
+            let report = serde_json::to_value(&checked.report).map_err(Problem::internal)?;
+            Ok(NewMesh { mesh: Arc::new(checked.mesh), report, name, format: format.name().to_owned(), source_bytes })
+        })
+        .await?;
+    let stored = state.store.add_mesh(new).await?;
+    let record = stored.record;
+    tracing::info!(
+        mesh = record.id,
+        vertices = record.vertices,
+        faces = record.faces,
+        created = stored.created,
+        "mesh stored"
+    );
+    let status = if stored.created { StatusCode::CREATED } else { StatusCode::OK };
+    let tag = conditional::etag(&record.id, true);
+    let location = HeaderValue::from_str(&format!("/v1/meshes/{}", record.id));
+    let mut response = (status, Json(MeshResource::from(record))).into_response();
+    if let Ok(location) = location {
+        response.headers_mut().insert(header::LOCATION, location);
+    }
+    if let Some(tag) = tag {
+        response.headers_mut().insert(header::ETAG, tag);
+    }
+    Ok(response)
+}
+
+/// An uploaded file and what was said about it.
+#[derive(Default)]
+struct Sent {
+    bytes: Bytes,
+    media_type: Option<String>,
+    file_name: Option<String>,
+    named_format: Option<String>,
+    merge: Option<Merge>,
+    name: Option<String>,
+}
+
+impl Sent {
+    /// Takes the mesh out of a multipart body.
+    async fn from_multipart(parts: Parts, bytes: Bytes) -> Result<Self, Problem> {
+        let malformed = |what: String| Problem::new(&problem::INVALID_MULTIPART, what);
+        // The body is in memory already, so that this only cuts it up.
+        let request = Request::from_parts(parts, Body::from(bytes));
+        let mut multipart =
+            Multipart::from_request(request, &()).await.map_err(|error| malformed(error.body_text()))?;
+        let mut sent = Self::default();
+        let mut found = false;
+        while let Some(field) = multipart.next_field().await.map_err(|error| malformed(error.body_text()))? {
+            let part = field.name().unwrap_or_default().to_owned();
+            let file_name = field.file_name().map(str::to_owned);
+            let media_type = field.content_type().map(str::to_owned);
+            let bytes = field.bytes().await.map_err(|error| malformed(error.body_text()))?;
+            let text = |limit: usize| match std::str::from_utf8(&bytes) {
+                Ok(text) if text.len() <= limit => Ok(text.trim().to_owned()),
+                _ => Err(malformed(format!("The part {:?} is not a short text.", problem::shorten(part.clone())))),
+            };
+            match part.as_str() {
+                "mesh" | "file" if found => return Err(malformed("There is more than one mesh.".to_owned())),
+                "mesh" | "file" => {
+                    found = true;
+                    (sent.bytes, sent.file_name, sent.media_type) = (bytes, file_name, media_type);
+                }
+                "format" => sent.named_format = Some(text(32)?),
+                "name" => sent.name = Some(text(4 * LONGEST_NAME)?),
+                "merge" => {
+                    let value = serde_json::Value::String(text(32)?);
+                    let merge = serde_json::from_value(value).map_err(|error| malformed(format!("merge: {error}.")))?;
+                    sent.merge = Some(merge);
+                }
+                other => {
+                    let other = problem::shorten(other.to_owned());
+                    return Err(malformed(format!("The part {other:?} is none of mesh, format, merge and name.")));
+                }
+            }
+        }
+        if found { Ok(sent) } else { Err(malformed("There is no part named mesh.".to_owned())) }
+    }
+
+    /// The format: as named, by media type, by file name, or by the first bytes.
+    fn format(&self, query: Option<&str>) -> Result<MeshFormat, Problem> {
+        let list = || MeshFormat::ALL.map(MeshFormat::name).join(", ");
+        if let Some(name) = query.or(self.named_format.as_deref()) {
+            return MeshFormat::from_extension(name).ok_or_else(|| {
+                let name = problem::shorten(name.to_owned());
+                Problem::new(&problem::UNKNOWN_FORMAT, format!("The format {name:?} is none of {}.", list()))
+            });
+        }
+        let extension =
+            self.file_name.as_deref().and_then(|name| name.rsplit_once('.')).map(|(_, extension)| extension);
+        if let Some(format) = (self.media_type.as_deref().and_then(MeshFormat::from_media_type))
+            .or_else(|| extension.and_then(MeshFormat::from_extension))
+        {
+            return Ok(format);
+        }
+        // A type that says something else about the body is an error; a general one says nothing. curl sends
+        // application/x-www-form-urlencoded unless told otherwise.
+        let general = match self.media_type.as_deref() {
+            None => true,
+            Some(name) => {
+                matches!(name, "application/octet-stream" | "text/plain" | "application/x-www-form-urlencoded")
+                    || name.starts_with("model/")
+            }
+        };
+        if !general {
+            let name = self.media_type.clone().unwrap_or_default();
+            return Err(Problem::new(
+                &problem::UNKNOWN_FORMAT,
+                format!("Content-Type {:?} names no mesh format; there are {}.", problem::shorten(name), list()),
+            ));
+        }
+        MeshFormat::sniff(&self.bytes).ok_or_else(|| {
+            Problem::new(
+                &problem::UNKNOWN_FORMAT,
+                format!("The first bytes are of no known format; name one of {} with ?format=.", list()),
+            )
+        })
+    }
+}
+
+/// Which page.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct ListQuery {
+    /// Items of the page, at most 200.
+    #[param(minimum = 1, maximum = 200, default = 50)]
+    limit: Option<u32>,
+    /// `next` of the page before.
+    from: Option<String>,
+}
+
+/// Lists meshes
+///
+/// Newest first. Pages stay stable while new meshes arrive.
+#[utoipa::path(
+    get, path = "/v1/meshes", tag = "meshes", operation_id = "listMeshes", params(ListQuery),
+    responses(
+        (status = 200, description = "A page of meshes", body = PageOf<MeshResource>),
+        (status = 400, description = "A problem: invalid-query or invalid-cursor", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn list(
+    State(state): State<AppState>,
+    QueryOf(query): QueryOf<ListQuery>,
+) -> Result<Json<PageOf<MeshResource>>, Problem> {
+    let page = state.store.meshes(&super::page(query.limit, query.from)?).await?;
+    Ok(Json(PageOf::of(page, MeshResource::from)))
+}
+
+/// Shows a mesh
+///
+/// With the report of the check that it went through.
+#[utoipa::path(
+    get, path = "/v1/meshes/{id}", tag = "meshes", operation_id = "showMesh",
+    params(("id" = String, Path, description = "The id of the mesh", example = "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3")),
+    responses(
+        (status = 200, description = "The mesh", body = MeshResource, headers(("ETag" = String))),
+        (status = 304, description = "The mesh is as `If-None-Match` names it"),
+        (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn show(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let record = state.store.mesh(&id).await?;
+    let tag = conditional::etag(&record.id, true);
+    let mut response = match &tag {
+        Some(tag) if conditional::matches(&headers, tag) => StatusCode::NOT_MODIFIED.into_response(),
+        _ => Json(MeshResource::from(record)).into_response(),
+    };
+    if let Some(tag) = tag {
+        response.headers_mut().insert(header::ETAG, tag);
+    }
+    response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
+    Ok(response)
+}
+
+/// What to do with what refers to the mesh.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct DeleteQuery {
+    /// Cancels its unfinished jobs and deletes its bases too.
+    #[serde(default)]
+    #[param(default = false)]
+    cascade: bool,
+}
+
+/// Deletes a mesh
+///
+/// Refused while unfinished jobs or bases refer to it, unless `cascade=true`.
+#[utoipa::path(
+    delete, path = "/v1/meshes/{id}", tag = "meshes", operation_id = "deleteMesh",
+    params(("id" = String, Path, description = "The id of the mesh", example = "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"), DeleteQuery),
+    responses(
+        (status = 204, description = "The mesh is gone"),
+        (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 409, description = "A problem: mesh-in-use, with `unfinished_jobs` and `bases`", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["operate"]))
+)]
+async fn delete(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<DeleteQuery>,
+) -> Result<StatusCode, Problem> {
+    state.store.delete_mesh(&id, query.cascade).await?;
+    tracing::info!(mesh = problem::shorten(id), cascade = query.cascade, "mesh deleted");
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// How a mesh is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+enum Written {
+    Ply,
+    Obj,
+    Buffers,
+}
+
+/// How to write the content.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct ContentQuery {
+    /// Takes the place of `Accept`.
+    #[param(inline)]
+    format: Option<Written>,
+}
+
+/// Gets the content of a mesh
+///
+/// By `Accept` or `format`: PLY (the default; binary, little-endian), OBJ, or buffers for web clients
+/// (`application/vnd.chladni.mesh`): all little-endian and aligned to four bytes, the number of vertices n and of faces f as u32,
+/// then 3n positions as f32, then 3f vertex indices as u32.
+#[utoipa::path(
+    get, path = "/v1/meshes/{id}/content", tag = "meshes", operation_id = "getMeshContent",
+    params(
+        ("id" = String, Path, description = "The id of the mesh", example = "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"),
+        ContentQuery,
+        ("Range" = Option<String>, Header, description = "One range of bytes", example = "bytes=0-1023"),
+    ),
+    responses(
+        (status = 200, description = "The whole content", content((Vec<u8> = "model/ply"), (Vec<u8> = "model/obj"), (Vec<u8> = "application/vnd.chladni.mesh")), headers(("ETag" = String))),
+        (status = 206, description = "The bytes that `Range` asks for", body = Vec<u8>, content_type = "model/ply", headers(("Content-Range" = String))),
+        (status = 304, description = "The content is as `If-None-Match` names it"),
+        (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 416, description = "A problem: range-not-satisfiable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn content(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<ContentQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let (ply, obj) = (MeshFormat::Ply.media_type(), MeshFormat::Obj.media_type());
+    let format = match query.format {
+        Some(format) => format,
+        None => match extract::negotiated(&headers, &[ply, obj, BUFFERS, "application/octet-stream"])? {
+            name if name == obj => Written::Obj,
+            name if name == ply => Written::Ply,
+            _ => Written::Buffers,
+        },
+    };
+    let record = state.store.mesh(&id).await?;
+    let mesh = state.store.load_mesh(&record.id).await?;
+    let bytes = state.take_in(move || Ok(Bytes::from(written(&mesh, format).map_err(Problem::internal)?))).await?;
+    let (media_type, extension) = match format {
+        Written::Ply => (ply, "ply"),
+        Written::Obj => (obj, "obj"),
+        Written::Buffers => (BUFFERS, "bin"),
+    };
+    let length = bytes.len() as u64;
+    let file_name = format!("mesh-{}.{extension}", record.id);
+    Immutable { tag: format!("{}-{extension}", record.id), media_type, file_name, length }.answer(&headers, bytes)
+}
+
+fn written(mesh: &TriangleMesh, format: Written) -> std::io::Result<Vec<u8>> {
+    let mut out = Vec::new();
+    match format {
+        Written::Ply => write_ply(mesh, None, &mut out)?,
+        Written::Obj => write_obj(mesh, &mut out)?,
+        Written::Buffers => {
+            out.reserve_exact(8 + 12 * (mesh.positions.len() + mesh.faces.len()));
+            out.extend_from_slice(&(mesh.positions.len() as u32).to_le_bytes());
+            out.extend_from_slice(&(mesh.faces.len() as u32).to_le_bytes());
+            out.extend(mesh.positions.iter().flatten().flat_map(|&x| (x as f32).to_le_bytes()));
+            out.extend(mesh.faces.iter().flatten().flat_map(|index| index.to_le_bytes()));
+        }
+    }
+    Ok(out)
+}

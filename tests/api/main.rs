@@ -1,0 +1,12 @@
+//! The API against the real server: one binary, one module per resource.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod auth;
+mod bases;
+mod bodies;
+mod documents;
+mod jobs;
+mod meshes;
+mod system;

@@ -1,0 +1,290 @@
+//! A real server on a port of its own, for tests. Dropping it drains the server and checks that no job is left unfinished.
+#![allow(dead_code)]
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use chladni::algebra::{DenseMatrix, MassMatrix, SparseMatrix};
+use chladni::basis::{Basis, Certificate};
+use chladni::config::Config;
+use chladni::http::{self, AppState};
+use chladni::mesh::TriangleMesh;
+use chladni::monitor::Monitor;
+use chladni::queue::{JobFailure, Outcome, Runner, Unobserved, WorkerOptions, WorkerPool};
+use chladni::store::{JobRecord, JobStatus, Store, StoreOptions};
+use chladni::telemetry::Metrics;
+use serde_json::{Value, json};
+use tokio::sync::oneshot;
+
+/// What a test may change before its server starts.
+pub struct Builder {
+    pub config: Config,
+    pub runner: Arc<dyn Runner>,
+    pub keep_jobs: bool,
+}
+
+impl Builder {
+    /// Starts the server; its settings, store and port are its own.
+    pub fn start(mut self) -> TestApp {
+        let folder = tempfile::tempdir().unwrap();
+        self.config.data = folder.path().to_owned();
+        let (ready, started) = mpsc::channel();
+        let (stop, stopped) = oneshot::channel();
+        let keep_jobs = self.keep_jobs;
+        let server = std::thread::spawn(move || {
+            let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+            runtime.block_on(run(self.config, self.runner, ready, stopped))
+        });
+        let address = started.recv().expect("the server starts");
+        TestApp {
+            address,
+            client: reqwest::Client::new(),
+            stop: Some(stop),
+            server: Some(server),
+            folder: Some(folder),
+            keep_jobs,
+        }
+    }
+}
+
+async fn run(
+    config: Config,
+    runner: Arc<dyn Runner>,
+    ready: mpsc::Sender<SocketAddr>,
+    stopped: oneshot::Receiver<()>,
+) -> Vec<String> {
+    let mut options = StoreOptions::new(&config.data);
+    options.cache_bytes = config.cache_bytes;
+    options.least_free_bytes = config.least_free_bytes;
+    let store = Store::open(options).await.unwrap();
+    let workers = WorkerOptions {
+        workers: config.workers,
+        threads: config.threads,
+        lease: config.lease_seconds,
+        stall: config.stall_seconds,
+        ..WorkerOptions::default()
+    };
+    let pool = Arc::new(WorkerPool::start(store.clone(), workers, runner, Arc::new(Unobserved)));
+    let alive = pool.clone();
+    let drain = config.drain_seconds;
+    let metrics = Arc::new(Metrics::new().unwrap());
+    let state = AppState::new(store.clone(), config, metrics, move || alive.alive()).unwrap();
+    let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+    ready.send(listener.local_addr().unwrap()).unwrap();
+    http::serve(listener, state, async {
+        let _ = stopped.await;
+    })
+    .await
+    .unwrap();
+    let mut left = Vec::new();
+    for (kind, status, count) in store.job_counts().await.unwrap() {
+        if count > 0 && !status.is_finished() {
+            left.push(format!("{count} jobs of kind {kind} are {status}"));
+        }
+    }
+    pool.drain(drain).await;
+    store.close().await;
+    left
+}
+
+/// A running server and a client for it.
+pub struct TestApp {
+    pub address: SocketAddr,
+    pub client: reqwest::Client,
+    stop: Option<oneshot::Sender<()>>,
+    server: Option<JoinHandle<Vec<String>>>,
+    folder: Option<tempfile::TempDir>,
+    keep_jobs: bool,
+}
+
+impl TestApp {
+    /// A server with the settings of a test: small, quick to drain, jobs that do nothing slow unless asked to.
+    pub fn builder() -> Builder {
+        let config = Config {
+            drain_seconds: Duration::from_secs(5),
+            heartbeat_seconds: Duration::from_millis(100),
+            least_free_bytes: 0,
+            cache_bytes: 64 << 20,
+            ..Config::default()
+        };
+        Builder { config, runner: Arc::new(Scripted), keep_jobs: false }
+    }
+
+    pub fn start() -> Self {
+        Self::builder().start()
+    }
+
+    pub fn url(&self, path: &str) -> String {
+        format!("http://{}{path}", self.address)
+    }
+
+    pub fn get(&self, path: &str) -> reqwest::RequestBuilder {
+        self.client.get(self.url(path))
+    }
+
+    pub fn post(&self, path: &str) -> reqwest::RequestBuilder {
+        self.client.post(self.url(path))
+    }
+
+    pub fn delete(&self, path: &str) -> reqwest::RequestBuilder {
+        self.client.delete(self.url(path))
+    }
+
+    /// Uploads a mesh and gives its resource.
+    pub async fn upload(&self, format: &str, bytes: impl Into<reqwest::Body>) -> Value {
+        let response = self.post(&format!("/v1/meshes?format={format}")).body(bytes).send().await.unwrap();
+        let status = response.status();
+        let value: Value = response.json().await.unwrap();
+        assert!(status.is_success(), "{status}: {value}");
+        value
+    }
+
+    /// Uploads a small octahedron and gives its id.
+    pub async fn octahedron(&self) -> String {
+        text(&self.upload("off", OCTAHEDRON).await["id"])
+    }
+
+    /// Submits a job and gives its resource.
+    pub async fn submit(&self, mesh: &str, parameters: Value) -> Value {
+        let body = json!({"kind": "eigenbasis", "mesh": mesh, "parameters": parameters});
+        let response = self.post("/v1/jobs").json(&body).send().await.unwrap();
+        let status = response.status();
+        let value: Value = response.json().await.unwrap();
+        assert!(status.is_success(), "{status}: {value}");
+        value
+    }
+
+    /// Waits until a job has ended.
+    pub async fn finished(&self, job: &str) -> Value {
+        let begin = Instant::now();
+        loop {
+            let job: Value = self.get(&format!("/v1/jobs/{job}?wait=20s")).send().await.unwrap().json().await.unwrap();
+            if ["succeeded", "failed", "canceled"].contains(&job["status"].as_str().unwrap()) {
+                return job;
+            }
+            assert!(begin.elapsed() < Duration::from_secs(120), "the job does not end: {job}");
+        }
+    }
+
+    /// A basis on the octahedron: its id.
+    pub async fn basis(&self) -> String {
+        let mesh = self.octahedron().await;
+        let job = self.submit(&mesh, json!({"count": 3})).await;
+        let job = self.finished(&text(&job["id"])).await;
+        assert_eq!(job["status"], "succeeded", "{job}");
+        text(&job["basis"])
+    }
+}
+
+impl Drop for TestApp {
+    fn drop(&mut self) {
+        if let Some(stop) = self.stop.take() {
+            let _ = stop.send(());
+        }
+        let left = self.server.take().map(JoinHandle::join);
+        if std::thread::panicking() {
+            return;
+        }
+        let left = left.unwrap().expect("the server ends without a panic");
+        assert!(self.keep_jobs || left.is_empty(), "unfinished jobs are left: {left:?}");
+    }
+}
+
+/// A member that is a string.
+pub fn text(value: &Value) -> String {
+    value.as_str().unwrap_or_else(|| panic!("{value} is not a string")).to_owned()
+}
+
+/// An octahedron with vertices at distance 1, as OFF.
+pub const OCTAHEDRON: &str = "OFF\n6 8 0\n1 0 0\n-1 0 0\n0 1 0\n0 -1 0\n0 0 1\n0 0 -1\n\
+    3 0 2 4\n3 2 1 4\n3 1 3 4\n3 3 0 4\n3 2 0 5\n3 1 2 5\n3 3 1 5\n3 0 3 5\n";
+
+/// A runner whose jobs do what their seed says, so that tests of the API do not depend on a solver: seeds below 1000 succeed at
+/// once, 1000 panics, 1001 fails, larger ones run for that many milliseconds. The basis is the constant and two more
+/// functions, orthonormal for unit masses.
+pub struct Scripted;
+
+/// Panics whenever it runs.
+pub const PANICS: u64 = 1000;
+/// Fails for good.
+pub const FAILS: u64 = 1001;
+
+impl Runner for Scripted {
+    fn run(&self, job: &JobRecord, mesh: Arc<TriangleMesh>, monitor: &dyn Monitor) -> Result<Outcome, JobFailure> {
+        let seed = job.parameters["seed"].as_u64().unwrap();
+        monitor.stage("operator");
+        match seed {
+            PANICS => panic!("a scripted panic"),
+            FAILS => {
+                return Err(JobFailure::Failed {
+                    kind: "scripted".into(),
+                    detail: "This job was told to fail.".into(),
+                    retryable: false,
+                });
+            }
+            _ => {}
+        }
+        monitor.stage("basis");
+        let begin = Instant::now();
+        while seed > 1001 && begin.elapsed() < Duration::from_millis(seed) {
+            monitor.checkpoint()?;
+            monitor.progress(begin.elapsed().as_millis() as f64 / seed as f64);
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        Ok(Outcome { basis: plain_basis(mesh.positions.len(), job.parameters.clone()) })
+    }
+}
+
+/// Three M-orthonormal functions on `n` vertices of mass 1: each U column holds a third of the vertices.
+pub fn plain_basis(n: usize, parameters: Value) -> Basis {
+    let columns: Vec<u32> = (0..n).map(|v| (v % 3) as u32).collect();
+    let sizes = [n.div_ceil(3), (n + 1) / 3, n / 3];
+    let mut coefficients = DenseMatrix::zeros(3, 3);
+    for (k, size) in sizes.iter().enumerate() {
+        coefficients.column_mut(k)[k] = 1.0 / (*size as f64).sqrt();
+    }
+    Basis {
+        space: SparseMatrix::new(n, 3, (0..=n).collect(), columns, vec![1.0; n]).unwrap(),
+        coefficients,
+        eigenvalues: vec![0.0, 1.0, 2.0],
+        mass: MassMatrix::Diagonal(vec![1.0; n]),
+        certificate: Certificate {
+            residuals: vec![0.0, 0.1, 0.2],
+            bounds: vec![0.0, 0.01, 0.02],
+            orthonormality_defect: 0.0,
+        },
+        metadata: json!({"parameters": parameters}),
+    }
+}
+
+/// The folder of the real meshes, where the environment names it.
+pub fn meshes() -> Option<PathBuf> {
+    let folder = std::env::var_os("CHLADNI_MESHES").map(PathBuf::from);
+    if folder.is_none() {
+        println!("skipped: CHLADNI_MESHES is not set");
+    }
+    folder
+}
+
+/// Checks that an answer is a problem of a kind, and gives it.
+pub async fn problem(response: reqwest::Response, status: u16, kind: &str) -> Value {
+    let found = response.status();
+    let media_type = response.headers().get("content-type").map(|v| v.to_str().unwrap().to_owned());
+    let body = response.text().await.unwrap();
+    assert_eq!(found.as_u16(), status, "{body}");
+    assert_eq!(media_type.as_deref(), Some("application/problem+json"), "{body}");
+    let value: Value = serde_json::from_str(&body).unwrap();
+    assert_eq!(value["type"], format!("/problems/{kind}"), "{value}");
+    assert_eq!(value["status"], status, "{value}");
+    assert!(!value["title"].as_str().unwrap().is_empty() && !value["detail"].as_str().unwrap().is_empty(), "{value}");
+    value
+}
+
+/// Whether a status name is final.
+pub fn is_final(status: JobStatus) -> bool {
+    status.is_finished()
+}
