@@ -1,8 +1,8 @@
 //! Eigenproblems solved: the fast approximation (chapter 2 of the thesis) and what certifies a result.
 
 mod approximate;
-pub mod heat;
 pub mod certificate;
+pub mod heat;
 pub mod radial;
 
 pub use approximate::{Accuracy, ApproximationError, ApproximationParameters, Construction, approximate};

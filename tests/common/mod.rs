@@ -65,6 +65,7 @@ async fn run(
         workers: config.workers,
         threads: config.threads,
         lease: config.lease_seconds,
+        heartbeat: config.heartbeat_seconds,
         stall: config.stall_seconds,
         ..WorkerOptions::default()
     };
