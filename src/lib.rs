@@ -13,6 +13,7 @@
 //! reports to a [`monitor::Monitor`].
 
 pub mod algebra;
+pub mod analysis;
 pub mod basis;
 pub mod cli;
 pub mod config;

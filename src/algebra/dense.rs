@@ -1,5 +1,8 @@
 //! Dense matrices.
 
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef, Par};
+
 /// A dense `rows × columns` matrix of f64, stored column after column.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DenseMatrix {
@@ -56,20 +59,35 @@ impl DenseMatrix {
         self.values.shrink_to_fit();
     }
 
-    /// `selfᵀ · other`, on the threads of the pool it is called from; `None` unless both have the same number of rows.
-    pub fn transposed_times(&self, other: &Self) -> Option<Self> {
-        if self.rows != other.rows {
-            return None;
-        }
-        let mut product = Self::zeros(self.columns, other.columns);
-        faer::linalg::matmul::matmul(
-            faer::MatMut::from_column_major_slice_mut(&mut product.values, self.columns, other.columns),
-            faer::Accum::Replace,
-            faer::MatRef::from_column_major_slice(&self.values, self.rows, self.columns).transpose(),
-            faer::MatRef::from_column_major_slice(&other.values, other.rows, other.columns),
-            1.0,
-            faer::Par::rayon(0),
-        );
-        Some(product)
+    /// A copy of some columns; a range that leaves the matrix is cut off.
+    pub fn slice_columns(&self, range: std::ops::Range<usize>) -> Self {
+        let end = range.end.min(self.columns);
+        let start = range.start.min(end);
+        Self { rows: self.rows, columns: end - start, values: self.values[start * self.rows..end * self.rows].to_vec() }
     }
+
+    /// `self · other`; `None` unless the sizes fit. On the threads of the pool it is called from where that pays.
+    pub fn times(&self, other: &Self) -> Option<Self> {
+        (self.columns == other.rows).then(|| product(self.view(), other.view()))
+    }
+
+    /// `selfᵀ · other`; `None` unless the sizes fit. On the threads of the pool it is called from where that pays.
+    pub fn transposed_times(&self, other: &Self) -> Option<Self> {
+        (self.rows == other.rows).then(|| product(self.view().transpose(), other.view()))
+    }
+
+    fn view(&self) -> MatRef<'_, f64> {
+        MatRef::from_column_major_slice(&self.values, self.rows, self.columns)
+    }
+}
+
+fn product(left: MatRef<'_, f64>, right: MatRef<'_, f64>) -> DenseMatrix {
+    const LEAST_PARALLEL: usize = 1 << 22;
+    let work = left.nrows() * left.ncols() * right.ncols();
+    let par = if work < LEAST_PARALLEL { Par::Seq } else { Par::rayon(0) };
+    let mut product = DenseMatrix::zeros(left.nrows(), right.ncols());
+    let (rows, columns) = (product.rows, product.columns);
+    let into = MatMut::from_column_major_slice_mut(&mut product.values, rows, columns);
+    matmul(into, Accum::Replace, left, right, 1.0, par);
+    product
 }

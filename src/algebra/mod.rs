@@ -3,6 +3,7 @@
 mod blocks;
 mod dense;
 mod eigen;
+mod factored;
 mod galerkin;
 mod lift;
 mod mass;
@@ -12,6 +13,7 @@ mod sparse;
 pub use blocks::compact_order;
 pub use dense::DenseMatrix;
 pub use eigen::{CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};
+pub use factored::{space_times, space_transposed_mass_times};
 pub use galerkin::{GalerkinError, galerkin};
 pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::MassMatrix;

@@ -1,9 +1,11 @@
 //! The product: a sparse factor, a dense factor, eigenvalues and a certificate.
 
+mod evaluate;
 pub mod matrix_market;
 pub mod npz;
 pub mod safetensors;
 
+pub use evaluate::BasisError;
 pub use npz::FormatError;
 
 use crate::algebra::{DenseMatrix, MassMatrix, SparseMatrix};

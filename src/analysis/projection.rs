@@ -1,0 +1,67 @@
+//! Projecting functions onto a basis and putting them together again.
+
+use crate::algebra::DenseMatrix;
+use crate::basis::{Basis, BasisError};
+
+/// What is left of functions in a basis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Projection {
+    /// `ΦᵀM x`, `m × k`.
+    pub coefficients: DenseMatrix,
+    /// Per function `‖x − ΦΦᵀM x‖_M / ‖x‖_M`; 0 for the function that is zero.
+    pub relative_errors: Vec<f64>,
+    /// `ΦΦᵀM x`, `n × k`.
+    pub reconstruction: DenseMatrix,
+}
+
+/// Projects `k` functions, `n × k`, and measures what was lost.
+///
+/// # Errors
+/// [`BasisError::Rows`] unless there is a row for each vertex.
+pub fn project(basis: &Basis, functions: &DenseMatrix) -> Result<Projection, BasisError> {
+    let coefficients = basis.project(functions)?;
+    let reconstruction = basis.evaluate(&coefficients)?;
+    let mut lost = functions.clone();
+    lost.values_mut().iter_mut().zip(reconstruction.values()).for_each(|(x, y)| *x -= y);
+    let relative_errors = basis
+        .norms(&lost)?
+        .iter()
+        .zip(basis.norms(functions)?)
+        .map(|(lost, whole)| if *lost == 0.0 { 0.0 } else { lost / whole })
+        .collect();
+    Ok(Projection { coefficients, relative_errors, reconstruction })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::algebra::{MassMatrix, SparseMatrix};
+    use crate::basis::Certificate;
+
+    /// Four points of masses 1 to 4; the first two indicator functions, normalised.
+    fn basis() -> Basis {
+        Basis {
+            space: SparseMatrix::new(4, 2, vec![0, 1, 2, 2, 2], vec![0, 1], vec![1.0, 1.0]).unwrap(),
+            coefficients: DenseMatrix::from_columns(2, 2, vec![1.0, 0.0, 0.0, 0.5f64.sqrt()]).unwrap(),
+            eigenvalues: vec![0.0, 1.0],
+            mass: MassMatrix::Diagonal(vec![1.0, 2.0, 3.0, 4.0]),
+            certificate: Certificate::default(),
+            metadata: serde_json::Value::Null,
+        }
+    }
+
+    #[test]
+    fn what_lies_in_the_basis_is_kept_and_the_rest_measured() {
+        let functions = vec![3.0, -1.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0];
+        let x = DenseMatrix::from_columns(4, 3, functions).unwrap();
+        let found = project(&basis(), &x).unwrap();
+        assert!(found.relative_errors[0] < 1e-15);
+        assert!((found.relative_errors[1] - 0.7f64.sqrt()).abs() < 1e-15);
+        assert_eq!(found.relative_errors[2], 0.0);
+        assert!((found.coefficients.column(0)[1] + 2.0f64.sqrt()).abs() < 1e-15);
+        let kept = [[3.0, -1.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [0.0; 4]];
+        let close = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-15;
+        assert!(found.reconstruction.values().iter().zip(kept.as_flattened()).all(close));
+        assert!(project(&basis(), &DenseMatrix::zeros(3, 1)).is_err());
+    }
+}
