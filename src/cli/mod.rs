@@ -1,10 +1,12 @@
 //! The command line: one file per command.
 
+mod check;
 mod client;
 mod demo;
 mod error;
 mod input;
 mod progress;
+mod sample;
 pub mod serve;
 mod solve;
 mod text;
@@ -32,6 +34,8 @@ Examples:
   chladni demo                                             see it work, from upload to basis
   chladni serve --data /srv/chladni --workers 2            the service
   chladni solve bunny.ply --count 500 --output bunny.npz   500 eigenpairs, without a server
+  chladni check scan.obj                                   what is wrong with a mesh, what was repaired
+  chladni sample genus-3 -n 100000 -o genus-3.ply          a mesh to try things on
 
 Exit codes: 0 done; 1 the mesh or the work failed; 2 wrong usage; 3 a file, the network or the storage failed.
 'chladni help COMMAND' tells more about a command.";
@@ -43,6 +47,8 @@ enum Command {
     #[command(after_help = SERVE_HELP)]
     Serve(Box<Config>),
     Solve(solve::SolveArguments),
+    Check(check::CheckArguments),
+    Sample(sample::SampleArguments),
     /// Print the OpenAPI document of the API
     Openapi,
 }
@@ -62,6 +68,8 @@ pub fn main() -> ExitCode {
         Command::Demo(arguments) => demo::demo(arguments),
         Command::Serve(config) => serve::serve(*config),
         Command::Solve(arguments) => solve::solve(arguments),
+        Command::Check(arguments) => check::check(arguments),
+        Command::Sample(arguments) => sample::sample(arguments),
         Command::Openapi => openapi(),
     };
     result.unwrap_or_else(|error| {
