@@ -3,6 +3,8 @@
 pub mod check;
 pub mod connectivity;
 pub mod distance;
+#[cfg(test)]
+pub(crate) mod fixtures;
 pub mod measure;
 pub mod read;
 mod repair;

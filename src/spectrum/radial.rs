@@ -34,12 +34,14 @@ impl Profile {
         if !(t < 1.0) {
             return 0.0;
         }
-        match self {
+        let weight = match self {
             Self::Cubic => 1.0 - t * t * (3.0 - 2.0 * t),
             Self::Linear => 1.0 - t,
             Self::Quintic => 1.0 - t * t * t * (10.0 - t * (15.0 - 6.0 * t)),
             Self::Gaussian => (-std::f32::consts::LN_2 / (0.45 * 0.45) * t * t).exp(),
-        }
+        };
+        // Rounding may leave a little less than nothing.
+        weight.max(0.0)
     }
 }
 
@@ -340,3 +342,6 @@ impl Supports<'_> {
         SparseMatrix::from_sorted_parts(n, dimension, offsets, indices, values)
     }
 }
+
+#[cfg(test)]
+mod tests;

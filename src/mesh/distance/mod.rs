@@ -175,3 +175,6 @@ impl DistanceWorkspace {
         None
     }
 }
+
+#[cfg(test)]
+mod tests;

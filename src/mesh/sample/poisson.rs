@@ -70,7 +70,7 @@ pub fn poisson_disk(
             }
         }
     }
-    if best.is_empty() {
+    if best.is_empty() && count > 0 {
         best.push(Random::new(seed).below(n) as u32);
     }
     extend_farthest_points(connectivity, best, count, monitor)
