@@ -20,12 +20,7 @@ fn basis(mass: MassMatrix) -> Basis {
         coefficients: DenseMatrix::from_columns(2, 2, vec![1.0, 2.0, 3.0, 4.0]).unwrap(),
         eigenvalues: vec![0.0, 3.25],
         mass,
-        certificate: Certificate {
-            residuals: vec![0.0, 0.125],
-            bounds: vec![0.0, 0.5],
-            orthonormality_defect: 1e-15,
-            ..Certificate::default()
-        },
+        certificate: Certificate { residuals: vec![0.0, 0.125], bounds: vec![0.0, 0.5], orthonormality_defect: 1e-15 },
         metadata: serde_json::json!({"solver_version": "x"}),
     }
 }
