@@ -5,4 +5,4 @@ pub mod certificate;
 pub mod heat;
 pub mod radial;
 
-pub use approximate::{Accuracy, ApproximationError, ApproximationParameters, Construction, approximate};
+pub use approximate::{ApproximationError, ApproximationParameters, Space, approximate};

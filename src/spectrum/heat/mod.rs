@@ -50,7 +50,11 @@ impl HeatParameters {
         Self { steps: 4, time: 0.04, threshold: 0.002, tolerance: 1e-3, ..Self::default() }
     }
 
-    fn check(&self) -> Result<(), HeatError> {
+    /// Checks every parameter against its range.
+    ///
+    /// # Errors
+    /// [`HeatError::Parameter`] names the first that is outside.
+    pub fn check(&self) -> Result<(), HeatError> {
         let parameter = |name, value: f64, least: f64, most: f64| {
             if value >= least && value <= most {
                 Ok(())
