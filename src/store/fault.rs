@@ -2,7 +2,7 @@
 
 use std::sync::{
     Arc,
-    atomic::{AtomicU32, Ordering},
+    atomic::{AtomicBool, AtomicU32, Ordering},
 };
 
 /// A named point in the life of a job.
@@ -80,6 +80,9 @@ struct Armed {
     action: FaultAction,
     /// How many more times the point is passed unharmed.
     passes: AtomicU32,
+    /// Whether only one meeting does harm.
+    once: bool,
+    met: AtomicBool,
 }
 
 /// The faults of one store: none by default.
@@ -87,9 +90,19 @@ struct Armed {
 pub struct Faults(Option<Arc<Armed>>);
 
 impl Faults {
-    /// One fault, at the point's `passes + 1`-th meeting.
+    /// A fault at every meeting with a point but the first so many.
     pub fn armed(point: FailPoint, action: FaultAction, passes: u32) -> Self {
-        Self(Some(Arc::new(Armed { point, action, passes: AtomicU32::new(passes) })))
+        Self::new(point, action, passes, false)
+    }
+
+    /// A fault at one meeting with a point, after the first so many.
+    pub fn armed_once(point: FailPoint, action: FaultAction, passes: u32) -> Self {
+        Self::new(point, action, passes, true)
+    }
+
+    fn new(point: FailPoint, action: FaultAction, passes: u32, once: bool) -> Self {
+        let (passes, met) = (AtomicU32::new(passes), AtomicBool::new(false));
+        Self(Some(Arc::new(Armed { point, action, passes, once, met })))
     }
 
     /// Reads `POINT:ACTION[:PASSES]`, such as `before-blob-ready:kill` or `mid-run:panic:100`.
@@ -121,7 +134,7 @@ impl Faults {
             return;
         }
         let left = armed.passes.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1));
-        if left.is_err() {
+        if left.is_err() && !(armed.met.swap(true, Ordering::Relaxed) && armed.once) {
             armed.action.happen(point);
         }
     }

@@ -25,7 +25,7 @@ mod meshes;
 mod page;
 mod records;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use std::{
     fmt,

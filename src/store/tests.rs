@@ -22,7 +22,7 @@ use crate::{
 
 const LEASE: Duration = Duration::from_secs(30);
 
-fn options(folder: &TempDir) -> StoreOptions {
+pub(crate) fn options(folder: &TempDir) -> StoreOptions {
     StoreOptions { least_free_bytes: 0, ..StoreOptions::new(folder.path()) }
 }
 
@@ -31,7 +31,7 @@ async fn store() -> (Store, TempDir) {
     (Store::open(options(&folder)).await.unwrap(), folder)
 }
 
-fn mesh(seed: usize, vertices: usize) -> NewMesh {
+pub(crate) fn mesh(seed: usize, vertices: usize) -> NewMesh {
     let positions = (0..vertices).map(|i| [i as f64, (i * i + seed) as f64, 0.5]).collect();
     let faces = (2..vertices as u32).map(|i| [0, i - 1, i]).collect();
     NewMesh {
@@ -43,7 +43,7 @@ fn mesh(seed: usize, vertices: usize) -> NewMesh {
     }
 }
 
-fn new_job(mesh: &str, work: &str) -> NewJob {
+pub(crate) fn new_job(mesh: &str, work: &str) -> NewJob {
     NewJob {
         kind: "eigenbasis".to_owned(),
         mesh: mesh.to_owned(),
@@ -57,7 +57,7 @@ fn new_job(mesh: &str, work: &str) -> NewJob {
 }
 
 /// A basis of four vertices and two functions that differs by its seed.
-pub(super) fn basis(seed: f64, vertices: usize) -> Basis {
+pub(crate) fn basis(seed: f64, vertices: usize) -> Basis {
     let space = SparseMatrix::from_sorted_parts(
         vertices,
         2,
