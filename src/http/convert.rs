@@ -1,6 +1,8 @@
 //! Errors of other rooms as problems.
 
 use super::problem::{self, Problem};
+use crate::analysis::filter::FilterError;
+use crate::basis::BasisError;
 use crate::job::ParameterError;
 use crate::mesh::check::MeshError;
 use crate::mesh::read::ReadError;
@@ -62,6 +64,32 @@ impl From<ReadError> for Problem {
 impl From<MeshError> for Problem {
     fn from(error: MeshError) -> Self {
         Self::within(&problem::UNUSABLE_MESH, error.kind(), sentence(&error))
+    }
+}
+
+impl From<BasisError> for Problem {
+    fn from(error: BasisError) -> Self {
+        match error {
+            BasisError::Modes { from, to, count } => Self::new(
+                &problem::INVALID_RANGE_OF_MODES,
+                format!("Modes {from}..{to} are asked for of a basis with {count}."),
+            )
+            .with("count", count),
+            BasisError::Rows { found, expected } => Self::new(
+                &problem::INVALID_FUNCTION,
+                format!("A function has {found} values where {expected} are due."),
+            ),
+            BasisError::Inconsistent => Self::internal(error),
+        }
+    }
+}
+
+impl From<FilterError> for Problem {
+    fn from(error: FilterError) -> Self {
+        match error {
+            FilterError::Basis(error) => error.into(),
+            other => Self::new(&problem::INVALID_TRANSFER, format!("transfer: {}", sentence(&other))),
+        }
     }
 }
 

@@ -8,12 +8,13 @@
 //! | `middleware` | what surrounds every request: id, log, metrics, authentication |
 //! | `auth` | API keys and scopes |
 //! | `problem`, `convert` | every error as RFC 9457 |
-//! | `body`, `extract`, `conditional` | reading requests: limits, JSON, queries, negotiation, ranges |
+//! | `body`, `extract`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, negotiation, ranges |
 //! | `wire` | what goes over the wire |
 //! | `meshes`, `jobs`, `bases`, `content`, `modes`, `solves`, `system`, `docs` | the routes |
 
 mod auth;
 mod bases;
+mod binary;
 mod body;
 mod conditional;
 mod content;
@@ -23,8 +24,10 @@ mod extract;
 mod jobs;
 mod meshes;
 mod middleware;
+mod modes;
 mod problem;
 mod serve;
+mod solves;
 mod state;
 mod system;
 mod wire;
@@ -57,6 +60,8 @@ fn routes() -> OpenApiRouter<AppState> {
         .merge(jobs::routes())
         .merge(bases::routes())
         .merge(content::routes())
+        .merge(modes::routes())
+        .merge(solves::routes())
         .merge(system::routes())
         .merge(docs::routes())
 }
@@ -116,9 +121,11 @@ fn cors(origins: &[String]) -> CorsLayer {
             header::LOCATION,
             header::RETRY_AFTER,
             HeaderName::from_static("chladni-columns"),
+            HeaderName::from_static("chladni-dtype"),
             HeaderName::from_static("chladni-outcome"),
             HeaderName::from_static("chladni-relative-error"),
             HeaderName::from_static("chladni-rows"),
+            HeaderName::from_static("server-timing"),
             middleware::REQUEST_ID,
         ])
         .max_age(std::time::Duration::from_secs(3600));

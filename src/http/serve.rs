@@ -5,7 +5,7 @@
 use std::io;
 use std::pin::Pin;
 use std::sync::Arc;
-use std::task::{Context, Poll};
+use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -20,6 +20,11 @@ use super::state::AppState;
 
 /// Seconds for which a client may refuse to take what is sent to it.
 const WRITE_STALL: Duration = Duration::from_secs(60);
+
+/// For how long, and for how many bytes, what a client still sends is read after the last answer. Closing with unread bytes
+/// would reset the connection, and the client might never see why its large body was refused.
+const LINGER: Duration = Duration::from_secs(2);
+const LINGER_BYTES: usize = 64 << 20;
 
 /// The most bytes of a request line and its headers that are held.
 const HEADER_BYTES: usize = 64 * 1024;
@@ -80,16 +85,18 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: impl Future
 }
 
 /// A stream whose writes fail once the other side has taken nothing for a while: a client that never reads would hold its
-/// connection, and what is to be sent, for ever.
+/// connection, and what is to be sent, for ever. Its end is gentle: see [`LINGER`].
 struct Unstalled {
     stream: TcpStream,
     patience: Duration,
     deadline: Option<Pin<Box<Sleep>>>,
+    linger: Option<Pin<Box<Sleep>>>,
+    lingered_bytes: usize,
 }
 
 impl Unstalled {
     fn new(stream: TcpStream, patience: Duration) -> Self {
-        Self { stream, patience, deadline: None }
+        Self { stream, patience, deadline: None, linger: None, lingered_bytes: 0 }
     }
 
     fn watch<T>(&mut self, cx: &mut Context<'_>, poll: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
@@ -134,6 +141,24 @@ impl AsyncWrite for Unstalled {
         self.watch(cx, poll)
     }
     fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_shutdown(cx)
+        let this = &mut *self;
+        let linger = match &mut this.linger {
+            Some(linger) => linger,
+            none => {
+                ready!(Pin::new(&mut this.stream).poll_shutdown(cx))?;
+                none.insert(Box::pin(sleep(LINGER)))
+            }
+        };
+        let mut space = [0; 16 * 1024];
+        loop {
+            if linger.as_mut().poll(cx).is_ready() || this.lingered_bytes > LINGER_BYTES {
+                return Poll::Ready(Ok(()));
+            }
+            let mut piece = ReadBuf::new(&mut space);
+            match ready!(Pin::new(&mut this.stream).poll_read(cx, &mut piece)) {
+                Ok(()) if !piece.filled().is_empty() => this.lingered_bytes += piece.filled().len(),
+                _ => return Poll::Ready(Ok(())),
+            }
+        }
     }
 }

@@ -180,15 +180,6 @@ impl AppState {
         result
     }
 
-    /// Runs a solve that sends its result in pieces; `work` ends when the receiver is gone.
-    pub(super) fn solve_detached(&self, work: impl FnOnce() + Send + 'static) {
-        self.solves.spawn(move || {
-            if catch_unwind(AssertUnwindSafe(work)).is_err() {
-                tracing::error!("a solve panicked");
-            }
-        });
-    }
-
     /// Runs the reading and checking of an upload on a pool of its own.
     ///
     /// # Errors

@@ -1,0 +1,181 @@
+//! Per-vertex functions and coefficients as numbers on the wire: raw little-endian, row after row, or JSON.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::problem::{self, Problem};
+use crate::algebra::DenseMatrix;
+
+/// The most functions of one request.
+pub const MOST_COLUMNS: usize = 256;
+
+/// The type of raw numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Dtype {
+    /// Single precision.
+    #[default]
+    F32,
+    /// Double precision.
+    F64,
+}
+
+impl Dtype {
+    /// The name on the wire.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::F32 => "f32",
+            Self::F64 => "f64",
+        }
+    }
+
+    fn bytes(self) -> usize {
+        match self {
+            Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+}
+
+/// A table of numbers as JSON.
+#[derive(Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Table {
+    /// Functions side by side.
+    #[serde(default = "one")]
+    pub columns: usize,
+    /// Values, row after row.
+    pub values: Vec<f64>,
+}
+
+fn one() -> usize {
+    1
+}
+
+/// Reads `rows × k` raw numbers, row after row; `k` follows from the length.
+///
+/// # Errors
+/// `invalid-function` names a length that does not fit or the first value that is not finite.
+pub fn decode(bytes: &[u8], dtype: Dtype, rows: usize) -> Result<DenseMatrix, Problem> {
+    let row = rows * dtype.bytes();
+    if row == 0 || bytes.is_empty() || bytes.len() % row != 0 {
+        return Err(Problem::new(
+            &problem::INVALID_FUNCTION,
+            format!("{} bytes are no whole number of functions of {rows} values in {}.", bytes.len(), dtype.name()),
+        ));
+    }
+    let columns = bytes.len() / row;
+    match dtype {
+        Dtype::F32 => {
+            let (numbers, _) = bytes.as_chunks::<4>();
+            matrix(rows, columns, |i| f64::from(f32::from_le_bytes(numbers[i])))
+        }
+        Dtype::F64 => {
+            let (numbers, _) = bytes.as_chunks::<8>();
+            matrix(rows, columns, |i| f64::from_le_bytes(numbers[i]))
+        }
+    }
+}
+
+/// Reads a JSON table with `rows` rows.
+///
+/// # Errors
+/// `invalid-function`, as [`decode`].
+pub fn from_table(table: &Table, rows: usize) -> Result<DenseMatrix, Problem> {
+    if table.columns == 0 || rows.checked_mul(table.columns) != Some(table.values.len()) {
+        return Err(Problem::new(
+            &problem::INVALID_FUNCTION,
+            format!("{} values are given where {rows} rows of {} are due.", table.values.len(), table.columns),
+        ));
+    }
+    matrix(rows, table.columns, |i| table.values[i])
+}
+
+/// A matrix from values that are given row after row.
+fn matrix(rows: usize, columns: usize, value: impl Fn(usize) -> f64) -> Result<DenseMatrix, Problem> {
+    if columns > MOST_COLUMNS {
+        return Err(Problem::new(
+            &problem::INVALID_FUNCTION,
+            format!("{columns} functions are given; one request may have {MOST_COLUMNS}."),
+        ));
+    }
+    let mut matrix = DenseMatrix::zeros(rows, columns);
+    let mut odd = None;
+    for column in 0..columns {
+        for (row, slot) in matrix.column_mut(column).iter_mut().enumerate() {
+            let found = value(row * columns + column);
+            if !found.is_finite() && odd.is_none() {
+                odd = Some((row, column));
+            }
+            *slot = found;
+        }
+    }
+    match odd {
+        None => Ok(matrix),
+        Some((row, column)) => Err(Problem::new(
+            &problem::INVALID_FUNCTION,
+            format!("The value of row {row}, column {column} is not finite."),
+        )),
+    }
+}
+
+/// A matrix as raw numbers, row after row.
+pub fn encode(matrix: &DenseMatrix, dtype: Dtype) -> Vec<u8> {
+    let (rows, columns) = (matrix.rows(), matrix.columns());
+    let mut bytes = vec![0; rows * columns * dtype.bytes()];
+    for column in 0..columns {
+        let values = matrix.column(column).iter().enumerate();
+        match dtype {
+            Dtype::F32 => {
+                let (slots, _) = bytes.as_chunks_mut::<4>();
+                values.for_each(|(row, &value)| slots[row * columns + column] = (value as f32).to_le_bytes());
+            }
+            Dtype::F64 => {
+                let (slots, _) = bytes.as_chunks_mut::<8>();
+                values.for_each(|(row, &value)| slots[row * columns + column] = value.to_le_bytes());
+            }
+        }
+    }
+    bytes
+}
+
+/// A matrix as a JSON table.
+pub fn to_table(matrix: &DenseMatrix) -> Table {
+    let columns = matrix.columns();
+    let mut values = vec![0.0; matrix.values().len()];
+    for column in 0..columns {
+        matrix.column(column).iter().enumerate().for_each(|(row, &value)| values[row * columns + column] = value);
+    }
+    Table { columns, values }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_go_row_after_row_both_ways() {
+        let matrix = DenseMatrix::from_columns(2, 3, vec![1.0, 4.0, 2.0, 5.0, 3.0, 6.0]).unwrap();
+        for dtype in [Dtype::F32, Dtype::F64] {
+            let bytes = encode(&matrix, dtype);
+            assert_eq!(bytes.len(), 6 * dtype.bytes());
+            assert_eq!(decode(&bytes, dtype, 2).unwrap(), matrix);
+        }
+        assert_eq!(encode(&matrix, Dtype::F32)[4..8], 2f32.to_le_bytes());
+        let table = to_table(&matrix);
+        assert_eq!(table.values, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        assert_eq!(from_table(&table, 2).unwrap(), matrix);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named() {
+        assert!(decode(&[0; 10], Dtype::F32, 2).unwrap_err().detail().starts_with("10 bytes"));
+        assert!(decode(&[], Dtype::F32, 2).is_err());
+        assert!(decode(&[0; 8], Dtype::F64, 0).is_err());
+        let odd: Vec<u8> = [0.0f32, 1.0, 2.0, f32::NAN].iter().flat_map(|x| x.to_le_bytes()).collect();
+        assert!(decode(&odd, Dtype::F32, 2).unwrap_err().detail().contains("row 1, column 1"));
+        assert!(decode(&vec![0; 4 * (MOST_COLUMNS + 1)], Dtype::F32, 1).is_err());
+        assert!(from_table(&Table { columns: 2, values: vec![0.0; 3] }, 2).is_err());
+        assert!(from_table(&Table { columns: usize::MAX, values: vec![0.0; 3] }, 2).is_err());
+    }
+}

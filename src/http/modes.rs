@@ -1,0 +1,201 @@
+//! Eigenfunctions lifted to the vertices, streamed panel by panel.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
+use futures_util::{StreamExt, stream};
+use serde::Deserialize;
+use utoipa::IntoParams;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::bases::find;
+use super::conditional;
+use super::content::Immutable;
+use super::extract::{self, PathOf, QueryOf};
+use super::problem::{self, Problem};
+use super::state::AppState;
+use crate::basis::{Basis, npz};
+use crate::mesh::read::MeshFormat;
+use crate::mesh::write::write_ply;
+
+/// Bytes of one panel of a streamed answer: large enough to be worth a task, small enough to hold many.
+const PANEL_BYTES: usize = 4 << 20;
+
+const NPY: &str = "application/x-npy";
+const OCTETS: &str = "application/octet-stream";
+
+/// The route of lifted modes.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(modes))
+}
+
+/// How modes are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+enum Format {
+    Npy,
+    F32,
+    Ply,
+}
+
+/// Which modes, and how to write them.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct ModesQuery {
+    /// The first mode, counted from 0.
+    #[serde(default)]
+    #[param(default = 0, example = 1)]
+    from: usize,
+    /// One past the last mode; without it, all from `from` on (for PLY, that one).
+    #[param(example = 11)]
+    to: Option<usize>,
+    /// Takes the place of `Accept`.
+    #[param(inline)]
+    format: Option<Format>,
+}
+
+/// Gets eigenfunctions on the vertices
+///
+/// By `Accept` or `format`: `application/x-npy` (the default), an n × k array of f32 in Fortran order for `numpy.load`;
+/// `application/octet-stream`, the same little-endian numbers, mode after mode, without a header; `model/ply`, the mesh with the
+/// values of one mode as colours, from blue over white at zero to red. Answers are streamed: nothing is computed before it is sent.
+#[utoipa::path(
+    get, path = "/v1/bases/{id}/modes", tag = "bases", operation_id = "getModes",
+    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), ModesQuery),
+    responses(
+        (status = 200, description = "The modes", content((Vec<u8> = "application/x-npy"), (Vec<u8> = "application/octet-stream"), (Vec<u8> = "model/ply")),
+            headers(("ETag" = String), ("Chladni-Rows" = u64), ("Chladni-Columns" = u64))),
+        (status = 304, description = "The modes are as `If-None-Match` names them"),
+        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 422, description = "A problem: invalid-mode-range", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn modes(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<ModesQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let ply = MeshFormat::Ply.media_type();
+    let format = match query.format {
+        Some(format) => format,
+        None => match extract::negotiated(&headers, &[NPY, OCTETS, ply])? {
+            name if name == ply => Format::Ply,
+            NPY => Format::Npy,
+            _ => Format::F32,
+        },
+    };
+    let record = find(&state, &id).await?;
+    let count = record.count as usize;
+    let last = if format == Format::Ply { query.from.saturating_add(1) } else { count };
+    let range = query.from..query.to.unwrap_or(last);
+    if range.is_empty() || range.end > count {
+        let detail = format!("Modes {}..{} are asked for of a basis with {count}.", range.start, range.end);
+        return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail).with("count", count));
+    }
+    if format == Format::Ply && range.len() != 1 {
+        let detail = format!("A PLY shows one mode, not {}.", range.len());
+        return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail));
+    }
+    let tag = format!("{}-modes-{}-{}-{format:?}", record.content_hash, range.start, range.end);
+    let basis = state.store.load_basis(record.id).await?;
+    if format == Format::Ply {
+        let mesh = state.store.load_mesh(&record.mesh).await?;
+        let mode = range.start;
+        let bytes = state
+            .solve("modes", move || {
+                let colours = colours(&basis.lift(mode..mode + 1)?);
+                let mut bytes = Vec::new();
+                write_ply(&mesh, Some(&colours), &mut bytes).map_err(Problem::internal)?;
+                Ok(Bytes::from(bytes))
+            })
+            .await?;
+        let file_name = format!("mode-{mode}-{}.ply", record.id);
+        return Immutable { tag, media_type: ply, file_name, length: bytes.len() as u64 }.answer(&headers, bytes);
+    }
+    let tag = conditional::etag(&tag, false).ok_or_else(|| Problem::internal("a tag is no header value"))?;
+    let known = conditional::matches(&headers, &tag);
+    let (n, k) = (basis.vertices(), range.len());
+    let mut response = if known { StatusCode::NOT_MODIFIED.into_response() } else { StatusCode::OK.into_response() };
+    let head = response.headers_mut();
+    head.insert(header::ETAG, tag);
+    head.insert(header::VARY, HeaderValue::from_static("accept"));
+    head.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, max-age=31536000, immutable"));
+    if known {
+        return Ok(response);
+    }
+    let prefix = if format == Format::Npy { npz::npy("<f4", true, &[n, k], &[]) } else { Vec::new() };
+    head.insert(header::CONTENT_TYPE, HeaderValue::from_static(if format == Format::Npy { NPY } else { OCTETS }));
+    head.insert(header::CONTENT_LENGTH, HeaderValue::from((prefix.len() + 4 * n * k) as u64));
+    head.insert("chladni-rows", HeaderValue::from(n));
+    head.insert("chladni-columns", HeaderValue::from(k));
+    // The first panel is computed before the status is sent, so that a failure is a problem and not a cut answer.
+    let panel = (PANEL_BYTES / (4 * n).max(1)).clamp(1, 64);
+    let first = range.start..range.end.min(range.start + panel);
+    let rest = first.end..range.end;
+    let begin = lifted(&state, &basis, first).await?;
+    let parts = stream::iter([Ok(Bytes::from(prefix)), Ok(begin)]).chain(stream::try_unfold(rest, move |rest| {
+        let (state, basis) = (state.clone(), basis.clone());
+        async move {
+            if rest.is_empty() {
+                return Ok::<_, std::io::Error>(None);
+            }
+            let now = rest.start..rest.end.min(rest.start + panel);
+            let after = now.end..rest.end;
+            // A slow client holds no thread: the next panel is computed when the last one is taken.
+            let bytes = lifted(&state, &basis, now)
+                .await
+                .map_err(|refused| std::io::Error::other(refused.detail().to_owned()))?;
+            Ok(Some((bytes, after)))
+        }
+    }));
+    *response.body_mut() = Body::from_stream(parts);
+    Ok(response)
+}
+
+/// Some modes as little-endian f32, mode after mode.
+async fn lifted(state: &AppState, basis: &Arc<Basis>, range: Range<usize>) -> Result<Bytes, Problem> {
+    let basis = basis.clone();
+    state
+        .solve("modes", move || {
+            let values = basis.lift(range)?;
+            let mut bytes = vec![0; 4 * values.len()];
+            let (slots, _) = bytes.as_chunks_mut::<4>();
+            slots.iter_mut().zip(&values).for_each(|(slot, value)| *slot = value.to_le_bytes());
+            Ok(bytes.into())
+        })
+        .await
+}
+
+/// Blue for the least value, white for zero, red for the largest; the scale is the same on both sides.
+fn colours(values: &[f32]) -> Vec<[u8; 3]> {
+    let largest = values.iter().fold(0f32, |largest, value| largest.max(value.abs()));
+    let scale = if largest > 0.0 { 1.0 / largest } else { 0.0 };
+    let ends = [[33.0, 76.0, 178.0], [247.0, 247.0, 247.0], [178.0, 24.0, 43.0]];
+    let mix = |value: f32| {
+        let t = value * scale;
+        let end = if t < 0.0 { ends[0] } else { ends[2] };
+        std::array::from_fn(|c| (ends[1][c] + t.abs() * (end[c] - ends[1][c])).round() as u8)
+    };
+    values.iter().map(|&value| mix(value)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_symmetric_about_zero() {
+        assert_eq!(colours(&[-2.0, 0.0, 2.0]), [[33, 76, 178], [247, 247, 247], [178, 24, 43]]);
+        assert_eq!(colours(&[0.0, 0.0]), [[247; 3]; 2]);
+    }
+}

@@ -1,0 +1,423 @@
+//! Synchronous solves in a stored basis: filter, project, reconstruct.
+
+use std::time::Instant;
+
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::bases::{basis_id, find};
+use super::binary::{self, Dtype, Table};
+use super::body::{self, WholeBody};
+use super::extract::{self, PathOf, QueryOf};
+use super::problem::{self, Problem};
+use super::state::AppState;
+use crate::algebra::DenseMatrix;
+use crate::analysis::filter::{Transfer, filter};
+use crate::analysis::projection::project;
+use crate::basis::Basis;
+use crate::mesh::TriangleMesh;
+
+/// The media type of raw numbers.
+const OCTETS: &str = "application/octet-stream";
+const JSON: &str = "application/json";
+
+/// The routes of synchronous solves.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new()
+        .routes(routes!(filter_functions))
+        .routes(routes!(project_functions))
+        .routes(routes!(reconstruct))
+}
+
+/// Functions on the vertices.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(untagged)]
+enum Functions {
+    /// `coordinates`: x, y and z of the vertices.
+    Named(Named),
+    /// One row for each vertex.
+    Values(Table),
+}
+
+/// Functions that the server knows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+enum Named {
+    /// x, y and z of the vertices.
+    Coordinates,
+}
+
+/// What is done with a raw body.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct RawQuery {
+    /// The type of the numbers of a raw body and of a raw answer.
+    #[serde(default)]
+    #[param(inline, default = "f32")]
+    dtype: Dtype,
+    /// `coordinates`, instead of a body.
+    #[param(inline)]
+    function: Option<Named>,
+    /// The transfer function as JSON, for a raw body.
+    #[param(example = "{\"kind\": \"low_pass\", \"cutoff\": 250.0}")]
+    transfer: Option<String>,
+    /// Whether to give the projected functions instead of the coefficients.
+    reconstruct: Option<bool>,
+}
+
+/// What to filter, and how.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"functions": "coordinates", "transfer": {"kind": "low_pass", "cutoff": 250.0}}))]
+struct FilterRequest {
+    /// `coordinates`, or a table with a row for each vertex.
+    functions: Functions,
+    /// By what each part is multiplied, as a function of its eigenvalue λ (1/length² of the mesh). One of
+    /// `{"kind": "low_pass", "cutoff": c}`, `{"kind": "high_pass", "cutoff": c}`, `{"kind": "band_pass", "low": a, "high": b}`,
+    /// `{"kind": "gain", "low": a, "high": b, "gain": g}`, `{"kind": "heat", "time": t}` and
+    /// `{"kind": "samples", "values": [one for each eigenvalue], "beyond": what the basis does not hold}`.
+    #[schema(value_type = Object)]
+    transfer: Transfer,
+}
+
+/// What to project.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"functions": {"columns": 1, "values": [0.5, 0.25, 0.125]}, "reconstruct": false}))]
+struct ProjectRequest {
+    /// `coordinates`, or a table with a row for each vertex.
+    functions: Functions,
+    /// Whether to give the projected functions beside the coefficients.
+    #[serde(default)]
+    reconstruct: bool,
+}
+
+/// Projected functions.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(example = json!({"coefficients": {"columns": 1, "values": [0.49, 0.01, -0.02]}, "relative_errors": [0.08], "reconstruction": null}))]
+struct ProjectAnswer {
+    /// A row for each eigenfunction.
+    coefficients: Table,
+    /// For each function the M-norm of what the basis does not hold, relative to the whole.
+    relative_errors: Vec<f64>,
+    /// A row for each vertex, where it was asked for.
+    reconstruction: Option<Table>,
+}
+
+/// What a request carries: JSON, or raw numbers.
+enum Sent<T> {
+    Json(T),
+    Raw(WholeBody),
+}
+
+/// Reads the body as its Content-Type says.
+async fn read<T: DeserializeOwned + Send + 'static>(
+    state: &AppState,
+    headers: &HeaderMap,
+    content: Body,
+) -> Result<Sent<T>, Problem> {
+    let media_type = extract::media_type(headers);
+    let json = match media_type.as_deref() {
+        Some(JSON) => true,
+        Some(OCTETS) | None => false,
+        Some(other) => {
+            let other = problem::shorten(other.to_owned());
+            let detail = format!("This route reads {JSON} and {OCTETS}, not {other:?}.");
+            return Err(Problem::new(&problem::UNSUPPORTED_MEDIA_TYPE, detail));
+        }
+    };
+    let body = body::read(state, headers, content, state.config.limits.max_body_bytes).await?;
+    if !json {
+        return Ok(Sent::Raw(body));
+    }
+    // Millions of decimals take a while.
+    let parsed = tokio::task::spawn_blocking(move || extract::parse_json(&body.bytes).map(Sent::Json));
+    parsed.await.map_err(Problem::internal)?
+}
+
+/// Whether the answer is raw: as `Accept` says, else as the request was.
+fn raw_answer(headers: &HeaderMap, raw_request: bool) -> Result<bool, Problem> {
+    let offered = if raw_request { [OCTETS, JSON] } else { [JSON, OCTETS] };
+    Ok(extract::negotiated(headers, &offered)? == OCTETS)
+}
+
+fn coordinates(mesh: &TriangleMesh) -> DenseMatrix {
+    let mut matrix = DenseMatrix::zeros(mesh.positions.len(), 3);
+    for axis in 0..3 {
+        matrix.column_mut(axis).iter_mut().zip(&mesh.positions).for_each(|(x, position)| *x = position[axis]);
+    }
+    matrix
+}
+
+/// Where the functions of a request come from.
+enum Source {
+    Mesh(std::sync::Arc<TriangleMesh>),
+    Table(Table),
+    Raw(WholeBody, Dtype),
+}
+
+impl Source {
+    async fn named(state: &AppState, id: &str) -> Result<Self, Problem> {
+        let mesh = find(state, id).await?.mesh;
+        Ok(Self::Mesh(state.store.load_mesh(&mesh).await?))
+    }
+
+    async fn of(state: &AppState, id: &str, functions: Functions) -> Result<Self, Problem> {
+        match functions {
+            Functions::Named(Named::Coordinates) => Self::named(state, id).await,
+            Functions::Values(table) => Ok(Self::Table(table)),
+        }
+    }
+
+    async fn raw(state: &AppState, id: &str, query: &RawQuery, body: WholeBody) -> Result<Self, Problem> {
+        match query.function {
+            Some(Named::Coordinates) if body.bytes.is_empty() => Self::named(state, id).await,
+            Some(_) => Err(Problem::new(
+                &problem::INVALID_QUERY,
+                "function: stands for the body, but there is a body as well.",
+            )),
+            None => Ok(Self::Raw(body, query.dtype)),
+        }
+    }
+
+    fn matrix(&self, rows: usize) -> Result<DenseMatrix, Problem> {
+        match self {
+            Self::Mesh(mesh) => Ok(coordinates(mesh)),
+            Self::Table(table) => binary::from_table(table, rows),
+            Self::Raw(body, dtype) => binary::decode(&body.bytes, *dtype, rows),
+        }
+    }
+}
+
+/// An answer's bytes with what describes them.
+struct Answer {
+    bytes: Vec<u8>,
+    raw: Option<(usize, usize, Dtype)>,
+    errors: Option<String>,
+    seconds: f64,
+}
+
+impl Answer {
+    fn raw(matrix: &DenseMatrix, dtype: Dtype, begin: Instant) -> Self {
+        Self {
+            bytes: binary::encode(matrix, dtype),
+            raw: Some((matrix.rows(), matrix.columns(), dtype)),
+            errors: None,
+            seconds: begin.elapsed().as_secs_f64(),
+        }
+    }
+
+    fn json(value: &impl Serialize, begin: Instant) -> Result<Self, Problem> {
+        let seconds = begin.elapsed().as_secs_f64();
+        Ok(Self { bytes: serde_json::to_vec(value).map_err(Problem::internal)?, raw: None, errors: None, seconds })
+    }
+
+    fn table(matrix: &DenseMatrix, raw: bool, dtype: Dtype, begin: Instant) -> Result<Self, Problem> {
+        if raw { Ok(Self::raw(matrix, dtype, begin)) } else { Self::json(&binary::to_table(matrix), begin) }
+    }
+}
+
+impl IntoResponse for Answer {
+    fn into_response(self) -> Response {
+        let mut response = self.bytes.into_response();
+        let headers = response.headers_mut();
+        let media_type = if self.raw.is_some() { OCTETS } else { JSON };
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+        if let Some((rows, columns, dtype)) = self.raw {
+            headers.insert("chladni-rows", HeaderValue::from(rows));
+            headers.insert("chladni-columns", HeaderValue::from(columns));
+            headers.insert("chladni-dtype", HeaderValue::from_static(dtype.name()));
+        }
+        if let Some(value) = self.errors.and_then(|errors| HeaderValue::from_str(&errors).ok()) {
+            headers.insert("chladni-relative-error", value);
+        }
+        if let Ok(value) = HeaderValue::from_str(&format!("solve;dur={:.3}", 1e3 * self.seconds)) {
+            headers.insert("server-timing", value);
+        }
+        response
+    }
+}
+
+/// Filters functions by their spectrum
+///
+/// `x' = Φ F(Λ) ΦᵀM x + F∞ (x − ΦΦᵀM x)` (Vallet and Lévy 2008): each part of a function is multiplied by a factor that depends on
+/// its eigenvalue; detail that the basis does not hold is multiplied by F∞, not lost.
+///
+/// JSON, or raw numbers for speed: with `Content-Type: application/octet-stream` the body is little-endian values, vertex after
+/// vertex and, within a vertex, function after function, of the type `dtype`; the transfer function stands in the query. The answer
+/// is of the same kind unless `Accept` says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`.
+#[utoipa::path(
+    post, path = "/v1/bases/{id}/filter", tag = "bases", operation_id = "filter",
+    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), RawQuery),
+    request_body(description = "The functions", content((FilterRequest = "application/json"), (Vec<u8> = "application/octet-stream"))),
+    responses(
+        (status = 200, description = "The filtered functions: a row for each vertex", content((Table = "application/json"), (Vec<u8> = "application/octet-stream")),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
+        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 422, description = "A problem: invalid-request, invalid-function or invalid-transfer-function", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn filter_functions(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<RawQuery>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Answer, Problem> {
+    let basis = load(&state, &id).await?;
+    let sent = read::<FilterRequest>(&state, &headers, body).await?;
+    let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
+    let (source, transfer) = match sent {
+        Sent::Json(request) => (Source::of(&state, &id, request.functions).await?, request.transfer),
+        Sent::Raw(body) => {
+            let text = query.transfer.as_deref().ok_or_else(|| {
+                Problem::new(
+                    &problem::INVALID_QUERY,
+                    "transfer: is missing; a raw body needs it in the query, as JSON.",
+                )
+            })?;
+            let transfer = serde_json::from_str(text)
+                .map_err(|error| Problem::new(&problem::INVALID_TRANSFER, format!("transfer: {error}.")))?;
+            (Source::raw(&state, &id, &query, body).await?, transfer)
+        }
+    };
+    state
+        .solve("filter", move || {
+            let begin = Instant::now();
+            let functions = source.matrix(basis.vertices())?;
+            drop(source);
+            let filtered = filter(&basis, &functions, &transfer)?;
+            Answer::table(&filtered, raw, query.dtype, begin)
+        })
+        .await
+}
+
+async fn load(state: &AppState, id: &str) -> Result<std::sync::Arc<Basis>, Problem> {
+    Ok(state.store.load_basis(basis_id(id)?).await?)
+}
+
+/// Projects functions onto a basis
+///
+/// `ΦᵀM x`: the coefficients of the nearest combinations of eigenfunctions, a row for each of them, and how much the basis does not
+/// hold. JSON or raw numbers, as for `filter`; a raw answer is the coefficients, or with `reconstruct=true` the projected functions, and
+/// has the relative errors in `Chladni-Relative-Error`.
+#[utoipa::path(
+    post, path = "/v1/bases/{id}/project", tag = "bases", operation_id = "project",
+    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), RawQuery),
+    request_body(description = "The functions", content((ProjectRequest = "application/json"), (Vec<u8> = "application/octet-stream"))),
+    responses(
+        (status = 200, description = "The coefficients", content((ProjectAnswer = "application/json"), (Vec<u8> = "application/octet-stream")),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Relative-Error" = String), ("Server-Timing" = String))),
+        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 422, description = "A problem: invalid-request or invalid-function", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn project_functions(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<RawQuery>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Answer, Problem> {
+    no_transfer(&query)?;
+    let basis = load(&state, &id).await?;
+    let sent = read::<ProjectRequest>(&state, &headers, body).await?;
+    let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
+    let mut whole = query.reconstruct.unwrap_or(false);
+    let source = match sent {
+        Sent::Json(request) => {
+            whole |= request.reconstruct;
+            Source::of(&state, &id, request.functions).await?
+        }
+        Sent::Raw(body) => Source::raw(&state, &id, &query, body).await?,
+    };
+    state
+        .solve("project", move || {
+            let begin = Instant::now();
+            let functions = source.matrix(basis.vertices())?;
+            drop(source);
+            let projection = project(&basis, &functions)?;
+            if raw {
+                let errors: Vec<String> = projection.relative_errors.iter().map(|error| format!("{error:e}")).collect();
+                let wanted = if whole { &projection.reconstruction } else { &projection.coefficients };
+                return Ok(Answer { errors: Some(errors.join(", ")), ..Answer::raw(wanted, query.dtype, begin) });
+            }
+            let answer = ProjectAnswer {
+                coefficients: binary::to_table(&projection.coefficients),
+                relative_errors: projection.relative_errors,
+                reconstruction: whole.then(|| binary::to_table(&projection.reconstruction)),
+            };
+            Answer::json(&answer, begin)
+        })
+        .await
+}
+
+fn no_transfer(query: &RawQuery) -> Result<(), Problem> {
+    if query.transfer.is_some() {
+        return Err(Problem::new(&problem::INVALID_QUERY, "transfer: only filter has a transfer function."));
+    }
+    Ok(())
+}
+
+/// Evaluates combinations of eigenfunctions
+///
+/// `Φ c` for a table of coefficients with a row for each eigenfunction: what `project` gives, changed or not. JSON or raw numbers, as
+/// for `filter`; the answer has a row for each vertex.
+#[utoipa::path(
+    post, path = "/v1/bases/{id}/reconstruct", tag = "bases", operation_id = "reconstruct",
+    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"),
+        ("dtype" = inline(Option<Dtype>), Query, description = "The type of the numbers of a raw body and of a raw answer")),
+    request_body(description = "The coefficients", content((Table = "application/json", example = json!({"columns": 1, "values": [0.49, 0.01, -0.02]})), (Vec<u8> = "application/octet-stream"))),
+    responses(
+        (status = 200, description = "The functions: a row for each vertex", content((Table = "application/json"), (Vec<u8> = "application/octet-stream")),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
+        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 422, description = "A problem: invalid-request or invalid-function", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn reconstruct(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<DtypeQuery>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Answer, Problem> {
+    let basis = load(&state, &id).await?;
+    let sent = read::<Table>(&state, &headers, body).await?;
+    let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
+    let source = match sent {
+        Sent::Json(table) => Source::Table(table),
+        Sent::Raw(body) => Source::Raw(body, query.dtype),
+    };
+    state
+        .solve("reconstruct", move || {
+            let begin = Instant::now();
+            let coefficients = source.matrix(basis.count())?;
+            drop(source);
+            Answer::table(&basis.evaluate(&coefficients)?, raw, query.dtype, begin)
+        })
+        .await
+}
+
+/// The type of raw numbers.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DtypeQuery {
+    #[serde(default)]
+    dtype: Dtype,
+}
