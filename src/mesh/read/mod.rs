@@ -202,6 +202,9 @@ pub fn read(bytes: &[u8], format: MeshFormat, limits: &ReadLimits) -> Result<Raw
 }
 
 #[cfg(test)]
+mod real_meshes;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
