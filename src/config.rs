@@ -149,8 +149,15 @@ pub struct Limits {
 /// What is logged, and how.
 #[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
 pub struct LogSettings {
-    /// Form of the log lines on standard error
-    #[arg(long, value_name = "FORMAT", env = "CHLADNI_LOG_FORMAT", default_value = "human", help_heading = "Logs")]
+    /// Form of the log lines on standard error: human, or json for one object per line
+    #[arg(
+        long,
+        value_name = "FORMAT",
+        env = "CHLADNI_LOG_FORMAT",
+        default_value = "human",
+        hide_possible_values = true,
+        help_heading = "Logs"
+    )]
     pub log_format: LogFormat,
 
     /// What is logged: error, warn, info, debug, trace, or directives such as info,chladni::queue=debug

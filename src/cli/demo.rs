@@ -5,6 +5,8 @@ use super::serve::{Running, Signals, bind, runtime, start_on};
 use super::solve::eigenvalue_table;
 use super::{CliError, StageBars, Table, bytes, grouped};
 use crate::config::{Config, LogFormat, LogSettings};
+use crate::mesh::shape::{self, Shape};
+use crate::mesh::write::write_ply;
 use crate::telemetry::start_logs;
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -222,9 +224,15 @@ impl Source {
 
     /// Makes the default surface.
     fn generate() -> Result<Self, CliError> {
-        Err(CliError::Usage(format!(
-            "generated surfaces (genus {GENUS}, {VERTICES} vertices) are not built in yet: name a mesh file"
-        )))
+        let mesh =
+            shape::generate(Shape::Genus(GENUS), VERTICES).map_err(|error| CliError::Usage(error.to_string()))?;
+        let mut content = Vec::new();
+        write_ply(&mesh, None, &mut content).map_err(|source| CliError::Io {
+            action: "write",
+            target: "the generated surface".into(),
+            source,
+        })?;
+        Ok(Self { name: format!("genus-{GENUS}"), format: Some("ply".into()), content })
     }
 }
 

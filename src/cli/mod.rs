@@ -38,7 +38,7 @@ Examples:
   chladni sample genus-3 -n 100000 -o genus-3.ply          a mesh to try things on
 
 Exit codes: 0 done; 1 the mesh or the work failed; 2 wrong usage; 3 a file, the network or the storage failed.
-'chladni help COMMAND' tells more about a command.";
+'chladni COMMAND --help' tells more about a command.";
 
 #[derive(Debug, clap::Subcommand)]
 enum Command {
@@ -59,8 +59,9 @@ Examples:
   chladni serve --data /srv/chladni --workers 2 --threads 16 --log-format json
   chladni serve --listen 0.0.0.0:8080 --keys-file keys    for others: one NAME:SCOPES:SECRET per line
 
-A server that others can reach does not start without API keys unless told --insecure. The first SIGTERM or Ctrl-C
-drains: running jobs get --drain-seconds, then they return to the queue. A second one ends the process at once.";
+A server that others can reach does not start without API keys unless told --insecure. The first SIGTERM
+or Ctrl-C drains: running jobs get --drain-seconds, then they return to the queue. A second one ends the
+process at once.";
 
 /// Parses the command line and runs the chosen command.
 pub fn main() -> ExitCode {

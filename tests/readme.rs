@@ -1,0 +1,123 @@
+//! What the README shows has to work as pasted, and what it lists has to be whole.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+const CHLADNI: &str = env!("CARGO_BIN_EXE_chladni");
+/// The address that the README names.
+const DOCUMENTED: &str = "http://127.0.0.1:8080";
+
+#[test]
+fn the_walk_with_curl_works_as_pasted() {
+    if !runs("curl", &["--version"]) {
+        println!("skipped: there is no curl");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("data"));
+    let walk = block("bash");
+    assert!(walk.contains(DOCUMENTED) && walk.contains("target/release/chladni"));
+    let script = walk.replace(DOCUMENTED, &server.url).replace("target/release/chladni", CHLADNI);
+    let script = format!("set -euo pipefail\n{script}");
+    let done = Command::new("bash").args(["-c", &script]).current_dir(folder.path()).output().unwrap();
+    assert!(
+        done.status.success(),
+        "{}{}",
+        String::from_utf8_lossy(&done.stdout),
+        String::from_utf8_lossy(&done.stderr)
+    );
+    let mut begin = [0; 2];
+    std::fs::File::open(folder.path().join("knot.npz")).unwrap().read_exact(&mut begin).unwrap();
+    assert_eq!(&begin, b"PK", "an NPZ file is a ZIP archive");
+
+    let Some(python) = python() else {
+        println!("skipped: the Python lines, for want of a Python with SciPy");
+        return;
+    };
+    let lines = block("python");
+    assert_eq!(lines.lines().count(), 6, "the README promises six lines");
+    let done = Command::new(python).args(["-c", &lines]).current_dir(folder.path()).output().unwrap();
+    let printed = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert!(printed.contains(", 200)"), "200 modes are expected in\n{printed}");
+    let defect: f64 = printed.split_whitespace().next_back().unwrap().parse().unwrap();
+    assert!(defect < 1e-5, "the modes are not orthonormal: {defect}");
+}
+
+#[test]
+fn every_setting_stands_in_the_configuration_table() {
+    let table = configuration_table();
+    let (begin, end) = ("held by tests/readme.rs -->\n", "<!-- end of configuration table -->");
+    let readme = readme();
+    let written = &readme[readme.find(begin).unwrap() + begin.len()..readme.find(end).unwrap()];
+    assert!(written == table, "the configuration table of README.md should be:\n\n{table}");
+}
+
+/// The table as the command line itself tells it.
+fn configuration_table() -> String {
+    use clap::Args;
+    let command = chladni::config::Config::augment_args(clap::Command::new("serve"));
+    let mut table = String::from("| flag | default | meaning |\n|---|---|---|\n");
+    for argument in command.get_arguments().filter(|argument| !argument.is_hide_set()) {
+        let flag = argument.get_long().unwrap();
+        let default: Vec<_> = argument.get_default_values().iter().map(|value| value.to_string_lossy()).collect();
+        let default = match default.join(",").as_str() {
+            "" => "–".to_owned(),
+            text => format!("`{text}`"),
+        };
+        let meaning = argument.get_help().unwrap().to_string();
+        table += &format!("| `--{flag}` | {default} | {meaning} |\n");
+    }
+    table
+}
+
+struct Server {
+    process: Child,
+    url: String,
+}
+
+impl Server {
+    fn start(data: &Path) -> Self {
+        let mut process = Command::new(CHLADNI)
+            .args(["serve", "--listen", "127.0.0.1:0", "--log-level", "warn", "--data"])
+            .arg(data)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let url = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line:?}")).to_owned();
+        Self { process, url }
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn readme() -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap()
+}
+
+/// The first block of code in a language.
+fn block(language: &str) -> String {
+    let readme = readme();
+    let fence = format!("```{language}\n");
+    let rest = &readme[readme.find(&fence).unwrap() + fence.len()..];
+    rest[..rest.find("```").unwrap()].to_owned()
+}
+
+fn runs(program: &str, arguments: &[&str]) -> bool {
+    let done = Command::new(program).args(arguments).stdout(Stdio::null()).stderr(Stdio::null()).status();
+    done.is_ok_and(|status| status.success())
+}
+
+/// A Python that has NumPy and SciPy.
+fn python() -> Option<String> {
+    let candidates = [std::env::var("CHLADNI_PYTHON").ok(), Some("python3".into()), Some("/usr/bin/python3".into())];
+    candidates.into_iter().flatten().find(|python| runs(python, &["-c", "import numpy, scipy.sparse"]))
+}
