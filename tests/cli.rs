@@ -1,0 +1,173 @@
+//! The binary as a user meets it: exit codes, sentences, JSON, files, signals.
+
+use chladni::mesh::shape::{Shape, generate};
+use chladni::mesh::write::write_ply;
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+fn chladni(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_chladni"));
+    for (name, _) in std::env::vars().filter(|(name, _)| name.starts_with("CHLADNI_")) {
+        command.env_remove(name);
+    }
+    command.args(arguments).output().unwrap()
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().unwrap_or(-1)
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// A torus of about a thousand vertices, as PLY.
+fn torus(folder: &Path) -> PathBuf {
+    let path = folder.join("torus.ply");
+    let mut file = std::fs::File::create(&path).unwrap();
+    write_ply(&generate(Shape::Torus, 1000).unwrap(), None, &mut file).unwrap();
+    path
+}
+
+#[test]
+fn solve_prints_one_line_of_json_with_everything_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = torus(folder.path());
+    let basis = folder.path().join("torus.npz");
+    let output = chladni(&[
+        "solve",
+        mesh.to_str().unwrap(),
+        "-n",
+        "20",
+        "--json",
+        "--threads",
+        "1",
+        "-o",
+        basis.to_str().unwrap(),
+    ]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(text.lines().count(), 1);
+    let line: Value = serde_json::from_str(&text).unwrap();
+    for list in ["eigenvalues", "residuals", "bounds"] {
+        assert_eq!(line[list].as_array().map(Vec::len), Some(20), "{list}");
+    }
+    assert_eq!((&line["count"], &line["subspace"], &line["method"]), (&20.into(), &40.into(), &"approximate".into()));
+    for number in ["vertices", "faces", "peak_rss_bytes", "basis_bytes", "dense_bytes", "threads"] {
+        assert!(line[number].as_u64().is_some_and(|number| number > 0), "{number}: {}", line[number]);
+    }
+    let stages = line["seconds"]["stages"].as_object().unwrap();
+    for stage in ["read", "operator", "sampling", "basis", "reduce", "eigen", "bounds"] {
+        assert!(stages.contains_key(stage), "{stage} is missing from {stages:?}");
+    }
+    let sum: f64 = stages.values().filter_map(Value::as_f64).sum();
+    assert!(line["seconds"]["total"].as_f64().is_some_and(|total| total >= 0.9 * sum));
+
+    let stored = chladni::basis::npz::read(&std::fs::read(&basis).unwrap()).unwrap();
+    assert_eq!(
+        stored.eigenvalues,
+        line["eigenvalues"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect::<Vec<_>>()
+    );
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left.len(), 2, "nothing but the mesh and the basis is left: {left:?}");
+}
+
+#[test]
+fn a_table_is_printed_without_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = torus(folder.path());
+    let output = chladni(&["solve", mesh.to_str().unwrap(), "-n", "15", "--construction", "radial"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let text = String::from_utf8(output.stdout).unwrap();
+    for part in ["15 eigenpairs", "radial", "eigenvalue", "total", "of a dense basis"] {
+        assert!(text.contains(part), "{part} is missing from\n{text}");
+    }
+}
+
+#[test]
+fn failures_are_one_sentence_and_an_exit_code() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = torus(folder.path());
+    let mesh = mesh.to_str().unwrap();
+    let broken = folder.path().join("broken.off");
+    std::fs::write(&broken, "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 99\n").unwrap();
+    let broken = broken.to_str().unwrap();
+    let cases: [(&[&str], i32, &str); 9] = [
+        (&["solve", "no-such-file.ply"], 3, "no-such-file.ply"),
+        (&["solve", broken], 1, "99"),
+        (&["solve", mesh, "-n", "0"], 2, "count"),
+        (&["solve", mesh, "-n", "5000"], 2, "vertices"),
+        (&["solve", mesh, "-n", "10", "-o", "/no/such/folder/a.npz"], 3, "/no/such/folder"),
+        (&["solve", mesh, "-p", "colour=red"], 2, "colour"),
+        (&["serve", "--listen", "0.0.0.0:0", "--data", broken], 2, "--insecure"),
+        (&["serve", "--listen", "127.0.0.1:0", "--data", broken], 3, "broken.off"),
+        (&["serve", "--workers", "0"], 2, "workers"),
+    ];
+    for (arguments, expected, word) in cases {
+        let output = chladni(arguments);
+        let text = stderr(&output);
+        assert_eq!(code(&output), expected, "{arguments:?}: {text}");
+        assert!(text.contains(word), "{arguments:?}: {word} is missing from {text}");
+        assert!(output.stdout.is_empty(), "{arguments:?}");
+        assert!(!text.contains("panicked"), "{arguments:?}: {text}");
+    }
+}
+
+#[test]
+fn a_closed_pipe_is_no_failure() {
+    let mut process =
+        Command::new(env!("CARGO_BIN_EXE_chladni")).arg("openapi").stdout(Stdio::piped()).spawn().unwrap();
+    drop(process.stdout.take());
+    assert!(process.wait().unwrap().success());
+}
+
+#[test]
+fn demo_goes_from_upload_to_basis_and_exits_when_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = torus(folder.path());
+    let packed = folder.path().join("torus.ply.gz");
+    let mut encoder =
+        flate2::write::GzEncoder::new(std::fs::File::create(&packed).unwrap(), flate2::Compression::fast());
+    encoder.write_all(&std::fs::read(&mesh).unwrap()).unwrap();
+    encoder.finish().unwrap();
+    let data = folder.path().join("data");
+    let arguments =
+        ["demo", packed.to_str().unwrap(), "--once", "-n", "20", "--port", "0", "--data", data.to_str().unwrap()];
+    let first = chladni(&arguments);
+    assert_eq!(code(&first), 0, "{}", stderr(&first));
+    let text = String::from_utf8(first.stdout).unwrap();
+    for part in ["torus: ", "genus 1", "20 eigenpairs", "all stages", "/docs", "/content", "/metrics"] {
+        assert!(text.contains(part), "{part} is missing from\n{text}");
+    }
+    let second = chladni(&arguments);
+    assert_eq!(code(&second), 0, "{}", stderr(&second));
+    assert!(String::from_utf8(second.stdout).unwrap().contains("stored already"));
+}
+
+#[cfg(unix)]
+#[test]
+fn serve_tells_its_address_and_ends_on_sigterm() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut process = Command::new(env!("CARGO_BIN_EXE_chladni"))
+        .args(["serve", "--listen", "127.0.0.1:0", "--log-format", "json", "--data"])
+        .arg(folder.path().join("data"))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    assert!(line.starts_with("listening on http://127.0.0.1:"), "{line:?}");
+    let killed = Command::new("kill").args(["-TERM", &process.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    let output = process.wait_with_output().unwrap();
+    let log = stderr(&output);
+    assert_eq!(code(&output), 0, "{log}");
+    for line in log.lines() {
+        let entry: Value = serde_json::from_str(line).unwrap_or_else(|_| panic!("not JSON: {line}"));
+        assert!(entry["message"].is_string() && entry["level"].is_string(), "{line}");
+    }
+    assert!(log.contains("\"drain_seconds\":30.0"), "{log}");
+}
