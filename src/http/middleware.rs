@@ -1,12 +1,18 @@
 //! What surrounds every request: an id, a log line, metrics, authentication, and answers for panics and unknown paths.
 
 use std::any::Any;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::task::{Context, Poll};
 use std::time::Instant;
 
+use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use hyper::body::{Frame, SizeHint};
 use tracing::Instrument;
 
 use super::auth::{self, Scope};
@@ -32,7 +38,12 @@ pub async fn observe(State(state): State<AppState>, mut request: Request, next: 
         request.headers_mut().insert(REQUEST_ID, value);
     }
     let span = tracing::info_span!("request", request = %id, method = %method, route);
+    let (request, taken) = watch_body(request);
     let mut response = next.run(request).instrument(span.clone()).await;
+    if !taken.load(Ordering::Relaxed) {
+        // What is left of the body is not read to its end, so that the connection cannot serve another request.
+        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
     let seconds = begin.elapsed().as_secs_f64();
     let status = response.status();
     span.in_scope(|| match response.extensions().get::<ProblemNote>() {
@@ -71,6 +82,44 @@ pub async fn observe(State(state): State<AppState>, mut request: Request, next: 
     }
     response.headers_mut().insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     response
+}
+
+/// A request whose body tells whether it was read to its end.
+fn watch_body(request: Request) -> (Request, Arc<AtomicBool>) {
+    let taken = Arc::new(AtomicBool::new(request.body().is_end_stream()));
+    let flag = taken.clone();
+    let request = request.map(|body| match flag.load(Ordering::Relaxed) {
+        true => body,
+        false => Body::new(Watched { body, taken: flag }),
+    });
+    (request, taken)
+}
+
+/// A body that notes its end.
+struct Watched {
+    body: Body,
+    taken: Arc<AtomicBool>,
+}
+
+impl HttpBody for Watched {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        let poll = Pin::new(&mut self.body).poll_frame(cx);
+        if matches!(poll, Poll::Ready(None)) {
+            self.taken.store(true, Ordering::Relaxed);
+        }
+        poll
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
 }
 
 /// The id that the client gave, where it is harmless, or a fresh one.

@@ -83,7 +83,8 @@ async fn what_does_not_fit_is_refused_by_name() {
     let huge = format!("{{\"kind\": \"{}\"}}", "x".repeat(2 << 20));
     let refused = app.post("/v1/jobs").header("content-type", "application/json").body(huge).send().await.unwrap();
     problem(refused, 413, "body-too-large").await;
-    let deep = app.post("/v1/jobs").header("content-type", "application/json").body("[".repeat(500_000));
+    let deep = format!("{{\"kind\": \"eigenbasis\", \"mesh\": \"m\", \"parameters\": {}", "[".repeat(500_000));
+    let deep = app.post("/v1/jobs").header("content-type", "application/json").body(deep);
     problem(deep.send().await.unwrap(), 400, "invalid-json").await;
 }
 
