@@ -91,6 +91,18 @@ impl Connectivity {
         self.lengths.par_iter().with_min_len(1 << 14).map(|&l| (l * scale) as f32).collect()
     }
 
+    /// Where the faces of a vertex lie in the list of all vertices' faces, which has three entries per face.
+    pub fn face_range(&self, vertex: u32) -> std::ops::Range<usize> {
+        self.face_offsets[vertex as usize] as usize..self.face_offsets[vertex as usize + 1] as usize
+    }
+
+    /// The mean length of edges; 0 without edges.
+    pub fn mean_edge(&self) -> f64 {
+        // Pieces of a fixed size, so that the sum does not depend on the number of threads.
+        let sums: Vec<f64> = self.lengths.par_chunks(1 << 14).map(|piece| piece.iter().sum()).collect();
+        sums.iter().sum::<f64>() / self.lengths.len().max(1) as f64
+    }
+
     /// The length of the longest edge; 0 without edges.
     pub fn longest_edge(&self) -> f64 {
         self.lengths.par_iter().with_min_len(1 << 14).copied().reduce(|| 0.0, f64::max)

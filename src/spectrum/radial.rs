@@ -1,6 +1,6 @@
 //! Radial basis functions around samples, made a partition of unity: the subspace of chapter 2 of the thesis.
 
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use rayon::prelude::*;
 
@@ -9,7 +9,7 @@ use crate::mesh::TriangleMesh;
 use crate::mesh::connectivity::Connectivity;
 use crate::mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
 use crate::mesh::measure::surface_area;
-use crate::mesh::sample::{farthest_points, poisson_disk};
+use crate::mesh::sample::{farthest_points, poisson_disk, sort_spatially};
 use crate::monitor::{Cancelled, Monitor};
 
 /// The weight of a vertex by its distance from the sample, as a share of the support radius (appendix 2.A). All are 1 at the
@@ -137,10 +137,11 @@ pub fn space(
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, RadialError> {
     monitor.stage("sampling");
-    let samples = match parameters.sampling {
+    let mut samples = match parameters.sampling {
         Sampling::PoissonDisk => poisson_disk(mesh, connectivity, dimension, seed, monitor)?,
         Sampling::FarthestPoints => farthest_points(connectivity, dimension, seed, monitor)?,
     };
+    sort_spatially(mesh, &mut samples);
     monitor.stage("basis");
     let RadialParameters { distance, profile, sigma, .. } = *parameters;
     columns(mesh, connectivity, &samples, distance, profile, sigma, monitor)
@@ -191,7 +192,7 @@ pub fn columns(
         profile,
         centres: samples.iter().map(|&v| (v, 1.0)).collect(),
         columns: vec![Vec::new(); samples.len()],
-        counts: (0..n).map(|_| AtomicU32::new(0)).collect(),
+        covered: (0..n).map(|_| AtomicBool::new(false)).collect(),
     };
     let all: Vec<u32> = (0..samples.len() as u32).collect();
     supports.grow(&all, monitor)?;
@@ -206,6 +207,9 @@ pub fn columns(
     Ok(supports.into_rows())
 }
 
+/// Ranges of columns that are placed at once, at most: each takes a count per vertex.
+const RANGES_MAX: usize = 16;
+
 /// A column: the vertices of a support and their weights, in the order in which they were reached.
 type Column = Vec<(u32, f32)>;
 
@@ -216,19 +220,19 @@ struct Supports<'a> {
     /// The sample of each column and its support radius, as a share of the common one.
     centres: Vec<(u32, f32)>,
     columns: Vec<Column>,
-    /// In how many supports each vertex lies.
-    counts: Vec<AtomicU32>,
+    /// Does a vertex lie in any support?
+    covered: Vec<AtomicBool>,
 }
 
 impl Supports<'_> {
     /// Makes the given columns anew, in parallel.
     fn grow(&mut self, which: &[u32], monitor: &dyn Monitor) -> Result<(), Cancelled> {
         let done = AtomicU32::new(0);
-        let (geometry, profile, counts) = (&self.geometry, self.profile, &self.counts);
+        let (geometry, profile, covered) = (&self.geometry, self.profile, &self.covered);
         let fresh = which
             .par_iter()
             .map_init(
-                || DistanceWorkspace::new(counts.len()),
+                || DistanceWorkspace::new(geometry),
                 |workspace, &j| {
                     monitor.checkpoint()?;
                     let (sample, share) = self.centres[j as usize];
@@ -237,7 +241,7 @@ impl Supports<'_> {
                     for &(v, distance) in disk {
                         let weight = profile.weight(distance / share);
                         if weight > 0.0 {
-                            counts[v as usize].fetch_add(1, Ordering::Relaxed);
+                            covered[v as usize].store(true, Ordering::Relaxed);
                             column.push((v, weight));
                         }
                     }
@@ -257,7 +261,7 @@ impl Supports<'_> {
 
     /// The columns whose share of their own sample's vertex is less than `least`.
     fn crowded(&self, least: f32) -> Vec<u32> {
-        let mut slots = vec![u32::MAX; self.counts.len()];
+        let mut slots = vec![u32::MAX; self.covered.len()];
         let mut sums = vec![0f32; self.centres.len()];
         for (j, &(v, _)) in self.centres.iter().enumerate() {
             slots[v as usize] = j as u32;
@@ -274,18 +278,18 @@ impl Supports<'_> {
 
     fn shrink(&mut self, which: &[u32], monitor: &dyn Monitor) -> Result<(), Cancelled> {
         for &j in which {
-            for &(v, _) in &self.columns[j as usize] {
-                self.counts[v as usize].fetch_sub(1, Ordering::Relaxed);
-            }
+            self.columns[j as usize] = Column::new();
             self.centres[j as usize].1 /= SHRINK;
         }
+        self.covered.iter().for_each(|covered| covered.store(false, Ordering::Relaxed));
+        self.columns.par_iter().flatten().for_each(|&(v, _)| self.covered[v as usize].store(true, Ordering::Relaxed));
         self.grow(which, monitor)
     }
 
     /// Gives each vertex outside all supports a function of its own, until there is none.
     fn cover(&mut self, monitor: &dyn Monitor) -> Result<(), Cancelled> {
-        for v in 0..self.counts.len() as u32 {
-            if self.counts[v as usize].load(Ordering::Relaxed) == 0 {
+        for v in 0..self.covered.len() as u32 {
+            if !self.covered[v as usize].load(Ordering::Relaxed) {
                 self.centres.push((v, 1.0));
                 self.columns.push(Vec::new());
                 self.grow(&[self.centres.len() as u32 - 1], monitor)?;
@@ -296,51 +300,74 @@ impl Supports<'_> {
 
     /// Turns columns into rows that sum to 1.
     fn into_rows(self) -> SparseMatrix<f32> {
-        let (n, dimension) = (self.counts.len(), self.columns.len());
-        let counts = self.counts;
+        let (n, dimension) = (self.covered.len(), self.columns.len());
+        // Each thread counts and places the entries of a range of columns. Ranges follow each other in every row, so rows come
+        // out in order, and the result does not depend on how many there are.
+        let ranges = rayon::current_num_threads().min(RANGES_MAX);
+        let ranges: Vec<(usize, &[Column])> = {
+            let length = dimension.div_ceil(ranges).max(1);
+            self.columns.chunks(length).enumerate().map(|(i, c)| (i * length, c)).collect()
+        };
+        let mut places: Vec<Vec<u32>> = ranges
+            .par_iter()
+            .map(|(_, columns)| {
+                let mut counts = vec![0u32; n];
+                columns.iter().flatten().for_each(|&(v, _)| counts[v as usize] += 1);
+                counts
+            })
+            .collect();
         let mut offsets = Vec::with_capacity(n + 1);
         let mut total = 0usize;
         offsets.push(0);
-        for count in &counts {
-            total += count.load(Ordering::Relaxed) as usize;
+        for row in 0..n {
+            let mut length = 0;
+            for counts in &mut places {
+                length += std::mem::replace(&mut counts[row], length);
+            }
+            total += length as usize;
             offsets.push(total);
         }
-        // Threads drop entries into their rows in any order; sorting each row afterwards makes the result independent of
-        // that.
-        let entries: Vec<AtomicU64> = (0..total).map(|_| AtomicU64::new(0)).collect();
-        self.columns.into_par_iter().enumerate().for_each(|(j, column)| {
-            for (v, weight) in column {
-                let left = counts[v as usize].fetch_sub(1, Ordering::Relaxed) as usize;
-                let entry = (j as u64) << 32 | u64::from(weight.to_bits());
-                entries[offsets[v as usize + 1] - left].store(entry, Ordering::Relaxed);
+        // Threads write to different places of the same rows; atomic cells allow that, and relaxed stores cost nothing.
+        let indices: Vec<AtomicU32> = (0..total).map(|_| AtomicU32::new(0)).collect();
+        let values: Vec<AtomicU32> = (0..total).map(|_| AtomicU32::new(0)).collect();
+        ranges.par_iter().zip(&mut places).for_each(|((first, columns), places)| {
+            for (j, column) in columns.iter().enumerate() {
+                for &(v, weight) in column {
+                    let place = offsets[v as usize] + places[v as usize] as usize;
+                    places[v as usize] += 1;
+                    indices[place].store((first + j) as u32, Ordering::Relaxed);
+                    values[place].store(weight.to_bits(), Ordering::Relaxed);
+                }
             }
         });
-        let mut indices = vec![0u32; total];
-        let mut values = vec![0f32; total];
-        let mut rows: Vec<(&mut [u32], &mut [f32])> = Vec::with_capacity(n);
-        let (mut rest_indices, mut rest_values) = (&mut indices[..], &mut values[..]);
-        for row in 0..n {
-            let length = offsets[row + 1] - offsets[row];
-            let (i, ri) = rest_indices.split_at_mut(length);
-            let (v, rv) = rest_values.split_at_mut(length);
-            rows.push((i, v));
-            (rest_indices, rest_values) = (ri, rv);
-        }
-        rows.into_par_iter().with_min_len(1 << 10).enumerate().for_each_init(
-            Vec::new,
-            |row, (r, (indices, values))| {
-                row.clear();
-                row.extend(entries[offsets[r]..offsets[r + 1]].iter().map(|e| e.load(Ordering::Relaxed)));
-                row.sort_unstable();
-                let sum: f32 = row.iter().map(|&e| f32::from_bits(e as u32)).sum();
-                for ((&entry, index), value) in row.iter().zip(indices).zip(values) {
-                    *index = (entry >> 32) as u32;
-                    *value = f32::from_bits(entry as u32) / sum;
-                }
-            },
-        );
+        drop(self.columns);
+        let indices: Vec<u32> = indices.into_iter().map(AtomicU32::into_inner).collect();
+        let mut values: Vec<f32> = values.into_iter().map(|x| f32::from_bits(x.into_inner())).collect();
+        normalise(&offsets, &mut values);
         SparseMatrix::from_sorted_parts(n, dimension, offsets, indices, values)
     }
+}
+
+/// Rows that one thread normalises at a time.
+const ROWS: usize = 1 << 12;
+
+/// Divides each row by its sum.
+fn normalise(offsets: &[usize], values: &mut [f32]) {
+    let mut blocks = Vec::with_capacity(offsets.len() / ROWS + 1);
+    let mut rest = values;
+    for first in (0..offsets.len() - 1).step_by(ROWS) {
+        let last = (first + ROWS).min(offsets.len() - 1);
+        let (block, tail) = rest.split_at_mut(offsets[last] - offsets[first]);
+        blocks.push((&offsets[first..=last], block));
+        rest = tail;
+    }
+    blocks.into_par_iter().for_each(|(offsets, block)| {
+        for row in offsets.windows(2) {
+            let row = &mut block[row[0] - offsets[0]..row[1] - offsets[0]];
+            let scale = 1.0 / row.iter().sum::<f32>();
+            row.iter_mut().for_each(|x| *x *= scale);
+        }
+    });
 }
 
 #[cfg(test)]

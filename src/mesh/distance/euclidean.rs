@@ -2,31 +2,59 @@
 
 use super::{DistanceGeometry, DistanceWorkspace};
 
+/// A vertex as the flood sees it: one load answers both whether it is new and where it is.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    /// In multiples of the geometry's unit, relative to the middle of the mesh.
+    position: [f32; 3],
+    stamp: u32,
+}
+
+/// The vertices of a mesh, none of them visited.
+pub(super) fn places(geometry: &DistanceGeometry) -> Vec<Place> {
+    let positions = &geometry.mesh.positions;
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for p in positions {
+        for k in 0..3 {
+            low[k] = low[k].min(p[k]);
+            high[k] = high[k].max(p[k]);
+        }
+    }
+    let middle = [0, 1, 2].map(|k| 0.5 * low[k] + 0.5 * high[k]);
+    let scale = 1.0 / geometry.unit;
+    let place = |p: &[f64; 3]| Place { position: [0, 1, 2].map(|k| ((p[k] - middle[k]) * scale) as f32), stamp: 0 };
+    positions.iter().map(place).collect()
+}
+
 impl DistanceWorkspace {
     /// The value does not depend on the path, so the region may be flooded in any order: no queue is needed.
     pub(super) fn euclidean(&mut self, geometry: &DistanceGeometry, source: u32, radius: f32) {
-        let (positions, connectivity) = (&geometry.mesh.positions, geometry.connectivity);
-        let centre = positions[source as usize];
-        let scale = 1.0 / geometry.unit;
-        let seen = self.open(0.0);
-        self.state[source as usize] = seen;
-        self.reached.push((source, 0.0));
-        let mut next = 0;
-        while next < self.reached.len() {
-            let v = self.reached[next].0;
+        let connectivity = geometry.connectivity;
+        let neighbours = connectivity.all_neighbours();
+        if self.places.len() != connectivity.vertices() {
+            self.places = places(geometry);
+            self.flood = vec![(0, 0.0); connectivity.vertices() + 1];
+        }
+        let (places, flood, stamp) = (&mut self.places[..], &mut self.flood[..], self.stamp);
+        let centre = places[source as usize].position;
+        places[source as usize].stamp = stamp;
+        // Every vertex is written to the end of the list and stays there if it is new and near: a branch on that would be
+        // guessed wrong half of the time. One place more than there are vertices takes the last one that does not stay.
+        flood[0] = (source, 0.0);
+        let (mut next, mut end) = (0, 1);
+        let square = radius * radius;
+        while next < end {
+            let v = flood[next].0;
             next += 1;
-            for &w in &connectivity.all_neighbours()[connectivity.edge_range(v)] {
-                if self.state[w as usize] == seen {
-                    continue;
-                }
-                self.state[w as usize] = seen;
-                let p = positions[w as usize];
-                let (x, y, z) = ((p[0] - centre[0]) * scale, (p[1] - centre[1]) * scale, (p[2] - centre[2]) * scale);
-                let distance = (x * x + y * y + z * z).sqrt() as f32;
-                if distance <= radius {
-                    self.reached.push((w, distance));
-                }
+            for &w in &neighbours[connectivity.edge_range(v)] {
+                let place = &mut places[w as usize];
+                let [x, y, z] = [0, 1, 2].map(|k| place.position[k] - centre[k]);
+                let distance = x * x + y * y + z * z;
+                flood[end] = (w, distance);
+                end += usize::from(place.stamp != stamp && distance <= square);
+                place.stamp = stamp;
             }
         }
+        self.reached.extend(flood[..end].iter().map(|&(v, square)| (v, square.sqrt())));
     }
 }

@@ -6,32 +6,44 @@ use super::DistanceWorkspace;
 use crate::mesh::TriangleMesh;
 use crate::mesh::connectivity::Connectivity;
 
-/// A face as fast marching needs it: its shape without its place in space.
+/// A triangle as seen from one of its corners: its shape without its place in space.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Triangle {
-    vertices: [u32; 3],
-    /// The length of the edge opposite to each corner.
-    opposite: [f32; 3],
+pub(super) struct Corner {
+    /// The other two vertices.
+    vertices: [u32; 2],
+    /// The lengths of the edges to them.
+    lengths: [f32; 2],
+    /// The length of the edge between them.
+    opposite: f32,
     /// Twice the area.
     double_area: f32,
 }
 
-/// The triangles of a mesh, lengths in multiples of `unit`.
-pub(super) fn triangles(mesh: &TriangleMesh, unit: f64) -> Vec<Triangle> {
+/// The corners at all vertices, vertex after vertex as [`Connectivity::face_range`] tells; lengths in multiples of `unit`.
+///
+/// Each triangle is stored three times, so that what a vertex needs lies in one place: 24 bytes for each of 6 corners.
+pub(super) fn corners(mesh: &TriangleMesh, connectivity: &Connectivity, unit: f64) -> Vec<Corner> {
     let scale = 1.0 / unit;
-    mesh.faces
-        .par_iter()
-        .map(|&vertices| {
-            let p = vertices.map(|v| mesh.positions[v as usize]);
-            let edge = |i: usize, j: usize| [0, 1, 2].map(|k| (p[j][k] - p[i][k]) * scale);
-            let length = |e: [f64; 3]| (e[0] * e[0] + e[1] * e[1] + e[2] * e[2]).sqrt();
-            let (a, b, c) = (edge(1, 2), edge(2, 0), edge(0, 1));
-            let normal = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
-            Triangle {
-                vertices,
-                opposite: [length(a) as f32, length(b) as f32, length(c) as f32],
-                double_area: length(normal) as f32,
-            }
+    (0..mesh.positions.len() as u32)
+        .into_par_iter()
+        .with_min_len(1 << 10)
+        .flat_map_iter(|v| {
+            connectivity.faces_around(v).iter().map(move |&f| {
+                let face = mesh.faces[f as usize];
+                let i = usize::from(face[1] == v) + 2 * usize::from(face[2] == v);
+                let vertices = [face[(i + 1) % 3], face[(i + 2) % 3]];
+                let [p, q, r] = [v, vertices[0], vertices[1]].map(|w| mesh.positions[w as usize]);
+                let edge = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|k| (b[k] - a[k]) * scale);
+                let length = |e: [f64; 3]| (e[0] * e[0] + e[1] * e[1] + e[2] * e[2]).sqrt();
+                let (a, b, c) = (edge(p, q), edge(p, r), edge(q, r));
+                let normal = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+                Corner {
+                    vertices,
+                    lengths: [length(a) as f32, length(b) as f32],
+                    opposite: length(c) as f32,
+                    double_area: length(normal) as f32,
+                }
+            })
         })
         .collect()
 }
@@ -40,70 +52,45 @@ pub(super) fn triangles(mesh: &TriangleMesh, unit: f64) -> Vec<Triangle> {
 /// lengths of its edges.
 ///
 /// A source in the plane of the triangle, on the other side of AB, explains the two distances. If the straight line from there
-/// to C passes between A and B, its length is the answer, else the better of the two edges to C is. Coordinates here are
-/// multiplied by the length of AB, which saves its division.
+/// to C passes between A and B, its length is the answer, else the better of the two edges to C is. Coordinates here, with
+/// A in the origin and B on the first axis, are multiplied by the length of AB, which saves divisions. Nothing branches before
+/// the end: what is no triangle becomes NaN and fails every comparison.
 fn through_triangle(at_a: f32, at_b: f32, ab: f32, ac: f32, bc: f32, double_area: f32) -> f32 {
     let along_edge = (at_a + ac).min(at_b + bc);
-    let (at_a, at_b) = (f64::from(at_a), f64::from(at_b));
-    let (a2, b2, ab2) = (at_a * at_a, at_b * at_b, f64::from(ab) * f64::from(ab));
-    let source_x = 0.5 * (a2 - b2 + ab2);
-    let source_y2 = a2 * ab2 - source_x * source_x;
-    // Not a triangle: rounding, or a source on the line through A and B.
-    if !(source_y2 >= 0.0 && ab2 > 0.0) {
-        return along_edge;
-    }
-    let source_y = source_y2.sqrt();
-    let apex_x = 0.5 * (f64::from(ac) * f64::from(ac) - f64::from(bc) * f64::from(bc) + ab2);
-    let apex_y = f64::from(double_area);
-    let height = source_y + apex_y;
-    let crossing = source_x * apex_y + apex_x * source_y;
-    if !(crossing >= 0.0 && crossing <= ab2 * height) {
-        return along_edge;
-    }
+    let ab2 = ab * ab;
+    let source_x = 0.5 * ((at_a - at_b) * (at_a + at_b) + ab2);
+    let reach = at_a * ab;
+    let source_y = ((reach - source_x) * (reach + source_x)).sqrt();
+    let apex_x = 0.5 * ((ac - bc) * (ac + bc) + ab2);
+    let height = source_y + double_area;
+    let crossing = source_x * double_area + apex_x * source_y;
     let run = apex_x - source_x;
-    let straight = ((run * run + height * height) / ab2).sqrt() as f32;
+    let straight = ((run * run + height * height) / ab2).sqrt();
     // Never before the corners it comes from: the queue relies on it.
-    if straight >= at_a.max(at_b) as f32 && straight < along_edge { straight } else { along_edge }
+    let valid = (crossing >= 0.0) & (crossing <= ab2 * height) & (straight >= at_a.max(at_b)) & (straight < along_edge);
+    if valid { straight } else { along_edge }
 }
 
 impl DistanceWorkspace {
-    pub(super) fn fast_marching(
-        &mut self,
-        connectivity: &Connectivity,
-        triangles: &[Triangle],
-        source: u32,
-        radius: f32,
-    ) {
+    pub(super) fn fast_marching(&mut self, connectivity: &Connectivity, corners: &[Corner], source: u32, radius: f32) {
         self.offer(source, 0.0);
         while let Some((v, distance)) = self.settle() {
-            for &f in connectivity.faces_around(v) {
-                let triangle = &triangles[f as usize];
-                let i = triangle.vertices.iter().position(|&w| w == v).unwrap_or(0);
-                let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-                let (a, b) = (triangle.vertices[j], triangle.vertices[k]);
-                let opposite = triangle.opposite;
-                let area = triangle.double_area;
+            for corner in &corners[connectivity.face_range(v)] {
+                let [a, b] = corner.vertices;
+                let [to_a, to_b] = corner.lengths;
                 match (self.settled_distance(a), self.settled_distance(b)) {
                     (Some(_), Some(_)) => {}
                     (Some(at_a), None) => {
-                        let there = through_triangle(distance, at_a, opposite[k], opposite[j], opposite[i], area);
-                        if there <= radius {
-                            self.offer(b, there);
-                        }
+                        let there = through_triangle(distance, at_a, to_a, to_b, corner.opposite, corner.double_area);
+                        self.offer_within(b, there, radius);
                     }
                     (None, Some(at_b)) => {
-                        let there = through_triangle(distance, at_b, opposite[j], opposite[k], opposite[i], area);
-                        if there <= radius {
-                            self.offer(a, there);
-                        }
+                        let there = through_triangle(distance, at_b, to_b, to_a, corner.opposite, corner.double_area);
+                        self.offer_within(a, there, radius);
                     }
                     (None, None) => {
-                        for (w, length) in [(a, opposite[k]), (b, opposite[j])] {
-                            let there = distance + length;
-                            if there <= radius {
-                                self.offer(w, there);
-                            }
-                        }
+                        self.offer_within(a, distance + to_a, radius);
+                        self.offer_within(b, distance + to_b, radius);
                     }
                 }
             }

@@ -44,6 +44,8 @@ pub struct DistanceGeometry<'a> {
     mesh: &'a TriangleMesh,
     connectivity: &'a Connectivity,
     unit: f64,
+    /// The mean and the largest edge length, in multiples of the unit.
+    edges: (f32, f32),
     prepared: Prepared,
 }
 
@@ -51,7 +53,7 @@ enum Prepared {
     Dijkstra { lengths: Vec<f32> },
     Euclidean,
     Stvd { lengths: Vec<f32>, normals: Vec<[f32; 3]>, window: u32 },
-    FastMarching { triangles: Vec<fast_marching::Triangle> },
+    FastMarching { corners: Vec<fast_marching::Corner> },
 }
 
 impl<'a> DistanceGeometry<'a> {
@@ -66,9 +68,12 @@ impl<'a> DistanceGeometry<'a> {
                 normals: stvd::vertex_normals(mesh, connectivity),
                 window: window.clamp(1, STVD_WINDOW_MAX),
             },
-            DistanceKind::FastMarching => Prepared::FastMarching { triangles: fast_marching::triangles(mesh, unit) },
+            DistanceKind::FastMarching => {
+                Prepared::FastMarching { corners: fast_marching::corners(mesh, connectivity, unit) }
+            }
         };
-        Self { mesh, connectivity, unit, prepared }
+        let edges = ((connectivity.mean_edge() / unit) as f32, (connectivity.longest_edge() / unit) as f32);
+        Self { mesh, connectivity, unit, edges, prepared }
     }
 
     /// The length that distances are multiples of.
@@ -86,17 +91,21 @@ pub struct DistanceWorkspace {
     stamp: u32,
     queue: Queue,
     paths: Vec<stvd::Step>,
+    places: Vec<euclidean::Place>,
+    flood: Vec<(u32, f32)>,
     reached: Vec<(u32, f32)>,
 }
 
 impl DistanceWorkspace {
-    /// A workspace for meshes of `vertices` vertices.
-    pub fn new(vertices: usize) -> Self {
+    /// A workspace for the mesh of a geometry, and for all other geometries of that mesh with the same unit.
+    pub fn new(geometry: &DistanceGeometry) -> Self {
         Self {
-            state: vec![u64::MAX; vertices],
+            state: vec![u64::MAX; geometry.connectivity.vertices()],
             stamp: u32::MAX,
-            queue: Queue::default(),
+            queue: Queue::new(geometry.edges.0, geometry.edges.1),
             paths: Vec::new(),
+            places: Vec::new(),
+            flood: Vec::new(),
             reached: Vec::new(),
         }
     }
@@ -117,8 +126,8 @@ impl DistanceWorkspace {
                 Prepared::Stvd { lengths, normals, window } => {
                     self.stvd(geometry, lengths, normals, *window, source, radius);
                 }
-                Prepared::FastMarching { triangles } => {
-                    self.fast_marching(geometry.connectivity, triangles, source, radius);
+                Prepared::FastMarching { corners } => {
+                    self.fast_marching(geometry.connectivity, corners, source, radius);
                 }
             }
         }
@@ -130,6 +139,7 @@ impl DistanceWorkspace {
         if self.state.len() < vertices || self.stamp < 4 {
             self.state.clear();
             self.state.resize(vertices, u64::MAX);
+            self.places.clear();
             self.stamp = u32::MAX;
         }
         self.stamp -= 2;
@@ -161,6 +171,13 @@ impl DistanceWorkspace {
             self.queue.push(distance, vertex);
         }
         better
+    }
+
+    /// Offers a distance unless it exceeds `radius`.
+    fn offer_within(&mut self, vertex: u32, distance: f32, radius: f32) {
+        if distance <= radius {
+            self.offer(vertex, distance);
+        }
     }
 
     /// Takes the closest queued vertex and makes its distance final.

@@ -13,7 +13,7 @@ const KINDS: [DistanceKind; 5] = [
 fn distances(mesh: &TriangleMesh, kind: DistanceKind, source: u32, radius: f64) -> Vec<(u32, f64)> {
     let connectivity = Connectivity::new(mesh);
     let geometry = DistanceGeometry::new(mesh, &connectivity, kind, radius);
-    let mut workspace = DistanceWorkspace::new(connectivity.vertices());
+    let mut workspace = DistanceWorkspace::new(&geometry);
     let found = workspace.local_distances(&geometry, source, 1.0);
     found.iter().map(|&(v, d)| (v, f64::from(d) * radius)).collect()
 }
@@ -104,9 +104,9 @@ fn a_workspace_used_again_gives_what_a_fresh_one_gives() {
     let connectivity = Connectivity::new(&mesh);
     for kind in KINDS {
         let geometry = DistanceGeometry::new(&mesh, &connectivity, kind, 0.6);
-        let mut used = DistanceWorkspace::new(connectivity.vertices());
+        let mut used = DistanceWorkspace::new(&geometry);
         for source in 0..connectivity.vertices() as u32 {
-            let mut fresh = DistanceWorkspace::new(connectivity.vertices());
+            let mut fresh = DistanceWorkspace::new(&geometry);
             let expected = fresh.local_distances(&geometry, source, 1.0).to_vec();
             assert_eq!(used.local_distances(&geometry, source, 1.0), expected, "{kind:?} from {source}");
         }
@@ -118,7 +118,7 @@ fn stamps_that_run_out_begin_again() {
     let mesh = sphere(4);
     let connectivity = Connectivity::new(&mesh);
     let geometry = DistanceGeometry::new(&mesh, &connectivity, DistanceKind::FastMarching, 1.0);
-    let mut workspace = DistanceWorkspace::new(connectivity.vertices());
+    let mut workspace = DistanceWorkspace::new(&geometry);
     let expected = workspace.local_distances(&geometry, 5, 0.9).to_vec();
     workspace.stamp = 7;
     for _ in 0..8 {

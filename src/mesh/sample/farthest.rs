@@ -1,6 +1,7 @@
 //! Farthest-point sampling along edges.
 
 use super::random::Random;
+use super::typical_edge;
 use crate::mesh::connectivity::Connectivity;
 use crate::mesh::distance::Queue;
 use crate::monitor::{Cancelled, Monitor};
@@ -79,7 +80,7 @@ impl<'a> Front<'a> {
             lengths: connectivity.scaled_lengths(connectivity.longest_edge()),
             distances: vec![f32::INFINITY; n],
             bounds: vec![f32::INFINITY; n.div_ceil(BLOCK)],
-            queue: Queue::default(),
+            queue: Queue::new(typical_edge(connectivity), 1.0),
             steps: 0,
         }
     }

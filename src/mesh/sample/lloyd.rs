@@ -1,5 +1,6 @@
 //! Lloyd's moves: samples go to the middle of the vertices that they are closest to.
 
+use super::typical_edge;
 use crate::mesh::TriangleMesh;
 use crate::mesh::connectivity::Connectivity;
 use crate::mesh::distance::Queue;
@@ -30,7 +31,7 @@ fn cells(
     let n = connectivity.vertices();
     let mut distances = vec![f32::INFINITY; n];
     let mut cells = vec![NO_CELL; n];
-    let mut queue = Queue::default();
+    let mut queue = Queue::new(typical_edge(connectivity), 1.0);
     for (cell, &v) in samples.iter().enumerate() {
         if (v as usize) < n && distances[v as usize] > 0.0 {
             distances[v as usize] = 0.0;
