@@ -8,7 +8,7 @@ use crate::basis::Basis;
 use crate::mesh::TriangleMesh;
 use crate::mesh::connectivity::Connectivity;
 use crate::mesh::distance::DistanceKind;
-use crate::mesh::sample::{farthest_points, lloyd};
+use crate::mesh::sample::{farthest_points, lloyd, sort_spatially};
 use crate::monitor::{Cancelled, Monitor};
 use crate::operator::{EigenProblem, MassKind, OperatorError, laplace};
 
@@ -182,7 +182,8 @@ fn subspace(
         Space::Heat(heat) => {
             let samples = farthest_points(&connectivity, d, parameters.seed, monitor)?;
             let masses = problem.mass.lumped();
-            let samples = lloyd(mesh, &connectivity, &masses, samples, LLOYD_MOVES, monitor)?;
+            let mut samples = lloyd(mesh, &connectivity, &masses, samples, LLOYD_MOVES, monitor)?;
+            sort_spatially(mesh, &mut samples);
             monitor.stage("basis");
             // Edge paths are as good a start as fast marching where a support holds many vertices, and cheaper.
             let distance = if n >= DIJKSTRA_SUFFICES * d { DistanceKind::Dijkstra } else { DistanceKind::FastMarching };
