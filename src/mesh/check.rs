@@ -177,7 +177,7 @@ struct Examined {
 }
 
 fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
-    let RawMesh { mut positions, faces, tetrahedra, splits_vertices, .. } = raw;
+    let RawMesh { mut positions, faces, tetrahedra, polygons_triangulated, short_faces_dropped, splits_vertices } = raw;
     let given = [positions.len(), faces.len()];
     let mut report = MeshReport { vertices: given[0], faces: given[1], ..MeshReport::default() };
     for (elements, count, most) in [("vertices", given[0], DROPPED as usize - 1), ("faces", given[1], MOST_FACES)] {
@@ -187,6 +187,8 @@ fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
         }
     }
     let mut found = Found::default();
+    found.repair(RepairKind::TriangulatedPolygons, polygons_triangulated);
+    found.repair(RepairKind::DroppedShortFaces, short_faces_dropped);
     let mut faces = Faces::new(faces);
 
     let stray = faces.select(|face| face.iter().any(|&v| v as usize >= given[0]));

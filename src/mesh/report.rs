@@ -159,6 +159,10 @@ pub struct Repair {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RepairKind {
+    /// Polygons of more than three corners were cut into triangles.
+    TriangulatedPolygons,
+    /// Faces of fewer than three corners were dropped.
+    DroppedShortFaces,
     /// Vertices were merged with an earlier one at the same position.
     MergedVertices,
     /// Faces that repeat a vertex were dropped.
@@ -174,6 +178,8 @@ pub enum RepairKind {
 impl fmt::Display for RepairKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::TriangulatedPolygons => "polygons triangulated",
+            Self::DroppedShortFaces => "faces of fewer than three corners dropped",
             Self::MergedVertices => "vertices merged with others at the same position",
             Self::DroppedRepeatedVertexFaces => "faces that repeat a vertex dropped",
             Self::DroppedDuplicateFaces => "duplicate faces dropped",

@@ -82,7 +82,9 @@ fn what_is_not_manifold_is_usable_and_reported() {
     let moebius = report("moebius.obj").unwrap();
     assert!(moebius.manifold && !moebius.orientable && !moebius.closed);
     assert_eq!((moebius.boundary_loops, moebius.genus, moebius.euler_characteristic), (1, None, 0));
-    assert!(moebius.count(DefectKind::InconsistentOrientation) > 0 && moebius.repairs.is_empty());
+    assert!(moebius.count(DefectKind::InconsistentOrientation) > 0);
+    // Its 224 faces are quadrilaterals.
+    assert_eq!(moebius.repairs, [Repair { kind: RepairKind::TriangulatedPolygons, count: 224 }]);
 }
 
 #[test]

@@ -145,7 +145,7 @@ impl<'l> Builder<'l> {
     }
 
     /// An index of a format that counts from one. Vertices may follow later; [`finish`](Self::finish) checks that they did.
-    pub fn from_one(
+    pub fn one_based_index(
         &mut self,
         index: i64,
         format: MeshFormat,
@@ -185,7 +185,7 @@ impl<'l> Builder<'l> {
 }
 
 /// An index of a format that counts from zero and announces its vertices.
-pub(super) fn from_zero(
+pub(super) fn zero_based_index(
     index: i64,
     vertices: usize,
     element: &'static str,

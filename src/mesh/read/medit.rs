@@ -128,7 +128,7 @@ fn polygons(text: &mut Text, builder: &mut Builder, corners: usize) -> Result<()
             }
             let place = text.place();
             let index = text.integer("a vertex index")?;
-            let vertex = builder.from_one(index, MeshFormat::Medit, "face", number, place)?;
+            let vertex = builder.one_based_index(index, MeshFormat::Medit, "face", number, place)?;
             builder.corner(vertex, place)?;
         }
         builder.end_polygon();
@@ -148,7 +148,7 @@ fn tetrahedra(text: &mut Text, builder: &mut Builder) -> Result<(), ReadError> {
             }
             let place = text.place();
             let index = text.integer("a vertex index")?;
-            *corner = builder.from_one(index, MeshFormat::Medit, "tetrahedron", number, place)?;
+            *corner = builder.one_based_index(index, MeshFormat::Medit, "tetrahedron", number, place)?;
         }
         builder.tetrahedron(corners)?;
         skip_reference(text);

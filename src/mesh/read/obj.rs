@@ -53,7 +53,7 @@ fn face(text: &mut Text, builder: &mut Builder) -> Result<(), ReadError> {
                 }
             }
         } else {
-            builder.from_one(index, MeshFormat::Obj, "face", number, place)?
+            builder.one_based_index(index, MeshFormat::Obj, "face", number, place)?
         };
         builder.corner(vertex, place)?;
     }

@@ -1,6 +1,6 @@
 //! Geomview OFF, ASCII.
 
-use super::builder::{Builder, from_zero};
+use super::builder::{Builder, zero_based_index};
 use super::error::{ReadError, shorten};
 use super::text::Text;
 use super::{MeshFormat, RawMesh, ReadLimits};
@@ -94,7 +94,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
             }
             let place = text.place();
             let index = text.integer("a vertex index")?;
-            builder.corner(from_zero(index, vertices, "face", number, place)?, place)?;
+            builder.corner(zero_based_index(index, vertices, "face", number, place)?, place)?;
         }
         builder.end_polygon();
         text.skip_line();

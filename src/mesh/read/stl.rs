@@ -201,7 +201,7 @@ mod tests {
         assert_eq!(read(&whole[..40]).unwrap_err().kind(), "truncated-file");
         let text = ascii();
         let cut = text.rfind("endloop").unwrap();
-        assert_eq!(read(text[..cut].as_bytes()).unwrap_err().kind(), "truncated-file");
+        assert_eq!(read(&text.as_bytes()[..cut]).unwrap_err().kind(), "truncated-file");
         assert_eq!(
             read(text.replacen("   vertex 0 0e0 0\n", "", 1).as_bytes()),
             Err(ReadError::FacetCorners { place: Place::Line(6), corners: 2 })

@@ -1,6 +1,6 @@
 //! The body of an ASCII PLY file.
 
-use super::super::builder::{Builder, from_zero};
+use super::super::builder::{Builder, zero_based_index};
 use super::super::text::Text;
 use super::header::{Element, Header, Kind};
 use super::strip::Strip;
@@ -72,7 +72,7 @@ impl Body<'_> {
                 let place = self.text.place();
                 if is_face {
                     let index = self.text.integer("a vertex index")?;
-                    builder.corner(from_zero(index, self.vertices, "face", number, place)?, place)?;
+                    builder.corner(zero_based_index(index, self.vertices, "face", number, place)?, place)?;
                 } else if let Some(strip) = &mut strip {
                     let index = self.text.integer("a vertex index")?;
                     strip.corner(index, self.vertices, number, place, builder)?;

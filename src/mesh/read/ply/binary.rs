@@ -1,6 +1,6 @@
 //! The body of a binary PLY file.
 
-use super::super::builder::{Builder, from_zero};
+use super::super::builder::{Builder, zero_based_index};
 use super::super::error::shorten;
 use super::header::{Element, Header, Kind, Type};
 use super::strip::Strip;
@@ -218,7 +218,7 @@ impl<const BIG: bool> Body<'_, BIG> {
             let index = Self::integer(value, place, "a vertex index")?;
             match &mut strip {
                 Some(strip) => strip.corner(index, self.vertices, number, place, builder)?,
-                None => builder.corner(from_zero(index, self.vertices, "face", number, place)?, place)?,
+                None => builder.corner(zero_based_index(index, self.vertices, "face", number, place)?, place)?,
             }
         }
         if is_face {

@@ -1,6 +1,6 @@
 //! Triangle strips.
 
-use super::super::builder::{Builder, from_zero};
+use super::super::builder::{Builder, zero_based_index};
 use super::{Place, ReadError};
 
 /// Follows strips: each corner after the second makes a triangle with the two before it, and every other triangle is
@@ -27,7 +27,7 @@ impl Strip {
             self.length = 0;
             return Ok(());
         }
-        let vertex = from_zero(index, vertices, "strip", number, place)?;
+        let vertex = zero_based_index(index, vertices, "strip", number, place)?;
         if self.length >= 2 && self.older != self.newer && self.older != vertex && self.newer != vertex {
             let turned = self.length % 2 == 1;
             builder.triangle(if turned {
