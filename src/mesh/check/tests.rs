@@ -53,7 +53,8 @@ fn what_carries_no_surface_is_dropped_and_listed_in_the_numbers_of_the_input() {
     assert_eq!(examples(DefectKind::RepeatedVertex), Some(vec![0, 7]));
     assert_eq!(examples(DefectKind::DuplicateFace), Some(vec![5, 6]));
     assert_eq!(examples(DefectKind::UnreferencedVertex), Some(vec![1, 5]));
-    assert_eq!(report.defects.len(), 4);
+    // As given, the edges of the duplicate faces are not manifold.
+    assert_eq!((report.defects.len(), report.count(DefectKind::NonManifoldEdge) > 0), (5, true));
     assert_eq!(report.repaired(RepairKind::DroppedDuplicateFaces), 2);
     assert_eq!(report.repaired(RepairKind::DroppedUnreferencedVertices), 2);
 }
