@@ -193,12 +193,12 @@ enum Ending {
 /// Writes down how an attempt ended; where the storage refuses for longer than a lease, the reaper will see to it.
 async fn settle(shared: &Shared, kind: &str, ending: Ending, token: Uuid) {
     let deadline = Instant::now() + shared.options.lease;
+    if let Ending::Failed(problem, _) = &ending {
+        tracing::warn!(problem = problem.kind, detail = problem.detail, "attempt failed");
+    }
     loop {
         let written = match &ending {
-            Ending::Failed(problem, retryable) => {
-                tracing::warn!(problem = problem.kind, detail = problem.detail, "attempt failed");
-                shared.store.fail(token, problem, *retryable).await
-            }
+            Ending::Failed(problem, retryable) => shared.store.fail(token, problem, *retryable).await,
             Ending::Canceled => shared
                 .store
                 .finish_canceled(token)
@@ -288,6 +288,7 @@ impl Heartbeat {
         look.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut written = Progress::default();
         let mut beaten = Instant::now();
+        let mut refused: Option<Instant> = None;
         // A request to stop may have come before these events did.
         let mut ask = true;
         let (mut held, mut stalled) = (true, false);
@@ -309,12 +310,15 @@ impl Heartbeat {
             let moved = progress.stage != written.stage || progress.fraction != written.fraction;
             let due = moved && beaten.elapsed() >= options.heartbeat;
             // A lease is prolonged in good time even where nothing moves.
-            if !held || !(ask || due || beaten.elapsed() >= options.lease / 4) {
+            let wanted = ask || due || beaten.elapsed() >= options.lease / 4;
+            // Where the storage refuses, asking it ten times a second does not help.
+            let resting = refused.is_some_and(|refused| refused.elapsed() < options.heartbeat);
+            if !held || !wanted || resting {
                 continue;
             }
             match self.store.heartbeat(self.token, moved.then_some(&progress), options.lease).await {
                 Ok(HeartbeatAnswer::Held { cancel_requested }) => {
-                    ask = false;
+                    (ask, refused) = (false, None);
                     beaten = Instant::now();
                     written = progress;
                     if cancel_requested {
@@ -326,7 +330,10 @@ impl Heartbeat {
                     held = false;
                     self.tell(Verdict::Lost).await;
                 }
-                Err(error) => tracing::warn!(%error, "heartbeat refused"),
+                Err(error) => {
+                    tracing::warn!(%error, "heartbeat refused");
+                    refused = Some(Instant::now());
+                }
             }
         }
     }

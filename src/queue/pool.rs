@@ -194,7 +194,8 @@ async fn work(shared: Arc<Shared>, worker: usize, share: usize) {
 
 /// Claims and runs a job; `None` where there is none to do.
 async fn one_job(shared: &Arc<Shared>, worker: &str, pool: &rayon::ThreadPool) -> Option<Threads> {
-    if shared.hanging() >= MOST_LEFT_BEHIND {
+    // On a full disk no result could be stored: the job had better wait.
+    if shared.hanging() >= MOST_LEFT_BEHIND || !shared.store.has_space() {
         return None;
     }
     match shared.store.claim(worker, &shared.options.kinds, shared.options.lease).await {

@@ -233,6 +233,11 @@ impl Store {
         }
     }
 
+    /// Whether new content would be accepted, as far as free space goes.
+    pub fn has_space(&self) -> bool {
+        self.check_space(0).is_ok()
+    }
+
     /// What the caches did so far.
     pub fn cache_statistics(&self) -> CacheStatistics {
         CacheStatistics {
