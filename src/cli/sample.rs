@@ -43,8 +43,9 @@ Examples:
   chladni sample genus-3 --vertices 100000 --output genus-3.ply
   chladni sample sphere -n 10000 --noise 0.2 --seed 7 -o rough-sphere.obj
 
-Sizes: a sphere and a disk of radius 1; a torus of radii 1 and 0.4; a rectangle of 1.6 by 1; a tube of radius 0.4 around
-a (2, 3) torus knot; rings of radii 1 and 0.4 in a chain for genus-G.";
+Sizes: the sphere and the disk have radius 1, the torus radii 1 and 0.4, the rectangle
+sides 1.6 and 1, the knot (a (2, 3) torus knot) a tube of radius 0.4; genus-G is a chain
+of rings of radii 1 and 0.4. Spheres have 10 f² + 2 vertices for a whole number f.";
 
 /// Generates a mesh and writes it to a file.
 pub fn sample(arguments: SampleArguments) -> Result<ExitCode, CliError> {

@@ -12,6 +12,7 @@ pub use super::report::{Defect, DefectKind, EXAMPLES, Element, MeshReport, Repai
 use super::topology::{EdgeTable, MOST_FACES, Topology};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::ops::Add;
 
 /// Whether vertices at exactly equal positions become one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
@@ -172,7 +173,7 @@ struct Examined {
     mesh: TriangleMesh,
     report: MeshReport,
     vertex_map: Option<Vec<u32>>,
-    /// The first reason to refuse the mesh; the rest is then about what is left without the offenders.
+    /// The first reason to refuse the mesh; the mesh is then not to be used, but the report still tells what it can.
     error: Option<MeshError>,
 }
 
@@ -199,7 +200,7 @@ fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
         faces.drop_faces(&stray);
     }
 
-    refuse_bad_coordinates(&positions, &mut faces, options, &mut found);
+    refuse_bad_coordinates(&positions, &faces, options, &mut found);
 
     let equal = equal_positions(&positions);
     let merges = match options.merge {
@@ -262,7 +263,7 @@ fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
     report.vertices = positions.len();
     report.faces = faces.corners.len();
     report.edges = topology.edges;
-    report.area = total_area(&positions, &faces.corners);
+    report.area = total_area(&positions, &faces.corners).min(f64::MAX);
     report.bounding_box = bounding_box(&positions);
     report.euler_characteristic = report.vertices as i64 - report.edges as i64 + report.faces as i64;
     report.components = topology.components;
@@ -271,7 +272,7 @@ fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
     report.closed = report.faces > 0 && report.boundary_edges == 0;
     report.manifold = topology.non_manifold_edges.count == 0 && topology.non_manifold_vertices.count == 0;
     report.orientable = orientable;
-    report.genus = (report.manifold && orientable)
+    report.genus = (report.manifold && orientable && report.faces > 0)
         .then(|| report.components as i64 - (report.euler_characteristic + report.boundary_loops as i64) / 2);
 
     if report.faces == 0 {
@@ -328,8 +329,8 @@ impl Found {
     }
 }
 
-/// Counts vertices that are not finite or out of range, and refuses the mesh if a face uses one; such faces go.
-fn refuse_bad_coordinates(positions: &[[f64; 3]], faces: &mut Faces, options: &CheckOptions, found: &mut Found) {
+/// Counts vertices that are not finite or out of range, and refuses the mesh if a face uses one.
+fn refuse_bad_coordinates(positions: &[[f64; 3]], faces: &Faces, options: &CheckOptions, found: &mut Found) {
     let largest = options.largest_coordinate;
     // The comparison is false for NaN.
     let bad = |v: usize| !positions[v].iter().all(|x| x.abs() <= largest);
@@ -352,7 +353,6 @@ fn refuse_bad_coordinates(positions: &[[f64; 3]], faces: &mut Faces, options: &C
         } else {
             MeshError::NonFinite { vertex, face }
         });
-        faces.drop_faces(&users);
     }
 }
 
@@ -370,11 +370,14 @@ fn doubled_area(positions: &[[f64; 3]], face: [u32; 3]) -> f64 {
     (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]).sqrt()
 }
 
-/// The total area, added up in an order that does not depend on the number of threads.
+/// The total area, added up in an order that does not depend on the number of threads. Faces whose area overflows or is not a
+/// number, which only meshes that are refused have, do not count.
 fn total_area(positions: &[[f64; 3]], faces: &[[u32; 3]]) -> f64 {
     let chunks = faces.par_chunks(1 << 14);
-    let sums: Vec<f64> = chunks.map(|chunk| chunk.iter().map(|&face| doubled_area(positions, face)).sum()).collect();
-    sums.into_iter().sum::<f64>() / 2.0
+    let areas = |chunk: &[[u32; 3]]| {
+        chunk.iter().map(|&face| doubled_area(positions, face)).filter(|area| area.is_finite()).fold(0.0, f64::add)
+    };
+    chunks.map(areas).collect::<Vec<f64>>().into_iter().fold(0.0, f64::add) / 2.0
 }
 
 /// The least and greatest coordinates of the finite positions; zeros where there are none.
@@ -389,6 +392,8 @@ fn bounding_box(positions: &[[f64; 3]]) -> [[f64; 3]; 2] {
     if corners[0][0] > corners[1][0] { [[0.0; 3]; 2] } else { corners }
 }
 
+#[cfg(test)]
+mod naive;
 #[cfg(test)]
 mod real_meshes;
 #[cfg(test)]
