@@ -3,7 +3,6 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::time::Instant;
 
 use chladni::mesh::read::{MeshFormat, RawMesh, ReadError, ReadLimits, read};
 use proptest::prelude::*;
@@ -164,9 +163,9 @@ fn a_material_library_is_never_opened() {
     assert_eq!(survive(text, MeshFormat::Obj, &ReadLimits::default()).unwrap().faces, [[0, 1, 2]]);
 }
 
+/// Anything quadratic here would take hours.
 #[test]
 fn groups_long_lines_and_deep_numbers_take_linear_time() {
-    let began = Instant::now();
     let mut groups = String::from("v 0 0 0\nv 1 0 0\nv 0 1 0\n");
     for group in 0..200_000 {
         groups += &format!("g part{group}\nusemtl m{group}\nf 1 2 3\n");
@@ -189,8 +188,6 @@ fn groups_long_lines_and_deep_numbers_take_linear_time() {
     assert_eq!(kind(&corners, MeshFormat::Obj), "polygon-too-large");
     let unlimited = ReadLimits { corners_per_polygon: usize::MAX, ..Default::default() };
     assert_eq!(survive(&corners, MeshFormat::Obj, &unlimited).unwrap().faces.len(), (25 << 20) - 2);
-    // No target of speed: only that nothing here is quadratic, which would take hours.
-    assert!(began.elapsed().as_secs() < 120);
 }
 
 #[test]
