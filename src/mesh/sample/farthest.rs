@@ -62,7 +62,7 @@ pub fn extend_farthest_points(
 
 /// The distance of every vertex to the nearest sample, kept up to date as samples are added: each one only visits the
 /// vertices that it is closest to.
-struct Front<'a> {
+pub(super) struct Front<'a> {
     connectivity: &'a Connectivity,
     lengths: Vec<f32>,
     distances: Vec<f32>,
@@ -73,7 +73,7 @@ struct Front<'a> {
 }
 
 impl<'a> Front<'a> {
-    fn new(connectivity: &'a Connectivity) -> Self {
+    pub fn new(connectivity: &'a Connectivity) -> Self {
         let n = connectivity.vertices();
         Self {
             connectivity,
@@ -86,7 +86,7 @@ impl<'a> Front<'a> {
     }
 
     /// Makes a vertex a sample; false if it was one.
-    fn seed(&mut self, v: u32) -> bool {
+    pub fn seed(&mut self, v: u32) -> bool {
         let new = self.distances[v as usize] > -1.0;
         // Below every distance, so that a sample is not chosen again where all others are at distance 0 too.
         self.distances[v as usize] = -1.0;
@@ -97,7 +97,7 @@ impl<'a> Front<'a> {
     }
 
     /// Spreads the distances of new samples.
-    fn advance(&mut self, monitor: &dyn Monitor) -> Result<(), Cancelled> {
+    pub fn advance(&mut self, monitor: &dyn Monitor) -> Result<(), Cancelled> {
         while let Some((distance, v)) = self.queue.pop() {
             if distance > self.distances[v as usize].max(0.0) {
                 continue;
@@ -119,7 +119,7 @@ impl<'a> Front<'a> {
     }
 
     /// The vertex farthest from all samples, the first of several; `None` when every vertex is a sample.
-    fn farthest(&mut self) -> Option<u32> {
+    pub fn farthest(&mut self) -> Option<u32> {
         loop {
             let (block, bound) = first_maximum(&self.bounds)?;
             let begin = block * BLOCK;

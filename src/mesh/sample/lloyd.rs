@@ -1,7 +1,6 @@
 //! Lloyd's moves: samples go to the middle of the vertices that they are closest to.
 
 use super::typical_edge;
-use crate::mesh::TriangleMesh;
 use crate::mesh::connectivity::Connectivity;
 use crate::mesh::distance::Queue;
 use crate::monitor::{Cancelled, Monitor};
@@ -62,13 +61,13 @@ fn cells(
 }
 
 /// Moves each sample to the vertex of its cell that is nearest to the cell's centre of mass, `moves` times. The number of samples,
-/// their order, and which component each lies on do not change. `masses` has `n` entries, such as
+/// their order, and which component each lies on do not change. `positions` and `masses` have `n` entries; masses may be
 /// [`vertex_areas`](crate::mesh::measure::vertex_areas).
 ///
 /// # Errors
 /// [`Cancelled`] when the monitor asks for it.
 pub fn lloyd(
-    mesh: &TriangleMesh,
+    positions: &[[f64; 3]],
     connectivity: &Connectivity,
     masses: &[f64],
     mut samples: Vec<u32>,
@@ -79,14 +78,14 @@ pub fn lloyd(
     for _ in 0..moves {
         let cells = cells(connectivity, &lengths, &samples, monitor)?;
         let mut centres = vec![([0.0f64; 3], 0.0f64); samples.len()];
-        for ((&cell, p), &mass) in cells.iter().zip(&mesh.positions).zip(masses) {
+        for ((&cell, p), &mass) in cells.iter().zip(positions).zip(masses) {
             if let Some((sum, total)) = centres.get_mut(cell as usize) {
                 (0..3).for_each(|k| sum[k] += mass * p[k]);
                 *total += mass;
             }
         }
         let mut nearest = vec![f64::INFINITY; samples.len()];
-        for (v, (&cell, p)) in cells.iter().zip(&mesh.positions).enumerate() {
+        for (v, (&cell, p)) in cells.iter().zip(positions).enumerate() {
             let Some(&(sum, total)) = centres.get(cell as usize) else { continue };
             // A cell without mass keeps its sample.
             if total > 0.0 {

@@ -1,5 +1,6 @@
 //! Constrained Poisson-disk sampling on the vertices of a mesh (Corsini, Cignoni and Scopigno 2012).
 
+use super::clusters::Clusters;
 use super::farthest::extend_farthest_points;
 use super::random::Random;
 use crate::mesh::TriangleMesh;
@@ -73,7 +74,10 @@ pub fn poisson_disk(
     if best.is_empty() && count > 0 {
         best.push(Random::new(seed).below(n) as u32);
     }
-    extend_farthest_points(connectivity, best, count, monitor)
+    match Clusters::new(mesh, connectivity, &areas, count, seed, monitor)? {
+        Some(clusters) => clusters.extend(mesh, best, count, monitor),
+        None => extend_farthest_points(connectivity, best, count, monitor),
+    }
 }
 
 /// Draws vertices with a probability of `per_area` times their area: all where the mesh is coarse, few where it is fine.

@@ -17,7 +17,17 @@ fn farthest(
     farthest_points(connectivity, count, seed, monitor)
 }
 
-const SAMPLERS: [Sampler; 2] = [farthest, poisson_disk];
+fn well_spread(
+    mesh: &TriangleMesh,
+    connectivity: &Connectivity,
+    count: usize,
+    seed: u64,
+    monitor: &dyn Monitor,
+) -> Result<Vec<u32>, Cancelled> {
+    well_spread_points(mesh, connectivity, &vertex_areas(mesh), count, 3, seed, monitor)
+}
+
+const SAMPLERS: [Sampler; 3] = [farthest, poisson_disk, well_spread];
 
 fn sample(sampler: Sampler, mesh: &TriangleMesh, count: usize, seed: u64) -> Vec<u32> {
     sampler(mesh, &Connectivity::new(mesh), count, seed, &Unwatched).expect("nobody cancels")
@@ -58,8 +68,13 @@ fn there_are_as_many_distinct_samples_as_asked_for() {
 
 #[test]
 fn samples_keep_apart_and_leave_no_hole() {
-    let mesh = sphere(48);
-    let count = 200;
+    for (k, count) in [(48, 200), (96, 200)] {
+        samples_of_a_sphere_are_even(k, count);
+    }
+}
+
+fn samples_of_a_sphere_are_even(k: usize, count: usize) {
+    let mesh = sphere(k);
     let share = (surface_area(&mesh) / count as f64).sqrt();
     for sampler in SAMPLERS {
         let samples = sample(sampler, &mesh, count, 3);
@@ -157,7 +172,7 @@ fn lloyd_moves_even_the_cells_and_keep_each_sample_on_its_component() {
         energy.sum::<f64>()
     };
     let before = sample(poisson_disk, &mesh, 150, 2);
-    let after = lloyd(&mesh, &connectivity, &areas, before.clone(), 3, &Unwatched).expect("nobody cancels");
+    let after = lloyd(&mesh.positions, &connectivity, &areas, before.clone(), 3, &Unwatched).expect("nobody cancels");
     assert!(spread(&after) < 0.95 * spread(&before), "{} to {}", spread(&before), spread(&after));
     let mut distinct = after.clone();
     distinct.sort_unstable();
@@ -180,6 +195,9 @@ fn every_sampler_stops_when_cancelled() {
     let connectivity = Connectivity::new(&mesh);
     for sampler in SAMPLERS {
         assert_eq!(sampler(&mesh, &connectivity, 2000, 0, &Stop), Err(Cancelled));
+    }
+    for sampler in SAMPLERS {
+        assert_eq!(sampler(&mesh, &connectivity, 20, 0, &Stop), Err(Cancelled), "through clusters");
     }
     assert_eq!(voronoi_cells(&connectivity, &[0], &Stop), Err(Cancelled));
 }
