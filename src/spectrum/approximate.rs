@@ -8,7 +8,7 @@ use crate::basis::Basis;
 use crate::mesh::TriangleMesh;
 use crate::mesh::connectivity::Connectivity;
 use crate::mesh::distance::DistanceKind;
-use crate::mesh::sample::{farthest_points, lloyd, sort_spatially};
+use crate::mesh::sample::well_spread_points;
 use crate::monitor::{Cancelled, Monitor};
 use crate::operator::{EigenProblem, MassKind, OperatorError, laplace};
 
@@ -180,10 +180,8 @@ fn subspace(
     match &parameters.space {
         Space::Radial(radial) => Ok(radial::space(mesh, &connectivity, d, parameters.seed, radial, monitor)?),
         Space::Heat(heat) => {
-            let samples = farthest_points(&connectivity, d, parameters.seed, monitor)?;
             let masses = problem.mass.lumped();
-            let mut samples = lloyd(mesh, &connectivity, &masses, samples, LLOYD_MOVES, monitor)?;
-            sort_spatially(mesh, &mut samples);
+            let samples = well_spread_points(mesh, &connectivity, &masses, d, LLOYD_MOVES, parameters.seed, monitor)?;
             monitor.stage("basis");
             // Edge paths are as good a start as fast marching where a support holds many vertices, and cheaper.
             let distance = if n >= DIJKSTRA_SUFFICES * d { DistanceKind::Dijkstra } else { DistanceKind::FastMarching };
