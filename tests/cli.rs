@@ -66,10 +66,8 @@ fn solve_prints_one_line_of_json_with_everything_measured() {
     assert!(line["seconds"]["total"].as_f64().is_some_and(|total| total >= 0.9 * sum));
 
     let stored = chladni::basis::npz::read(&std::fs::read(&basis).unwrap()).unwrap();
-    assert_eq!(
-        stored.eigenvalues,
-        line["eigenvalues"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect::<Vec<_>>()
-    );
+    let eigenvalues = serde_json::to_string(&stored.eigenvalues).unwrap();
+    assert!(text.contains(&eigenvalues), "line and file tell the same eigenvalues, to the last digit");
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert_eq!(left.len(), 2, "nothing but the mesh and the basis is left: {left:?}");
 }
