@@ -251,7 +251,7 @@ fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
         }
     }
     found.repair(RepairKind::DroppedUnreferencedVertices, unreferenced.count);
-    let all_used = unreferenced.count == 0 && !(merges && !equal.is_empty());
+    let all_used = unreferenced.count == 0 && (!merges || equal.is_empty());
     let vertex_map = (!all_used).then(|| {
         let mut numbers = compact(&mut positions, &mut faces.corners, |v| topology.valences[v] > 0);
         if merges {
