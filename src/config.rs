@@ -61,7 +61,7 @@ pub struct Config {
     #[arg(long, value_name = "SECONDS", env = "CHLADNI_HEADER_SECONDS", default_value = "10", value_parser = seconds, help_heading = "Network")]
     pub header_seconds: Duration,
 
-    /// Seconds a client may pause while it sends a body
+    /// Seconds a client may pause while it sends a body or takes an answer
     #[arg(long, value_name = "SECONDS", env = "CHLADNI_BODY_SECONDS", default_value = "30", value_parser = seconds, help_heading = "Network")]
     pub body_seconds: Duration,
 

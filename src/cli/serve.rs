@@ -47,6 +47,7 @@ pub struct Running {
     pub store: Store,
     /// What it counts.
     pub metrics: Arc<Metrics>,
+    state: AppState,
     workers: Arc<WorkerPool>,
     stop: CancellationToken,
     server: JoinHandle<io::Result<()>>,
@@ -121,7 +122,7 @@ pub async fn start_on(listener: TcpListener, config: Config) -> Result<Running, 
     let state = AppState::new(store.clone(), config, metrics.clone(), move || alive.alive())
         .map_err(|error| service(&error))?;
     let stop = CancellationToken::new();
-    let server = tokio::spawn(http::serve(listener, state, stop.clone().cancelled_owned()));
+    let server = tokio::spawn(http::serve(listener, state.clone(), stop.clone().cancelled_owned()));
     tracing::info!(
         %address,
         data,
@@ -132,7 +133,7 @@ pub async fn start_on(listener: TcpListener, config: Config) -> Result<Running, 
         version = env!("CARGO_PKG_VERSION"),
         "listening"
     );
-    Ok(Running { address, store, metrics, workers, stop, server, drain })
+    Ok(Running { address, store, metrics, state, workers, stop, server, drain })
 }
 
 impl Running {
@@ -153,9 +154,11 @@ impl Running {
     /// # Errors
     /// [`CliError::Service`] where the server had ended with an error before.
     pub async fn stop(self) -> Result<(), CliError> {
+        // The API goes on answering while jobs end, so that clients see how.
+        self.state.begin_drain();
+        self.workers.drain(self.drain).await;
         self.stop.cancel();
-        // Both get the same time at once: a request may wait for a job.
-        let (served, ()) = tokio::join!(self.server, self.workers.drain(self.drain));
+        let served = self.server.await;
         self.store.close().await;
         let ended = |reason: String| CliError::Service(format!("the server ended early: {reason}"));
         match served {

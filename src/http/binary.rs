@@ -58,7 +58,7 @@ fn one() -> usize {
 /// `invalid-function` names a length that does not fit or the first value that is not finite.
 pub fn decode(bytes: &[u8], dtype: Dtype, rows: usize) -> Result<DenseMatrix, Problem> {
     let row = rows * dtype.bytes();
-    if row == 0 || bytes.is_empty() || bytes.len() % row != 0 {
+    if row == 0 || bytes.is_empty() || !bytes.len().is_multiple_of(row) {
         return Err(Problem::new(
             &problem::INVALID_FUNCTION,
             format!("{} bytes are no whole number of functions of {rows} values in {}.", bytes.len(), dtype.name()),

@@ -289,7 +289,7 @@ async fn show(
         tokio::select! {
             changed = next_change(&mut changes, id) => if !changed { break },
             () = tokio::time::sleep_until(deadline.into()) => break,
-            () = state.draining.cancelled() => break,
+            () = state.closing.cancelled() => break,
         }
         record = state.store.job(id).await?;
     }
@@ -384,7 +384,7 @@ impl Watch {
         loop {
             tokio::select! {
                 heard = next_change(&mut self.changes, self.id) => if !heard { return None },
-                () = self.state.draining.cancelled() => return None,
+                () = self.state.closing.cancelled() => return None,
             }
             if let Some(sent) = self.sent {
                 tokio::time::sleep_until((sent + EVENT_PAUSE).into()).await;

@@ -18,9 +18,6 @@ use tokio::time::{Instant, Sleep, sleep, timeout};
 
 use super::state::AppState;
 
-/// Seconds for which a client may refuse to take what is sent to it.
-const WRITE_STALL: Duration = Duration::from_secs(60);
-
 /// For how long, and for how many bytes, what a client still sends is read after the last answer. Closing with unread bytes
 /// would reset the connection, and the client might never see why its large body was refused.
 const LINGER: Duration = Duration::from_secs(2);
@@ -64,7 +61,7 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: impl Future
         if let Err(error) = stream.set_nodelay(true) {
             tracing::debug!(%error, "Nagle's algorithm stays on");
         }
-        let io = TokioIo::new(Unstalled::new(stream, WRITE_STALL));
+        let io = TokioIo::new(Unstalled::new(stream, config.body_seconds));
         let connection = http.serve_connection(io, TowerToHyperService::new(router.clone()));
         let connection = graceful.watch(connection);
         tokio::spawn(async move {
@@ -77,6 +74,7 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: impl Future
     drop(listener);
     // Event streams and long polls end at once; other requests get the drain time.
     state.begin_drain();
+    state.closing.cancel();
     let limit = state.config.drain_seconds;
     if timeout(limit, graceful.shutdown()).await.is_err() {
         tracing::warn!(drain_seconds = limit.as_secs_f64(), "requests were still running when the drain time ended");

@@ -59,8 +59,8 @@ pub struct Shared {
     pub keys: Vec<ApiKey>,
     /// Bytes of request bodies that are held at once, in units of [`BUDGET_UNIT`].
     pub(super) body_budget: Arc<Semaphore>,
-    /// Ends when the server begins to drain: long polls and event streams stop then.
-    pub(super) draining: CancellationToken,
+    /// Ends when connections are to end: long polls and event streams stop then.
+    pub(super) closing: CancellationToken,
     solves: rayon::ThreadPool,
     solve_places: Arc<Semaphore>,
     intake: rayon::ThreadPool,
@@ -118,7 +118,7 @@ impl AppState {
             metrics,
             keys,
             body_budget: Arc::new(Semaphore::new(budget)),
-            draining: CancellationToken::new(),
+            closing: CancellationToken::new(),
             solves: pool("synchronous solves", "solve")?,
             solve_places: Arc::new(Semaphore::new(threads * SOLVES_PER_THREAD)),
             intake: pool("reading meshes", "intake")?,
@@ -130,10 +130,10 @@ impl AppState {
         })))
     }
 
-    /// Begins to drain: nothing new is accepted, long polls and event streams end.
+    /// Begins to drain: `readyz` says so and nothing new is accepted, while everything that can be read still can, so that
+    /// clients see their running jobs end. [`serve`](super::serve) closes connections once it is told to stop.
     pub fn begin_drain(&self) {
         self.refuse.store(true, Ordering::Relaxed);
-        self.draining.cancel();
     }
 
     /// Whether the server drains.

@@ -143,3 +143,26 @@ async fn many_idle_connections_do_not_lock_others_out_for_long() {
     assert!(begin.elapsed() < Duration::from_secs(5), "{:?}", begin.elapsed());
     drop(idle);
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_that_takes_no_answer_is_let_go() {
+    let mut builder = TestApp::builder();
+    builder.config.max_connections = 1;
+    builder.config.body_seconds = Duration::from_millis(500);
+    let app = builder.start();
+    let sphere = chladni::mesh::shape::generate(chladni::mesh::shape::Shape::Sphere, 300_000).unwrap();
+    let mut ply = Vec::new();
+    chladni::mesh::write::write_ply(&sphere, None, &mut ply).unwrap();
+    let client = reqwest::Client::builder().pool_max_idle_per_host(0).build().unwrap();
+    let upload = client.post(app.url("/v1/meshes?format=ply")).body(ply).send().await.unwrap();
+    let mesh = crate::common::text(&upload.json::<Value>().await.unwrap()["id"]);
+    let mut deaf = TcpStream::connect(app.address).unwrap();
+    write!(deaf, "GET /v1/meshes/{mesh}/content HTTP/1.1\r\nhost: x\r\n\r\n").unwrap();
+    let mut first = [0; 15];
+    deaf.read_exact(&mut first).unwrap();
+    assert_eq!(&first, b"HTTP/1.1 200 OK");
+    let begin = Instant::now();
+    assert_eq!(client.get(app.url("/healthz")).send().await.unwrap().status(), 200);
+    assert!(begin.elapsed() < Duration::from_secs(20), "{:?}", begin.elapsed());
+    drop(deaf);
+}

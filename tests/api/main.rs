@@ -8,5 +8,6 @@ mod bases;
 mod bodies;
 mod documents;
 mod jobs;
+mod journeys;
 mod meshes;
 mod system;

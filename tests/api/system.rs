@@ -64,13 +64,40 @@ async fn unknown_paths_and_methods_are_problems_with_a_request_id() {
 }
 
 #[tokio::test]
-async fn a_draining_server_ends_long_polls_at_once() {
+async fn dead_workers_are_told_apart() {
+    let builder = TestApp::builder();
+    let dead = builder.workers_dead.clone();
+    let app = builder.start();
+    assert_eq!(app.get("/readyz").send().await.unwrap().status(), 200);
+    dead.store(true, std::sync::atomic::Ordering::Relaxed);
+    let refused = problem(app.get("/readyz").send().await.unwrap(), 503, "not-ready").await;
+    assert_eq!(refused["reasons"], json!(["workers-dead"]));
+}
+
+#[tokio::test]
+async fn a_draining_server_takes_nothing_new_and_still_tells_how_jobs_end() {
     let app = TestApp::start();
     let mesh = app.octahedron().await;
     let job = app.submit(&mesh, json!({"count": 3, "seed": 1500})).await;
-    let url = app.url(&format!("/v1/jobs/{}?wait=60s", job["id"].as_str().unwrap()));
-    let begin = std::time::Instant::now();
-    let answer: Value = app.client.get(url).send().await.unwrap().json().await.unwrap();
-    assert_eq!(answer["status"], "succeeded");
-    assert!(begin.elapsed().as_secs() < 30);
+    app.state.begin_drain();
+    let refused = problem(app.get("/readyz").send().await.unwrap(), 503, "not-ready").await;
+    assert_eq!(refused["reasons"], json!(["draining"]));
+    let body = json!({"kind": "eigenbasis", "mesh": mesh, "parameters": {"count": 3}});
+    problem(app.post("/v1/jobs").json(&body).send().await.unwrap(), 503, "draining").await;
+    let upload = app.post("/v1/meshes?format=off").body(crate::common::OCTAHEDRON).send().await.unwrap();
+    problem(upload, 503, "draining").await;
+    assert_eq!(app.finished(job["id"].as_str().unwrap()).await["status"], "succeeded");
+}
+
+#[tokio::test]
+async fn text_is_compressed_where_the_client_takes_it() {
+    let app = TestApp::start();
+    for (accept, expected) in [("gzip", Some("gzip")), ("zstd", Some("zstd")), ("", None)] {
+        let response = app.get("/openapi.json").header("accept-encoding", accept).send().await.unwrap();
+        let encoding = response.headers().get("content-encoding").map(|value| value.to_str().unwrap().to_owned());
+        assert_eq!(encoding.as_deref(), expected, "{accept}");
+    }
+    let mesh = app.octahedron().await;
+    let exact = app.get(&format!("/v1/meshes/{mesh}/content")).header("accept-encoding", "gzip").send().await.unwrap();
+    assert!(!exact.headers().contains_key("content-encoding"));
 }

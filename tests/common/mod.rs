@@ -3,8 +3,8 @@
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::mpsc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -15,7 +15,7 @@ use chladni::http::{self, AppState};
 use chladni::mesh::TriangleMesh;
 use chladni::monitor::Monitor;
 use chladni::queue::{JobFailure, Outcome, Runner, Unobserved, WorkerOptions, WorkerPool};
-use chladni::store::{JobRecord, JobStatus, Store, StoreOptions};
+use chladni::store::{JobRecord, Store, StoreOptions};
 use chladni::telemetry::Metrics;
 use serde_json::{Value, json};
 use tokio::sync::oneshot;
@@ -24,7 +24,8 @@ use tokio::sync::oneshot;
 pub struct Builder {
     pub config: Config,
     pub runner: Arc<dyn Runner>,
-    pub keep_jobs: bool,
+    /// Set to make the worker pool look dead.
+    pub workers_dead: Arc<AtomicBool>,
 }
 
 impl Builder {
@@ -34,27 +35,25 @@ impl Builder {
         self.config.data = folder.path().to_owned();
         let (ready, started) = mpsc::channel();
         let (stop, stopped) = oneshot::channel();
-        let keep_jobs = self.keep_jobs;
         let server = std::thread::spawn(move || {
             let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
-            runtime.block_on(run(self.config, self.runner, ready, stopped))
+            runtime.block_on(run(self, ready, stopped))
         });
-        let address = started.recv().expect("the server starts");
+        let (address, state) = started.recv().expect("the server starts");
         TestApp {
             address,
+            state,
             client: reqwest::Client::new(),
             stop: Some(stop),
             server: Some(server),
             folder: Some(folder),
-            keep_jobs,
         }
     }
 }
 
 async fn run(
-    config: Config,
-    runner: Arc<dyn Runner>,
-    ready: mpsc::Sender<SocketAddr>,
+    Builder { config, runner, workers_dead }: Builder,
+    ready: mpsc::Sender<(SocketAddr, AppState)>,
     stopped: oneshot::Receiver<()>,
 ) -> Vec<String> {
     let mut options = StoreOptions::new(&config.data);
@@ -73,9 +72,10 @@ async fn run(
     let alive = pool.clone();
     let drain = config.drain_seconds;
     let metrics = Arc::new(Metrics::new().unwrap());
-    let state = AppState::new(store.clone(), config, metrics, move || alive.alive()).unwrap();
+    let alive = move || alive.alive() && !workers_dead.load(Ordering::Relaxed);
+    let state = AppState::new(store.clone(), config, metrics, alive).unwrap();
     let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
-    ready.send(listener.local_addr().unwrap()).unwrap();
+    ready.send((listener.local_addr().unwrap(), state.clone())).unwrap();
     http::serve(listener, state, async {
         let _ = stopped.await;
     })
@@ -95,11 +95,12 @@ async fn run(
 /// A running server and a client for it.
 pub struct TestApp {
     pub address: SocketAddr,
+    /// What its requests share.
+    pub state: AppState,
     pub client: reqwest::Client,
     stop: Option<oneshot::Sender<()>>,
     server: Option<JoinHandle<Vec<String>>>,
     folder: Option<tempfile::TempDir>,
-    keep_jobs: bool,
 }
 
 impl TestApp {
@@ -112,7 +113,7 @@ impl TestApp {
             cache_bytes: 64 << 20,
             ..Config::default()
         };
-        Builder { config, runner: Arc::new(Scripted), keep_jobs: false }
+        Builder { config, runner: Arc::new(Scripted), workers_dead: Arc::default() }
     }
 
     pub fn start() -> Self {
@@ -191,7 +192,7 @@ impl Drop for TestApp {
             return;
         }
         let left = left.unwrap().expect("the server ends without a panic");
-        assert!(self.keep_jobs || left.is_empty(), "unfinished jobs are left: {left:?}");
+        assert!(left.is_empty(), "unfinished jobs are left: {left:?}");
     }
 }
 
@@ -283,9 +284,4 @@ pub async fn problem(response: reqwest::Response, status: u16, kind: &str) -> Va
     assert_eq!(value["status"], status, "{value}");
     assert!(!value["title"].as_str().unwrap().is_empty() && !value["detail"].as_str().unwrap().is_empty(), "{value}");
     value
-}
-
-/// Whether a status name is final.
-pub fn is_final(status: JobStatus) -> bool {
-    status.is_finished()
 }
