@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{DenseMatrix, MassMatrix, SparseMatrix};
+use super::{DenseMatrix, MassMatrix, SparseMatrix, vectorized};
 
 /// Rows that one task handles, at least.
 const LEAST_ROWS: usize = 4096;
@@ -70,12 +70,12 @@ fn expand<const K: usize>(
         table.iter_mut().zip(coefficients.column(column)).for_each(|(row, &c)| row[k] = c);
     }
     let n = space.rows();
-    let arch = pulp::Arch::new();
     let mut rows = vec![[0.0; K]; n];
     rows.par_chunks_mut(LEAST_ROWS).enumerate().for_each(|(task, out)| {
-        arch.dispatch(
+        vectorized(
+            out,
             #[inline(always)]
-            || {
+            |out| {
                 for (k, out) in out.iter_mut().enumerate() {
                     let (columns, values) = space.row(task * LEAST_ROWS + k);
                     let mut acc = [0.0; K];
@@ -105,15 +105,15 @@ fn gather<const K: usize>(
 ) {
     let n = space.rows();
     let per_task = n.div_ceil(MOST_TASKS).max(LEAST_ROWS);
-    let arch = pulp::Arch::new();
     let sums: Vec<Vec<[f64; K]>> = (0..n.div_ceil(per_task))
         .into_par_iter()
         .map(|task| {
             let mut table = vec![[0.0; K]; space.columns()];
             let inputs: Vec<&[f64]> = group.clone().map(|column| functions.column(column)).collect();
-            arch.dispatch(
+            vectorized(
+                &mut table,
                 #[inline(always)]
-                || {
+                |table| {
                     for row in task * per_task..n.min((task + 1) * per_task) {
                         let mut x = [0.0; K];
                         let weight = weights.map_or(1.0, |weights| weights[row]);

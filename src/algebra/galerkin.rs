@@ -8,7 +8,7 @@ use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
-use super::{MassMatrix, Scalar, SparseMatrix};
+use super::{MassMatrix, Scalar, SparseMatrix, vectorized};
 use crate::monitor::{Cancelled, Monitor};
 
 /// Why a pencil cannot be restricted.
@@ -320,15 +320,16 @@ impl Workspace {
         }
         self.times_stiffness.resize(self.own * width, 0.0);
         self.times_mass.resize(self.own * width, 0.0);
-        pulp::Arch::new().dispatch(
+        vectorized(
+            (&mut self.times_stiffness, &mut self.times_mass),
             #[inline(always)]
-            || {
+            |(times_stiffness, times_mass)| {
                 for own in 0..self.own {
                     let row = self.rows[own] as usize;
                     let into = own * width..(own + 1) * width;
-                    let target = &mut self.times_stiffness[into.clone()];
+                    let target = &mut times_stiffness[into.clone()];
                     combine(stiffness.row(row), &self.row_position, &self.block, width, target);
-                    let target = &mut self.times_mass[into.clone()];
+                    let target = &mut times_mass[into.clone()];
                     match mass {
                         MassMatrix::Diagonal(mass) => {
                             for (y, x) in target.iter_mut().zip(&self.block[into]) {

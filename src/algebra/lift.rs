@@ -1,6 +1,6 @@
 //! Lifting: rows of `U φ̄`, without ever forming all of it.
 
-use super::{DenseMatrix, SparseMatrix};
+use super::{DenseMatrix, SparseMatrix, vectorized};
 
 /// Columns that are lifted at once: as many accumulators as keep the units of a core busy and still fit its registers.
 pub const LIFT_WIDTH: usize = 32;
@@ -8,9 +8,9 @@ pub const LIFT_WIDTH: usize = 32;
 /// Lifts rows of `U φ̄` for a sparse `U`, `n × d`, and a dense `φ̄`, `d × m`.
 pub struct RowLifter<'a> {
     space: &'a SparseMatrix<f32>,
-    /// `φ̄` row after row, rows padded with zeros to a multiple of [`LIFT_WIDTH`].
-    coefficients: Vec<f64>,
-    stride: usize,
+    /// `φ̄` in panels of [`LIFT_WIDTH`] columns, each row after row; the last is padded with zeros. Whole rows one after the other would
+    /// lie a multiple of 4 KiB apart where `m` is near one of 512, and evict each other from the cache.
+    panels: Vec<Vec<[f64; LIFT_WIDTH]>>,
 }
 
 impl<'a> RowLifter<'a> {
@@ -19,32 +19,31 @@ impl<'a> RowLifter<'a> {
         if coefficients.rows() != space.columns() {
             return None;
         }
-        let stride = coefficients.columns().next_multiple_of(LIFT_WIDTH);
-        let mut rows = vec![0.0; coefficients.rows() * stride];
-        // Eight columns at a time, so that whole cache lines are written.
-        for first in (0..coefficients.columns()).step_by(8) {
-            let columns = first..coefficients.columns().min(first + 8);
-            for (row, target) in rows.chunks_exact_mut(stride.max(1)).enumerate() {
-                for column in columns.clone() {
-                    target[column] = coefficients.column(column)[row];
-                }
+        let mut panels = Vec::new();
+        for from in (0..coefficients.columns()).step_by(LIFT_WIDTH) {
+            let mut panel = vec![[0.0; LIFT_WIDTH]; coefficients.rows()];
+            for column in from..coefficients.columns().min(from + LIFT_WIDTH) {
+                let values = coefficients.column(column);
+                panel.iter_mut().zip(values).for_each(|(row, &value)| row[column - from] = value);
             }
+            panels.push(panel);
         }
-        Some(Self { space, coefficients: rows, stride })
+        Some(Self { space, panels })
     }
 
-    /// Entries of columns `from..from + 32` in the given rows. `from` is a multiple of 32; columns beyond the last are zero.
-    pub fn lift(&self, rows: &[u32], from: usize, out: &mut [[f64; LIFT_WIDTH]]) {
-        pulp::Arch::new().dispatch(
+    /// Entries of the columns of panel `p`, `32 p..32 (p + 1)`, in the given rows; zeros for columns that there are not.
+    pub fn lift(&self, rows: &[u32], panel: usize, out: &mut [[f64; LIFT_WIDTH]]) {
+        let panel = self.panels.get(panel).map_or(&[][..], |panel| &panel[..]);
+        vectorized(
+            out,
             #[inline(always)]
-            || {
+            |out| {
                 for (&row, out) in rows.iter().zip(out) {
                     let (columns, values) = self.space.row(row as usize);
                     let mut acc = [0.0; LIFT_WIDTH];
                     for (&column, &value) in columns.iter().zip(values) {
-                        let start = column as usize * self.stride + from;
                         let value = f64::from(value);
-                        if let Some(x) = self.coefficients.get(start..start + LIFT_WIDTH) {
+                        if let Some(x) = panel.get(column as usize) {
                             for k in 0..LIFT_WIDTH {
                                 acc[k] += value * x[k];
                             }
@@ -68,8 +67,9 @@ mod tests {
         let dense = DenseMatrix::from_columns(2, 40, values).unwrap();
         let lifter = RowLifter::new(&space, &dense).unwrap();
         let mut out = vec![[9.0; LIFT_WIDTH]; 3];
-        for from in [0, 32] {
-            lifter.lift(&[2, 0, 1], from, &mut out);
+        for panel in [0, 1] {
+            lifter.lift(&[2, 0, 1], panel, &mut out);
+            let from = panel * LIFT_WIDTH;
             for k in 0..LIFT_WIDTH {
                 let column = if from + k < 40 { dense.column(from + k) } else { &[0.0, 0.0] };
                 assert_eq!([out[0][k], out[1][k], out[2][k]], [2.0 * column[0] - column[1], 0.5 * column[1], 0.0]);

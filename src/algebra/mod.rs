@@ -8,6 +8,7 @@ mod galerkin;
 mod lift;
 mod mass;
 mod product;
+mod simd;
 mod sparse;
 
 pub use blocks::compact_order;
@@ -18,4 +19,5 @@ pub use galerkin::{GalerkinError, galerkin};
 pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::MassMatrix;
 pub use product::{Panel, Scalar};
+pub use simd::vectorized;
 pub use sparse::{SparseError, SparseMatrix};

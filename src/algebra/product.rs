@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{DenseMatrix, SparseMatrix};
+use super::{DenseMatrix, SparseMatrix, vectorized};
 
 /// Rows that one task handles.
 const ROWS_PER_TASK: usize = 2048;
@@ -169,11 +169,11 @@ impl<T: Scalar> SparseMatrix<T> {
         if width == 0 {
             return;
         }
-        let arch = pulp::Arch::new();
         y.par_chunks_mut(ROWS_PER_TASK * width).enumerate().for_each(|(task, y)| {
-            arch.dispatch(
+            vectorized(
+                y,
                 #[inline(always)]
-                || {
+                |y| {
                     for (k, y) in y.chunks_exact_mut(width).enumerate() {
                         let (columns, values) = self.row(task * ROWS_PER_TASK + k);
                         product_row(columns, values, x, width, y);

@@ -62,7 +62,7 @@ impl Basis {
             let rows: Vec<u32> = (from..n.min(from + ROWS_PER_TASK)).map(|row| row as u32).collect();
             let mut panel = vec![[0.0; LIFT_WIDTH]; rows.len()];
             for (group, modes) in modes.chunks_mut(LIFT_WIDTH).enumerate() {
-                lifter.lift(&rows, group * LIFT_WIDTH, &mut panel);
+                lifter.lift(&rows, group, &mut panel);
                 for (k, mode) in modes.iter_mut().enumerate() {
                     mode.iter_mut().zip(&panel).for_each(|(value, row)| *value = row[k] as f32);
                 }

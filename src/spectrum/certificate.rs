@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use crate::algebra::{DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, SparseMatrix, compact_order};
+use crate::algebra::{DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, SparseMatrix, compact_order, vectorized};
 use crate::basis::Certificate;
 use crate::monitor::{Cancelled, Monitor};
 use crate::operator::EigenProblem;
@@ -250,37 +250,33 @@ impl Workspace {
         from: usize,
         sums: &mut [Sums],
     ) {
-        lifter.lift(&self.rows, from, &mut self.lifted);
+        lifter.lift(&self.rows, from / WIDTH, &mut self.lifted);
         let mut theta = [0.0; WIDTH];
         theta[..ritz.len()].copy_from_slice(ritz);
         let mut parts = [[0.0; WIDTH]; 5];
         let (mut lowest, mut highest) = ([0.0; WIDTH], [0.0; WIDTH]);
-        pulp::Arch::new().dispatch(
+        vectorized(
+            (&mut parts, &mut lowest, &mut highest),
             #[inline(always)]
-            || {
-                let [residual, dual, stiffness, square, mass] = &mut parts;
-                for (&row, x) in self.rows[..self.own].iter().zip(&self.lifted) {
-                    let row = row as usize;
-                    let sx = self.combine(problem.stiffness.row(row));
-                    let mx = match &problem.mass {
-                        MassMatrix::Diagonal(mass) => {
-                            let mut mx = *x;
-                            mx.iter_mut().for_each(|v| *v *= mass[row]);
-                            mx
-                        }
-                        MassMatrix::Sparse(mass) => self.combine(mass.row(row)),
-                    };
-                    let inverse = 1.0 / lumped[row];
-                    for k in 0..WIDTH {
-                        let r = sx[k] - theta[k] * mx[k];
-                        residual[k] += r * r;
-                        dual[k] += r * r * inverse;
-                        stiffness[k] += sx[k] * sx[k];
-                        square[k] += x[k] * x[k];
-                        mass[k] += x[k] * mx[k];
-                        lowest[k] = if x[k] < lowest[k] { x[k] } else { lowest[k] };
-                        highest[k] = if x[k] > highest[k] { x[k] } else { highest[k] };
+            |(parts, lowest, highest)| {
+                // Four rows at a time, so that sums are loaded and stored a quarter as often.
+                for (rows, x) in self.rows[..self.own].chunks(BATCH).zip(self.lifted.chunks(BATCH)) {
+                    let mut sx = [[0.0; WIDTH]; BATCH];
+                    let mut mx = [[0.0; WIDTH]; BATCH];
+                    let mut inverse = [0.0; BATCH];
+                    for (at, &row) in rows.iter().enumerate() {
+                        let row = row as usize;
+                        sx[at] = self.combine(problem.stiffness.row(row));
+                        mx[at] = match &problem.mass {
+                            MassMatrix::Diagonal(mass) => x[at].map(|x| mass[row] * x),
+                            MassMatrix::Sparse(mass) => self.combine(mass.row(row)),
+                        };
+                        inverse[at] = 1.0 / lumped[row];
                     }
+                    // A last batch that is not full is filled with zeros, which add nothing.
+                    let mut padded = [[0.0; WIDTH]; BATCH];
+                    padded.iter_mut().zip(&x[..rows.len()]).for_each(|(to, from)| *to = *from);
+                    add_batch(&padded, &sx, &mx, &inverse, &theta, parts, lowest, highest);
                 }
             },
         );
@@ -307,6 +303,44 @@ impl Workspace {
             }
         }
         acc
+    }
+}
+
+/// Rows whose sums are formed together.
+const BATCH: usize = 4;
+
+/// Adds what a batch of rows contributes to the sums of each column.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn add_batch(
+    x: &[[f64; WIDTH]; BATCH],
+    sx: &[[f64; WIDTH]; BATCH],
+    mx: &[[f64; WIDTH]; BATCH],
+    inverse: &[f64; BATCH],
+    theta: &[f64; WIDTH],
+    parts: &mut [[f64; WIDTH]; 5],
+    lowest: &mut [f64; WIDTH],
+    highest: &mut [f64; WIDTH],
+) {
+    for k in 0..WIDTH {
+        let mut sums = [0.0; 5];
+        let (mut low, mut high) = (lowest[k], highest[k]);
+        for at in 0..BATCH {
+            let (x, sx, mx) = (x[at][k], sx[at][k], mx[at][k]);
+            let r = sx - theta[k] * mx;
+            let square = r * r;
+            sums[0] += square;
+            sums[1] += square * inverse[at];
+            sums[2] += sx * sx;
+            sums[3] += x * x;
+            sums[4] += x * mx;
+            low = if x < low { x } else { low };
+            high = if x > high { x } else { high };
+        }
+        for (part, sum) in parts.iter_mut().zip(sums) {
+            part[k] += sum;
+        }
+        (lowest[k], highest[k]) = (low, high);
     }
 }
 
