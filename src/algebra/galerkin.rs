@@ -387,8 +387,8 @@ fn row_wise(
     monitor: &dyn Monitor,
 ) -> Result<(SparseMatrix, SparseMatrix), GalerkinError> {
     let d = space.columns();
-    #[allow(clippy::type_complexity)] // A name for a type used once would say less.
     let transposed = space.transpose();
+    #[allow(clippy::type_complexity)] // A name for a type used once would say less.
     let lower = |apply: &(dyn Fn(usize, f64, &mut dyn FnMut(usize, f64)) + Sync)| -> Result<SparseMatrix, Cancelled> {
         let rows: Result<Vec<Row>, Cancelled> = (0..d)
             .into_par_iter()
