@@ -47,7 +47,7 @@ pub struct SolveArguments {
     #[arg(long, value_name = "SEED", help_heading = "Method")]
     seed: Option<u64>,
 
-    /// Any parameter of the job by name, as the API takes it; may be given several times
+    /// Any parameter of the job by name, as the API takes it, such as radial.distance=dijkstra; may be given several times
     #[arg(long = "parameter", short = 'p', value_name = "NAME=VALUE", help_heading = "Method")]
     parameters: Vec<String>,
 
@@ -72,7 +72,7 @@ const EXAMPLES: &str = "\
 Examples:
   chladni solve bunny.ply --count 500 --output bunny.npz
   chladni solve dragon.ply.gz -n 500 --accuracy accurate
-  chladni solve igea.ply -n 500 --construction radial --threads 1 --json";
+  chladni solve igea.ply -n 500 --construction radial -p radial.distance=fast_marching --json";
 
 impl SolveArguments {
     /// The arguments as parameters of the job `eigenbasis`; what was not given is left to the job's own defaults.
@@ -93,9 +93,25 @@ impl SolveArguments {
                 .split_once('=')
                 .ok_or_else(|| CliError::Usage(format!("--parameter takes NAME=VALUE, not \"{text}\"")))?;
             // What is not JSON is a word: `accuracy=accurate` needs no quotes.
-            parameters.insert(name.to_owned(), serde_json::from_str(value).unwrap_or_else(|_| json!(value)));
+            let value = serde_json::from_str(value).unwrap_or_else(|_| json!(value));
+            insert(&mut parameters, name, value);
         }
         Ok(JobParameters::parse("eigenbasis", &Value::Object(parameters))?)
+    }
+}
+
+/// Sets a member by its name; a dot leads into an object: `radial.distance`.
+fn insert(object: &mut Map<String, Value>, name: &str, value: Value) {
+    let Some((outer, inner)) = name.split_once('.') else {
+        object.insert(name.to_owned(), value);
+        return;
+    };
+    let member = object.entry(outer).or_insert_with(|| json!({}));
+    if !member.is_object() {
+        *member = json!({});
+    }
+    if let Value::Object(member) = member {
+        insert(member, inner, value);
     }
 }
 
@@ -320,6 +336,13 @@ mod tests {
     fn any_parameter_can_be_given_by_name() {
         let named = job(&["-p", "count=7", "-p", "construction=radial", "-p", "dimension=20"]).unwrap();
         assert_eq!(named, job(&["-n", "7", "--construction", "radial", "-d", "20"]).unwrap());
+        let nested = JobParameters::parse(
+            "eigenbasis",
+            &json!({"construction": "radial", "radial": {"sigma": 9, "distance": {"stvd": {"window": 3}}}}),
+        );
+        let dotted = ["-p", "construction=radial", "-p", "radial.sigma=9", "-p", "radial.distance.stvd.window=3"];
+        assert_eq!(job(&dotted).unwrap(), nested.unwrap());
+        assert!(job(&["-p", "radial=1", "-p", "radial.size=2"]).unwrap_err().to_string().contains("size"));
         assert!(job(&["-p", "colour=red"]).unwrap_err().to_string().contains("colour"));
         assert!(job(&["-p", "count"]).unwrap_err().to_string().contains("NAME=VALUE"));
     }
