@@ -28,38 +28,49 @@ impl Level {
         }
         let scale = 1.0 / problem.area.sqrt();
         let rows_per_chunk = 8192;
-        let chunks: Vec<Chunk> = (0..n.div_ceil(rows_per_chunk))
+        let chunks: Vec<Self> = (0..n.div_ceil(rows_per_chunk))
             .into_par_iter()
             .map(|chunk| {
                 let rows = chunk * rows_per_chunk..((chunk + 1) * rows_per_chunk).min(n);
-                Chunk::merge(problem, connectivity, rows, scale)
+                Self::merge(problem, connectivity, rows, scale)
             })
             .collect::<Result<_, _>>()?;
-        let mut level = Self {
-            offsets: Vec::with_capacity(n + 1),
+        Ok(Self::concatenate(chunks))
+    }
+
+    /// A level without vertices.
+    pub fn empty() -> Self {
+        Self {
+            offsets: vec![0],
             neighbours: Vec::new(),
             weights: Vec::new(),
             lengths: Vec::new(),
-            diagonal: Vec::with_capacity(n),
-            mass: Vec::with_capacity(n),
-        };
-        let entries = chunks.iter().map(|chunk| chunk.neighbours.len()).sum();
+            diagonal: Vec::new(),
+            mass: Vec::new(),
+        }
+    }
+
+    /// Levels that hold consecutive rows, as one.
+    pub fn concatenate(parts: Vec<Self>) -> Self {
+        let entries = parts.iter().map(|part| part.neighbours.len()).sum();
+        let vertices = parts.iter().map(|part| part.diagonal.len()).sum();
+        let mut level = Self::empty();
+        level.offsets.reserve_exact(vertices);
+        level.diagonal.reserve_exact(vertices);
+        level.mass.reserve_exact(vertices);
         level.neighbours.reserve_exact(entries);
         level.weights.reserve_exact(entries);
         level.lengths.reserve_exact(entries);
-        level.offsets.push(0);
-        for chunk in chunks {
-            for count in chunk.counts {
-                let end = level.offsets.last().copied().unwrap_or(0) + count;
-                level.offsets.push(end);
-            }
-            level.neighbours.extend(chunk.neighbours);
-            level.weights.extend(chunk.weights);
-            level.lengths.extend(chunk.lengths);
-            level.diagonal.extend(chunk.diagonal);
-            level.mass.extend(chunk.mass);
+        for part in parts {
+            let base = level.neighbours.len() as u32;
+            level.offsets.extend(part.offsets[1..].iter().map(|offset| base + offset));
+            level.neighbours.extend(part.neighbours);
+            level.weights.extend(part.weights);
+            level.lengths.extend(part.lengths);
+            level.diagonal.extend(part.diagonal);
+            level.mass.extend(part.mass);
         }
-        Ok(level)
+        level
     }
 
     /// The number of vertices.
@@ -72,32 +83,19 @@ impl Level {
     pub fn edges(&self, vertex: usize) -> std::ops::Range<usize> {
         self.offsets[vertex] as usize..self.offsets[vertex + 1] as usize
     }
-}
 
-/// A run of rows of the finest level.
-#[derive(Default)]
-struct Chunk {
-    counts: Vec<u32>,
-    neighbours: Vec<u32>,
-    weights: Vec<f32>,
-    lengths: Vec<f32>,
-    diagonal: Vec<f32>,
-    mass: Vec<f32>,
-}
-
-impl Chunk {
+    /// A run of rows of the finest level.
     fn merge(
         problem: &EigenProblem,
         connectivity: &Connectivity,
         rows: std::ops::Range<usize>,
         scale: f64,
     ) -> Result<Self, HeatError> {
-        let mut chunk = Self::default();
+        let mut chunk = Self::empty();
         chunk.neighbours.reserve(7 * rows.len());
         chunk.weights.reserve(7 * rows.len());
         chunk.lengths.reserve(7 * rows.len());
         for row in rows {
-            let before = chunk.neighbours.len();
             let (indices, values) = problem.stiffness.row(row);
             let (ring, lengths) = connectivity.neighbours(row as u32);
             let (mut s, mut c) = (0, 0);
@@ -129,7 +127,7 @@ impl Chunk {
             if !(finite && mass.is_finite()) {
                 return Err(HeatError::NotFinite { row });
             }
-            chunk.counts.push((chunk.neighbours.len() - before) as u32);
+            chunk.offsets.push(chunk.neighbours.len() as u32);
             chunk.diagonal.push(diagonal as f32);
             chunk.mass.push(mass.max(0.0) as f32);
         }
