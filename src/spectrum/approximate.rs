@@ -186,7 +186,7 @@ fn subspace(
             // Edge paths are as good a start as fast marching where a support holds many vertices, and cheaper.
             let distance = if n >= DIJKSTRA_SUFFICES * d { DistanceKind::Dijkstra } else { DistanceKind::FastMarching };
             let start = radial::columns(mesh, &connectivity, &samples, distance, Profile::Cubic, SIGMA, monitor)?;
-            Ok(heat::smooth(problem, &connectivity, &start, heat, monitor)?)
+            Ok(heat::smooth(mesh, problem, &connectivity, &start, heat, monitor)?)
         }
     }
 }

@@ -58,14 +58,14 @@ pub struct HeatParameters {
 
 impl Default for HeatParameters {
     fn default() -> Self {
-        Self { steps: 2, time: 0.08, margin: 2.5, drop: 1e-4, threshold: 0.006, tolerance: 3e-3 }
+        Self { steps: 2, time: 0.08, margin: 2.5, drop: 1e-4, threshold: 0.0065, tolerance: 3e-3 }
     }
 }
 
 impl HeatParameters {
     /// Four times less error for a quarter more entries; meant for `d = 3m`.
     pub fn accurate() -> Self {
-        Self { steps: 4, time: 0.04, threshold: 0.002, tolerance: 1e-3, ..Self::default() }
+        Self { steps: 4, time: 0.04, threshold: 0.0024, tolerance: 1e-3, ..Self::default() }
     }
 
     /// Checks every parameter against its range.
