@@ -65,7 +65,7 @@ impl Default for HeatParameters {
 impl HeatParameters {
     /// Four times less error for a quarter more entries; meant for `d = 3m`.
     pub fn accurate() -> Self {
-        Self { steps: 4, time: 0.04, threshold: 0.0024, tolerance: 1e-3, ..Self::default() }
+        Self { steps: 4, time: 0.04, threshold: 0.003, tolerance: 1e-3, ..Self::default() }
     }
 
     /// Checks every parameter against its range.
