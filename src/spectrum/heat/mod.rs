@@ -58,7 +58,7 @@ pub struct HeatParameters {
 
 impl Default for HeatParameters {
     fn default() -> Self {
-        Self { steps: 2, time: 0.08, margin: 2.5, drop: 1e-4, threshold: 0.0065, tolerance: 3e-3 }
+        Self { steps: 2, time: 0.08, margin: 2.5, drop: 1e-4, threshold: 0.0066, tolerance: 3e-3 }
     }
 }
 
