@@ -250,9 +250,9 @@ impl BlockCells {
             let corner = [number % BLOCK, number / BLOCK % BLOCK, number / BLOCK / BLOCK];
             let first = corner[0] + SIDE * (corner[1] + SIDE * corner[2]);
             let inside = |i: usize| values[i] < 0.0;
-            for axis in 0..3 {
-                if inside(first) != inside(first + STEP[axis]) {
-                    crossings.push((corner.map(|x| x as u16), axis as u8, inside(first)));
+            for (axis, step) in (0..).zip(STEP) {
+                if inside(first) != inside(first + step) {
+                    crossings.push((corner.map(|x| x as u16), axis, inside(first)));
                 }
             }
             let (mut sum, mut crossed) = ([0.0; 3], 0.0);
