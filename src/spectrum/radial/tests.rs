@@ -45,7 +45,7 @@ fn rows_sum_to_one_with_every_distance_profile_and_sampling() {
     let mesh = sphere(24);
     for distance in DISTANCES {
         for profile in PROFILES {
-            for sampling in [Sampling::PoissonDisk, Sampling::FarthestPoints] {
+            for sampling in [Sampling::PoissonDisk, Sampling::FarthestPoints, Sampling::WellSpread] {
                 let u = space_of(&mesh, 80, &RadialParameters { sampling, distance, profile, sigma: 10.0 });
                 assert_eq!((u.rows(), u.columns()), (mesh.positions.len(), 80));
                 assert_partition_of_unity(&u);
