@@ -23,7 +23,7 @@ use crate::store::{
 /// How often the heartbeat looks whether there is anything to write down.
 const LOOK: Duration = Duration::from_millis(100);
 /// Work that was asked to stop gets so long until its job is cancelled without it.
-const CANCEL_PATIENCE: Duration = Duration::from_millis(500);
+const CANCEL_PATIENCE: Duration = Duration::from_millis(300);
 /// Pause between two tries to write down what became of an attempt, while the storage refuses.
 const STORE_PAUSE: Duration = Duration::from_millis(500);
 

@@ -625,6 +625,103 @@ async fn a_caller_that_goes_away_breaks_nothing() {
     store.enqueue(new_job(&id, "last")).await.unwrap();
 }
 
+/// A small generator of numbers (Knuth's MMIX constants): the same walk in every run.
+struct Walk(u64);
+
+impl Walk {
+    fn below(&mut self, bound: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % bound
+    }
+}
+
+#[tokio::test]
+async fn any_walk_through_the_calls_keeps_the_invariants() {
+    let folder = tempfile::tempdir().unwrap();
+    let hands = Arc::new(AtomicI64::new(1_000_000));
+    let store =
+        Store::open(StoreOptions { clock: Clock::manual(Arc::clone(&hands)), ..options(&folder) }).await.unwrap();
+    let mut walk = Walk(7);
+    let mut tokens: Vec<Uuid> = Vec::new();
+    let page = PageRequest { limit: PageRequest::MOST, from: None };
+    for step in 0..1500 {
+        let id = store.add_mesh(mesh(walk.below(3), 9)).await.unwrap().record.id;
+        let jobs = store.jobs(&JobFilter::default(), &page).await.unwrap().items;
+        let any_job = if jobs.is_empty() { Uuid::nil() } else { jobs[walk.below(jobs.len())].id };
+        // Of old tokens too: most of them are void.
+        let token = if tokens.is_empty() { Uuid::nil() } else { tokens[walk.below(tokens.len())] };
+        let bases = store.bases(&BasisFilter::default(), &page).await.unwrap().items;
+        hands.fetch_add(walk.below(2000) as i64, Ordering::Relaxed);
+        // Refusals are answers too; only what is told to be broken is.
+        let told = match walk.below(14) {
+            0..=2 => store.enqueue(new_job(&id, &format!("{id} {}", walk.below(4)))).await.map(|_| ()),
+            3..=5 => store.claim("w", &[], LEASE).await.map(|claim| tokens.extend(claim.map(|claim| claim.token))),
+            6..=7 => store.complete(token, basis(walk.below(3) as f64, 8), vec![]).await.map(|_| ()),
+            8 => store.fail(token, &problem(), walk.below(2) == 0).await.map(|_| ()),
+            9 => store.release(token).await.map(|_| ()),
+            10 => store.cancel_job(any_job).await.map(|_| ()),
+            11 => store.retry_job(any_job).await.map(|_| ()),
+            12 if walk.below(6) == 0 => store.delete_mesh(&id, walk.below(2) == 0).await,
+            12 => match bases.first() {
+                Some(basis) => store.delete_basis(basis.id).await,
+                None => store.finish_canceled(token).await.map(|_| ()),
+            },
+            _ => {
+                hands.fetch_add(40_000, Ordering::Relaxed);
+                store.reap().await.map(|_| ())
+            }
+        };
+        match told {
+            Ok(()) => {}
+            Err(StoreError::NotFound { .. } | StoreError::JobState { .. } | StoreError::MeshInUse { .. }) => {}
+            Err(error) => panic!("step {step}: {error}"),
+        }
+        if step % 10 == 0 {
+            keeps_invariants(&store).await;
+        }
+    }
+    let counts = store.job_counts().await.unwrap();
+    assert!(counts.len() >= 3, "the walk came to several kinds of end: {counts:?}");
+}
+
+async fn keeps_invariants(store: &Store) {
+    let mut page = PageRequest { limit: PageRequest::MOST, from: None };
+    let mut jobs = Vec::new();
+    loop {
+        let got = store.jobs(&JobFilter::default(), &page).await.unwrap();
+        jobs.extend(got.items);
+        page.from = got.next;
+        if page.from.is_none() {
+            break;
+        }
+    }
+    let bases = store.bases(&BasisFilter::default(), &page).await.unwrap().items;
+    let mut under_way = HashSet::new();
+    for job in &jobs {
+        assert!(job.attempt <= job.max_attempts);
+        assert_eq!(job.finished_ms.is_some(), job.status.is_finished(), "{job:?}");
+        assert!(job.basis.is_none() || job.status == JobStatus::Succeeded, "{job:?}");
+        assert!(!job.cancel_requested || job.status == JobStatus::Processing, "{job:?}");
+        if !job.status.is_finished() && !job.cancel_requested {
+            assert!(under_way.insert(&job.work_key), "equal work twice: {job:?}");
+        }
+    }
+    let mut hashes = HashSet::new();
+    let mut bytes = 0;
+    for basis in &bases {
+        let job = jobs.iter().find(|job| job.id == basis.job).unwrap();
+        assert_eq!((job.status, job.basis), (JobStatus::Succeeded, Some(basis.id)));
+        store.load_basis(basis.id).await.unwrap();
+        bytes += if hashes.insert(&basis.content_hash) { basis.bytes } else { 0 };
+    }
+    assert_eq!(bases.len(), jobs.iter().filter(|job| job.basis.is_some()).count());
+    for mesh in store.meshes(&page).await.unwrap().items {
+        store.load_mesh(&mesh.id).await.unwrap();
+        bytes += mesh.bytes;
+    }
+    assert_eq!(store.health().await.blob_bytes, bytes, "every blob is referred to");
+}
+
 #[test]
 fn faults_are_read_and_refused() {
     for point in fault::FailPoint::ALL {
