@@ -6,6 +6,7 @@ pub mod distance;
 #[cfg(test)]
 pub(crate) mod fixtures;
 pub mod measure;
+mod random;
 pub mod read;
 mod repair;
 mod report;

@@ -2,9 +2,9 @@
 
 use super::farthest::{Front, farthest_points};
 use super::lloyd::{NO_CELL, lloyd};
-use super::random::Random;
 use crate::mesh::TriangleMesh;
 use crate::mesh::connectivity::Connectivity;
+use crate::mesh::random::SplitMix64;
 use crate::monitor::{Cancelled, Monitor};
 
 /// Clusters for each sample: enough that a cell of samples is round.
@@ -143,7 +143,7 @@ fn grow(
     let mut of = vec![NO_CELL; n];
     let mut clusters = 0;
     let mut queue: Vec<u32> = Vec::with_capacity(n);
-    let mut random = Random::new(seed);
+    let mut random = SplitMix64::new(seed);
     for (v, &mass) in masses.iter().enumerate() {
         if random.unit() < mass * per_mass {
             of[v] = clusters;

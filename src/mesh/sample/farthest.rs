@@ -1,9 +1,9 @@
 //! Farthest-point sampling along edges.
 
-use super::random::Random;
 use super::typical_edge;
 use crate::mesh::connectivity::Connectivity;
 use crate::mesh::distance::Queue;
+use crate::mesh::random::SplitMix64;
 use crate::monitor::{Cancelled, Monitor};
 
 /// Vertices per block of the search for the farthest one.
@@ -27,7 +27,7 @@ pub fn farthest_points(
     let n = connectivity.vertices();
     let mut samples = Vec::with_capacity(count.min(n));
     if n > 0 && count > 0 {
-        samples.push(Random::new(seed).below(n) as u32);
+        samples.push(SplitMix64::new(seed).below(n) as u32);
     }
     extend_farthest_points(connectivity, samples, count, monitor)
 }

@@ -5,7 +5,6 @@ mod farthest;
 mod lloyd;
 mod order;
 mod poisson;
-mod random;
 
 pub use farthest::{extend_farthest_points, farthest_points};
 pub use lloyd::{NO_CELL, lloyd, voronoi_cells};

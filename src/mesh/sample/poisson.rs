@@ -2,10 +2,10 @@
 
 use super::clusters::Clusters;
 use super::farthest::extend_farthest_points;
-use super::random::Random;
 use crate::mesh::TriangleMesh;
 use crate::mesh::connectivity::Connectivity;
 use crate::mesh::measure::vertex_areas;
+use crate::mesh::random::SplitMix64;
 use crate::monitor::{Cancelled, Monitor};
 
 /// The pool of candidates holds about this many vertices for each sample, as in the paper.
@@ -44,7 +44,7 @@ pub fn poisson_disk(
     let area: f64 = areas.iter().sum();
     let mut best: Vec<u32> = Vec::new();
     if count > 1 && area > 0.0 && area.is_finite() {
-        let mut random = Random::new(seed);
+        let mut random = SplitMix64::new(seed);
         let pool = pool(&areas, POOL * count as f64 / area, &mut random);
         let (mut low, mut high) = (0.0f64, f64::INFINITY);
         let mut radius = (area / (AREA_PER_SAMPLE * count as f64)).sqrt();
@@ -72,7 +72,7 @@ pub fn poisson_disk(
         }
     }
     if best.is_empty() && count > 0 {
-        best.push(Random::new(seed).below(n) as u32);
+        best.push(SplitMix64::new(seed).below(n) as u32);
     }
     match Clusters::new(mesh, connectivity, &areas, count, seed, monitor)? {
         Some(clusters) => clusters.extend(mesh, best, count, monitor),
@@ -81,7 +81,7 @@ pub fn poisson_disk(
 }
 
 /// Draws vertices with a probability of `per_area` times their area: all where the mesh is coarse, few where it is fine.
-fn pool(areas: &[f64], per_area: f64, random: &mut Random) -> Vec<u32> {
+fn pool(areas: &[f64], per_area: f64, random: &mut SplitMix64) -> Vec<u32> {
     let drawn = |&v: &u32| random.unit() < areas[v as usize] * per_area;
     (0..areas.len() as u32).filter(drawn).collect()
 }
@@ -91,7 +91,7 @@ fn throw(
     mesh: &TriangleMesh,
     pool: &[u32],
     radius: f64,
-    mut random: Random,
+    mut random: SplitMix64,
     monitor: &dyn Monitor,
 ) -> Result<Vec<u32>, Cancelled> {
     let mut grid = Grid::new(mesh, pool, radius);
@@ -185,7 +185,7 @@ impl Grid {
     }
 
     /// The candidate of a cell, among ten drawn ones, whose disk holds the fewest others; its place.
-    fn best(&self, cell: u32, random: &mut Random) -> Option<usize> {
+    fn best(&self, cell: u32, random: &mut SplitMix64) -> Option<usize> {
         let Cell { begin, alive, .. } = self.cells[cell as usize];
         if alive <= 1 {
             return (alive == 1).then_some(begin);

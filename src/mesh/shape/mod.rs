@@ -5,7 +5,6 @@
 mod genus;
 mod grid;
 mod plane;
-mod random;
 mod sphere;
 mod variant;
 

@@ -1,8 +1,8 @@
 //! Meshes spoilt on purpose: noise on the positions, and a random numbering.
 
 use super::ShapeError;
-use super::random::SplitMix64;
 use crate::mesh::TriangleMesh;
+use crate::mesh::random::SplitMix64;
 
 /// Moves every vertex to a random place within `fraction` times the mean edge length; the faces stay.
 ///
