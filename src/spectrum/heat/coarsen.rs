@@ -1,7 +1,6 @@
 //! From a level to a coarser one: vertices are gathered around seeds that lie a few edges apart.
 
-use std::cmp::Reverse;
-use std::collections::{BinaryHeap, VecDeque};
+use std::collections::VecDeque;
 
 use rayon::prelude::*;
 
@@ -50,7 +49,7 @@ impl Coarsening {
     ) -> Result<Self, Cancelled> {
         let seeds = seeds(fine, hops, reach, forced, monitor)?;
         monitor.checkpoint()?;
-        let (cells, distances) = voronoi(fine, &seeds, monitor)?;
+        let (cells, distances) = voronoi(fine, &seeds, hops, monitor)?;
         monitor.checkpoint()?;
         let positions: Vec<[f32; 3]> = seeds.iter().map(|&seed| surface.positions[seed as usize]).collect();
         let triangles = triangles(surface.triangles, &cells);
@@ -203,43 +202,36 @@ fn seeds(fine: &Level, hops: usize, reach: f32, forced: &[u32], monitor: &dyn Mo
     Ok(seeds)
 }
 
-/// The nearest seed of every vertex along edges, and how far it is.
-fn voronoi(fine: &Level, seeds: &[u32], monitor: &dyn Monitor) -> Result<(Vec<u32>, Vec<f32>), Cancelled> {
+/// The nearest seed of every vertex along edges and how far it is. No seed is farther than `hops` edges; paths of one more are
+/// tried. Each round looks at the distances of the one before only, so the order of vertices does not matter.
+fn voronoi(fine: &Level, seeds: &[u32], hops: usize, monitor: &dyn Monitor) -> Result<(Vec<u32>, Vec<f32>), Cancelled> {
     let n = fine.vertices();
-    let mut cells = vec![u32::MAX; n];
-    let mut distances = vec![f32::INFINITY; n];
-    let mut heap: BinaryHeap<Reverse<(u32, u32)>> = BinaryHeap::new();
+    let mut nearest = vec![(f32::INFINITY, u32::MAX); n];
     for (cell, &seed) in seeds.iter().enumerate() {
-        cells[seed as usize] = cell as u32;
-        distances[seed as usize] = 0.0;
+        nearest[seed as usize] = (0.0, cell as u32);
     }
-    let relax = |v: u32, cells: &mut [u32], distances: &mut [f32], heap: &mut BinaryHeap<Reverse<(u32, u32)>>| {
-        let (cell, at) = (cells[v as usize], distances[v as usize]);
-        for edge in fine.edges(v as usize) {
-            let w = fine.neighbours[edge] as usize;
-            let there = at + fine.lengths[edge];
-            if there < distances[w] {
-                distances[w] = there;
-                cells[w] = cell;
-                heap.push(Reverse((there.to_bits(), w as u32)));
-            }
-        }
-    };
-    for &seed in seeds {
-        relax(seed, &mut cells, &mut distances, &mut heap);
+    for _ in 0..=hops {
+        monitor.checkpoint()?;
+        nearest = (0..n)
+            .into_par_iter()
+            .with_min_len(4096)
+            .map(|v| {
+                let mut best = nearest[v];
+                if best.0 == 0.0 {
+                    return best;
+                }
+                for edge in fine.edges(v) {
+                    let (at, cell) = nearest[fine.neighbours[edge] as usize];
+                    let there = at + fine.lengths[edge];
+                    if there < best.0 || (there == best.0 && cell < best.1) {
+                        best = (there, cell);
+                    }
+                }
+                best
+            })
+            .collect();
     }
-    let mut settled = 0usize;
-    while let Some(Reverse((bits, v))) = heap.pop() {
-        if f32::from_bits(bits) > distances[v as usize] {
-            continue;
-        }
-        settled += 1;
-        if settled.is_multiple_of(65536) {
-            monitor.checkpoint()?;
-        }
-        relax(v, &mut cells, &mut distances, &mut heap);
-    }
-    Ok((cells, distances))
+    Ok(nearest.into_iter().map(|(at, cell)| (cell, at)).unzip())
 }
 
 /// The coarse level.

@@ -276,7 +276,12 @@ fn smooth_block(
         arch.dispatch(sweep);
         std::mem::swap(&mut x, &mut before);
     }
-    let mut part = Part { ends: Vec::with_capacity(block.len()), indices: Vec::new(), values: Vec::new() };
+    let room = 20 * block.len();
+    let mut part = Part {
+        ends: Vec::with_capacity(block.len()),
+        indices: Vec::with_capacity(room),
+        values: Vec::with_capacity(room),
+    };
     for k in 0..block.len() {
         let row = &x[k * chunks..(k + 1) * chunks].as_flattened()[..names.len()];
         push_row(&names, row, thinning.drop, thinning.threshold, &mut part.indices, &mut part.values);
