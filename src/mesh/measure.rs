@@ -24,11 +24,11 @@ pub fn surface_area(mesh: &TriangleMesh) -> f64 {
 
 /// A third of the area of the faces around each of the `n` vertices, in squared units of the mesh.
 pub fn vertex_areas(mesh: &TriangleMesh) -> Vec<f64> {
-    let faces: Vec<f64> = mesh.faces.par_iter().with_min_len(CHUNK).map(|face| face_area(mesh, face)).collect();
     let mut areas = vec![0.0; mesh.positions.len()];
-    for (face, area) in mesh.faces.iter().zip(faces) {
+    for face in &mesh.faces {
+        let third = face_area(mesh, face) / 3.0;
         for &v in face {
-            areas[v as usize] += area / 3.0;
+            areas[v as usize] += third;
         }
     }
     areas
