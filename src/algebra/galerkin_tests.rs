@@ -96,10 +96,10 @@ fn both_ways_agree_with_the_definition() {
 
 #[test]
 fn a_space_of_functions_that_reach_everywhere_takes_the_row_wise_way() {
-    let (s, m) = path(900, false);
-    let u = bumps(900, 300, 900);
+    let (s, m) = path(300, false);
+    let u = bumps(300, 200, 300);
     let cells = Cells::new(&u);
-    // 300 cells of 300 × 300 in two matrices are far beyond what 270,000 entries explain.
+    // 200 cells of 200 × 200 in two matrices are beyond what 60,000 entries explain.
     assert!(cell_products(&u, &s, &m, &cells, &Unwatched).unwrap().is_none());
     let (found, _) = galerkin(&u, &s, &m, &Unwatched).unwrap();
     assert_eq!(found, row_wise(&u, &s, &m, &Unwatched).unwrap().0);

@@ -121,7 +121,7 @@ impl ApproximationError {
 ///
 /// Stages: `operator`, `sampling`, `basis`, `reduce`, `eigen`, `bounds`. Eigenvalues ascend, are upper bounds of the exact ones,
 /// and are in 1/length² of the input; eigenfunctions are orthonormal for the mass of the input. The metadata are left empty. The
-/// same input and seed give the same answer whatever the number of threads.
+/// same input and seed give the same answer, up to rounding in the dense eigenproblem where the number of threads differs.
 ///
 /// # Errors
 /// [`ApproximationError`]: a mesh without area, more pairs than vertices, a restricted problem that is not definite,

@@ -1,0 +1,99 @@
+//! The numerical stages of a fast approximation, one at a time. `cargo bench --bench numerics`
+//!
+//! The surface has genus 3 and about 100,000 vertices; `CHLADNI_BENCH_VERTICES` asks for another size.
+
+use std::sync::LazyLock;
+
+use chladni::{
+    algebra::{CpuSolver, DenseMatrix, SparseMatrix, SymmetricDefiniteSolver},
+    analysis::filter::{Transfer, filter},
+    basis::Basis,
+    mesh::{
+        TriangleMesh,
+        connectivity::Connectivity,
+        shape::{Shape, generate},
+    },
+    monitor::Unwatched,
+    operator::{EigenProblem, MassKind, laplace},
+    spectrum::{
+        certificate::certify,
+        radial::{RadialParameters, space},
+    },
+};
+use divan::Bencher;
+
+fn main() {
+    divan::main();
+}
+
+/// Everything that the stages start from.
+struct Case {
+    mesh: TriangleMesh,
+    problem: EigenProblem,
+    space: SparseMatrix<f32>,
+    stiffness: SparseMatrix,
+    mass: SparseMatrix,
+    basis: Basis,
+    functions: DenseMatrix,
+}
+
+const DIMENSION: usize = 1000;
+const COUNT: usize = 500;
+
+static CASE: LazyLock<Case> = LazyLock::new(|| {
+    let vertices = std::env::var("CHLADNI_BENCH_VERTICES").ok().and_then(|n| n.parse().ok()).unwrap_or(100_000);
+    let mesh = generate(Shape::Genus(3), vertices).unwrap();
+    let problem = laplace::assemble(&mesh, MassKind::Barycentric).unwrap();
+    let connectivity = Connectivity::new(&mesh);
+    let space = space(&mesh, &connectivity, DIMENSION, 1, &RadialParameters::default(), &Unwatched).unwrap();
+    let (stiffness, mass) = problem.restrict(&space, &Unwatched).unwrap();
+    let mut pairs = CpuSolver.lowest(stiffness.to_dense(), mass.to_dense(), COUNT, &Unwatched).unwrap();
+    let certificate = certify(&problem, &space, &mass, &mut pairs.vectors, &pairs.values, &Unwatched).unwrap();
+    let basis = Basis {
+        space: space.clone(),
+        coefficients: pairs.vectors,
+        eigenvalues: pairs.values,
+        mass: problem.mass.clone(),
+        certificate,
+        metadata: serde_json::Value::Null,
+    };
+    let coordinates = (0..3).flat_map(|k| mesh.positions.iter().map(move |p| p[k])).collect();
+    let functions = DenseMatrix::from_columns(mesh.positions.len(), 3, coordinates).unwrap();
+    Case { mesh, problem, space, stiffness, mass, basis, functions }
+});
+
+#[divan::bench(max_time = 3)]
+fn assemble(bencher: Bencher) {
+    bencher.bench(|| laplace::assemble(&CASE.mesh, MassKind::Barycentric));
+}
+
+#[divan::bench(max_time = 3)]
+fn restrict(bencher: Bencher) {
+    bencher.bench(|| CASE.problem.restrict(&CASE.space, &Unwatched));
+}
+
+/// The dense eigenproblem, d = 1000, 500 pairs.
+#[divan::bench(max_time = 5)]
+fn eigen(bencher: Bencher) {
+    let inputs = || (CASE.stiffness.to_dense(), CASE.mass.to_dense());
+    bencher.with_inputs(inputs).bench_values(|(a, b)| CpuSolver.lowest(a, b, COUNT, &Unwatched));
+}
+
+#[divan::bench(max_time = 5)]
+fn certificate(bencher: Bencher) {
+    let problem = &CASE.problem;
+    bencher
+        .with_inputs(|| CASE.basis.coefficients.clone())
+        .bench_values(|mut x| certify(problem, &CASE.space, &CASE.mass, &mut x, &CASE.basis.eigenvalues, &Unwatched));
+}
+
+/// Three functions through 500 modes and back.
+#[divan::bench(max_time = 2)]
+fn filter_coordinates(bencher: Bencher) {
+    bencher.bench(|| filter(&CASE.basis, &CASE.functions, &Transfer::Heat { time: 1e-3 }));
+}
+
+#[divan::bench(max_time = 2)]
+fn lift_32_modes(bencher: Bencher) {
+    bencher.bench(|| CASE.basis.lift(0..32));
+}
