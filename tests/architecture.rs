@@ -251,13 +251,15 @@ fn sources() -> Vec<Source> {
     let mut files = Vec::new();
     collect(&root, &mut files);
     assert!(files.len() > 10, "the source tree was not found");
+    let tests: BTreeSet<PathBuf> = files.iter().flat_map(|path| test_files(path)).collect();
+    files.retain(|path| !tests.contains(path));
     files
         .into_iter()
         .filter_map(|path| {
             let inside = path.strip_prefix(&root).ok()?;
             let room = inside.components().next()?.as_os_str().to_str()?.trim_end_matches(".rs").to_owned();
             // The roots name every room to declare it.
-            if room == "lib" || room == "main" || is_test_file(&path) {
+            if room == "lib" || room == "main" {
                 return None;
             }
             let text = fs::read_to_string(&path).expect("a source file is UTF-8");
@@ -266,10 +268,24 @@ fn sources() -> Vec<Source> {
         .collect()
 }
 
-/// Files that hold tests alone, declared under `#[cfg(test)]`.
-fn is_test_file(path: &Path) -> bool {
-    path.file_stem().and_then(|name| name.to_str()).is_some_and(|name| name == "tests" || name.ends_with("_tests"))
-        || path.components().any(|part| part.as_os_str() == "tests")
+/// Files that this file declares for tests alone: `#[cfg(test)]`, perhaps `#[path = "…"]`, and `mod NAME;`.
+fn test_files(path: &Path) -> Vec<PathBuf> {
+    let text = fs::read_to_string(path).expect("a source file is UTF-8");
+    let beside = path.parent().expect("a file lies in a folder");
+    let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+    let inside = if ["mod", "lib", "main"].contains(&stem) { beside.to_owned() } else { beside.join(stem) };
+    let mut found = Vec::new();
+    for (place, _) in text.match_indices("#[cfg(test)]\n") {
+        let mut lines = text[place..].lines().skip(1).map(str::trim);
+        let Some(mut line) = lines.next() else { continue };
+        if let Some(name) = line.strip_prefix("#[path = \"").and_then(|rest| rest.strip_suffix("\"]")) {
+            found.push(beside.join(name));
+            line = lines.next().unwrap_or_default();
+        }
+        let name = line.split_once("mod ").and_then(|(_, rest)| rest.strip_suffix(';'));
+        found.extend(name.map(|name| inside.join(name).with_extension("rs")));
+    }
+    found
 }
 
 fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
@@ -287,8 +303,9 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
 /// The code before the first test module, with comments and the content of texts blanked.
 fn strip(text: &str) -> String {
     // A mere declaration, `mod tests;`, ends nothing.
-    let is_module = |place: &usize| text[*place..].lines().nth(1).is_some_and(|line| line.ends_with('{'));
-    let tests = text.match_indices("#[cfg(test)]\nmod ").map(|(place, _)| place).find(is_module);
+    let is_module =
+        |place: &usize| text[*place..].lines().nth(1).is_some_and(|line| line.contains("mod ") && line.ends_with('{'));
+    let tests = text.match_indices("#[cfg(test)]\n").map(|(place, _)| place).find(is_module);
     let text = tests.map_or(text, |place| &text[..place]);
     let mut code = String::with_capacity(text.len());
     let mut rest = text;
