@@ -165,9 +165,9 @@ struct ContentQuery {
     ),
     responses(
         (status = 200, description = "The whole content", content(
-            (Vec<u8> = "application/x-npz"), (Vec<u8> = "application/x-safetensors"), (Vec<u8> = "application/x-matrix-market+zip")),
+            (super::docs::Binary = "application/x-npz"), (super::docs::Binary = "application/x-safetensors"), (super::docs::Binary = "application/x-matrix-market+zip")),
             headers(("ETag" = String))),
-        (status = 206, description = "The bytes that `Range` asks for", body = Vec<u8>, content_type = "application/x-npz", headers(("Content-Range" = String))),
+        (status = 206, description = "The bytes that `Range` asks for", body = super::docs::Binary, content_type = "application/x-npz", headers(("Content-Range" = String))),
         (status = 304, description = "The content is as `If-None-Match` names it"),
         (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),

@@ -34,6 +34,12 @@ pub struct ProblemSchema {
     detail: String,
 }
 
+/// Bytes.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+#[allow(dead_code)]
+pub struct Binary(Vec<u8>);
+
 #[derive(OpenApi)]
 #[openapi(
     info(

@@ -65,9 +65,9 @@ struct UploadQuery {
 #[utoipa::path(
     post, path = "/v1/meshes", tag = "meshes", operation_id = "uploadMesh", params(UploadQuery),
     request_body(description = "The mesh", content(
-        (Vec<u8> = "model/obj", example = json!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")),
-        (Vec<u8> = "model/ply"), (Vec<u8> = "model/off"), (Vec<u8> = "model/stl"), (Vec<u8> = "model/x-medit"),
-        (Vec<u8> = "application/octet-stream"), (Vec<u8> = "multipart/form-data"))),
+        (super::docs::Binary = "model/obj", example = json!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")),
+        (super::docs::Binary = "model/ply"), (super::docs::Binary = "model/off"), (super::docs::Binary = "model/stl"), (super::docs::Binary = "model/x-medit"),
+        (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "multipart/form-data"))),
     responses(
         (status = 201, description = "The mesh is stored; `Location` names it", body = MeshResource, headers(("Location" = String), ("ETag" = String))),
         (status = 200, description = "The same content was stored before", body = MeshResource, headers(("Location" = String))),
@@ -360,8 +360,8 @@ struct ContentQuery {
         ("Range" = Option<String>, Header, description = "One range of bytes", example = "bytes=0-1023"),
     ),
     responses(
-        (status = 200, description = "The whole content", content((Vec<u8> = "model/ply"), (Vec<u8> = "model/obj"), (Vec<u8> = "application/vnd.chladni.mesh")), headers(("ETag" = String))),
-        (status = 206, description = "The bytes that `Range` asks for", body = Vec<u8>, content_type = "model/ply", headers(("Content-Range" = String))),
+        (status = 200, description = "The whole content", content((super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"), (super::docs::Binary = "application/vnd.chladni.mesh")), headers(("ETag" = String))),
+        (status = 206, description = "The bytes that `Range` asks for", body = super::docs::Binary, content_type = "model/ply", headers(("Content-Range" = String))),
         (status = 304, description = "The content is as `If-None-Match` names it"),
         (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),

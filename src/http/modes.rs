@@ -70,7 +70,7 @@ struct ModesQuery {
     get, path = "/v1/bases/{id}/modes", tag = "bases", operation_id = "getModes",
     params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), ModesQuery),
     responses(
-        (status = 200, description = "The modes", content((Vec<u8> = "application/x-npy"), (Vec<u8> = "application/octet-stream"), (Vec<u8> = "model/ply")),
+        (status = 200, description = "The modes", content((super::docs::Binary = "application/x-npy"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply")),
             headers(("ETag" = String), ("Chladni-Rows" = u64), ("Chladni-Columns" = u64))),
         (status = 304, description = "The modes are as `If-None-Match` names them"),
         (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),

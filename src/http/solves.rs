@@ -258,9 +258,9 @@ impl IntoResponse for Answer {
 #[utoipa::path(
     post, path = "/v1/bases/{id}/filter", tag = "bases", operation_id = "filter",
     params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), RawQuery),
-    request_body(description = "The functions", content((FilterRequest = "application/json"), (Vec<u8> = "application/octet-stream"))),
+    request_body(description = "The functions", content((FilterRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
-        (status = 200, description = "The filtered functions: a row for each vertex", content((Table = "application/json"), (Vec<u8> = "application/octet-stream")),
+        (status = 200, description = "The filtered functions: a row for each vertex", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
         (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 422, description = "A problem: invalid-request, invalid-function or invalid-transfer-function", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
@@ -315,9 +315,9 @@ async fn load(state: &AppState, id: &str) -> Result<std::sync::Arc<Basis>, Probl
 #[utoipa::path(
     post, path = "/v1/bases/{id}/project", tag = "bases", operation_id = "project",
     params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), RawQuery),
-    request_body(description = "The functions", content((ProjectRequest = "application/json"), (Vec<u8> = "application/octet-stream"))),
+    request_body(description = "The functions", content((ProjectRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
-        (status = 200, description = "The coefficients", content((ProjectAnswer = "application/json"), (Vec<u8> = "application/octet-stream")),
+        (status = 200, description = "The coefficients", content((ProjectAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Relative-Error" = String), ("Server-Timing" = String))),
         (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 422, description = "A problem: invalid-request or invalid-function", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
@@ -380,9 +380,9 @@ fn no_transfer(query: &RawQuery) -> Result<(), Problem> {
     post, path = "/v1/bases/{id}/reconstruct", tag = "bases", operation_id = "reconstruct",
     params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"),
         ("dtype" = inline(Option<Dtype>), Query, description = "The type of the numbers of a raw body and of a raw answer")),
-    request_body(description = "The coefficients", content((Table = "application/json", example = json!({"columns": 1, "values": [0.49, 0.01, -0.02]})), (Vec<u8> = "application/octet-stream"))),
+    request_body(description = "The coefficients", content((Table = "application/json", example = json!({"columns": 1, "values": [0.49, 0.01, -0.02]})), (super::docs::Binary = "application/octet-stream"))),
     responses(
-        (status = 200, description = "The functions: a row for each vertex", content((Table = "application/json"), (Vec<u8> = "application/octet-stream")),
+        (status = 200, description = "The functions: a row for each vertex", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
         (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 422, description = "A problem: invalid-request or invalid-function", body = super::docs::ProblemSchema, content_type = "application/problem+json"),

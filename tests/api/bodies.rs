@@ -166,3 +166,20 @@ async fn a_client_that_takes_no_answer_is_let_go() {
     assert!(begin.elapsed() < Duration::from_secs(20), "{:?}", begin.elapsed());
     drop(deaf);
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_kept_connection_that_idles_is_let_go() {
+    let mut builder = TestApp::builder();
+    builder.config.max_connections = 1;
+    builder.config.header_seconds = Duration::from_millis(500);
+    let app = builder.start();
+    let mut kept = TcpStream::connect(app.address).unwrap();
+    kept.write_all(b"GET /healthz HTTP/1.1\r\nhost: x\r\n\r\n").unwrap();
+    let mut first = [0; 15];
+    kept.read_exact(&mut first).unwrap();
+    assert_eq!(&first, b"HTTP/1.1 200 OK");
+    let begin = Instant::now();
+    assert_eq!(app.get("/healthz").send().await.unwrap().status(), 200);
+    assert!(begin.elapsed() < Duration::from_secs(10), "{:?}", begin.elapsed());
+    drop(kept);
+}
