@@ -98,7 +98,7 @@ pub struct Config {
     pub heartbeat_seconds: Duration,
 
     /// Seconds without a checkpoint after which a job counts as stalled
-    #[arg(long, value_name = "SECONDS", env = "CHLADNI_STALL_SECONDS", default_value = "300", value_parser = seconds, help_heading = "Work")]
+    #[arg(long, value_name = "SECONDS", env = "CHLADNI_STALL_SECONDS", default_value = "900", value_parser = seconds, help_heading = "Work")]
     pub stall_seconds: Duration,
 
     /// Seconds that running jobs get to end when the server stops; then they return to the queue
@@ -269,7 +269,7 @@ impl Default for Config {
             solve_threads: 0,
             lease_seconds: Duration::from_secs(30),
             heartbeat_seconds: Duration::from_millis(500),
-            stall_seconds: Duration::from_secs(300),
+            stall_seconds: Duration::from_secs(900),
             drain_seconds: Duration::from_secs(30),
             max_attempts: 3,
             fault: None,

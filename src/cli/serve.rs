@@ -98,6 +98,7 @@ pub async fn start_on(listener: TcpListener, config: Config) -> Result<Running, 
     let mut options = StoreOptions::new(&config.data);
     options.cache_bytes = config.cache_bytes;
     options.least_free_bytes = config.least_free_bytes;
+    options.queued_jobs_limit = Some(config.limits.max_queued_jobs as u64);
     if let Some(fault) = &config.fault {
         options.faults = Faults::parse(fault).map_err(|error| CliError::Usage(error.to_string()))?;
     }

@@ -29,6 +29,9 @@ impl From<StoreError> for Problem {
             }
             StoreError::InvalidCursor { .. } => Self::new(&problem::INVALID_CURSOR, text),
             StoreError::InvalidRange { .. } => Self::new(&problem::RANGE_NOT_SATISFIABLE, text),
+            StoreError::QueueFull { limit, .. } => {
+                Self::new(&problem::QUEUE_FULL, text).with("limit", limit).retry_after(10)
+            }
             StoreError::StorageFull { detail } => {
                 tracing::warn!(detail, "storage full");
                 Self::new(&problem::STORAGE_FULL, "The storage is full. Nothing was stored.").retry_after(60)

@@ -107,7 +107,6 @@ async fn submit(
         .with("estimate", estimate)
         .with("limit", limit));
     }
-    check_queue(&state).await?;
     let canonical = parameters.canonical();
     let idempotency = key.map(|key| {
         let asked = serde_json::json!([request.kind, mesh.id, canonical, request.priority]).to_string();
@@ -151,18 +150,6 @@ fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
     value.to_str().ok().map(str::trim).filter(fits).map(|key| Some(key.to_owned())).ok_or_else(|| {
         Problem::new(&problem::INVALID_HEADER, "Idempotency-Key: must be 1 to 200 visible ASCII characters.")
     })
-}
-
-async fn check_queue(state: &AppState) -> Result<(), Problem> {
-    let counts = state.store.job_counts().await?;
-    let waiting: u64 = counts.iter().filter(|(_, status, _)| *status == JobStatus::Enqueued).map(|(.., n)| n).sum();
-    let limit = state.config.limits.max_queued_jobs as u64;
-    if waiting >= limit {
-        return Err(Problem::new(&problem::QUEUE_FULL, format!("{waiting} jobs wait; this server queues {limit}."))
-            .with("limit", limit)
-            .retry_after(10));
-    }
-    Ok(())
 }
 
 /// A job as an answer.
@@ -438,7 +425,6 @@ async fn retry(State(state): State<AppState>, PathOf(id): PathOf<String>) -> Res
     if state.is_draining() {
         return Err(Problem::new(&problem::DRAINING, "The server is shutting down and takes no jobs.").retry_after(10));
     }
-    check_queue(&state).await?;
     let record = state.store.retry_job(job_id(&id)?).await?;
     tracing::info!(job = %record.id, status = record.status.as_str(), "job retried");
     Ok(resource(record, StatusCode::ACCEPTED))

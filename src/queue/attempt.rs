@@ -214,7 +214,8 @@ async fn settle(shared: &Shared, kind: &str, ending: Ending, token: Uuid) {
             Ok(FailAnswer::Retried) => return shared.observer.retried(kind),
             Ok(FailAnswer::Finished(status)) => return shared.observer.finished(kind, status),
             Ok(FailAnswer::Lost) => return shared.observer.lease_lost(kind),
-            Err(error) if Instant::now() < deadline && error.is_retryable() => {
+            // A server that stops does not wait for a storage that refuses: it looks for such leases when it starts again.
+            Err(error) if Instant::now() < deadline && error.is_retryable() && !*shared.give_back.borrow() => {
                 tracing::warn!(%error, "the end of an attempt could not be written down yet");
                 tokio::time::sleep(STORE_PAUSE).await;
             }

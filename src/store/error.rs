@@ -42,10 +42,12 @@ pub enum StoreError {
         reason: String,
     },
     /// As many jobs wait as may.
-    #[error("{waiting} jobs wait already, which is the limit")]
+    #[error("{waiting} jobs wait; this server queues {limit}")]
     QueueFull {
         /// Jobs that wait.
         waiting: u64,
+        /// The most that may.
+        limit: u64,
     },
     /// A page cursor was not made by this store.
     #[error("the page cursor {cursor:?} is not one of this service")]

@@ -132,7 +132,7 @@ impl Store {
         let Some(limit) = self.inner.options.queued_jobs_limit else { return Ok(()) };
         let waiting: i64 =
             sqlx::query_scalar("SELECT COUNT(*) FROM jobs WHERE status = 'enqueued'").fetch_one(on.on()).await?;
-        if waiting as u64 >= limit { Err(StoreError::QueueFull { waiting: waiting as u64 }) } else { Ok(()) }
+        if waiting as u64 >= limit { Err(StoreError::QueueFull { waiting: waiting as u64, limit }) } else { Ok(()) }
     }
 
     /// A job by its identifier.

@@ -604,7 +604,7 @@ async fn the_queue_has_an_end() {
     let id = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
     let first = store.enqueue(new_job(&id, "a")).await.unwrap().record.id;
     store.enqueue(new_job(&id, "b")).await.unwrap();
-    assert!(matches!(store.enqueue(new_job(&id, "c")).await, Err(StoreError::QueueFull { waiting: 2 })));
+    assert!(matches!(store.enqueue(new_job(&id, "c")).await, Err(StoreError::QueueFull { waiting: 2, limit: 2 })));
     assert_eq!(store.enqueue(new_job(&id, "b")).await.unwrap().outcome, EnqueueOutcome::SameWork);
     store.cancel_job(first).await.unwrap();
     store.enqueue(new_job(&id, "c")).await.unwrap();

@@ -59,6 +59,7 @@ async fn run(
     let mut options = StoreOptions::new(&config.data);
     options.cache_bytes = config.cache_bytes;
     options.least_free_bytes = config.least_free_bytes;
+    options.queued_jobs_limit = Some(config.limits.max_queued_jobs as u64);
     let store = Store::open(options).await.unwrap();
     let workers = WorkerOptions {
         workers: config.workers,
