@@ -7,6 +7,7 @@ use axum::http::{HeaderValue, header};
 use axum::response::{Html, IntoResponse, Response};
 use serde_json::Value;
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
+use utoipa::openapi::{ContentBuilder, Ref, ResponseBuilder};
 use utoipa::{Modify, OpenApi, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -80,8 +81,35 @@ pub fn base() -> utoipa::openapi::OpenApi {
 /// # Errors
 /// None in practice: the document is plain data.
 pub fn document() -> Result<String, serde_json::Error> {
-    let (_, document) = super::routes().split_for_parts();
+    let (_, mut document) = super::routes().split_for_parts();
+    add_common_problems(&mut document);
     Ok(document.to_pretty_json()? + "\n")
+}
+
+/// Adds what any guarded operation may answer: without a key, without the scope, after a fault.
+fn add_common_problems(document: &mut utoipa::openapi::OpenApi) {
+    let answers = [
+        ("401", "Unauthenticated", "A problem: unauthenticated"),
+        ("403", "Forbidden", "A problem: scope-missing or origin-not-allowed"),
+        ("500", "InternalError", "A problem: internal-error, with the request id in `X-Request-Id`"),
+    ];
+    let components = document.components.get_or_insert_default();
+    for (_, name, description) in answers {
+        let content = ContentBuilder::new().schema(Some(Ref::from_schema_name("Problem"))).build();
+        let answer = ResponseBuilder::new().description(description).content(problem::MEDIA_TYPE, content).build();
+        components.responses.insert(name.to_owned(), answer.into());
+    }
+    for path in document.paths.paths.values_mut() {
+        for operation in [&mut path.get, &mut path.post, &mut path.delete].into_iter().flatten() {
+            let guarded = serde_json::to_value(&operation.security).is_ok_and(|value| !value[0]["bearer"].is_null());
+            for (status, name, _) in answers {
+                if guarded || status == "500" {
+                    let answer = Ref::from_response_name(name);
+                    operation.responses.responses.insert(status.to_owned(), answer.into());
+                }
+            }
+        }
+    }
 }
 
 fn cached() -> &'static str {
@@ -146,14 +174,7 @@ async fn one_problem_within(path: PathOf<(String, String)>) -> Result<Response, 
 }
 
 fn explain(id: &str) -> Result<Response, Problem> {
-    // Failures of jobs have types of their own, which the job's own detail explains.
-    static JOB: problem::Kind = problem::Kind {
-        id: "job",
-        status: 500,
-        title: "The job failed",
-        meaning: "The type goes on with why: worker-lost and worker-panicked after the last attempt, or a numerical cause.",
-    };
-    let kind = KINDS.iter().copied().chain([&JOB]).find(|kind| kind.id == id);
+    let kind = KINDS.iter().copied().find(|kind| kind.id == id);
     kind.map(|kind| html(&render_problems(&[kind])))
         .ok_or_else(|| Problem::new(&problem::NOT_FOUND, format!("There is no kind of problem {id:?}.")))
 }
@@ -276,6 +297,10 @@ fn render_operation(html: &mut String, method: &str, path: &str, operation: &Val
         render_content(html, &operation["requestBody"]["content"], schemas);
     }
     for (status, response) in operation["responses"].as_object().into_iter().flatten() {
+        // The same everywhere.
+        if !response["$ref"].is_null() {
+            continue;
+        }
         let _ = write!(html, "<h4>{}</h4>{}", escape(status), prose(text(response, "description")));
         // Problems all look alike; their description names the kinds.
         if response["content"]["application/problem+json"].is_null() {

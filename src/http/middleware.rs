@@ -261,6 +261,13 @@ mod tests {
     }
 
     #[test]
+    fn a_panic_becomes_a_problem_that_does_not_show_it() {
+        let answer = panicked(Box::new("index 17 out of range".to_owned()));
+        assert_eq!(answer.status(), 500);
+        assert!(!answer.extensions().get::<ProblemNote>().unwrap().detail.contains("17"));
+    }
+
+    #[test]
     fn request_ids_of_clients_are_kept_where_harmless() {
         let mut headers = HeaderMap::new();
         headers.insert(REQUEST_ID, "abc-123".parse().unwrap());

@@ -88,10 +88,10 @@ kinds! {
         "An Idempotency-Key stands for one request. Use a fresh key for another body.";
     MESH_IN_USE = "mesh-in-use", 409, "The mesh is in use",
         "Unfinished jobs or stored bases refer to the mesh. Delete them first, or pass cascade=true.";
-    NOT_RETRYABLE = "job-not-retryable", 409, "The job cannot be retried",
-        "Only failed and canceled jobs can be retried.";
     STATE_CONFLICT = "state-conflict", 409, "The resource is not in a state for this",
-        "The detail says what state it is in.";
+        "A job that has ended cannot be canceled, one that has succeeded cannot be retried. The member `job_status` has its status.";
+    JOB_FAILED = "job", 500, "The job failed",
+        "Never the answer to a request: the `problem` of a failed job. The type goes on with why, as in job/worker-lost after the last attempt, or with a numerical cause.";
     RANGE_NOT_SATISFIABLE = "range-not-satisfiable", 416, "The range cannot be satisfied",
         "The range begins beyond the end. The header Content-Range has the length.";
     UNAUTHENTICATED = "unauthenticated", 401, "An API key is needed",

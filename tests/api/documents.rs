@@ -32,6 +32,8 @@ fn every_route_has_a_summary_a_description_and_an_example() {
             }
             assert!(!operation["tags"][0].is_null(), "{name} has no tag");
             assert!(!operation["security"].is_null(), "{name} does not say who may call it");
+            let guarded = !operation["security"][0]["bearer"].is_null();
+            assert_eq!(guarded, !operation["responses"]["401"].is_null(), "{name}");
             let mut found = operation["parameters"].as_array().into_iter().flatten().any(|p| !p["example"].is_null());
             let bodies = operation["responses"].as_object().unwrap().values().chain([&operation["requestBody"]]);
             for content in bodies.filter_map(|body| body["content"].as_object()).flat_map(|content| content.values()) {

@@ -7,6 +7,7 @@ mod auth;
 mod bases;
 mod bodies;
 mod documents;
+mod garbage;
 mod jobs;
 mod journeys;
 mod meshes;
