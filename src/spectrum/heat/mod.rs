@@ -14,6 +14,8 @@ mod level;
 mod panel;
 mod polish;
 mod shrink;
+#[cfg(test)]
+mod tests;
 
 use crate::algebra::SparseMatrix;
 use crate::mesh::TriangleMesh;
