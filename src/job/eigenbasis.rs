@@ -100,7 +100,9 @@ impl EigenbasisParameters {
         let form = |reason| ParameterError::Form { kind: "eigenbasis", reason };
         let parameters = match value {
             serde_json::Value::Null => Self::default(),
-            serde_json::Value::Object(_) => Self::deserialize(value).map_err(|error| form(error.to_string()))?,
+            serde_json::Value::Object(_) => {
+                serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string()))?
+            }
             _ => return Err(form("a JSON object is expected".to_owned())),
         };
         parameters.validate()?;
@@ -248,7 +250,8 @@ mod tests {
     fn what_does_not_fit_is_named() {
         for (parameters, word) in [
             (json!({"count": 0}), "count"),
-            (json!({"count": -1}), "-1"),
+            (json!({"count": -1}), "count"),
+            (json!({"construction": "radial", "radial": {"sigma": "x"}}), "radial.sigma"),
             (json!({"count": 1_000_000_000}), "1000000000"),
             (json!({"dimension": 10}), "dimension"),
             (json!({"methd": "approximate"}), "methd"),
