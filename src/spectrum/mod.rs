@@ -3,6 +3,7 @@
 mod approximate;
 pub mod certificate;
 pub mod heat;
+pub mod hsim;
 pub mod radial;
 
 pub use approximate::{ApproximationError, ApproximationParameters, Space, approximate};
