@@ -7,7 +7,7 @@ use crate::basis::Basis;
 use crate::mesh::TriangleMesh;
 use crate::mesh::distance::{DistanceKind, STVD_WINDOW_MAX};
 use crate::monitor::Monitor;
-use crate::operator::MassKind;
+use crate::operator::{self, MassKind, OperatorParameters};
 use crate::spectrum::heat::HeatParameters;
 use crate::spectrum::radial::RadialParameters;
 use crate::spectrum::{self, ApproximationParameters, Space};
@@ -218,11 +218,12 @@ impl EigenbasisParameters {
         let parameters = ApproximationParameters {
             count: self.count,
             dimension: self.dimension(),
-            mass: self.mass,
             space: self.space(),
             seed: self.seed,
         };
-        Ok(spectrum::approximate(mesh, &parameters, monitor)?)
+        let operator = OperatorParameters { mass: self.mass, ..OperatorParameters::default() };
+        let operator = operator::assemble(mesh, &operator, monitor)?;
+        Ok(spectrum::approximate(mesh, &operator, &parameters, monitor)?)
     }
 }
 

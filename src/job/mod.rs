@@ -8,6 +8,7 @@ pub use eigenbasis::{Accuracy, Construction, EigenbasisParameters, Method};
 use crate::basis::Basis;
 use crate::mesh::TriangleMesh;
 use crate::monitor::{Cancelled, Monitor, StageClock};
+use crate::operator::OperatorError;
 use crate::spectrum::ApproximationError;
 
 /// The version of the solvers: it enters the key of equal work, so that a better solver does not answer with old results.
@@ -52,6 +53,9 @@ pub enum JobError {
     /// Its parameters do not fit the mesh.
     #[error(transparent)]
     Parameters(#[from] ParameterError),
+    /// The operator could not be made.
+    #[error(transparent)]
+    Operator(OperatorError),
     /// The approximation failed.
     #[error(transparent)]
     Approximation(ApproximationError),
@@ -66,12 +70,22 @@ impl From<ApproximationError> for JobError {
     }
 }
 
+impl From<OperatorError> for JobError {
+    fn from(error: OperatorError) -> Self {
+        match error {
+            OperatorError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Operator(other),
+        }
+    }
+}
+
 impl JobError {
     /// A stable identifier of the failure, in kebab case.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Cancelled(_) => "cancelled",
             Self::Parameters(_) => "invalid-parameters",
+            Self::Operator(error) => error.kind(),
             Self::Approximation(error) => error.kind(),
         }
     }

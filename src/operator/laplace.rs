@@ -71,7 +71,7 @@ pub fn assemble_with_report(
         .collect();
     let massless_vertices = blocks.iter().map(|b| b.massless).sum();
     let (stiffness, mass) = join(n, &blocks, mass);
-    let problem = EigenProblem { stiffness, mass, area: area / scale / scale };
+    let problem = EigenProblem { stiffness, mass, area: area / scale / scale, unknowns: None };
     Ok((problem, AssemblyReport { zero_area_faces, massless_vertices }))
 }
 

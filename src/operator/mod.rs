@@ -1,15 +1,37 @@
-//! Operators on a mesh: one public operator per file. Solvers take an [`EigenProblem`].
+//! Operators on a mesh: one public operator per file. Solvers take an [`EigenProblem`]; [`assemble`] makes the one that a client
+//! describes by [`OperatorParameters`].
 
+mod choice;
 pub mod laplace;
 
 use crate::algebra::{GalerkinError, SparseMatrix};
-use crate::monitor::Monitor;
+use crate::monitor::{Cancelled, Monitor};
 
 pub use crate::algebra::MassMatrix;
+pub use choice::{
+    Boundary, Laplacian, MeshOperator, OperatorKind, OperatorParameters, OperatorReport, Potential, Reason, assemble,
+};
 
 /// Why no operator can be made of a mesh.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum OperatorError {
+    /// It was asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// A parameter is out of its range or does not fit the mesh.
+    #[error("parameter \"{name}\": {reason}")]
+    Parameter {
+        /// The parameter.
+        name: &'static str,
+        /// What its value must be, and what it is.
+        reason: String,
+    },
+    /// Every vertex lies on the boundary, so that nothing is left to solve for.
+    #[error("all {vertices} vertices lie on the boundary; the Dirichlet condition leaves no unknown")]
+    NoUnknowns {
+        /// The number of vertices.
+        vertices: usize,
+    },
     /// A face refers to a vertex that is not there.
     #[error("face {face} refers to vertex {vertex} of {vertices}")]
     VertexOutOfRange {
@@ -37,6 +59,17 @@ pub enum OperatorError {
     },
 }
 
+impl OperatorError {
+    /// A stable identifier of the failure, in kebab case.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Cancelled(_) => "cancelled",
+            Self::Parameter { .. } => "invalid-parameters",
+            _ => "operator-failed",
+        }
+    }
+}
+
 /// Which mass matrix the hat functions get (`numerics`: per face of area A).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -52,8 +85,9 @@ pub enum MassKind {
 
 /// The generalised eigenproblem `S x = λ M x` on the mesh scaled to unit area.
 ///
-/// `S` is `n × n`, symmetric positive semi-definite, both triangles stored. Eigenvalues in the units of the input are those of
-/// this problem divided by `area`; eigenvectors that are orthonormal for the mass of the input are these divided by `√area`.
+/// `S` is `n × n`, symmetric, both triangles stored, and positive semi-definite but for potentials with negative values. Eigenvalues
+/// in the units of the input are those of this problem divided by `area`; eigenvectors that are orthonormal for the mass of the input
+/// are these divided by `√area`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EigenProblem {
     /// The stiffness matrix; in two dimensions it does not depend on scale.
@@ -62,9 +96,16 @@ pub struct EigenProblem {
     pub mass: MassMatrix,
     /// The area of the mesh in the units of the input.
     pub area: f64,
+    /// The vertex of each row, ascending, where boundary vertices are no unknowns; `None` where row `i` is vertex `i`.
+    pub unknowns: Option<Vec<u32>>,
 }
 
 impl EigenProblem {
+    /// The number `n` of unknowns.
+    pub fn size(&self) -> usize {
+        self.stiffness.rows()
+    }
+
     /// The pencil restricted to the columns of `space`, `n × d`: `UᵀSU` and `UᵀMU`.
     ///
     /// # Errors

@@ -10,7 +10,7 @@ use crate::mesh::connectivity::Connectivity;
 use crate::mesh::distance::DistanceKind;
 use crate::mesh::sample::well_spread_points;
 use crate::monitor::{Cancelled, Monitor};
-use crate::operator::{EigenProblem, MassKind, OperatorError, laplace};
+use crate::operator::MeshOperator;
 
 /// The overlap of supports, `σ`: the thesis takes 7 to 10.
 const SIGMA: f64 = 10.0;
@@ -39,8 +39,6 @@ pub struct ApproximationParameters {
     /// The dimension `d ≥ m` of the subspace. A mesh of fewer than `1.5 d` vertices is solved exactly instead, and a construction
     /// may add a function for a vertex that no other reaches.
     pub dimension: usize,
-    /// The mass matrix.
-    pub mass: MassKind,
     /// How the subspace is built.
     pub space: Space,
     /// Seeds everything that is drawn at random.
@@ -53,9 +51,6 @@ pub enum ApproximationError {
     /// It was asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
-    /// The operator could not be assembled.
-    #[error(transparent)]
-    Operator(#[from] OperatorError),
     /// The radial columns could not be made.
     #[error(transparent)]
     Radial(RadialError),
@@ -107,7 +102,6 @@ impl ApproximationError {
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Cancelled(_) => "cancelled",
-            Self::Operator(_) => "operator-failed",
             Self::Radial(_) | Self::Heat(_) => "subspace-failed",
             Self::Reduce(_) => "restriction-failed",
             Self::Eigen(_) => "eigenproblem-failed",
@@ -117,9 +111,9 @@ impl ApproximationError {
     }
 }
 
-/// Computes the lowest `m` Ritz pairs of the Laplace–Beltrami operator in a subspace of `d` locally supported functions.
+/// Computes the lowest `m` Ritz pairs of an operator in a subspace of `d` locally supported functions.
 ///
-/// Stages: `operator`, `sampling`, `basis`, `reduce`, `eigen`, `bounds`. Eigenvalues ascend, are upper bounds of the exact ones,
+/// Stages: `sampling`, `basis`, `reduce`, `eigen`, `bounds`. Eigenvalues ascend, are upper bounds of the exact ones,
 /// and are in 1/length² of the input; eigenfunctions are orthonormal for the mass of the input. The metadata are left empty. The
 /// same input and seed give the same answer, up to rounding in the dense eigenproblem where the number of threads differs.
 ///
@@ -128,6 +122,7 @@ impl ApproximationError {
 /// cancellation.
 pub fn approximate(
     mesh: &TriangleMesh,
+    operator: &MeshOperator,
     parameters: &ApproximationParameters,
     monitor: &dyn Monitor,
 ) -> Result<Basis, ApproximationError> {
@@ -135,10 +130,8 @@ pub fn approximate(
     if parameters.count > n {
         return Err(ApproximationError::Count { count: parameters.count, vertices: n });
     }
-    monitor.stage("operator");
-    let problem = laplace::assemble(mesh, parameters.mass)?;
-    monitor.checkpoint()?;
-    let space = subspace(mesh, &problem, parameters, monitor)?;
+    let problem = &operator.problem;
+    let space = subspace(mesh, operator, parameters, monitor)?;
 
     monitor.stage("reduce");
     let (stiffness, mass) = galerkin(&space, &problem.stiffness, &problem.mass, monitor)?;
@@ -147,7 +140,7 @@ pub fn approximate(
     let mut pairs = CpuSolver.lowest(stiffness.to_dense(), mass.to_dense(), parameters.count, monitor)?;
 
     monitor.stage("bounds");
-    let certificate = certify(&problem, &space, &mass, &mut pairs.vectors, &pairs.values, monitor)?;
+    let certificate = certify(problem, &space, &mass, &mut pairs.vectors, &pairs.values, monitor)?;
 
     // From the mesh of unit area back to the units of the input.
     let (value_scale, vector_scale) = (problem.area.recip(), problem.area.sqrt().recip());
@@ -166,7 +159,7 @@ pub fn approximate(
 /// The space `U`, `n × d`, rows with sum 1.
 fn subspace(
     mesh: &TriangleMesh,
-    problem: &EigenProblem,
+    operator: &MeshOperator,
     parameters: &ApproximationParameters,
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, ApproximationError> {
@@ -180,13 +173,13 @@ fn subspace(
     match &parameters.space {
         Space::Radial(radial) => Ok(radial::space(mesh, &connectivity, d, parameters.seed, radial, monitor)?),
         Space::Heat(heat) => {
-            let masses = problem.mass.lumped();
+            let masses = operator.laplacian().mass.lumped();
             let samples = well_spread_points(mesh, &connectivity, &masses, d, LLOYD_MOVES, parameters.seed, monitor)?;
             monitor.stage("basis");
             // Edge paths are as good a start as fast marching where a support holds many vertices, and cheaper.
             let distance = if n >= DIJKSTRA_SUFFICES * d { DistanceKind::Dijkstra } else { DistanceKind::FastMarching };
             let start = radial::columns(mesh, &connectivity, &samples, distance, Profile::Cubic, SIGMA, monitor)?;
-            Ok(heat::smooth(mesh, problem, &connectivity, &start, heat, monitor)?)
+            Ok(heat::smooth(mesh, operator.laplacian(), &connectivity, &start, heat, monitor)?)
         }
     }
 }

@@ -1,0 +1,207 @@
+//! What a client may ask for, the operator that is made of it, and why.
+
+use serde::{Deserialize, Serialize};
+
+use super::{EigenProblem, MassKind, OperatorError, laplace};
+use crate::mesh::TriangleMesh;
+use crate::monitor::Monitor;
+
+/// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"robust"`, `{"extrinsic": {"t": 0.5}}`,
+/// `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}`, `{"hamiltonian": {"potential": {"values": [0.0, …]}}}`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum OperatorKind {
+    /// Laplace–Beltrami: by cotangents where the mesh is manifold and its triangles are fair, the robust one otherwise.
+    #[default]
+    Auto,
+    /// Laplace–Beltrami by the cotangents of the triangles as they are.
+    Laplace,
+    /// The robust Laplacian (Sharp and Crane 2020).
+    Robust,
+    /// The extrinsic family (thesis, eq. 2.13): `(1 − t) S + t A`, on the Laplacian that `auto` chooses.
+    Extrinsic {
+        /// From 0, the Laplacian, to 1, the operator that also follows the normals.
+        t: f64,
+    },
+    /// The Hamiltonian: the Laplacian that `auto` chooses, plus a potential.
+    Hamiltonian {
+        /// The potential.
+        potential: Potential,
+    },
+}
+
+/// The potential of a Hamiltonian.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Potential {
+    /// `V = t (κ₁² + κ₂²)` (thesis, appendix 4.C), with the curvatures of the vertices.
+    Curvature {
+        /// The weight, without unit, at least 0.
+        t: f64,
+    },
+    /// One value for each vertex, in 1/length² of the input.
+    Values(Vec<f64>),
+}
+
+/// What holds at the boundary of the surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Boundary {
+    /// Nothing is fixed; the normal derivative vanishes.
+    #[default]
+    Neumann,
+    /// Functions vanish on the boundary: its vertices are no unknowns.
+    Dirichlet,
+}
+
+/// The eigenproblem that is wanted.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OperatorParameters {
+    /// The operator.
+    pub operator: OperatorKind,
+    /// The mass matrix.
+    pub mass: MassKind,
+    /// The boundary condition.
+    pub boundary: Boundary,
+}
+
+impl OperatorParameters {
+    /// Checks what can be checked without a mesh.
+    ///
+    /// # Errors
+    /// [`OperatorError::Parameter`] names what is out of range.
+    pub fn check(&self) -> Result<(), OperatorError> {
+        let error = |name, reason| Err(OperatorError::Parameter { name, reason });
+        match &self.operator {
+            OperatorKind::Extrinsic { t } if !(0.0..=1.0).contains(t) => {
+                error("operator.extrinsic.t", format!("must lie between 0 and 1, not be {t}"))
+            }
+            OperatorKind::Hamiltonian { potential: Potential::Curvature { t } } if !(0.0..=1e6).contains(t) => {
+                error("operator.hamiltonian.potential.curvature.t", format!("must lie between 0 and 1e6, not be {t}"))
+            }
+            OperatorKind::Hamiltonian { potential: Potential::Values(values) } => {
+                match values.iter().position(|v| !v.is_finite()) {
+                    Some(vertex) => error(
+                        "operator.hamiltonian.potential.values",
+                        format!("the value of vertex {vertex} is not a finite number"),
+                    ),
+                    None => Ok(()),
+                }
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Checks the parameters against the number of vertices.
+    ///
+    /// # Errors
+    /// [`OperatorError::Parameter`] where a potential has another number of values.
+    pub fn check_mesh(&self, vertices: usize) -> Result<(), OperatorError> {
+        match &self.operator {
+            OperatorKind::Hamiltonian { potential: Potential::Values(values) } if values.len() != vertices => {
+                Err(OperatorError::Parameter {
+                    name: "operator.hamiltonian.potential.values",
+                    reason: format!("{} values were sent for {vertices} vertices", values.len()),
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// How the Laplacian is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Laplacian {
+    /// From the cotangents of the triangles as they are.
+    #[default]
+    Cotangent,
+    /// From an intrinsic Delaunay triangulation of the tufted cover (Sharp and Crane 2020).
+    Robust,
+}
+
+/// Why the Laplacian is made so.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// The client asked for it.
+    Requested,
+    /// The mesh is manifold and its triangles are fair.
+    #[default]
+    FairMesh,
+    /// Some edges or vertices are not manifold.
+    NonManifold,
+    /// Some triangles are so thin that cotangents lose their meaning.
+    BadTriangles,
+}
+
+/// What was chosen and come across when an operator was made.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct OperatorReport {
+    /// How the Laplacian was made.
+    pub laplacian: Laplacian,
+    /// Why.
+    pub reason: Reason,
+    /// Edges with three or more faces.
+    pub non_manifold_edges: usize,
+    /// Vertices whose faces form several fans, though none of their edges has three or more faces.
+    pub non_manifold_vertices: usize,
+    /// Faces that are too thin for cotangents to have a meaning, those without area included.
+    pub bad_faces: usize,
+    /// Faces without an area: by cotangents they contribute nothing.
+    pub zero_area_faces: usize,
+    /// Vertices on which nothing acts; their mass is negligible.
+    pub massless_vertices: usize,
+    /// What was added to the length of each edge before anything else, as a share of the mean length; 0 without the robust Laplacian.
+    pub mollification: f64,
+    /// Edges that were flipped on the tufted cover.
+    pub flips: usize,
+    /// Vertices that are no unknowns.
+    pub removed_vertices: usize,
+}
+
+/// An eigenproblem on a mesh, and the Laplacian it rests on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeshOperator {
+    /// The eigenproblem.
+    pub problem: EigenProblem,
+    /// The Laplacian with all vertices as unknowns; `None` where `problem` is that.
+    base: Option<EigenProblem>,
+    /// What was chosen, and why.
+    pub report: OperatorReport,
+}
+
+impl MeshOperator {
+    /// The Laplacian on all vertices, without boundary condition: what local functions are diffused with.
+    pub fn laplacian(&self) -> &EigenProblem {
+        self.base.as_ref().unwrap_or(&self.problem)
+    }
+}
+
+/// Makes the operator that is asked for. Announces the stage `operator`.
+///
+/// # Errors
+/// [`OperatorError`]: parameters out of range, a mesh without area or unknowns, cancellation.
+pub fn assemble(
+    mesh: &TriangleMesh,
+    parameters: &OperatorParameters,
+    monitor: &dyn Monitor,
+) -> Result<MeshOperator, OperatorError> {
+    monitor.stage("operator");
+    parameters.check()?;
+    parameters.check_mesh(mesh.positions.len())?;
+    let (problem, found) = laplace::assemble_with_report(mesh, parameters.mass)?;
+    monitor.checkpoint()?;
+    if !matches!(parameters.operator, OperatorKind::Auto | OperatorKind::Laplace)
+        || parameters.boundary != Boundary::Neumann
+    {
+        return Err(OperatorError::Parameter { name: "operator", reason: "this operator is not there yet".to_owned() });
+    }
+    let report = OperatorReport {
+        zero_area_faces: found.zero_area_faces,
+        massless_vertices: found.massless_vertices,
+        ..OperatorReport::default()
+    };
+    Ok(MeshOperator { problem, base: None, report })
+}
