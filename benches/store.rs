@@ -10,7 +10,7 @@ use std::{
 
 use chladni::{
     algebra::{DenseMatrix, MassMatrix, SparseMatrix},
-    basis::{Basis, Certificate},
+    basis::{Basis, Certificate, Compact, Functions},
     mesh::TriangleMesh,
     store::{CompleteAnswer, JobProblem, NewJob, NewMesh, Store, StoreOptions},
 };
@@ -59,6 +59,7 @@ impl Bench {
             max_attempts: 1,
             work_key: self.next().to_string(),
             solver_version: "1".to_owned(),
+            memory_bytes: 0,
         };
         self.store.enqueue(new).await.unwrap();
     }
@@ -90,17 +91,19 @@ fn mesh(seed: usize, vertices: usize) -> NewMesh {
 fn basis(seed: usize) -> Basis {
     let (n, d, m, row) = (134_345, 1000, 500, 15);
     Basis {
-        space: SparseMatrix::from_sorted_parts(
-            n,
-            d,
-            (0..=n).map(|i| row * i).collect(),
-            (0..n * row).map(|i| ((i / row * 7) % (d - row) + i % row) as u32).collect(),
-            (0..n * row).map(|i| i as f32).collect(),
-        ),
-        coefficients: DenseMatrix::from_columns(d, m, vec![seed as f64; d * m]).unwrap(),
+        functions: Functions::Compact(Compact {
+            space: SparseMatrix::from_sorted_parts(
+                n,
+                d,
+                (0..=n).map(|i| row * i).collect(),
+                (0..n * row).map(|i| ((i / row * 7) % (d - row) + i % row) as u32).collect(),
+                (0..n * row).map(|i| i as f32).collect(),
+            ),
+            coefficients: DenseMatrix::from_columns(d, m, vec![seed as f64; d * m]).unwrap(),
+        }),
         eigenvalues: (0..m).map(|i| i as f64).collect(),
         mass: MassMatrix::Diagonal(vec![1.0; n]),
-        certificate: Certificate { residuals: vec![0.0; m], bounds: vec![0.0; m], orthonormality_defect: 0.0 },
+        certificate: Certificate { residuals: vec![0.0; m], bounds: vec![0.0; m], ..Certificate::default() },
         metadata: json!({}),
     }
 }

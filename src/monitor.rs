@@ -1,4 +1,4 @@
-//! The one hook through which long work reports its stage and progress and learns that it was cancelled.
+//! The one hook through which long work reports its stage, progress and detail, and learns that it was cancelled.
 
 /// Work was asked to stop at a checkpoint and did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -12,6 +12,10 @@ pub trait Monitor: Sync {
 
     /// The fraction of the current stage that is done, in `0..=1`. It may arrive out of order from parallel work.
     fn progress(&self, fraction: f64);
+
+    /// Where the work stands within its stage, in a few words for people: `level 2 of 3, iteration 1, slice 4 of 8`. It holds until the
+    /// next call or the next stage.
+    fn detail(&self, _text: &str) {}
 
     /// Ends the work with [`Cancelled`] where that was asked for. Called often: at least every few milliseconds of work.
     fn checkpoint(&self) -> Result<(), Cancelled>;
@@ -78,6 +82,9 @@ impl Monitor for StageClock<'_> {
     }
     fn progress(&self, fraction: f64) {
         self.inner.progress(fraction);
+    }
+    fn detail(&self, text: &str) {
+        self.inner.detail(text);
     }
     fn checkpoint(&self) -> Result<(), Cancelled> {
         self.inner.checkpoint()

@@ -3,7 +3,9 @@
 use std::process::Command;
 
 use chladni::algebra::{DenseMatrix, MassMatrix, SparseMatrix};
-use chladni::basis::{Basis, Certificate, matrix_market, npz};
+use chladni::basis::{
+    Basis, Certificate, Compact, DenseFunctions, Functions, Precision, matrix_market, npz, safetensors,
+};
 
 /// A Python that has SciPy: the one that `CHLADNI_PYTHON` names, else one of the usual.
 fn python() -> Option<String> {
@@ -16,11 +18,18 @@ fn python() -> Option<String> {
 fn basis(mass: MassMatrix) -> Basis {
     let space = SparseMatrix::new(3, 2, vec![0, 1, 3, 4], vec![0, 0, 1, 1], vec![1.0, 0.25, 0.75, 1.0]).unwrap();
     Basis {
-        space,
-        coefficients: DenseMatrix::from_columns(2, 2, vec![1.0, 2.0, 3.0, 4.0]).unwrap(),
+        functions: Functions::Compact(Compact {
+            space,
+            coefficients: DenseMatrix::from_columns(2, 2, vec![1.0, 2.0, 3.0, 4.0]).unwrap(),
+        }),
         eigenvalues: vec![0.0, 3.25],
         mass,
-        certificate: Certificate { residuals: vec![0.0, 0.125], bounds: vec![0.0, 0.5], orthonormality_defect: 1e-15 },
+        certificate: Certificate {
+            residuals: vec![0.0, 0.125],
+            bounds: vec![0.0, 0.5],
+            orthonormality_defect: 1e-15,
+            ..Certificate::default()
+        },
         metadata: serde_json::json!({"solver_version": "x"}),
     }
 }
@@ -32,6 +41,7 @@ fn run(script: &str, basis: &Basis) {
     };
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("basis.npz"), npz::to_bytes(basis).unwrap()).unwrap();
+    std::fs::write(folder.path().join("basis.safetensors"), safetensors::to_bytes(basis).unwrap()).unwrap();
     std::fs::write(folder.path().join("basis.zip"), matrix_market::to_bytes(basis).unwrap()).unwrap();
     let out = Command::new(python).args(["-c", script]).current_dir(folder.path()).output().unwrap();
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
@@ -77,4 +87,32 @@ assert (read("coefficients.mtx") == [[1, 3], [2, 4]]).all() and (read("eigenvalu
 assert (read("mass.mtx").toarray().diagonal() == [.5, .25, .25]).all()
 "#;
     run(script, &basis(MassMatrix::Diagonal(vec![0.5, 0.25, 0.25])));
+}
+
+#[test]
+fn dense_bases_are_opened_too() {
+    let script = r#"
+import io, json, struct, zipfile, numpy as np, scipy.io
+z = np.load("basis.npz")
+F = z["functions"]
+assert F.shape == (3, 40) and F.flags.f_contiguous and F.dtype == DTYPE
+assert (F == np.arange(120).reshape(40, 3).T / 8).all() and len(z["eigenvalues"]) == 40
+assert (z["mass"] == [.5, .25, .25]).all() and json.loads(z["certificate"].item())["complete"] is None
+read = lambda name: scipy.io.mmread(io.BytesIO(zipfile.ZipFile("basis.zip").read(name)))
+assert (read("functions.mtx") == F).all()
+raw = open("basis.safetensors", "rb").read()
+size = struct.unpack("<Q", raw[:8])[0]
+entry = json.loads(raw[8:8 + size])["functions"]
+begin, end = entry["data_offsets"]
+assert (np.frombuffer(raw[8 + size:][begin:end], DTYPE).reshape(entry["shape"]) == F.T).all()
+"#;
+    let columns = DenseMatrix::from_columns(3, 40, (0..120).map(|i| f64::from(i) / 8.0).collect()).unwrap();
+    for (precision, dtype) in [(Precision::F32, "np.float32"), (Precision::F64, "np.float64")] {
+        let dense = Basis {
+            functions: Functions::Dense(DenseFunctions::from_columns(&columns, precision)),
+            eigenvalues: vec![1.0; 40],
+            ..basis(MassMatrix::Diagonal(vec![0.5, 0.25, 0.25]))
+        };
+        run(&script.replace("DTYPE", dtype), &dense);
+    }
 }

@@ -4,7 +4,7 @@ use crate::algebra::DenseMatrix;
 use crate::basis::{Basis, BasisError};
 
 /// Why functions were not filtered.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FilterError {
     /// A parameter is not a number one can filter with.
     #[error("{parameter} is {value}, where {expected} is due")]
@@ -150,13 +150,10 @@ fn band(low: f64, high: f64) -> Result<(), FilterError> {
 /// # Errors
 /// [`FilterError`] names what does not fit.
 pub fn filter(basis: &Basis, functions: &DenseMatrix, transfer: &Transfer) -> Result<DenseMatrix, FilterError> {
-    let (factors, beyond) = transfer.factors(&basis.eigenvalues)?;
-    let mut spectrum = basis.project(functions)?;
-    for k in 0..spectrum.columns() {
-        // F∞ x is added below, so that one evaluation serves both terms.
-        spectrum.column_mut(k).iter_mut().zip(&factors).for_each(|(c, factor)| *c *= factor - beyond);
-    }
-    let mut filtered = basis.evaluate(&spectrum)?;
+    let (mut factors, beyond) = transfer.factors(&basis.eigenvalues)?;
+    // F∞ x is added below, so that one evaluation serves both terms.
+    factors.iter_mut().for_each(|factor| *factor -= beyond);
+    let (_, mut filtered) = basis.apply_diagonal(functions, &factors)?;
     if beyond != 0.0 {
         filtered.values_mut().iter_mut().zip(functions.values()).for_each(|(y, x)| *y += beyond * x);
     }
@@ -167,7 +164,7 @@ pub fn filter(basis: &Basis, functions: &DenseMatrix, transfer: &Transfer) -> Re
 mod tests {
     use super::*;
     use crate::algebra::{MassMatrix, SparseMatrix};
-    use crate::basis::Certificate;
+    use crate::basis::{Certificate, Compact, DenseFunctions, Functions, Precision};
 
     /// The cosine basis of a chain of `n` points with equal masses.
     fn chain(n: usize, m: usize) -> Basis {
@@ -179,8 +176,10 @@ mod tests {
             column.for_each(|(i, x)| *x = scale * (frequency(k) * (i as f64 + 0.5)).cos());
         }
         Basis {
-            space: SparseMatrix::new(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0; n]).unwrap(),
-            coefficients: modes,
+            functions: Functions::Compact(Compact {
+                space: SparseMatrix::new(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0; n]).unwrap(),
+                coefficients: modes,
+            }),
             eigenvalues: (0..m).map(|k| 2.0 - 2.0 * frequency(k).cos()).collect(),
             mass: MassMatrix::Diagonal(vec![1.0; n]),
             certificate: Certificate::default(),
@@ -222,7 +221,7 @@ mod tests {
     #[test]
     fn a_mode_is_multiplied_by_its_own_factor() {
         let basis = chain(40, 10);
-        let mode = basis.coefficients.slice_columns(4..5);
+        let mode = basis.compact().unwrap().coefficients.slice_columns(4..5);
         let value = basis.eigenvalues[4];
         let cases = [
             (Transfer::Heat { time: 3.0 }, (-3.0 * value).exp()),
@@ -234,6 +233,17 @@ mod tests {
             let expected: Vec<f64> = mode.values().iter().map(|x| factor * x).collect();
             assert!(distance(&found, &DenseMatrix::from_columns(40, 1, expected).unwrap()) < 1e-14);
         }
+    }
+
+    #[test]
+    fn a_dense_basis_filters_as_a_compact_one_does() {
+        let (compact, x) = (chain(50, 40), functions(50, 3));
+        let modes = &compact.compact().unwrap().coefficients;
+        let dense = DenseFunctions::from_columns(modes, Precision::F64);
+        let dense = Basis { functions: Functions::Dense(dense), ..compact.clone() };
+        let transfer = Transfer::Gain { low: 0.1, high: 1.0, gain: 2.0 };
+        let filtered = filter(&dense, &x, &transfer).unwrap();
+        assert!(distance(&filtered, &filter(&compact, &x, &transfer).unwrap()) < 1e-13);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What a basis is good for: filters, projections. Everything is evaluated as `U (φ̄ v)`.
+//! What a basis is good for: filters, projections.
 
 pub mod filter;
 pub mod projection;

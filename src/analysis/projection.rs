@@ -17,10 +17,9 @@ pub struct Projection {
 /// Projects `k` functions, `n × k`, and measures what was lost.
 ///
 /// # Errors
-/// [`BasisError::Rows`] unless there is a row for each vertex.
+/// [`BasisError::Rows`] unless there is a row for each vertex; [`BasisError::Unavailable`].
 pub fn project(basis: &Basis, functions: &DenseMatrix) -> Result<Projection, BasisError> {
-    let coefficients = basis.project(functions)?;
-    let reconstruction = basis.evaluate(&coefficients)?;
+    let (coefficients, reconstruction) = basis.apply_diagonal(functions, &vec![1.0; basis.count()])?;
     let mut lost = functions.clone();
     lost.values_mut().iter_mut().zip(reconstruction.values()).for_each(|(x, y)| *x -= y);
     let relative_errors = basis
@@ -36,13 +35,15 @@ pub fn project(basis: &Basis, functions: &DenseMatrix) -> Result<Projection, Bas
 mod tests {
     use super::*;
     use crate::algebra::{MassMatrix, SparseMatrix};
-    use crate::basis::Certificate;
+    use crate::basis::{Certificate, Compact, Functions};
 
     /// Four points of masses 1 to 4; the first two indicator functions, normalised.
     fn basis() -> Basis {
         Basis {
-            space: SparseMatrix::new(4, 2, vec![0, 1, 2, 2, 2], vec![0, 1], vec![1.0, 1.0]).unwrap(),
-            coefficients: DenseMatrix::from_columns(2, 2, vec![1.0, 0.0, 0.0, 0.5f64.sqrt()]).unwrap(),
+            functions: Functions::Compact(Compact {
+                space: SparseMatrix::new(4, 2, vec![0, 1, 2, 2, 2], vec![0, 1], vec![1.0, 1.0]).unwrap(),
+                coefficients: DenseMatrix::from_columns(2, 2, vec![1.0, 0.0, 0.0, 0.5f64.sqrt()]).unwrap(),
+            }),
             eigenvalues: vec![0.0, 1.0],
             mass: MassMatrix::Diagonal(vec![1.0, 2.0, 3.0, 4.0]),
             certificate: Certificate::default(),

@@ -1,12 +1,16 @@
-//! Working in a basis: lifting modes, evaluating combinations, projecting functions. Always through `U (φ̄ v)`, never through all of `Φ`.
+//! Working in a basis: lifting modes, evaluating combinations, projecting functions. A compact basis works through `U (φ̄ v)`, a dense
+//! one chunk by chunk of its columns: never with all of `Φ` at once.
+
+use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::Basis;
-use crate::algebra::{DenseMatrix, LIFT_WIDTH, RowLifter, space_times, space_transposed_mass_times};
+use super::dense::{Real, Visit};
+use super::{Basis, ColumnError, Compact, DenseFunctions, Functions};
+use crate::algebra::{DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, space_times, space_transposed_mass_times};
 
 /// Why something cannot be evaluated in a basis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum BasisError {
     /// Modes are wanted that the basis does not have.
     #[error("modes {from}..{to} of a basis of {count}")]
@@ -26,8 +30,16 @@ pub enum BasisError {
         /// The vertices or the modes of the basis.
         expected: usize,
     },
+    /// Some columns cannot be read.
+    #[error("chunk {chunk} of the eigenfunctions cannot be read: {error}")]
+    Unavailable {
+        /// The chunk of columns.
+        chunk: usize,
+        /// Why.
+        error: ColumnError,
+    },
     /// The parts of the basis do not fit each other.
-    #[error("the factors of the basis do not fit each other")]
+    #[error("the parts of the basis do not fit each other")]
     Inconsistent,
 }
 
@@ -35,64 +47,94 @@ pub enum BasisError {
 const ROWS_PER_TASK: usize = 1024;
 
 impl Basis {
-    /// Modes `range` lifted to the vertices: `n` values for each mode, mode after mode.
+    /// Modes `range` on the vertices: `n` values for each mode, mode after mode. Of a dense basis, only their chunks are read.
     ///
     /// # Errors
-    /// [`BasisError::Modes`] where the range leaves the basis.
-    pub fn lift(&self, range: std::ops::Range<usize>) -> Result<Vec<f32>, BasisError> {
-        let n = self.vertices();
-        if range.start > range.end || range.end > self.coefficients.columns() {
-            let count = self.coefficients.columns();
-            return Err(BasisError::Modes { from: range.start, to: range.end, count });
+    /// [`BasisError::Modes`] where the range leaves the basis; [`BasisError::Unavailable`].
+    pub fn lift<T: Real>(&self, range: Range<usize>) -> Result<Vec<T>, BasisError> {
+        if range.start > range.end || range.end > self.count() {
+            return Err(BasisError::Modes { from: range.start, to: range.end, count: self.count() });
         }
-        let wanted = self.coefficients.slice_columns(range);
-        let count = wanted.columns();
-        let lifter = RowLifter::new(&self.space, &wanted).ok_or(BasisError::Inconsistent)?;
-        let mut lifted = vec![0f32; n * count];
-        // Each task owns some rows of every mode.
-        let mut tasks: Vec<Vec<&mut [f32]>> =
-            (0..n.div_ceil(ROWS_PER_TASK)).map(|_| Vec::with_capacity(count)).collect();
-        for mode in lifted.chunks_mut(n.max(1)) {
-            for (task, part) in tasks.iter_mut().zip(mode.chunks_mut(ROWS_PER_TASK)) {
-                task.push(part);
-            }
+        match &self.functions {
+            Functions::Compact(compact) => compact.lift(range),
+            Functions::Dense(dense) => dense.copy(range),
         }
-        tasks.into_par_iter().enumerate().for_each(|(task, mut modes)| {
-            let from = task * ROWS_PER_TASK;
-            let rows: Vec<u32> = (from..n.min(from + ROWS_PER_TASK)).map(|row| row as u32).collect();
-            let mut panel = vec![[0.0; LIFT_WIDTH]; rows.len()];
-            for (group, modes) in modes.chunks_mut(LIFT_WIDTH).enumerate() {
-                lifter.lift(&rows, group, &mut panel);
-                for (k, mode) in modes.iter_mut().enumerate() {
-                    mode.iter_mut().zip(&panel).for_each(|(value, row)| *value = row[k] as f32);
-                }
-            }
-        });
-        Ok(lifted)
     }
 
     /// `Φ v` for coefficients `v`, `m × k`, in the eigenbasis: `n × k`.
     ///
     /// # Errors
-    /// [`BasisError::Rows`] unless `v` has a row for each mode.
+    /// [`BasisError::Rows`] unless `v` has a row for each mode; [`BasisError::Unavailable`].
     pub fn evaluate(&self, v: &DenseMatrix) -> Result<DenseMatrix, BasisError> {
-        let reduced = self
-            .coefficients
-            .times(v)
-            .ok_or(BasisError::Rows { found: v.rows(), expected: self.coefficients.columns() })?;
-        space_times(&self.space, &reduced).ok_or(BasisError::Inconsistent)
+        if v.rows() != self.count() {
+            return Err(BasisError::Rows { found: v.rows(), expected: self.count() });
+        }
+        match &self.functions {
+            Functions::Compact(compact) => compact.evaluate(v),
+            Functions::Dense(dense) => {
+                let mut sum = DenseMatrix::zeros(dense.rows(), v.columns());
+                dense.each_chunk(|range, chunk| chunk.visit(Add { v, range, sum: &mut sum }))?;
+                Ok(sum)
+            }
+        }
     }
 
     /// `ΦᵀM x` for functions `x`, `n × k`: the coefficients, `m × k`, of the nearest combinations of modes.
     ///
     /// # Errors
-    /// [`BasisError::Rows`] unless `x` has a row for each vertex.
+    /// [`BasisError::Rows`] unless `x` has a row for each vertex; [`BasisError::Unavailable`].
     pub fn project(&self, x: &DenseMatrix) -> Result<DenseMatrix, BasisError> {
-        if x.rows() != self.vertices() {
-            return Err(BasisError::Rows { found: x.rows(), expected: self.vertices() });
+        self.check_rows(x)?;
+        match &self.functions {
+            Functions::Compact(compact) => compact.project(&self.mass, x),
+            Functions::Dense(dense) => {
+                let weighted = self.mass_times(x)?;
+                let mut coefficients = DenseMatrix::zeros(self.count(), x.columns());
+                dense.each_chunk(|range, chunk| {
+                    chunk.visit(Dot { x: &weighted, range, coefficients: &mut coefficients });
+                })?;
+                Ok(coefficients)
+            }
         }
-        let reduced = space_transposed_mass_times(&self.space, &self.mass, x).ok_or(BasisError::Inconsistent)?;
-        self.coefficients.transposed_times(&reduced).ok_or(BasisError::Inconsistent)
+    }
+
+    /// `c = ΦᵀM x`, `m × k`, and `Φ F c`, `n × k`, with a diagonal `F` of `m` factors: as [`project`](Self::project) and
+    /// [`evaluate`](Self::evaluate), but a dense basis is read only once.
+    ///
+    /// # Errors
+    /// [`BasisError::Rows`] unless `x` has a row for each vertex and there is a factor for each mode; [`BasisError::Unavailable`].
+    pub fn apply_diagonal(&self, x: &DenseMatrix, factors: &[f64]) -> Result<(DenseMatrix, DenseMatrix), BasisError> {
+        self.check_rows(x)?;
+        if factors.len() != self.count() {
+            return Err(BasisError::Rows { found: factors.len(), expected: self.count() });
+        }
+        let scaled = |coefficients: &DenseMatrix, range: Range<usize>| {
+            let mut scaled = DenseMatrix::zeros(coefficients.rows(), coefficients.columns());
+            for k in 0..coefficients.columns() {
+                for row in range.clone() {
+                    scaled.column_mut(k)[row] = factors[row] * coefficients.column(k)[row];
+                }
+            }
+            scaled
+        };
+        match &self.functions {
+            Functions::Compact(compact) => {
+                let coefficients = compact.project(&self.mass, x)?;
+                let applied = compact.evaluate(&scaled(&coefficients, 0..self.count()))?;
+                Ok((coefficients, applied))
+            }
+            Functions::Dense(dense) => {
+                let weighted = self.mass_times(x)?;
+                let mut coefficients = DenseMatrix::zeros(self.count(), x.columns());
+                let mut sum = DenseMatrix::zeros(dense.rows(), x.columns());
+                dense.each_chunk(|range, chunk| {
+                    chunk.visit(Dot { x: &weighted, range: range.clone(), coefficients: &mut coefficients });
+                    let v = scaled(&coefficients, range.clone());
+                    chunk.visit(Add { v: &v, range, sum: &mut sum });
+                })?;
+                Ok((coefficients, sum))
+            }
+        }
     }
 
     /// The norm `√(xᵀ M x)` of each of `k` functions, `n × k`.
@@ -109,12 +151,159 @@ impl Basis {
             })
             .collect()
     }
+
+    fn check_rows(&self, x: &DenseMatrix) -> Result<(), BasisError> {
+        if x.rows() != self.vertices() {
+            return Err(BasisError::Rows { found: x.rows(), expected: self.vertices() });
+        }
+        Ok(())
+    }
+
+    fn mass_times(&self, x: &DenseMatrix) -> Result<DenseMatrix, BasisError> {
+        let mut product = DenseMatrix::zeros(x.rows(), x.columns());
+        for k in 0..x.columns() {
+            let mx = self.mass.multiply(x.column(k)).ok_or(BasisError::Inconsistent)?;
+            product.column_mut(k).copy_from_slice(&mx);
+        }
+        Ok(product)
+    }
+}
+
+impl Compact {
+    fn lift<T: Real>(&self, range: Range<usize>) -> Result<Vec<T>, BasisError> {
+        let n = self.space.rows();
+        let wanted = self.coefficients.slice_columns(range);
+        let count = wanted.columns();
+        let lifter = RowLifter::new(&self.space, &wanted).ok_or(BasisError::Inconsistent)?;
+        let mut lifted = vec![T::default(); n * count];
+        // Each task owns some rows of every mode.
+        let mut tasks: Vec<Vec<&mut [T]>> = (0..n.div_ceil(ROWS_PER_TASK)).map(|_| Vec::with_capacity(count)).collect();
+        for mode in lifted.chunks_mut(n.max(1)) {
+            for (task, part) in tasks.iter_mut().zip(mode.chunks_mut(ROWS_PER_TASK)) {
+                task.push(part);
+            }
+        }
+        tasks.into_par_iter().enumerate().for_each(|(task, mut modes)| {
+            let from = task * ROWS_PER_TASK;
+            let rows: Vec<u32> = (from..n.min(from + ROWS_PER_TASK)).map(|row| row as u32).collect();
+            let mut panel = vec![[0.0; LIFT_WIDTH]; rows.len()];
+            for (group, modes) in modes.chunks_mut(LIFT_WIDTH).enumerate() {
+                lifter.lift(&rows, group, &mut panel);
+                for (k, mode) in modes.iter_mut().enumerate() {
+                    mode.iter_mut().zip(&panel).for_each(|(value, row)| *value = T::narrow(row[k]));
+                }
+            }
+        });
+        Ok(lifted)
+    }
+
+    fn evaluate(&self, v: &DenseMatrix) -> Result<DenseMatrix, BasisError> {
+        let reduced = self.coefficients.times(v).ok_or(BasisError::Inconsistent)?;
+        space_times(&self.space, &reduced).ok_or(BasisError::Inconsistent)
+    }
+
+    fn project(&self, mass: &MassMatrix, x: &DenseMatrix) -> Result<DenseMatrix, BasisError> {
+        let reduced = space_transposed_mass_times(&self.space, mass, x).ok_or(BasisError::Inconsistent)?;
+        self.coefficients.transposed_times(&reduced).ok_or(BasisError::Inconsistent)
+    }
+}
+
+impl DenseFunctions {
+    /// Calls a function with each chunk and the range of its columns, in order.
+    fn each_chunk(&self, mut act: impl FnMut(Range<usize>, &super::ColumnChunk)) -> Result<(), BasisError> {
+        for index in 0..self.chunk_count() {
+            let chunk = self.chunk(index)?;
+            act(self.chunk_range(index), &chunk);
+        }
+        Ok(())
+    }
+
+    fn copy<T: Real>(&self, range: Range<usize>) -> Result<Vec<T>, BasisError> {
+        let n = self.rows();
+        let mut copied = vec![T::default(); n * range.len()];
+        if range.is_empty() || n == 0 {
+            return Ok(copied);
+        }
+        let mut columns = copied.chunks_mut(n);
+        for index in range.start / super::CHUNK_COLUMNS..range.end.div_ceil(super::CHUNK_COLUMNS) {
+            let chunk = self.chunk(index)?;
+            let there = self.chunk_range(index);
+            let wanted = there.start.max(range.start)..there.end.min(range.end);
+            for (column, to) in wanted.zip(&mut columns) {
+                chunk.copy_column(column - there.start, to);
+            }
+        }
+        Ok(copied)
+    }
+}
+
+/// Inner products of the columns of a chunk with functions.
+struct Dot<'a> {
+    x: &'a DenseMatrix,
+    range: Range<usize>,
+    coefficients: &'a mut DenseMatrix,
+}
+
+impl Visit for Dot<'_> {
+    type Answer = ();
+    fn visit<T: Real>(self, values: &[T], rows: usize) {
+        let Self { x, range, coefficients } = self;
+        let products: Vec<Vec<f64>> = values
+            .par_chunks(rows.max(1))
+            .map(|column| {
+                (0..x.columns())
+                    .map(|k| {
+                        // Eight sums at a time, which the compiler keeps in vector registers.
+                        let mut sums = [0.0; 8];
+                        let (a, b) = (column.as_chunks::<8>(), x.column(k).as_chunks::<8>());
+                        for (a, b) in a.0.iter().zip(b.0) {
+                            for lane in 0..8 {
+                                sums[lane] += a[lane].wide() * b[lane];
+                            }
+                        }
+                        let rest: f64 = a.1.iter().zip(b.1).map(|(a, b)| a.wide() * b).sum();
+                        sums.iter().sum::<f64>() + rest
+                    })
+                    .collect()
+            })
+            .collect();
+        for (row, products) in range.zip(products) {
+            for (k, product) in products.into_iter().enumerate() {
+                coefficients.column_mut(k)[row] = product;
+            }
+        }
+    }
+}
+
+/// Adds a combination of the columns of a chunk.
+struct Add<'a> {
+    v: &'a DenseMatrix,
+    range: Range<usize>,
+    sum: &'a mut DenseMatrix,
+}
+
+impl Visit for Add<'_> {
+    type Answer = ();
+    fn visit<T: Real>(self, values: &[T], rows: usize) {
+        let Self { v, range, sum } = self;
+        for k in 0..v.columns() {
+            let weights = &v.column(k)[range.clone()];
+            sum.column_mut(k).par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(task, sum)| {
+                let from = task * ROWS_PER_TASK;
+                for (column, &weight) in values.chunks(rows.max(1)).zip(weights) {
+                    let column = &column[from..from + sum.len()];
+                    sum.iter_mut().zip(column).for_each(|(sum, value)| *sum += weight * value.wide());
+                }
+            });
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::basis::tests::small_basis;
+    use crate::basis::Precision;
+    use crate::basis::tests::{dense_basis, small_basis};
 
     #[test]
     fn lifting_and_evaluating_agree_with_the_product_of_the_factors() {
@@ -122,12 +311,12 @@ mod tests {
         // Modes are U times (1, 1) and U times (0.1, -1/3).
         let third = 1.0 / 3.0;
         let modes = [[1.0, 1.0, 1.0], [0.1, 0.025 - 0.25, -third]];
-        let lifted = basis.lift(0..2).unwrap();
+        let lifted: Vec<f32> = basis.lift(0..2).unwrap();
         for (value, expected) in lifted.iter().zip(modes.as_flattened()) {
             assert!((f64::from(*value) - expected).abs() < 1e-7);
         }
-        assert_eq!(basis.lift(1..2).unwrap(), lifted[3..]);
-        assert!(basis.lift(2..2).unwrap().is_empty());
+        assert_eq!(basis.lift::<f32>(1..2).unwrap(), lifted[3..]);
+        assert!(basis.lift::<f32>(2..2).unwrap().is_empty());
         let v = DenseMatrix::from_columns(2, 1, vec![2.0, -3.0]).unwrap();
         let values = basis.evaluate(&v).unwrap();
         for (row, value) in values.column(0).iter().enumerate() {
@@ -157,10 +346,57 @@ mod tests {
     #[test]
     fn sizes_that_do_not_fit_are_named() {
         let basis = small_basis(false);
-        assert_eq!(basis.lift(1..3).unwrap_err().to_string(), "modes 1..3 of a basis of 2");
+        assert_eq!(basis.lift::<f32>(1..3).unwrap_err().to_string(), "modes 1..3 of a basis of 2");
         let four = DenseMatrix::zeros(4, 1);
         assert_eq!(basis.evaluate(&four).unwrap_err(), BasisError::Rows { found: 4, expected: 2 });
         assert_eq!(basis.project(&four).unwrap_err(), BasisError::Rows { found: 4, expected: 3 });
         assert_eq!(basis.norms(&four).unwrap_err(), BasisError::Rows { found: 4, expected: 3 });
+    }
+
+    /// The product of all columns, one by one.
+    fn columns(basis: &Basis) -> Vec<Vec<f64>> {
+        basis.lift::<f64>(0..basis.count()).unwrap().chunks(basis.vertices()).map(<[f64]>::to_vec).collect()
+    }
+
+    #[test]
+    fn a_dense_basis_does_what_its_columns_say() {
+        for (precision, tolerance) in [(Precision::F32, 1e-6), (Precision::F64, 1e-14)] {
+            let basis = dense_basis(precision, 70);
+            let modes = columns(&basis);
+            assert_eq!(modes.len(), 72);
+            let part: Vec<f64> = basis.lift(30..66).unwrap();
+            assert_eq!(part, modes[30..66].concat());
+            let x = DenseMatrix::from_columns(3, 2, vec![1.0, 2.0, 3.0, 0.0, 0.5, 4.0]).unwrap();
+            let factors: Vec<f64> = (0..72).map(|k| 1.0 / (1.0 + f64::from(k))).collect();
+            let (coefficients, applied) = basis.apply_diagonal(&x, &factors).unwrap();
+            let projected = basis.project(&x).unwrap();
+            for k in 0..2 {
+                let mx = basis.mass.multiply(x.column(k)).unwrap();
+                let mut expected = vec![0.0; 3];
+                for (mode, column) in modes.iter().enumerate() {
+                    let dot: f64 = column.iter().zip(&mx).map(|(a, b)| a * b).sum();
+                    assert!((projected.column(k)[mode] - dot).abs() < tolerance);
+                    assert_eq!(projected.column(k)[mode], coefficients.column(k)[mode]);
+                    expected.iter_mut().zip(column).for_each(|(sum, x)| *sum += factors[mode] * dot * x);
+                }
+                let close = |(a, b): (&f64, &f64)| (a - b).abs() < 10.0 * tolerance;
+                assert!(applied.column(k).iter().zip(&expected).all(close));
+                let mut scaled = projected.clone();
+                scaled.column_mut(k).iter_mut().zip(&factors).for_each(|(c, f)| *c *= f);
+                assert!(basis.evaluate(&scaled).unwrap().column(k).iter().zip(&expected).all(close));
+            }
+        }
+    }
+
+    #[test]
+    fn one_pass_over_a_compact_basis_is_a_projection_and_an_evaluation() {
+        let basis = small_basis(true);
+        let x = DenseMatrix::from_columns(3, 1, vec![1.0, 2.0, 3.0]).unwrap();
+        let (coefficients, applied) = basis.apply_diagonal(&x, &[1.0, 0.5]).unwrap();
+        let mut expected = basis.project(&x).unwrap();
+        assert_eq!(coefficients, expected);
+        expected.column_mut(0)[1] *= 0.5;
+        assert_eq!(applied, basis.evaluate(&expected).unwrap());
+        assert!(basis.apply_diagonal(&x, &[1.0]).is_err());
     }
 }

@@ -1,24 +1,26 @@
-//! The product: a sparse factor, a dense factor, eigenvalues and a certificate.
+//! The product: eigenfunctions, eigenvalues and a certificate. Eigenfunctions are kept compactly, as a sparse factor times a dense
+//! one, or densely, as columns.
 
+mod certificate;
+mod dense;
 mod evaluate;
 pub mod matrix_market;
 pub mod npz;
 pub mod safetensors;
 
+pub use certificate::{Certificate, InertiaCount, LevelReport, completeness};
+pub use dense::{CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Precision, Real};
 pub use evaluate::BasisError;
-pub use npz::FormatError;
+pub use npz::{DenseLayout, FormatError};
 
 use crate::algebra::{DenseMatrix, MassMatrix, SparseMatrix};
 
-/// A compact basis `Φ = U φ̄` of `m` approximate eigenfunctions on `n` vertices, `M`-orthonormal in the units of the input.
+/// A basis of `m` eigenfunctions on `n` vertices, `M`-orthonormal in the units of the input.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Basis {
-    /// `U`, `n × d`, in single precision: the reduced problem was formed with these very values, so nothing is lost by storing
-    /// them so.
-    pub space: SparseMatrix<f32>,
-    /// `φ̄`, `d × m`, one column per eigenfunction.
-    pub coefficients: DenseMatrix,
-    /// `m` Ritz values, ascending, in 1/length² of the input.
+    /// The eigenfunctions.
+    pub functions: Functions,
+    /// `m` eigenvalues, ascending, in 1/length² of the input.
     pub eigenvalues: Vec<f64>,
     /// The mass matrix in the units of the input, `n × n`: what filters and projections take inner products with.
     pub mass: MassMatrix,
@@ -28,26 +30,45 @@ pub struct Basis {
     pub metadata: serde_json::Value,
 }
 
-/// What is proven about a basis.
-#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize)]
-pub struct Certificate {
-    /// Per pair `‖S x − θ M x‖ / ‖S x‖` (thesis, eq. 4.6); for the kernel `‖S x‖ / (‖S‖ ‖x‖)`.
-    pub residuals: Vec<f64>,
-    /// Per pair an a-posteriori bound: some exact eigenvalue lies within `[θ − bound, θ + bound]`, in 1/length² of the input.
-    pub bounds: Vec<f64>,
-    /// The largest entry of `|ΦᵀMΦ − I|`.
-    pub orthonormality_defect: f64,
+/// The eigenfunctions of a basis.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Functions {
+    /// `Φ = U φ̄`.
+    Compact(Compact),
+    /// The columns of `Φ` themselves.
+    Dense(DenseFunctions),
+}
+
+/// Eigenfunctions as a product of two factors: `Φ = U φ̄`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Compact {
+    /// `U`, `n × d`, in single precision: the reduced problem was formed with these very values, so nothing is lost by storing
+    /// them so.
+    pub space: SparseMatrix<f32>,
+    /// `φ̄`, `d × m`, one column per eigenfunction.
+    pub coefficients: DenseMatrix,
 }
 
 impl Basis {
     /// The number of vertices, `n`.
     pub fn vertices(&self) -> usize {
-        self.space.rows()
+        match &self.functions {
+            Functions::Compact(compact) => compact.space.rows(),
+            Functions::Dense(dense) => dense.rows(),
+        }
     }
 
-    /// The dimension of the subspace, `d`.
-    pub fn dimension(&self) -> usize {
-        self.space.columns()
+    /// The factors of a compact basis.
+    pub fn compact(&self) -> Option<&Compact> {
+        match &self.functions {
+            Functions::Compact(compact) => Some(compact),
+            Functions::Dense(_) => None,
+        }
+    }
+
+    /// The dimension of the subspace of a compact basis, `d`.
+    pub fn dimension(&self) -> Option<usize> {
+        self.compact().map(|compact| compact.space.columns())
     }
 
     /// The number of eigenpairs, `m`.
@@ -55,12 +76,16 @@ impl Basis {
         self.eigenvalues.len()
     }
 
-    /// The bytes that `U` and `φ̄` take as stored: four for each value and column index of `U`, four for each row offset,
-    /// eight for each coefficient and eigenvalue.
-    pub fn compact_bytes(&self) -> u64 {
-        let sparse = 8 * self.space.entries() + 4 * (self.space.rows() + 1);
-        let dense = 8 * self.coefficients.values().len() + 8 * self.eigenvalues.len();
-        (sparse + dense) as u64
+    /// The bytes that eigenfunctions and eigenvalues take as stored. Of a compact basis: four for each value and column index of
+    /// `U`, four for each row offset, eight for each coefficient and eigenvalue.
+    pub fn stored_bytes(&self) -> u64 {
+        let functions = match &self.functions {
+            Functions::Compact(Compact { space, coefficients }) => {
+                (8 * space.entries() + 4 * (space.rows() + 1) + 8 * coefficients.values().len()) as u64
+            }
+            Functions::Dense(dense) => dense.bytes(),
+        };
+        functions + 8 * self.eigenvalues.len() as u64
     }
 
     /// The bytes that the `n × m` lifted eigenfunctions and the eigenvalues would take in double precision.
@@ -82,16 +107,51 @@ pub(crate) mod tests {
             MassMatrix::Diagonal(vec![0.5, 0.25, 0.25])
         };
         Basis {
-            space: SparseMatrix::new(3, 2, vec![0, 1, 3, 4], vec![0, 0, 1, 1], vec![1.0, 0.25, 0.75, 1.0]).unwrap(),
-            coefficients: DenseMatrix::from_columns(2, 2, vec![1.0, 1.0, 0.1, -1.0 / 3.0]).unwrap(),
+            functions: Functions::Compact(Compact {
+                space: SparseMatrix::new(3, 2, vec![0, 1, 3, 4], vec![0, 0, 1, 1], vec![1.0, 0.25, 0.75, 1.0]).unwrap(),
+                coefficients: DenseMatrix::from_columns(2, 2, vec![1.0, 1.0, 0.1, -1.0 / 3.0]).unwrap(),
+            }),
             eigenvalues: vec![0.0, 3.25],
             mass,
             certificate: Certificate {
                 residuals: vec![1e-15, 0.125],
                 bounds: vec![0.0, 0.5],
                 orthonormality_defect: 1.0 / 7.0,
+                ..Certificate::default()
             },
             metadata: serde_json::json!({"parameters": {"count": 2}}),
         }
+    }
+
+    /// The same functions in columns, and `more` further ones, so that there are several chunks.
+    pub(crate) fn dense_basis(precision: Precision, more: usize) -> Basis {
+        let basis = small_basis(false);
+        let modes: Vec<f64> = basis.lift(0..2).unwrap();
+        let further = (0..3 * more).map(|i| (i as f64 * 0.7).sin());
+        let columns = DenseMatrix::from_columns(3, 2 + more, modes.into_iter().chain(further).collect()).unwrap();
+        let m = 2 + more;
+        Basis {
+            functions: Functions::Dense(DenseFunctions::from_columns(&columns, precision)),
+            eigenvalues: (0..m).map(|k| k as f64 * 3.25).collect(),
+            certificate: Certificate {
+                residuals: vec![0.125; m],
+                bounds: vec![0.5; m],
+                complete: Some(true),
+                inertia: vec![InertiaCount { shift: 1e6, below: m }],
+                levels: vec![LevelReport { dimension: 3, iterations: 2, shifts: 1 }],
+                tolerance: Some(0.01),
+                ..basis.certificate
+            },
+            ..basis
+        }
+    }
+
+    #[test]
+    fn what_a_basis_takes_is_told_for_both_kinds() {
+        let compact = small_basis(false);
+        assert_eq!((compact.dimension(), compact.stored_bytes()), (Some(2), 8 * 4 + 4 * 4 + 8 * 4 + 16));
+        let dense = dense_basis(Precision::F32, 40);
+        assert_eq!((dense.dimension(), dense.vertices(), dense.count()), (None, 3, 42));
+        assert_eq!((dense.stored_bytes(), dense.dense_bytes()), (4 * 3 * 42 + 8 * 42, 8 * 4 * 42));
     }
 }

@@ -212,7 +212,7 @@ impl Run {
         let mut line = json!({
             "vertices": self.vertices,
             "faces": self.faces,
-            "subspace": self.basis.coefficients.rows(),
+            "subspace": self.basis.dimension(),
             "seconds": {"total": self.total, "stages": stages, "write": self.write},
             "threads": threads,
             "solver_version": SOLVER_VERSION,
@@ -221,7 +221,7 @@ impl Run {
             "residuals": self.basis.certificate.residuals,
             "bounds": self.basis.certificate.bounds,
             "orthonormality_defect": self.basis.certificate.orthonormality_defect,
-            "basis_bytes": self.basis.compact_bytes(),
+            "basis_bytes": self.basis.stored_bytes(),
             "dense_bytes": self.basis.dense_bytes(),
         });
         if let (Value::Object(line), Value::Object(parameters)) = (&mut line, job.canonical()) {
@@ -244,7 +244,7 @@ impl Run {
             grouped(self.vertices),
             grouped(self.faces),
             grouped(self.basis.eigenvalues.len()),
-            grouped(self.basis.coefficients.rows()),
+            grouped(self.basis.dimension().unwrap_or(0)),
             word("method"),
             word("construction"),
             word("accuracy"),
@@ -260,7 +260,7 @@ impl Run {
             &self.basis.certificate.residuals,
             &self.basis.certificate.bounds,
         );
-        let (compact, dense) = (self.basis.compact_bytes(), self.basis.dense_bytes());
+        let (compact, dense) = (self.basis.stored_bytes(), self.basis.dense_bytes());
         text += &format!(
             "\n{}, {:.0} % of the {} of a dense basis\n",
             bytes(compact),

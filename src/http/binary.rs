@@ -29,7 +29,16 @@ impl Dtype {
         }
     }
 
-    fn bytes(self) -> usize {
+    /// The type in the words of NumPy.
+    pub fn descriptor(self) -> &'static str {
+        match self {
+            Self::F32 => "<f4",
+            Self::F64 => "<f8",
+        }
+    }
+
+    /// Bytes of one number.
+    pub fn bytes(self) -> usize {
         match self {
             Self::F32 => 4,
             Self::F64 => 8,

@@ -2,7 +2,7 @@
 
 use super::problem::{self, Problem};
 use crate::analysis::filter::FilterError;
-use crate::basis::BasisError;
+use crate::basis::{BasisError, ColumnError};
 use crate::job::ParameterError;
 use crate::mesh::check::MeshError;
 use crate::mesh::read::ReadError;
@@ -82,7 +82,10 @@ impl From<BasisError> for Problem {
                 &problem::INVALID_FUNCTION,
                 format!("A function has {found} values where {expected} are due."),
             ),
-            BasisError::Inconsistent => Self::internal(error),
+            BasisError::Unavailable { error: ColumnError::Gone, .. } => {
+                Self::new(&problem::UNKNOWN_BASIS, "The basis was deleted meanwhile.")
+            }
+            BasisError::Unavailable { .. } | BasisError::Inconsistent => Self::internal(error),
         }
     }
 }

@@ -126,6 +126,7 @@ async fn submit(
             idempotency,
             max_attempts: state.config.max_attempts,
             solver_version: SOLVER_VERSION.to_owned(),
+            memory_bytes: estimate,
         })
         .await?;
     let (record, outcome) = (enqueued.record, enqueued.outcome);

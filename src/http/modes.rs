@@ -15,6 +15,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::bases::find;
+use super::binary::Dtype;
 use super::conditional;
 use super::content::Immutable;
 use super::extract::{self, PathOf, QueryOf};
@@ -59,19 +60,24 @@ struct ModesQuery {
     /// Takes the place of `Accept`.
     #[param(inline)]
     format: Option<Format>,
+    /// The type of the numbers.
+    #[serde(default)]
+    #[param(inline, default = "f32")]
+    dtype: Dtype,
 }
 
 /// Gets eigenfunctions on the vertices
 ///
-/// By `Accept` or `format`: `application/x-npy` (the default), an n × k array of f32 in Fortran order for `numpy.load`;
+/// By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`;
 /// `application/octet-stream`, the same little-endian numbers, mode after mode, without a header; `model/ply`, the mesh with the
-/// values of one mode as colours, from blue over white at zero to red. Answers are streamed: nothing is computed before it is sent.
+/// values of one mode as colours, from blue over white at zero to red. Numbers are f32 unless `dtype` says f64. Answers are streamed:
+/// nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these modes are read.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/modes", tag = "bases", operation_id = "getModes",
     params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), ModesQuery),
     responses(
         (status = 200, description = "The modes", content((super::docs::Binary = "application/x-npy"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply")),
-            headers(("ETag" = String), ("Chladni-Rows" = u64), ("Chladni-Columns" = u64))),
+            headers(("ETag" = String), ("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String))),
         (status = 304, description = "The modes are as `If-None-Match` names them"),
         (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
@@ -106,14 +112,15 @@ async fn modes(
         let detail = format!("A PLY shows one mode, not {}.", range.len());
         return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail));
     }
-    let tag = format!("{}-modes-{}-{}-{format:?}", record.content_hash, range.start, range.end);
+    let dtype = query.dtype;
+    let tag = format!("{}-modes-{}-{}-{format:?}-{}", record.content_hash, range.start, range.end, dtype.name());
     let basis = state.store.load_basis(record.id).await?;
     if format == Format::Ply {
         let mesh = state.store.load_mesh(&record.mesh).await?;
         let mode = range.start;
         let bytes = state
             .solve("modes", move || {
-                let colours = colours(&basis.lift(mode..mode + 1)?);
+                let colours = colours(&basis.lift::<f32>(mode..mode + 1)?);
                 let mut bytes = Vec::new();
                 write_ply(&mesh, Some(&colours), &mut bytes).map_err(Problem::internal)?;
                 Ok(Bytes::from(bytes))
@@ -133,16 +140,17 @@ async fn modes(
     if known {
         return Ok(response);
     }
-    let prefix = if format == Format::Npy { npz::npy("<f4", true, &[n, k], &[]) } else { Vec::new() };
+    let prefix = if format == Format::Npy { npz::npy(dtype.descriptor(), true, &[n, k], &[]) } else { Vec::new() };
     head.insert(header::CONTENT_TYPE, HeaderValue::from_static(if format == Format::Npy { NPY } else { OCTETS }));
-    head.insert(header::CONTENT_LENGTH, HeaderValue::from((prefix.len() + 4 * n * k) as u64));
+    head.insert(header::CONTENT_LENGTH, HeaderValue::from((prefix.len() + dtype.bytes() * n * k) as u64));
     head.insert("chladni-rows", HeaderValue::from(n));
     head.insert("chladni-columns", HeaderValue::from(k));
+    head.insert("chladni-dtype", HeaderValue::from_static(dtype.name()));
     // The first panel is computed before the status is sent, so that a failure is a problem and not a cut answer.
-    let panel = (PANEL_BYTES / (4 * n).max(1)).clamp(1, 64);
+    let panel = (PANEL_BYTES / (dtype.bytes() * n).max(1)).clamp(1, 64);
     let first = range.start..range.end.min(range.start + panel);
     let rest = first.end..range.end;
-    let begin = lifted(&state, &basis, first).await?;
+    let begin = lifted(&state, &basis, first, dtype).await?;
     let parts = stream::iter([Ok(Bytes::from(prefix)), Ok(begin)]).chain(stream::try_unfold(rest, move |rest| {
         let (state, basis) = (state.clone(), basis.clone());
         async move {
@@ -152,7 +160,7 @@ async fn modes(
             let now = rest.start..rest.end.min(rest.start + panel);
             let after = now.end..rest.end;
             // A slow client holds no thread: the next panel is computed when the last one is taken.
-            let bytes = lifted(&state, &basis, now)
+            let bytes = lifted(&state, &basis, now, dtype)
                 .await
                 .map_err(|refused| std::io::Error::other(refused.detail().to_owned()))?;
             Ok(Some((bytes, after)))
@@ -162,16 +170,15 @@ async fn modes(
     Ok(response)
 }
 
-/// Some modes as little-endian f32, mode after mode.
-async fn lifted(state: &AppState, basis: &Arc<Basis>, range: Range<usize>) -> Result<Bytes, Problem> {
+/// Some modes as little-endian numbers, mode after mode.
+async fn lifted(state: &AppState, basis: &Arc<Basis>, range: Range<usize>, dtype: Dtype) -> Result<Bytes, Problem> {
     let basis = basis.clone();
     state
         .solve("modes", move || {
-            let values = basis.lift(range)?;
-            let mut bytes = vec![0; 4 * values.len()];
-            let (slots, _) = bytes.as_chunks_mut::<4>();
-            slots.iter_mut().zip(&values).for_each(|(slot, value)| *slot = value.to_le_bytes());
-            Ok(bytes.into())
+            Ok(match dtype {
+                Dtype::F32 => bytemuck::cast_slice(&basis.lift::<f32>(range)?).to_vec().into(),
+                Dtype::F64 => bytemuck::cast_slice(&basis.lift::<f64>(range)?).to_vec().into(),
+            })
         })
         .await
 }

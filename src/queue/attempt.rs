@@ -308,7 +308,8 @@ impl Heartbeat {
                 self.tell(Verdict::Stalled).await;
             }
             let progress = self.monitor.snapshot();
-            let moved = progress.stage != written.stage || progress.fraction != written.fraction;
+            let moved = (&progress.stage, progress.fraction, &progress.detail)
+                != (&written.stage, written.fraction, &written.detail);
             let due = moved && beaten.elapsed() >= options.heartbeat;
             // A lease is prolonged in good time even where nothing moves.
             let wanted = ask || due || beaten.elapsed() >= options.lease / 4;

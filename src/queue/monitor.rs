@@ -16,6 +16,9 @@ use crate::{
     },
 };
 
+/// Characters of a detail that are kept.
+const LONGEST_DETAIL: usize = 200;
+
 /// Collects stage, progress and signs of life of one attempt, and tells the work to stop.
 #[derive(Debug)]
 pub(super) struct AttemptMonitor {
@@ -33,6 +36,7 @@ pub(super) struct AttemptMonitor {
 struct Stages {
     ended: Vec<(&'static str, f64)>,
     current: Option<(&'static str, Instant)>,
+    detail: Option<String>,
 }
 
 impl Stages {
@@ -78,7 +82,12 @@ impl AttemptMonitor {
         let stages = self.stages.lock().unwrap_or_else(PoisonError::into_inner);
         let stage = stages.current.map(|(name, _)| name.to_owned());
         let fraction = f64::from_bits(self.fraction.load(Ordering::Relaxed));
-        Progress { fraction: stage.as_ref().map(|_| fraction), stage, stage_seconds: stages.seconds() }
+        Progress {
+            fraction: stage.as_ref().map(|_| fraction),
+            detail: stages.detail.clone(),
+            stage,
+            stage_seconds: stages.seconds(),
+        }
     }
 
     /// Begins a stage, or none.
@@ -88,6 +97,7 @@ impl AttemptMonitor {
             stages.ended.push((name, since.elapsed().as_secs_f64()));
         }
         stages.current = next.map(|name| (name, Instant::now()));
+        stages.detail = None;
         self.fraction.store(0f64.to_bits(), Ordering::Relaxed);
     }
 
@@ -112,6 +122,13 @@ impl Monitor for AttemptMonitor {
         if fraction.is_finite() {
             self.fraction.store(fraction.clamp(0.0, 1.0).to_bits(), Ordering::Relaxed);
         }
+        self.hear();
+    }
+
+    fn detail(&self, text: &str) {
+        let mut stages = self.stages.lock().unwrap_or_else(PoisonError::into_inner);
+        stages.detail = Some(text.chars().take(LONGEST_DETAIL).collect());
+        drop(stages);
         self.hear();
     }
 

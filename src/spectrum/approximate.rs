@@ -4,7 +4,7 @@ use super::certificate::{CertificateError, certify};
 use super::heat::{self, HeatError, HeatParameters};
 use super::radial::{self, Profile, RadialError, RadialParameters};
 use crate::algebra::{CpuSolver, EigenError, GalerkinError, SparseMatrix, SymmetricDefiniteSolver, galerkin};
-use crate::basis::Basis;
+use crate::basis::{Basis, Compact, Functions};
 use crate::mesh::TriangleMesh;
 use crate::mesh::connectivity::Connectivity;
 use crate::mesh::distance::DistanceKind;
@@ -147,8 +147,7 @@ pub fn approximate(
     let mut coefficients = pairs.vectors;
     coefficients.values_mut().iter_mut().for_each(|value| *value *= vector_scale);
     Ok(Basis {
-        space,
-        coefficients,
+        functions: Functions::Compact(Compact { space, coefficients }),
         eigenvalues: pairs.values.into_iter().map(|value| value * value_scale).collect(),
         mass: problem.mass.scaled(problem.area),
         certificate,

@@ -7,14 +7,14 @@ use sqlx::{QueryBuilder, Row, sqlite::SqliteRow};
 use uuid::Uuid;
 
 use super::{
-    BasisFilter, BasisRecord, JobRecord, Page, PageRequest, Store, StoreError, Weighed, blobs,
+    BasisFilter, BasisRecord, BasisStorage, JobRecord, Page, PageRequest, Store, StoreError, Weighed, blobs,
     database::WriteTransaction,
     detached, from_json,
     jobs::{job_from_row, uuid_column},
     meshes::push_filter,
     to_json,
 };
-use crate::basis::{Basis, npz};
+use crate::basis::{Basis, Functions, npz};
 
 impl Store {
     /// A basis by its identifier.
@@ -54,6 +54,12 @@ impl Store {
         detached(async move { store.delete_basis_now(id).await }).await
     }
 
+    /// Takes a basis out of the caches.
+    pub(super) fn forget_basis(&self, id: Uuid, hash: &str) {
+        self.inner.bases.remove(&id);
+        self.inner.chunks.retain(|(content, _), _| content != hash);
+    }
+
     async fn delete_basis_now(&self, id: Uuid) -> Result<(), StoreError> {
         let _alone = self.inner.blob_use.write().await;
         let mut transaction = self.inner.meta.write().await?;
@@ -71,12 +77,13 @@ impl Store {
         };
         let jobs = jobs.iter().map(job_from_row).collect::<Result<Vec<JobRecord>, StoreError>>()?;
         transaction.commit().await?;
-        self.inner.bases.remove(&id);
+        self.forget_basis(id, &hash);
         jobs.iter().for_each(|job| self.announce(job));
         self.delete_unreferenced(&[hash]).await
     }
 
-    /// A decoded basis, from the cache or verified and decoded once however many ask.
+    /// A decoded basis, from the cache or verified and decoded once however many ask. Of a dense one everything but its eigenfunctions,
+    /// which are read and verified chunk by chunk when they are needed, on threads that may block.
     ///
     /// # Errors
     /// [`StoreError::NotFound`]; [`StoreError::Corrupt`] where the content does not verify.
@@ -90,36 +97,55 @@ impl Store {
         let loaded = self.inner.bases.get_or_insert_async(&id, async {
             self.count_hit(false);
             let record = self.basis(id).await?;
-            let content = self.verified_blob(&record.content_hash).await?;
-            let bytes = content.len() as u64;
-            let basis = blobs::blocking(move || decode(&content)).await??;
+            let (basis, bytes) = match &record.storage {
+                BasisStorage::Compact => {
+                    let content = self.verified_blob(&record.content_hash).await?;
+                    let bytes = content.len() as u64;
+                    (blobs::blocking(move || decode(&content)).await??, bytes)
+                }
+                BasisStorage::Dense(layout) => self.read_dense(&record, layout).await?,
+            };
             Ok::<_, StoreError>(Weighed { value: Arc::new(basis), bytes })
         });
         Ok(loaded.await?.value)
     }
 }
 
-/// A basis that is about to be stored: its content and what its record will say.
-pub(super) struct EncodedBasis {
+/// A basis whose content is stored, and what its record will say.
+pub(super) struct WrittenBasis {
+    /// The basis as it is read from the store: eigenfunctions of a dense one stay there.
     pub basis: Arc<Basis>,
-    pub content: Bytes,
+    pub storage: BasisStorage,
     pub hash: String,
+    pub bytes: u64,
     certificate: String,
 }
 
-impl EncodedBasis {
-    /// Encodes a basis; deterministic, so that equal bases have equal hashes.
-    pub async fn new(basis: Basis) -> Result<Self, StoreError> {
+impl Store {
+    /// Writes the content of a basis. Deterministic, so that equal bases have equal hashes. The caller holds `blob_use` for reading
+    /// until something refers to the content.
+    pub(super) async fn put_basis(&self, basis: Basis) -> Result<WrittenBasis, StoreError> {
+        let certificate = to_json(&basis.certificate)?;
+        if let Functions::Dense(_) = &basis.functions {
+            let dense = self.put_dense(basis).await?;
+            return Ok(WrittenBasis {
+                basis: Arc::new(dense.basis),
+                storage: BasisStorage::Dense(dense.layout),
+                hash: dense.hash,
+                bytes: dense.bytes,
+                certificate,
+            });
+        }
         let basis = Arc::new(basis);
         let shared = Arc::clone(&basis);
-        let (content, certificate) = blobs::blocking(move || {
-            Ok::<_, StoreError>((Bytes::from(encode(&shared)?), to_json(&shared.certificate)?))
-        })
-        .await??;
+        let content = blobs::blocking(move || encode(&shared).map(Bytes::from)).await??;
         let hash = blobs::hash_of(&content).await?;
-        Ok(Self { basis, content, hash, certificate })
+        self.put_blob(&hash, &content).await?;
+        Ok(WrittenBasis { basis, storage: BasisStorage::Compact, hash, bytes: content.len() as u64, certificate })
     }
+}
 
+impl WrittenBasis {
     /// Writes the record down as the result of a job.
     pub async fn insert(
         &self,
@@ -133,8 +159,8 @@ impl EncodedBasis {
         let eigenvalues: Vec<u8> = basis.eigenvalues.iter().flat_map(|value| value.to_le_bytes()).collect();
         sqlx::query(
             "INSERT INTO bases (id, mesh, job, kind, parameters, vertices, dimension, pairs, nonzeros, eigenvalues,
-                certificate, bytes, dense_bytes, content_hash, solver_version, stage_seconds, created_ms)
-             VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                certificate, bytes, dense_bytes, content_hash, solver_version, stage_seconds, created_ms, storage, layout)
+             VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         )
         .bind(id.to_string())
         .bind(&job.mesh)
@@ -142,17 +168,22 @@ impl EncodedBasis {
         .bind(&job.kind)
         .bind(to_json(&job.parameters)?)
         .bind(basis.vertices() as i64)
-        .bind(basis.dimension() as i64)
+        .bind(basis.dimension().unwrap_or(0) as i64)
         .bind(basis.count() as i64)
-        .bind(basis.space.entries() as i64)
+        .bind(basis.compact().map_or(0, |compact| compact.space.entries()) as i64)
         .bind(eigenvalues)
         .bind(&self.certificate)
-        .bind(self.content.len() as i64)
+        .bind(self.bytes as i64)
         .bind(basis.dense_bytes() as i64)
         .bind(&self.hash)
         .bind(&job.solver_version)
         .bind(to_json(stage_seconds)?)
         .bind(now_ms)
+        .bind(self.storage.name())
+        .bind(match &self.storage {
+            BasisStorage::Compact => None,
+            BasisStorage::Dense(layout) => Some(to_json(layout.as_ref())?),
+        })
         .execute(transaction.on())
         .await?;
         Ok(id)
@@ -160,7 +191,10 @@ impl EncodedBasis {
 
     /// Puts the basis into the cache: whoever waited for the job asks for it next.
     pub fn remember(&self, store: &Store, id: Uuid) {
-        let bytes = self.content.len() as u64;
+        let bytes = match &self.storage {
+            BasisStorage::Compact => self.bytes,
+            BasisStorage::Dense(layout) => self.bytes - (layout.end - layout.start),
+        };
         store.inner.bases.insert(id, Weighed { value: Arc::clone(&self.basis), bytes });
     }
 }
@@ -170,6 +204,14 @@ fn unknown_basis(id: Uuid) -> StoreError {
 }
 
 fn basis_from_row(row: &SqliteRow) -> Result<BasisRecord, StoreError> {
+    let layout: Option<&str> = row.try_get("layout")?;
+    let storage = match (row.try_get::<&str, _>("storage")?, layout) {
+        ("compact", _) => BasisStorage::Compact,
+        ("dense", Some(layout)) => BasisStorage::Dense(Arc::new(from_json("layout", layout)?)),
+        (other, _) => {
+            return Err(StoreError::Corrupt { detail: format!("column storage: {other:?} without a layout") });
+        }
+    };
     let eigenvalues: &[u8] = row.try_get("eigenvalues")?;
     Ok(BasisRecord {
         id: uuid_column(row, "id")?,
@@ -178,6 +220,7 @@ fn basis_from_row(row: &SqliteRow) -> Result<BasisRecord, StoreError> {
         kind: row.try_get("kind")?,
         parameters: from_json("parameters", row.try_get("parameters")?)?,
         vertices: row.try_get::<i64, _>("vertices")? as u64,
+        storage,
         dimension: row.try_get::<i64, _>("dimension")? as u64,
         count: row.try_get::<i64, _>("pairs")? as u64,
         nonzeros: row.try_get::<i64, _>("nonzeros")? as u64,

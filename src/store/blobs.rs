@@ -5,6 +5,7 @@ use std::{collections::HashSet, ops::Range};
 use bytes::{Bytes, BytesMut};
 use futures_util::{Stream, stream};
 use sqlx::Row;
+use tokio::sync::mpsc;
 
 use super::{Store, StoreError, database::WriteTransaction, fault::FailPoint};
 
@@ -15,6 +16,8 @@ const CHUNK_BYTES: usize = 256 << 10;
 const CHUNKS_PER_TRANSACTION: usize = 32;
 /// Chunks that one verifying statement reads.
 const CHUNKS_PER_READ: i64 = 8;
+/// The hash of a pending blob whose content is being made.
+const UNKNOWN_HASH: &str = "";
 
 /// Where a ready blob lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -106,47 +109,123 @@ impl Store {
             Err(StoreError::NotFound { .. }) => {}
             Err(error) => return Err(error),
         }
-        self.check_space(content.len() as u64)?;
+        let id = self.begin_blob(hash, content.len() as u64).await?;
+        let written = self.fill_blob(id, hash, content).await;
+        if written.is_err() {
+            self.abandon_blob(id).await;
+        }
+        written
+    }
+
+    /// Writes content as it is made, under a hash that is known only at the end. `make` runs on a thread that may block and gets a
+    /// writer; what it returns comes back beside the hash and the number of bytes. `expected` is about how many bytes there will be. The
+    /// caller holds `blob_use` for reading until something refers to the blob.
+    pub(super) async fn put_made<T: Send + 'static>(
+        &self,
+        expected: u64,
+        make: impl FnOnce(&mut PieceWriter) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<(T, String, u64), StoreError> {
+        let id = self.begin_blob(UNKNOWN_HASH, expected).await?;
+        let made = self.fill_made(id, make).await;
+        if made.is_err() {
+            self.abandon_blob(id).await;
+        }
+        made
+    }
+
+    async fn fill_made<T: Send + 'static>(
+        &self,
+        id: i64,
+        make: impl FnOnce(&mut PieceWriter) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<(T, String, u64), StoreError> {
+        let (sender, mut pieces) = mpsc::channel(CHUNKS_PER_TRANSACTION);
+        let making = tokio::task::spawn_blocking(move || {
+            let mut writer = PieceWriter { sender, hasher: blake3::Hasher::new(), piece: Vec::new() };
+            let made = make(&mut writer)?;
+            writer.end().map_err(|error| StoreError::Unavailable { detail: error.to_string() })?;
+            Ok::<_, StoreError>((made, writer.hasher))
+        });
+        let mut position = 0;
+        let mut batch = Vec::with_capacity(CHUNKS_PER_TRANSACTION);
+        while pieces.recv_many(&mut batch, CHUNKS_PER_TRANSACTION).await > 0 {
+            position = self.write_chunks(id, position, &batch).await?;
+            batch.clear();
+        }
+        // Where a write failed above, the writer finds nobody to give pieces to and ends as well.
+        let (made, hasher) = making
+            .await
+            .map_err(|error| StoreError::Unavailable { detail: format!("a thread ended early: {error}") })??;
+        let (hash, bytes) = (hasher.finalize().to_hex().to_string(), hasher.count());
         let mut transaction = self.inner.blobs.write().await?;
-        let id: i64 = sqlx::query_scalar(
+        sqlx::query("UPDATE blobs SET hash = ?, bytes = ? WHERE id = ?")
+            .bind(&hash)
+            .bind(bytes as i64)
+            .bind(id)
+            .execute(transaction.on())
+            .await?;
+        transaction.commit().await?;
+        self.finish_blob(id, &hash, bytes).await?;
+        Ok((made, hash, bytes))
+    }
+
+    /// Begins a pending blob.
+    async fn begin_blob(&self, hash: &str, bytes: u64) -> Result<i64, StoreError> {
+        self.check_space(bytes)?;
+        let mut transaction = self.inner.blobs.write().await?;
+        let id = sqlx::query_scalar(
             "INSERT INTO blobs (hash, bytes, chunk_bytes, state, created_ms) VALUES (?, ?, ?, 'pending', ?) RETURNING id",
         )
         .bind(hash)
-        .bind(content.len() as i64)
+        .bind(bytes as i64)
         .bind(CHUNK_BYTES as i64)
         .bind(self.now_ms())
         .fetch_one(transaction.on())
         .await?;
         transaction.commit().await?;
-        let written = self.fill_blob(id, hash, content).await;
-        if written.is_err() {
-            // What cannot be cleared now is collected when the store is opened next.
-            if let Ok(mut transaction) = self.inner.blobs.write().await
-                && delete_blob(&mut transaction, id).await.is_ok()
-            {
-                let _ = transaction.commit().await;
-            }
+        Ok(id)
+    }
+
+    /// Deletes a pending blob. What cannot be cleared now is collected when the store is opened next.
+    async fn abandon_blob(&self, id: i64) {
+        if let Ok(mut transaction) = self.inner.blobs.write().await
+            && delete_blob(&mut transaction, id).await.is_ok()
+        {
+            let _ = transaction.commit().await;
         }
-        written
     }
 
     async fn fill_blob(&self, id: i64, hash: &str, content: &Bytes) -> Result<(), StoreError> {
-        let chunks = content.len().div_ceil(CHUNK_BYTES);
-        for first in (0..chunks).step_by(CHUNKS_PER_TRANSACTION) {
-            let mut transaction = self.inner.blobs.write().await?;
-            for chunk in first..chunks.min(first + CHUNKS_PER_TRANSACTION) {
-                let data = &content[chunk * CHUNK_BYTES..content.len().min((chunk + 1) * CHUNK_BYTES)];
-                sqlx::query("INSERT INTO chunks (blob, position, data) VALUES (?, ?, ?)")
-                    .bind(id)
-                    .bind(chunk as i64)
-                    .bind(data.to_vec())
-                    .execute(transaction.on())
-                    .await?;
-            }
-            transaction.commit().await?;
-            self.faults().meet(FailPoint::MidChunks);
+        let mut position = 0;
+        let mut rest = content.clone();
+        while !rest.is_empty() {
+            let pieces: Vec<Bytes> = (0..CHUNKS_PER_TRANSACTION)
+                .map(|_| rest.split_to(rest.len().min(CHUNK_BYTES)))
+                .take_while(|piece| !piece.is_empty())
+                .collect();
+            position = self.write_chunks(id, position, &pieces).await?;
         }
-        self.verify_chunks(id, hash, content.len() as u64).await?;
+        self.finish_blob(id, hash, content.len() as u64).await
+    }
+
+    /// Writes chunks from a position on in one transaction, and gives the position after them.
+    async fn write_chunks(&self, id: i64, position: i64, chunks: &[Bytes]) -> Result<i64, StoreError> {
+        let mut transaction = self.inner.blobs.write().await?;
+        for (position, data) in (position..).zip(chunks) {
+            sqlx::query("INSERT INTO chunks (blob, position, data) VALUES (?, ?, ?)")
+                .bind(id)
+                .bind(position)
+                .bind(data.to_vec())
+                .execute(transaction.on())
+                .await?;
+        }
+        transaction.commit().await?;
+        self.faults().meet(FailPoint::MidChunks);
+        Ok(position + chunks.len() as i64)
+    }
+
+    /// Verifies what was written and makes the blob ready.
+    async fn finish_blob(&self, id: i64, hash: &str, bytes: u64) -> Result<(), StoreError> {
+        self.verify_chunks(id, hash, bytes).await?;
         self.faults().meet(FailPoint::BeforeBlobReady);
         let mut transaction = self.inner.blobs.write().await?;
         let other: Option<i64> = sqlx::query_scalar("SELECT id FROM blobs WHERE hash = ? AND state = 'ready'")
@@ -290,6 +369,43 @@ impl Store {
             }),
             _ => Ok(()),
         }
+    }
+}
+
+/// Takes content on a thread that may block, hashes it and hands it on in pieces of the size of a chunk.
+pub(super) struct PieceWriter {
+    sender: mpsc::Sender<Bytes>,
+    hasher: blake3::Hasher,
+    piece: Vec<u8>,
+}
+
+impl PieceWriter {
+    fn hand_on(&mut self) -> std::io::Result<()> {
+        let piece = std::mem::take(&mut self.piece);
+        // Whoever writes the pieces down has given up, and says why himself.
+        self.sender.blocking_send(piece.into()).map_err(|_| std::io::Error::other("the storage took no more"))
+    }
+
+    fn end(&mut self) -> std::io::Result<()> {
+        if self.piece.is_empty() { Ok(()) } else { self.hand_on() }
+    }
+}
+
+impl std::io::Write for PieceWriter {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        if self.piece.capacity() == 0 {
+            self.piece.reserve_exact(CHUNK_BYTES);
+        }
+        let taken = bytes.len().min(CHUNK_BYTES - self.piece.len());
+        self.piece.extend_from_slice(&bytes[..taken]);
+        self.hasher.update(&bytes[..taken]);
+        if self.piece.len() == CHUNK_BYTES {
+            self.hand_on()?;
+        }
+        Ok(taken)
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
     }
 }
 

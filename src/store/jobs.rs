@@ -111,8 +111,8 @@ impl Store {
         self.check_queue(on).await?;
         let row = sqlx::query(
             "INSERT INTO jobs (id, kind, mesh, parameters, priority, status, max_attempts, work_key, solver_version,
-                created_ms, enqueued_ms, not_before_ms)
-             VALUES (?1, ?2, ?3, ?4, ?5, 'enqueued', ?6, ?7, ?8, ?9, ?9, ?9) RETURNING *",
+                created_ms, enqueued_ms, not_before_ms, memory_bytes)
+             VALUES (?1, ?2, ?3, ?4, ?5, 'enqueued', ?6, ?7, ?8, ?9, ?9, ?9, ?10) RETURNING *",
         )
         .bind(Uuid::now_v7().to_string())
         .bind(&new.kind)
@@ -123,6 +123,7 @@ impl Store {
         .bind(&new.work_key)
         .bind(&new.solver_version)
         .bind(now_ms)
+        .bind(i64::try_from(new.memory_bytes).unwrap_or(i64::MAX))
         .fetch_one(on.on())
         .await?;
         job_from_row(&row)
@@ -273,7 +274,7 @@ impl Store {
         self.check_queue(on).await?;
         let row = sqlx::query(
             "UPDATE jobs SET status = 'enqueued', attempt = 0, cancel_requested = 0, problem = NULL, stage = NULL,
-                progress = NULL, stage_seconds = '[]', enqueued_ms = ?1, not_before_ms = ?1, started_ms = NULL,
+                progress = NULL, detail = NULL, stage_seconds = '[]', enqueued_ms = ?1, not_before_ms = ?1, started_ms = NULL,
                 finished_ms = NULL, revision = revision + 1
              WHERE id = ?2 RETURNING *",
         )
@@ -321,6 +322,7 @@ pub(super) fn job_from_row(row: &SqliteRow) -> Result<JobRecord, StoreError> {
         status: status_column(row)?,
         stage: row.try_get("stage")?,
         progress: row.try_get("progress")?,
+        detail: row.try_get("detail")?,
         stage_seconds: from_json("stage_seconds", row.try_get("stage_seconds")?)?,
         attempt: row.try_get::<i64, _>("attempt")? as u32,
         max_attempts: row.try_get::<i64, _>("max_attempts")? as u32,
@@ -334,6 +336,7 @@ pub(super) fn job_from_row(row: &SqliteRow) -> Result<JobRecord, StoreError> {
         not_before_ms: row.try_get("not_before_ms")?,
         started_ms: row.try_get("started_ms")?,
         finished_ms: row.try_get("finished_ms")?,
+        memory_bytes: row.try_get::<i64, _>("memory_bytes")? as u64,
         revision: row.try_get("revision")?,
     })
 }

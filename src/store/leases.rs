@@ -7,7 +7,7 @@ use sqlx::{QueryBuilder, Sqlite};
 use uuid::Uuid;
 
 use super::{
-    JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions, bases::EncodedBasis, database::WriteTransaction,
+    JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions, bases::WrittenBasis, database::WriteTransaction,
     detached, fault::FailPoint, jobs::job_from_row, to_json,
 };
 use crate::basis::Basis;
@@ -28,6 +28,8 @@ pub struct Progress {
     pub stage: Option<String>,
     /// The fraction of it that is done, in `0..=1`.
     pub fraction: Option<f64>,
+    /// Where it stands within the stage, in words.
+    pub detail: Option<String>,
     /// Seconds spent in each stage so far, in order.
     pub stage_seconds: Vec<(String, f64)>,
 }
@@ -80,10 +82,25 @@ impl Store {
     /// # Errors
     /// [`StoreError::Busy`] and its kin.
     pub async fn claim(&self, worker: &str, kinds: &[String], lease: Duration) -> Result<Option<Claim>, StoreError> {
+        self.claim_within(worker, kinds, lease, u64::MAX).await
+    }
+
+    /// Claims the job that [`claim`](Self::claim) would, if it needs no more memory than `most_bytes`. One that needs more is waited
+    /// for: none behind it is taken in its stead, or a stream of small jobs would keep a large one waiting for ever.
+    ///
+    /// # Errors
+    /// [`StoreError::Busy`] and its kin.
+    pub async fn claim_within(
+        &self,
+        worker: &str,
+        kinds: &[String],
+        lease: Duration,
+        most_bytes: u64,
+    ) -> Result<Option<Claim>, StoreError> {
         let now_ms = self.now_ms();
         let token = Uuid::now_v7();
         let mut query = QueryBuilder::<Sqlite>::new(
-            "UPDATE jobs SET status = 'processing', attempt = attempt + 1, stage = NULL, progress = NULL,
+            "UPDATE jobs SET status = 'processing', attempt = attempt + 1, stage = NULL, progress = NULL, detail = NULL,
                 stage_seconds = '[]', revision = revision + 1, started_ms = ",
         );
         query.push_bind(now_ms).push(", worker = ").push_bind(worker.to_owned());
@@ -99,7 +116,8 @@ impl Store {
             }
             query.push(")");
         }
-        query.push(" ORDER BY priority DESC, sequence LIMIT 1) RETURNING *");
+        query.push(" ORDER BY priority DESC, sequence LIMIT 1) AND memory_bytes <= ");
+        query.push_bind(i64::try_from(most_bytes).unwrap_or(i64::MAX)).push(" RETURNING *");
         let mut transaction = self.inner.meta.write().await?;
         let row = query.build().fetch_optional(transaction.on()).await?;
         transaction.commit().await?;
@@ -122,28 +140,31 @@ impl Store {
     ) -> Result<HeartbeatAnswer, StoreError> {
         let expires_ms = expiry(self.now_ms(), lease);
         let mut transaction = self.inner.meta.write().await?;
-        let row = match progress {
-            None => {
-                sqlx::query("UPDATE jobs SET lease_expires_ms = ? WHERE lease_token = ? AND status = 'processing' RETURNING *")
+        let row =
+            match progress {
+                None => sqlx::query(
+                    "UPDATE jobs SET lease_expires_ms = ? WHERE lease_token = ? AND status = 'processing' RETURNING *",
+                )
+                .bind(expires_ms)
+                .bind(token.to_string())
+                .fetch_optional(transaction.on())
+                .await?,
+                Some(progress) => {
+                    sqlx::query(
+                        "UPDATE jobs SET lease_expires_ms = ?, stage = ?, progress = ?, detail = ?, stage_seconds = ?,
+                        revision = revision + 1
+                     WHERE lease_token = ? AND status = 'processing' RETURNING *",
+                    )
                     .bind(expires_ms)
+                    .bind(&progress.stage)
+                    .bind(progress.fraction)
+                    .bind(&progress.detail)
+                    .bind(to_json(&progress.stage_seconds)?)
                     .bind(token.to_string())
                     .fetch_optional(transaction.on())
                     .await?
-            }
-            Some(progress) => {
-                sqlx::query(
-                    "UPDATE jobs SET lease_expires_ms = ?, stage = ?, progress = ?, stage_seconds = ?, revision = revision + 1
-                     WHERE lease_token = ? AND status = 'processing' RETURNING *",
-                )
-                .bind(expires_ms)
-                .bind(&progress.stage)
-                .bind(progress.fraction)
-                .bind(to_json(&progress.stage_seconds)?)
-                .bind(token.to_string())
-                .fetch_optional(transaction.on())
-                .await?
-            }
-        };
+                }
+            };
         transaction.commit().await?;
         let Some(row) = row else { return Ok(HeartbeatAnswer::Lost) };
         let job = job_from_row(&row)?;
@@ -173,16 +194,16 @@ impl Store {
         basis: Basis,
         stage_seconds: Vec<(String, f64)>,
     ) -> Result<CompleteAnswer, StoreError> {
-        let encoded = EncodedBasis::new(basis).await?;
         self.faults().meet(FailPoint::BeforeChunks);
-        let answer = {
+        let (written, answer) = {
             let _in_use = self.inner.blob_use.read().await;
-            self.put_blob(&encoded.hash, &encoded.content).await?;
-            self.make_visible(token, &encoded, &stage_seconds).await
+            let written = self.put_basis(basis).await?;
+            let answer = self.make_visible(token, &written, &stage_seconds).await;
+            (written, answer)
         };
         if !matches!(answer, Ok(CompleteAnswer::Stored(_))) {
             let _alone = self.inner.blob_use.write().await;
-            self.delete_unreferenced(std::slice::from_ref(&encoded.hash)).await?;
+            self.delete_unreferenced(std::slice::from_ref(&written.hash)).await?;
         }
         answer
     }
@@ -190,7 +211,7 @@ impl Store {
     async fn make_visible(
         &self,
         token: Uuid,
-        encoded: &EncodedBasis,
+        written: &WrittenBasis,
         stage_seconds: &[(String, f64)],
     ) -> Result<CompleteAnswer, StoreError> {
         let now_ms = self.now_ms();
@@ -205,9 +226,9 @@ impl Store {
             self.announce(&job);
             return Ok(CompleteAnswer::Canceled);
         }
-        let id = encoded.insert(&mut transaction, &job, stage_seconds, now_ms).await?;
+        let id = written.insert(&mut transaction, &job, stage_seconds, now_ms).await?;
         let row = sqlx::query(
-            "UPDATE jobs SET status = 'succeeded', basis = ?, stage = NULL, progress = 1, stage_seconds = ?, problem = NULL,
+            "UPDATE jobs SET status = 'succeeded', basis = ?, stage = NULL, progress = 1, detail = NULL, stage_seconds = ?, problem = NULL,
                 lease_token = NULL, lease_expires_ms = NULL, finished_ms = ?, revision = revision + 1
              WHERE id = ? RETURNING *",
         )
@@ -220,7 +241,7 @@ impl Store {
         self.faults().meet(FailPoint::BeforeComplete);
         transaction.commit().await?;
         self.faults().meet(FailPoint::AfterComplete);
-        encoded.remember(self, id);
+        written.remember(self, id);
         self.announce(&job_from_row(&row)?);
         Ok(CompleteAnswer::Stored(id))
     }
@@ -372,8 +393,8 @@ async fn requeue(
     not_before_ms: i64,
 ) -> Result<JobRecord, StoreError> {
     let row = sqlx::query(
-        "UPDATE jobs SET status = 'enqueued', attempt = ?, problem = ?, stage = NULL, progress = NULL, enqueued_ms = ?,
-            not_before_ms = ?, lease_token = NULL, lease_expires_ms = NULL, revision = revision + 1
+        "UPDATE jobs SET status = 'enqueued', attempt = ?, problem = ?, stage = NULL, progress = NULL, detail = NULL,
+            enqueued_ms = ?, not_before_ms = ?, lease_token = NULL, lease_expires_ms = NULL, revision = revision + 1
          WHERE id = ? RETURNING *",
     )
     .bind(i64::from(attempt))

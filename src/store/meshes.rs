@@ -160,8 +160,9 @@ impl Store {
             .fetch_all(transaction.on())
             .await?
         {
-            hashes.push(row.try_get("content_hash")?);
-            self.inner.bases.remove(&super::jobs::uuid_column(&row, "id")?);
+            let hash: String = row.try_get("content_hash")?;
+            self.forget_basis(super::jobs::uuid_column(&row, "id")?, &hash);
+            hashes.push(hash);
         }
         sqlx::query("DELETE FROM meshes WHERE id = ?").bind(id).execute(transaction.on()).await?;
         let changed = changed.iter().map(job_from_row).collect::<Result<Vec<JobRecord>, StoreError>>()?;

@@ -9,12 +9,14 @@
 //! | `database.rs`, `folder.rs` | connections, write transactions, the lock of the folder, free space |
 //! | `blobs.rs` | content in chunks |
 //! | `meshes.rs`, `bases.rs`, `jobs.rs` | what clients see |
+//! | `columns.rs` | dense bases: written as they are computed, read in chunks |
 //! | `leases.rs` | what workers do: claim, heartbeat, complete, fail, release, reap |
 //! | `fault.rs` | points at which a test makes the process die |
 
 mod bases;
 mod blobs;
 mod clock;
+mod columns;
 mod database;
 mod error;
 pub mod fault;
@@ -42,7 +44,10 @@ use sqlx::migrate::Migrator;
 use tokio::sync::{Notify, RwLock, broadcast};
 use uuid::Uuid;
 
-use crate::{basis::Basis, mesh::TriangleMesh};
+use crate::{
+    basis::{Basis, ColumnChunk},
+    mesh::TriangleMesh,
+};
 use database::{Database, DatabaseSettings};
 use folder::DataFolder;
 
@@ -51,8 +56,8 @@ pub use error::StoreError;
 pub use leases::{Claim, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
 pub use page::{Page, PageRequest};
 pub use records::{
-    BasisFilter, BasisRecord, CacheStatistics, EnqueueOutcome, Enqueued, IdempotencyKey, JobEvent, JobFilter,
-    JobProblem, JobRecord, JobStatus, MeshRecord, NewJob, NewMesh, StoreHealth, Stored, UnknownStatus,
+    BasisFilter, BasisRecord, BasisStorage, CacheStatistics, EnqueueOutcome, Enqueued, IdempotencyKey, JobEvent,
+    JobFilter, JobProblem, JobRecord, JobStatus, MeshRecord, NewJob, NewMesh, StoreHealth, Stored, UnknownStatus,
 };
 
 static META_MIGRATIONS: Migrator = sqlx::migrate!("migrations/meta");
@@ -66,7 +71,7 @@ const EVENTS_KEPT: usize = 1024;
 pub struct StoreOptions {
     /// The data folder; made where it is missing.
     pub folder: PathBuf,
-    /// Bytes of decoded bases and meshes that are kept in memory; a quarter is for meshes.
+    /// Bytes of decoded bases and meshes that are kept in memory: a quarter is for meshes, a quarter for chunks of dense bases.
     pub cache_bytes: u64,
     /// New content is refused where it would leave fewer bytes than these free.
     pub least_free_bytes: u64,
@@ -121,6 +126,8 @@ struct Inner {
     /// blobs that nothing refers to are deleted.
     blob_use: RwLock<()>,
     bases: Cache<Uuid, Weighed<Basis>, ByWeight>,
+    /// Chunks of dense bases, by the hash of the content and the position.
+    chunks: Cache<(String, usize), Weighed<ColumnChunk>, ByWeight>,
     meshes: Cache<String, Weighed<TriangleMesh>, ByWeight>,
     hits: AtomicU64,
     misses: AtomicU64,
@@ -175,11 +182,12 @@ impl Store {
         let meta = Database::open(&folder.file("meta.db"), settings(4096, None, 4), &META_MIGRATIONS).await?;
         let blob_settings = settings(blobs::PAGE_BYTES, options.blob_bytes_limit, 4);
         let blobs = Database::open(&folder.file("blobs.db"), blob_settings, &BLOB_MIGRATIONS).await?;
-        let for_meshes = options.cache_bytes / 4;
+        let quarter = options.cache_bytes / 4;
         let store = Self {
             inner: Arc::new(Inner {
-                bases: cache(options.cache_bytes - for_meshes)?,
-                meshes: cache(for_meshes)?,
+                bases: cache(options.cache_bytes - 2 * quarter)?,
+                chunks: cache(quarter)?,
+                meshes: cache(quarter)?,
                 options,
                 meta,
                 blobs,
@@ -243,7 +251,7 @@ impl Store {
         CacheStatistics {
             hits: self.inner.hits.load(Ordering::Relaxed),
             misses: self.inner.misses.load(Ordering::Relaxed),
-            bytes: self.inner.bases.weight() + self.inner.meshes.weight(),
+            bytes: self.inner.bases.weight() + self.inner.chunks.weight() + self.inner.meshes.weight(),
         }
     }
 

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use uuid::Uuid;
 
-use crate::mesh::TriangleMesh;
+use crate::{basis::DenseLayout, mesh::TriangleMesh};
 
 /// A mesh to be stored.
 #[derive(Debug, Clone)]
@@ -131,6 +131,8 @@ pub struct NewJob {
     pub work_key: String,
     /// The version of the solver that will do it.
     pub solver_version: String,
+    /// An estimate of the memory that it needs while it runs.
+    pub memory_bytes: u64,
 }
 
 /// A client's promise that requests with the same key are the same request.
@@ -161,6 +163,8 @@ pub struct JobRecord {
     pub stage: Option<String>,
     /// The fraction of the stage that is done, in `0..=1`.
     pub progress: Option<f64>,
+    /// Where it stands within the stage, in words.
+    pub detail: Option<String>,
     /// Seconds spent in each stage of the last attempt, in order.
     pub stage_seconds: Vec<(String, f64)>,
     /// The attempt that runs or ran last; 0 before the first.
@@ -187,6 +191,8 @@ pub struct JobRecord {
     pub started_ms: Option<i64>,
     /// When it succeeded, failed or was cancelled.
     pub finished_ms: Option<i64>,
+    /// An estimate of the memory that it needs while it runs.
+    pub memory_bytes: u64,
     /// Grows with every change of the job.
     pub revision: i64,
 }
@@ -268,13 +274,15 @@ pub struct BasisRecord {
     pub parameters: Value,
     /// Vertices, `n`.
     pub vertices: u64,
-    /// Columns of the sparse factor, `d`.
+    /// Whether the eigenfunctions are stored as factors or as columns.
+    pub storage: BasisStorage,
+    /// Columns of the sparse factor, `d`; 0 for a dense basis.
     pub dimension: u64,
     /// Eigenfunctions, `m`.
     pub count: u64,
-    /// Entries of the sparse factor.
+    /// Entries of the sparse factor; 0 for a dense basis.
     pub nonzeros: u64,
-    /// `m` Ritz values, ascending, in 1/length² of the input.
+    /// `m` eigenvalues, ascending, in 1/length² of the input.
     pub eigenvalues: Vec<f64>,
     /// What is proven about each pair and about the whole.
     pub certificate: Value,
@@ -290,6 +298,26 @@ pub struct BasisRecord {
     pub created_ms: i64,
     /// Seconds spent in each stage, in order.
     pub stage_seconds: Vec<(String, f64)>,
+}
+
+/// How the eigenfunctions of a basis are stored.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BasisStorage {
+    /// As a sparse factor times a dense one.
+    Compact,
+    /// As columns, which are read in chunks.
+    Dense(Arc<DenseLayout>),
+}
+
+impl BasisStorage {
+    /// The name on the wire and in the table.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Compact => "compact",
+            Self::Dense(_) => "dense",
+        }
+    }
 }
 
 /// How the storage feels.

@@ -17,7 +17,7 @@ use tempfile::TempDir;
 use super::{fault::Faults, *};
 use crate::{
     algebra::{DenseMatrix, MassMatrix, SparseMatrix},
-    basis::Certificate,
+    basis::{BasisError, Certificate, Compact, DenseFunctions, Functions, Precision, npz},
 };
 
 const LEASE: Duration = Duration::from_secs(30);
@@ -53,6 +53,7 @@ pub(crate) fn new_job(mesh: &str, work: &str) -> NewJob {
         max_attempts: 3,
         work_key: work.to_owned(),
         solver_version: "1".to_owned(),
+        memory_bytes: 0,
     }
 }
 
@@ -66,13 +67,54 @@ pub(crate) fn basis(seed: f64, vertices: usize) -> Basis {
         vec![1.0; vertices],
     );
     Basis {
-        space,
-        coefficients: DenseMatrix::from_columns(2, 2, vec![1.0, seed, 0.0, 1.0]).unwrap(),
+        functions: Functions::Compact(Compact {
+            space,
+            coefficients: DenseMatrix::from_columns(2, 2, vec![1.0, seed, 0.0, 1.0]).unwrap(),
+        }),
         eigenvalues: vec![0.0, seed],
         mass: MassMatrix::Diagonal(vec![0.25; vertices]),
-        certificate: Certificate { residuals: vec![0.0, 1e-9], bounds: vec![0.0, 1e-9], orthonormality_defect: 1e-15 },
+        certificate: Certificate {
+            residuals: vec![0.0, 1e-9],
+            bounds: vec![0.0, 1e-9],
+            orthonormality_defect: 1e-15,
+            ..Certificate::default()
+        },
         metadata: json!({"seed": seed}),
     }
+}
+
+/// A dense basis of so many columns.
+fn dense(seed: f64, vertices: usize, columns: usize, precision: Precision) -> Basis {
+    let values = (0..vertices * columns).map(|i| (i as f64 + seed).sin()).collect();
+    let matrix = DenseMatrix::from_columns(vertices, columns, values).unwrap();
+    let basis = basis(seed, vertices);
+    Basis {
+        functions: Functions::Dense(DenseFunctions::from_columns(&matrix, precision)),
+        eigenvalues: (0..columns).map(|k| k as f64).collect(),
+        certificate: Certificate {
+            residuals: vec![0.0; columns],
+            bounds: vec![0.0; columns],
+            complete: Some(true),
+            ..basis.certificate
+        },
+        ..basis
+    }
+}
+
+/// Enqueues, claims and completes a job with a given basis.
+async fn stored(store: &Store, mesh: &str, work: &str, basis: Basis) -> Uuid {
+    store.enqueue(new_job(mesh, work)).await.unwrap();
+    let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
+    match store.complete(claim.token, basis, vec![]).await.unwrap() {
+        CompleteAnswer::Stored(id) => id,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Some modes of a stored basis, read where it may block.
+async fn modes(store: &Store, id: Uuid, range: std::ops::Range<usize>) -> Result<Vec<f64>, BasisError> {
+    let basis = store.load_basis(id).await.unwrap();
+    tokio::task::spawn_blocking(move || basis.lift(range)).await.unwrap()
 }
 
 fn problem() -> JobProblem {
@@ -159,6 +201,7 @@ async fn a_job_goes_from_enqueued_to_its_basis() {
     let progress = Progress {
         stage: Some("eigen".to_owned()),
         fraction: Some(0.5),
+        detail: Some("level 1 of 2".to_owned()),
         stage_seconds: vec![("basis".to_owned(), 1.5)],
     };
     let answer = store.heartbeat(claim.token, Some(&progress), LEASE).await.unwrap();
@@ -493,6 +536,112 @@ async fn damaged_content_is_told_and_not_served() {
     sqlx::query("DELETE FROM chunks").execute(transaction.on()).await.unwrap();
     transaction.commit().await.unwrap();
     assert!(matches!(store.blob_bytes(&record.content_hash, 0..10).await, Err(StoreError::Corrupt { .. })));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_dense_basis_comes_back_by_its_columns() {
+    for precision in [Precision::F32, Precision::F64] {
+        let (first, folder) = store().await;
+        let mesh = first.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+        let original = dense(2.0, 3000, 100, precision);
+        let id = stored(&first, &mesh, "w", original.clone()).await;
+        let record = first.basis(id).await.unwrap();
+        let BasisStorage::Dense(layout) = &record.storage else { panic!("{record:?}") };
+        assert_eq!((layout.precision, layout.chunks.len(), record.dimension, record.nonzeros), (precision, 4, 0, 0));
+        assert_eq!((record.count, record.vertices, record.bytes), (100, 3000, layout.total));
+        // What is stored is a file that others open.
+        let content = first.blob_bytes(&record.content_hash, 0..record.bytes).await.unwrap();
+        assert_eq!(npz::read(&content).unwrap(), original);
+        assert_eq!(content, npz::to_bytes(&original).unwrap());
+        first.close().await;
+        drop(first);
+        let second = Store::open(options(&folder)).await.unwrap();
+        let loaded = second.load_basis(id).await.unwrap();
+        assert_eq!(second.cache_statistics().misses, 1, "no columns are read yet");
+        assert_eq!((&loaded.eigenvalues, &loaded.certificate), (&original.eigenvalues, &original.certificate));
+        let found = modes(&second, id, 30..70).await.unwrap();
+        assert_eq!(found, original.lift::<f64>(30..70).unwrap());
+        assert_eq!(second.cache_statistics().misses, 4, "three chunks of four");
+        let whole = tokio::task::spawn_blocking(move || *loaded == original).await.unwrap();
+        assert!(whole);
+        assert_eq!(second.cache_statistics().misses, 5);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_damaged_chunk_harms_its_own_columns_alone() {
+    let (first, folder) = store().await;
+    let mesh = first.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    let original = dense(2.0, 5000, 100, Precision::F64);
+    let id = stored(&first, &mesh, "w", original.clone()).await;
+    let record = first.basis(id).await.unwrap();
+    let BasisStorage::Dense(layout) = &record.storage else { panic!() };
+    let place = layout.chunk_bytes(5000, 1);
+    let middle = (place.start + place.end) / 2 / (256 << 10);
+    let mut transaction = first.inner.blobs.write().await.unwrap();
+    sqlx::query("UPDATE chunks SET data = zeroblob(length(data)) WHERE position = ? AND blob = (SELECT id FROM blobs WHERE hash = ?)")
+        .bind(middle as i64)
+        .bind(&record.content_hash)
+        .execute(transaction.on())
+        .await
+        .unwrap();
+    transaction.commit().await.unwrap();
+    first.close().await;
+    drop(first);
+    let store = Store::open(options(&folder)).await.unwrap();
+    for range in [0..32, 64..100] {
+        assert_eq!(modes(&store, id, range.clone()).await.unwrap(), original.lift::<f64>(range).unwrap());
+    }
+    let told = modes(&store, id, 40..41).await.unwrap_err().to_string();
+    assert!(told.contains("chunk 1") && told.contains("hash"), "{told}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_deleted_dense_basis_is_gone_for_who_still_holds_it() {
+    let (store, _folder) = store().await;
+    let mesh = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    let id = stored(&store, &mesh, "w", dense(2.0, 3000, 100, Precision::F32)).await;
+    let held = store.load_basis(id).await.unwrap();
+    assert!(modes(&store, id, 0..1).await.is_ok());
+    store.delete_basis(id).await.unwrap();
+    assert_eq!(store.cache_statistics().bytes, 0);
+    let told = tokio::task::spawn_blocking(move || held.lift::<f32>(0..1)).await.unwrap().unwrap_err();
+    assert_eq!(told.to_string(), "chunk 0 of the eigenfunctions cannot be read: they were deleted");
+    let chunks: i64 =
+        sqlx::query_scalar("SELECT COUNT(*) FROM chunks").fetch_one(store.inner.blobs.reader()).await.unwrap();
+    assert_eq!(chunks, 1, "the mesh alone");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_dense_basis_that_does_not_fit_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let limited = StoreOptions { blob_bytes_limit: Some(2 << 20), ..options(&folder) };
+    let store = Store::open(limited).await.unwrap();
+    let mesh = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    store.enqueue(new_job(&mesh, "big")).await.unwrap();
+    let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
+    let refused = store.complete(claim.token, dense(1.0, 10_000, 200, Precision::F64), vec![]).await;
+    assert!(matches!(refused, Err(StoreError::StorageFull { .. })), "{refused:?}");
+    let blobs: (i64, i64) = sqlx::query_as("SELECT (SELECT COUNT(*) FROM blobs), (SELECT COUNT(*) FROM chunks)")
+        .fetch_one(store.inner.blobs.reader())
+        .await
+        .unwrap();
+    assert_eq!(blobs, (1, 1), "the mesh alone");
+    let fits = store.complete(claim.token, dense(1.0, 1000, 40, Precision::F64), vec![]).await;
+    assert!(matches!(fits, Ok(CompleteAnswer::Stored(_))));
+}
+
+#[tokio::test]
+async fn a_large_job_is_waited_for_and_not_overtaken() {
+    let (store, _folder) = store().await;
+    let mesh = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    for (work, memory_bytes) in [("large", 1000), ("small", 10)] {
+        store.enqueue(NewJob { memory_bytes, ..new_job(&mesh, work) }).await.unwrap();
+    }
+    assert!(store.claim_within("w", &[], LEASE, 999).await.unwrap().is_none());
+    let large = store.claim_within("w", &[], LEASE, 1000).await.unwrap().unwrap();
+    assert_eq!((large.job.work_key.as_str(), large.job.memory_bytes), ("large", 1000));
+    assert_eq!(store.claim_within("w", &[], LEASE, 10).await.unwrap().unwrap().job.work_key, "small");
 }
 
 #[tokio::test]

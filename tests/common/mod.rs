@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use chladni::algebra::{DenseMatrix, MassMatrix, SparseMatrix};
-use chladni::basis::{Basis, Certificate};
+use chladni::basis::{Basis, Certificate, Compact, Functions};
 use chladni::config::Config;
 use chladni::http::{self, AppState};
 use chladni::mesh::TriangleMesh;
@@ -251,14 +251,16 @@ pub fn plain_basis(n: usize, parameters: Value) -> Basis {
         coefficients.column_mut(k)[k] = 1.0 / (*size as f64).sqrt();
     }
     Basis {
-        space: SparseMatrix::new(n, 3, (0..=n).collect(), columns, vec![1.0; n]).unwrap(),
-        coefficients,
+        functions: Functions::Compact(Compact {
+            space: SparseMatrix::new(n, 3, (0..=n).collect(), columns, vec![1.0; n]).unwrap(),
+            coefficients,
+        }),
         eigenvalues: vec![0.0, 1.0, 2.0],
         mass: MassMatrix::Diagonal(vec![1.0; n]),
         certificate: Certificate {
             residuals: vec![0.0, 0.1, 0.2],
             bounds: vec![0.0, 0.01, 0.02],
-            orthonormality_defect: 0.0,
+            ..Certificate::default()
         },
         metadata: json!({"parameters": parameters}),
     }

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::algebra::{PanelMatrix, SparseMatrix};
+pub use crate::basis::{InertiaCount, LevelReport};
 use crate::mesh::TriangleMesh;
 use crate::monitor::{Cancelled, Monitor};
 use crate::operator::EigenProblem;
@@ -55,26 +56,6 @@ pub struct HsimParameters {
     pub subspace_factor: Option<f64>,
     /// Seeds everything that is drawn at random.
     pub seed: u64,
-}
-
-/// An inertia count (Sylvester): how many eigenvalues lie below a shift.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct InertiaCount {
-    /// The shift, in 1/length² of the input.
-    pub shift: f64,
-    /// Eigenvalues below it, with multiplicity.
-    pub below: usize,
-}
-
-/// What one level of the hierarchy took.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct LevelReport {
-    /// The size of the level's eigenproblem.
-    pub dimension: usize,
-    /// Iterations, each with one Rayleigh–Ritz; 0 for a level that is solved directly.
-    pub iterations: usize,
-    /// Shifts that were factored.
-    pub shifts: usize,
 }
 
 /// Eigenpairs on the mesh, proven complete.

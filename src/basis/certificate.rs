@@ -1,0 +1,98 @@
+//! What is proven about a basis.
+
+use serde::{Deserialize, Serialize};
+
+/// What is proven about a basis.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Certificate {
+    /// Per pair `‖S x − θ M x‖ / ‖S x‖` (thesis, eq. 4.6); for the kernel `‖S x‖ / (‖S‖ ‖x‖)`.
+    pub residuals: Vec<f64>,
+    /// Per pair an a-posteriori bound: some exact eigenvalue lies within `[θ − bound, θ + bound]`, in 1/length² of the input.
+    pub bounds: Vec<f64>,
+    /// The largest entry of `|ΦᵀMΦ − I|`.
+    pub orthonormality_defect: f64,
+    /// Whether inertia counts prove that no eigenvalue below the last was skipped; `None`: not counted.
+    #[serde(default)]
+    pub complete: Option<bool>,
+    /// The inertia counts, by ascending shift.
+    #[serde(default)]
+    pub inertia: Vec<InertiaCount>,
+    /// The largest residual that a pair was allowed, where the method has one.
+    #[serde(default)]
+    pub tolerance: Option<f64>,
+    /// What each level of the hierarchy took, coarsest first; empty where there is no hierarchy.
+    #[serde(default)]
+    pub levels: Vec<LevelReport>,
+    /// Per pair `‖x − x̃‖_M / ‖x‖_M`, where the eigenfunctions `x` were projected to `x̃ = U c` to store them compactly; else empty.
+    #[serde(default)]
+    pub projection_errors: Vec<f64>,
+    /// The largest of them.
+    #[serde(default)]
+    pub largest_projection_error: Option<f64>,
+}
+
+/// An inertia count (Sylvester): how many eigenvalues lie below a shift.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct InertiaCount {
+    /// The shift, in 1/length² of the input.
+    pub shift: f64,
+    /// Eigenvalues below it, with multiplicity.
+    pub below: usize,
+}
+
+/// What one level of the hierarchy took.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LevelReport {
+    /// The size of the level's eigenproblem.
+    pub dimension: usize,
+    /// Iterations, each with one Rayleigh–Ritz; 0 for a level that is solved directly.
+    pub iterations: usize,
+    /// Shifts that were factored.
+    pub shifts: usize,
+}
+
+/// What inertia counts prove about ascending eigenvalues that a solver found: `None` where there are no counts; `Some(true)` where
+/// every count at a shift among the values equals the values below it, and a further count lies above the last value.
+///
+/// A count above the last value may be larger than the values: a solver that computed a whole cluster delivers as many of it as were
+/// asked for.
+pub fn completeness(values: &[f64], inertia: &[InertiaCount]) -> Option<bool> {
+    if inertia.is_empty() {
+        return None;
+    }
+    let last = values.last().copied().unwrap_or(f64::NEG_INFINITY);
+    let mut closed = false;
+    for count in inertia {
+        let found = values.iter().filter(|&&value| value < count.shift).count();
+        let above = count.shift > last;
+        closed |= above;
+        if if above { count.below < found } else { count.below != found } {
+            return Some(false);
+        }
+    }
+    Some(closed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_counts_that_agree_and_reach_above_the_last_pair_prove_completeness() {
+        let values = [0.0, 1.0, 1.0, 2.0];
+        let count = |shift, below| InertiaCount { shift, below };
+        assert_eq!(completeness(&values, &[]), None);
+        assert_eq!(completeness(&values, &[count(2.5, 4)]), Some(true));
+        assert_eq!(completeness(&values, &[count(0.5, 1), count(2.5, 6)]), Some(true));
+        assert_eq!(completeness(&values, &[count(1.5, 3)]), Some(false), "nothing is said of the last pair");
+        assert_eq!(completeness(&values, &[count(1.5, 4), count(2.5, 4)]), Some(false), "one is missing below 1.5");
+        assert_eq!(completeness(&values, &[count(2.5, 3)]), Some(false), "one is there that cannot be");
+    }
+
+    #[test]
+    fn certificates_of_an_earlier_version_are_read() {
+        let old = r#"{"residuals": [0.5], "bounds": [1.0], "orthonormality_defect": 0.25}"#;
+        let certificate: Certificate = serde_json::from_str(old).unwrap();
+        assert_eq!((certificate.complete, certificate.levels.len()), (None, 0));
+    }
+}

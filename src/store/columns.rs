@@ -1,0 +1,143 @@
+//! Dense bases: written as they come, with no second copy in memory, and read in chunks of columns, each verified by its own hash.
+
+use std::sync::{Arc, Weak};
+
+use tokio::runtime::Handle;
+
+use super::{BasisRecord, Inner, Store, StoreError, Weighed, blobs};
+use crate::basis::{
+    Basis, CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, DenseLayout, Functions, npz,
+};
+
+/// A dense basis whose content is stored.
+pub(super) struct WrittenDense {
+    /// The basis, with eigenfunctions that lie in the store.
+    pub basis: Basis,
+    pub layout: Arc<DenseLayout>,
+    pub hash: String,
+    pub bytes: u64,
+}
+
+/// Columns in the store. Held by the store's own cache, so it must not keep the store alive.
+#[derive(Debug)]
+struct StoredColumns {
+    store: Weak<Inner>,
+    runtime: Handle,
+    hash: String,
+    rows: usize,
+    layout: Arc<DenseLayout>,
+}
+
+impl ColumnSource for StoredColumns {
+    fn chunk(&self, index: usize) -> Result<Arc<ColumnChunk>, ColumnError> {
+        let inner = self.store.upgrade().ok_or(ColumnError::Gone)?;
+        let store = Store { inner };
+        // Solves run on threads of their own, which may wait.
+        let read = self.runtime.block_on(store.load_chunk(&self.hash, self.rows, &self.layout, index));
+        read.map_err(|error| match error {
+            StoreError::NotFound { .. } => ColumnError::Gone,
+            other => ColumnError::Failed(other.to_string()),
+        })
+    }
+}
+
+impl Store {
+    /// Writes the content of a dense basis. Its chunks are given up one by one, so that memory falls while the disk fills.
+    pub(super) async fn put_dense(&self, basis: Basis) -> Result<WrittenDense, StoreError> {
+        let (rows, columns) = (basis.vertices(), basis.count());
+        let expected = basis.stored_bytes() + 8 * rows as u64;
+        let make = move |out: &mut blobs::PieceWriter| {
+            let Basis { functions, eigenvalues, mass, certificate, metadata } = basis;
+            let Functions::Dense(dense) = functions else {
+                return Err(StoreError::Unavailable { detail: "the basis is not dense".to_owned() });
+            };
+            let precision = dense.precision();
+            // Nobody reads these until the columns are where the layout says.
+            let nowhere = Arc::new(Nowhere);
+            let functions = Functions::Dense(DenseFunctions::elsewhere(rows, columns, precision, nowhere));
+            let head = Basis { functions, eigenvalues, mass, certificate, metadata };
+            let layout = npz::write_dense(&head, dense, out)
+                .map_err(|error| StoreError::Unavailable { detail: format!("the basis: {error}") })?;
+            Ok((head, layout))
+        };
+        let ((mut basis, layout), hash, bytes) = self.put_made(expected, make).await?;
+        let layout = Arc::new(layout);
+        basis.functions = Functions::Dense(self.stored_functions(&hash, [rows, columns], &layout));
+        Ok(WrittenDense { basis, layout, hash, bytes })
+    }
+
+    /// Reads everything of a dense basis but its columns; gives the bytes that were read, too.
+    pub(super) async fn read_dense(
+        &self,
+        record: &BasisRecord,
+        layout: &Arc<DenseLayout>,
+    ) -> Result<(Basis, u64), StoreError> {
+        let hash = &record.content_hash;
+        let head = self.blob_bytes(hash, 0..layout.start).await?;
+        let tail = self.blob_bytes(hash, layout.end..layout.total).await?;
+        let bytes = (head.len() + tail.len()) as u64;
+        let shape = [record.vertices as usize, record.count as usize];
+        let source = self.stored_columns(hash, shape[0], layout);
+        let layout = Arc::clone(layout);
+        let basis = blobs::blocking(move || npz::read_frame(&head, &tail, &layout, shape, source)).await?;
+        Ok((basis.map_err(|error| StoreError::Corrupt { detail: format!("the basis: {error}") })?, bytes))
+    }
+
+    fn stored_columns(&self, hash: &str, rows: usize, layout: &Arc<DenseLayout>) -> Arc<StoredColumns> {
+        Arc::new(StoredColumns {
+            store: Arc::downgrade(&self.inner),
+            runtime: Handle::current(),
+            hash: hash.to_owned(),
+            rows,
+            layout: Arc::clone(layout),
+        })
+    }
+
+    fn stored_functions(&self, hash: &str, [rows, columns]: [usize; 2], layout: &Arc<DenseLayout>) -> DenseFunctions {
+        DenseFunctions::elsewhere(rows, columns, layout.precision, self.stored_columns(hash, rows, layout))
+    }
+
+    /// One chunk of columns, from the cache or read and verified.
+    async fn load_chunk(
+        &self,
+        hash: &str,
+        rows: usize,
+        layout: &DenseLayout,
+        index: usize,
+    ) -> Result<Arc<ColumnChunk>, StoreError> {
+        let key = (hash.to_owned(), index);
+        if let Some(found) = self.inner.chunks.get(&key) {
+            self.count_hit(true);
+            return Ok(found.value);
+        }
+        // A deletion comes before or after, not between two pieces.
+        let _in_use = self.inner.blob_use.read().await;
+        let loaded = self.inner.chunks.get_or_insert_async(&key, async {
+            self.count_hit(false);
+            let damaged = |how: &str| StoreError::Corrupt {
+                detail: format!("columns from {} on of content {hash} {how}", index * CHUNK_COLUMNS),
+            };
+            let expected = layout.chunks.get(index).cloned().ok_or_else(|| damaged("are not in its layout"))?;
+            let content = self.blob_bytes(hash, layout.chunk_bytes(rows, index)).await?;
+            let bytes = content.len() as u64;
+            let precision = layout.precision;
+            let chunk = blobs::blocking(move || {
+                let right = blake3::hash(&content).to_hex().as_str() == expected;
+                right.then(|| ColumnChunk::from_bytes(&content, rows, precision)).flatten()
+            });
+            let chunk = chunk.await?.ok_or_else(|| damaged("hash to another value"))?;
+            Ok::<_, StoreError>(Weighed { value: Arc::new(chunk), bytes })
+        });
+        Ok(loaded.await?.value)
+    }
+}
+
+/// No columns at all.
+#[derive(Debug)]
+struct Nowhere;
+
+impl ColumnSource for Nowhere {
+    fn chunk(&self, _index: usize) -> Result<Arc<ColumnChunk>, ColumnError> {
+        Err(ColumnError::Gone)
+    }
+}
