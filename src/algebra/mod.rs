@@ -1,5 +1,6 @@
 //! Sparse and dense matrices and the dense symmetric-definite eigenproblem. The only room that names faer.
 
+mod block_matrix;
 mod blocks;
 mod dense;
 mod eigen;
@@ -12,6 +13,7 @@ mod product;
 mod simd;
 mod sparse;
 
+pub use block_matrix::{Block, BlockMatrix, add_product, inverse_positive, transposed};
 pub use blocks::compact_order;
 pub use dense::DenseMatrix;
 pub use eigen::{CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};

@@ -3,6 +3,7 @@
 pub mod check;
 pub mod connectivity;
 pub mod distance;
+pub mod dual;
 #[cfg(test)]
 pub(crate) mod fixtures;
 pub mod measure;

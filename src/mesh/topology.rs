@@ -22,11 +22,13 @@ pub(super) struct EdgeTable {
     records: Vec<u64>,
 }
 
-fn half_edge(record: u64) -> u32 {
+/// The half-edge of a record.
+pub(super) fn half_edge(record: u64) -> u32 {
     (record as u32) >> 1
 }
 
-fn runs_down(record: u64) -> bool {
+/// Whether the half-edge of a record runs from the higher to the lower vertex.
+pub(super) fn runs_down(record: u64) -> bool {
     record & 1 == 1
 }
 
@@ -84,7 +86,7 @@ impl EdgeTable {
     }
 
     /// Calls `visit(low, high, records)` for each edge, ascending by `(low, high)`.
-    fn for_each_edge(&self, mut visit: impl FnMut(u32, u32, &[u64])) {
+    pub(super) fn for_each_edge(&self, mut visit: impl FnMut(u32, u32, &[u64])) {
         for (low, range) in self.offsets.windows(2).enumerate() {
             let mut rest = &self.records[range[0] as usize..range[1] as usize];
             while let Some(&first) = rest.first() {

@@ -2,7 +2,11 @@
 //! describes by [`OperatorParameters`].
 
 mod choice;
+pub mod frames;
+pub mod hodge;
 pub mod laplace;
+pub mod tangential;
+pub mod transport;
 
 use crate::algebra::{GalerkinError, SparseMatrix};
 use crate::monitor::{Cancelled, Monitor};
