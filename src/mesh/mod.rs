@@ -6,6 +6,7 @@ pub mod distance;
 pub mod dual;
 #[cfg(test)]
 pub(crate) mod fixtures;
+pub mod intrinsic;
 pub mod measure;
 mod random;
 pub mod read;

@@ -38,7 +38,7 @@ fn tail(faces: &[[u32; 3]], h: u32) -> u32 {
 }
 
 /// The vertex of the face of `h` that is not on `h`.
-fn apex(faces: &[[u32; 3]], h: u32) -> u32 {
+pub(super) fn apex(faces: &[[u32; 3]], h: u32) -> u32 {
     faces[h as usize / 3][(h as usize % 3 + 2) % 3]
 }
 

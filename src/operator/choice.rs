@@ -2,8 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{EigenProblem, MassKind, OperatorError, laplace};
+use super::curvature::Surface;
+use super::manifold::Topology;
+use super::{EigenProblem, MassKind, OperatorError, boundary, extrinsic, hamiltonian, laplace, robust};
 use crate::mesh::TriangleMesh;
+use crate::mesh::intrinsic::Rim;
 use crate::monitor::Monitor;
 
 /// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"robust"`, `{"extrinsic": {"t": 0.5}}`,
@@ -132,8 +135,8 @@ pub enum Reason {
     FairMesh,
     /// Some edges or vertices are not manifold.
     NonManifold,
-    /// Some triangles are so thin that cotangents lose their meaning.
-    BadTriangles,
+    /// More than one face in a thousand is thin.
+    ThinFaces,
 }
 
 /// What was chosen and come across when an operator was made.
@@ -147,8 +150,8 @@ pub struct OperatorReport {
     pub non_manifold_edges: usize,
     /// Vertices whose faces form several fans, though none of their edges has three or more faces.
     pub non_manifold_vertices: usize,
-    /// Faces that are too thin for cotangents to have a meaning, those without area included.
-    pub bad_faces: usize,
+    /// Faces with an angle below 0.06 degrees or above 179.94, and those without area.
+    pub thin_faces: usize,
     /// Faces without an area: by cotangents they contribute nothing.
     pub zero_area_faces: usize,
     /// Vertices on which nothing acts; their mass is negligible.
@@ -157,6 +160,8 @@ pub struct OperatorReport {
     pub mollification: f64,
     /// Edges that were flipped on the tufted cover.
     pub flips: usize,
+    /// Whether the flips came to an end, so that no weight of the stiffness is negative. Without the robust Laplacian nobody asked.
+    pub delaunay: bool,
     /// Vertices that are no unknowns.
     pub removed_vertices: usize,
 }
@@ -179,6 +184,9 @@ impl MeshOperator {
     }
 }
 
+/// From this many faces in a thousand on, thin ones call for the robust Laplacian.
+const THIN_PER_MILLE: usize = 1;
+
 /// Makes the operator that is asked for. Announces the stage `operator`.
 ///
 /// # Errors
@@ -191,17 +199,93 @@ pub fn assemble(
     monitor.stage("operator");
     parameters.check()?;
     parameters.check_mesh(mesh.positions.len())?;
-    let (problem, found) = laplace::assemble_with_report(mesh, parameters.mass)?;
+    let measured = laplace::measure(mesh)?;
+    let topology = Topology::new(mesh.positions.len(), &mesh.faces, &measured.corners);
     monitor.checkpoint()?;
-    if !matches!(parameters.operator, OperatorKind::Auto | OperatorKind::Laplace)
-        || parameters.boundary != Boundary::Neumann
-    {
-        return Err(OperatorError::Parameter { name: "operator", reason: "this operator is not there yet".to_owned() });
-    }
-    let report = OperatorReport {
-        zero_area_faces: found.zero_area_faces,
-        massless_vertices: found.massless_vertices,
+
+    let (laplacian, reason) = choose(&parameters.operator, mesh, &measured, &topology);
+    let mut report = OperatorReport {
+        laplacian,
+        reason,
+        non_manifold_edges: topology.non_manifold_edges,
+        non_manifold_vertices: topology.non_manifold_vertices,
+        thin_faces: measured.thin_faces,
+        zero_area_faces: measured.zero_area_faces,
         ..OperatorReport::default()
     };
-    Ok(MeshOperator { problem, base: None, report })
+    let dirichlet = parameters.boundary == Boundary::Dirichlet && !topology.boundary.is_empty();
+    let triangulation;
+    let (laplacian, faces, shapes) = match laplacian {
+        Laplacian::Cotangent => {
+            let (problem, massless) = laplace::cotangent(mesh, &measured, parameters.mass);
+            report.massless_vertices = massless;
+            (problem, &mesh.faces[..], &measured.shapes[..])
+        }
+        Laplacian::Robust => {
+            let rim = if dirichlet { Rim::Fixed } else { Rim::Free };
+            let found;
+            (triangulation, found) = robust::triangulate(mesh, &measured, rim, monitor)?;
+            let (problem, found) = robust::of_triangulation(mesh, &measured, &triangulation, found, parameters.mass)?;
+            report.mollification = found.mollification;
+            report.flips = found.flips;
+            report.delaunay = found.delaunay;
+            report.massless_vertices = found.massless_vertices;
+            (problem, triangulation.faces(), triangulation.shapes())
+        }
+    };
+    monitor.checkpoint()?;
+
+    let stiffness = match &parameters.operator {
+        OperatorKind::Auto | OperatorKind::Laplace | OperatorKind::Robust => None,
+        OperatorKind::Extrinsic { t } => {
+            let normals = Surface::new(mesh, &measured).normals(&measured.corners);
+            Some(extrinsic::blend(&laplacian.stiffness, &normals, *t))
+        }
+        OperatorKind::Hamiltonian { potential: Potential::Values(values) } => {
+            Some(hamiltonian::add_potential(&laplacian, faces, shapes, values)?)
+        }
+        OperatorKind::Hamiltonian { potential: Potential::Curvature { t } } => {
+            let squares = Surface::new(mesh, &measured).curvatures(&measured.corners).squares();
+            let most = hamiltonian::LARGEST / laplacian.area;
+            let potential: Vec<f64> = squares.iter().map(|square| (t * square).min(most)).collect();
+            Some(hamiltonian::add_potential(&laplacian, faces, shapes, &potential)?)
+        }
+    };
+    let whole = stiffness.map(|stiffness| EigenProblem {
+        stiffness,
+        mass: laplacian.mass.clone(),
+        area: laplacian.area,
+        unknowns: None,
+    });
+    if !dirichlet {
+        return Ok(match whole {
+            Some(problem) => MeshOperator { problem, base: Some(laplacian), report },
+            None => MeshOperator { problem: laplacian, base: None, report },
+        });
+    }
+    report.removed_vertices = topology.boundary.len();
+    let problem = boundary::without(whole.as_ref().unwrap_or(&laplacian), &topology.boundary)?;
+    Ok(MeshOperator { problem, base: Some(laplacian), report })
+}
+
+/// Which Laplacian to take.
+fn choose(
+    wanted: &OperatorKind,
+    mesh: &TriangleMesh,
+    measured: &laplace::Measured,
+    topology: &Topology,
+) -> (Laplacian, Reason) {
+    match wanted {
+        OperatorKind::Laplace => (Laplacian::Cotangent, Reason::Requested),
+        OperatorKind::Robust => (Laplacian::Robust, Reason::Requested),
+        OperatorKind::Auto | OperatorKind::Extrinsic { .. } | OperatorKind::Hamiltonian { .. } => {
+            if topology.non_manifold_edges + topology.non_manifold_vertices > 0 {
+                (Laplacian::Robust, Reason::NonManifold)
+            } else if 1000 * measured.thin_faces > THIN_PER_MILLE * mesh.faces.len() {
+                (Laplacian::Robust, Reason::ThinFaces)
+            } else {
+                (Laplacian::Cotangent, Reason::FairMesh)
+            }
+        }
+    }
 }

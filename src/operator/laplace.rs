@@ -11,21 +11,15 @@
 
 use rayon::prelude::*;
 
-use super::{EigenProblem, MassKind, MassMatrix, OperatorError};
-use crate::algebra::SparseMatrix;
+use super::corners::Corners;
+pub use super::shapes::MASSLESS;
+use super::shapes::{self, Triangles};
+use super::{EigenProblem, MassKind, OperatorError};
 use crate::mesh::TriangleMesh;
+use crate::mesh::intrinsic::TriangleShape;
 
-/// The mass of a vertex that no face with an area touches, as a multiple of the mean mass.
-///
-/// Nothing acts on such a vertex, neither stiffness nor mass, and a zero on the diagonal would make the mass singular. So small a
-/// mass keeps it definite, changes no other eigenpair, and lets the vertex take whatever value a subspace gives it.
-pub const MASSLESS: f64 = 1e-12;
-
-/// Rows that one task assembles. Fixed, so that results do not depend on the number of threads.
-const ROWS_PER_TASK: usize = 4096;
-
-/// Up to this many faces around a vertex its neighbours are found by looking through a list; beyond it they are sorted.
-const SHORT_RING: usize = 16;
+/// A face is thin when the cotangent of one of its angles is larger than this: 0.06 degrees, or 179.94.
+pub(super) const THIN: f64 = 1e3;
 
 /// What assembly came across.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -55,24 +49,52 @@ pub fn assemble_with_report(
     mesh: &TriangleMesh,
     mass: MassKind,
 ) -> Result<(EigenProblem, AssemblyReport), OperatorError> {
-    let n = mesh.positions.len();
+    let measured = measure(mesh)?;
+    let (problem, massless_vertices) = cotangent(mesh, &measured, mass);
+    Ok((problem, AssemblyReport { zero_area_faces: measured.zero_area_faces, massless_vertices }))
+}
+
+/// What is read off the positions once.
+pub(super) struct Measured {
+    /// The power of two that lengths are multiplied by.
+    pub scale: f64,
+    pub corners: Corners,
+    /// On the scaled mesh.
+    pub shapes: Vec<TriangleShape>,
+    /// On the scaled mesh.
+    pub area: f64,
+    pub zero_area_faces: usize,
+    /// Those without area included.
+    pub thin_faces: usize,
+}
+
+/// Measures every face.
+///
+/// # Errors
+/// As [`assemble`].
+pub(super) fn measure(mesh: &TriangleMesh) -> Result<Measured, OperatorError> {
     let scale = power_of_two_scale(&mesh.positions)?;
-    let corners = corners_around(mesh)?;
-    let (shapes, area, zero_area_faces) = face_shapes(mesh, scale);
-    if !(area.is_finite() && area > 0.0) {
+    let corners = Corners::new(mesh.positions.len(), &mesh.faces)?;
+    let (shapes, sums) = face_shapes(mesh, scale);
+    if !(sums.area.is_finite() && sums.area > 0.0) {
         return Err(OperatorError::NoArea);
     }
-    let blocks: Vec<Block> = (0..n.div_ceil(ROWS_PER_TASK))
-        .into_par_iter()
-        .map(|task| {
-            let rows = task * ROWS_PER_TASK..n.min((task + 1) * ROWS_PER_TASK);
-            assemble_rows(mesh, &corners, &shapes, area, mass, rows)
-        })
-        .collect();
-    let massless_vertices = blocks.iter().map(|b| b.massless).sum();
-    let (stiffness, mass) = join(n, &blocks, mass);
-    let problem = EigenProblem { stiffness, mass, area: area / scale / scale, unknowns: None };
-    Ok((problem, AssemblyReport { zero_area_faces, massless_vertices }))
+    let Sums { area, zero_area: zero_area_faces, thin: thin_faces } = sums;
+    Ok(Measured { scale, corners, shapes, area, zero_area_faces, thin_faces })
+}
+
+/// The problem that follows from the cotangents of the faces as they are, and the number of vertices without mass.
+pub(super) fn cotangent(mesh: &TriangleMesh, measured: &Measured, mass: MassKind) -> (EigenProblem, usize) {
+    let Measured { scale, corners, shapes, area, .. } = measured;
+    let triangles = Triangles { vertices: mesh.positions.len(), faces: &mesh.faces, shapes, sheets: 1.0 };
+    let assembled = shapes::assemble(&triangles, corners, *area, mass);
+    let problem = EigenProblem {
+        stiffness: assembled.stiffness,
+        mass: assembled.mass,
+        area: area / scale / scale,
+        unknowns: None,
+    };
+    (problem, assembled.massless_vertices)
 }
 
 /// The power of two that brings the largest extent of the bounding box near 1, so that products neither overflow nor underflow.
@@ -95,250 +117,39 @@ fn power_of_two_scale(positions: &[[f64; 3]]) -> Result<f64, OperatorError> {
     if extent > 1e-150 && extent < 1e150 { Ok((-extent.log2().round()).exp2()) } else { Err(OperatorError::NoArea) }
 }
 
-/// For each vertex the corners `3·face + k` that lie on it, ascending.
-struct Corners {
-    offsets: Vec<u32>,
-    corners: Vec<u32>,
-}
-
-fn corners_around(mesh: &TriangleMesh) -> Result<Corners, OperatorError> {
-    let n = mesh.positions.len();
-    if u32::try_from(mesh.faces.len().saturating_mul(3)).is_err() {
-        return Err(OperatorError::TooManyFaces { faces: mesh.faces.len() });
-    }
-    // Counts are kept one place late, so that the running positions below end as the offsets.
-    let mut offsets = vec![0u32; n + 2];
-    for (face, corners) in mesh.faces.iter().enumerate() {
-        for &vertex in corners {
-            if vertex as usize >= n {
-                return Err(OperatorError::VertexOutOfRange { face, vertex, vertices: n });
-            }
-            offsets[vertex as usize + 2] += 1;
-        }
-    }
-    for v in 2..n + 2 {
-        offsets[v] += offsets[v - 1];
-    }
-    let mut corners = vec![0u32; 3 * mesh.faces.len()];
-    for (corner, &vertex) in mesh.faces.as_flattened().iter().enumerate() {
-        let next = &mut offsets[vertex as usize + 1];
-        corners[*next as usize] = corner as u32;
-        *next += 1;
-    }
-    offsets.pop();
-    Ok(Corners { offsets, corners })
-}
-
-/// Half cotangents of a face's three angles and its area, on the mesh scaled by a power of two; zeros where it has no area.
+/// What is summed over faces.
 #[derive(Clone, Copy, Default)]
-struct FaceShape {
-    half_cotangents: [f64; 3],
+struct Sums {
     area: f64,
+    zero_area: usize,
+    thin: usize,
 }
 
-fn face_shapes(mesh: &TriangleMesh, scale: f64) -> (Vec<FaceShape>, f64, usize) {
+fn face_shapes(mesh: &TriangleMesh, scale: f64) -> (Vec<TriangleShape>, Sums) {
     const FACES_PER_TASK: usize = 8192;
-    let mut shapes = vec![FaceShape::default(); mesh.faces.len()];
-    let sums: Vec<(f64, usize)> = shapes
+    let mut shapes = vec![TriangleShape::default(); mesh.faces.len()];
+    let parts: Vec<Sums> = shapes
         .par_chunks_mut(FACES_PER_TASK)
         .zip(mesh.faces.par_chunks(FACES_PER_TASK))
         .map(|(shapes, faces)| {
-            let (mut area, mut degenerate) = (0.0, 0);
+            let mut sums = Sums::default();
             for (shape, face) in shapes.iter_mut().zip(faces) {
-                *shape = face_shape(face.map(|v| mesh.positions[v as usize].map(|c| c * scale)));
-                area += shape.area;
-                degenerate += usize::from(shape.area == 0.0);
+                *shape = TriangleShape::of_corners(face.map(|v| mesh.positions[v as usize].map(|c| c * scale)));
+                let steepest = shape.half_cotangents.iter().fold(0.0f64, |most, c| most.max(c.abs()));
+                sums.area += shape.area;
+                sums.zero_area += usize::from(shape.area == 0.0);
+                sums.thin += usize::from(shape.area == 0.0 || steepest > 0.5 * THIN);
             }
-            (area, degenerate)
+            sums
         })
         .collect();
-    let (area, degenerate) = sums.iter().fold((0.0, 0), |(a, d), &(area, degenerate)| (a + area, d + degenerate));
-    (shapes, area, degenerate)
-}
-
-fn face_shape(p: [[f64; 3]; 3]) -> FaceShape {
-    let between = |a: [f64; 3], b: [f64; 3]| [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
-    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    // Edge k is opposite to corner k.
-    let e = [between(p[1], p[2]), between(p[2], p[0]), between(p[0], p[1])];
-    let (a, b) = (e[1], e[2]);
-    let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    let doubled = dot(cross, cross).sqrt();
-    let longest = dot(e[0], e[0]).max(dot(a, a)).max(dot(b, b));
-    // The cross product carries rounding errors of this size: below it there is no area to speak of.
-    if doubled <= 4.0 * f64::EPSILON * longest {
-        return FaceShape::default();
+    let mut total = Sums::default();
+    for part in &parts {
+        total.area += part.area;
+        total.zero_area += part.zero_area;
+        total.thin += part.thin;
     }
-    let half_inverse = 0.5 / doubled;
-    FaceShape {
-        half_cotangents: [
-            -dot(e[1], e[2]) * half_inverse,
-            -dot(e[2], e[0]) * half_inverse,
-            -dot(e[0], e[1]) * half_inverse,
-        ],
-        area: 0.5 * doubled,
-    }
-}
-
-/// The part of a mixed Voronoi cell that lies in a face (Meyer et al. 2003, section 3.3), for corner `k`.
-fn voronoi_part(shape: &FaceShape, k: usize) -> f64 {
-    let h = shape.half_cotangents;
-    if let Some(obtuse) = h.iter().position(|&c| c < 0.0) {
-        return shape.area * if obtuse == k { 0.5 } else { 0.25 };
-    }
-    // |e_j|² = 2A (cot θ_k + cot θ_i), the two angles that edge j lies between.
-    let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-    let squared = |a: usize, b: usize| 4.0 * shape.area * (h[a] + h[b]);
-    0.25 * (squared(k, i) * h[j] + squared(k, j) * h[i])
-}
-
-/// Some consecutive rows of stiffness and mass.
-struct Block {
-    lengths: Vec<u32>,
-    indices: Vec<u32>,
-    stiffness: Vec<f64>,
-    /// One value a row for a lumped mass, one an entry for the consistent mass.
-    mass: Vec<f64>,
-    massless: usize,
-}
-
-/// One entry of a row while it is being gathered: column, stiffness, consistent mass.
-type Entry = (u32, f64, f64);
-
-fn assemble_rows(
-    mesh: &TriangleMesh,
-    corners: &Corners,
-    shapes: &[FaceShape],
-    area: f64,
-    kind: MassKind,
-    rows: std::ops::Range<usize>,
-) -> Block {
-    let most = rows.len() + 2 * (corners.offsets[rows.end] - corners.offsets[rows.start]) as usize;
-    let mut block = Block {
-        lengths: Vec::with_capacity(rows.len()),
-        indices: Vec::with_capacity(most),
-        stiffness: Vec::with_capacity(most),
-        mass: Vec::with_capacity(if kind == MassKind::Consistent { most } else { rows.len() }),
-        massless: 0,
-    };
-    let massless = MASSLESS / mesh.positions.len() as f64;
-    let per_area = 1.0 / area;
-    let mut ring: Vec<Entry> = Vec::new();
-    for v in rows {
-        let around = &corners.corners[corners.offsets[v] as usize..corners.offsets[v + 1] as usize];
-        ring.clear();
-        let mut mass = 0.0;
-        for &corner in around {
-            let (face, k) = ((corner / 3) as usize, (corner % 3) as usize);
-            let shape = &shapes[face];
-            if shape.area == 0.0 {
-                continue;
-            }
-            mass += match kind {
-                MassKind::Consistent => shape.area / 6.0,
-                MassKind::Barycentric => shape.area / 3.0,
-                MassKind::Voronoi => voronoi_part(shape, k),
-            };
-            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            let off_diagonal = shape.area / 12.0;
-            for (column, weight) in
-                [(mesh.faces[face][i], shape.half_cotangents[j]), (mesh.faces[face][j], shape.half_cotangents[i])]
-            {
-                match ring.iter_mut().find(|entry| around.len() <= SHORT_RING && entry.0 == column) {
-                    Some(entry) => {
-                        entry.1 -= weight;
-                        entry.2 += off_diagonal;
-                    }
-                    None => ring.push((column, -weight, off_diagonal)),
-                }
-            }
-        }
-        if around.len() <= SHORT_RING {
-            insertion_sort(&mut ring);
-        } else {
-            // Stable, so that the parts of an entry are added in the order of the faces, as above.
-            ring.sort_by_key(|entry| entry.0);
-            ring.dedup_by(|later, kept| {
-                let same = later.0 == kept.0;
-                if same {
-                    kept.1 += later.1;
-                    kept.2 += later.2;
-                }
-                same
-            });
-        }
-        let diagonal = -ring.iter().map(|entry| entry.1).sum::<f64>();
-        let mut own = mass * per_area;
-        if own <= 0.0 {
-            own = massless;
-            block.massless += 1;
-        }
-        if kind != MassKind::Consistent {
-            block.mass.push(own);
-        }
-        let mut push = |column: u32, stiffness: f64, mass: f64| {
-            block.indices.push(column);
-            block.stiffness.push(stiffness);
-            if kind == MassKind::Consistent {
-                block.mass.push(mass);
-            }
-        };
-        let below = ring.partition_point(|entry| (entry.0 as usize) < v);
-        for &(column, stiffness, mass) in &ring[..below] {
-            push(column, stiffness, mass * per_area);
-        }
-        push(v as u32, diagonal, own);
-        for &(column, stiffness, mass) in &ring[below..] {
-            push(column, stiffness, mass * per_area);
-        }
-        block.lengths.push(ring.len() as u32 + 1);
-    }
-    block
-}
-
-fn insertion_sort(ring: &mut [Entry]) {
-    for end in 1..ring.len() {
-        let entry = ring[end];
-        let mut at = end;
-        while at > 0 && ring[at - 1].0 > entry.0 {
-            ring[at] = ring[at - 1];
-            at -= 1;
-        }
-        ring[at] = entry;
-    }
-}
-
-/// Puts the blocks of rows one after the other.
-fn join(n: usize, blocks: &[Block], kind: MassKind) -> (SparseMatrix, MassMatrix) {
-    let mut offsets = Vec::with_capacity(n + 1);
-    offsets.push(0usize);
-    for block in blocks {
-        for &length in &block.lengths {
-            offsets.push(offsets.last().copied().unwrap_or(0) + length as usize);
-        }
-    }
-    let indices = concatenate(blocks, |b| &b.indices);
-    let stiffness = concatenate(blocks, |b| &b.stiffness);
-    let mass = concatenate(blocks, |b| &b.mass);
-    let mass = if kind == MassKind::Consistent {
-        MassMatrix::Sparse(SparseMatrix::from_sorted_parts(n, n, offsets.clone(), indices.clone(), mass))
-    } else {
-        MassMatrix::Diagonal(mass)
-    };
-    (SparseMatrix::from_sorted_parts(n, n, offsets, indices, stiffness), mass)
-}
-
-fn concatenate<T: Copy + Default + Send + Sync>(blocks: &[Block], part: impl Fn(&Block) -> &Vec<T> + Sync) -> Vec<T> {
-    let mut all = vec![T::default(); blocks.iter().map(|b| part(b).len()).sum()];
-    let mut rest = &mut all[..];
-    let mut targets = Vec::with_capacity(blocks.len());
-    for block in blocks {
-        let (target, after) = rest.split_at_mut(part(block).len());
-        targets.push(target);
-        rest = after;
-    }
-    targets.into_par_iter().zip(blocks).for_each(|(target, block)| target.copy_from_slice(part(block)));
-    all
+    (shapes, total)
 }
 
 #[cfg(test)]

@@ -1,4 +1,6 @@
 use super::*;
+use crate::algebra::SparseMatrix;
+use crate::operator::MassMatrix;
 
 fn tetrahedron() -> TriangleMesh {
     TriangleMesh {

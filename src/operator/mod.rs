@@ -1,10 +1,18 @@
 //! Operators on a mesh: one public operator per file. Solvers take an [`EigenProblem`]; [`assemble`] makes the one that a client
 //! describes by [`OperatorParameters`].
 
+mod boundary;
 mod choice;
+mod corners;
+pub mod curvature;
+pub mod extrinsic;
 pub mod frames;
+pub mod hamiltonian;
 pub mod hodge;
 pub mod laplace;
+mod manifold;
+pub mod robust;
+mod shapes;
 pub mod tangential;
 pub mod transport;
 
@@ -122,3 +130,8 @@ impl EigenProblem {
         crate::algebra::galerkin(space, &self.stiffness, &self.mass, monitor)
     }
 }
+
+#[cfg(test)]
+mod real_meshes;
+#[cfg(test)]
+mod tests;
