@@ -1,6 +1,7 @@
 //! The fast approximation of eigenproblems (thesis, chapter 2): Ritz pairs in a subspace of locally supported functions.
 
 use super::certificate::{CertificateError, certify};
+use super::clamp::{clamp, on_all_vertices};
 use super::heat::{self, HeatError, HeatParameters};
 use super::radial::{self, Profile, RadialError, RadialParameters};
 use crate::algebra::{CpuSolver, EigenError, GalerkinError, SparseMatrix, SymmetricDefiniteSolver, galerkin};
@@ -10,7 +11,7 @@ use crate::mesh::connectivity::Connectivity;
 use crate::mesh::distance::DistanceKind;
 use crate::mesh::sample::well_spread_points;
 use crate::monitor::{Cancelled, Monitor};
-use crate::operator::MeshOperator;
+use crate::operator::{EigenProblem, MeshOperator};
 
 /// The overlap of supports, `σ`: the thesis takes 7 to 10.
 const SIGMA: f64 = 10.0;
@@ -66,13 +67,13 @@ pub enum ApproximationError {
     /// The pairs could not be certified.
     #[error(transparent)]
     Certificate(CertificateError),
-    /// More pairs than vertices were asked for.
-    #[error("{count} eigenpairs are asked for, but the mesh has {vertices} vertices")]
+    /// More pairs than unknowns were asked for.
+    #[error("{count} eigenpairs are asked for, but there are {unknowns} unknowns")]
     Count {
         /// The pairs asked for.
         count: usize,
-        /// The vertices there are.
-        vertices: usize,
+        /// The vertices that are not held at zero.
+        unknowns: usize,
     },
 }
 
@@ -126,11 +127,11 @@ pub fn approximate(
     parameters: &ApproximationParameters,
     monitor: &dyn Monitor,
 ) -> Result<Basis, ApproximationError> {
-    let n = mesh.positions.len();
-    if parameters.count > n {
-        return Err(ApproximationError::Count { count: parameters.count, vertices: n });
-    }
     let problem = &operator.problem;
+    let n = problem.size();
+    if parameters.count > n {
+        return Err(ApproximationError::Count { count: parameters.count, unknowns: n });
+    }
     let space = subspace(mesh, operator, parameters, monitor)?;
 
     monitor.stage("reduce");
@@ -146,39 +147,60 @@ pub fn approximate(
     let (value_scale, vector_scale) = (problem.area.recip(), problem.area.sqrt().recip());
     let mut coefficients = pairs.vectors;
     coefficients.values_mut().iter_mut().for_each(|value| *value *= vector_scale);
+    let space = match &problem.unknowns {
+        Some(unknowns) => on_all_vertices(space, unknowns, mesh.positions.len()),
+        None => space,
+    };
     Ok(Basis {
         functions: Functions::Compact(Compact { space, coefficients }),
         eigenvalues: pairs.values.into_iter().map(|value| value * value_scale).collect(),
-        mass: problem.mass.scaled(problem.area),
+        mass: operator.laplacian().mass.scaled(problem.area),
         certificate,
         metadata: serde_json::Value::Object(serde_json::Map::new()),
     })
 }
 
-/// The space `U`, `n × d`, rows with sum 1.
+/// The space `U` on the unknowns: its rows have the sum 1, or that of the clamping factor.
 fn subspace(
     mesh: &TriangleMesh,
     operator: &MeshOperator,
     parameters: &ApproximationParameters,
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, ApproximationError> {
-    let (n, d) = (mesh.positions.len(), parameters.dimension.max(parameters.count));
+    let (n, d) = (operator.problem.size(), parameters.dimension.max(parameters.count));
     if (n as f64) < EXACT_RATIO * d as f64 {
         return Ok(identity(n));
     }
+    let space = local_functions(mesh, operator.laplacian(), d, parameters, monitor)?;
+    match &operator.problem.unknowns {
+        Some(unknowns) => Ok(clamp(&space, operator.laplacian(), unknowns, monitor)?),
+        None => Ok(space),
+    }
+}
+
+/// Locally supported functions on all vertices, rows with sum 1. They follow the Laplacian, whatever the operator: eigenfunctions of
+/// others are about as smooth.
+fn local_functions(
+    mesh: &TriangleMesh,
+    laplacian: &EigenProblem,
+    d: usize,
+    parameters: &ApproximationParameters,
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix<f32>, ApproximationError> {
     monitor.stage("sampling");
     let connectivity = Connectivity::new(mesh);
     monitor.checkpoint()?;
     match &parameters.space {
         Space::Radial(radial) => Ok(radial::space(mesh, &connectivity, d, parameters.seed, radial, monitor)?),
         Space::Heat(heat) => {
-            let masses = operator.laplacian().mass.lumped();
+            let masses = laplacian.mass.lumped();
             let samples = well_spread_points(mesh, &connectivity, &masses, d, LLOYD_MOVES, parameters.seed, monitor)?;
             monitor.stage("basis");
             // Edge paths are as good a start as fast marching where a support holds many vertices, and cheaper.
-            let distance = if n >= DIJKSTRA_SUFFICES * d { DistanceKind::Dijkstra } else { DistanceKind::FastMarching };
+            let far = mesh.positions.len() >= DIJKSTRA_SUFFICES * d;
+            let distance = if far { DistanceKind::Dijkstra } else { DistanceKind::FastMarching };
             let start = radial::columns(mesh, &connectivity, &samples, distance, Profile::Cubic, SIGMA, monitor)?;
-            Ok(heat::smooth(mesh, operator.laplacian(), &connectivity, &start, heat, monitor)?)
+            Ok(heat::smooth(mesh, laplacian, &connectivity, &start, heat, monitor)?)
         }
     }
 }

@@ -94,7 +94,7 @@ pub fn certify(
     let mut certificate =
         Certificate { residuals: Vec::with_capacity(m), bounds: Vec::with_capacity(m), ..Default::default() };
     for (k, (sum, &theta)) in sums.iter().zip(ritz).enumerate() {
-        let residual = if theta <= KERNEL {
+        let residual = if theta.abs() <= KERNEL {
             ratio(sum.stiffness.sqrt(), stiffness_norm * sum.square.sqrt())
         } else {
             ratio(sum.residual.sqrt(), sum.stiffness.sqrt())

@@ -2,6 +2,7 @@
 
 mod approximate;
 pub mod certificate;
+pub mod clamp;
 pub mod heat;
 pub mod hsim;
 pub mod radial;
