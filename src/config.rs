@@ -89,6 +89,10 @@ pub struct Config {
     #[arg(long, value_name = "N", env = "CHLADNI_SOLVE_THREADS", default_value_t = 0, help_heading = "Work")]
     pub solve_threads: usize,
 
+    /// Bytes of memory that running jobs may need together, by estimate; 0 for three quarters of what is free at the start
+    #[arg(long, value_name = "BYTES", env = "CHLADNI_MEMORY_BYTES", default_value = "0", value_parser = bytes, help_heading = "Work")]
+    pub memory_bytes: u64,
+
     /// Seconds for which a worker owns a job without a heartbeat
     #[arg(long, value_name = "SECONDS", env = "CHLADNI_LEASE_SECONDS", default_value = "30", value_parser = seconds, help_heading = "Work")]
     pub lease_seconds: Duration,
@@ -137,7 +141,7 @@ pub struct Limits {
     #[arg(long, value_name = "N", env = "CHLADNI_MAX_FACES", default_value_t = 40_000_000, value_parser = at_least_one, help_heading = "Limits")]
     pub max_faces: usize,
 
-    /// Bytes of memory that one job may need, by estimate
+    /// Bytes of memory that one job may need, by estimate; never more than --memory-bytes
     #[arg(long, value_name = "BYTES", env = "CHLADNI_MAX_JOB_BYTES", default_value = "8GiB", value_parser = bytes, help_heading = "Limits")]
     pub max_job_bytes: u64,
 
@@ -267,6 +271,7 @@ impl Default for Config {
             workers: 1,
             threads: 0,
             solve_threads: 0,
+            memory_bytes: 0,
             lease_seconds: Duration::from_secs(30),
             heartbeat_seconds: Duration::from_millis(500),
             stall_seconds: Duration::from_secs(900),

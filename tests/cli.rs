@@ -79,7 +79,7 @@ fn a_table_is_printed_without_json() {
     let output = chladni(&["solve", mesh.to_str().unwrap(), "-n", "15", "--construction", "radial"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let text = String::from_utf8(output.stdout).unwrap();
-    for part in ["15 eigenpairs", "radial", "eigenvalue", "total", "of a dense basis"] {
+    for part in ["15 eigenpairs", "radial", "eigenvalue", "total", "of a dense basis in double precision"] {
         assert!(text.contains(part), "{part} is missing from\n{text}");
     }
 }

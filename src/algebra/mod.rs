@@ -2,6 +2,7 @@
 
 mod block_matrix;
 mod blocks;
+mod definite;
 mod dense;
 mod eigen;
 mod factored;
@@ -15,6 +16,7 @@ mod sparse;
 
 pub use block_matrix::{Block, BlockMatrix, add_product, inverse_positive, transposed};
 pub use blocks::compact_order;
+pub use definite::{DefiniteError, orthonormalise, solve_definite};
 pub use dense::DenseMatrix;
 pub use eigen::{CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};
 pub use factored::{space_times, space_transposed_mass_times};

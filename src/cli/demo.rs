@@ -124,6 +124,7 @@ async fn show(running: &Running, arguments: &DemoArguments, source: Source) -> R
             if let Some(stage) = state["stage"].as_str().filter(|_| state["status"] == "processing") {
                 bars.begin(stage);
                 bars.advance(state["progress"].as_f64().unwrap_or(0.0));
+                bars.tell(state["detail"].as_str().unwrap_or_default());
             }
         })
         .await?;

@@ -66,7 +66,7 @@ impl CliError {
     /// What the process answers: 1 the mesh or the work failed; 2 wrong usage; 3 a file, the network or the storage failed.
     pub fn exit_code(&self) -> ExitCode {
         ExitCode::from(match self {
-            Self::Job(JobError::Parameters(_)) => 2,
+            Self::Job(error) if error.kind() == "invalid-parameters" => 2,
             Self::Mesh { .. } | Self::Job(_) | Self::Refused(_) => 1,
             Self::Usage(_) | Self::Parameters(_) | Self::Config(_) | Self::Telemetry(_) => 2,
             Self::Io { .. } | Self::Service(_) => 3,

@@ -5,6 +5,7 @@ mod client;
 mod demo;
 mod error;
 mod input;
+mod memory;
 mod progress;
 mod sample;
 pub mod serve;

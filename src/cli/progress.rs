@@ -36,7 +36,7 @@ impl StageBars {
         let target = if self.hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
         let bar = ProgressBar::with_draw_target(Some(STEPS), target).with_message(name.to_owned());
         // The template is a constant; should it ever be wrong, the plain bar does.
-        if let Ok(style) = ProgressStyle::with_template("  {msg:<12} {bar:40.cyan/dim} {percent:>3} %") {
+        if let Ok(style) = ProgressStyle::with_template("  {msg:<12} {bar:40.cyan/dim} {percent:>3} %  {prefix}") {
             bar.set_style(style.progress_chars("━━─"));
         }
         bar.enable_steady_tick(Duration::from_millis(100));
@@ -50,6 +50,13 @@ impl StageBars {
             if position > stage.bar.position() {
                 stage.bar.set_position(position);
             }
+        }
+    }
+
+    /// Says where the current stage stands, in a few words; none take it away.
+    pub fn tell(&self, detail: &str) {
+        if let Some(stage) = self.lock().as_ref() {
+            stage.bar.set_prefix(detail.to_owned());
         }
     }
 
@@ -87,6 +94,9 @@ impl Monitor for StageBars {
     }
     fn progress(&self, fraction: f64) {
         self.advance(fraction);
+    }
+    fn detail(&self, text: &str) {
+        self.tell(text);
     }
     fn checkpoint(&self) -> Result<(), Cancelled> {
         Ok(())

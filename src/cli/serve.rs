@@ -1,6 +1,6 @@
 //! `serve`: the store, the workers and the API, wired together, and their end in order.
 
-use super::CliError;
+use super::{CliError, memory};
 use crate::config::Config;
 use crate::http::{self, AppState};
 use crate::queue::{QueueObserver, Solver, WorkerOptions, WorkerPool};
@@ -77,7 +77,7 @@ pub(super) async fn bind(address: SocketAddr) -> Result<TcpListener, CliError> {
 ///
 /// # Errors
 /// As [`start`].
-pub async fn start_on(listener: TcpListener, config: Config) -> Result<Running, CliError> {
+pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Running, CliError> {
     let service = |error: &dyn std::fmt::Display| CliError::Service(error.to_string());
     config.validate()?;
     let address = listener.local_addr().map_err(|source| CliError::Io {
@@ -94,6 +94,12 @@ pub async fn start_on(listener: TcpListener, config: Config) -> Result<Running, 
         .map_err(|error| CliError::Usage(error.to_string()))?;
     http::require_keys(address, &keys, config.insecure).map_err(|error| CliError::Usage(error.to_string()))?;
 
+    let memory = match config.memory_bytes {
+        0 => memory::available().map_or(u64::MAX, |free| free / 4 * 3),
+        bytes => bytes,
+    };
+    // What would never fit is refused at once.
+    config.limits.max_job_bytes = config.limits.max_job_bytes.min(memory);
     let metrics = Arc::new(Metrics::new()?);
     let mut options = StoreOptions::new(&config.data);
     options.cache_bytes = config.cache_bytes;
@@ -112,6 +118,7 @@ pub async fn start_on(listener: TcpListener, config: Config) -> Result<Running, 
             heartbeat: config.heartbeat_seconds,
             stall: config.stall_seconds,
             kinds: Vec::new(),
+            memory,
         },
         Arc::new(Solver),
         Arc::new(Counting(metrics.clone())),
@@ -119,6 +126,7 @@ pub async fn start_on(listener: TcpListener, config: Config) -> Result<Running, 
     let drain = config.drain_seconds;
     let (solve_threads, threads, jobs_at_once) = (config.reduced_solve_threads(), config.job_threads(), config.workers);
     let data = config.data.display().to_string();
+    let most_job_bytes = config.limits.max_job_bytes;
     let alive = workers.clone();
     let state = AppState::new(store.clone(), config, metrics.clone(), move || alive.alive())
         .map_err(|error| service(&error))?;
@@ -130,6 +138,8 @@ pub async fn start_on(listener: TcpListener, config: Config) -> Result<Running, 
         workers = jobs_at_once,
         threads,
         solve_threads,
+        job_bytes = most_job_bytes,
+        memory_bytes = memory,
         keys = keys.len(),
         version = env!("CARGO_PKG_VERSION"),
         "listening"

@@ -1,8 +1,8 @@
 //! `solve`: one eigenproblem, without a server.
 
-use super::{CliError, MeshInput, StageBars, Table, bytes, grouped, number};
+use super::{CliError, MeshInput, StageBars, Table, bytes, grouped, memory, number};
 use crate::basis::{Basis, npz};
-use crate::job::{JobParameters, SOLVER_VERSION};
+use crate::job::{JobParameters, SOLVER_VERSION, abbreviate};
 use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -19,17 +19,50 @@ pub struct SolveArguments {
     #[command(flatten)]
     input: MeshInput,
 
-    /// Eigenpairs wanted, the constant one included
-    #[arg(long, short = 'n', value_name = "M", default_value_t = 100, help_heading = "Problem")]
-    count: usize,
+    /// Eigenpairs wanted, the kernel included; 100 where nothing else is said
+    #[arg(long, short = 'n', value_name = "M", help_heading = "Problem", conflicts_with = "below")]
+    count: Option<usize>,
+
+    /// All eigenpairs below this eigenvalue, in 1/length² of the mesh, instead of a count (hsim)
+    #[arg(long, value_name = "VALUE", help_heading = "Problem", allow_negative_numbers = true)]
+    below: Option<f64>,
+
+    /// The most eigenpairs that --below may deliver
+    #[arg(long, value_name = "M", help_heading = "Problem", requires = "below")]
+    at_most: Option<usize>,
+
+    /// Operator: auto, laplace, robust; extrinsic:T with T from 0 to 1; hamiltonian:T with the potential T (κ1² + κ2²), or
+    /// hamiltonian:@FILE with one number for each vertex
+    #[arg(long, value_name = "OPERATOR", help_heading = "Problem")]
+    operator: Option<String>,
+
+    /// Boundary condition
+    #[arg(long, value_name = "KIND", help_heading = "Problem", value_parser = ["neumann", "dirichlet"])]
+    boundary: Option<String>,
 
     /// Mass matrix
     #[arg(long, value_name = "KIND", help_heading = "Problem", value_parser = ["barycentric", "voronoi", "consistent"])]
     mass: Option<String>,
 
-    /// How eigenpairs are computed
-    #[arg(long, value_name = "METHOD", help_heading = "Method", value_parser = ["approximate"], default_value = "approximate")]
+    /// How eigenpairs are computed: approximate is fast; hsim goes to any tolerance and proves that none is missing; sim is a baseline
+    #[arg(long, value_name = "METHOD", help_heading = "Method", value_parser = ["approximate", "hsim", "sim"], default_value = "approximate")]
     method: String,
+
+    /// Largest residual of a pair (hsim, sim); 1e-2 where it is not given
+    #[arg(long, value_name = "EPSILON", help_heading = "Method")]
+    tolerance: Option<f64>,
+
+    /// How the hierarchy is used (hsim)
+    #[arg(long, value_name = "NAME", help_heading = "Method", value_parser = ["sliced", "published"])]
+    variant: Option<String>,
+
+    /// Levels of the hierarchy, the mesh included; chosen by size and count where they are not given (hsim)
+    #[arg(long, value_name = "N", help_heading = "Method")]
+    levels: Option<usize>,
+
+    /// Where the iteration starts (sim)
+    #[arg(long, value_name = "NAME", help_heading = "Method", value_parser = ["random", "bathe"])]
+    start: Option<String>,
 
     /// How the subspace is built: heat is more accurate, radial is the construction of the thesis
     #[arg(long, value_name = "NAME", help_heading = "Method", value_parser = ["heat", "radial"])]
@@ -55,6 +88,18 @@ pub struct SolveArguments {
     #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Method")]
     threads: usize,
 
+    /// How eigenfunctions are kept: as columns, or projected to a sparse factor times a dense one (hsim)
+    #[arg(long, value_name = "KIND", help_heading = "Output", value_parser = ["dense", "compact"])]
+    storage: Option<String>,
+
+    /// Numbers of dense storage (hsim, sim)
+    #[arg(long, value_name = "TYPE", help_heading = "Output", value_parser = ["f32", "f64"])]
+    precision: Option<String>,
+
+    /// Begin even where the estimate says that the memory will not do
+    #[arg(long, help_heading = "Method")]
+    ignore_memory: bool,
+
     /// Write the basis to this NPZ file
     #[arg(long, short = 'o', value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
@@ -72,7 +117,10 @@ const EXAMPLES: &str = "\
 Examples:
   chladni solve bunny.ply --count 500 --output bunny.npz
   chladni solve dragon.ply.gz -n 500 --accuracy accurate
-  chladni solve igea.ply -n 500 --construction radial -p radial.distance=fast_marching --json";
+  chladni solve igea.ply -n 500 --construction radial -p radial.distance=fast_marching --json
+  chladni solve igea.ply --method hsim -n 250 --tolerance 1e-6 --precision f64 -o igea.npz
+  chladni solve igea.ply --method hsim --below 500 --storage compact --json
+  chladni solve face.obj --method hsim --operator hamiltonian:0.1 --boundary dirichlet";
 
 impl SolveArguments {
     /// The arguments as parameters of the job `eigenbasis`; what was not given is left to the job's own defaults.
@@ -80,7 +128,17 @@ impl SolveArguments {
         let mut parameters = Map::new();
         let given = [
             ("method", Some(json!(self.method))),
-            ("count", Some(json!(self.count))),
+            ("count", self.count.map(|value| json!(value))),
+            ("below", self.below.map(|value| json!(value))),
+            ("at_most", self.at_most.map(|value| json!(value))),
+            ("operator", self.operator.as_deref().map(operator).transpose()?),
+            ("boundary", self.boundary.as_ref().map(|value| json!(value))),
+            ("tolerance", self.tolerance.map(|value| json!(value))),
+            ("variant", self.variant.as_ref().map(|value| json!(value))),
+            ("levels", self.levels.map(|value| json!(value))),
+            ("start", self.start.as_ref().map(|value| json!(value))),
+            ("storage", self.storage.as_ref().map(|value| json!(value))),
+            ("precision", self.precision.as_ref().map(|value| json!(value))),
             ("dimension", self.dimension.map(|value| json!(value))),
             ("mass", self.mass.as_ref().map(|value| json!(value))),
             ("construction", self.construction.as_ref().map(|value| json!(value))),
@@ -98,6 +156,30 @@ impl SolveArguments {
         }
         Ok(JobParameters::parse("eigenbasis", &Value::Object(parameters))?)
     }
+}
+
+/// An operator as the job takes it, from its short form.
+fn operator(text: &str) -> Result<Value, CliError> {
+    let number = |word: &str| {
+        word.parse::<f64>().map_err(|_| CliError::Usage(format!("--operator {text}: \"{word}\" is not a number")))
+    };
+    Ok(match text.split_once(':') {
+        None => json!(text),
+        Some(("extrinsic", t)) => json!({"extrinsic": {"t": number(t)?}}),
+        Some(("hamiltonian", source)) => {
+            let potential = match source.strip_prefix('@') {
+                None => json!({"curvature": {"t": number(source)?}}),
+                Some(path) => {
+                    let text = std::fs::read_to_string(path)
+                        .map_err(|error| CliError::file("read", Path::new(path), error))?;
+                    let values = text.split_whitespace().map(number).collect::<Result<Vec<f64>, CliError>>()?;
+                    json!({"values": values})
+                }
+            };
+            json!({"hamiltonian": {"potential": potential}})
+        }
+        Some((name, _)) => return Err(CliError::Usage(format!("--operator {name}: takes nothing after a colon"))),
+    })
 }
 
 /// Sets a member by its name; a dot leads into an object: `radial.distance`.
@@ -139,6 +221,13 @@ pub fn solve(arguments: SolveArguments) -> Result<ExitCode, CliError> {
     bars.begin("read");
     let mesh = pool.install(|| arguments.input.load())?;
     let read = began.elapsed().as_secs_f64();
+    job.check_mesh(mesh.positions.len())?;
+    let needed = job.memory_bytes(mesh.positions.len(), mesh.faces.len());
+    if let Some(free) = memory::available().filter(|free| needed > *free && !arguments.ignore_memory) {
+        return Err(CliError::Refused(format!(
+            "the job needs about {needed} bytes of memory, {free} are free; ask for fewer pairs, for f32 or compact storage, or go on with --ignore-memory"
+        )));
+    }
     let outcome = pool.install(|| job.run(&mesh, &bars))?;
     let total = began.elapsed().as_secs_f64();
     bars.finish();
@@ -221,10 +310,15 @@ impl Run {
             "residuals": self.basis.certificate.residuals,
             "bounds": self.basis.certificate.bounds,
             "orthonormality_defect": self.basis.certificate.orthonormality_defect,
+            "iterations": self.basis.certificate.levels.iter().map(|level| level.iterations).collect::<Vec<_>>(),
+            "certificate": self.certificate(),
+            "operator_report": self.basis.metadata["operator"],
             "basis_bytes": self.basis.stored_bytes(),
             "dense_bytes": self.basis.dense_bytes(),
         });
-        if let (Value::Object(line), Value::Object(parameters)) = (&mut line, job.canonical()) {
+        let mut canonical = job.canonical();
+        abbreviate(&mut canonical);
+        if let (Value::Object(line), Value::Object(parameters)) = (&mut line, canonical) {
             for (name, value) in parameters {
                 line.entry(name).or_insert(value);
             }
@@ -234,37 +328,73 @@ impl Run {
         line
     }
 
+    /// What is proven about the whole; what is proven about each pair stands beside the eigenvalues.
+    fn certificate(&self) -> Value {
+        let mut certificate = serde_json::to_value(&self.basis.certificate).unwrap_or_default();
+        if let Value::Object(members) = &mut certificate {
+            members.remove("residuals");
+            members.remove("bounds");
+        }
+        certificate
+    }
+
     /// A few lines to read.
     fn table(&self, job: &JobParameters, arguments: &SolveArguments) -> String {
         let parameters = job.canonical();
         let word = |name: &str| parameters[name].as_str().unwrap_or_default().to_owned();
         let mut text = format!(
-            "{}: {} vertices, {} faces\n{} eigenpairs from a subspace of dimension {} ({}, {}, {})\n\n",
+            "{}: {} vertices, {} faces\n",
             arguments.input.mesh.display(),
             grouped(self.vertices),
             grouped(self.faces),
-            grouped(self.basis.eigenvalues.len()),
-            grouped(self.basis.dimension().unwrap_or(0)),
-            word("method"),
-            word("construction"),
-            word("accuracy"),
         );
+        let certificate = &self.basis.certificate;
+        let pairs = grouped(self.basis.eigenvalues.len());
+        text += &match (self.basis.dimension(), certificate.tolerance) {
+            (Some(dimension), None) => format!(
+                "{pairs} eigenpairs from a subspace of dimension {} ({}, {}, {})\n\n",
+                grouped(dimension),
+                word("method"),
+                word("construction"),
+                word("accuracy"),
+            ),
+            (_, tolerance) => format!(
+                "{pairs} eigenpairs to a tolerance of {:e} ({}, {}{})\n\n",
+                tolerance.unwrap_or_default(),
+                word("method"),
+                word("variant"),
+                word("start"),
+            ),
+        };
         let mut stages = Table::new(&["stage", "seconds"]);
         for (name, seconds) in &self.stages {
             stages.row([(*name).to_owned(), format!("{seconds:.3}")]);
         }
         stages.row(["total".into(), format!("{:.3}", self.total)]);
         text += &format!("{stages}\n");
-        text += &eigenvalue_table(
-            &self.basis.eigenvalues,
-            &self.basis.certificate.residuals,
-            &self.basis.certificate.bounds,
-        );
-        let (compact, dense) = (self.basis.stored_bytes(), self.basis.dense_bytes());
+        if !certificate.levels.is_empty() {
+            let mut levels = Table::new(&["level", "dimension", "iterations", "shifts"]);
+            for (level, report) in certificate.levels.iter().enumerate() {
+                let numbers = [report.dimension, report.iterations, report.shifts].map(grouped);
+                let [dimension, iterations, shifts] = numbers;
+                levels.row([(level + 1).to_string(), dimension, iterations, shifts]);
+            }
+            text += &format!("{levels}\n");
+        }
+        text += &eigenvalue_table(&self.basis.eigenvalues, &certificate.residuals, &certificate.bounds);
+        text += match certificate.complete {
+            Some(true) => "\ncomplete: inertia counts prove that no eigenvalue was skipped\n",
+            Some(false) => "\nNOT complete: inertia counts contradict the pairs, or do not reach the last\n",
+            None => "",
+        };
+        if let Some(largest) = certificate.largest_projection_error {
+            text += &format!("compact storage: eigenfunctions are off by {largest:.2e} of their norm at most\n");
+        }
+        let (stored, dense) = (self.basis.stored_bytes(), self.basis.dense_bytes());
         text += &format!(
-            "\n{}, {:.0} % of the {} of a dense basis\n",
-            bytes(compact),
-            100.0 * compact as f64 / dense.max(1) as f64,
+            "\n{}, {:.0} % of the {} of a dense basis in double precision\n",
+            bytes(stored),
+            100.0 * stored as f64 / dense.max(1) as f64,
             bytes(dense)
         );
         if let (Some(path), Some(seconds)) = (&arguments.output, self.write) {
@@ -290,10 +420,7 @@ pub fn eigenvalue_table(eigenvalues: &[f64], residuals: &[f64], bounds: &[f64]) 
 
 /// The largest resident memory of this process so far, in bytes; absent where the system does not tell.
 fn peak_rss_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kibibytes * 1024)
+    memory::field(&std::fs::read_to_string("/proc/self/status").ok()?, "VmHWM:")
 }
 
 #[cfg(test)]
@@ -322,14 +449,50 @@ mod tests {
         use clap::CommandFactory;
         for argument in Harness::command().get_arguments() {
             let name = argument.get_id().as_str();
-            if !["method", "mass", "construction", "accuracy"].contains(&name) {
-                continue;
-            }
+            let method = match name {
+                "method" => None,
+                "mass" | "boundary" | "construction" | "accuracy" => Some("approximate"),
+                "variant" | "storage" | "precision" => Some("hsim"),
+                "start" => Some("sim"),
+                _ => continue,
+            };
             for value in argument.get_possible_values() {
                 let flags = [format!("--{name}"), value.get_name().to_owned()];
-                assert!(job(&[&flags[0], &flags[1]]).is_ok(), "{flags:?}");
+                let mut all = vec![flags[0].as_str(), flags[1].as_str()];
+                all.extend(method.iter().flat_map(|method| ["--method", method]));
+                assert!(job(&all).is_ok(), "{all:?}");
             }
         }
+    }
+
+    #[test]
+    fn operators_have_a_short_form() {
+        let full = |operator: Value| JobParameters::parse("eigenbasis", &json!({"operator": operator})).unwrap();
+        for (text, operator) in [
+            ("robust", json!("robust")),
+            ("extrinsic:0.25", json!({"extrinsic": {"t": 0.25}})),
+            ("hamiltonian:2", json!({"hamiltonian": {"potential": {"curvature": {"t": 2.0}}}})),
+        ] {
+            assert_eq!(job(&["--operator", text]).unwrap(), full(operator));
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("potential.txt");
+        std::fs::write(&path, "1 2.5\n3e1\n").unwrap();
+        let text = format!("hamiltonian:@{}", path.display());
+        let values = json!({"hamiltonian": {"potential": {"values": [1.0, 2.5, 30.0]}}});
+        assert_eq!(job(&["--operator", &text]).unwrap(), full(values));
+        for wrong in ["magic", "extrinsic:x", "laplace:1", "extrinsic:2", "hamiltonian:@/no/such/file"] {
+            assert!(job(&["--operator", wrong]).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_bound_takes_the_place_of_a_count() {
+        let bounded = job(&["--method", "hsim", "--below", "2.5", "--at-most", "30"]).unwrap();
+        let same = json!({"method": "hsim", "below": 2.5, "at_most": 30});
+        assert_eq!(bounded, JobParameters::parse("eigenbasis", &same).unwrap());
+        assert!(Harness::try_parse_from(["solve", "a.ply", "--below", "1", "-n", "3"]).is_err());
+        assert!(job(&["--below", "1"]).unwrap_err().to_string().contains("hsim"));
     }
 
     #[test]

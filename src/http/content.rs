@@ -7,7 +7,9 @@ use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
+use futures_util::{StreamExt, stream};
 use serde::Deserialize;
+use tokio::sync::mpsc;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -18,6 +20,7 @@ use super::extract::{self, PathOf, QueryOf};
 use super::problem::Problem;
 use super::state::AppState;
 use crate::basis::{self, Basis, FormatError};
+use crate::store::BasisStorage;
 
 /// The routes of content of bases.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -149,13 +152,15 @@ struct ContentQuery {
     format: Option<Format>,
 }
 
-/// Gets the factors of a basis
+/// Gets a basis as a file
 ///
-/// The eigenfunctions are the columns of `U φ̄`, with the sparse `U` (n × d, f32) and the dense `φ̄` (d × m, f64).
+/// The eigenfunctions of a compact basis are the columns of `U φ̄`, with the sparse `U` (n × d, f32) and the dense `φ̄` (d × m, f64);
+/// those of a dense basis are the columns of `functions` (n × m, f32 or f64).
 ///
-/// As NPZ (the default): the members `format`, `shape`, `data`, `indices`, `indptr` of U in CSR form beside `coefficients`,
-/// `eigenvalues`, the mass, `residuals`, `bounds`, `certificate` and `metadata`; it opens with `scipy.sparse.load_npz` (U) and with
-/// `numpy.load` (everything). As safetensors and as a ZIP archive of MatrixMarket files: the same under the same names.
+/// As NPZ (the default): the members `format`, `shape`, `data`, `indices`, `indptr` of U in CSR form and `coefficients`, or `functions`,
+/// beside `eigenvalues`, the mass, `residuals`, `bounds`, `certificate` and `metadata`; it opens with `numpy.load` (everything) and
+/// `scipy.sparse.load_npz` (U). As safetensors and as a ZIP archive of MatrixMarket files: the same under the same names (the rows of
+/// safetensors' `functions` are the eigenfunctions). Dense bases are streamed; their MatrixMarket form has no ranges.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/content", tag = "bases", operation_id = "getBasisContent",
     params(
@@ -206,8 +211,81 @@ async fn basis_content(
         Format::MatrixMarket => basis::matrix_market::to_bytes,
     };
     let basis = state.store.load_basis(record.id).await?;
+    if let BasisStorage::Dense(layout) = &record.storage {
+        let (hash, columns) = (&record.content_hash, layout.start..layout.end);
+        if format == Format::Safetensors {
+            let head = state.take_in(move || Ok(Bytes::from(basis::safetensors::dense_head(&basis)?))).await?;
+            let length = head.len() as u64 + (columns.end - columns.start);
+            let whole = immutable("-safetensors", "safetensors", length);
+            return Ok(match whole.wanted(&headers)? {
+                Wanted::Known(response) => response,
+                Wanted::Bytes(range, mut response) => {
+                    *response.body_mut() = head_and_blob(&state, hash, head, columns, range);
+                    response
+                }
+            });
+        }
+        return matrix_market_stream(&immutable("-mtx", "mtx.zip", 0), &headers, basis);
+    }
     let bytes = state.take_in(move || Ok(Bytes::from(written(&basis)?))).await?;
     let (suffix, extension) =
         if format == Format::Safetensors { ("-safetensors", "safetensors") } else { ("-mtx", "mtx.zip") };
     immutable(suffix, extension, bytes.len() as u64).answer(&headers, bytes)
+}
+
+/// A range of what begins with `head` and goes on with some bytes of a blob.
+fn head_and_blob(state: &AppState, hash: &str, head: Bytes, blob: Range<u64>, range: Range<u64>) -> Body {
+    let length = head.len() as u64;
+    let first = head.slice(range.start.min(length) as usize..range.end.min(length) as usize);
+    let rest = blob.start + range.start.saturating_sub(length)..blob.start + range.end.saturating_sub(length);
+    let first = stream::iter((!first.is_empty()).then_some(Ok(first)));
+    Body::from_stream(first.chain(state.store.blob_stream(hash, rest)))
+}
+
+/// Pieces of a streamed file that wait for the client.
+const PIECES: usize = 4;
+
+/// The MatrixMarket form of a dense basis, written while it is sent: nobody knows its length before.
+fn matrix_market_stream(
+    immutable: &Immutable,
+    headers: &HeaderMap,
+    basis: std::sync::Arc<Basis>,
+) -> Result<Response, Problem> {
+    let tag = conditional::etag(&immutable.tag, false).ok_or_else(|| Problem::internal("a tag is no header value"))?;
+    let known = conditional::matches(headers, &tag);
+    let mut response = if known { StatusCode::NOT_MODIFIED } else { StatusCode::OK }.into_response();
+    immutable.describe(&mut response, tag);
+    let head = response.headers_mut();
+    head.insert(header::ACCEPT_RANGES, HeaderValue::from_static("none"));
+    if known {
+        return Ok(response);
+    }
+    head.insert(header::CONTENT_TYPE, HeaderValue::from_static(immutable.media_type));
+    if let Ok(value) = HeaderValue::from_str(&format!("attachment; filename=\"{}\"", immutable.file_name)) {
+        head.insert(header::CONTENT_DISPOSITION, value);
+    }
+    let (sender, mut pieces) = mpsc::channel(PIECES);
+    tokio::task::spawn_blocking(move || {
+        let mut out = Pieces(sender.clone());
+        if let Err(error) = basis::matrix_market::write(&basis, &mut out) {
+            // A client that went away hears nothing; any other sees the answer end early.
+            let _gone = sender.blocking_send(Err(std::io::Error::other(error)));
+        }
+    });
+    *response.body_mut() = Body::from_stream(stream::poll_fn(move |context| pieces.poll_recv(context)));
+    Ok(response)
+}
+
+/// Hands bytes on to an answer.
+struct Pieces(mpsc::Sender<std::io::Result<Bytes>>);
+
+impl std::io::Write for Pieces {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let piece = Ok(Bytes::copy_from_slice(bytes));
+        self.0.blocking_send(piece).map_err(|_| std::io::Error::from(std::io::ErrorKind::BrokenPipe))?;
+        Ok(bytes.len())
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
 }

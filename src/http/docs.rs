@@ -45,12 +45,12 @@ pub struct Binary(Vec<u8>);
 #[openapi(
     info(
         title = "Chladni",
-        description = "Spectral geometry as a service. Upload a mesh, submit a job, get a compact, certified basis of eigenfunctions.\n\nEvery error is `application/problem+json` (RFC 9457); `/problems` lists the kinds. Request bodies may be compressed with gzip or zstd. Lists are keyset pages: pass `next` as `from`.",
+        description = "Spectral geometry as a service. Upload a mesh, submit a job, get a certified basis of eigenfunctions.\n\nEvery error is `application/problem+json` (RFC 9457); `/problems` lists the kinds. Request bodies may be compressed with gzip or zstd. Lists are keyset pages: pass `next` as `from`.",
     ),
     tags(
         (name = "meshes", description = "Surfaces: uploaded, checked, repaired without loss, stored by content."),
         (name = "jobs", description = "Eigenproblems, worked on in the background."),
-        (name = "bases", description = "Compact bases of eigenfunctions, and what can be computed with them at once."),
+        (name = "bases", description = "Bases of eigenfunctions, compact or dense, and what can be computed with them at once."),
         (name = "system", description = "Health, metrics, documentation."),
     ),
     components(schemas(ProblemSchema)),

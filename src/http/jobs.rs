@@ -28,8 +28,8 @@ use crate::store::{
     EnqueueOutcome, IdempotencyKey, JobEvent, JobFilter, JobRecord, JobStatus, NewJob, PageRequest, StoreError,
 };
 
-/// The largest body of a JSON request that carries no function values.
-const JSON_BYTES: u64 = 1 << 20;
+/// The largest body of a job: a potential comes with it.
+const JSON_BYTES: u64 = 16 << 20;
 
 /// The longest a long poll waits.
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
@@ -102,7 +102,7 @@ async fn submit(
     if estimate > limit {
         return Err(Problem::new(
             &problem::JOB_TOO_LARGE,
-            format!("The job needs about {estimate} bytes of memory; this server admits {limit}."),
+            format!("The job needs about {estimate} bytes of memory; this server has {limit} for one."),
         )
         .with("estimate", estimate)
         .with("limit", limit));

@@ -91,7 +91,7 @@ kinds! {
     STATE_CONFLICT = "state-conflict", 409, "The resource is not in a state for this",
         "A job that has ended cannot be canceled, one that has succeeded cannot be retried. The member `job_status` has its status.";
     JOB_FAILED = "job", 500, "The job failed",
-        "Never the answer to a request: the `problem` of a failed job. The type goes on with why, as in job/worker-lost after the last attempt, or with a numerical cause.";
+        "Never the answer to a request: the `problem` of a failed job. The type goes on with why.\n\nOf the work itself, which another attempt would not help: `not-converged` (some pairs did not reach the tolerance: ask for less, or for another variant), `incomplete` (inertia counts prove that pairs are missing, and they could not be found: nothing is stored as if it were complete), `invalid-parameters` (they do not fit the mesh), `operator-failed`, `subspace-failed`, `restriction-failed`, `eigenproblem-failed`, `certificate-failed`, `job-too-large` (it needs more memory than the server has by now).\n\nOf the service: `worker-lost`, `worker-panicked`, `worker-stalled` after the last attempt; `mesh-unavailable`, `storage-full`, `storage-unavailable`.";
     RANGE_NOT_SATISFIABLE = "range-not-satisfiable", 416, "The range cannot be satisfied",
         "The range begins beyond the end. The header Content-Range has the length.";
     UNAUTHENTICATED = "unauthenticated", 401, "An API key is needed",

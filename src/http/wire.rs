@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use crate::store::{BasisRecord, JobRecord, JobStatus, MeshRecord, Page};
+use crate::job::abbreviate;
+use crate::store::{BasisRecord, BasisStorage, JobRecord, JobStatus, MeshRecord, Page};
 
 /// A page of a list, newest first.
 #[derive(Debug, Serialize, ToSchema)]
@@ -99,9 +100,22 @@ pub struct JobRequest {
     pub mesh: String,
     /// Parameters of the kind; what is absent takes its default.
     ///
-    /// `eigenbasis`: `method` (`approximate`), `count` (eigenpairs, the kernel included), `dimension` (of the subspace, default
-    /// twice the count), `mass` (`barycentric`, `voronoi`, `consistent`), `construction` (`heat`, `radial`), `accuracy`
-    /// (`standard`, `accurate`), `seed`.
+    /// `eigenbasis`, whatever the `method`: `count` (eigenpairs, the kernel included), `operator` (`auto`, `laplace`, `robust`,
+    /// `{"extrinsic": {"t": 0.5}}`, `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}` or
+    /// `{"hamiltonian": {"potential": {"values": [one for each vertex]}}}`), `mass` (`barycentric`, `voronoi`, `consistent`), `boundary`
+    /// (`neumann`, `dirichlet`), `seed`.
+    ///
+    /// `method: approximate`, the default: `dimension` (of the subspace, default twice the count), `construction` (`heat`, `radial`)
+    /// with details in `heat` and `radial`, `accuracy` (`standard`, `accurate`).
+    ///
+    /// `method: hsim`, pairs to a tolerance, proven complete: `tolerance` (largest residual, default 1e-2), `below` (all pairs below this
+    /// eigenvalue, instead of a count) with `at_most` (so many of them, default 1000), `variant` (`sliced`, `published`), `levels`,
+    /// `sigma`, `shift_ratio` (published variant), `subspace_factor`, `storage` (`dense`, `compact`), `precision` of dense storage (`f32`,
+    /// `f64`).
+    ///
+    /// `method: sim`, plain subspace iteration as a baseline: `tolerance`, `start` (`random`, `bathe`), `subspace_factor`, `precision`.
+    ///
+    /// A parameter of another method is refused by name.
     #[serde(default)]
     #[schema(value_type = Object)]
     pub parameters: Value,
@@ -118,6 +132,12 @@ pub struct StageSeconds {
     pub stage: String,
     /// Wall-clock seconds.
     pub seconds: f64,
+}
+
+/// Parameters without their long lists.
+fn abbreviated(mut parameters: Value) -> Value {
+    abbreviate(&mut parameters);
+    parameters
 }
 
 fn stages(seconds: Vec<(String, f64)>) -> Vec<StageSeconds> {
@@ -180,11 +200,12 @@ impl From<Status> for JobStatus {
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(example = json!({
     "id": "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2", "kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
-    "parameters": {"method": "approximate", "count": 500, "dimension": 1000, "mass": "barycentric", "construction": "heat",
-                   "accuracy": "standard", "seed": 0},
+    "parameters": {"method": "approximate", "count": 500, "operator": "auto", "mass": "barycentric", "boundary": "neumann",
+                   "dimension": 1000, "construction": "heat", "accuracy": "standard", "seed": 0},
     "priority": 0, "status": "processing", "stage": "basis", "progress": 0.4,
     "stage_seconds": [{"stage": "operator", "seconds": 0.031}, {"stage": "sampling", "seconds": 0.022}],
-    "attempt": 1, "max_attempts": 3, "cancel_requested": false, "basis": null, "problem": null, "solver_version": "0.1.0+1",
+    "detail": null, "memory_bytes": 1283457000,
+    "attempt": 1, "max_attempts": 3, "cancel_requested": false, "basis": null, "problem": null, "solver_version": "0.1.0+2",
     "created_ms": 1795269600000i64, "started_ms": 1795269600012i64, "finished_ms": null, "revision": 7,
     "links": {"self": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2", "events": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2/events",
               "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "basis": null}
@@ -196,7 +217,8 @@ pub struct JobResource {
     pub kind: String,
     /// The mesh it works on.
     pub mesh: String,
-    /// The parameters, with every default filled in.
+    /// The parameters, with every default filled in. Of a long list, such as a potential, `numbers` tells the length and `blake3` the
+    /// hash.
     #[schema(value_type = Object)]
     pub parameters: Value,
     /// Higher runs first.
@@ -207,12 +229,16 @@ pub struct JobResource {
     pub stage: Option<String>,
     /// The fraction of the stage that is done, from 0 to 1.
     pub progress: Option<f64>,
+    /// Where it stands within the stage, in words: `level 2 of 3, iteration 1, slice 4 of 8`.
+    pub detail: Option<String>,
     /// Seconds spent in each stage of the last attempt, in order.
     pub stage_seconds: Vec<StageSeconds>,
     /// The attempt that runs or ran last; 0 before the first.
     pub attempt: u32,
     /// How often it is tried at most.
     pub max_attempts: u32,
+    /// An estimate of the memory it needs: jobs that together need more than the server has do not run at once.
+    pub memory_bytes: u64,
     /// Whether it was asked to stop.
     pub cancel_requested: bool,
     /// The id of the basis it made.
@@ -260,11 +286,13 @@ impl From<JobRecord> for JobResource {
             id: record.id.to_string(),
             kind: record.kind,
             mesh: record.mesh,
-            parameters: record.parameters,
+            parameters: abbreviated(record.parameters),
             priority: record.priority,
             status: record.status.into(),
             stage: record.stage,
             progress: record.progress,
+            detail: record.detail,
+            memory_bytes: record.memory_bytes,
             stage_seconds: stages(record.stage_seconds),
             attempt: record.attempt,
             max_attempts: record.max_attempts,
@@ -300,12 +328,16 @@ pub struct BasisSummary {
     pub parameters: Value,
     /// Vertices, n.
     pub vertices: u64,
-    /// Columns of the sparse factor, d.
-    pub dimension: u64,
+    /// `compact`: a sparse factor times a dense one; `dense`: the eigenfunctions as columns.
+    pub storage: &'static str,
+    /// The type of the numbers of a dense basis, `f32` or `f64`; null for a compact one.
+    pub precision: Option<&'static str>,
+    /// Columns of the sparse factor, d; null for a dense basis.
+    pub dimension: Option<u64>,
     /// Eigenfunctions, m.
     pub count: u64,
-    /// Entries of the sparse factor.
-    pub nonzeros: u64,
+    /// Entries of the sparse factor; null for a dense basis.
+    pub nonzeros: Option<u64>,
     /// Bytes of the NPZ file.
     pub bytes: u64,
     /// Bytes that the eigenfunctions would take as a dense n × m matrix of f64.
@@ -324,11 +356,17 @@ pub struct BasisSummary {
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(example = json!({
     "id": "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
-    "job": "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2", "kind": "eigenbasis", "parameters": {"count": 3},
-    "vertices": 2930, "dimension": 6, "count": 3, "nonzeros": 17580, "bytes": 260000, "dense_bytes": 70320,
-    "solver_version": "0.1.0+1", "created_ms": 1795269601000i64, "stage_seconds": [{"stage": "eigen", "seconds": 0.001}],
+    "job": "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2", "kind": "eigenbasis",
+    "parameters": {"method": "hsim", "count": 3, "operator": "auto", "mass": "barycentric", "boundary": "neumann", "tolerance": 0.01,
+                   "variant": "sliced", "storage": "dense", "precision": "f32", "seed": 0},
+    "vertices": 2930, "storage": "dense", "precision": "f32", "dimension": null, "count": 3, "nonzeros": null, "bytes": 62012,
+    "dense_bytes": 70344, "solver_version": "0.1.0+2", "created_ms": 1795269601000i64,
+    "stage_seconds": [{"stage": "iterate", "seconds": 0.001}],
     "eigenvalues": [0.0, 1.31, 2.08],
-    "certificate": {"residuals": [1e-12, 0.01, 0.02], "bounds": [1e-12, 0.004, 0.01], "orthonormality_defect": 1e-13},
+    "certificate": {"residuals": [1e-12, 0.001, 0.002], "bounds": [1e-12, 0.0004, 0.001], "orthonormality_defect": 1e-13,
+                    "complete": true, "inertia": [{"shift": 2.4, "below": 3}], "tolerance": 0.01,
+                    "levels": [{"dimension": 300, "iterations": 0, "shifts": 0}, {"dimension": 2930, "iterations": 1, "shifts": 1}],
+                    "projection_errors": [], "largest_projection_error": null},
     "links": {"self": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "content": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/content",
               "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes", "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"}
 }))]
@@ -336,11 +374,61 @@ pub struct BasisResource {
     /// What lists have as well.
     #[serde(flatten)]
     pub summary: BasisSummary,
-    /// m Ritz values, ascending, in 1/length² of the mesh.
+    /// m eigenvalues, ascending, in 1/length² of the mesh.
     pub eigenvalues: Vec<f64>,
-    /// Per pair a residual and a bound, and the defect of orthonormality.
-    #[schema(value_type = Object)]
+    /// What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
+    #[schema(value_type = CertificateSchema)]
     pub certificate: Value,
+}
+
+/// What is proven about a basis.
+#[derive(ToSchema)]
+#[schema(as = Certificate)]
+#[allow(dead_code)]
+pub struct CertificateSchema {
+    /// Per pair ‖Sx − θMx‖ / ‖Sx‖; for the kernel ‖Sx‖ / (‖S‖ ‖x‖).
+    residuals: Vec<f64>,
+    /// Per pair: some exact eigenvalue lies within this of the eigenvalue.
+    bounds: Vec<f64>,
+    /// The largest entry of |ΦᵀMΦ − I|.
+    orthonormality_defect: f64,
+    /// Whether inertia counts prove that no eigenvalue below the last was skipped; null: not counted.
+    complete: Option<bool>,
+    /// The counts, by ascending shift.
+    inertia: Vec<InertiaSchema>,
+    /// The largest residual that a pair was allowed; null where the method has none.
+    tolerance: Option<f64>,
+    /// What each level of the hierarchy took, coarsest first.
+    levels: Vec<LevelSchema>,
+    /// Per pair ‖x − x̃‖ / ‖x‖ in the mass norm, where an exact eigenfunction x was projected to x̃ for compact storage; residuals and
+    /// bounds are those of x.
+    projection_errors: Vec<f64>,
+    /// The largest of them.
+    largest_projection_error: Option<f64>,
+}
+
+/// How many eigenvalues lie below a shift.
+#[derive(ToSchema)]
+#[schema(as = InertiaCount)]
+#[allow(dead_code)]
+pub struct InertiaSchema {
+    /// The shift, in 1/length² of the mesh.
+    shift: f64,
+    /// Eigenvalues below it, with multiplicity.
+    below: u64,
+}
+
+/// What one level of the hierarchy took.
+#[derive(ToSchema)]
+#[schema(as = LevelReport)]
+#[allow(dead_code)]
+pub struct LevelSchema {
+    /// The size of its eigenproblem.
+    dimension: u64,
+    /// Iterations; 0 where it was solved directly.
+    iterations: u64,
+    /// Shifts that were factored.
+    shifts: u64,
 }
 
 /// Links of a basis.
@@ -349,7 +437,7 @@ pub struct BasisLinks {
     /// The basis itself.
     #[serde(rename = "self")]
     pub itself: String,
-    /// Its factors as NPZ, safetensors or MatrixMarket.
+    /// Its factors or its columns as NPZ, safetensors or MatrixMarket.
     pub content: String,
     /// Its eigenfunctions on the vertices.
     pub modes: String,
@@ -360,6 +448,7 @@ pub struct BasisLinks {
 impl From<BasisRecord> for BasisSummary {
     fn from(record: BasisRecord) -> Self {
         let itself = format!("/v1/bases/{}", record.id);
+        let compact = record.storage == BasisStorage::Compact;
         Self {
             links: BasisLinks {
                 content: format!("{itself}/content"),
@@ -371,11 +460,16 @@ impl From<BasisRecord> for BasisSummary {
             mesh: record.mesh,
             job: record.job.to_string(),
             kind: record.kind,
-            parameters: record.parameters,
+            parameters: abbreviated(record.parameters),
             vertices: record.vertices,
-            dimension: record.dimension,
+            storage: record.storage.name(),
+            precision: match &record.storage {
+                BasisStorage::Compact => None,
+                BasisStorage::Dense(layout) => Some(layout.precision.name()),
+            },
+            dimension: compact.then_some(record.dimension),
             count: record.count,
-            nonzeros: record.nonzeros,
+            nonzeros: compact.then_some(record.nonzeros),
             bytes: record.bytes,
             dense_bytes: record.dense_bytes,
             solver_version: record.solver_version,

@@ -3,16 +3,20 @@
 
 mod eigenbasis;
 
-pub use eigenbasis::{Accuracy, Construction, EigenbasisParameters, Method};
+pub use eigenbasis::{
+    Accuracy, Approximate, Construction, EigenbasisParameters, Exact, HsimVariant, Method, MethodName, Start,
+    StorageKind,
+};
 
 use crate::basis::Basis;
 use crate::mesh::TriangleMesh;
 use crate::monitor::{Cancelled, Monitor, StageClock};
 use crate::operator::OperatorError;
 use crate::spectrum::ApproximationError;
+use crate::spectrum::hsim::HsimError;
 
 /// The version of the solvers: it enters the key of equal work, so that a better solver does not answer with old results.
-pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+1");
+pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+2");
 
 /// The names of all kinds of job.
 pub const KINDS: &[&str] = &["eigenbasis"];
@@ -59,6 +63,18 @@ pub enum JobError {
     /// The approximation failed.
     #[error(transparent)]
     Approximation(ApproximationError),
+    /// The iteration failed.
+    #[error(transparent)]
+    Iteration(HsimError),
+}
+
+impl From<HsimError> for JobError {
+    fn from(error: HsimError) -> Self {
+        match error {
+            HsimError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Iteration(other),
+        }
+    }
 }
 
 impl From<ApproximationError> for JobError {
@@ -87,6 +103,7 @@ impl JobError {
             Self::Parameters(_) => "invalid-parameters",
             Self::Operator(error) => error.kind(),
             Self::Approximation(error) => error.kind(),
+            Self::Iteration(error) => error.kind(),
         }
     }
 }
@@ -167,13 +184,52 @@ impl JobParameters {
             Self::Eigenbasis(parameters) => parameters.run(mesh, &clock)?,
         };
         let seconds = clock.finish();
-        basis.metadata = serde_json::json!({
+        let mut parameters = self.canonical();
+        abbreviate(&mut parameters);
+        let about = serde_json::json!({
             "kind": self.kind(),
-            "parameters": self.canonical(),
+            "parameters": parameters,
             "solver_version": SOLVER_VERSION,
             "vertices": mesh.positions.len(),
             "faces": mesh.faces.len(),
         });
+        if let (Some(metadata), serde_json::Value::Object(about)) = (basis.metadata.as_object_mut(), about) {
+            metadata.extend(about);
+        }
         Ok(Outcome { basis, seconds })
+    }
+}
+
+/// Values that are listed in full; longer lists are told by their number and their hash.
+const LONGEST_LIST: usize = 16;
+
+/// Shortens parameters for people: a list of numbers that is long, such as a potential, becomes its length and its BLAKE3 hash.
+pub fn abbreviate(parameters: &mut serde_json::Value) {
+    match parameters {
+        serde_json::Value::Object(members) => members.values_mut().for_each(abbreviate),
+        serde_json::Value::Array(values) if values.len() > LONGEST_LIST => {
+            let mut hasher = blake3::Hasher::new();
+            values.iter().filter_map(serde_json::Value::as_f64).for_each(|x| {
+                hasher.update(&x.to_le_bytes());
+            });
+            *parameters = serde_json::json!({"numbers": values.len(), "blake3": hasher.finalize().to_hex().as_str()});
+        }
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn long_lists_are_told_by_their_length_and_hash() {
+        let mut parameters = json!({"a": {"values": vec![0.5; 1000]}, "b": [1, 2]});
+        abbreviate(&mut parameters);
+        assert_eq!((&parameters["a"]["values"]["numbers"], &parameters["b"]), (&json!(1000), &json!([1, 2])));
+        let mut other = json!({"a": {"values": vec![0.25; 1000]}});
+        abbreviate(&mut other);
+        assert_ne!(other["a"]["values"]["blake3"], parameters["a"]["values"]["blake3"]);
     }
 }

@@ -15,7 +15,7 @@ use tokio::{
 };
 use uuid::Uuid;
 
-use super::{JobFailure, Outcome, WorkerOptions, monitor::AttemptMonitor, pool::Shared};
+use super::{JobFailure, Outcome, WorkerOptions, memory::Reservation, monitor::AttemptMonitor, pool::Shared};
 use crate::store::{
     Claim, CompleteAnswer, FailAnswer, HeartbeatAnswer, JobProblem, JobStatus, Progress, Store, StoreError,
 };
@@ -48,8 +48,15 @@ pub(super) enum Threads {
 }
 
 /// Runs one attempt to its end. The job is left in a state that tells the truth, or its lease runs out.
-pub(super) async fn run(shared: &Arc<Shared>, claim: Claim, threads: &rayon::ThreadPool) -> Threads {
+/// `memory` is held until the work has ended, left behind or not, and its result is stored.
+pub(super) async fn run(
+    shared: &Arc<Shared>,
+    claim: Claim,
+    memory: Reservation,
+    threads: &rayon::ThreadPool,
+) -> Threads {
     let Claim { job, token } = claim;
+    let memory = Arc::new(memory);
     let waited_ms = job.started_ms.unwrap_or(job.enqueued_ms) - job.enqueued_ms.max(job.not_before_ms);
     shared.observer.claimed(&job.kind, waited_ms.max(0) as f64 / 1000.0);
     tracing::info!(mesh = job.mesh, "job claimed");
@@ -60,6 +67,14 @@ pub(super) async fn run(shared: &Arc<Shared>, claim: Claim, threads: &rayon::Thr
         Heartbeat { store: shared.store.clone(), job: job.id, token, monitor: Arc::clone(&monitor), verdicts };
     let beating = AbortOnDrop(tokio::spawn(beating.run(shared.options.clone())));
 
+    let total = shared.budget.total();
+    if job.memory_bytes > total {
+        let needed = job.memory_bytes;
+        let detail = format!("the job needs about {needed} bytes of memory; jobs of this server may take {total}");
+        let too_large = JobProblem { kind: "job-too-large".to_owned(), detail };
+        settle(shared, &job.kind, Ending::Failed(too_large, false), token).await;
+        return Threads::Free;
+    }
     let mesh = match shared.store.load_mesh(&job.mesh).await {
         Ok(mesh) => mesh,
         Err(error) => {
@@ -72,11 +87,12 @@ pub(super) async fn run(shared: &Arc<Shared>, claim: Claim, threads: &rayon::Thr
     let left_behind = LeftBehind::new(Arc::clone(&shared.left_behind));
     threads.spawn({
         let (runner, job, monitor) = (Arc::clone(&shared.runner), job.clone(), Arc::clone(&monitor));
+        let memory = Arc::clone(&memory);
         move || {
             let outcome = catch_unwind(AssertUnwindSafe(|| runner.run(&job, mesh, monitor.as_ref())));
             // Nobody may be waiting any more; then the result is void.
             let _ = sender.send(outcome);
-            drop(left_behind);
+            drop((left_behind, memory));
         }
     });
 
@@ -133,7 +149,7 @@ pub(super) async fn run(shared: &Arc<Shared>, claim: Claim, threads: &rayon::Thr
             }
         }
     }
-    drop(beating);
+    drop((beating, memory));
     Threads::Free
 }
 

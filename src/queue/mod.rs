@@ -5,6 +5,7 @@
 //! lost, or that the work has stalled. The promise: an attempt at least once, a result exactly once.
 
 mod attempt;
+mod memory;
 mod monitor;
 mod pool;
 mod runner;

@@ -16,6 +16,7 @@ use tracing::Instrument;
 use super::{
     QueueObserver, Runner,
     attempt::{self, Threads},
+    memory::Budget,
 };
 use crate::store::{JobStatus, Store};
 
@@ -34,6 +35,9 @@ pub struct WorkerOptions {
     pub stall: Duration,
     /// The kinds of job that are claimed; all where it is empty.
     pub kinds: Vec<String>,
+    /// Bytes of memory that running jobs may need together, by their estimates. A job that does not fit beside those that run waits,
+    /// and so do those behind it.
+    pub memory: u64,
 }
 
 impl Default for WorkerOptions {
@@ -45,6 +49,7 @@ impl Default for WorkerOptions {
             heartbeat: Duration::from_millis(500),
             stall: Duration::from_secs(900),
             kinds: Vec::new(),
+            memory: u64::MAX,
         }
     }
 }
@@ -63,6 +68,7 @@ pub(super) struct Shared {
     pub observer: Arc<dyn QueueObserver>,
     /// Attempts whose work runs, whether or not anyone waits for it.
     pub left_behind: Arc<AtomicUsize>,
+    pub budget: Arc<Budget>,
     /// True from when running jobs go back to the queue.
     pub give_back: watch::Sender<bool>,
     stopping: watch::Sender<bool>,
@@ -104,6 +110,7 @@ impl WorkerPool {
         observer: Arc<dyn QueueObserver>,
     ) -> Self {
         let shared = Arc::new(Shared {
+            budget: Arc::new(Budget::new(options.memory, store.clone())),
             store,
             runner,
             observer,
@@ -198,11 +205,11 @@ async fn one_job(shared: &Arc<Shared>, worker: &str, pool: &rayon::ThreadPool) -
     if shared.hanging() >= MOST_LEFT_BEHIND || !shared.store.has_space() {
         return None;
     }
-    match shared.store.claim(worker, &shared.options.kinds, shared.options.lease).await {
-        Ok(Some(claim)) => {
+    match shared.budget.claim(worker, &shared.options).await {
+        Ok(Some((claim, memory))) => {
             let job = &claim.job;
             let span = tracing::info_span!("attempt", job = %job.id, kind = job.kind, attempt = job.attempt);
-            Some(attempt::run(shared, claim, pool).instrument(span).await)
+            Some(attempt::run(shared, claim, memory, pool).instrument(span).await)
         }
         Ok(None) => None,
         Err(error) => {

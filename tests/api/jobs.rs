@@ -80,7 +80,7 @@ async fn what_does_not_fit_is_refused_by_name() {
     };
     problem(raw("application/json", "{\"kind\": ").await.unwrap(), 400, "invalid-json").await;
     problem(raw("text/plain", "{}").await.unwrap(), 415, "unsupported-media-type").await;
-    let huge = format!("{{\"kind\": \"{}\"}}", "x".repeat(2 << 20));
+    let huge = format!("{{\"kind\": \"{}\"}}", "x".repeat(17 << 20));
     let refused = app.post("/v1/jobs").header("content-type", "application/json").body(huge).send().await.unwrap();
     problem(refused, 413, "body-too-large").await;
     let deep = format!("{{\"kind\": \"eigenbasis\", \"mesh\": \"m\", \"parameters\": {}", "[".repeat(500_000));

@@ -67,6 +67,7 @@ async fn run(
         lease: config.lease_seconds,
         heartbeat: config.heartbeat_seconds,
         stall: config.stall_seconds,
+        memory: if config.memory_bytes == 0 { u64::MAX } else { config.memory_bytes },
         ..WorkerOptions::default()
     };
     let pool = Arc::new(WorkerPool::start(store.clone(), workers, runner, Arc::new(Unobserved)));

@@ -1,0 +1,61 @@
+//! The memory that running jobs may take together, by estimate: what does not fit waits, so that nothing is killed for want of it.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::WorkerOptions;
+use crate::store::{Claim, Store, StoreError};
+
+/// The memory of running jobs.
+#[derive(Debug)]
+pub(super) struct Budget {
+    total: u64,
+    taken: Mutex<u64>,
+    /// Held while a job is chosen: two workers must not both see the same memory free.
+    turn: tokio::sync::Mutex<()>,
+    store: Store,
+}
+
+impl Budget {
+    pub fn new(total: u64, store: Store) -> Self {
+        Self { total, taken: Mutex::new(0), turn: tokio::sync::Mutex::new(()), store }
+    }
+
+    /// The memory that there is for jobs.
+    pub fn total(&self) -> u64 {
+        self.total
+    }
+
+    /// Claims the next job if there is memory for it. A job that would never fit is claimed once nothing runs, so that it can be told.
+    pub async fn claim(
+        self: &Arc<Self>,
+        worker: &str,
+        options: &WorkerOptions,
+    ) -> Result<Option<(Claim, Reservation)>, StoreError> {
+        let _turn = self.turn.lock().await;
+        let taken = *self.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = if taken == 0 { u64::MAX } else { self.total.saturating_sub(taken) };
+        let claim = self.store.claim_within(worker, &options.kinds, options.lease, free).await?;
+        Ok(claim.map(|claim| {
+            let bytes = claim.job.memory_bytes.min(self.total);
+            *self.taken.lock().unwrap_or_else(PoisonError::into_inner) += bytes;
+            (claim, Reservation { budget: Arc::clone(self), bytes })
+        }))
+    }
+}
+
+/// Memory that a job holds until this is dropped.
+#[derive(Debug)]
+pub(super) struct Reservation {
+    budget: Arc<Budget>,
+    bytes: u64,
+}
+
+impl Drop for Reservation {
+    fn drop(&mut self) {
+        let mut taken = self.budget.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        *taken = taken.saturating_sub(self.bytes);
+        drop(taken);
+        // Whoever waits for the memory looks again.
+        self.budget.store.work().notify_one();
+    }
+}
