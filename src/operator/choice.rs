@@ -178,6 +178,11 @@ pub struct MeshOperator {
 }
 
 impl MeshOperator {
+    /// Whether the problem is that of the Laplacian on all vertices.
+    pub fn is_laplacian(&self) -> bool {
+        self.base.is_none()
+    }
+
     /// The Laplacian on all vertices, without boundary condition: what local functions are diffused with.
     pub fn laplacian(&self) -> &EigenProblem {
         self.base.as_ref().unwrap_or(&self.problem)

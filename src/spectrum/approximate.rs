@@ -1,7 +1,7 @@
 //! The fast approximation of eigenproblems (thesis, chapter 2): Ritz pairs in a subspace of locally supported functions.
 
 use super::certificate::{CertificateError, certify};
-use super::clamp::{clamp, on_all_vertices};
+use super::envelope::{envelop, on_all_vertices};
 use super::heat::{self, HeatError, HeatParameters};
 use super::radial::{self, Profile, RadialError, RadialParameters};
 use crate::algebra::{CpuSolver, EigenError, GalerkinError, SparseMatrix, SymmetricDefiniteSolver, galerkin};
@@ -160,7 +160,7 @@ pub fn approximate(
     })
 }
 
-/// The space `U` on the unknowns: its rows have the sum 1, or that of the clamping factor.
+/// The space `U` on the unknowns: its rows have the sum 1, or that of the envelope.
 fn subspace(
     mesh: &TriangleMesh,
     operator: &MeshOperator,
@@ -172,14 +172,10 @@ fn subspace(
         return Ok(identity(n));
     }
     let space = local_functions(mesh, operator.laplacian(), d, parameters, monitor)?;
-    match &operator.problem.unknowns {
-        Some(unknowns) => Ok(clamp(&space, operator.laplacian(), unknowns, monitor)?),
-        None => Ok(space),
-    }
+    Ok(envelop(space, operator, monitor)?)
 }
 
-/// Locally supported functions on all vertices, rows with sum 1. They follow the Laplacian, whatever the operator: eigenfunctions of
-/// others are about as smooth.
+/// Locally supported functions on all vertices, rows with sum 1. They follow the Laplacian, whatever the operator.
 fn local_functions(
     mesh: &TriangleMesh,
     laplacian: &EigenProblem,

@@ -2,7 +2,7 @@
 
 mod approximate;
 pub mod certificate;
-pub mod clamp;
+pub mod envelope;
 pub mod heat;
 pub mod hsim;
 pub mod radial;
