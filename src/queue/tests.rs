@@ -352,3 +352,45 @@ async fn a_panic_wherever_it_strikes_costs_one_attempt() {
         assert!(bench.pool.alive());
     }
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn jobs_run_at_once_only_where_their_memory_suffices() {
+    let running = Arc::new(AtomicUsize::new(0));
+    let most = Arc::new(AtomicUsize::new(0));
+    let (now, peak) = (Arc::clone(&running), Arc::clone(&most));
+    let settings = WorkerOptions { memory: 100, ..quick(4) };
+    let bench = Bench::start(settings, Faults::default(), move |job, monitor| {
+        let bytes = job.memory_bytes as usize;
+        let taken = now.fetch_add(bytes, Ordering::SeqCst) + bytes;
+        peak.fetch_max(taken, Ordering::SeqCst);
+        let done = steady(monitor, 5, Duration::from_millis(5));
+        now.fetch_sub(bytes, Ordering::SeqCst);
+        done
+    })
+    .await;
+    let mut jobs = Vec::new();
+    for (k, memory_bytes) in [60, 30, 80, 10, 50, 50, 100, 20].into_iter().enumerate() {
+        let new = crate::store::NewJob { memory_bytes, ..new_job(&bench.mesh, &format!("{k}")) };
+        jobs.push(bench.store.enqueue(new).await.unwrap().record.id);
+    }
+    for job in jobs {
+        assert_eq!(bench.finished(job).await.status, JobStatus::Succeeded);
+    }
+    let most = most.load(Ordering::SeqCst);
+    assert!((90..=100).contains(&most), "{most}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_job_that_can_never_fit_is_told() {
+    let settings = WorkerOptions { memory: 100, ..quick(2) };
+    let bench =
+        Bench::start(settings, Faults::default(), |_, monitor| steady(monitor, 1, Duration::from_millis(1))).await;
+    let new = crate::store::NewJob { memory_bytes: 101, ..new_job(&bench.mesh, "large") };
+    let large = bench.store.enqueue(new).await.unwrap().record.id;
+    let small = bench.enqueue("small").await;
+    let large = bench.finished(large).await;
+    let problem = large.problem.unwrap();
+    assert_eq!((large.status, problem.kind.as_str()), (JobStatus::Failed, "job-too-large"));
+    assert!(problem.detail.contains("101") && problem.detail.contains("100"), "{problem:?}");
+    assert_eq!(bench.finished(small).await.status, JobStatus::Succeeded);
+}

@@ -631,6 +631,37 @@ async fn a_dense_basis_that_does_not_fit_leaves_nothing_behind() {
     assert!(matches!(fits, Ok(CompleteAnswer::Stored(_))));
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_death_between_chunks_of_a_dense_basis_leaves_nothing_to_see() {
+    let folder = tempfile::tempdir().unwrap();
+    for point in [fault::FailPoint::MidChunks, fault::FailPoint::BeforeBlobReady, fault::FailPoint::AfterBlobReady] {
+        let quiet = Store::open(options(&folder)).await.unwrap();
+        let mesh = quiet.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+        let before = quiet.health().await.blob_bytes;
+        quiet.close().await;
+        drop(quiet);
+        let faults = Faults::armed(point, fault::FaultAction::Panic, 0);
+        let store = Store::open(StoreOptions { faults, ..options(&folder) }).await.unwrap();
+        store.enqueue(new_job(&mesh, point.name())).await.unwrap();
+        let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
+        // 16 MB: two transactions of chunks.
+        let died = store.complete(claim.token, dense(1.0, 20_000, 100, Precision::F64), vec![]).await;
+        assert!(matches!(died, Err(StoreError::Unavailable { .. })), "{died:?}");
+        assert!(store.bases(&BasisFilter::default(), &PageRequest::default()).await.unwrap().items.is_empty());
+        store.close().await;
+        drop(store);
+        let again = Store::open(options(&folder)).await.unwrap();
+        assert_eq!(again.health().await.blob_bytes, before, "{}", point.name());
+        let chunks: i64 =
+            sqlx::query_scalar("SELECT COUNT(*) FROM chunks").fetch_one(again.inner.blobs.reader()).await.unwrap();
+        assert_eq!(chunks, 1, "{}: the mesh alone", point.name());
+        let job = again.jobs(&JobFilter::default(), &PageRequest::default()).await.unwrap().items.remove(0);
+        assert_eq!(job.status, JobStatus::Enqueued, "{}", point.name());
+        again.cancel_job(job.id).await.unwrap();
+        again.close().await;
+    }
+}
+
 #[tokio::test]
 async fn a_large_job_is_waited_for_and_not_overtaken() {
     let (store, _folder) = store().await;

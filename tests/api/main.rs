@@ -6,6 +6,7 @@ mod common;
 mod auth;
 mod bases;
 mod bodies;
+mod dense;
 mod documents;
 mod garbage;
 mod jobs;

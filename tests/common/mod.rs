@@ -9,10 +9,12 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use chladni::algebra::{DenseMatrix, MassMatrix, SparseMatrix};
-use chladni::basis::{Basis, Certificate, Compact, Functions};
+use chladni::basis::{Basis, Certificate, Compact, DenseFunctions, Functions, InertiaCount, LevelReport, Precision};
 use chladni::config::Config;
 use chladni::http::{self, AppState};
 use chladni::mesh::TriangleMesh;
+use chladni::mesh::shape::{Shape, generate};
+use chladni::mesh::write::write_ply;
 use chladni::monitor::Monitor;
 use chladni::queue::{JobFailure, Outcome, Runner, Unobserved, WorkerOptions, WorkerPool};
 use chladni::store::{JobRecord, Store, StoreOptions};
@@ -152,6 +154,24 @@ impl TestApp {
         text(&self.upload("off", OCTAHEDRON).await["id"])
     }
 
+    /// Uploads a sphere of 200 vertices or so, and gives its id and the number of its vertices.
+    pub async fn sphere(&self) -> (String, usize) {
+        let mesh = generate(Shape::Sphere, 200).unwrap();
+        let mut bytes = Vec::new();
+        write_ply(&mesh, None, &mut bytes).unwrap();
+        (text(&self.upload("ply", bytes).await["id"]), mesh.positions.len())
+    }
+
+    /// A dense basis of so many functions on a sphere: its id, and the number of vertices.
+    pub async fn dense_basis(&self, count: usize, precision: &str) -> (String, usize) {
+        let (mesh, n) = self.sphere().await;
+        let parameters = json!({"method": "hsim", "count": count, "precision": precision});
+        let job = self.submit(&mesh, parameters).await;
+        let job = self.finished(&text(&job["id"])).await;
+        assert_eq!(job["status"], "succeeded", "{job}");
+        (text(&job["basis"]), n)
+    }
+
     /// Submits a job and gives its resource.
     pub async fn submit(&self, mesh: &str, parameters: Value) -> Value {
         let body = json!({"kind": "eigenbasis", "mesh": mesh, "parameters": parameters});
@@ -233,13 +253,22 @@ impl Runner for Scripted {
             _ => {}
         }
         monitor.stage("basis");
+        monitor.detail("level 2 of 3, slice 1 of 4");
         let begin = Instant::now();
         while seed > 1001 && begin.elapsed() < Duration::from_millis(seed) {
             monitor.checkpoint()?;
             monitor.progress(begin.elapsed().as_millis() as f64 / seed as f64);
             std::thread::sleep(Duration::from_millis(5));
         }
-        Ok(Outcome { basis: plain_basis(mesh.positions.len(), job.parameters.clone()) })
+        let n = mesh.positions.len();
+        let parameters = job.parameters.clone();
+        Ok(Outcome {
+            basis: if parameters["storage"] == "dense" {
+                unit_basis(n, parameters)
+            } else {
+                plain_basis(n, parameters)
+            },
+        })
     }
 }
 
@@ -261,6 +290,32 @@ pub fn plain_basis(n: usize, parameters: Value) -> Basis {
         certificate: Certificate {
             residuals: vec![0.0, 0.1, 0.2],
             bounds: vec![0.0, 0.01, 0.02],
+            ..Certificate::default()
+        },
+        metadata: json!({"parameters": parameters}),
+    }
+}
+
+/// A dense basis: function `k` is 1 at vertex `k` and 0 elsewhere, on `n` vertices of mass 1.
+pub fn unit_basis(n: usize, parameters: Value) -> Basis {
+    let count = parameters["count"].as_u64().unwrap() as usize;
+    let precision = Precision::from_name(parameters["precision"].as_str().unwrap()).unwrap();
+    let mut columns = DenseMatrix::zeros(n, count);
+    (0..count).for_each(|k| columns.column_mut(k)[k] = 1.0);
+    Basis {
+        functions: Functions::Dense(DenseFunctions::from_columns(&columns, precision)),
+        eigenvalues: (0..count).map(|k| k as f64).collect(),
+        mass: MassMatrix::Diagonal(vec![1.0; n]),
+        certificate: Certificate {
+            residuals: vec![1e-3; count],
+            bounds: vec![1e-2; count],
+            complete: Some(true),
+            inertia: vec![InertiaCount { shift: count as f64 - 0.5, below: count }],
+            tolerance: parameters["tolerance"].as_f64(),
+            levels: vec![
+                LevelReport { dimension: 50, iterations: 0, shifts: 0 },
+                LevelReport { dimension: n, iterations: 2, shifts: 3 },
+            ],
             ..Certificate::default()
         },
         metadata: json!({"parameters": parameters}),
