@@ -122,26 +122,26 @@ pub(super) struct WrittenBasis {
 }
 
 impl Store {
-    /// Writes the content of a basis. Deterministic, so that equal bases have equal hashes. The caller holds `blob_use` for reading
-    /// until something refers to the content.
-    pub(super) async fn put_basis(&self, basis: Basis) -> Result<WrittenBasis, StoreError> {
+    /// Writes the content of a basis. Deterministic, so that equal bases have equal hashes. `None` where the attempt that holds the lease
+    /// `token` is not wanted any more. The caller holds `blob_use` for reading until something refers to the content.
+    pub(super) async fn put_basis(&self, token: Uuid, basis: Basis) -> Result<Option<WrittenBasis>, StoreError> {
         let certificate = to_json(&basis.certificate)?;
         if let Functions::Dense(_) = &basis.functions {
-            let dense = self.put_dense(basis).await?;
-            return Ok(WrittenBasis {
+            return Ok(self.put_dense(token, basis).await?.map(|dense| WrittenBasis {
                 basis: Arc::new(dense.basis),
                 storage: BasisStorage::Dense(dense.layout),
                 hash: dense.hash,
                 bytes: dense.bytes,
                 certificate,
-            });
+            }));
         }
         let basis = Arc::new(basis);
         let shared = Arc::clone(&basis);
         let content = blobs::blocking(move || encode(&shared).map(Bytes::from)).await??;
         let hash = blobs::hash_of(&content).await?;
         self.put_blob(&hash, &content).await?;
-        Ok(WrittenBasis { basis, storage: BasisStorage::Compact, hash, bytes: content.len() as u64, certificate })
+        let bytes = content.len() as u64;
+        Ok(Some(WrittenBasis { basis, storage: BasisStorage::Compact, hash, bytes, certificate }))
     }
 }
 

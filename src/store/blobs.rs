@@ -6,6 +6,7 @@ use bytes::{Bytes, BytesMut};
 use futures_util::{Stream, stream};
 use sqlx::Row;
 use tokio::sync::mpsc;
+use uuid::Uuid;
 
 use super::{Store, StoreError, database::WriteTransaction, fault::FailPoint};
 
@@ -118,16 +119,18 @@ impl Store {
     }
 
     /// Writes content as it is made, under a hash that is known only at the end. `make` runs on a thread that may block and gets a
-    /// writer; what it returns comes back beside the hash and the number of bytes. `expected` is about how many bytes there will be. The
+    /// writer; what it returns comes back beside the hash and the number of bytes. `expected` is about how many bytes there will be.
+    /// `None` where the attempt that holds the lease `token` is not wanted any more, which is looked after between transactions. The
     /// caller holds `blob_use` for reading until something refers to the blob.
     pub(super) async fn put_made<T: Send + 'static>(
         &self,
         expected: u64,
+        token: Uuid,
         make: impl FnOnce(&mut PieceWriter) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<(T, String, u64), StoreError> {
+    ) -> Result<Option<(T, String, u64)>, StoreError> {
         let id = self.begin_blob(UNKNOWN_HASH, expected).await?;
-        let made = self.fill_made(id, make).await;
-        if made.is_err() {
+        let made = self.fill_made(id, token, make).await;
+        if !matches!(made, Ok(Some(_))) {
             self.abandon_blob(id).await;
         }
         made
@@ -136,8 +139,9 @@ impl Store {
     async fn fill_made<T: Send + 'static>(
         &self,
         id: i64,
+        token: Uuid,
         make: impl FnOnce(&mut PieceWriter) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<(T, String, u64), StoreError> {
+    ) -> Result<Option<(T, String, u64)>, StoreError> {
         let (sender, mut pieces) = mpsc::channel(CHUNKS_PER_TRANSACTION);
         let making = tokio::task::spawn_blocking(move || {
             let mut writer = PieceWriter { sender, hasher: blake3::Hasher::new(), piece: Vec::new() };
@@ -148,10 +152,13 @@ impl Store {
         let mut position = 0;
         let mut batch = Vec::with_capacity(CHUNKS_PER_TRANSACTION);
         while pieces.recv_many(&mut batch, CHUNKS_PER_TRANSACTION).await > 0 {
+            if !self.is_wanted(token).await? {
+                return Ok(None);
+            }
             position = self.write_chunks(id, position, &batch).await?;
             batch.clear();
         }
-        // Where a write failed above, the writer finds nobody to give pieces to and ends as well.
+        // Where this ended early, the writer finds nobody to give pieces to and ends as well.
         let (made, hasher) = making
             .await
             .map_err(|error| StoreError::Unavailable { detail: format!("a thread ended early: {error}") })??;
@@ -165,7 +172,7 @@ impl Store {
             .await?;
         transaction.commit().await?;
         self.finish_blob(id, &hash, bytes).await?;
-        Ok((made, hash, bytes))
+        Ok(Some((made, hash, bytes)))
     }
 
     /// Begins a pending blob.

@@ -3,6 +3,7 @@
 use std::sync::{Arc, Weak};
 
 use tokio::runtime::Handle;
+use uuid::Uuid;
 
 use super::{BasisRecord, Inner, Store, StoreError, Weighed, blobs};
 use crate::basis::{
@@ -42,8 +43,9 @@ impl ColumnSource for StoredColumns {
 }
 
 impl Store {
-    /// Writes the content of a dense basis. Its chunks are given up one by one, so that memory falls while the disk fills.
-    pub(super) async fn put_dense(&self, basis: Basis) -> Result<WrittenDense, StoreError> {
+    /// Writes the content of a dense basis. Its chunks are given up one by one, so that memory falls while the disk fills. `None` where
+    /// the attempt that holds the lease `token` is not wanted any more.
+    pub(super) async fn put_dense(&self, token: Uuid, basis: Basis) -> Result<Option<WrittenDense>, StoreError> {
         let (rows, columns) = (basis.vertices(), basis.count());
         let expected = basis.stored_bytes() + 8 * rows as u64;
         let make = move |out: &mut blobs::PieceWriter| {
@@ -60,10 +62,12 @@ impl Store {
                 .map_err(|error| StoreError::Unavailable { detail: format!("the basis: {error}") })?;
             Ok((head, layout))
         };
-        let ((mut basis, layout), hash, bytes) = self.put_made(expected, make).await?;
+        let Some(((mut basis, layout), hash, bytes)) = self.put_made(expected, token, make).await? else {
+            return Ok(None);
+        };
         let layout = Arc::new(layout);
         basis.functions = Functions::Dense(self.stored_functions(&hash, [rows, columns], &layout));
-        Ok(WrittenDense { basis, layout, hash, bytes })
+        Ok(Some(WrittenDense { basis, layout, hash, bytes }))
     }
 
     /// Reads everything of a dense basis but its columns; gives the bytes that were read, too.

@@ -197,21 +197,33 @@ impl Store {
         self.faults().meet(FailPoint::BeforeChunks);
         let (written, answer) = {
             let _in_use = self.inner.blob_use.read().await;
-            let written = self.put_basis(basis).await?;
-            let answer = self.make_visible(token, &written, &stage_seconds).await;
+            let written = self.put_basis(token, basis).await?;
+            let answer = self.make_visible(token, written.as_ref(), &stage_seconds).await;
             (written, answer)
         };
-        if !matches!(answer, Ok(CompleteAnswer::Stored(_))) {
+        if let Some(written) = written
+            && !matches!(answer, Ok(CompleteAnswer::Stored(_)))
+        {
             let _alone = self.inner.blob_use.write().await;
             self.delete_unreferenced(std::slice::from_ref(&written.hash)).await?;
         }
         answer
     }
 
+    /// Whether the attempt that holds a lease is still to be finished.
+    pub(super) async fn is_wanted(&self, token: Uuid) -> Result<bool, StoreError> {
+        let asked: Option<bool> =
+            sqlx::query_scalar("SELECT cancel_requested FROM jobs WHERE lease_token = ? AND status = 'processing'")
+                .bind(token.to_string())
+                .fetch_optional(self.inner.meta.reader())
+                .await?;
+        Ok(asked == Some(false))
+    }
+
     async fn make_visible(
         &self,
         token: Uuid,
-        written: &WrittenBasis,
+        written: Option<&WrittenBasis>,
         stage_seconds: &[(String, f64)],
     ) -> Result<CompleteAnswer, StoreError> {
         let now_ms = self.now_ms();
@@ -226,6 +238,11 @@ impl Store {
             self.announce(&job);
             return Ok(CompleteAnswer::Canceled);
         }
+        // Without content the lease was found to be lost, and nobody gives it back.
+        let Some(written) = written else {
+            transaction.rollback().await?;
+            return Ok(CompleteAnswer::Lost);
+        };
         let id = written.insert(&mut transaction, &job, stage_seconds, now_ms).await?;
         let row = sqlx::query(
             "UPDATE jobs SET status = 'succeeded', basis = ?, stage = NULL, progress = 1, detail = NULL, stage_seconds = ?, problem = NULL,

@@ -632,6 +632,25 @@ async fn a_dense_basis_that_does_not_fit_leaves_nothing_behind() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_dense_basis_that_nobody_wants_any_more_is_not_written_out() {
+    let folder = tempfile::tempdir().unwrap();
+    // There is no room for all of it: whoever writes on regardless fails.
+    let limited = StoreOptions { blob_bytes_limit: Some(2 << 20), ..options(&folder) };
+    let store = Store::open(limited).await.unwrap();
+    let mesh = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    let job = store.enqueue(new_job(&mesh, "w")).await.unwrap().record.id;
+    let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
+    store.cancel_job(job).await.unwrap();
+    let large = || dense(1.0, 10_000, 200, Precision::F64);
+    assert_eq!(store.complete(claim.token, large(), vec![]).await.unwrap(), CompleteAnswer::Canceled);
+    assert_eq!(store.job(job).await.unwrap().status, JobStatus::Canceled);
+    assert_eq!(store.complete(claim.token, large(), vec![]).await.unwrap(), CompleteAnswer::Lost);
+    let blobs: i64 =
+        sqlx::query_scalar("SELECT COUNT(*) FROM blobs").fetch_one(store.inner.blobs.reader()).await.unwrap();
+    assert_eq!(blobs, 1, "the mesh alone");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_death_between_chunks_of_a_dense_basis_leaves_nothing_to_see() {
     let folder = tempfile::tempdir().unwrap();
     for point in [fault::FailPoint::MidChunks, fault::FailPoint::BeforeBlobReady, fault::FailPoint::AfterBlobReady] {
