@@ -17,6 +17,7 @@ pub mod analysis;
 pub mod basis;
 pub mod cli;
 pub mod config;
+pub mod field;
 pub mod http;
 pub mod job;
 pub mod mesh;

@@ -14,6 +14,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("algebra", &["monitor"]),
     ("operator", &["mesh", "algebra", "monitor"]),
     ("spectrum", &["operator", "mesh", "algebra", "basis", "monitor"]),
+    ("field", &["operator", "mesh", "algebra", "monitor"]),
     ("basis", &["algebra", "monitor"]),
     ("analysis", &["basis", "operator", "algebra", "monitor"]),
     ("job", &["analysis", "basis", "spectrum", "operator", "algebra", "mesh", "monitor"]),
@@ -75,7 +76,7 @@ const GUARDED: &[(&str, &[&str])] = &[
 ];
 
 /// The numerical heart: a library that knows nothing of a server.
-const PURE: &[&str] = &["mesh", "algebra", "operator", "spectrum", "basis", "analysis", "job", "monitor"];
+const PURE: &[&str] = &["mesh", "algebra", "operator", "spectrum", "field", "basis", "analysis", "job", "monitor"];
 
 /// What the numerical heart never says.
 const IMPURE: &[&str] = &[

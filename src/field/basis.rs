@@ -1,0 +1,290 @@
+//! A basis of locally supported fields: what is asked for, and the way from a mesh to it.
+
+use crate::algebra::{GalerkinError, MassMatrix, SparseMatrix, galerkin};
+use crate::mesh::TriangleMesh;
+use crate::mesh::dual::{DualError, DualGraph};
+use crate::mesh::sample::{farthest_points, sort_spatially};
+use crate::monitor::{Cancelled, Monitor};
+use crate::operator::OperatorError;
+use crate::operator::frames::FaceFrames;
+use crate::operator::hodge::FieldBoundary;
+use crate::operator::tangential::{FieldOperator, check_kind};
+use crate::operator::transport::FieldKind;
+
+use super::heat::{self, FieldHeat};
+use super::space::FieldSpace;
+
+/// A surface that fields can live on: a mesh, its dual graph and its frames.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FieldSurface {
+    mesh: TriangleMesh,
+    dual: DualGraph,
+    frames: FaceFrames,
+}
+
+impl FieldSurface {
+    /// Builds graph and frames.
+    ///
+    /// # Errors
+    /// [`FieldError`] names the edge or vertex where the mesh is no oriented manifold, or what else is wrong with it.
+    pub fn new(mesh: TriangleMesh) -> Result<Self, FieldError> {
+        let dual = DualGraph::new(&mesh)?;
+        let frames = FaceFrames::new(&mesh)?;
+        Ok(Self { mesh, dual, frames })
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &TriangleMesh {
+        &self.mesh
+    }
+
+    /// Who is next to whom.
+    pub fn dual(&self) -> &DualGraph {
+        &self.dual
+    }
+
+    /// A frame in every face.
+    pub fn frames(&self) -> &FaceFrames {
+        &self.frames
+    }
+
+    /// The number of faces.
+    pub fn faces(&self) -> usize {
+        self.mesh.faces.len()
+    }
+}
+
+/// How a basis is constructed.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(tag = "construction", rename_all = "snake_case")]
+pub enum Construction {
+    /// Heat-smoothed columns.
+    Heat(FieldHeat),
+}
+
+impl Default for Construction {
+    fn default() -> Self {
+        Self::Heat(FieldHeat::default())
+    }
+}
+
+/// What basis is wanted.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FieldParameters {
+    /// What is stored in a face.
+    pub field: FieldKind,
+    /// The number of locally supported columns, rounded up to a multiple of the numbers per face.
+    pub dimension: usize,
+    /// How they are constructed.
+    #[serde(default)]
+    pub construction: Construction,
+    /// What vector fields do at a boundary; other fields are free there.
+    #[serde(default)]
+    pub boundary: FieldBoundary,
+    /// One positive weight per face: where it is large, columns are smaller and denser.
+    #[serde(default)]
+    pub weights: Option<Vec<f64>>,
+    /// Draws the first sample.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+impl FieldParameters {
+    /// Defaults for a kind of field and a dimension.
+    pub fn new(field: FieldKind, dimension: usize) -> Self {
+        Self {
+            field,
+            dimension,
+            construction: Construction::default(),
+            boundary: FieldBoundary::default(),
+            weights: None,
+            seed: 0,
+        }
+    }
+}
+
+/// Why there is no basis.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FieldError {
+    /// The mesh is no oriented manifold.
+    #[error(transparent)]
+    Surface(#[from] DualError),
+    /// The mesh has no operator.
+    #[error(transparent)]
+    Operator(#[from] OperatorError),
+    /// A parameter is out of its range.
+    #[error("parameter {name} is {value}, not in {least}..={most}")]
+    Parameter {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// The least allowed.
+        least: f64,
+        /// The largest allowed.
+        most: f64,
+    },
+    /// Weights do not fit.
+    #[error("weights must be {faces} positive numbers, one per face; the first that is not is number {at}")]
+    Weights {
+        /// The number of faces.
+        faces: usize,
+        /// The first weight that is missing, superfluous or not positive.
+        at: usize,
+    },
+    /// Some component would have no column.
+    #[error("the surface has {components} components, more than there are groups of columns ({groups})")]
+    Components {
+        /// The components.
+        components: usize,
+        /// The groups of columns.
+        groups: usize,
+    },
+    /// A face is outside every column.
+    #[error("face {face} is outside every column")]
+    Uncovered {
+        /// The first such face.
+        face: usize,
+    },
+    /// Restricting the operator failed.
+    #[error(transparent)]
+    Restriction(GalerkinError),
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+impl From<GalerkinError> for FieldError {
+    fn from(error: GalerkinError) -> Self {
+        match error {
+            GalerkinError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Restriction(other),
+        }
+    }
+}
+
+/// A space of fields and the energies restricted to it, on the surface scaled to unit area.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FieldBasis {
+    /// What is stored in a face.
+    pub kind: FieldKind,
+    /// `U`.
+    pub space: FieldSpace,
+    /// `S̄ = UᵀSU`, `d × d`: the harmonic energy.
+    pub stiffness: SparseMatrix,
+    /// `M̄ = UᵀMU`, `d × d`.
+    pub mass: SparseMatrix,
+    /// The faces that the groups of columns are centred at.
+    pub samples: Vec<u32>,
+    /// The area of the mesh in the units of the input, by which eigenvalues are to be divided.
+    pub area: f64,
+}
+
+/// Constructs a basis.
+///
+/// # Errors
+/// [`FieldError`] says what is wrong with the parameters or the surface, or that the work was cancelled.
+pub fn field_basis(
+    surface: &FieldSurface,
+    parameters: &FieldParameters,
+    monitor: &dyn Monitor,
+) -> Result<FieldBasis, FieldError> {
+    check(surface, parameters)?;
+    match parameters.field.block() {
+        2 => build::<2>(surface, parameters, monitor),
+        _ => build::<3>(surface, parameters, monitor),
+    }
+}
+
+fn check(surface: &FieldSurface, parameters: &FieldParameters) -> Result<(), FieldError> {
+    check_kind(parameters.field)?;
+    let (block, faces) = (parameters.field.block(), surface.faces());
+    let most = block * faces;
+    if !(block..=most).contains(&parameters.dimension) {
+        let (value, least, most) = (parameters.dimension as f64, block as f64, most as f64);
+        return Err(FieldError::Parameter { name: "dimension", value, least, most });
+    }
+    let out = match &parameters.construction {
+        Construction::Heat(heat) => heat.out_of_range(),
+    };
+    if let Some((name, value, least, most)) = out {
+        return Err(FieldError::Parameter { name, value, least, most });
+    }
+    if let Some(weights) = &parameters.weights {
+        let wrong = weights.iter().position(|w| !(w.is_finite() && *w > 0.0)).filter(|&at| at < faces);
+        if wrong.is_some() || weights.len() != faces {
+            return Err(FieldError::Weights { faces, at: wrong.unwrap_or(weights.len().min(faces)) });
+        }
+    }
+    let groups = parameters.dimension.div_ceil(block);
+    let (_, components) = surface.dual.components();
+    if components > groups {
+        return Err(FieldError::Components { components, groups });
+    }
+    Ok(())
+}
+
+fn build<const B: usize>(
+    surface: &FieldSurface,
+    parameters: &FieldParameters,
+    monitor: &dyn Monitor,
+) -> Result<FieldBasis, FieldError> {
+    monitor.stage("operator");
+    // Faces in the order of a space-filling curve: every later pass works on nearby memory.
+    let order = spatial_order(&surface.mesh);
+    let sorted = TriangleMesh {
+        positions: surface.mesh.positions.clone(),
+        faces: order.iter().map(|&f| surface.mesh.faces[f as usize]).collect(),
+    };
+    let local = FieldSurface::new(sorted)?;
+    let operator =
+        FieldOperator::<B>::assemble(parameters.field, &local.mesh, &local.dual, &local.frames, parameters.boundary)?;
+    monitor.checkpoint()?;
+    monitor.stage("sampling");
+    let weighted = parameters.weights.as_ref().and_then(|weights| {
+        let sorted: Vec<f64> = order.iter().map(|&f| weights[f as usize]).collect();
+        // Only ratios matter: with a root mean square of 1 the disks cover the surface as often as without weights.
+        let square: f64 = sorted.iter().zip(operator.mass.iter()).map(|(w, m)| m * w * w).sum();
+        local.dual.weighted(&sorted.iter().map(|w| w / square.sqrt()).collect::<Vec<f64>>())
+    });
+    let distances = weighted.as_ref().unwrap_or(&local.dual);
+    let groups = parameters.dimension.div_ceil(B);
+    let mut samples = farthest_points(&distances.connectivity(), groups, parameters.seed, monitor)?;
+    samples.sort_unstable();
+    let columns = match &parameters.construction {
+        Construction::Heat(heat) => {
+            heat::columns(&operator, &local.dual, distances, &local.frames, &samples, heat, monitor)?
+        }
+    };
+    monitor.stage("restriction");
+    let sorted_space = FieldSpace::from_columns(&columns, &(0..surface.faces() as u32).collect::<Vec<u32>>());
+    if let Some(face) = sorted_space.uncovered() {
+        return Err(FieldError::Uncovered { face: order[face] as usize });
+    }
+    let mass = MassMatrix::Diagonal(operator.mass.iter().flat_map(|&m| [m; B]).collect());
+    let (stiffness, mass) = galerkin(&sorted_space.to_sparse(), &operator.stiffness.to_sparse(), &mass, monitor)?;
+    drop(sorted_space);
+    let space = FieldSpace::from_columns(&columns, &order);
+    let samples = samples.iter().map(|&s| order[s as usize]).collect();
+    Ok(FieldBasis { kind: parameters.field, space, stiffness, mass, samples, area: operator.area })
+}
+
+/// The faces in the order of a space-filling curve through their barycentres.
+fn spatial_order(mesh: &TriangleMesh) -> Vec<u32> {
+    let centres = TriangleMesh {
+        positions: mesh
+            .faces
+            .iter()
+            .map(|f| [0, 1, 2].map(|i| f.iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>() / 3.0))
+            .collect(),
+        faces: Vec::new(),
+    };
+    let mut order: Vec<u32> = (0..mesh.faces.len() as u32).collect();
+    sort_spatially(&centres, &mut order);
+    order
+}
+
+#[cfg(test)]
+#[path = "basis_tests.rs"]
+mod tests;
