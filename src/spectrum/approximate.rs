@@ -4,7 +4,9 @@ use super::certificate::{CertificateError, certify};
 use super::envelope::{envelop, on_all_vertices};
 use super::heat::{self, HeatError, HeatParameters};
 use super::radial::{self, Profile, RadialError, RadialParameters};
-use crate::algebra::{CpuSolver, EigenError, GalerkinError, SparseMatrix, SymmetricDefiniteSolver, galerkin};
+use crate::algebra::{
+    CpuSolver, EigenError, EigenPairs, GalerkinError, SparseMatrix, SymmetricDefiniteSolver, galerkin,
+};
 use crate::basis::{Basis, Compact, Functions};
 use crate::mesh::TriangleMesh;
 use crate::mesh::connectivity::Connectivity;
@@ -67,6 +69,17 @@ pub enum ApproximationError {
     /// The pairs could not be certified.
     #[error(transparent)]
     Certificate(CertificateError),
+    /// A parameter is out of its range.
+    #[error("parameter {name}: {reason}")]
+    Parameter {
+        /// The parameter.
+        name: &'static str,
+        /// What its value must be, and what it is.
+        reason: String,
+    },
+    /// The refinement's factorisation failed.
+    #[error("{0}")]
+    Factor(String),
     /// More pairs than unknowns were asked for.
     #[error("{count} eigenpairs are asked for, but there are {unknowns} unknowns")]
     Count {
@@ -107,7 +120,8 @@ impl ApproximationError {
             Self::Reduce(_) => "restriction-failed",
             Self::Eigen(_) => "eigenproblem-failed",
             Self::Certificate(_) => "certificate-failed",
-            Self::Count { .. } => "invalid-parameters",
+            Self::Factor(_) => "factorisation-failed",
+            Self::Parameter { .. } | Self::Count { .. } => "invalid-parameters",
         }
     }
 }
@@ -128,17 +142,7 @@ pub fn approximate(
     monitor: &dyn Monitor,
 ) -> Result<Basis, ApproximationError> {
     let problem = &operator.problem;
-    let n = problem.size();
-    if parameters.count > n {
-        return Err(ApproximationError::Count { count: parameters.count, unknowns: n });
-    }
-    let space = subspace(mesh, operator, parameters, monitor)?;
-
-    monitor.stage("reduce");
-    let (stiffness, mass) = galerkin(&space, &problem.stiffness, &problem.mass, monitor)?;
-
-    monitor.stage("eigen");
-    let mut pairs = CpuSolver.lowest(stiffness.to_dense(), mass.to_dense(), parameters.count, monitor)?;
+    let Ritz { space, mass, mut pairs } = ritz(mesh, operator, parameters, parameters.count, monitor)?;
 
     monitor.stage("bounds");
     let certificate = certify(problem, &space, &mass, &mut pairs.vectors, &pairs.values, monitor)?;
@@ -158,6 +162,40 @@ pub fn approximate(
         certificate,
         metadata: serde_json::Value::Object(serde_json::Map::new()),
     })
+}
+
+/// Ritz pairs in the space, on unit area.
+pub(super) struct Ritz {
+    /// `U` on the unknowns.
+    pub space: SparseMatrix<f32>,
+    /// `UᵀMU`.
+    pub mass: SparseMatrix,
+    /// Values and coefficients.
+    pub pairs: EigenPairs,
+}
+
+/// Builds the space and computes the lowest `count` Ritz pairs in it.
+pub(super) fn ritz(
+    mesh: &TriangleMesh,
+    operator: &MeshOperator,
+    parameters: &ApproximationParameters,
+    count: usize,
+    monitor: &dyn Monitor,
+) -> Result<Ritz, ApproximationError> {
+    let problem = &operator.problem;
+    if count > problem.size() {
+        return Err(ApproximationError::Count { count, unknowns: problem.size() });
+    }
+    let space = subspace(mesh, operator, parameters, monitor)?;
+
+    monitor.stage("reduce");
+    let (stiffness, mass) = galerkin(&space, &problem.stiffness, &problem.mass, monitor)?;
+
+    monitor.stage("eigen");
+    // Guards may be more than the space has.
+    let count = count.min(space.columns().max(parameters.count));
+    let pairs = CpuSolver.lowest(stiffness.to_dense(), mass.to_dense(), count, monitor)?;
+    Ok(Ritz { space, mass, pairs })
 }
 
 /// The space `U` on the unknowns: its rows have the sum 1, or that of the envelope.
@@ -207,3 +245,7 @@ const DIJKSTRA_SUFFICES: usize = 500;
 fn identity(n: usize) -> SparseMatrix<f32> {
     SparseMatrix::from_sorted_parts(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0; n])
 }
+
+#[cfg(test)]
+#[path = "approximate_tests.rs"]
+mod tests;
