@@ -173,7 +173,7 @@ impl EigenbasisParameters {
                 let parameters = ApproximationParameters {
                     count: approximate.count,
                     dimension: approximate.dimension,
-                    space: approximate.space.clone(),
+                    space: approximate.space,
                     seed: self.seed,
                 };
                 spectrum::approximate(mesh, &operator, &parameters, monitor)?
