@@ -1,6 +1,7 @@
 //! The job `eigenbasis`: the lowest eigenpairs of an operator, approximated in a compact basis or computed to a tolerance.
 
 mod approximation;
+mod compact;
 mod exact;
 mod request;
 
