@@ -5,10 +5,14 @@ mod blocks;
 mod definite;
 mod dense;
 mod eigen;
+mod factor;
+mod factor_solve;
 mod factored;
 mod galerkin;
 mod lift;
 mod mass;
+mod ordering;
+mod panel_products;
 mod panels;
 mod product;
 mod simd;
@@ -19,10 +23,16 @@ pub use blocks::compact_order;
 pub use definite::{DefiniteError, orthonormalise, solve_definite};
 pub use dense::DenseMatrix;
 pub use eigen::{CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};
+pub use factor::{Factor, FactorError, SymbolicFactor};
 pub use factored::{space_times, space_transposed_mass_times};
 pub use galerkin::{GalerkinError, galerkin};
 pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::MassMatrix;
+pub use ordering::{Ordering, fill_reducing_order};
+pub use panel_products::{
+    ColumnSums, Weight, gram, inner_products, mass_times_panel, prolong, residual_panel, residual_sums, restrict,
+    rotate, subtract_combinations,
+};
 pub use panels::{PANEL_WIDTH, PanelMatrix};
 pub use product::{Panel, Scalar};
 pub use simd::vectorized;

@@ -8,7 +8,7 @@ pub mod dual;
 pub(crate) mod fixtures;
 pub mod intrinsic;
 pub mod measure;
-mod random;
+pub(crate) mod random;
 pub mod read;
 mod repair;
 mod report;

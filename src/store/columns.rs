@@ -145,7 +145,3 @@ impl ColumnSource for Nowhere {
         Err(ColumnError::Gone)
     }
 }
-
-#[cfg(test)]
-#[path = "columns_tests.rs"]
-mod tests;

@@ -1,7 +1,6 @@
 //! The job `eigenbasis`: the lowest eigenpairs of an operator, approximated in a compact basis or computed to a tolerance.
 
 mod approximation;
-mod compact;
 mod exact;
 mod request;
 
@@ -174,7 +173,7 @@ impl EigenbasisParameters {
                 let parameters = ApproximationParameters {
                     count: approximate.count,
                     dimension: approximate.dimension,
-                    space: approximate.space,
+                    space: approximate.space.clone(),
                     seed: self.seed,
                 };
                 spectrum::approximate(mesh, &operator, &parameters, monitor)?

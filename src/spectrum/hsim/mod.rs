@@ -1,12 +1,19 @@
 //! HSIM, the hierarchical subspace iteration method (thesis, chapter 4): the lowest eigenpairs to any tolerance, proven complete.
 
+mod certify;
+mod hierarchy;
+mod iterate;
+mod kernel;
+mod level;
+mod published;
+mod ritz;
+mod solve;
+
 use serde::{Deserialize, Serialize};
 
 use crate::algebra::{PanelMatrix, SparseMatrix};
 pub use crate::basis::{InertiaCount, LevelReport};
-use crate::mesh::TriangleMesh;
-use crate::monitor::{Cancelled, Monitor};
-use crate::operator::EigenProblem;
+use crate::monitor::Cancelled;
 
 /// Which eigenpairs are wanted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -142,22 +149,33 @@ impl HsimError {
     }
 }
 
-/// Computes the lowest eigenpairs of an operator on a mesh.
-///
-/// `keep_space` asks for the finest nested space beside the pairs, for compact storage. Stages: `order`, `hierarchy`, `coarse`,
-/// `factor`, `iterate`, `certify`.
-///
-/// # Errors
-/// [`HsimError`]: parameters out of range, pairs that do not converge or stay missing, cancellation.
-pub fn solve(
-    mesh: &TriangleMesh,
-    problem: &EigenProblem,
-    parameters: &HsimParameters,
-    keep_space: bool,
-    monitor: &dyn Monitor,
-) -> Result<Eigenpairs, HsimError> {
-    let _ = (mesh, problem, parameters, keep_space, monitor);
-    Err(HsimError::Numerical("the solver is not there yet".to_owned()))
+pub use solve::solve;
+
+impl HsimParameters {
+    /// Checks every parameter against its range.
+    ///
+    /// # Errors
+    /// [`HsimError::Parameter`] names the first that is outside.
+    pub fn check(&self) -> Result<(), HsimError> {
+        let within = |name, value: f64, least: f64, most: f64| {
+            if value >= least && value <= most {
+                return Ok(());
+            }
+            Err(HsimError::Parameter { name, reason: format!("must lie between {least} and {most}, not be {value}") })
+        };
+        match self.wanted {
+            Wanted::Count(count) => within("count", count as f64, 1.0, f64::from(u32::MAX))?,
+            Wanted::Below { bound, most } => {
+                within("below", bound, f64::MIN, f64::MAX)?;
+                within("most", most as f64, 1.0, f64::from(u32::MAX))?;
+            }
+        }
+        within("tolerance", self.tolerance, 1e-10, 0.5)?;
+        within("levels", self.levels.unwrap_or(2) as f64, 1.0, 6.0)?;
+        within("sigma", self.sigma.unwrap_or(7.0), 3.0, 100.0)?;
+        within("shift_ratio", self.shift_ratio, 0.0, 1.0)?;
+        within("subspace_factor", self.subspace_factor.unwrap_or(1.5), 1.0, 4.0)
+    }
 }
 
 impl Default for HsimParameters {
@@ -172,5 +190,11 @@ impl Default for HsimParameters {
             subspace_factor: None,
             seed: 0,
         }
+    }
+}
+
+impl From<crate::algebra::FactorError> for HsimError {
+    fn from(error: crate::algebra::FactorError) -> Self {
+        Self::Numerical(error.to_string())
     }
 }

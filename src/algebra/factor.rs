@@ -1,0 +1,379 @@
+//! Sparse symmetric indefinite factorisation of a shifted pencil, `A − μB = L D Lᵀ`, with its inertia.
+
+use faer::Par;
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
+use faer::sparse::linalg::SupernodalThreshold;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky,
+};
+use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{MatRef, Side};
+
+use super::{MassMatrix, SparseMatrix};
+
+/// Why a matrix was not factored.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum FactorError {
+    /// The matrices are not square or not of one size.
+    #[error("a {rows}×{columns} matrix and a mass of size {mass} are no pencil")]
+    Shape {
+        /// Rows of the matrix.
+        rows: usize,
+        /// Its columns.
+        columns: usize,
+        /// The size of the mass matrix.
+        mass: usize,
+    },
+    /// There are more entries than the ordering can count.
+    #[error("{entries} entries are more than can be ordered")]
+    TooLarge {
+        /// Entries of the matrix.
+        entries: usize,
+    },
+    /// No order was found.
+    #[error("no fill-reducing order: {reason}")]
+    Ordering {
+        /// What the ordering said.
+        reason: String,
+    },
+    /// There is not enough memory.
+    #[error("{bytes} bytes for a factorisation cannot be had")]
+    Memory {
+        /// About how much was needed.
+        bytes: usize,
+    },
+    /// The shifted matrix is singular, as far as rounding lets one tell: the shift lies on an eigenvalue.
+    #[error("the matrix is singular at pivot {pivot}")]
+    Singular {
+        /// The first pivot that is zero or not finite.
+        pivot: usize,
+    },
+}
+
+/// One supernode: columns with the same pattern below.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Node {
+    /// The first column.
+    pub start: usize,
+    /// The number of columns.
+    pub columns: usize,
+    /// Where its rows below begin in `patterns`, and how many they are.
+    pub pattern: (usize, usize),
+    /// Where its values begin: `(columns + rows below) × columns`, column after column.
+    pub values: usize,
+}
+
+/// Where an entry of the shifted matrix comes from.
+const NOWHERE: u32 = u32::MAX;
+
+/// The structure of the factors of `A − μB` for every `μ`; the matrices are already in a fill-reducing order.
+pub struct SymbolicFactor {
+    symbolic: SymbolicCholesky<usize>,
+    /// The lower triangle, column after column.
+    offsets: Vec<usize>,
+    rows: Vec<usize>,
+    /// For each entry of the lower triangle its position in `A` and in `B`.
+    sources: Vec<(u32, u32)>,
+    pub(super) nodes: Vec<Node>,
+    pub(super) patterns: Vec<u32>,
+}
+
+impl std::fmt::Debug for SymbolicFactor {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("SymbolicFactor").field("size", &self.size()).field("entries", &self.entries()).finish()
+    }
+}
+
+impl SymbolicFactor {
+    /// Analyses the pencil `(a, b)`, both symmetric with both triangles stored.
+    ///
+    /// # Errors
+    /// [`FactorError`]: sizes that do not fit, or no memory.
+    pub fn new(a: &SparseMatrix, b: &MassMatrix) -> Result<Self, FactorError> {
+        let n = a.rows();
+        if a.columns() != n || b.size() != n {
+            return Err(FactorError::Shape { rows: n, columns: a.columns(), mass: b.size() });
+        }
+        if u32::try_from(a.entries()).is_err() {
+            return Err(FactorError::TooLarge { entries: a.entries() });
+        }
+        let mut offsets = Vec::with_capacity(n + 1);
+        let (mut rows, mut sources) = (Vec::new(), Vec::new());
+        let (mut upper_offsets, mut upper_rows) = (Vec::with_capacity(n + 1), Vec::new());
+        offsets.push(0);
+        upper_offsets.push(0);
+        for row in 0..n {
+            let in_a = a.row(row).0.iter().zip(a.offsets()[row] as u32..).map(|(&c, at)| (c, at, NOWHERE));
+            let mut entries: Vec<(u32, u32, u32)> = in_a.collect();
+            match b {
+                MassMatrix::Diagonal(_) => merge(&mut entries, [(row as u32, row as u32)].into_iter()),
+                MassMatrix::Sparse(b) => {
+                    merge(&mut entries, b.row(row).0.iter().copied().zip(b.offsets()[row] as u32..));
+                }
+            }
+            for (column, in_a, in_b) in entries {
+                // The matrix is symmetric: the part of a row right of the diagonal is the part of the column below it.
+                if column as usize >= row {
+                    rows.push(column as usize);
+                    sources.push((in_a, in_b));
+                }
+                if column as usize <= row {
+                    upper_rows.push(column as usize);
+                }
+            }
+            offsets.push(rows.len());
+            upper_offsets.push(upper_rows.len());
+        }
+        let parameters = CholeskySymbolicParams {
+            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+            ..Default::default()
+        };
+        let upper = SymbolicSparseColMatRef::new_checked(n, n, &upper_offsets, None, &upper_rows);
+        let symbolic = factorize_symbolic_cholesky(upper, Side::Upper, SymmetricOrdering::Identity, parameters)
+            .map_err(|error| match error {
+                FaerError::OutOfMemory => FactorError::Memory { bytes: 32 * upper_rows.len() },
+                _ => FactorError::TooLarge { entries: a.entries() },
+            })?;
+        let (mut nodes, mut patterns) = (Vec::new(), Vec::new());
+        if let SymbolicCholeskyRaw::Supernodal(supernodal) = symbolic.raw() {
+            let mut values = 0;
+            for node in 0..supernodal.n_supernodes() {
+                let node = supernodal.supernode(node);
+                let (start, below) = (node.start(), node.pattern());
+                let columns = supernodal.supernode_end()[nodes.len()] - start;
+                nodes.push(Node { start, columns, pattern: (patterns.len(), below.len()), values });
+                patterns.extend(below.iter().map(|&row| row as u32));
+                values += (columns + below.len()) * columns;
+            }
+        }
+        Ok(Self { symbolic, offsets, rows, sources, nodes, patterns })
+    }
+
+    /// The size `n` of the matrix.
+    pub fn size(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// The entries of `L`, explicit zeros in supernodes included; eight bytes each is the memory of a factor.
+    pub fn entries(&self) -> usize {
+        self.symbolic.len_val()
+    }
+
+    /// Factors `a − shift · b`. Without pivoting first, and where that lets the factors grow, with Bunch–Kaufman pivoting inside supernodes.
+    ///
+    /// # Errors
+    /// [`FactorError::Singular`] where the shift lies on an eigenvalue, [`FactorError::Memory`].
+    pub fn factor(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Result<Factor<'_>, FactorError> {
+        let mut largest = 0f64;
+        let mut shifted = Vec::with_capacity(self.sources.len());
+        for &(in_a, in_b) in &self.sources {
+            let mut value = if in_a == NOWHERE { 0.0 } else { a.values()[in_a as usize] };
+            if in_b != NOWHERE {
+                value -= shift
+                    * match b {
+                        MassMatrix::Diagonal(b) => b[in_b as usize],
+                        MassMatrix::Sparse(b) => b.values()[in_b as usize],
+                    };
+            }
+            largest = largest.max(value.abs());
+            shifted.push(value);
+        }
+        let n = self.size();
+        let pattern = SymbolicSparseColMatRef::new_checked(n, n, &self.offsets, None, &self.rows);
+        let lower = SparseColMatRef::new(pattern, &shifted);
+        match self.plain(lower, largest) {
+            Ok(factor) if factor.growth <= LARGEST_GROWTH => Ok(factor),
+            Ok(_) | Err(FactorError::Singular { .. }) => self.pivoted(lower, largest),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn plain(&self, lower: SparseColMatRef<'_, usize, f64>, largest: f64) -> Result<Factor<'_>, FactorError> {
+        let mut values = self.storage()?;
+        let request = self.symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
+        let mut buffer = memory(request)?;
+        let done = self.symbolic.factorize_numeric_ldlt(
+            &mut values,
+            lower,
+            Side::Lower,
+            LdltRegularization::default(),
+            Par::Seq,
+            MemStack::new(&mut buffer),
+            Default::default(),
+        );
+        drop(buffer);
+        if done.is_err() {
+            return Err(FactorError::Singular { pivot: 0 });
+        }
+        let mut factor = Factor { symbolic: self, values, inverse: Vec::new(), pivoting: None, below: 0, growth: 0.0 };
+        factor.inverse.reserve_exact(self.size());
+        for node in &self.nodes {
+            for column in 0..node.columns {
+                let d = factor.pivot(node, column);
+                if !(d.is_finite() && d != 0.0) {
+                    return Err(FactorError::Singular { pivot: node.start + column });
+                }
+                factor.below += usize::from(d < 0.0);
+                factor.inverse.push(d.recip());
+            }
+        }
+        factor.growth = factor.growth_over(largest);
+        Ok(factor)
+    }
+
+    fn pivoted(&self, lower: SparseColMatRef<'_, usize, f64>, largest: f64) -> Result<Factor<'_>, FactorError> {
+        let n = self.size();
+        let mut values = self.storage()?;
+        let (mut beside, mut order, mut position) = (vec![0.0; n], vec![0usize; n], vec![0usize; n]);
+        let request = self.symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(Par::Seq, Default::default());
+        let mut buffer = memory(request)?;
+        self.symbolic.factorize_numeric_intranode_lblt(
+            &mut values,
+            &mut beside,
+            &mut order,
+            &mut position,
+            lower,
+            Side::Lower,
+            Par::Seq,
+            MemStack::new(&mut buffer),
+            Default::default(),
+        );
+        drop(buffer);
+        let mut factor =
+            Factor { symbolic: self, values, inverse: vec![0.0; n], pivoting: None, below: 0, growth: 0.0 };
+        for node in &self.nodes {
+            let mut column = 0;
+            while column < node.columns {
+                let at = node.start + column;
+                let (d, e) = (factor.pivot(node, column), beside[at]);
+                if e == 0.0 {
+                    if !(d.is_finite() && d != 0.0) {
+                        return Err(FactorError::Singular { pivot: at });
+                    }
+                    factor.below += usize::from(d < 0.0);
+                    factor.inverse[at] = d.recip();
+                    column += 1;
+                } else {
+                    if column + 1 == node.columns {
+                        return Err(FactorError::Singular { pivot: at });
+                    }
+                    let next = factor.pivot(node, column + 1);
+                    let determinant = d * next - e * e;
+                    if !(determinant.is_finite() && determinant != 0.0) {
+                        return Err(FactorError::Singular { pivot: at });
+                    }
+                    factor.below += if determinant < 0.0 { 1 } else { 2 * usize::from(d < 0.0) };
+                    factor.inverse[at] = next / determinant;
+                    factor.inverse[at + 1] = d / determinant;
+                    beside[at] = -e / determinant;
+                    column += 2;
+                }
+            }
+        }
+        factor.growth = factor.growth_over(largest);
+        let order = order.into_iter().map(|row| row as u32).collect();
+        factor.pivoting = Some(Pivoting { order, beside });
+        Ok(factor)
+    }
+
+    fn storage(&self) -> Result<Vec<f64>, FactorError> {
+        let mut values = Vec::new();
+        let entries = self.entries();
+        values.try_reserve_exact(entries).map_err(|_| FactorError::Memory { bytes: 8 * entries })?;
+        values.resize(entries, 0.0);
+        Ok(values)
+    }
+}
+
+/// Adds the entries of a second sorted row to a first.
+fn merge(entries: &mut Vec<(u32, u32, u32)>, second: impl Iterator<Item = (u32, u32)>) {
+    let mut from = 0;
+    for (column, at) in second {
+        while from < entries.len() && entries[from].0 < column {
+            from += 1;
+        }
+        match entries.get_mut(from) {
+            Some(entry) if entry.0 == column => entry.2 = at,
+            _ => entries.insert(from, (column, NOWHERE, at)),
+        }
+    }
+}
+
+fn memory(request: StackReq) -> Result<MemBuffer, FactorError> {
+    MemBuffer::try_new(request).map_err(|_| FactorError::Memory { bytes: request.unaligned_bytes_required() })
+}
+
+/// Element growth up to which factors without pivoting are accepted: rounding errors relative to the matrix stay below
+/// this times 1e-16.
+const LARGEST_GROWTH: f64 = 1e6;
+
+/// Pivoting inside supernodes.
+pub(super) struct Pivoting {
+    /// The row that comes `k`-th; a permutation of the rows of each supernode.
+    pub order: Vec<u32>,
+    /// Entry `k`: the inverse of `D` at `(k + 1, k)`.
+    pub beside: Vec<f64>,
+}
+
+/// `A − μB = L D Lᵀ` in the order that the matrices were given in.
+pub struct Factor<'a> {
+    pub(super) symbolic: &'a SymbolicFactor,
+    pub(super) values: Vec<f64>,
+    /// The diagonal of `D⁻¹`.
+    pub(super) inverse: Vec<f64>,
+    pub(super) pivoting: Option<Pivoting>,
+    below: usize,
+    growth: f64,
+}
+
+impl std::fmt::Debug for Factor<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut entry = f.debug_struct("Factor");
+        entry.field("size", &self.symbolic.size()).field("below", &self.below).field("growth", &self.growth).finish()
+    }
+}
+
+impl Factor<'_> {
+    /// How many eigenvalues of the pencil lie below the shift, with multiplicity (Sylvester's law of inertia), if `B` is positive
+    /// definite.
+    pub fn eigenvalues_below(&self) -> usize {
+        self.below
+    }
+
+    /// The largest `l²|d|` over the largest entry of the shifted matrix: rounding errors of the factors are about 1e-16 times this.
+    pub fn growth(&self) -> f64 {
+        self.growth
+    }
+
+    /// Whether rows were exchanged.
+    pub fn is_pivoted(&self) -> bool {
+        self.pivoting.is_some()
+    }
+
+    fn node_values(&self, node: &Node) -> MatRef<'_, f64> {
+        let rows = node.columns + node.pattern.1;
+        MatRef::from_column_major_slice(
+            &self.values[node.values..node.values + rows * node.columns],
+            rows,
+            node.columns,
+        )
+    }
+
+    fn pivot(&self, node: &Node, column: usize) -> f64 {
+        self.node_values(node)[(column, column)]
+    }
+
+    fn growth_over(&self, largest: f64) -> f64 {
+        let mut growth = 0f64;
+        for node in &self.symbolic.nodes {
+            let rows = node.columns + node.pattern.1;
+            let values = &self.values[node.values..node.values + rows * node.columns];
+            for (column, values) in values.chunks_exact(rows).enumerate() {
+                let most = values[column + 1..].iter().fold(1f64, |most, l| most.max(l.abs()));
+                growth = growth.max(most * most * values[column].abs());
+            }
+        }
+        if largest > 0.0 { growth / largest } else { growth }
+    }
+}

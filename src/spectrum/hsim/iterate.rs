@@ -1,0 +1,559 @@
+//! Iterating a block of columns toward the lowest eigenvectors of one level.
+//!
+//! The first steps replace every column by its solve with the shifted matrix. A solve with the shift μ damps the part of a column that belongs
+//! to the eigenvalue λ by |θ − μ| / |λ − μ|, so a shift near its Ritz value θ leaves next to nothing of what is outside the subspace; what is
+//! inside, one Rayleigh–Ritz over all columns separates. Every group of columns therefore has its own shift, guards are needed
+//! at the upper end only, and no group has to be made orthogonal to another.
+//!
+//! What has not converged then is refined as in Davidson's method: solves with the residuals are new directions, and a Rayleigh–Ritz over old
+//! and new ones finds what the start did not contain.
+
+use rayon::prelude::*;
+
+use super::HsimError;
+use super::kernel::Kernel;
+use super::level::Level;
+use super::ritz::ritz;
+use crate::algebra::{
+    ColumnSums, DenseMatrix, Factor, FactorError, MassMatrix, PANEL_WIDTH, PanelMatrix, SymbolicFactor, Weight,
+    inner_products, mass_times_panel, residual_panel, residual_sums, restrict, rotate, subtract_combinations,
+};
+use crate::mesh::random::SplitMix64;
+use crate::monitor::Monitor;
+
+/// How the columns of one level are iterated.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Plan {
+    /// The pairs that must converge.
+    pub wanted: usize,
+    /// Their residual (4.6).
+    pub tolerance: f64,
+    /// Panels of 32 columns that share a shift.
+    pub panels_per_shift: usize,
+    /// Solves before each Rayleigh–Ritz of a replacing step.
+    pub solves: usize,
+    /// The most Rayleigh–Ritz steps.
+    pub most_passes: usize,
+}
+
+/// Up to this value (unit area) a pair counts as one of the kernel, whose relative residual would compare rounding errors.
+pub(super) const KERNEL: f64 = 1e-6;
+
+/// Where more than this share of the columns has to be improved, all are replaced at once.
+const REPLACE_SHARE: f64 = 0.4;
+
+/// A coupling of a new direction with an old column counts from this share of what the tolerance allows.
+const COUPLED: f64 = 0.1;
+
+/// A new Ritz vector joins the block if its residual (4.6) is at most this: rounding errors look like vectors too.
+const LARGEST_FOUND: f64 = 0.5;
+
+/// Columns that are being iterated on.
+pub(super) struct Iteration<'a> {
+    pub level: &'a Level,
+    pub symbolic: &'a SymbolicFactor,
+    /// What is known exactly and kept out of the columns.
+    pub kernel: &'a Kernel<'a>,
+    pub monitor: &'a dyn Monitor,
+    /// `n × q`, `M`-orthonormal after the first step; columns are in the order of their values only after a replacing step.
+    pub vectors: PanelMatrix,
+    /// The Ritz value of each column.
+    pub values: Vec<f64>,
+    /// What the residual of each column sums up to.
+    pub sums: Vec<ColumnSums>,
+    /// Shifts that were factored, and how many eigenvalues lie below each.
+    pub inertia: Vec<(f64, usize)>,
+    /// Factors that there was room to keep, with their shifts.
+    kept: Vec<(f64, Factor<'a>)>,
+    /// Rayleigh–Ritz steps so far.
+    pub passes: usize,
+    norm: f64,
+}
+
+impl<'a> Iteration<'a> {
+    /// Starts from columns and estimates of their values, ascending.
+    pub fn new(
+        level: &'a Level,
+        symbolic: &'a SymbolicFactor,
+        kernel: &'a Kernel<'a>,
+        mut vectors: PanelMatrix,
+        values: Vec<f64>,
+        monitor: &'a dyn Monitor,
+    ) -> Self {
+        let norm = (0..level.size())
+            .map(|row| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum())
+            .fold(0.0, f64::max);
+        kernel.remove(&mut vectors);
+        Self {
+            level,
+            symbolic,
+            kernel,
+            monitor,
+            vectors,
+            values,
+            sums: Vec::new(),
+            inertia: Vec::new(),
+            kept: Vec::new(),
+            passes: 0,
+            norm,
+        }
+    }
+
+    /// The columns by ascending value.
+    pub fn order(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.values.len()).collect();
+        order.sort_by(|&a, &b| self.values[a].total_cmp(&self.values[b]));
+        order
+    }
+
+    /// The residual (4.6) of a column; one for a column that was not solved yet.
+    pub fn residual(&self, column: usize) -> f64 {
+        self.sums.get(column).map_or(1.0, |sums| self.residual_of(sums, self.values[column]))
+    }
+
+    fn residual_of(&self, sums: &ColumnSums, value: f64) -> f64 {
+        let (part, whole) = if value.abs() <= KERNEL {
+            (sums.stiffness, self.norm * self.norm * sums.square)
+        } else {
+            (sums.residual, sums.stiffness)
+        };
+        if part == 0.0 { 0.0 } else { (part / whole).sqrt() }
+    }
+
+    /// Those of the lowest columns that have not converged, by ascending value.
+    pub fn unconverged(&self, plan: &Plan) -> Vec<usize> {
+        let mut order = self.order();
+        order.truncate(plan.wanted);
+        order.retain(|&column| !(self.residual(column) <= plan.tolerance));
+        order
+    }
+
+    /// Iterates until the wanted pairs have converged or the steps are used up.
+    pub fn run(&mut self, plan: &Plan) -> Result<(), HsimError> {
+        while self.passes < plan.most_passes {
+            let pending = self.unconverged(plan);
+            if pending.is_empty() {
+                return Ok(());
+            }
+            let (size, pass, open) = (self.level.size(), self.passes + 1, pending.len());
+            self.monitor
+                .detail(&format!("dimension {size}, iteration {pass}, {open} of {} pairs to converge", plan.wanted));
+            self.monitor.progress(1.0 - open as f64 / plan.wanted.max(1) as f64);
+            if self.sums.is_empty() || pending.len() as f64 > REPLACE_SHARE * self.values.len() as f64 {
+                self.replace(plan)?;
+            } else {
+                self.refine(&pending, plan.tolerance)?;
+            }
+            self.passes += 1;
+        }
+        Ok(())
+    }
+
+    /// One step that replaces every column by its solve.
+    fn replace(&mut self, plan: &Plan) -> Result<(), HsimError> {
+        let order = self.order();
+        if order.iter().enumerate().any(|(place, &column)| place != column) {
+            self.vectors = self.vectors.select(&order);
+            self.values = order.iter().map(|&column| self.values[column]).collect();
+        }
+        let groups = groups(&self.values, plan);
+        let mut vectors = std::mem::take(&mut self.vectors);
+        self.solve(&groups, &mut vectors, plan.solves)?;
+        self.rayleigh_ritz(vectors)
+    }
+
+    /// Replaces the block by the Ritz vectors in the span of some columns.
+    fn rayleigh_ritz(&mut self, mut vectors: PanelMatrix) -> Result<(), HsimError> {
+        let (level, monitor) = (self.level, self.monitor);
+        let mut values = Vec::new();
+        // Where columns were close to dependent, the first Rayleigh–Ritz loses digits, and a second one has them all.
+        for _ in 0..2 {
+            let (stiffness, gram) = restrict(&level.stiffness, &level.mass, &vectors, monitor)?;
+            let rotation;
+            (values, rotation) = ritz(stiffness, gram, vectors.columns(), monitor)?;
+            rotate(&mut vectors, &rotation, monitor)?;
+            if defect(&vectors, &level.mass, monitor)? <= LARGEST_DEFECT {
+                break;
+            }
+        }
+        self.sums = residual_sums(&level.stiffness, &level.mass, &vectors, &values, monitor)?;
+        (self.vectors, self.values) = (vectors, values);
+        Ok(())
+    }
+
+    /// One step that improves some columns, given by ascending value, with solves of their residuals.
+    fn refine(&mut self, pending: &[usize], tolerance: f64) -> Result<(), HsimError> {
+        let (level, monitor) = (self.level, self.monitor);
+        let block = self.vectors.select(pending);
+        let values: Vec<f64> = pending.iter().map(|&column| self.values[column]).collect();
+        let mut directions = PanelMatrix::zeros(level.size(), pending.len());
+        directions.panels_mut().par_iter_mut().zip(block.panels()).zip(values.par_chunks(PANEL_WIDTH)).for_each(
+            |((direction, column), values)| residual_panel(&level.stiffness, &level.mass, column, values, direction),
+        );
+        self.solve_residuals(&values, &mut directions)?;
+        normalise(&mut directions);
+        // Twice is enough.
+        for _ in 0..2 {
+            let products = inner_products(&self.vectors, Weight::Mass(&level.mass), &directions, monitor)?;
+            subtract_combinations(&mut directions, &self.vectors, &products, monitor)?;
+            normalise(&mut directions);
+        }
+        let count = pending.len();
+        let mut both = block;
+        both.widen(2 * count);
+        both.assign(&(count..2 * count).collect::<Vec<_>>(), &directions);
+        // The pencil in old and new directions, of which the old ones are orthonormal and nearly Ritz vectors.
+        let (stiffness, gram) = restrict(&level.stiffness, &level.mass, &directions, monitor)?;
+        let coupling = inner_products(&self.vectors, Weight::Stiffness(&level.stiffness), &both, monitor)?;
+        let active = self.active(pending, &coupling, &gram, tolerance);
+        let old = active.len();
+        let mut pencil = (DenseMatrix::zeros(old + count, old + count), DenseMatrix::zeros(old + count, old + count));
+        let mut place = vec![usize::MAX; self.values.len()];
+        for (k, &column) in active.iter().enumerate() {
+            place[column] = k;
+            pencil.0.column_mut(k)[k] = self.values[column];
+            pencil.1.column_mut(k)[k] = 1.0;
+        }
+        for j in 0..2 * count {
+            let to = if j < count { place[pending[j]] } else { old + j - count };
+            for (k, &column) in active.iter().enumerate() {
+                let value = coupling.column(j)[column];
+                pencil.0.column_mut(k)[to] = value;
+                pencil.0.column_mut(to)[k] = value;
+            }
+        }
+        for j in 0..count {
+            pencil.0.column_mut(old + j)[old..].copy_from_slice(stiffness.column(j));
+            pencil.1.column_mut(old + j)[old..].copy_from_slice(gram.column(j));
+        }
+        let top = self.values.iter().copied().fold(f64::MIN, f64::max);
+        let (values, rotation) = ritz(pencil.0, pencil.1, old + count, monitor)?;
+        // What comes out below the top of the block beside the old columns was missing from it.
+        let mut kept = values.partition_point(|&value| value < top).max(old).min(values.len());
+        let mut both = self.vectors.select(&active);
+        both.widen(old + count);
+        both.assign(&(old..old + count).collect::<Vec<_>>(), &directions);
+        drop(directions);
+        rotate(&mut both, &rotation.slice_columns(0..kept), monitor)?;
+        let sums = residual_sums(&level.stiffness, &level.mass, &both, &values[..kept], monitor)?;
+        while kept > old && !(self.residual_of(&sums[kept - 1], values[kept - 1]) <= LARGEST_FOUND) {
+            kept -= 1;
+        }
+        both.keep_columns(kept);
+        let before = self.values.len();
+        let places: Vec<usize> = active.iter().copied().chain(before..before + kept - old).collect();
+        self.vectors.widen(before + kept - old);
+        self.vectors.assign(&places, &both);
+        self.values.resize(before + kept - old, 0.0);
+        self.sums.resize(before + kept - old, ColumnSums::default());
+        for (k, &place) in places.iter().enumerate() {
+            (self.values[place], self.sums[place]) = (values[k], sums[k]);
+        }
+        Ok(())
+    }
+
+    /// One step of plain subspace iteration with a single shift: inverse iterations for the columns from `done` on, and one Rayleigh–Ritz over all. Columns
+    /// ascend by value before and after.
+    pub fn step(&mut self, shift: f64, done: usize, solves: usize) -> Result<(), HsimError> {
+        let (level, monitor, kernel) = (self.level, self.monitor, self.kernel);
+        if !self.kept.iter().any(|kept| kept.0 == shift) {
+            self.kept.clear();
+            let factor = factor_near(level, self.symbolic, shift)?;
+            self.inertia.push((shift, factor.eigenvalues_below()));
+            self.kept.push((shift, factor));
+        }
+        let moving: Vec<usize> = (done..self.vectors.columns()).collect();
+        let mut columns = self.vectors.select(&moving);
+        let factor = &self.kept[0].1;
+        columns.panels_mut().par_iter_mut().try_for_each_init(Vec::new, |scratch, panel| {
+            for _ in 0..solves {
+                monitor.checkpoint()?;
+                scratch.resize(panel.len(), 0.0);
+                mass_times_panel(&level.mass, panel, scratch);
+                std::mem::swap(panel, scratch);
+                factor.solve_panel(panel);
+                kernel.remove_from_panel(panel);
+            }
+            Ok::<(), HsimError>(())
+        })?;
+        normalise(&mut columns);
+        let mut vectors = std::mem::take(&mut self.vectors);
+        vectors.assign(&moving, &columns);
+        drop(columns);
+        self.rayleigh_ritz(vectors)
+    }
+
+    /// Adds orthonormal columns with their Ritz values to the block.
+    pub fn append(&mut self, columns: &PanelMatrix, values: &[f64]) -> Result<(), HsimError> {
+        let sums = residual_sums(&self.level.stiffness, &self.level.mass, columns, values, self.monitor)?;
+        let before = self.values.len();
+        self.vectors.widen(before + values.len());
+        self.vectors.assign(&(before..before + values.len()).collect::<Vec<_>>(), columns);
+        self.values.extend_from_slice(values);
+        self.sums.resize(before, ColumnSums::default());
+        self.sums.extend(sums);
+        Ok(())
+    }
+
+    /// Keeps some columns, in the given order.
+    pub fn keep(&mut self, columns: Vec<usize>) {
+        if columns.iter().enumerate().any(|(place, &column)| place != column) {
+            self.vectors = self.vectors.select(&columns);
+        } else {
+            self.vectors.keep_columns(columns.len());
+        }
+        self.values = columns.iter().map(|&column| self.values[column]).collect();
+        self.sums = columns.iter().map(|&column| self.sums[column]).collect();
+    }
+
+    /// Measures the residuals of columns that are Ritz vectors already.
+    pub fn measure(&mut self) -> Result<(), HsimError> {
+        let Self { level, vectors, values, .. } = self;
+        self.sums = residual_sums(&level.stiffness, &level.mass, vectors, values, self.monitor)?;
+        Ok(())
+    }
+
+    /// Whether the wanted pairs have converged.
+    ///
+    /// # Errors
+    /// [`HsimError::NotConverged`] where they have not.
+    pub fn require(&self, plan: &Plan) -> Result<(), HsimError> {
+        let failed = self.unconverged(plan);
+        if failed.is_empty() {
+            return Ok(());
+        }
+        let worst = failed.iter().map(|&column| self.residual(column)).fold(0.0, f64::max);
+        let (tolerance, iterations) = (plan.tolerance, self.passes);
+        Err(HsimError::NotConverged { count: failed.len(), tolerance, iterations, worst })
+    }
+
+    /// The counts that were made up to a shift and that the values agree with, ascending; the last is that of the shift itself.
+    pub fn counts(&self, shift: f64, below: usize) -> Vec<(f64, usize)> {
+        let mut values = self.values.clone();
+        values.sort_by(f64::total_cmp);
+        let kernel = self.kernel.dimension();
+        let agrees = |&(at, below): &(f64, usize)| {
+            let known = if at > 0.0 { kernel } else { 0 };
+            at < shift && values.partition_point(|&value| value < at) + known == below
+        };
+        let mut counts: Vec<(f64, usize)> = self.inertia.iter().copied().filter(agrees).collect();
+        counts.push((shift, below));
+        counts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        counts.dedup();
+        counts
+    }
+
+    /// Makes the columns orthonormal Ritz vectors again, without solves.
+    pub fn orthonormalise(&mut self) -> Result<(), HsimError> {
+        let vectors = std::mem::take(&mut self.vectors);
+        self.rayleigh_ritz(vectors)
+    }
+
+    /// The pending columns, and those that a new direction is coupled to so strongly that leaving them alone would show in a residual.
+    fn active(&self, pending: &[usize], coupling: &DenseMatrix, gram: &DenseMatrix, tolerance: f64) -> Vec<usize> {
+        let count = pending.len();
+        let mut chosen = vec![false; self.values.len()];
+        for j in 0..2 * count {
+            let length = if j < count { 1.0 } else { gram.column(j - count)[j - count].max(0.0).sqrt() };
+            let limit = COUPLED * tolerance * self.values[pending[j % count]].abs() * length;
+            for (chosen, coupling) in chosen.iter_mut().zip(coupling.column(j)) {
+                *chosen |= !(coupling.abs() <= limit);
+            }
+        }
+        pending.iter().for_each(|&column| chosen[column] = true);
+        let mut active = self.order();
+        active.retain(|&column| chosen[column]);
+        active
+    }
+
+    /// Solves with residuals as right-hand sides, each panel with a shift near its values.
+    fn solve_residuals(&mut self, values: &[f64], directions: &mut PanelMatrix) -> Result<(), HsimError> {
+        let low = self.order().get(LOWEST).map_or(0.0, |&column| self.values[column]);
+        let mut panels = directions.panels_mut().iter_mut();
+        let mut open: Vec<(Group, &mut Vec<f64>)> = Vec::new();
+        let mut known: Vec<(&Factor<'_>, &mut Vec<f64>)> = Vec::new();
+        for (values, panel) in values.chunks(PANEL_WIDTH).zip(panels.by_ref()) {
+            // A factor at hand serves as long as its shift is not much farther away than the columns are wide apart.
+            let near = self.kept.iter().map(|(shift, factor)| {
+                let farthest = values.iter().map(|&value| (value - shift).abs() / value.max(low)).fold(0.0, f64::max);
+                (farthest, factor)
+            });
+            match near.min_by(|a, b| a.0.total_cmp(&b.0)) {
+                Some((farthest, factor)) if farthest <= NEAR => known.push((factor, panel)),
+                _ => open.push((Group { panels: 0..1, shift: shift(values) }, panel)),
+            }
+        }
+        known.into_par_iter().try_for_each(|(factor, panel)| {
+            self.monitor.checkpoint()?;
+            factor.solve_panel(panel);
+            self.kernel.remove_from_panel(panel);
+            Ok::<(), HsimError>(())
+        })?;
+        for batch in open.chunks_mut(rayon::current_num_threads().max(1)) {
+            let (level, symbolic, monitor, kernel) = (self.level, self.symbolic, self.monitor, self.kernel);
+            let factors: Vec<(f64, Factor<'a>)> = batch
+                .par_iter_mut()
+                .map(|(group, panel)| {
+                    monitor.checkpoint()?;
+                    let factor = factor_near(level, symbolic, group.shift)?;
+                    factor.solve_panel(panel);
+                    kernel.remove_from_panel(panel);
+                    Ok((group.shift, factor))
+                })
+                .collect::<Result<_, HsimError>>()?;
+            self.note(factors);
+        }
+        Ok(())
+    }
+
+    /// Inverse iterations for the panels of each group with its shift.
+    fn solve(&mut self, groups: &[Group], columns: &mut PanelMatrix, iterations: usize) -> Result<(), HsimError> {
+        let (level, symbolic, monitor, kernel) = (self.level, self.symbolic, self.monitor, self.kernel);
+        self.kept.clear();
+        // As many factors at a time as there are threads.
+        let (threads, size, pass) = (rayon::current_num_threads().max(1), level.size(), self.passes + 1);
+        for (k, batch) in groups.chunks(threads).enumerate() {
+            let done = (k * threads + 1).min(groups.len());
+            monitor.detail(&format!("dimension {size}, iteration {pass}, slice {done} of {}", groups.len()));
+            let factors: Vec<(f64, Factor<'a>)> = batch
+                .par_iter()
+                .map(|group| {
+                    monitor.checkpoint()?;
+                    Ok((group.shift, factor_near(level, symbolic, group.shift)?))
+                })
+                .collect::<Result<_, HsimError>>()?;
+            let range = batch[0].panels.start..batch[batch.len() - 1].panels.end;
+            let mut panels = columns.panels_mut()[range].iter_mut();
+            let mut tasks: Vec<(&mut Vec<f64>, &Factor<'_>)> = Vec::new();
+            for (group, (_, factor)) in batch.iter().zip(&factors) {
+                tasks.extend(panels.by_ref().take(group.panels.len()).map(|panel| (panel, factor)));
+            }
+            tasks.into_par_iter().try_for_each_init(Vec::new, |scratch, (panel, factor)| {
+                for _ in 0..iterations {
+                    monitor.checkpoint()?;
+                    scratch.resize(panel.len(), 0.0);
+                    mass_times_panel(&level.mass, panel, scratch);
+                    std::mem::swap(panel, scratch);
+                    factor.solve_panel(panel);
+                    kernel.remove_from_panel(panel);
+                }
+                Ok::<(), HsimError>(())
+            })?;
+            self.note(factors);
+        }
+        Ok(())
+    }
+
+    /// Writes down the inertia of new factors, and keeps them as long as they take no more room than the columns.
+    fn note(&mut self, factors: Vec<(f64, Factor<'a>)>) {
+        let room = self.level.size() * self.values.len();
+        for (shift, factor) in factors {
+            self.inertia.push((shift, factor.eigenvalues_below()));
+            if (self.kept.len() + 1) * self.symbolic.entries() <= room {
+                self.kept.push((shift, factor));
+            }
+        }
+    }
+}
+
+/// How far a factor's shift may lie from a value, relative to the value.
+const NEAR: f64 = 0.3;
+
+/// Columns that are farther from orthonormal are made so again.
+const LARGEST_DEFECT: f64 = 1e-10;
+
+/// An estimate of `‖XᵀMX − I‖` in the Frobenius norm, from the images of random vectors.
+fn defect(vectors: &PanelMatrix, mass: &MassMatrix, monitor: &dyn Monitor) -> Result<f64, HsimError> {
+    let q = vectors.columns();
+    let mut random = SplitMix64::new(0x5eed);
+    let mut weights = DenseMatrix::zeros(q, PROBES);
+    weights.values_mut().iter_mut().for_each(|w| *w = random.signed_unit() * 3f64.sqrt());
+    let mut images = PanelMatrix::zeros(vectors.rows(), PROBES);
+    subtract_combinations(&mut images, vectors, &weights, monitor)?;
+    let back = inner_products(vectors, Weight::Mass(mass), &images, monitor)?;
+    let square: f64 = back.values().iter().zip(weights.values()).map(|(b, w)| (b + w).powi(2)).sum();
+    Ok((square / PROBES as f64).sqrt())
+}
+
+/// Random vectors for an estimate.
+const PROBES: usize = 8;
+
+/// Brings every column to a largest entry of about one.
+pub(super) fn normalise(columns: &mut PanelMatrix) {
+    columns.panels_mut().par_iter_mut().for_each(|panel| {
+        let mut largest = [0f64; PANEL_WIDTH];
+        for row in panel.as_chunks::<PANEL_WIDTH>().0 {
+            for k in 0..PANEL_WIDTH {
+                largest[k] = largest[k].max(row[k].abs());
+            }
+        }
+        let scales = largest.map(|most| if most > 0.0 { most.recip() } else { 0.0 });
+        for row in panel.as_chunks_mut::<PANEL_WIDTH>().0 {
+            for k in 0..PANEL_WIDTH {
+                row[k] *= scales[k];
+            }
+        }
+    });
+}
+
+/// Consecutive panels with one shift.
+#[derive(Debug, Clone)]
+struct Group {
+    panels: std::ops::Range<usize>,
+    shift: f64,
+}
+
+/// Groups of panels for ascending values. The first panel has a low shift of its own: relative to their eigenvalues, the lowest
+/// columns need the most of a solve.
+fn groups(values: &[f64], plan: &Plan) -> Vec<Group> {
+    let panels = values.len().div_ceil(PANEL_WIDTH);
+    let lowest = shift(&values[..values.len().min(LOWEST)]);
+    let mut groups = vec![Group { panels: 0..1.min(panels), shift: lowest }];
+    let count = (panels - 1).div_ceil(plan.panels_per_shift);
+    groups.extend((0..count).map(|k| {
+        let range = 1 + k * (panels - 1) / count..1 + (k + 1) * (panels - 1) / count;
+        let (from, to) = (range.start * PANEL_WIDTH, (range.end * PANEL_WIDTH).min(values.len()));
+        Group { panels: range, shift: shift(&values[from..to]) }
+    }));
+    groups
+}
+
+/// The shift of the first panel lies near the middle of so many values.
+const LOWEST: usize = 12;
+
+/// A shift near the middle of ascending values, in the widest gap there; just below them where they are as good as one.
+fn shift(values: &[f64]) -> f64 {
+    let (least, most) = (values[0], values[values.len() - 1]);
+    let (middle, reach) = (0.5 * (least + most), 0.12 * (most - least));
+    let gap = values
+        .windows(2)
+        .filter(|pair| (0.5 * (pair[0] + pair[1]) - middle).abs() <= reach)
+        .max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
+    match gap {
+        Some(pair) if pair[1] - pair[0] > CLUSTER * (1.0 + middle.abs()) => 0.5 * (pair[0] + pair[1]),
+        _ if reach > CLUSTER * (1.0 + middle.abs()) => middle,
+        _ => least - BESIDE * least.abs() - 0.5,
+    }
+}
+
+/// Values whose gaps are smaller than this, relative to themselves, are not told apart by a shift.
+const CLUSTER: f64 = 1e-3;
+
+/// How far below a cluster its shift lies, relative to it.
+const BESIDE: f64 = 3e-3;
+
+/// A factor at the shift, or beside it where it lies on an eigenvalue.
+pub(super) fn factor_near<'a>(
+    level: &Level,
+    symbolic: &'a SymbolicFactor,
+    shift: f64,
+) -> Result<Factor<'a>, HsimError> {
+    let mut attempt = 0;
+    loop {
+        let beside = shift + f64::from(attempt) * 1e-7 * (1.0 + shift.abs());
+        match symbolic.factor(&level.stiffness, &level.mass, beside) {
+            Err(FactorError::Singular { .. }) if attempt < 4 => attempt += 1,
+            result => return Ok(result?),
+        }
+    }
+}
