@@ -245,13 +245,20 @@ fn render_content(html: &mut String, content: &Value, schemas: &Value) {
     for (media_type, body) in content.as_object().into_iter().flatten() {
         let name = type_name(&body["schema"]);
         let _ = write!(html, "<p><code>{}</code> {}</p>", escape(media_type), escape(&name));
-        let example = [&body["example"], &schemas[&name]["example"]].into_iter().find(|e| !e.is_null());
-        if let Some(example) = example {
+        let mut show = |example: &Value| {
             let shown = match example {
                 Value::String(text) => text.clone(),
                 other => serde_json::to_string_pretty(other).unwrap_or_default(),
             };
             let _ = write!(html, "<pre>{}</pre>", escape(&shown));
+        };
+        if let Some(examples) = body["examples"].as_object() {
+            examples.values().for_each(|example| show(&example["value"]));
+            continue;
+        }
+        let example = [&body["example"], &schemas[&name]["example"]].into_iter().find(|e| !e.is_null());
+        if let Some(example) = example {
+            show(example);
         }
     }
 }

@@ -60,7 +60,12 @@ pub fn routes() -> OpenApiRouter<AppState> {
 #[utoipa::path(
     post, path = "/v1/jobs", tag = "jobs", operation_id = "submitJob",
     params(("Idempotency-Key" = Option<String>, Header, description = "1 to 200 visible ASCII characters that stand for this request", example = "8f14e45f")),
-    request_body = JobRequest,
+    request_body(content = JobRequest, examples(
+        ("approximate" = (summary = "500 pairs, fast", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"count": 500}}))),
+        ("hsim" = (summary = "250 pairs to 1e-6, proven complete, as columns in double precision", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"method": "hsim", "count": 250, "tolerance": 1e-6, "precision": "f64"}}))),
+        ("below" = (summary = "All pairs below an eigenvalue, at most 400, stored compactly", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"method": "hsim", "below": 900.0, "at_most": 400, "storage": "compact"}}))),
+        ("operator" = (summary = "A Hamiltonian with functions that vanish on the boundary", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"count": 100, "operator": {"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}, "boundary": "dirichlet"}}))),
+    )),
     responses(
         (status = 202, description = "The job is stored; `Location` names it and `Retry-After` says when to look", body = JobResource,
             headers(("Location" = String), ("Retry-After" = u64), ("Chladni-Outcome" = String, description = "created, same-work or replayed"))),

@@ -363,6 +363,8 @@ pub struct BasisSummary {
     "dense_bytes": 70344, "solver_version": "0.1.0+2", "created_ms": 1795269601000i64,
     "stage_seconds": [{"stage": "iterate", "seconds": 0.001}],
     "eigenvalues": [0.0, 1.31, 2.08],
+    "operator": {"laplacian": "cotangent", "reason": "fair_mesh", "non_manifold_edges": 0, "non_manifold_vertices": 0, "bad_faces": 0,
+                 "zero_area_faces": 0, "massless_vertices": 0, "mollification": 0.0, "flips": 0, "removed_vertices": 0},
     "certificate": {"residuals": [1e-12, 0.001, 0.002], "bounds": [1e-12, 0.0004, 0.001], "orthonormality_defect": 1e-13,
                     "complete": true, "inertia": [{"shift": 2.4, "below": 3}], "tolerance": 0.01,
                     "levels": [{"dimension": 300, "iterations": 0, "shifts": 0}, {"dimension": 2930, "iterations": 1, "shifts": 1}],
@@ -376,6 +378,10 @@ pub struct BasisResource {
     pub summary: BasisSummary,
     /// m eigenvalues, ascending, in 1/length² of the mesh.
     pub eigenvalues: Vec<f64>,
+    /// How the operator was made, and why: `laplacian` (`cotangent` or `robust`) with its `reason`, what was found of the mesh, how many
+    /// vertices are no unknowns.
+    #[schema(value_type = Object)]
+    pub operator: Value,
     /// What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
     #[schema(value_type = CertificateSchema)]
     pub certificate: Value,
@@ -483,6 +489,7 @@ impl From<BasisRecord> for BasisResource {
     fn from(mut record: BasisRecord) -> Self {
         let eigenvalues = std::mem::take(&mut record.eigenvalues);
         let certificate = std::mem::take(&mut record.certificate);
-        Self { summary: record.into(), eigenvalues, certificate }
+        let operator = std::mem::take(&mut record.operator);
+        Self { summary: record.into(), eigenvalues, operator, certificate }
     }
 }

@@ -159,8 +159,9 @@ impl WrittenBasis {
         let eigenvalues: Vec<u8> = basis.eigenvalues.iter().flat_map(|value| value.to_le_bytes()).collect();
         sqlx::query(
             "INSERT INTO bases (id, mesh, job, kind, parameters, vertices, dimension, pairs, nonzeros, eigenvalues,
-                certificate, bytes, dense_bytes, content_hash, solver_version, stage_seconds, created_ms, storage, layout)
-             VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                certificate, bytes, dense_bytes, content_hash, solver_version, stage_seconds, created_ms, storage, layout,
+                operator)
+             VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         )
         .bind(id.to_string())
         .bind(&job.mesh)
@@ -184,6 +185,7 @@ impl WrittenBasis {
             BasisStorage::Compact => None,
             BasisStorage::Dense(layout) => Some(to_json(layout.as_ref())?),
         })
+        .bind(to_json(&basis.metadata["operator"])?)
         .execute(transaction.on())
         .await?;
         Ok(id)
@@ -226,6 +228,7 @@ fn basis_from_row(row: &SqliteRow) -> Result<BasisRecord, StoreError> {
         nonzeros: row.try_get::<i64, _>("nonzeros")? as u64,
         eigenvalues: eigenvalues.as_chunks::<8>().0.iter().map(|&word| f64::from_le_bytes(word)).collect(),
         certificate: from_json("certificate", row.try_get("certificate")?)?,
+        operator: from_json("operator", row.try_get("operator")?)?,
         bytes: row.try_get::<i64, _>("bytes")? as u64,
         dense_bytes: row.try_get::<i64, _>("dense_bytes")? as u64,
         content_hash: row.try_get("content_hash")?,

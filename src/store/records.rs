@@ -286,6 +286,8 @@ pub struct BasisRecord {
     pub eigenvalues: Vec<f64>,
     /// What is proven about each pair and about the whole.
     pub certificate: Value,
+    /// How the operator was made, and why; null where nothing was told.
+    pub operator: Value,
     /// Bytes of the stored content, an NPZ file.
     pub bytes: u64,
     /// Bytes that the eigenfunctions would take as a dense `n × m` matrix of f64.

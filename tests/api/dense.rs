@@ -34,6 +34,7 @@ async fn a_dense_basis_tells_its_storage_and_its_certificate() {
     for (name, value) in [("method", "hsim"), ("variant", "sliced"), ("operator", "auto"), ("boundary", "neumann")] {
         assert_eq!(parameters[name], value);
     }
+    assert_eq!(shown["operator"], json!({"laplacian": "robust", "reason": "non_manifold"}));
     // A compact one has not been counted.
     let compact = app.basis().await;
     let shown: Value = app.get(&format!("/v1/bases/{compact}")).send().await.unwrap().json().await.unwrap();

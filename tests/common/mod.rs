@@ -318,7 +318,7 @@ pub fn unit_basis(n: usize, parameters: Value) -> Basis {
             ],
             ..Certificate::default()
         },
-        metadata: json!({"parameters": parameters}),
+        metadata: json!({"parameters": parameters, "operator": {"laplacian": "robust", "reason": "non_manifold"}}),
     }
 }
 
