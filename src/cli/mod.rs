@@ -47,7 +47,7 @@ enum Command {
     /// Serve the API over HTTP, with the queue, the workers and the storage in this one process
     #[command(after_help = SERVE_HELP)]
     Serve(Box<Config>),
-    Solve(solve::SolveArguments),
+    Solve(Box<solve::SolveArguments>),
     Check(check::CheckArguments),
     Sample(sample::SampleArguments),
     /// Print the OpenAPI document of the API
@@ -69,7 +69,7 @@ pub fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Demo(arguments) => demo::demo(arguments),
         Command::Serve(config) => serve::serve(*config),
-        Command::Solve(arguments) => solve::solve(arguments),
+        Command::Solve(arguments) => solve::solve(*arguments),
         Command::Check(arguments) => check::check(arguments),
         Command::Sample(arguments) => sample::sample(arguments),
         Command::Openapi => openapi(),

@@ -9,13 +9,14 @@
 //! | `auth` | API keys and scopes |
 //! | `problem`, `convert` | every error as RFC 9457 |
 //! | `body`, `extract`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, negotiation, ranges |
-//! | `wire` | what goes over the wire |
+//! | `wire`, `certificate` | what goes over the wire |
 //! | `meshes`, `jobs`, `bases`, `content`, `modes`, `solves`, `system`, `docs` | the routes |
 
 mod auth;
 mod bases;
 mod binary;
 mod body;
+mod certificate;
 mod conditional;
 mod content;
 mod convert;

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
+use super::certificate::CertificateSchema;
 use crate::job::abbreviate;
 use crate::store::{BasisRecord, BasisStorage, JobRecord, JobStatus, MeshRecord, Page};
 
@@ -385,56 +386,6 @@ pub struct BasisResource {
     /// What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
     #[schema(value_type = CertificateSchema)]
     pub certificate: Value,
-}
-
-/// What is proven about a basis.
-#[derive(ToSchema)]
-#[schema(as = Certificate)]
-#[allow(dead_code)]
-pub struct CertificateSchema {
-    /// Per pair ‖Sx − θMx‖ / ‖Sx‖; for the kernel ‖Sx‖ / (‖S‖ ‖x‖).
-    residuals: Vec<f64>,
-    /// Per pair: some exact eigenvalue lies within this of the eigenvalue.
-    bounds: Vec<f64>,
-    /// The largest entry of |ΦᵀMΦ − I|.
-    orthonormality_defect: f64,
-    /// Whether inertia counts prove that no eigenvalue below the last was skipped; null: not counted.
-    complete: Option<bool>,
-    /// The counts, by ascending shift.
-    inertia: Vec<InertiaSchema>,
-    /// The largest residual that a pair was allowed; null where the method has none.
-    tolerance: Option<f64>,
-    /// What each level of the hierarchy took, coarsest first.
-    levels: Vec<LevelSchema>,
-    /// Per pair ‖x − x̃‖ / ‖x‖ in the mass norm, where an exact eigenfunction x was projected to x̃ for compact storage; residuals and
-    /// bounds are those of x.
-    projection_errors: Vec<f64>,
-    /// The largest of them.
-    largest_projection_error: Option<f64>,
-}
-
-/// How many eigenvalues lie below a shift.
-#[derive(ToSchema)]
-#[schema(as = InertiaCount)]
-#[allow(dead_code)]
-pub struct InertiaSchema {
-    /// The shift, in 1/length² of the mesh.
-    shift: f64,
-    /// Eigenvalues below it, with multiplicity.
-    below: u64,
-}
-
-/// What one level of the hierarchy took.
-#[derive(ToSchema)]
-#[schema(as = LevelReport)]
-#[allow(dead_code)]
-pub struct LevelSchema {
-    /// The size of its eigenproblem.
-    dimension: u64,
-    /// Iterations; 0 where it was solved directly.
-    iterations: u64,
-    /// Shifts that were factored.
-    shifts: u64,
 }
 
 /// Links of a basis.

@@ -145,3 +145,7 @@ impl ColumnSource for Nowhere {
         Err(ColumnError::Gone)
     }
 }
+
+#[cfg(test)]
+#[path = "columns_tests.rs"]
+mod tests;

@@ -1,6 +1,7 @@
 //! The job `eigenbasis`: the lowest eigenpairs of an operator, approximated in a compact basis or computed to a tolerance.
 
 mod approximation;
+mod compact;
 mod exact;
 mod request;
 
@@ -173,7 +174,7 @@ impl EigenbasisParameters {
                 let parameters = ApproximationParameters {
                     count: approximate.count,
                     dimension: approximate.dimension,
-                    space: approximate.space.clone(),
+                    space: approximate.space,
                     seed: self.seed,
                 };
                 spectrum::approximate(mesh, &operator, &parameters, monitor)?
