@@ -50,6 +50,42 @@ pub fn solve_definite(mut matrix: DenseMatrix, rhs: &mut DenseMatrix) -> Result<
     Ok(())
 }
 
+/// The Cholesky factor of a symmetric positive definite matrix, kept for many right-hand sides.
+pub struct DefiniteFactor {
+    factor: DenseMatrix,
+}
+
+impl DefiniteFactor {
+    /// Factors `A`, `d × d`, of which the lower triangle is read.
+    ///
+    /// # Errors
+    /// [`DefiniteError`]: a matrix that is not square or not definite.
+    pub fn new(mut matrix: DenseMatrix) -> Result<Self, DefiniteError> {
+        let d = matrix.rows();
+        check(&matrix, true, &matrix)?;
+        factor(&mut matrix, par(d * d * d))?;
+        Ok(Self { factor: matrix })
+    }
+
+    /// `d`.
+    pub fn size(&self) -> usize {
+        self.factor.rows()
+    }
+
+    /// `X ← A⁻¹ X` for `X`, `d × k`.
+    ///
+    /// # Errors
+    /// [`DefiniteError::Shape`]; `X` is unchanged then.
+    pub fn solve(&self, rhs: &mut DenseMatrix) -> Result<(), DefiniteError> {
+        let (d, k) = (self.size(), rhs.columns());
+        check(&self.factor, rhs.rows() == d, rhs)?;
+        let par = par(d * d * k);
+        let mut nothing = MemBuffer::new(solve::solve_in_place_scratch::<f64>(d, k, par));
+        solve::solve_in_place(view(&self.factor), view_mut(rhs), par, MemStack::new(&mut nothing));
+        Ok(())
+    }
+}
+
 /// Makes the columns of `X`, `d × m`, orthonormal for the inner product in which `gram`, `m × m`, holds their products: `X ← X L⁻ᵀ`
 /// with `gram = L Lᵀ`, which changes each column by those before it alone.
 ///

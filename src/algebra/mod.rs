@@ -20,7 +20,7 @@ mod sparse;
 
 pub use block_matrix::{Block, BlockMatrix, add_product, inverse_positive, transposed};
 pub use blocks::compact_order;
-pub use definite::{DefiniteError, orthonormalise, solve_definite};
+pub use definite::{DefiniteError, DefiniteFactor, orthonormalise, solve_definite};
 pub use dense::DenseMatrix;
 pub use eigen::{CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};
 pub use factor::{Factor, FactorError, SymbolicFactor};

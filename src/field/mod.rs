@@ -1,11 +1,21 @@
 //! Tangential fields in small spaces: locally supported bases and design (chapter 3 of the thesis).
 
 mod basis;
+mod design;
 mod heat;
 mod hierarchy;
+mod reading;
+mod singularity;
 mod smooth;
 mod space;
 
 pub use basis::{Construction, FieldBasis, FieldError, FieldParameters, FieldSurface, field_basis};
+pub use design::{
+    Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, WeightedModel,
+};
 pub use heat::FieldHeat;
+pub use reading::{
+    TensorAxes, direction_in_frame, representation, roots, tensor_axes, tensor_deviator, tensor_in_frame, to_world,
+};
+pub use singularity::{Singularity, singularities};
 pub use space::{FieldSpace, SpaceError};
