@@ -11,7 +11,9 @@ use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::{FieldOperator, check_kind};
 use crate::operator::transport::FieldKind;
 
+use super::harmonic::harmonic_fields;
 use super::heat::{self, FieldHeat};
+use super::local::{self, LocalEigenfields};
 use super::space::FieldSpace;
 
 /// A surface that fields can live on: a mesh, its dual graph and its frames.
@@ -60,6 +62,8 @@ impl FieldSurface {
 pub enum Construction {
     /// Heat-smoothed columns.
     Heat(FieldHeat),
+    /// Eigenfields of the operator on disks, as in the thesis.
+    LocalEigenfields(LocalEigenfields),
 }
 
 impl Default for Construction {
@@ -207,6 +211,7 @@ fn check(surface: &FieldSurface, parameters: &FieldParameters) -> Result<(), Fie
     }
     let out = match &parameters.construction {
         Construction::Heat(heat) => heat.out_of_range(),
+        Construction::LocalEigenfields(local) => local.out_of_range(),
     };
     if let Some((name, value, least, most)) = out {
         return Err(FieldError::Parameter { name, value, least, most });
@@ -256,6 +261,9 @@ fn build<const B: usize>(
         Construction::Heat(heat) => {
             heat::columns(&operator, &local.dual, distances, &local.frames, &samples, heat, monitor)?
         }
+        Construction::LocalEigenfields(eigen) => {
+            local::columns(&operator, &local.dual, distances, &local.frames, &samples, eigen, monitor)?
+        }
     };
     monitor.stage("restriction");
     let sorted_space = FieldSpace::from_columns(&columns, &(0..surface.faces() as u32).collect::<Vec<u32>>());
@@ -264,10 +272,85 @@ fn build<const B: usize>(
     }
     let mass = MassMatrix::Diagonal(operator.mass.iter().flat_map(|&m| [m; B]).collect());
     let (stiffness, mass) = galerkin(&sorted_space.to_sparse(), &operator.stiffness.to_sparse(), &mass, monitor)?;
+    // Harmonic fields as they are stored, in single precision: the restricted matrices are those of the stored columns.
+    let harmonic: Vec<Vec<f32>> = match parameters.field {
+        FieldKind::Vector {} => {
+            monitor.stage("harmonic");
+            let fields = harmonic_fields(&local, parameters.boundary, monitor)?;
+            fields.iter().map(|field| field.iter().map(|&x| x as f32).collect()).collect()
+        }
+        _ => Vec::new(),
+    };
+    let (stiffness, mass) = bordered(&operator, &sorted_space, &harmonic, stiffness, mass);
     drop(sorted_space);
-    let space = FieldSpace::from_columns(&columns, &order);
+    let dense = harmonic.iter().map(|field| in_order(field, &order, B)).collect();
+    let space = FieldSpace::from_columns(&columns, &order).with_dense(dense);
     let samples = samples.iter().map(|&s| order[s as usize]).collect();
     Ok(FieldBasis { kind: parameters.field, space, stiffness, mass, samples, area: operator.area })
+}
+
+/// The restricted matrices with rows and columns for dense fields added at the end.
+fn bordered<const B: usize>(
+    operator: &FieldOperator<B>,
+    space: &FieldSpace,
+    fields: &[Vec<f32>],
+    stiffness: SparseMatrix,
+    mass: SparseMatrix,
+) -> (SparseMatrix, SparseMatrix) {
+    if fields.is_empty() {
+        return (stiffness, mass);
+    }
+    let d = stiffness.rows();
+    let wide: Vec<Vec<f64>> = fields.iter().map(|field| field.iter().map(|&x| f64::from(x)).collect()).collect();
+    let border = |matrix: &SparseMatrix, image: &dyn Fn(&[f64]) -> Vec<f64>| {
+        let columns: Vec<Vec<f64>> = wide
+            .iter()
+            .map(|field| {
+                let image = image(field);
+                let mut column = space.transposed_times(&image).unwrap_or_else(|| vec![0.0; d]);
+                column.extend(wide.iter().map(|other| other.iter().zip(&image).map(|(a, b)| a * b).sum::<f64>()));
+                column
+            })
+            .collect();
+        with_border(matrix, &columns)
+    };
+    let stiffness = border(&stiffness, &|field| operator.stiffness.multiply(field).unwrap_or_default());
+    let mass =
+        border(&mass, &|field| field.iter().enumerate().map(|(i, x)| operator.mass[i / B] * x).collect::<Vec<f64>>());
+    (stiffness, mass)
+}
+
+/// A symmetric `d × d` matrix with `h` more columns of `d + h` numbers, and the rows that make it symmetric.
+fn with_border(matrix: &SparseMatrix, border: &[Vec<f64>]) -> SparseMatrix {
+    let (d, h) = (matrix.rows(), border.len());
+    let mut offsets = vec![0];
+    let (mut indices, mut values) = (Vec::new(), Vec::new());
+    for row in 0..d + h {
+        if row < d {
+            let (columns, own) = matrix.row(row);
+            indices.extend_from_slice(columns);
+            values.extend_from_slice(own);
+            indices.extend((d..d + h).map(|c| c as u32));
+            values.extend(border.iter().map(|column| column[row]));
+        } else {
+            indices.extend((0..d + h).map(|c| c as u32));
+            // The lower right corner from one side only, so that it is symmetric to the last bit.
+            values.extend(
+                (0..d + h).map(|c| if c < d { border[row - d][c] } else { border[row.min(c) - d][row.max(c)] }),
+            );
+        }
+        offsets.push(indices.len());
+    }
+    SparseMatrix::from_sorted_parts(d + h, d + h, offsets, indices, values)
+}
+
+/// A field whose faces are in the order of `order`, in the order of the mesh.
+fn in_order(field: &[f32], order: &[u32], block: usize) -> Vec<f32> {
+    let mut sorted = vec![0.0; field.len()];
+    for (own, &face) in field.chunks_exact(block).zip(order) {
+        sorted[block * face as usize..block * (face as usize + 1)].copy_from_slice(own);
+    }
+    sorted
 }
 
 /// The faces in the order of a space-filling curve through their barycentres.

@@ -139,3 +139,44 @@ fn surfaces_without_orientation_are_named() {
     let error = FieldSurface::new(mesh).unwrap_err();
     assert!(error.to_string().contains("from vertex 0 to vertex 1"), "{error}");
 }
+
+#[test]
+fn harmonic_fields_of_closed_surfaces_are_in_the_space() {
+    for (shape, vertices, zeros) in [(Shape::Torus, 1200, 2), (Shape::Genus(2), 2000, 4)] {
+        let surface = surface(shape, vertices);
+        let basis = basis(&surface, FieldKind::Vector {}, 60);
+        assert_eq!(basis.space.dimension(), 60 + zeros);
+        let values = lowest(&basis, zeros + 1);
+        assert!(values[..zeros].iter().all(|v| v.abs() < 1e-5), "{values:?}");
+        assert!(values[zeros] > 0.01, "{values:?}");
+    }
+}
+
+#[test]
+fn local_eigenfields_are_those_of_the_thesis() {
+    let surface = surface(Shape::Sphere, 2562);
+    for (field, value) in [(FieldKind::Vector {}, 2.0), (FieldKind::NVector { n: 4 }, 8.0), (FieldKind::Tensor {}, 4.0)]
+    {
+        let mut parameters = FieldParameters::new(field, 120);
+        parameters.construction = Construction::LocalEigenfields(LocalEigenfields::default());
+        let basis = field_basis(&surface, &parameters, &Unwatched).unwrap();
+        assert_eq!(basis.space.uncovered(), None);
+        // Columns of a disk are orthonormal, and their values are those of a disk with the field held at zero outside.
+        let (s, m) = (basis.stiffness.to_dense(), basis.mass.to_dense());
+        let b = field.block();
+        let weight = if field == (FieldKind::Vector {}) { 1.0 } else { 2.0 };
+        let disk = weight * 5.78 / (40.0 / (std::f64::consts::PI * 120.0));
+        for at in 0..120 {
+            assert!((m.column(at)[at] - 1.0).abs() < 1e-3);
+            if at % b > 0 {
+                assert!(m.column(at)[at - 1].abs() < 1e-3);
+            }
+            // The dual graph is longer than the surface, so disks are smaller and values larger.
+            let ratio = s.column(at)[at] / disk;
+            assert!((0.8..2.6).contains(&ratio), "{field:?}: {ratio}");
+        }
+        let from = usize::from(b == 3);
+        let lowest = lowest(&basis, 8)[from];
+        assert!((lowest / value - 1.0).abs() < 0.25, "{field:?}: {lowest}");
+    }
+}

@@ -109,7 +109,10 @@ pub(super) fn columns<const B: usize>(
     let levels = hierarchy(operator, dual, frames, NODES_PER_SAMPLE * samples.len(), monitor)?;
     monitor.stage("columns");
     let time = parameters.time / count;
-    let radius = (parameters.sigma / (std::f64::consts::PI * count)).sqrt();
+    let wanted = (parameters.sigma / (std::f64::consts::PI * count)).sqrt();
+    // Weights may have drawn samples so far apart that bumps have to be larger to meet.
+    let covering = DiskGrower::new(distances).farthest_distance(distances, samples) * DUAL_TO_SURFACE;
+    let radius = wanted.max(1.1 * f64::from(covering));
     let margin = parameters.margin * (time * parameters.steps as f64).sqrt();
     let bumps = Bumps { operator, dual, distances, frames, radius: radius as f32, margin: margin as f32 };
     let mut columns = bumps.grow(samples, monitor)?;

@@ -2,8 +2,10 @@
 
 mod basis;
 mod design;
+mod harmonic;
 mod heat;
 mod hierarchy;
+mod local;
 mod reading;
 mod singularity;
 mod smooth;
@@ -14,6 +16,7 @@ pub use design::{
     Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, WeightedModel,
 };
 pub use heat::FieldHeat;
+pub use local::LocalEigenfields;
 pub use reading::{
     TensorAxes, direction_in_frame, representation, roots, tensor_axes, tensor_deviator, tensor_in_frame, to_world,
 };

@@ -50,6 +50,11 @@ impl DiskGrower {
             return &self.settled;
         }
         self.reach(source, 0.0);
+        self.settle(graph, radius);
+        &self.settled
+    }
+
+    fn settle(&mut self, graph: &DualGraph, radius: f32) {
         while let Some((distance, face)) = self.queue.pop() {
             let f = face as usize;
             if self.places[f] != u32::MAX || distance > self.distances[f] {
@@ -70,7 +75,6 @@ impl DiskGrower {
                 }
             }
         }
-        &self.settled
     }
 
     fn reach(&mut self, face: u32, distance: f32) {
@@ -81,6 +85,14 @@ impl DiskGrower {
         }
         self.distances[f] = distance;
         self.queue.push(distance, face);
+    }
+
+    /// The largest distance of a face to the nearest of some sources; faces that none reaches do not count.
+    pub fn farthest_distance(&mut self, graph: &DualGraph, sources: &[u32]) -> f32 {
+        self.grow(graph, NO_FACE, 0.0);
+        sources.iter().filter(|&&s| (s as usize) < graph.faces()).for_each(|&s| self.reach(s, 0.0));
+        self.settle(graph, f32::INFINITY);
+        self.settled.last().map_or(0.0, |f| f.1)
     }
 
     /// The faces of the last disk and their distances, nearest first.

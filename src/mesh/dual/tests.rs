@@ -93,6 +93,9 @@ fn disks_hold_what_is_within_the_radius_nearest_first() {
         assert!(all[disk.len()..].iter().all(|f| grower.place(f.0).is_none()));
     }
     assert!(grower.grow(&graph, 1_000_000, 1.0).is_empty());
+    assert_eq!(grower.farthest_distance(&graph, &[17]), all[all.len() - 1].1);
+    assert!(grower.farthest_distance(&graph, &[17, all[all.len() - 1].0]) < all[all.len() - 1].1);
+    assert_eq!(grower.farthest_distance(&graph, &[]), 0.0);
 }
 
 #[test]
