@@ -323,3 +323,26 @@ fn no_real_mesh_makes_a_construction_fail() {
         }
     }
 }
+
+#[test]
+fn other_operators_keep_their_measured_errors_on_real_meshes() {
+    let Some(folder) = meshes() else { return };
+    let curvature = |t: f64| json!({"hamiltonian": {"potential": {"curvature": {"t": t}}}});
+    // Bounds on mean and largest error in percent. A potential of high curvature bends eigenfunctions within a column's width.
+    for (name, operator, boundary, file, mean_bound, largest_bound) in [
+        ("bunny.obj", json!("auto"), "dirichlet", "bunny.obj.dirichlet", 0.35, 0.9),
+        ("face.obj", json!("auto"), "dirichlet", "face.obj.dirichlet", 0.35, 0.9),
+        ("armadillo.obj", curvature(0.1), "neumann", "armadillo.obj.hamiltonian-0.1", 0.65, 1.6),
+        ("fandisk.obj", curvature(1.0), "neumann", "fandisk.obj.hamiltonian-1", 2.2, 4.5),
+        ("rocker-arm.off", json!({"extrinsic": {"t": 0.5}}), "neumann", "rocker-arm.off.extrinsic-0.5", 1.2, 3.5),
+        ("camel-gallop/camel-gallop-01.off", json!("auto"), "neumann", "camel-gallop-01.off.robust", 0.7, 2.2),
+    ] {
+        let mesh = load(&folder.join(name));
+        let basis = solve(&mesh, &json!({"count": 100, "operator": operator, "boundary": boundary}));
+        let area = area(&mesh);
+        let values: Vec<f64> = basis.eigenvalues.iter().map(|value| value * area).collect();
+        let (mean, largest) = errors(&values, &reference(file));
+        println!("{file}: mean {mean:.3} %, largest {largest:.3} %");
+        assert!(mean <= mean_bound && largest <= largest_bound, "{file}: mean {mean} %, largest {largest} %");
+    }
+}

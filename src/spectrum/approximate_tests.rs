@@ -113,7 +113,7 @@ fn surfaces_that_meet_in_an_edge_or_a_point_have_spectra() {
         let base = pages.positions.len() as u32;
         pages.positions.extend(square.positions.iter().map(|p| [p[0] * cosine, p[0] * sine, p[1]]));
         // The side x = 0 is that of the first page.
-        let number = |v: u32| if v % side as u32 == 0 { v } else { base + v };
+        let number = |v: u32| if v.is_multiple_of(side as u32) { v } else { base + v };
         pages.faces.extend(square.faces.iter().map(|face| face.map(number)));
     }
     let mut cones = union(&[
