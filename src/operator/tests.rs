@@ -435,3 +435,39 @@ fn the_number_of_threads_does_not_change_a_bit() {
     };
     assert_eq!(on(1), on(3));
 }
+
+#[test]
+fn random_soups_of_triangles_make_well_formed_operators() {
+    let mut state = 7u64;
+    let mut below = |bound: usize| {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 33) as usize % bound
+    };
+    for trial in 0..200usize {
+        let (n, f) = (4 + below(12), 1 + below(40));
+        // Coordinates from few values, so that vertices coincide and faces are flat.
+        let steps = [2, 3, 5, 1000][trial % 4];
+        let unit = [1.0, 1e-9, 1e9][trial % 3] / steps as f64;
+        let positions = (0..n).map(|_| std::array::from_fn(|_| below(steps) as f64 * unit)).collect();
+        let faces = (0..f).map(|_| std::array::from_fn(|_| below(n) as u32)).collect();
+        let mesh = TriangleMesh { positions, faces };
+        for operator in [OperatorKind::Auto, OperatorKind::Robust, curvature(0.5), OperatorKind::Extrinsic { t: 0.5 }] {
+            for boundary in [Boundary::Neumann, Boundary::Dirichlet] {
+                let mass = [MassKind::Consistent, MassKind::Barycentric, MassKind::Voronoi][trial % 3];
+                let parameters = OperatorParameters { operator: operator.clone(), mass, boundary };
+                match assemble(&mesh, &parameters, &Unwatched) {
+                    Ok(made) => {
+                        check_form(&made.problem);
+                        check_form(made.laplacian());
+                        let finite = |matrix: &SparseMatrix| matrix.values().iter().all(|value| value.is_finite());
+                        assert!(finite(&made.problem.stiffness), "trial {trial} {operator:?}");
+                        assert!(made.problem.area > 0.0 && made.problem.area.is_finite());
+                    }
+                    Err(error) => {
+                        assert!(matches!(error, OperatorError::NoArea | OperatorError::NoUnknowns { .. }), "{error}");
+                    }
+                }
+            }
+        }
+    }
+}
