@@ -346,3 +346,40 @@ fn other_operators_keep_their_measured_errors_on_real_meshes() {
         assert!(mean <= mean_bound && largest <= largest_bound, "{file}: mean {mean} %, largest {largest} %");
     }
 }
+
+#[test]
+fn a_refinement_keeps_its_measured_gain_on_real_meshes() {
+    let Some(folder) = meshes() else { return };
+    for (name, operator, file) in [
+        ("armadillo.obj", json!("auto"), "armadillo.obj"),
+        ("bunny.obj", json!("auto"), "bunny.obj"),
+        ("rocker-arm.off", json!({"extrinsic": {"t": 0.5}}), "rocker-arm.off.extrinsic-0.5"),
+    ] {
+        let mesh = load(&folder.join(name));
+        let (exact, area) = (reference(file), area(&mesh));
+        let mut before = f64::INFINITY;
+        for (refinement, gain) in [
+            (Value::Null, 1.0),
+            (json!({"chebyshev": {"degree": 10}}), 1.5),
+            (json!({"chebyshev": {"degree": 20}}), 2.5),
+            (json!({"chebyshev": {"degree": 40}}), 5.0),
+            (json!("inverse_iteration"), 5.0),
+        ] {
+            let basis = solve(&mesh, &json!({"count": 100, "operator": operator, "refinement": refinement}));
+            let values: Vec<f64> = basis.eigenvalues.iter().map(|value| value * area).collect();
+            let (mean, largest) = errors(&values, &exact);
+            let mut residuals = basis.certificate.residuals.clone();
+            residuals.sort_by(f64::total_cmp);
+            let megabytes = basis.stored_bytes() as f64 / 1e6;
+            println!(
+                "{file} {refinement}: mean {mean:.4} %, largest {largest:.4} %, median residual {:.3}, {megabytes:.1} MB",
+                residuals[50]
+            );
+            if refinement.is_null() {
+                before = mean;
+            }
+            assert!(mean * gain <= before, "{file} {refinement}: {mean} % after {before} %");
+            assert!(basis.certificate.orthonormality_defect < 1e-9);
+        }
+    }
+}

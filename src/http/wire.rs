@@ -107,7 +107,8 @@ pub struct JobRequest {
     /// (`neumann`, `dirichlet`), `seed`.
     ///
     /// `method: approximate`, the default: `dimension` (of the subspace, default twice the count), `construction` (`heat`, `radial`)
-    /// with details in `heat` and `radial`, `accuracy` (`standard`, `accurate`).
+    /// with details in `heat` and `radial`, `accuracy` (`standard`, `accurate`), `refinement` (`inverse_iteration`,
+    /// `{"chebyshev": {"degree": 20}}`: the basis is dense then, with a `precision`).
     ///
     /// `method: hsim`, pairs to a tolerance, proven complete: `tolerance` (largest residual, default 1e-2), `below` (all pairs below this
     /// eigenvalue, instead of a count) with `at_most` (so many of them, default 1000), `variant` (`sliced`, `published`), `levels`,

@@ -6,5 +6,7 @@ pub mod envelope;
 pub mod heat;
 pub mod hsim;
 pub mod radial;
+mod refine;
 
 pub use approximate::{ApproximationError, ApproximationParameters, Space, approximate};
+pub use refine::{Refinement, approximate_refined};

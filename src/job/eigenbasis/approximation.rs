@@ -4,11 +4,17 @@ use serde::{Deserialize, Serialize};
 
 use super::request::Request;
 use super::{LARGEST_DIMENSION, value};
-use crate::job::ParameterError;
+use crate::basis::{Basis, Certificate, DenseFunctions, Functions, Precision};
+use crate::job::{JobError, ParameterError};
+use crate::mesh::TriangleMesh;
 use crate::mesh::distance::{DistanceKind, STVD_WINDOW_MAX};
-use crate::spectrum::Space;
+use crate::monitor::Monitor;
+use crate::operator::{MassKind, MeshOperator};
 use crate::spectrum::heat::HeatParameters;
 use crate::spectrum::radial::RadialParameters;
+use crate::spectrum::{
+    ApproximationError, ApproximationParameters, Refinement, Space, approximate, approximate_refined,
+};
 
 /// How the subspace is built.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -43,6 +49,8 @@ pub struct Approximate {
     pub accuracy: Accuracy,
     /// The subspace, every detail filled in.
     pub space: Space,
+    /// How the pairs are refined on the mesh, and how precisely the dense result is stored.
+    pub refinement: Option<(Refinement, Precision)>,
 }
 
 impl Approximate {
@@ -64,7 +72,48 @@ impl Approximate {
             Construction::Heat => Space::Heat(heat(request, accuracy)?),
             Construction::Radial => Space::Radial(radial(request, accuracy)?),
         };
-        Ok(Self { count, dimension, accuracy, space })
+        let refinement = request.refinement.map(|refinement| (refinement, request.precision.unwrap_or_default()));
+        if let Some((refinement, _)) = refinement {
+            let lumped = request.mass.unwrap_or_default() != MassKind::Consistent;
+            refinement.check(lumped).map_err(|error| match error {
+                ApproximationError::Parameter { name, reason } => value(name, reason),
+                other => value("refinement", other.to_string()),
+            })?;
+        } else if request.precision.is_some() {
+            return Err(value("precision", "belongs to dense storage, which needs a \"refinement\" here".to_owned()));
+        }
+        Ok(Self { count, dimension, accuracy, space, refinement })
+    }
+
+    /// Computes the basis: compact, or dense where it is refined.
+    ///
+    /// # Errors
+    /// [`JobError`]: as the approximation.
+    pub fn run(
+        &self,
+        mesh: &TriangleMesh,
+        operator: &MeshOperator,
+        seed: u64,
+        monitor: &dyn Monitor,
+    ) -> Result<Basis, JobError> {
+        let Self { count, dimension, space, .. } = *self;
+        let parameters = ApproximationParameters { count, dimension, space, seed };
+        let Some((refinement, precision)) = self.refinement else {
+            return Ok(approximate(mesh, operator, &parameters, monitor)?);
+        };
+        let pairs = approximate_refined(mesh, operator, &parameters, refinement, monitor)?;
+        Ok(Basis {
+            functions: Functions::Dense(DenseFunctions::from_panels(pairs.vectors, precision)),
+            eigenvalues: pairs.values,
+            mass: operator.laplacian().mass.scaled(operator.laplacian().area),
+            certificate: Certificate {
+                residuals: pairs.residuals,
+                bounds: pairs.bounds,
+                orthonormality_defect: pairs.orthonormality_defect,
+                ..Certificate::default()
+            },
+            metadata: serde_json::json!({}),
+        })
     }
 
     /// Writes every member of the method.
@@ -72,6 +121,8 @@ impl Approximate {
         request.count = Some(self.count);
         request.dimension = Some(self.dimension);
         request.accuracy = Some(self.accuracy);
+        request.refinement = self.refinement.map(|(refinement, _)| refinement);
+        request.precision = self.refinement.map(|(_, precision)| precision);
         match self.space {
             Space::Heat(heat) => (request.construction, request.heat) = (Some(Construction::Heat), Some(heat)),
             Space::Radial(radial) => {
@@ -84,7 +135,14 @@ impl Approximate {
     /// dimension.
     pub fn memory_bytes(&self, vertices: u64) -> u64 {
         let (d, m) = ((self.dimension as u64).min(vertices), self.count as u64);
-        vertices * 25 * 2 * 8 + vertices * 16 * 8 + d * d * 8 * 5 + d * m * 8 * 2
+        let compact = vertices * 25 * 2 * 8 + vertices * 16 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
+        // Columns with their guards, what is stored of them, and a factor of about 60 entries a row with its matrix.
+        let columns = (m + m / 10 + 40) * vertices * 8;
+        match self.refinement {
+            None => compact,
+            Some((Refinement::InverseIteration, _)) => compact + 2 * columns + vertices * (60 * 8 + 2 * 7 * 16),
+            Some((Refinement::Chebyshev { .. }, _)) => compact + 2 * columns,
+        }
     }
 }
 

@@ -17,7 +17,6 @@ use crate::basis::Basis;
 use crate::mesh::TriangleMesh;
 use crate::monitor::Monitor;
 use crate::operator::{self, OperatorError, OperatorKind, OperatorParameters, Potential};
-use crate::spectrum::{self, ApproximationParameters};
 
 /// The most eigenpairs that one job may ask for.
 pub const LARGEST_COUNT: usize = 20_000;
@@ -170,15 +169,7 @@ impl EigenbasisParameters {
     pub fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Basis, JobError> {
         let operator = operator::assemble(mesh, &self.operator, monitor)?;
         let mut basis = match &self.method {
-            Method::Approximate(approximate) => {
-                let parameters = ApproximationParameters {
-                    count: approximate.count,
-                    dimension: approximate.dimension,
-                    space: approximate.space,
-                    seed: self.seed,
-                };
-                spectrum::approximate(mesh, &operator, &parameters, monitor)?
-            }
+            Method::Approximate(approximate) => approximate.run(mesh, &operator, self.seed, monitor)?,
             Method::Exact(exact) => exact.run(mesh, &operator, self.seed, monitor)?,
         };
         basis.metadata = serde_json::json!({"operator": operator.report});
@@ -224,6 +215,10 @@ mod tests {
             (json!({"radial": {}}), "radial"),
             (json!({"construction": "radial", "radial": {"sigma": 0.5}}), "0.5"),
             (json!({"construction": "radial", "radial": {"distance": {"stvd": {"window": 0}}}}), "window"),
+            (json!({"precision": "f64"}), "precision"),
+            (json!({"refinement": {"chebyshev": {"degree": 0}}}), "refinement.chebyshev.degree"),
+            (json!({"refinement": {"chebyshev": {"degree": 9}}, "mass": "consistent"}), "lumped"),
+            (json!({"method": "hsim", "refinement": "inverse_iteration"}), "refinement"),
             (json!({"levels": 2}), "\"levels\": belongs to the method \"hsim\", not to \"approximate\""),
             (json!({"method": "sim", "levels": 2}), "levels"),
             (json!({"method": "sim", "variant": "sliced"}), "variant"),
@@ -269,6 +264,8 @@ mod tests {
             json!({}),
             json!({"accuracy": "accurate", "count": 7}),
             json!({"construction": "radial", "mass": "voronoi", "seed": 3}),
+            json!({"refinement": "inverse_iteration", "precision": "f64"}),
+            json!({"refinement": {"chebyshev": {"degree": 9}}}),
             json!({"method": "hsim"}),
             json!({"method": "hsim", "below": 12.5, "at_most": 40, "levels": 3, "tolerance": 1e-6, "precision": "f64"}),
             json!({"method": "hsim", "variant": "published", "sigma": 7, "subspace_factor": 1.5, "storage": "compact"}),

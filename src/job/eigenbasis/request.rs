@@ -6,6 +6,7 @@ use super::{Accuracy, Construction, Start, StorageKind};
 use crate::basis::Precision;
 use crate::job::ParameterError;
 use crate::operator::{Boundary, MassKind, OperatorKind};
+use crate::spectrum::Refinement;
 use crate::spectrum::heat::HeatParameters;
 use crate::spectrum::radial::RadialParameters;
 
@@ -72,6 +73,8 @@ pub struct Request {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub radial: Option<RadialParameters>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub refinement: Option<Refinement>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub variant: Option<HsimVariant>,
@@ -105,6 +108,7 @@ const BELONGINGS: &[(&str, &[MethodName])] = &[
     ("accuracy", APPROXIMATE),
     ("heat", APPROXIMATE),
     ("radial", APPROXIMATE),
+    ("refinement", APPROXIMATE),
     ("below", HSIM),
     ("at_most", HSIM),
     ("tolerance", EXACT),
@@ -115,7 +119,6 @@ const BELONGINGS: &[(&str, &[MethodName])] = &[
     ("shift_ratio", HSIM),
     ("subspace_factor", EXACT),
     ("storage", EXACT),
-    ("precision", EXACT),
 ];
 
 impl Request {
