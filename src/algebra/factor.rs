@@ -165,6 +165,20 @@ impl SymbolicFactor {
     /// # Errors
     /// [`FactorError::Singular`] where the shift lies on an eigenvalue, [`FactorError::Memory`].
     pub fn factor(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Result<Factor<'_>, FactorError> {
+        self.factor_in(a, b, shift, Vec::new())
+    }
+
+    /// The same in the [storage](Factor::into_storage) of a factor that is no longer needed: fresh memory costs a third of the time.
+    ///
+    /// # Errors
+    /// As for [`factor`](Self::factor).
+    pub fn factor_in(
+        &self,
+        a: &SparseMatrix,
+        b: &MassMatrix,
+        shift: f64,
+        storage: Vec<f64>,
+    ) -> Result<Factor<'_>, FactorError> {
         let mut largest = 0f64;
         let mut shifted = Vec::with_capacity(self.sources.len());
         for &(in_a, in_b) in &self.sources {
@@ -182,15 +196,21 @@ impl SymbolicFactor {
         let n = self.size();
         let pattern = SymbolicSparseColMatRef::new_checked(n, n, &self.offsets, None, &self.rows);
         let lower = SparseColMatRef::new(pattern, &shifted);
-        match self.plain(lower, largest) {
+        match self.plain(lower, largest, storage) {
             Ok(factor) if factor.growth <= LARGEST_GROWTH => Ok(factor),
-            Ok(_) | Err(FactorError::Singular { .. }) => self.pivoted(lower, largest),
+            Ok(factor) => self.pivoted(lower, largest, factor.into_storage()),
+            Err(FactorError::Singular { .. }) => self.pivoted(lower, largest, Vec::new()),
             Err(error) => Err(error),
         }
     }
 
-    fn plain(&self, lower: SparseColMatRef<'_, usize, f64>, largest: f64) -> Result<Factor<'_>, FactorError> {
-        let mut values = self.storage()?;
+    fn plain(
+        &self,
+        lower: SparseColMatRef<'_, usize, f64>,
+        largest: f64,
+        storage: Vec<f64>,
+    ) -> Result<Factor<'_>, FactorError> {
+        let mut values = self.storage(storage)?;
         let request = self.symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
         let mut buffer = memory(request)?;
         let done = self.symbolic.factorize_numeric_ldlt(
@@ -222,9 +242,14 @@ impl SymbolicFactor {
         Ok(factor)
     }
 
-    fn pivoted(&self, lower: SparseColMatRef<'_, usize, f64>, largest: f64) -> Result<Factor<'_>, FactorError> {
+    fn pivoted(
+        &self,
+        lower: SparseColMatRef<'_, usize, f64>,
+        largest: f64,
+        storage: Vec<f64>,
+    ) -> Result<Factor<'_>, FactorError> {
         let n = self.size();
-        let mut values = self.storage()?;
+        let mut values = self.storage(storage)?;
         let (mut beside, mut order, mut position) = (vec![0.0; n], vec![0usize; n], vec![0usize; n]);
         let request = self.symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(Par::Seq, Default::default());
         let mut buffer = memory(request)?;
@@ -277,10 +302,11 @@ impl SymbolicFactor {
         Ok(factor)
     }
 
-    fn storage(&self) -> Result<Vec<f64>, FactorError> {
-        let mut values = Vec::new();
+    fn storage(&self, mut values: Vec<f64>) -> Result<Vec<f64>, FactorError> {
         let entries = self.entries();
-        values.try_reserve_exact(entries).map_err(|_| FactorError::Memory { bytes: 8 * entries })?;
+        values
+            .try_reserve_exact(entries.saturating_sub(values.len()))
+            .map_err(|_| FactorError::Memory { bytes: 8 * entries })?;
         values.resize(entries, 0.0);
         Ok(values)
     }
@@ -344,6 +370,11 @@ impl Factor<'_> {
     /// The largest `l²|d|` over the largest entry of the shifted matrix: rounding errors of the factors are about 1e-16 times this.
     pub fn growth(&self) -> f64 {
         self.growth
+    }
+
+    /// The memory of the factor, for the next one.
+    pub fn into_storage(self) -> Vec<f64> {
+        self.values
     }
 
     /// Whether rows were exchanged.

@@ -30,8 +30,8 @@ pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::MassMatrix;
 pub use ordering::{Ordering, fill_reducing_order};
 pub use panel_products::{
-    ColumnSums, Weight, gram, inner_products, mass_times_panel, prolong, residual_panel, residual_sums, restrict,
-    rotate, subtract_combinations,
+    ColumnSums, Weight, apply_mass, gram, inner_products, mass_times_panel, prolong, residual_panel, residual_sums,
+    restrict, rotate, subtract_combinations,
 };
 pub use panels::{PANEL_WIDTH, PanelMatrix};
 pub use product::{Panel, Scalar};

@@ -72,6 +72,22 @@ pub fn mass_times_panel(mass: &MassMatrix, x: &[f64], out: &mut [f64]) {
     mass_rows(mass, 0..x.len(), x, rows_of_mut(out));
 }
 
+/// `x ← M x` for one panel of 32 columns; `scratch` is used for a mass that is not diagonal.
+pub fn apply_mass(mass: &MassMatrix, x: &mut Vec<f64>, scratch: &mut Vec<f64>) {
+    match mass {
+        MassMatrix::Diagonal(mass) => {
+            for (row, mass) in rows_of_mut(x).iter_mut().zip(mass) {
+                row.iter_mut().for_each(|x| *x *= mass);
+            }
+        }
+        MassMatrix::Sparse(_) => {
+            scratch.resize(x.len(), 0.0);
+            mass_times_panel(mass, x, scratch);
+            std::mem::swap(x, scratch);
+        }
+    }
+}
+
 /// `U X`: the columns of `x` prolonged.
 pub fn prolong<T: Scalar>(space: &SparseMatrix<T>, x: &PanelMatrix) -> PanelMatrix {
     let mut y = PanelMatrix::zeros(space.rows(), x.columns());

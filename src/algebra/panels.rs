@@ -41,19 +41,28 @@ impl PanelMatrix {
     /// is given back before the next is taken, so that there is never a second copy of the whole.
     pub fn spread(self, rows: usize, places: &[u32], factors: &[f64]) -> Self {
         let columns = self.columns;
-        let panels = self.panels.into_iter().enumerate().map(|(k, panel)| {
+        // The memory of each panel serves for the next.
+        let mut spare: Vec<f64> = Vec::new();
+        let mut panels = Vec::with_capacity(self.panels.len());
+        for (k, panel) in self.panels.into_iter().enumerate() {
             let mut scales = [0.0; PANEL_WIDTH];
             scales.iter_mut().zip(factors.iter().skip(k * PANEL_WIDTH)).for_each(|(scale, factor)| *scale = *factor);
-            let mut spread = vec![0.0; rows * PANEL_WIDTH];
+            let mut spread = std::mem::take(&mut spare);
+            if spread.capacity() < rows * PANEL_WIDTH || rows > self.rows {
+                spread = vec![0.0; rows * PANEL_WIDTH];
+            } else {
+                spread.resize(rows * PANEL_WIDTH, 0.0);
+            }
             let to = spread.as_chunks_mut::<PANEL_WIDTH>().0;
             for (row, &place) in panel.as_chunks::<PANEL_WIDTH>().0.iter().zip(places) {
                 if let Some(to) = to.get_mut(place as usize) {
                     *to = std::array::from_fn(|k| row[k] * scales[k]);
                 }
             }
-            spread
-        });
-        Self { rows, columns, panels: panels.collect() }
+            spare = panel;
+            panels.push(spread);
+        }
+        Self { rows, columns, panels }
     }
 
     /// The number of rows.

@@ -51,7 +51,8 @@ pub(super) fn complete(
             Goal::Below(bound, counted) => counted - kernel.min(counted) * usize::from(bound > 0.0),
             Goal::Count(_) if found == size => size,
             Goal::Count(_) => {
-                let below = factor_near(iteration.level, iteration.symbolic, shift)?.eigenvalues_below();
+                let storage = iteration.storage();
+                let below = factor_near(iteration.level, iteration.symbolic, shift, storage)?.eigenvalues_below();
                 iteration.inertia.push((shift, below));
                 below.saturating_sub(kernel)
             }
@@ -124,7 +125,8 @@ fn search(iteration: &mut Iteration<'_>, shift: f64, seed: u64) -> Result<(), Hs
         inside(a).total_cmp(&inside(b))
     });
     let at = gap.map_or(middle, |pair| pair[0] + 0.382 * (pair[1] - pair[0]));
-    let factor = factor_near(level, iteration.symbolic, at)?;
+    let storage = iteration.storage();
+    let factor = factor_near(level, iteration.symbolic, at, storage)?;
     iteration.inertia.push((at, factor.eigenvalues_below()));
     let mut random = SplitMix64::new(seed ^ 0x6d15_5126);
     let mut columns =

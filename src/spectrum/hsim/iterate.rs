@@ -16,7 +16,7 @@ use super::level::Level;
 use super::ritz::ritz;
 use crate::algebra::{
     ColumnSums, DenseMatrix, Factor, FactorError, MassMatrix, PANEL_WIDTH, PanelMatrix, SymbolicFactor, Weight,
-    inner_products, mass_times_panel, residual_panel, residual_sums, restrict, rotate, subtract_combinations,
+    apply_mass, inner_products, residual_panel, residual_sums, restrict, rotate, subtract_combinations,
 };
 use crate::mesh::random::SplitMix64;
 use crate::monitor::Monitor;
@@ -65,6 +65,8 @@ pub(super) struct Iteration<'a> {
     pub inertia: Vec<(f64, usize)>,
     /// Factors that there was room to keep, with their shifts.
     kept: Vec<(f64, Factor<'a>)>,
+    /// Memory of factors that were not kept.
+    storage: Vec<Vec<f64>>,
     /// Rayleigh–Ritz steps so far.
     pub passes: usize,
     norm: f64,
@@ -94,6 +96,7 @@ impl<'a> Iteration<'a> {
             sums: Vec::new(),
             inertia: Vec::new(),
             kept: Vec::new(),
+            storage: Vec::new(),
             passes: 0,
             norm,
         }
@@ -257,8 +260,9 @@ impl<'a> Iteration<'a> {
     pub fn step(&mut self, shift: f64, done: usize, solves: usize) -> Result<(), HsimError> {
         let (level, monitor, kernel) = (self.level, self.monitor, self.kernel);
         if !self.kept.iter().any(|kept| kept.0 == shift) {
-            self.kept.clear();
-            let factor = factor_near(level, self.symbolic, shift)?;
+            self.release();
+            let storage = self.storage();
+            let factor = factor_near(level, self.symbolic, shift, storage)?;
             self.inertia.push((shift, factor.eigenvalues_below()));
             self.kept.push((shift, factor));
         }
@@ -268,9 +272,7 @@ impl<'a> Iteration<'a> {
         columns.panels_mut().par_iter_mut().try_for_each_init(Vec::new, |scratch, panel| {
             for _ in 0..solves {
                 monitor.checkpoint()?;
-                scratch.resize(panel.len(), 0.0);
-                mass_times_panel(&level.mass, panel, scratch);
-                std::mem::swap(panel, scratch);
+                apply_mass(&level.mass, panel, scratch);
                 factor.solve_panel(panel);
                 kernel.remove_from_panel(panel);
             }
@@ -389,13 +391,16 @@ impl<'a> Iteration<'a> {
             self.kernel.remove_from_panel(panel);
             Ok::<(), HsimError>(())
         })?;
-        for batch in open.chunks_mut(rayon::current_num_threads().max(1)) {
+        let width = self.batch();
+        for batch in open.chunks_mut(width) {
+            let storage: Vec<Vec<f64>> = batch.iter().map(|_| self.storage()).collect();
             let (level, symbolic, monitor, kernel) = (self.level, self.symbolic, self.monitor, self.kernel);
             let factors: Vec<(f64, Factor<'a>)> = batch
                 .par_iter_mut()
-                .map(|(group, panel)| {
+                .zip(storage)
+                .map(|((group, panel), storage)| {
                     monitor.checkpoint()?;
-                    let factor = factor_near(level, symbolic, group.shift)?;
+                    let factor = factor_near(level, symbolic, group.shift, storage)?;
                     factor.solve_panel(panel);
                     kernel.remove_from_panel(panel);
                     Ok((group.shift, factor))
@@ -409,17 +414,18 @@ impl<'a> Iteration<'a> {
     /// Inverse iterations for the panels of each group with its shift.
     fn solve(&mut self, groups: &[Group], columns: &mut PanelMatrix, iterations: usize) -> Result<(), HsimError> {
         let (level, symbolic, monitor, kernel) = (self.level, self.symbolic, self.monitor, self.kernel);
-        self.kept.clear();
-        // As many factors at a time as there are threads.
-        let (threads, size, pass) = (rayon::current_num_threads().max(1), level.size(), self.passes + 1);
-        for (k, batch) in groups.chunks(threads).enumerate() {
-            let done = (k * threads + 1).min(groups.len());
+        self.release();
+        let (width, size, pass) = (self.batch(), level.size(), self.passes + 1);
+        for (k, batch) in groups.chunks(width).enumerate() {
+            let done = k * width + 1;
+            let storage: Vec<Vec<f64>> = batch.iter().map(|_| self.storage()).collect();
             monitor.detail(&format!("dimension {size}, iteration {pass}, slice {done} of {}", groups.len()));
             let factors: Vec<(f64, Factor<'a>)> = batch
                 .par_iter()
-                .map(|group| {
+                .zip(storage)
+                .map(|(group, storage)| {
                     monitor.checkpoint()?;
-                    Ok((group.shift, factor_near(level, symbolic, group.shift)?))
+                    Ok((group.shift, factor_near(level, symbolic, group.shift, storage)?))
                 })
                 .collect::<Result<_, HsimError>>()?;
             let range = batch[0].panels.start..batch[batch.len() - 1].panels.end;
@@ -431,9 +437,7 @@ impl<'a> Iteration<'a> {
             tasks.into_par_iter().try_for_each_init(Vec::new, |scratch, (panel, factor)| {
                 for _ in 0..iterations {
                     monitor.checkpoint()?;
-                    scratch.resize(panel.len(), 0.0);
-                    mass_times_panel(&level.mass, panel, scratch);
-                    std::mem::swap(panel, scratch);
+                    apply_mass(&level.mass, panel, scratch);
                     factor.solve_panel(panel);
                     kernel.remove_from_panel(panel);
                 }
@@ -451,8 +455,26 @@ impl<'a> Iteration<'a> {
             self.inertia.push((shift, factor.eigenvalues_below()));
             if (self.kept.len() + 1) * self.symbolic.entries() <= room {
                 self.kept.push((shift, factor));
+            } else {
+                self.storage.push(factor.into_storage());
             }
         }
+    }
+
+    /// Drops the factors that were kept, but not their memory.
+    fn release(&mut self) {
+        self.storage.extend(self.kept.drain(..).map(|(_, factor)| factor.into_storage()));
+    }
+
+    /// Memory for a factor.
+    pub fn storage(&mut self) -> Vec<f64> {
+        self.storage.pop().unwrap_or_default()
+    }
+
+    /// How many factors are held at a time: one for each thread, as long as they take no more room than the columns.
+    fn batch(&self) -> usize {
+        let room = self.level.size() * self.values.len() / self.symbolic.entries().max(1);
+        rayon::current_num_threads().min(room).max(1)
     }
 }
 
@@ -547,11 +569,12 @@ pub(super) fn factor_near<'a>(
     level: &Level,
     symbolic: &'a SymbolicFactor,
     shift: f64,
+    mut storage: Vec<f64>,
 ) -> Result<Factor<'a>, HsimError> {
     let mut attempt = 0;
     loop {
         let beside = shift + f64::from(attempt) * 1e-7 * (1.0 + shift.abs());
-        match symbolic.factor(&level.stiffness, &level.mass, beside) {
+        match symbolic.factor_in(&level.stiffness, &level.mass, beside, std::mem::take(&mut storage)) {
             Err(FactorError::Singular { .. }) if attempt < 4 => attempt += 1,
             result => return Ok(result?),
         }

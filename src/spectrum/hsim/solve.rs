@@ -214,7 +214,7 @@ fn goal(finest: &Finest, parameters: &HsimParameters, area: f64) -> Result<(Goal
         Wanted::Count(count) => Ok((Goal::Count(count), count)),
         Wanted::Below { bound, most } => {
             let bound = bound * area;
-            let below = factor_near(&finest.level, &finest.symbolic, bound)?.eigenvalues_below();
+            let below = factor_near(&finest.level, &finest.symbolic, bound, Vec::new())?.eigenvalues_below();
             if below > most {
                 return Err(HsimError::Count { wanted: below, most });
             }
