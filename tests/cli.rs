@@ -73,6 +73,44 @@ fn solve_prints_one_line_of_json_with_everything_measured() {
 }
 
 #[test]
+fn solve_by_hsim_tells_iterations_and_what_is_proven() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = torus(folder.path());
+    let mesh = mesh.to_str().unwrap();
+    let basis = folder.path().join("torus.npz");
+    let solve = |arguments: &[&str]| {
+        let output = chladni(&[&["solve", mesh, "--method", "hsim", "--threads", "1"], arguments].concat());
+        assert_eq!(code(&output), 0, "{arguments:?}: {}", stderr(&output));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let line =
+        |arguments: &[&str]| -> Value { serde_json::from_str(&solve(&[arguments, &["--json"]].concat())).unwrap() };
+    let exact = line(&["-n", "40", "--tolerance", "1e-6", "--precision", "f64", "-o", basis.to_str().unwrap()]);
+    assert_eq!((&exact["count"], &exact["subspace"]), (&40.into(), &Value::Null));
+    assert!(exact["iterations"].as_array().is_some_and(|levels| !levels.is_empty()), "{exact}");
+    let certificate = &exact["certificate"];
+    assert_eq!((&certificate["complete"], &certificate["tolerance"]), (&true.into(), &1e-6.into()));
+    assert!(exact["residuals"].as_array().unwrap().iter().all(|residual| residual.as_f64().unwrap() <= 1e-6));
+    assert_eq!(exact["operator_report"]["laplacian"], "cotangent");
+    let stored = chladni::basis::npz::read(&std::fs::read(&basis).unwrap()).unwrap();
+    assert_eq!((stored.count(), stored.certificate.complete), (40, Some(true)));
+
+    // All below the middle between two eigenvalues are as many as lie there.
+    let values: Vec<f64> = exact["eigenvalues"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+    let cut = (20..39).max_by(|&a, &b| (values[a + 1] - values[a]).total_cmp(&(values[b + 1] - values[b]))).unwrap();
+    let bound = ((values[cut] + values[cut + 1]) / 2.0).to_string();
+    let below = line(&["--below", &bound, "--storage", "compact"]);
+    assert_eq!(below["eigenvalues"].as_array().unwrap().len(), cut + 1);
+    assert!(below["certificate"]["largest_projection_error"].as_f64().is_some_and(|error| error < 0.5), "{below}");
+    assert!(below["subspace"].as_u64().is_some());
+
+    let text = solve(&["-n", "15", "--operator", "extrinsic:0.5"]);
+    for part in ["15 eigenpairs", "1e-2", "hsim, sliced", "iterations", "complete", "of a dense basis"] {
+        assert!(text.contains(part), "{part} is missing from\n{text}");
+    }
+}
+
+#[test]
 fn a_table_is_printed_without_json() {
     let folder = tempfile::tempdir().unwrap();
     let mesh = torus(folder.path());

@@ -11,24 +11,14 @@ use crate::job::JobError;
 use crate::monitor::Monitor;
 use crate::spectrum::hsim::HsimError;
 
-/// A space with a row for each vertex: vertices that are no unknowns have empty rows.
-pub(super) fn on_all_vertices(
-    space: SparseMatrix<f32>,
-    unknowns: Option<&[u32]>,
-    vertices: usize,
-) -> SparseMatrix<f32> {
-    let Some(unknowns) = unknowns.filter(|unknowns| unknowns.len() == space.rows() && space.rows() < vertices) else {
-        return space;
-    };
-    let mut offsets = vec![0; vertices + 1];
-    for (row, &vertex) in unknowns.iter().enumerate() {
-        offsets[vertex as usize + 1] = space.row(row).0.len();
-    }
-    for vertex in 0..vertices {
-        offsets[vertex + 1] += offsets[vertex];
-    }
-    let (indices, values) = (space.indices().to_vec(), space.values().to_vec());
-    SparseMatrix::from_sorted_parts(vertices, space.columns(), offsets, indices, values)
+/// The largest mesh whose hat functions stand in for a space that a solver did without; the system in them is dense.
+const LARGEST_IDENTITY: usize = 5000;
+
+/// The space of all hat functions, which holds every function as it is: for meshes so small that a solver needs no hierarchy.
+pub(super) fn all_functions(vertices: usize) -> Option<SparseMatrix<f32>> {
+    let (offsets, indices) = ((0..=vertices).collect(), (0..vertices as u32).collect());
+    (vertices <= LARGEST_IDENTITY)
+        .then(|| SparseMatrix::from_sorted_parts(vertices, vertices, offsets, indices, vec![1.0; vertices]))
 }
 
 /// Eigenfunctions in a space.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::compact::{on_all_vertices, project};
+use super::compact::{all_functions, project};
 use super::request::{HsimVariant, MethodName, Request};
 use super::{LARGEST_COUNT, value};
 use crate::algebra::MassMatrix;
@@ -174,20 +174,12 @@ impl Exact {
         let parameters = HsimParameters { seed, ..self.solver };
         let compact = self.storage == StorageKind::Compact;
         let pairs = hsim::solve(mesh, &operator.problem, &parameters, compact, monitor)?;
-        let unknowns = operator.problem.unknowns.as_deref();
         let mass = operator.laplacian().mass.scaled(operator.laplacian().area);
-        self.basis(pairs, mass, unknowns, monitor)
+        self.basis(pairs, mass, monitor)
     }
 
-    /// The basis of what the solver found. `mass` is that of all vertices in the units of the input; `unknowns` are the vertices that the
-    /// rows of the solver's space stand for, if not all.
-    fn basis(
-        &self,
-        pairs: Eigenpairs,
-        mass: MassMatrix,
-        unknowns: Option<&[u32]>,
-        monitor: &dyn Monitor,
-    ) -> Result<Basis, JobError> {
+    /// The basis of what the solver found. `mass` is that of all vertices in the units of the input.
+    fn basis(&self, pairs: Eigenpairs, mass: MassMatrix, monitor: &dyn Monitor) -> Result<Basis, JobError> {
         let mut certificate = Certificate {
             complete: completeness(&pairs.values, &pairs.inertia),
             residuals: pairs.residuals,
@@ -201,10 +193,9 @@ impl Exact {
         let functions = match self.storage {
             StorageKind::Dense => Functions::Dense(DenseFunctions::from_panels(pairs.vectors, self.precision)),
             StorageKind::Compact => {
-                let space = pairs.space.ok_or_else(|| {
+                let space = pairs.space.or_else(|| all_functions(mass.size())).ok_or_else(|| {
                     HsimError::Numerical("the hierarchy has no space to store the eigenfunctions in".to_owned())
                 })?;
-                let space = on_all_vertices(space, unknowns, mass.size());
                 monitor.stage("compact");
                 let projected = project(&pairs.vectors, space, &mass, monitor)?;
                 certificate.orthonormality_defect = projected.defect;
