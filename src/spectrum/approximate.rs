@@ -198,8 +198,12 @@ pub(super) fn ritz(
     Ok(Ritz { space, mass, pairs })
 }
 
-/// The space `U` on the unknowns: its rows have the sum 1, or that of the envelope.
-fn subspace(
+/// The space `U` of about `dimension` locally supported functions on the unknowns: its rows have the sum 1, or that of the envelope. A mesh of
+/// fewer than `1.5 d` unknowns gets all its hat functions.
+///
+/// # Errors
+/// [`ApproximationError`]: a mesh without area, or cancellation.
+pub fn subspace(
     mesh: &TriangleMesh,
     operator: &MeshOperator,
     parameters: &ApproximationParameters,

@@ -8,5 +8,5 @@ pub mod hsim;
 pub mod radial;
 mod refine;
 
-pub use approximate::{ApproximationError, ApproximationParameters, Space, approximate};
+pub use approximate::{ApproximationError, ApproximationParameters, Space, approximate, subspace};
 pub use refine::{Refinement, approximate_refined};

@@ -11,7 +11,9 @@ use crate::job::{JobError, ParameterError};
 use crate::mesh::TriangleMesh;
 use crate::monitor::Monitor;
 use crate::operator::MeshOperator;
+use crate::spectrum::heat::HeatParameters;
 use crate::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Variant, Wanted};
+use crate::spectrum::{ApproximationParameters, Space, subspace};
 
 /// How eigenfunctions are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -173,7 +175,21 @@ impl Exact {
     ) -> Result<Basis, JobError> {
         let parameters = HsimParameters { seed, ..self.solver };
         let compact = self.storage == StorageKind::Compact;
-        let pairs = hsim::solve(mesh, &operator.problem, &parameters, compact, monitor)?;
+        let problem = &operator.problem;
+        let pairs = match (compact, parameters.wanted, parameters.variant) {
+            (true, Wanted::Count(count), Variant::Sliced) => {
+                // Smoothed functions hold eigenfunctions four times as well as those that only have to start an iteration.
+                let functions = ApproximationParameters {
+                    count: count.min(problem.size()),
+                    dimension: compact_dimension(count, problem.size()),
+                    space: Space::Heat(HeatParameters::default()),
+                    seed,
+                };
+                let space = subspace(mesh, operator, &functions, monitor)?;
+                hsim::solve_with_space(mesh, problem, &parameters, &space, monitor)?
+            }
+            _ => hsim::solve(mesh, problem, &parameters, compact, monitor)?,
+        };
         let mass = operator.laplacian().mass.scaled(operator.laplacian().area);
         self.basis(pairs, mass, monitor)
     }
@@ -206,6 +222,11 @@ impl Exact {
         };
         Ok(Basis { functions, eigenvalues: pairs.values, mass, certificate, metadata: serde_json::json!({}) })
     }
+}
+
+/// The dimension of the space that eigenfunctions are stored in: six for each, as long as there are some vertices to a dimension.
+fn compact_dimension(count: usize, unknowns: usize) -> usize {
+    (6 * count).min(unknowns / 4).max(2 * count)
 }
 
 fn within(name: &'static str, given: f64, least: f64, most: f64) -> Result<(), ParameterError> {

@@ -53,20 +53,24 @@ pub(super) fn sizes(n: usize, q: usize, levels: Option<usize>) -> Vec<usize> {
 /// Meshes of so few vertices are solved densely where that is not much larger than the coarsest level.
 const SMALL: usize = 3000;
 
-/// Solves on the levels above the mesh; `sizes` are theirs, the coarsest first and at least one.
+/// Solves on the levels above the mesh; `sizes` are theirs, the coarsest first and at least one. The finest may be `given`.
 pub(super) fn start(
     fine: &Level,
     sizes: &[usize],
     q: usize,
     sigma: f64,
     seed: u64,
+    given: Option<&SparseMatrix<f32>>,
     monitor: &dyn Monitor,
 ) -> Result<Start, HsimError> {
     let mut levels: Vec<Level> = Vec::new();
     let mut spaces: Vec<SparseMatrix<f32>> = Vec::new();
     for (k, &size) in sizes.iter().enumerate().rev() {
         let level = levels.last().unwrap_or(fine);
-        let (functions, centres) = space(level, size, sigma, seed.wrapping_add(k as u64), monitor)?;
+        let (functions, centres) = match given.filter(|_| levels.is_empty()) {
+            Some(given) => (given.clone(), peaks(given)),
+            None => space(level, size, sigma, seed.wrapping_add(k as u64), monitor)?,
+        };
         let ordering = (k > 0).then_some(Ordering::Amd);
         let (coarse, functions) = coarsened(level, &functions, &centres, ordering, monitor)?;
         levels.push(coarse);
@@ -100,6 +104,20 @@ pub(super) fn start(
     }
     let space = spaces.swap_remove(0);
     Ok(Start { space, vectors, values, reports })
+}
+
+/// The row in which each column is largest.
+fn peaks(space: &SparseMatrix<f32>) -> Vec<u32> {
+    let mut peaks = vec![(0u32, 0f32); space.columns()];
+    for row in 0..space.rows() {
+        let (columns, values) = space.row(row);
+        for (&column, &value) in columns.iter().zip(values) {
+            if value > peaks[column as usize].1 {
+                peaks[column as usize] = (row as u32, value);
+            }
+        }
+    }
+    peaks.into_iter().map(|peak| peak.0).collect()
 }
 
 /// The residual (4.6) up to which levels between the coarsest and the mesh are solved: what is left, the mesh removes.

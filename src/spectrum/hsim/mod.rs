@@ -149,7 +149,7 @@ impl HsimError {
     }
 }
 
-pub use solve::solve;
+pub use solve::{solve, solve_with_space};
 
 impl HsimParameters {
     /// Checks every parameter against its range.

@@ -35,6 +35,36 @@ pub fn solve(
     keep_space: bool,
     monitor: &dyn Monitor,
 ) -> Result<Eigenpairs, HsimError> {
+    climb_and_solve(mesh, problem, parameters, keep_space, None, monitor)
+}
+
+/// The same with a given finest nested space, `n × d` with a row for each unknown, which is kept beside the pairs; the published
+/// variant and the baselines make no use of it.
+///
+/// # Errors
+/// As for [`solve`], and a space with the wrong number of rows.
+pub fn solve_with_space(
+    mesh: &TriangleMesh,
+    problem: &EigenProblem,
+    parameters: &HsimParameters,
+    space: &SparseMatrix<f32>,
+    monitor: &dyn Monitor,
+) -> Result<Eigenpairs, HsimError> {
+    if space.rows() != problem.size() {
+        let reason = format!("a space with {} rows is not of a problem with {} unknowns", space.rows(), problem.size());
+        return Err(HsimError::Parameter { name: "space", reason });
+    }
+    climb_and_solve(mesh, problem, parameters, true, Some(space), monitor)
+}
+
+fn climb_and_solve(
+    mesh: &TriangleMesh,
+    problem: &EigenProblem,
+    parameters: &HsimParameters,
+    keep_space: bool,
+    given: Option<&SparseMatrix<f32>>,
+    monitor: &dyn Monitor,
+) -> Result<Eigenpairs, HsimError> {
     parameters.check()?;
     let base = base_level(mesh, problem)?;
     let n = base.size();
@@ -52,11 +82,22 @@ pub fn solve(
     let sliced = parameters.variant == Variant::Sliced;
     let sigma = parameters.sigma.unwrap_or(hierarchy::SIGMA);
     let climb = |q: usize| {
-        let sizes = hierarchy::sizes(n, q, parameters.levels);
+        let mut sizes = hierarchy::sizes(n, q, parameters.levels);
         if sizes.is_empty() || !sliced {
             return Ok(None);
         }
-        hierarchy::start(&base, &sizes, q, sigma, parameters.seed, monitor).map(Some)
+        if let Some(given) = given {
+            // Below a given space there is one more level, unless it is small enough to be solved densely.
+            sizes.truncate(1);
+            if given.columns() <= q {
+                return Ok(None);
+            } else if given.columns() < 2 * sizes[0] {
+                sizes[0] = given.columns();
+            } else {
+                sizes.push(given.columns());
+            }
+        }
+        hierarchy::start(&base, &sizes, q, sigma, parameters.seed, given, monitor).map(Some)
     };
     // Without a bound, the number of columns is known, and the hierarchy needs no factors of the mesh.
     let (finest, start) = match parameters.wanted {
@@ -135,7 +176,7 @@ pub fn solve(
     let plan = Plan { most_passes: iteration.passes + MOST_PASSES, ..plan };
     let (shift, below) = complete(&mut iteration, goal, &plan, parameters.seed)?;
     reports.push(LevelReport { dimension: n, iterations: iteration.passes, shifts: iteration.inertia.len() });
-    let space = match (keep_space, space) {
+    let space = match (keep_space, given.cloned().or(space)) {
         (false, _) => None,
         (true, Some(space)) => Some(over_vertices(&space, mesh.positions.len(), problem)),
         (true, None) => Some(over_vertices(&identity(n), mesh.positions.len(), problem)),
