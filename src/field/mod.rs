@@ -2,23 +2,29 @@
 
 mod basis;
 mod design;
+mod drawing;
 mod harmonic;
 mod heat;
 mod hierarchy;
 mod local;
+mod principal;
 mod reading;
 mod singularity;
 mod smooth;
 mod space;
+mod streamline;
 
 pub use basis::{Construction, FieldBasis, FieldError, FieldParameters, FieldSurface, field_basis};
 pub use design::{
     Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, WeightedModel,
 };
+pub use drawing::{Camera, MOST_PIXELS, svg};
 pub use heat::FieldHeat;
 pub use local::LocalEigenfields;
+pub use principal::{DirectionField, Strand, curvature_tensors, fur, principal_directions};
 pub use reading::{
     TensorAxes, direction_in_frame, representation, roots, tensor_axes, tensor_deviator, tensor_in_frame, to_world,
 };
 pub use singularity::{Singularity, singularities};
 pub use space::{FieldSpace, SpaceError};
+pub use streamline::{HatchingParameters, Streamline, StreamlineError, streamlines};
