@@ -10,10 +10,7 @@ use super::{PANEL_WIDTH, panels::PanelRow};
 const BLOCK: usize = 16;
 
 impl Factor<'_> {
-    /// `X ← (A − μB)⁻¹ X` for a panel of 32 columns, row after row.
-    ///
-    /// # Panics
-    /// Never: a panel with a wrong number of rows is left as it is.
+    /// `X ← (A − μB)⁻¹ X` for a panel of 32 columns, row after row. A panel with another number of rows is left as it is.
     pub fn solve_panel(&self, panel: &mut [f64]) {
         let (rows, rest) = panel.as_chunks_mut::<PANEL_WIDTH>();
         if rest.is_empty() && rows.len() == self.symbolic.size() {

@@ -89,13 +89,13 @@ const LOOSE: f64 = 1e-2;
 /// too large; and how many values lie below it.
 fn gap_above(values: &[f64], count: usize, size: usize) -> (f64, usize) {
     let last = values.len();
-    if last >= size {
+    if last >= size || last < 2 {
         // All pairs there are.
-        let most = values[last - 1];
+        let most = values.last().copied().unwrap_or(0.0);
         return (most + 0.01 * most.abs() + 1.0, last);
     }
     // Guards are less exact the higher they are.
-    let reach = (last - count).div_ceil(2).max(1);
+    let reach = last.saturating_sub(count).div_ceil(2).max(1);
     let relative = |at: usize| (values[at] - values[at - 1]) / (1.0 + values[at - 1].abs());
     let places = count..(count + reach).min(last);
     let wide = 0.2 / count.max(20) as f64;

@@ -231,6 +231,10 @@ impl<'a> Iteration<'a> {
         }
         let top = self.values.iter().copied().fold(f64::MIN, f64::max);
         let (values, rotation) = ritz(pencil.0, pencil.1, old + count, monitor)?;
+        if values.len() < old {
+            // Rounding has made the directions dependent on the columns.
+            return self.orthonormalise();
+        }
         // What comes out below the top of the block beside the old columns was missing from it.
         let mut kept = values.partition_point(|&value| value < top).max(old).min(values.len());
         let mut both = self.vectors.select(&active);
