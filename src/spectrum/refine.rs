@@ -80,7 +80,7 @@ pub fn approximate_refined(
     let problem = &operator.problem;
     refinement.check(matches!(problem.mass, MassMatrix::Diagonal(_)))?;
     let count = parameters.count;
-    let columns = (count + guards(count)).min(parameters.dimension.max(count)).min(problem.size());
+    let columns = (count + guards(count)).min(parameters.dimension.max(count)).min(problem.size()).max(1);
     let Ritz { space, pairs, .. } = ritz(mesh, operator, parameters, columns, monitor)?;
 
     monitor.stage("refine");
