@@ -186,3 +186,17 @@ async fn a_death_between_chunks_of_a_dense_basis_leaves_nothing_to_see() {
         again.close().await;
     }
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_basis_without_a_pair_is_stored_like_any_other() {
+    let (first, folder) = store().await;
+    let mesh = first.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    let original = dense(1.0, 50, 0, Precision::F32);
+    let id = stored(&first, &mesh, "w", original.clone()).await;
+    first.close().await;
+    drop(first);
+    let again = Store::open(options(&folder)).await.unwrap();
+    let loaded = again.load_basis(id).await.unwrap();
+    assert_eq!((loaded.count(), loaded.vertices()), (0, 50));
+    assert_eq!(*loaded, original);
+}

@@ -138,19 +138,20 @@ impl Exact {
     /// An estimate of the memory that the work needs beside mesh and operator, in bytes.
     ///
     /// The factor of a mesh of `n` vertices has about `4.7 n log₂ n` nonzeros (2.5 million at 41 thousand, 9.7 at 134, 60 at 655), of
-    /// which one is held with its indices and the workspace of the factorisation; beside it the columns that are iterated on, in
-    /// double precision, the finest space of the hierarchy, and the converted result.
+    /// which two are held, with their indices, where two threads work at two shifts. Of the `q` columns that are iterated on, in double
+    /// precision, two and a half copies were measured, beside a few `q × q` matrices, the finest space of the hierarchy, and the result.
     pub fn memory_bytes(&self, vertices: u64) -> u64 {
         let n = vertices.max(2);
         let p = (self.most_pairs() as u64).min(n);
-        let factor = (4.7 * n as f64 * (n as f64).log2()) as u64 * 8 * 3 / 2;
+        let factors = (4.7 * n as f64 * (n as f64).log2()) as u64 * 20;
         let q = match self.solver.variant {
             Variant::Sliced => p + p * 15 / 100 + 64,
             Variant::Published | Variant::Random | Variant::Bathe => {
-                // The block and what a solve makes of it.
-                2 * (self.solver.subspace_factor.unwrap_or(1.5) * p as f64).ceil() as u64 + 64
+                (self.solver.subspace_factor.unwrap_or(1.5) * p as f64).ceil() as u64 + 64
             }
         };
+        let q = q.min(n);
+        let columns = 20 * n * q + 48 * q * q;
         let space = n * 25 * 2 * 8;
         let result = match self.storage {
             StorageKind::Dense => n * p * self.precision.bytes() as u64,
@@ -159,7 +160,7 @@ impl Exact {
                 8 * (2 * d * d + 2 * d * p)
             }
         };
-        factor + 8 * n * q.min(2 * n) + space + result
+        factors + columns + space + result
     }
 
     /// Solves and stores.

@@ -289,15 +289,23 @@ mod tests {
 
     #[test]
     fn the_estimate_of_memory_covers_what_was_measured() {
-        let bytes = |parameters: Value, n: usize| {
-            EigenbasisParameters::parse(&parameters).unwrap().memory_bytes(n, 2 * n) as f64
+        let megabytes = |parameters: Value, n: usize| {
+            EigenbasisParameters::parse(&parameters).unwrap().memory_bytes(n, 2 * n) as f64 / 1e6
         };
-        // The factor of 655 thousand vertices has 60 million nonzeros: 480 MB and its indices.
-        let large = bytes(json!({"method": "hsim", "count": 50}), 655_000);
-        assert!((1.3e9..3e9).contains(&large), "{large:e}");
-        let more = bytes(json!({"method": "hsim", "count": 1000}), 655_000);
-        assert!(more - large > 8.0 * 655e3 * 950.0);
-        assert!(bytes(json!({"method": "hsim", "below": 1.0, "at_most": 50}), 655_000) == large);
-        assert!(bytes(json!({"method": "sim", "count": 1000}), 655_000) > more);
+        // The largest resident memory of the program: docs/decisions/0011.
+        for (parameters, vertices, measured) in [
+            (json!({"method": "hsim", "count": 50}), 134_345, 529.0),
+            (json!({"method": "hsim", "count": 250}), 134_345, 1205.0),
+            (json!({"method": "hsim", "count": 250, "storage": "compact"}), 134_345, 1140.0),
+            (json!({"method": "hsim", "count": 250, "precision": "f64", "tolerance": 1e-9}), 134_345, 1480.0),
+            (json!({"method": "hsim", "count": 1000}), 134_345, 3791.0),
+            (json!({"method": "hsim", "count": 50}), 437_645, 1033.0),
+            (json!({"method": "hsim", "count": 50}), 14_472, 132.0),
+        ] {
+            let estimate = megabytes(parameters.clone(), vertices);
+            assert!((measured..2.5 * measured).contains(&estimate), "{parameters}: {estimate} for {measured}");
+        }
+        let counted = megabytes(json!({"method": "hsim", "count": 50}), 655_000);
+        assert_eq!(megabytes(json!({"method": "hsim", "below": 1.0, "at_most": 50}), 655_000), counted);
     }
 }
