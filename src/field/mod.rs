@@ -9,6 +9,8 @@ mod hierarchy;
 mod local;
 mod principal;
 mod reading;
+#[cfg(test)]
+mod real_meshes;
 mod singularity;
 mod smooth;
 mod space;

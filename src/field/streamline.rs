@@ -175,18 +175,19 @@ impl Hatching<'_> {
         [0, 1, 2].map(|i| (0..3).map(|k| place.at[k] * mesh.positions[face[k] as usize][i]).sum())
     }
 
-    /// The direction of the field in a face nearest to `towards`, of unit length; `None` where the field is zero.
-    fn direction(&self, face: u32, towards: Planar) -> Option<Planar> {
+    /// The direction of the field in a face nearest to `towards`, of unit length; `None` where the field is zero. With a sign of −1 lines run against the
+    /// field, which for even `n` is the same.
+    fn direction(&self, face: u32, towards: Planar, sign: f64) -> Option<Planar> {
         let [x, y] = [0, 1].map(|i| f64::from(self.field[2 * face as usize + i]));
         if !(x.hypot(y) > 1e-30 && x.is_finite() && y.is_finite()) {
             return None;
         }
         let n = f64::from(self.n);
         let own = y.atan2(x) / n;
-        let wanted = towards[1].atan2(towards[0]);
+        let wanted = (sign * towards[1]).atan2(sign * towards[0]);
         let turn = std::f64::consts::TAU / n;
         let (sine, cosine) = (own + turn * ((wanted - own) / turn).round()).sin_cos();
-        Some([cosine, sine])
+        Some([sign * cosine, sign * sine])
     }
 
     /// Goes straight from a place in a face: the weights where its edge is reached, the edge, and how far that is.
@@ -231,7 +232,7 @@ impl Hatching<'_> {
         Some((Place { face: next, at: there }, multiply(turn, direction)))
     }
 
-    /// Follows the field one way until it ends, comes near a line, or returns.
+    /// Follows the field, or with a sign of −1 goes against it, until it ends, comes near a line, or returns.
     fn follow(
         &self,
         seed: &Place,
@@ -269,7 +270,7 @@ impl Hatching<'_> {
             half.places.push(Place { face: here.face, at });
             half.length = end;
             let Some((place, carried)) = self.cross(here.face, k, at, direction) else { break };
-            let Some(next) = self.direction(place.face, carried) else { break };
+            let Some(next) = self.direction(place.face, carried, sign) else { break };
             // A field that points back out at once would go to and fro.
             if next[0] * carried[0] + next[1] * carried[1] <= 0.0 {
                 break;
@@ -281,12 +282,12 @@ impl Hatching<'_> {
 
     /// Lays the line through a seed; `None` where it is too short.
     fn lay(&mut self, seed: &Place, least: f64) -> Option<Streamline> {
-        let start = self.direction(seed.face, [1.0, 0.0])?;
+        let start = self.direction(seed.face, [1.0, 0.0], 1.0)?;
         let line = self.lines.len() as u32;
         let mut own = HashMap::new();
         self.insert(&mut own, seed, line, 0.0);
         let forward = self.follow(seed, start, line, &mut own, 1.0);
-        let backward = self.follow_back(seed, start, line, &mut own);
+        let backward = self.follow(seed, [-start[0], -start[1]], line, &mut own, -1.0);
         if forward.length + backward.length < least || forward.places.len() + backward.places.len() == 0 {
             return None;
         }
@@ -305,15 +306,6 @@ impl Hatching<'_> {
         }
         self.lines.push(laid.clone());
         Some(laid)
-    }
-
-    fn follow_back(&self, seed: &Place, start: Planar, line: u32, own: &mut HashMap<[i32; 3], Vec<Sample>>) -> Half {
-        let back = [-start[0], -start[1]];
-        // Fields of odd n have no direction straight back: the line goes against the field there.
-        if self.n % 2 == 0 {
-            return self.follow(seed, back, line, own, -1.0);
-        }
-        Half::default()
     }
 
     /// Seeds on either side of a line, a spacing away.
@@ -460,12 +452,12 @@ mod tests {
     #[test]
     fn lines_around_a_sphere_stay_at_their_latitude_and_apart() {
         let surface = FieldSurface::new(generate(Shape::Sphere, 2562).unwrap()).unwrap();
-        for n in [2, 4] {
+        for n in [1, 2, 4] {
             let field = along(&surface, n, |c| [-c[1], c[0], 0.0]);
             let parameters = HatchingParameters { spacing: 0.03, ..HatchingParameters::default() };
             let lines = streamlines(&surface, n, &field, &parameters, &Unwatched).unwrap();
             assert!(lines.len() > 5);
-            if n == 2 {
+            if n <= 2 {
                 let spread = |l: &Streamline| {
                     let z = l.points.iter().map(|p| p[2]);
                     z.clone().fold(-2.0, f64::max) - z.fold(2.0, f64::min)
