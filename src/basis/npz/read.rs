@@ -250,7 +250,7 @@ impl<'a> Archive<'a> {
     }
 }
 
-/// Reads a basis from the bytes of an NPZ file that [`write()`] made.
+/// Reads a basis from the bytes of an NPZ file that [`write()`](super::write()) made.
 ///
 /// # Errors
 /// [`FormatError`] names the member that is missing, damaged or of another shape than the rest.

@@ -68,7 +68,7 @@ pub(super) fn complete(
         if matches!(goal, Goal::Below(..)) {
             plan.wanted = below;
         }
-        plan.most_passes = iteration.passes + plan.most_passes;
+        plan.most_passes += iteration.passes;
         round += 1;
     }
 }

@@ -33,7 +33,7 @@ pub(super) fn columns(wanted: usize, size: usize) -> usize {
 /// problem may be without being felt, the middle one so large that one step on the mesh suffices for most columns.
 /// None where the mesh itself is small enough to be solved densely.
 pub(super) fn sizes(n: usize, q: usize, levels: Option<usize>) -> Vec<usize> {
-    let coarsest = (4 * q).min(1000).max(400).max(q + q.min(1000) * 4 / 5);
+    let coarsest = (4 * q).clamp(400, 1000).max(q + q.min(1000) * 4 / 5);
     let middle = (1500 + 10 * q).max(2000);
     if n < 2 * coarsest && (n < SMALL || 5 * n < 6 * coarsest) {
         return Vec::new();
