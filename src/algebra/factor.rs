@@ -408,3 +408,7 @@ impl Factor<'_> {
         if largest > 0.0 { growth / largest } else { growth }
     }
 }
+
+#[cfg(test)]
+#[path = "factor_tests.rs"]
+mod tests;

@@ -171,3 +171,7 @@ fn runs(columns: &[usize]) -> Vec<Run> {
     }
     runs
 }
+
+#[cfg(test)]
+#[path = "panel_tests.rs"]
+mod tests;

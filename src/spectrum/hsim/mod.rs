@@ -198,3 +198,8 @@ impl From<crate::algebra::FactorError> for HsimError {
         Self::Numerical(error.to_string())
     }
 }
+
+#[cfg(test)]
+mod certify_tests;
+#[cfg(test)]
+mod tests;
