@@ -200,7 +200,11 @@ fn inertia_counts_the_eigenvalues_below_every_shift_and_solves_are_exact() {
         let cases = [
             ("diagonal mass", loose(1), MassMatrix::Diagonal(masses)),
             ("sparse mass of another pattern", loose(2), MassMatrix::Sparse(definite(n, 6, 3))),
-            ("sparse mass, diagonal matrix", random(n, 0, |r| r.signed_unit(), 4), MassMatrix::Sparse(definite(n, 3, 8))),
+            (
+                "sparse mass, diagonal matrix",
+                random(n, 0, |r| r.signed_unit(), 4),
+                MassMatrix::Sparse(definite(n, 3, 8)),
+            ),
             ("multiplets", copies(&block, 3), MassMatrix::Diagonal(vec![2.0; 3 * n.div_ceil(3)])),
             ("Laplacian", grid(n, 2), MassMatrix::Sparse(definite(2 * n, 2, 6))),
         ];

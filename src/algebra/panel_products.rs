@@ -404,6 +404,8 @@ pub struct ColumnSums {
     pub residual: f64,
     /// The same in the norm of the inverse of the lumped mass.
     pub dual: f64,
+    /// `xᵀ(A x − θ M x)`: zero where `θ` is the Rayleigh quotient of `x`.
+    pub product: f64,
     /// `‖A x‖²`.
     pub stiffness: f64,
     /// `‖x‖²`.
@@ -436,7 +438,7 @@ pub fn residual_sums(
             let panel = rows_of(panel);
             let mut theta = [0.0; PANEL_WIDTH];
             theta[..values.len()].copy_from_slice(values);
-            let mut sums = [[0.0; PANEL_WIDTH]; 7];
+            let mut sums = [[0.0; PANEL_WIDTH]; 8];
             let mut stiffness = vec![[0.0; PANEL_WIDTH]; ROWS];
             let mut inertia = vec![[0.0; PANEL_WIDTH]; ROWS];
             let mut from = 0;
@@ -448,7 +450,7 @@ pub fn residual_sums(
                 vectorized(
                     &mut sums,
                     #[inline(always)]
-                    |[residual, dual, square_a, square, product, highest, lowest]| {
+                    |[residual, dual, coupling, square_a, square, product, highest, lowest]| {
                         for row in from..to {
                             let (ax, mx, x) = (&stiffness[row - from], &inertia[row - from], &panel[row]);
                             let weight = lumped[row].recip();
@@ -456,6 +458,7 @@ pub fn residual_sums(
                                 let r = ax[k] - theta[k] * mx[k];
                                 residual[k] += r * r;
                                 dual[k] += r * r * weight;
+                                coupling[k] += x[k] * r;
                                 square_a[k] += ax[k] * ax[k];
                                 square[k] += x[k] * x[k];
                                 product[k] += x[k] * mx[k];
@@ -470,11 +473,12 @@ pub fn residual_sums(
             let column = |k: usize| ColumnSums {
                 residual: sums[0][k],
                 dual: sums[1][k],
-                stiffness: sums[2][k],
-                square: sums[3][k],
-                mass: sums[4][k],
-                highest: sums[5][k],
-                lowest: sums[6][k],
+                product: sums[2][k],
+                stiffness: sums[3][k],
+                square: sums[4][k],
+                mass: sums[5][k],
+                highest: sums[6][k],
+                lowest: sums[7][k],
             };
             Ok((0..values.len()).map(column).collect())
         })

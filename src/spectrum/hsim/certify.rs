@@ -7,8 +7,8 @@ use crate::mesh::random::SplitMix64;
 
 use super::ritz::ritz;
 
-/// Searches for missing pairs, at most.
-const ROUNDS: u64 = 4;
+/// Searches for missing pairs that may find none before the others are given up.
+const VAIN_ROUNDS: u64 = 4;
 
 /// Which pairs have to be there.
 #[derive(Debug, Clone, Copy)]
@@ -27,7 +27,7 @@ pub(super) fn complete(
     seed: u64,
 ) -> Result<(f64, usize), HsimError> {
     let mut plan = *plan;
-    let mut round = 0;
+    let (mut round, mut vain, mut least) = (0, 0, usize::MAX);
     loop {
         converge(iteration, &plan)?;
         let order = iteration.order();
@@ -54,14 +54,18 @@ pub(super) fn complete(
                 let storage = iteration.storage();
                 let below = factor_near(iteration.level, iteration.symbolic, shift, storage)?.eigenvalues_below();
                 iteration.inertia.push((shift, below));
-                below.saturating_sub(kernel)
+                // Negative eigenvalues lie below the kernel.
+                below.saturating_sub(if shift > 0.0 { kernel } else { 0 })
             }
         };
         if below == found {
             return Ok((shift, found));
         }
-        if below < found || round == ROUNDS {
-            return Err(HsimError::Incomplete { missing: below.abs_diff(found), shift });
+        let missing = below.abs_diff(found);
+        vain += u64::from(missing >= least);
+        least = least.min(missing);
+        if below < found || vain == VAIN_ROUNDS {
+            return Err(HsimError::Incomplete { missing, shift });
         }
         iteration.monitor.stage("repair");
         search(iteration, shift, seed.wrapping_add(round))?;
@@ -78,6 +82,8 @@ fn converge(iteration: &mut Iteration<'_>, plan: &Plan) -> Result<(), HsimError>
     if plan.tolerance < LOOSE {
         iteration.run(&Plan { tolerance: LOOSE, solves: 1, ..*plan })?;
     }
+    iteration.run(plan)?;
+    iteration.take_quotients()?;
     iteration.run(plan)?;
     iteration.require(plan)
 }
@@ -102,8 +108,19 @@ fn gap_above(values: &[f64], count: usize, size: usize) -> (f64, usize) {
     let first_wide = places.clone().find(|&at| relative(at) > wide);
     let at = first_wide.or_else(|| places.max_by(|&a, &b| relative(a).total_cmp(&relative(b))));
     let at = at.unwrap_or(last - 1).max(1);
+    if relative(at) < NO_GAP {
+        // All of them belong to one cluster, which a count above it tells the size of.
+        let most = values[last - 1];
+        return (most + ABOVE * (1.0 + most.abs()), last);
+    }
     (values[at - 1] + 0.4 * (values[at] - values[at - 1]), at)
 }
+
+/// A relative gap that rounding could have made.
+const NO_GAP: f64 = 1e-7;
+
+/// How far above a cluster its members are counted, relative to it.
+const ABOVE: f64 = 1e-3;
 
 /// Looks for eigenvectors below `shift` that the columns do not contain, starting from random vectors where counts and values first disagree.
 fn search(iteration: &mut Iteration<'_>, shift: f64, seed: u64) -> Result<(), HsimError> {
@@ -150,7 +167,7 @@ fn search(iteration: &mut Iteration<'_>, shift: f64, seed: u64) -> Result<(), Hs
     }
     let (stiffness, gram) = restrict(&level.stiffness, &level.mass, &columns, monitor)?;
     let (ritz_values, rotation) = ritz(stiffness, gram, width, monitor)?;
-    let top = values.last().copied().unwrap_or(0.0);
+    let top = values.last().copied().unwrap_or(0.0).max(shift);
     let new = ritz_values.partition_point(|&value| value < top).max(1).min(ritz_values.len());
     rotate(&mut columns, &rotation.slice_columns(0..new), monitor)?;
     iteration.append(&columns, &ritz_values[..new])

@@ -133,8 +133,16 @@ pub(super) fn densely(
 ) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
     let count = (kernel + q).min(stiffness.rows());
     let (mut values, vectors) = ritz(stiffness, mass, count, monitor)?;
-    let vectors = PanelMatrix::from_dense(&vectors.slice_columns(kernel..values.len()));
-    Ok((values.split_off(kernel.min(values.len())), vectors))
+    // What is nearest to zero is the kernel; a potential can have eigenvalues below it.
+    let kernel = kernel.min(values.len());
+    let negative = values.partition_point(|&value| value < 0.0);
+    let near = |from: usize| values[from].abs().max(values[from + kernel - 1].abs());
+    let places = negative.saturating_sub(kernel)..=negative.min(values.len() - kernel);
+    let first = if kernel == 0 { None } else { places.min_by(|&a, &b| near(a).total_cmp(&near(b))) };
+    let first = first.unwrap_or(0);
+    let kept: Vec<usize> = (0..first).chain(first + kernel..values.len()).collect();
+    values.drain(first..first + kernel);
+    Ok((values, PanelMatrix::from_dense(&vectors).select(&kept)))
 }
 
 /// The pencil of a level as dense matrices.

@@ -319,6 +319,18 @@ impl<'a> Iteration<'a> {
         Ok(())
     }
 
+    /// Replaces the values by the Rayleigh quotients of the columns. Those of a refining step leave out couplings that do not show in a residual, but
+    /// the bounds by Kato and Temple hold for quotients only.
+    pub fn take_quotients(&mut self) -> Result<(), HsimError> {
+        let mut moved = false;
+        for (value, sums) in self.values.iter_mut().zip(&self.sums) {
+            let shift = if sums.mass > 0.0 { sums.product / sums.mass } else { 0.0 };
+            moved |= shift.abs() > EXACT * value.abs();
+            *value += shift;
+        }
+        if moved { self.measure() } else { Ok(()) }
+    }
+
     /// Whether the wanted pairs have converged.
     ///
     /// # Errors
@@ -381,7 +393,8 @@ impl<'a> Iteration<'a> {
         for (values, panel) in values.chunks(PANEL_WIDTH).zip(panels.by_ref()) {
             // A factor at hand serves as long as its shift is not much farther away than the columns are wide apart.
             let near = self.kept.iter().map(|(shift, factor)| {
-                let farthest = values.iter().map(|&value| (value - shift).abs() / value.max(low)).fold(0.0, f64::max);
+                let farthest =
+                    values.iter().map(|&value| (value - shift).abs() / value.abs().max(low.abs())).fold(0.0, f64::max);
                 (farthest, factor)
             });
             match near.min_by(|a, b| a.0.total_cmp(&b.0)) {
@@ -481,6 +494,9 @@ impl<'a> Iteration<'a> {
         rayon::current_num_threads().min(room).max(1)
     }
 }
+
+/// Values that change by less than this share are Rayleigh quotients up to rounding.
+const EXACT: f64 = 1e-12;
 
 /// How far a factor's shift may lie from a value, relative to the value.
 const NEAR: f64 = 0.3;

@@ -6,7 +6,7 @@
 use super::hierarchy::{dense, densely};
 use super::iterate::{Iteration, KERNEL};
 use super::kernel::Kernel;
-use super::level::{Level, coarsened};
+use super::level::{Level, NO_KERNEL, coarsened};
 use super::{HsimError, HsimParameters, LevelReport, Variant};
 use crate::algebra::{DenseMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, prolong};
 use crate::mesh::TriangleMesh;
@@ -15,7 +15,7 @@ use crate::mesh::distance::DistanceKind;
 use crate::mesh::random::SplitMix64;
 use crate::mesh::sample::farthest_points;
 use crate::monitor::Monitor;
-use crate::spectrum::radial::{self, Profile};
+use crate::spectrum::radial::{self, Profile, RadialError};
 
 /// The supports of prolongation functions overlap so many times (4.10).
 const SIGMA: f64 = 7.0;
@@ -74,7 +74,10 @@ pub(super) fn start(
     for (k, &size) in sizes.iter().enumerate() {
         let part = &samples[..size.min(samples.len())];
         let all = radial::columns(mesh, &connectivity, part, DistanceKind::Dijkstra, Profile::Linear, sigma, monitor)
-            .map_err(|error| HsimError::Numerical(error.to_string()))?;
+            .map_err(|error| match error {
+            RadialError::Cancelled(cancelled) => HsimError::Cancelled(cancelled),
+            other => HsimError::Numerical(other.to_string()),
+        })?;
         let (space, kept) = rows_with_all_columns(&all, &vertices);
         let level = levels.last().unwrap_or(fine);
         // The vertex that a column belongs to: the first ones are samples, others were added where no sample reached.
@@ -153,6 +156,8 @@ pub(super) fn plain(level: &Level, q: usize, variant: Variant, seed: u64) -> (Pa
     let mut random = SplitMix64::new(seed);
     let mut start = DenseMatrix::zeros(n, q);
     let masses = level.mass.lumped();
+    // Constants are of no use where they are known to be in the kernel.
+    let known = level.component.iter().all(|&component| component != NO_KERNEL);
     if variant == Variant::Bathe {
         // Bathe and Wilson: the masses, unit vectors where stiffness over mass is least, and one random vector.
         let ratio = |row: usize| {
@@ -165,13 +170,17 @@ pub(super) fn plain(level: &Level, q: usize, variant: Variant, seed: u64) -> (Pa
         for (k, &row) in rows.iter().take(q.saturating_sub(2)).enumerate() {
             start.column_mut(k + 1)[row] = 1.0;
         }
-        start.column_mut(0).fill(1.0);
-        if q > 1 {
-            start.column_mut(q - 1).iter_mut().for_each(|x| *x = random.signed_unit());
+        for column in [0, q - 1] {
+            start.column_mut(column).iter_mut().for_each(|x| *x = random.signed_unit());
+        }
+        if !known {
+            start.column_mut(0).fill(1.0);
         }
     } else {
         start.values_mut().iter_mut().for_each(|x| *x = random.signed_unit());
-        start.column_mut(0).fill(1.0);
+        if !known {
+            start.column_mut(0).fill(1.0);
+        }
     }
     (PanelMatrix::from_dense(&start), vec![0.0; q])
 }

@@ -2,7 +2,7 @@
 
 use super::certify::{Goal, complete};
 use super::hierarchy::{self, dense, densely};
-use super::iterate::{Iteration, Plan, factor_near};
+use super::iterate::{Iteration, KERNEL, Plan, factor_near};
 use super::kernel::{Kernel, components};
 use super::level::{Level, NO_KERNEL};
 use super::{Eigenpairs, HsimError, HsimParameters, InertiaCount, LevelReport, Variant, Wanted, published};
@@ -77,8 +77,9 @@ fn climb_and_solve(
     monitor.checkpoint()?;
     let known =
         base.component.iter().filter(|&&component| component != NO_KERNEL).max().map_or(0, |&most| most as usize + 1);
-    // One pair above the kernel tells where the kernel ends.
-    let beside = |wanted: usize| wanted.saturating_sub(known).max(1).min(n - known);
+    // One pair above the kernel tells where the kernel ends; where a potential acts on other components, all may lie below it.
+    let mixed = base.component.contains(&NO_KERNEL);
+    let beside = |wanted: usize| wanted.saturating_sub(if mixed { 0 } else { known }).max(1).min(n - known);
     let sliced = parameters.variant == Variant::Sliced;
     let sigma = parameters.sigma.unwrap_or(hierarchy::SIGMA);
     let climb = |q: usize| {
@@ -254,7 +255,11 @@ fn goal(finest: &Finest, parameters: &HsimParameters, area: f64) -> Result<(Goal
     match parameters.wanted {
         Wanted::Count(count) => Ok((Goal::Count(count), count)),
         Wanted::Below { bound, most } => {
-            let bound = bound * area;
+            let mut bound = bound * area;
+            if bound.abs() < KERNEL && finest.level.component.iter().any(|&component| component != NO_KERNEL) {
+                // The kernel lies at zero exactly, where nothing can be counted.
+                bound = if bound > 0.0 { KERNEL } else { -KERNEL };
+            }
             let below = factor_near(&finest.level, &finest.symbolic, bound, Vec::new())?.eigenvalues_below();
             if below > most {
                 return Err(HsimError::Count { wanted: below, most });
@@ -300,7 +305,8 @@ fn finish(
         iteration.orthonormalise()?;
         defect = self::defect(&iteration, monitor)?;
     }
-    let counts = iteration.counts(shift, below + iteration.kernel.dimension());
+    let known = if shift > 0.0 { iteration.kernel.dimension() } else { 0 };
+    let counts = iteration.counts(shift, below + known);
     prepend_kernel(&mut iteration, wanted)?;
     let factor = match problem.mass {
         MassMatrix::Diagonal(_) => 1.0,
