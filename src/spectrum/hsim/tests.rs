@@ -70,7 +70,7 @@ fn solved(mesh: &TriangleMesh, problem: &EigenProblem, parameters: &HsimParamete
     let inside: Vec<Vec<f64>> = columns.iter().map(|x| rows.iter().map(|&row| x[row]).collect()).collect();
     for (k, (whole, x)) in columns.iter().zip(&inside).enumerate() {
         let squares = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>();
-        assert_eq!(squares(whole) > squares(x) * (1.0 + 1e-12), false, "{what}: column {k} is not zero off the unknowns");
+        assert!(squares(whole) <= squares(x) * (1.0 + 1e-12), "{what}: column {k} is not zero off the unknowns");
         let (highest, lowest) = x.iter().fold((0f64, 0f64), |(high, low), &x| (high.max(x), low.min(x)));
         assert!(highest >= -lowest * (1.0 - 1e-12), "{what}: column {k} has the wrong sign: {highest} {lowest}");
         let mx = problem.mass.multiply(x).unwrap();
@@ -110,9 +110,8 @@ fn square(k: usize) -> TriangleMesh {
     let at = |i: usize, j: usize| (i * (k + 1) + j) as u32;
     let positions = (0..=k).flat_map(|i| (0..=k).map(move |j| [i as f64 / k as f64, j as f64 / k as f64, 0.0]));
     let cells = (0..k).flat_map(|i| (0..k).map(move |j| (i, j)));
-    let faces = cells.flat_map(|(i, j)| {
-        [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]]
-    });
+    let faces = cells
+        .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]]);
     TriangleMesh { positions: positions.collect(), faces: faces.collect() }
 }
 
@@ -152,7 +151,7 @@ fn a_single_unknown_is_solved() {
 
 #[test]
 fn any_share_of_the_pairs_of_a_small_mesh_is_delivered() {
-    let mesh = rough(Shape::Genus(2), 300);
+    let mesh = rough(Shape::Torus, 300);
     let problem = laplacian(&mesh);
     let n = problem.size();
     let truth = exact(&problem, n);
@@ -262,8 +261,11 @@ fn potentials_of_either_sign_agree_with_the_dense_solver() {
         (0..vertices).map(|v| -depth * (-mesh.positions[v][0].powi(2)).exp() + 0.2 * depth).collect()
     };
     let curvature = Potential::Curvature { t: 0.1 };
-    let cases =
-        [("curvature", curvature), ("shallow well", Potential::Values(well(3.0))), ("deep well", Potential::Values(well(300.0)))];
+    let cases = [
+        ("curvature", curvature),
+        ("shallow well", Potential::Values(well(3.0))),
+        ("deep well", Potential::Values(well(300.0))),
+    ];
     for (name, potential) in cases {
         let problem = problem(&mesh, OperatorKind::Hamiltonian { potential }, MassKind::Barycentric, Boundary::Neumann);
         let truth = exact(&problem, 40);
@@ -322,7 +324,7 @@ fn all_pairs_below_a_bound_are_delivered() {
     let mesh = copies(&rough(Shape::Genus(1), 550), 2);
     let problem = laplacian(&mesh);
     let truth = exact(&problem, 120);
-    for pairs in [2, 3, 20, 101] {
+    for pairs in [2, 4, 20, 102] {
         let bound = 0.5 * (truth[pairs - 1] + truth[pairs]);
         let what = format!("{pairs} below {bound}");
         let found = solved(&mesh, &problem, &below(bound, 200), &what);
@@ -341,8 +343,8 @@ fn all_pairs_below_a_bound_are_delivered() {
     // Beyond the last.
     let small = rough(Shape::Torus, 100);
     let problem = laplacian(&small);
-    let found = solved(&small, &problem, &below(1e9, 100), "all");
-    assert_eq!(found.values.len(), 100);
+    let found = solved(&small, &problem, &below(1e9, 1000), "all");
+    assert_eq!(found.values.len(), small.positions.len());
 }
 
 #[test]
@@ -404,7 +406,8 @@ fn the_baselines_take_all_pairs_of_a_small_mesh() {
             agree(&solved(&mesh, &problem, &HsimParameters { variant, ..count(p, 1e-6) }, &what), &truth, 1e-8, &what);
         }
     }
-    let error = solve(&mesh, &problem, &HsimParameters { variant: Variant::Published, ..count(5, 1e-2) }, false, &Unwatched);
+    let error =
+        solve(&mesh, &problem, &HsimParameters { variant: Variant::Published, ..count(5, 1e-2) }, false, &Unwatched);
     assert!(matches!(error, Err(HsimError::Parameter { name: "levels", .. })));
 }
 
@@ -447,7 +450,10 @@ fn it_stops_at_whatever_checkpoint_it_is_told_to() {
         for part in [0, 1, 2, 5, 20, 40, 60, 80, 95] {
             let at = if part < 5 { part } else { checkpoints * part / 100 };
             let result = solve(&mesh, &problem, &parameters, false, &Countdown(AtomicUsize::new(at)));
-            assert!(matches!(result, Err(HsimError::Cancelled(_))), "{variant:?}: at {at} of {checkpoints}: {result:?}");
+            assert!(
+                matches!(result, Err(HsimError::Cancelled(_))),
+                "{variant:?}: at {at} of {checkpoints}: {result:?}"
+            );
         }
     }
 }
@@ -527,9 +533,11 @@ fn eigenvalues_do_not_depend_on_placement_or_numbers_and_follow_the_scale() {
 #[test]
 fn the_finest_space_is_given_on_request_over_all_vertices() {
     let disk = generate(Shape::Disk, 2500).unwrap();
-    for (variant, problem) in
-        [(Variant::Sliced, super_problem(&disk)), (Variant::Sliced, laplacian(&disk)), (Variant::Published, laplacian(&disk))]
-    {
+    for (variant, problem) in [
+        (Variant::Sliced, super_problem(&disk)),
+        (Variant::Sliced, laplacian(&disk)),
+        (Variant::Published, laplacian(&disk)),
+    ] {
         let parameters = HsimParameters { variant, ..count(30, 1e-2) };
         let space = solve(&disk, &problem, &parameters, true, &Unwatched).unwrap().space.unwrap();
         assert_eq!(space.rows(), disk.positions.len());
