@@ -42,6 +42,10 @@ pub(super) const KERNEL: f64 = 1e-6;
 /// Where more than this share of the columns has to be improved, all are replaced at once.
 const REPLACE_SHARE: f64 = 0.4;
 
+/// A step that leaves the worst residual above this share of what it was has stalled; the next one is made with this share of the tolerance.
+const STALLED: f64 = 0.6;
+const STRICT: f64 = 0.01;
+
 /// A coupling of a new direction with an old column counts from this share of what the tolerance allows.
 const COUPLED: f64 = 0.1;
 
@@ -133,6 +137,7 @@ impl<'a> Iteration<'a> {
 
     /// Iterates until the wanted pairs have converged or the steps are used up.
     pub fn run(&mut self, plan: &Plan) -> Result<(), HsimError> {
+        let mut last = f64::INFINITY;
         while self.passes < plan.most_passes {
             let pending = self.unconverged(plan);
             if pending.is_empty() {
@@ -145,7 +150,16 @@ impl<'a> Iteration<'a> {
             if self.sums.is_empty() || pending.len() as f64 > REPLACE_SHARE * self.values.len() as f64 {
                 self.replace(plan)?;
             } else {
-                self.refine(&pending, plan.tolerance)?;
+                let worst = pending.iter().map(|&column| self.residual(column)).fold(0.0, f64::max);
+                let stalled = worst > STALLED * last;
+                last = worst;
+                if stalled {
+                    // What was left out as too weak a coupling, or a shift too far away, is what keeps the rest from converging.
+                    self.release();
+                    self.refine(&pending, STRICT * plan.tolerance)?;
+                } else {
+                    self.refine(&pending, plan.tolerance)?;
+                }
             }
             self.passes += 1;
         }

@@ -188,6 +188,9 @@ fn climb_and_solve(
     Ok(pairs)
 }
 
+/// Above this size factors in an order of minimum degree cost more than it takes to find a better one, even if there are only a few.
+const LARGE: usize = 1_000_000;
+
 /// Above this size a factor costs more than the solves of a few panels.
 const MANY_VERTICES: usize = 60_000;
 
@@ -224,7 +227,11 @@ impl Finest {
         monitor.checkpoint()?;
         // Nested dissection takes longer to find and saves a third of every factor and solve.
         let work = base.size() as f64 * columns as f64;
-        let ordering = if columns >= 128 && work > 3e7 { Ordering::NestedDissection } else { Ordering::Amd };
+        let ordering = if (columns >= 128 && work > 3e7) || base.size() > LARGE {
+            Ordering::NestedDissection
+        } else {
+            Ordering::Amd
+        };
         let order = base.factor_order(ordering)?;
         monitor.checkpoint()?;
         let level = base.in_order(&order);
