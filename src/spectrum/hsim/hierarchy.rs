@@ -39,7 +39,7 @@ pub(super) fn sizes(n: usize, q: usize, levels: Option<usize>) -> Vec<usize> {
         return Vec::new();
     }
     match levels {
-        None if n < 4 * coarsest => vec![coarsest],
+        None if n < FEW.max(4 * coarsest) => vec![coarsest],
         None if n < 6 * middle => vec![coarsest, ((n as f64 * coarsest as f64).sqrt() as usize).max(coarsest * 3 / 2)],
         None => vec![coarsest, middle],
         Some(levels) => {
@@ -49,6 +49,9 @@ pub(super) fn sizes(n: usize, q: usize, levels: Option<usize>) -> Vec<usize> {
         }
     }
 }
+
+/// On meshes of fewer vertices a level between the coarsest and the mesh costs more than it saves.
+const FEW: usize = 12_000;
 
 /// Meshes of so few vertices are solved densely where that is not much larger than the coarsest level.
 const SMALL: usize = 3000;
