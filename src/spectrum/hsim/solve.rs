@@ -10,6 +10,7 @@ use crate::algebra::{MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFa
 use crate::mesh::TriangleMesh;
 use crate::monitor::Monitor;
 use crate::operator::EigenProblem;
+use crate::spectrum::envelope::on_all_vertices;
 
 /// The most Rayleigh–Ritz steps on the mesh.
 const MOST_PASSES: usize = 24;
@@ -179,8 +180,13 @@ fn climb_and_solve(
     reports.push(LevelReport { dimension: n, iterations: iteration.passes, shifts: iteration.inertia.len() });
     let space = match (keep_space, given.cloned().or(space)) {
         (false, _) => None,
-        (true, Some(space)) => Some(over_vertices(&space, mesh.positions.len(), problem)),
-        (true, None) => Some(over_vertices(&identity(n), mesh.positions.len(), problem)),
+        (true, space) => {
+            let space = space.unwrap_or_else(|| identity(n));
+            Some(match &problem.unknowns {
+                Some(unknowns) => on_all_vertices(space, unknowns, mesh.positions.len()),
+                None => space,
+            })
+        }
     };
     let places = finest.vertices(problem);
     let mut pairs = finish(iteration, mesh.positions.len(), &places, (shift, below), wanted, problem, monitor)?;
@@ -396,19 +402,4 @@ fn rows_in_order(matrix: &SparseMatrix<f32>, order: &[u32]) -> SparseMatrix<f32>
         offsets.push(indices.len());
     }
     SparseMatrix::from_sorted_parts(order.len(), matrix.columns(), offsets, indices, values)
-}
-
-/// A space over the unknowns as one over all vertices, with empty rows where there is no unknown.
-fn over_vertices(space: &SparseMatrix<f32>, vertices: usize, problem: &EigenProblem) -> SparseMatrix<f32> {
-    let Some(unknowns) = &problem.unknowns else { return space.clone() };
-    let mut offsets = vec![0usize; vertices + 1];
-    for (row, &vertex) in unknowns.iter().enumerate() {
-        offsets[vertex as usize + 1] = space.row(row).0.len();
-    }
-    for vertex in 0..vertices {
-        offsets[vertex + 1] += offsets[vertex];
-    }
-    // Unknowns ascend, so the entries stay where they are.
-    let (indices, values) = (space.indices().to_vec(), space.values().to_vec());
-    SparseMatrix::from_sorted_parts(vertices, space.columns(), offsets, indices, values)
 }
