@@ -112,3 +112,25 @@ impl<T> SparseMatrix<T> {
         (&self.indices[range.clone()], &self.values[range])
     }
 }
+
+impl SparseMatrix {
+    /// The square matrix with its rows and columns in another order: row and column `k` are those that were `order[k]`, a permutation.
+    pub fn reordered(&self, order: &[u32]) -> Self {
+        let mut places = vec![0u32; self.columns];
+        order.iter().enumerate().for_each(|(place, &row)| places[row as usize] = place as u32);
+        let mut offsets = Vec::with_capacity(self.rows + 1);
+        let (mut indices, mut values) = (Vec::with_capacity(self.entries()), Vec::with_capacity(self.entries()));
+        offsets.push(0);
+        let mut entries: Vec<(u32, f64)> = Vec::new();
+        for &row in order {
+            let (columns, numbers) = self.row(row as usize);
+            entries.clear();
+            entries.extend(columns.iter().zip(numbers).map(|(&column, &number)| (places[column as usize], number)));
+            entries.sort_unstable_by_key(|entry| entry.0);
+            indices.extend(entries.iter().map(|entry| entry.0));
+            values.extend(entries.iter().map(|entry| entry.1));
+            offsets.push(indices.len());
+        }
+        Self::from_sorted_parts(self.rows, self.columns, offsets, indices, values)
+    }
+}

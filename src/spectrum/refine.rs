@@ -10,9 +10,8 @@ use super::approximate::{ApproximationError, ApproximationParameters, Ritz, ritz
 use super::certificate::KERNEL;
 use super::hsim::Eigenpairs;
 use crate::algebra::{
-    CpuSolver, DenseMatrix, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SparseMatrix, SymbolicFactor,
-    SymmetricDefiniteSolver, fill_reducing_order, mass_times_panel, prolong, residual_panel, residual_sums, restrict,
-    rotate,
+    CpuSolver, DenseMatrix, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SymbolicFactor, SymmetricDefiniteSolver,
+    fill_reducing_order, mass_times_panel, prolong, residual_panel, residual_sums, restrict, rotate,
 };
 use crate::mesh::TriangleMesh;
 use crate::monitor::{Monitor, Unwatched};
@@ -119,10 +118,10 @@ fn inverse_iteration(
     let failed = |error: crate::algebra::FactorError| ApproximationError::Factor(error.to_string());
     let order = fill_reducing_order(&problem.stiffness, ordering).map_err(failed)?;
     monitor.checkpoint()?;
-    let stiffness = reordered(&problem.stiffness, &order);
+    let stiffness = problem.stiffness.reordered(&order);
     let mass = match &problem.mass {
         MassMatrix::Diagonal(mass) => MassMatrix::Diagonal(order.iter().map(|&row| mass[row as usize]).collect()),
-        MassMatrix::Sparse(mass) => MassMatrix::Sparse(reordered(mass, &order)),
+        MassMatrix::Sparse(mass) => MassMatrix::Sparse(mass.reordered(&order)),
     };
     let symbolic = SymbolicFactor::new(&stiffness, &mass).map_err(failed)?;
     let factor = symbolic.factor(&stiffness, &mass, shift).map_err(failed)?;
@@ -158,27 +157,6 @@ fn scatter(panel: &[f64], order: &[u32], out: &mut [f64]) {
         let to = row as usize * PANEL_WIDTH;
         out[to..to + PANEL_WIDTH].copy_from_slice(panel);
     }
-}
-
-/// A symmetric matrix with its rows and columns in another order.
-fn reordered(matrix: &SparseMatrix, order: &[u32]) -> SparseMatrix {
-    let n = matrix.rows();
-    let mut places = vec![0u32; n];
-    order.iter().enumerate().for_each(|(place, &row)| places[row as usize] = place as u32);
-    let mut offsets = Vec::with_capacity(n + 1);
-    let (mut indices, mut values) = (Vec::with_capacity(matrix.entries()), Vec::with_capacity(matrix.entries()));
-    offsets.push(0);
-    let mut entries: Vec<(u32, f64)> = Vec::new();
-    for &row in order {
-        let (columns, numbers) = matrix.row(row as usize);
-        entries.clear();
-        entries.extend(columns.iter().zip(numbers).map(|(&column, &number)| (places[column as usize], number)));
-        entries.sort_unstable_by_key(|entry| entry.0);
-        indices.extend(entries.iter().map(|entry| entry.0));
-        values.extend(entries.iter().map(|entry| entry.1));
-        offsets.push(indices.len());
-    }
-    SparseMatrix::from_sorted_parts(n, n, offsets, indices, values)
 }
 
 /// The largest eigenvalue of the filter, as a multiple of what Gershgorin's theorem makes of the median row.

@@ -26,7 +26,7 @@ pub struct SolveArguments {
     count: Option<usize>,
 
     /// All eigenpairs below this eigenvalue, in 1/length² of the mesh, instead of a count (hsim)
-    #[arg(long, value_name = "VALUE", help_heading = "Problem", allow_negative_numbers = true)]
+    #[arg(long, value_name = "VALUE", help_heading = "Problem", allow_negative_numbers = true, value_parser = finite)]
     below: Option<f64>,
 
     /// The most eigenpairs that --below may deliver
@@ -51,7 +51,7 @@ pub struct SolveArguments {
     method: String,
 
     /// Largest residual of a pair (hsim, sim); 1e-2 where it is not given
-    #[arg(long, value_name = "EPSILON", help_heading = "Method")]
+    #[arg(long, value_name = "EPSILON", help_heading = "Method", value_parser = finite)]
     tolerance: Option<f64>,
 
     /// How the hierarchy is used (hsim)
@@ -123,6 +123,12 @@ Examples:
   chladni solve igea.ply --method hsim -n 250 --tolerance 1e-6 --precision f64 -o igea.npz
   chladni solve igea.ply --method hsim --below 500 --storage compact --json
   chladni solve face.obj --method hsim --operator hamiltonian:0.1 --boundary dirichlet";
+
+/// Reads a finite number: JSON has no other, and would pass on one as if nothing had been given.
+fn finite(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "a number is expected".to_owned())?;
+    if value.is_finite() { Ok(value) } else { Err("a finite number is expected".to_owned()) }
+}
 
 impl SolveArguments {
     /// The arguments as parameters of the job `eigenbasis`; what was not given is left to the job's own defaults.
@@ -354,6 +360,11 @@ mod tests {
         let same = json!({"method": "hsim", "below": 2.5, "at_most": 30});
         assert_eq!(bounded, JobParameters::parse("eigenbasis", &same).unwrap());
         assert!(Harness::try_parse_from(["solve", "a.ply", "--below", "1", "-n", "3"]).is_err());
+        for name in ["--below", "--tolerance"] {
+            for value in ["nan", "inf", "x"] {
+                assert!(Harness::try_parse_from(["solve", "a.ply", name, value]).is_err(), "{name} {value}");
+            }
+        }
         assert!(job(&["--below", "1"]).unwrap_err().to_string().contains("hsim"));
     }
 

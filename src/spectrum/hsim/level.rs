@@ -30,35 +30,15 @@ pub(super) fn inverse(order: &[u32]) -> Vec<u32> {
     inverse
 }
 
-/// A symmetric matrix with its rows and columns in another order.
-fn reordered(matrix: &SparseMatrix, order: &[u32], places: &[u32]) -> SparseMatrix {
-    let n = matrix.rows();
-    let mut offsets = Vec::with_capacity(n + 1);
-    let (mut indices, mut values) = (Vec::with_capacity(matrix.entries()), Vec::with_capacity(matrix.entries()));
-    offsets.push(0);
-    let mut entries: Vec<(u32, f64)> = Vec::new();
-    for &row in order {
-        let (columns, numbers) = matrix.row(row as usize);
-        entries.clear();
-        entries.extend(columns.iter().zip(numbers).map(|(&column, &number)| (places[column as usize], number)));
-        entries.sort_unstable_by_key(|entry| entry.0);
-        indices.extend(entries.iter().map(|entry| entry.0));
-        values.extend(entries.iter().map(|entry| entry.1));
-        offsets.push(indices.len());
-    }
-    SparseMatrix::from_sorted_parts(n, n, offsets, indices, values)
-}
-
 impl Level {
     /// The level with its rows in another order: row `k` becomes row `order[k]` of this one.
     pub fn in_order(&self, order: &[u32]) -> Self {
-        let places = inverse(order);
         let mass = match &self.mass {
             MassMatrix::Diagonal(mass) => MassMatrix::Diagonal(order.iter().map(|&row| mass[row as usize]).collect()),
-            MassMatrix::Sparse(mass) => MassMatrix::Sparse(reordered(mass, order, &places)),
+            MassMatrix::Sparse(mass) => MassMatrix::Sparse(mass.reordered(order)),
         };
         Self {
-            stiffness: reordered(&self.stiffness, order, &places),
+            stiffness: self.stiffness.reordered(order),
             mass,
             positions: order.iter().map(|&row| self.positions[row as usize]).collect(),
             component: order.iter().map(|&row| self.component[row as usize]).collect(),
