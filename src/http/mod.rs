@@ -9,6 +9,7 @@
 //! | `auth` | API keys and scopes |
 //! | `problem`, `convert` | every error as RFC 9457 |
 //! | `body`, `extract`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, negotiation, ranges |
+//! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `wire`, `certificate` | what goes over the wire |
 //! | `meshes`, `jobs`, `bases`, `content`, `modes`, `solves`, `system`, `docs` | the routes |
 
@@ -21,6 +22,7 @@ mod conditional;
 mod content;
 mod convert;
 mod docs;
+mod exchange;
 mod extract;
 mod jobs;
 mod meshes;

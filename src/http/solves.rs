@@ -4,9 +4,7 @@ use std::time::Instant;
 
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, header};
-use axum::response::{IntoResponse, Response};
-use serde::de::DeserializeOwned;
+use axum::http::HeaderMap;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -14,8 +12,9 @@ use utoipa_axum::routes;
 
 use super::bases::{basis_id, find};
 use super::binary::{self, Dtype, Table};
-use super::body::{self, WholeBody};
-use super::extract::{self, PathOf, QueryOf};
+use super::body::WholeBody;
+use super::exchange::{Answer, Sent, raw_answer, read};
+use super::extract::{PathOf, QueryOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
 use crate::algebra::DenseMatrix;
@@ -23,10 +22,6 @@ use crate::analysis::filter::{Transfer, filter};
 use crate::analysis::projection::project;
 use crate::basis::Basis;
 use crate::mesh::TriangleMesh;
-
-/// The media type of raw numbers.
-const OCTETS: &str = "application/octet-stream";
-const JSON: &str = "application/json";
 
 /// The routes of synchronous solves.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -112,43 +107,6 @@ struct ProjectAnswer {
     reconstruction: Option<Table>,
 }
 
-/// What a request carries: JSON, or raw numbers.
-enum Sent<T> {
-    Json(T),
-    Raw(WholeBody),
-}
-
-/// Reads the body as its Content-Type says.
-async fn read<T: DeserializeOwned + Send + 'static>(
-    state: &AppState,
-    headers: &HeaderMap,
-    content: Body,
-) -> Result<Sent<T>, Problem> {
-    let media_type = extract::media_type(headers);
-    let json = match media_type.as_deref() {
-        Some(JSON) => true,
-        Some(OCTETS) | None => false,
-        Some(other) => {
-            let other = problem::shorten(other.to_owned());
-            let detail = format!("This route reads {JSON} and {OCTETS}, not {other:?}.");
-            return Err(Problem::new(&problem::UNSUPPORTED_MEDIA_TYPE, detail));
-        }
-    };
-    let body = body::read(state, headers, content, state.config.limits.max_body_bytes).await?;
-    if !json {
-        return Ok(Sent::Raw(body));
-    }
-    // Millions of decimals take a while.
-    let parsed = tokio::task::spawn_blocking(move || extract::parse_json(&body.bytes).map(Sent::Json));
-    parsed.await.map_err(Problem::internal)?
-}
-
-/// Whether the answer is raw: as `Accept` says, else as the request was.
-fn raw_answer(headers: &HeaderMap, raw_request: bool) -> Result<bool, Problem> {
-    let offered = if raw_request { [OCTETS, JSON] } else { [JSON, OCTETS] };
-    Ok(extract::negotiated(headers, &offered)? == OCTETS)
-}
-
 fn coordinates(mesh: &TriangleMesh) -> DenseMatrix {
     let mut matrix = DenseMatrix::zeros(mesh.positions.len(), 3);
     for axis in 0..3 {
@@ -194,56 +152,6 @@ impl Source {
             Self::Table(table) => binary::from_table(table, rows),
             Self::Raw(body, dtype) => binary::decode(&body.bytes, *dtype, rows),
         }
-    }
-}
-
-/// An answer's bytes with what describes them.
-struct Answer {
-    bytes: Vec<u8>,
-    raw: Option<(usize, usize, Dtype)>,
-    errors: Option<String>,
-    seconds: f64,
-}
-
-impl Answer {
-    fn raw(matrix: &DenseMatrix, dtype: Dtype, begin: Instant) -> Self {
-        Self {
-            bytes: binary::encode(matrix, dtype),
-            raw: Some((matrix.rows(), matrix.columns(), dtype)),
-            errors: None,
-            seconds: begin.elapsed().as_secs_f64(),
-        }
-    }
-
-    fn json(value: &impl Serialize, begin: Instant) -> Result<Self, Problem> {
-        let seconds = begin.elapsed().as_secs_f64();
-        Ok(Self { bytes: serde_json::to_vec(value).map_err(Problem::internal)?, raw: None, errors: None, seconds })
-    }
-
-    fn table(matrix: &DenseMatrix, raw: bool, dtype: Dtype, begin: Instant) -> Result<Self, Problem> {
-        if raw { Ok(Self::raw(matrix, dtype, begin)) } else { Self::json(&binary::to_table(matrix), begin) }
-    }
-}
-
-impl IntoResponse for Answer {
-    fn into_response(self) -> Response {
-        let mut response = self.bytes.into_response();
-        let headers = response.headers_mut();
-        let media_type = if self.raw.is_some() { OCTETS } else { JSON };
-        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
-        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
-        if let Some((rows, columns, dtype)) = self.raw {
-            headers.insert("chladni-rows", HeaderValue::from(rows));
-            headers.insert("chladni-columns", HeaderValue::from(columns));
-            headers.insert("chladni-dtype", HeaderValue::from_static(dtype.name()));
-        }
-        if let Some(value) = self.errors.and_then(|errors| HeaderValue::from_str(&errors).ok()) {
-            headers.insert("chladni-relative-error", value);
-        }
-        if let Ok(value) = HeaderValue::from_str(&format!("solve;dur={:.3}", 1e3 * self.seconds)) {
-            headers.insert("server-timing", value);
-        }
-        response
     }
 }
 
@@ -353,7 +261,7 @@ async fn project_functions(
             if raw {
                 let errors: Vec<String> = projection.relative_errors.iter().map(|error| format!("{error:e}")).collect();
                 let wanted = if whole { &projection.reconstruction } else { &projection.coefficients };
-                return Ok(Answer { errors: Some(errors.join(", ")), ..Answer::raw(wanted, query.dtype, begin) });
+                return Ok(Answer::raw(wanted, query.dtype, begin).with("chladni-relative-error", errors.join(", ")));
             }
             let answer = ProjectAnswer {
                 coefficients: binary::to_table(&projection.coefficients),

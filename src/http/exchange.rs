@@ -1,0 +1,140 @@
+//! What synchronous operations take and give: JSON or raw little-endian numbers, both ways.
+
+use std::time::Instant;
+
+use axum::body::Body;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::binary::{self, Dtype};
+use super::body::{self, WholeBody};
+use super::extract;
+use super::problem::{self, Problem};
+use super::state::AppState;
+use crate::algebra::DenseMatrix;
+
+/// The media type of raw numbers.
+pub const OCTETS: &str = "application/octet-stream";
+/// The media type of JSON.
+pub const JSON: &str = "application/json";
+
+/// What a request carries: JSON, or raw numbers.
+pub enum Sent<T> {
+    /// JSON, parsed.
+    Json(T),
+    /// Raw numbers.
+    Raw(WholeBody),
+}
+
+/// Reads the body as its Content-Type says.
+///
+/// # Errors
+/// `unsupported-media-type`, and what reading bodies and parsing JSON answer.
+pub async fn read<T: DeserializeOwned + Send + 'static>(
+    state: &AppState,
+    headers: &HeaderMap,
+    content: Body,
+) -> Result<Sent<T>, Problem> {
+    let media_type = extract::media_type(headers);
+    let json = match media_type.as_deref() {
+        Some(JSON) => true,
+        Some(OCTETS) | None => false,
+        Some(other) => {
+            let other = problem::shorten(other.to_owned());
+            let detail = format!("This route reads {JSON} and {OCTETS}, not {other:?}.");
+            return Err(Problem::new(&problem::UNSUPPORTED_MEDIA_TYPE, detail));
+        }
+    };
+    let body = body::read(state, headers, content, state.config.limits.max_body_bytes).await?;
+    if !json {
+        return Ok(Sent::Raw(body));
+    }
+    // Millions of decimals take a while.
+    let parsed = tokio::task::spawn_blocking(move || extract::parse_json(&body.bytes).map(Sent::Json));
+    parsed.await.map_err(Problem::internal)?
+}
+
+/// Whether the answer is raw: as `Accept` says, else as the request was.
+///
+/// # Errors
+/// `not-acceptable`.
+pub fn raw_answer(headers: &HeaderMap, raw_request: bool) -> Result<bool, Problem> {
+    Ok(answer_type(headers, raw_request, &[])? == OCTETS)
+}
+
+/// The media type of the answer: as `Accept` says, else JSON or raw numbers as the request was; `others` may be asked for as well.
+///
+/// # Errors
+/// `not-acceptable`.
+pub fn answer_type<'o>(headers: &HeaderMap, raw_request: bool, others: &[&'o str]) -> Result<&'o str, Problem> {
+    let mut offered = if raw_request { vec![OCTETS, JSON] } else { vec![JSON, OCTETS] };
+    offered.extend(others);
+    extract::negotiated(headers, &offered)
+}
+
+/// An answer's bytes with what describes them.
+pub struct Answer {
+    bytes: Vec<u8>,
+    media_type: &'static str,
+    headers: Vec<(&'static str, String)>,
+    seconds: f64,
+}
+
+impl Answer {
+    /// Bytes of any media type; `begin` is when the work began.
+    pub fn new(bytes: Vec<u8>, media_type: &'static str, begin: Instant) -> Self {
+        Self { bytes, media_type, headers: Vec::new(), seconds: begin.elapsed().as_secs_f64() }
+    }
+
+    /// A matrix as raw numbers, row after row, with its shape in the headers.
+    pub fn raw(matrix: &DenseMatrix, dtype: Dtype, begin: Instant) -> Self {
+        Self::new(binary::encode(matrix, dtype), OCTETS, begin)
+            .with("chladni-rows", matrix.rows())
+            .with("chladni-columns", matrix.columns())
+            .with("chladni-dtype", dtype.name())
+    }
+
+    /// A value as JSON.
+    ///
+    /// # Errors
+    /// None in practice.
+    pub fn json(value: &impl Serialize, begin: Instant) -> Result<Self, Problem> {
+        let seconds = begin.elapsed().as_secs_f64();
+        let bytes = serde_json::to_vec(value).map_err(Problem::internal)?;
+        Ok(Self { bytes, media_type: JSON, headers: Vec::new(), seconds })
+    }
+
+    /// A matrix, raw or as a JSON table.
+    ///
+    /// # Errors
+    /// None in practice.
+    pub fn table(matrix: &DenseMatrix, raw: bool, dtype: Dtype, begin: Instant) -> Result<Self, Problem> {
+        if raw { Ok(Self::raw(matrix, dtype, begin)) } else { Self::json(&binary::to_table(matrix), begin) }
+    }
+
+    /// Adds a response header; its name is lower case.
+    pub fn with(mut self, name: &'static str, value: impl ToString) -> Self {
+        self.headers.push((name, value.to_string()));
+        self
+    }
+}
+
+impl IntoResponse for Answer {
+    fn into_response(self) -> Response {
+        let mut response = self.bytes.into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.media_type));
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+        for (name, value) in self.headers {
+            if let Ok(value) = HeaderValue::from_str(&value) {
+                headers.insert(HeaderName::from_static(name), value);
+            }
+        }
+        if let Ok(value) = HeaderValue::from_str(&format!("solve;dur={:.3}", 1e3 * self.seconds)) {
+            headers.insert("server-timing", value);
+        }
+        response
+    }
+}
