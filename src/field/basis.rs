@@ -11,9 +11,10 @@ use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::{FieldOperator, check_kind};
 use crate::operator::transport::FieldKind;
 
-use super::harmonic::harmonic_fields;
+use super::harmonic::{HarmonicError, harmonic_fields};
 use super::heat::{self, FieldHeat};
 use super::local::{self, LocalEigenfields};
+use super::poisson::PoissonError;
 use super::space::FieldSpace;
 
 /// A surface that fields can live on: a mesh, its dual graph and its frames.
@@ -89,9 +90,17 @@ pub struct FieldParameters {
     /// One positive weight per face: where it is large, columns are smaller and denser.
     #[serde(default)]
     pub weights: Option<Vec<f64>>,
+    /// Whether spaces of vector fields carry the harmonic fields of the surface as dense columns; without them no field that runs around a handle is near
+    /// the space.
+    #[serde(default = "yes")]
+    pub harmonic_fields: bool,
     /// Draws the first sample.
     #[serde(default)]
     pub seed: u64,
+}
+
+fn yes() -> bool {
+    true
 }
 
 impl FieldParameters {
@@ -103,6 +112,7 @@ impl FieldParameters {
             construction: Construction::default(),
             boundary: FieldBoundary::default(),
             weights: None,
+            harmonic_fields: true,
             seed: 0,
         }
     }
@@ -151,6 +161,9 @@ pub enum FieldError {
         /// The first such face.
         face: usize,
     },
+    /// The harmonic fields cannot be had.
+    #[error("{0}; without them, `harmonic_fields: false`, there is a basis")]
+    Harmonic(HarmonicError),
     /// Restricting the operator failed.
     #[error(transparent)]
     Restriction(GalerkinError),
@@ -164,6 +177,15 @@ impl From<GalerkinError> for FieldError {
         match error {
             GalerkinError::Cancelled(cancelled) => Self::Cancelled(cancelled),
             other => Self::Restriction(other),
+        }
+    }
+}
+
+impl From<HarmonicError> for FieldError {
+    fn from(error: HarmonicError) -> Self {
+        match error {
+            HarmonicError::Poisson(PoissonError::Cancelled(cancelled)) => Self::Cancelled(cancelled),
+            other => Self::Harmonic(other),
         }
     }
 }
@@ -246,6 +268,15 @@ fn build<const B: usize>(
     let operator =
         FieldOperator::<B>::assemble(parameters.field, &local.mesh, &local.dual, &local.frames, parameters.boundary)?;
     monitor.checkpoint()?;
+    // Harmonic fields as they are stored, in single precision: the restricted matrices are those of the stored columns.
+    let harmonic: Vec<Vec<f32>> = match parameters.field {
+        FieldKind::Vector {} if parameters.harmonic_fields => {
+            monitor.stage("harmonic");
+            let fields = harmonic_fields(&local, parameters.boundary, monitor)?;
+            fields.iter().map(|field| field.iter().map(|&x| x as f32).collect()).collect()
+        }
+        _ => Vec::new(),
+    };
     monitor.stage("sampling");
     let weighted = parameters.weights.as_ref().and_then(|weights| {
         let sorted: Vec<f64> = order.iter().map(|&f| weights[f as usize]).collect();
@@ -272,15 +303,6 @@ fn build<const B: usize>(
     }
     let mass = MassMatrix::Diagonal(operator.mass.iter().flat_map(|&m| [m; B]).collect());
     let (stiffness, mass) = galerkin(&sorted_space.to_sparse(), &operator.stiffness.to_sparse(), &mass, monitor)?;
-    // Harmonic fields as they are stored, in single precision: the restricted matrices are those of the stored columns.
-    let harmonic: Vec<Vec<f32>> = match parameters.field {
-        FieldKind::Vector {} => {
-            monitor.stage("harmonic");
-            let fields = harmonic_fields(&local, parameters.boundary, monitor)?;
-            fields.iter().map(|field| field.iter().map(|&x| x as f32).collect()).collect()
-        }
-        _ => Vec::new(),
-    };
     let (stiffness, mass) = bordered(&operator, &sorted_space, &harmonic, stiffness, mass);
     drop(sorted_space);
     let dense = harmonic.iter().map(|field| in_order(field, &order, B)).collect();

@@ -7,6 +7,9 @@ mod harmonic;
 mod heat;
 mod hierarchy;
 mod local;
+mod loops;
+mod poisson;
+mod prescribed;
 mod principal;
 mod reading;
 #[cfg(test)]
@@ -21,8 +24,11 @@ pub use design::{
     Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, WeightedModel,
 };
 pub use drawing::{Camera, MOST_PIXELS, svg};
+pub use harmonic::{HarmonicError, MOST_HARMONIC, harmonic_fields};
 pub use heat::FieldHeat;
 pub use local::LocalEigenfields;
+pub use poisson::PoissonError;
+pub use prescribed::{Prescribed, PrescribedError, PrescribedField};
 pub use principal::{DirectionField, Strand, curvature_tensors, fur, principal_directions};
 pub use reading::{
     TensorAxes, direction_in_frame, representation, roots, tensor_axes, tensor_deviator, tensor_in_frame, to_world,
