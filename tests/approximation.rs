@@ -14,7 +14,13 @@ use chladni::operator::{MassKind, laplace};
 use serde_json::{Value, json};
 
 fn solve(mesh: &TriangleMesh, parameters: &Value) -> Basis {
-    JobParameters::parse("eigenbasis", parameters).unwrap().run(mesh, &Unwatched).unwrap().basis
+    JobParameters::parse("eigenbasis", parameters)
+        .unwrap()
+        .run(mesh, &Unwatched)
+        .unwrap()
+        .product
+        .into_eigenbasis()
+        .unwrap()
 }
 
 fn area(mesh: &TriangleMesh) -> f64 {

@@ -1,17 +1,23 @@
-//! The product: eigenfunctions, eigenvalues and a certificate. Eigenfunctions are kept compactly, as a sparse factor times a dense
-//! one, or densely, as columns.
+//! Products: what jobs leave in the store. An eigenbasis has eigenfunctions, eigenvalues and a certificate; its eigenfunctions are kept
+//! compactly, as a sparse factor times a dense one, or densely, as columns. A field basis has a sparse space of tangential fields.
 
 mod certificate;
 mod dense;
 mod evaluate;
+mod field;
+mod field_space;
 pub mod matrix_market;
 pub mod npz;
+mod product;
 pub mod safetensors;
 
 pub use certificate::{Certificate, InertiaCount, LevelReport, completeness};
 pub use dense::{CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Precision, Real};
 pub use evaluate::BasisError;
+pub use field::{FieldBasis, RitzFields, StoredFields};
+pub use field_space::{FieldSpace, SpaceError};
 pub use npz::{DenseLayout, FormatError};
+pub use product::{Product, ProductKind, Summary};
 
 use crate::algebra::{DenseMatrix, MassMatrix, SparseMatrix};
 

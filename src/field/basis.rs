@@ -1,6 +1,7 @@
 //! A basis of locally supported fields: what is asked for, and the way from a mesh to it.
 
 use crate::algebra::{GalerkinError, MassMatrix, SparseMatrix, galerkin};
+use crate::basis::{FieldBasis, FieldSpace};
 use crate::mesh::TriangleMesh;
 use crate::mesh::dual::{DualError, DualGraph};
 use crate::mesh::sample::{farthest_points, sort_spatially};
@@ -15,7 +16,6 @@ use super::harmonic::{HarmonicError, harmonic_fields};
 use super::heat::{self, FieldHeat};
 use super::local::{self, LocalEigenfields};
 use super::poisson::PoissonError;
-use super::space::FieldSpace;
 
 /// A surface that fields can live on: a mesh, its dual graph and its frames.
 #[derive(Debug, Clone, PartialEq)]
@@ -188,23 +188,6 @@ impl From<HarmonicError> for FieldError {
             other => Self::Harmonic(other),
         }
     }
-}
-
-/// A space of fields and the energies restricted to it, on the surface scaled to unit area.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FieldBasis {
-    /// What is stored in a face.
-    pub kind: FieldKind,
-    /// `U`.
-    pub space: FieldSpace,
-    /// `S̄ = UᵀSU`, `d × d`: the harmonic energy.
-    pub stiffness: SparseMatrix,
-    /// `M̄ = UᵀMU`, `d × d`.
-    pub mass: SparseMatrix,
-    /// The faces that the groups of columns are centred at.
-    pub samples: Vec<u32>,
-    /// The area of the mesh in the units of the input, by which eigenvalues are to be divided.
-    pub area: f64,
 }
 
 /// Constructs a basis.

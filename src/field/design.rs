@@ -12,10 +12,9 @@ use crate::algebra::{
     CpuSolver, DefiniteError, DefiniteFactor, DenseMatrix, EigenError, SymmetricDefiniteSolver, solve_definite,
     vectorized,
 };
+use crate::basis::FieldBasis;
 use crate::monitor::{Cancelled, Monitor};
 use crate::operator::transport::FieldKind;
-
-use super::basis::FieldBasis;
 
 /// The largest dimension that is designed in: the eigenproblem of the set-up is dense.
 pub const MOST_DIMENSIONS: usize = 8192;

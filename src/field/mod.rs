@@ -19,7 +19,7 @@ mod smooth;
 mod space;
 mod streamline;
 
-pub use basis::{Construction, FieldBasis, FieldError, FieldParameters, FieldSurface, field_basis};
+pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis};
 pub use design::{
     Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, WeightedModel,
 };
@@ -34,5 +34,6 @@ pub use reading::{
     TensorAxes, direction_in_frame, representation, roots, tensor_axes, tensor_deviator, tensor_in_frame, to_world,
 };
 pub use singularity::{Singularity, singularities};
-pub use space::{FieldSpace, SpaceError};
 pub use streamline::{HatchingParameters, Streamline, StreamlineError, streamlines};
+
+pub use crate::basis::{FieldBasis, FieldSpace, SpaceError};

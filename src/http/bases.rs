@@ -15,7 +15,8 @@ use super::extract::{PathOf, QueryOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
 use super::wire::{BasisResource, BasisSummary, PageOf};
-use crate::store::{BasisFilter, BasisRecord};
+use crate::basis::ProductKind;
+use crate::store::{BasisFilter, BasisRecord, StoreError};
 
 /// The routes of bases as resources.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -29,7 +30,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
 struct ListQuery {
     /// Only bases on this mesh.
     mesh: Option<String>,
-    /// Only bases that jobs of this kind made.
+    /// Only bases of this kind.
     #[param(example = "eigenbasis")]
     kind: Option<String>,
     /// Items of the page, at most 200.
@@ -69,6 +70,16 @@ pub fn basis_id(text: &str) -> Result<Uuid, Problem> {
 /// The record of a basis in a path.
 pub async fn find(state: &AppState, id: &str) -> Result<BasisRecord, Problem> {
     Ok(state.store.basis(basis_id(id)?).await?)
+}
+
+/// The record of a basis in a path, if it is of the kind that a route serves.
+pub async fn find_kind(state: &AppState, id: &str, wanted: ProductKind) -> Result<BasisRecord, Problem> {
+    let record = find(state, id).await?;
+    match ProductKind::of_name(&record.kind) {
+        Some(kind) if kind == wanted => Ok(record),
+        Some(kind) => Err(StoreError::BasisKind { basis: record.id, kind, wanted }.into()),
+        None => Err(Problem::internal(format!("basis {} is of the kind {:?}", record.id, record.kind))),
+    }
 }
 
 /// Shows a basis

@@ -17,9 +17,9 @@ use utoipa_axum::routes;
 use super::bases::find;
 use super::conditional;
 use super::extract::{self, PathOf, QueryOf};
-use super::problem::Problem;
+use super::problem::{self, Problem};
 use super::state::AppState;
-use crate::basis::{self, Basis, FormatError};
+use crate::basis::{self, Basis, FormatError, ProductKind};
 use crate::store::BasisStorage;
 
 /// The routes of content of bases.
@@ -161,6 +161,10 @@ struct ContentQuery {
 /// beside `eigenvalues`, the mass, `residuals`, `bounds`, `certificate` and `metadata`; it opens with `numpy.load` (everything) and
 /// `scipy.sparse.load_npz` (U). As safetensors and as a ZIP archive of MatrixMarket files: the same under the same names (the rows of
 /// safetensors' `functions` are the eigenfunctions). Dense bases are streamed; their MatrixMarket form has no ranges.
+///
+/// A field basis comes as NPZ alone: `format`, `shape`, `data`, `indices`, `indptr` of the locally supported columns in BSR form, a block
+/// row for each face, for `scipy.sparse.load_npz`; `dense` columns for harmonic fields; `stiffness` and `mass` of the space in CSR form;
+/// `ritz_values` and `ritz_vectors`; `samples`, `area`, `kind` and `metadata`.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/content", tag = "bases", operation_id = "getBasisContent",
     params(
@@ -210,6 +214,10 @@ async fn basis_content(
         Format::Safetensors => basis::safetensors::to_bytes,
         Format::MatrixMarket => basis::matrix_market::to_bytes,
     };
+    if record.kind != ProductKind::Eigenbasis.name() {
+        let detail = format!("A basis of the kind {} comes as {NPZ}.", record.kind);
+        return Err(Problem::new(&problem::NOT_ACCEPTABLE, detail));
+    }
     let basis = state.store.load_basis(record.id).await?;
     if let BasisStorage::Dense(layout) = &record.storage {
         let (hash, columns) = (&record.content_hash, layout.start..layout.end);

@@ -21,6 +21,9 @@ impl From<StoreError> for Problem {
             StoreError::MeshInUse { unfinished_jobs, bases, .. } => {
                 Self::new(&problem::MESH_IN_USE, text).with("unfinished_jobs", unfinished_jobs).with("bases", bases)
             }
+            StoreError::BasisKind { kind, wanted, .. } => {
+                Self::new(&problem::BASIS_KIND, text).with("kind", kind.name()).with("kinds", vec![wanted.name()])
+            }
             StoreError::IdempotencyConflict { job, .. } => {
                 Self::new(&problem::IDEMPOTENCY_CONFLICT, text).with("job", job.to_string())
             }

@@ -23,7 +23,7 @@ use super::problem::{self, Problem};
 use super::state::AppState;
 use super::wire::{JobRequest, JobResource, PageOf, Status};
 use super::{body, conditional};
-use crate::job::{JobParameters, SOLVER_VERSION};
+use crate::job::{JobParameters, MeshSize, SOLVER_VERSION};
 use crate::store::{
     EnqueueOutcome, IdempotencyKey, JobEvent, JobFilter, JobRecord, JobStatus, NewJob, PageRequest, StoreError,
 };
@@ -101,9 +101,9 @@ async fn submit(
         ),
         other => other.into(),
     })?;
-    let (vertices, faces) = (mesh.vertices as usize, mesh.faces as usize);
-    parameters.check_mesh(vertices)?;
-    let (estimate, limit) = (parameters.memory_bytes(vertices, faces), state.config.limits.max_job_bytes);
+    let size = MeshSize { vertices: mesh.vertices as usize, faces: mesh.faces as usize };
+    parameters.check_mesh(size)?;
+    let (estimate, limit) = (parameters.memory_bytes(size), state.config.limits.max_job_bytes);
     if estimate > limit {
         return Err(Problem::new(
             &problem::JOB_TOO_LARGE,

@@ -14,14 +14,14 @@ use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::bases::find;
+use super::bases::find_kind;
 use super::binary::Dtype;
 use super::conditional;
 use super::content::Immutable;
 use super::extract::{self, PathOf, QueryOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
-use crate::basis::{Basis, npz};
+use crate::basis::{Basis, ProductKind, npz};
 use crate::mesh::read::MeshFormat;
 use crate::mesh::write::write_ply;
 
@@ -81,6 +81,7 @@ struct ModesQuery {
         (status = 304, description = "The modes are as `If-None-Match` names them"),
         (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 422, description = "A problem: invalid-mode-range", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
     ),
     security(("bearer" = ["read"]))
@@ -100,7 +101,7 @@ async fn modes(
             _ => Format::F32,
         },
     };
-    let record = find(&state, &id).await?;
+    let record = find_kind(&state, &id, ProductKind::Eigenbasis).await?;
     let count = record.count as usize;
     let last = if format == Format::Ply { query.from.saturating_add(1) } else { count };
     let range = query.from..query.to.unwrap_or(last);

@@ -88,6 +88,8 @@ kinds! {
         "An Idempotency-Key stands for one request. Use a fresh key for another body.";
     MESH_IN_USE = "mesh-in-use", 409, "The mesh is in use",
         "Unfinished jobs or stored bases refer to the mesh. Delete them first, or pass cascade=true.";
+    BASIS_KIND = "basis-kind", 409, "The basis is of another kind",
+        "The route serves bases of another kind. The member `kind` has the kind of this one, `kinds` those that the route serves.";
     STATE_CONFLICT = "state-conflict", 409, "The resource is not in a state for this",
         "A job that has ended cannot be canceled, one that has succeeded cannot be retried. The member `job_status` has its status.";
     JOB_FAILED = "job", 500, "The job failed",

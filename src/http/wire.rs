@@ -7,6 +7,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::certificate::CertificateSchema;
+use crate::basis::ProductKind;
 use crate::job::abbreviate;
 use crate::store::{BasisRecord, BasisStorage, JobRecord, JobStatus, MeshRecord, Page};
 
@@ -323,26 +324,28 @@ pub struct BasisSummary {
     pub mesh: String,
     /// The job that made it.
     pub job: String,
-    /// The kind of that job.
+    /// What kind of basis it is, which is the kind of that job: `eigenbasis` or `field_basis`.
     pub kind: String,
     /// The parameters of that job, with every default filled in.
     #[schema(value_type = Object)]
     pub parameters: Value,
-    /// Vertices, n.
+    /// Vertices of the mesh, n.
     pub vertices: u64,
+    /// Numbers of one function as it is lifted: a value per vertex, or two or three per face.
+    pub rows: u64,
     /// `compact`: a sparse factor times a dense one; `dense`: the eigenfunctions as columns.
     pub storage: &'static str,
     /// The type of the numbers of a dense basis, `f32` or `f64`; null for a compact one.
     pub precision: Option<&'static str>,
     /// Columns of the sparse factor, d; null for a dense basis.
     pub dimension: Option<u64>,
-    /// Eigenfunctions, m.
+    /// Pairs of eigenvalue and eigenfunction that are known, m.
     pub count: u64,
     /// Entries of the sparse factor; null for a dense basis.
     pub nonzeros: Option<u64>,
     /// Bytes of the NPZ file.
     pub bytes: u64,
-    /// Bytes that the eigenfunctions would take as a dense n × m matrix of f64.
+    /// Bytes that the functions would take as a dense matrix of f64.
     pub dense_bytes: u64,
     /// The version of the solver.
     pub solver_version: String,
@@ -361,7 +364,7 @@ pub struct BasisSummary {
     "job": "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2", "kind": "eigenbasis",
     "parameters": {"method": "hsim", "count": 3, "operator": "auto", "mass": "barycentric", "boundary": "neumann", "tolerance": 0.01,
                    "variant": "sliced", "storage": "dense", "precision": "f32", "seed": 0},
-    "vertices": 2930, "storage": "dense", "precision": "f32", "dimension": null, "count": 3, "nonzeros": null, "bytes": 62012,
+    "vertices": 2930, "rows": 2930, "storage": "dense", "precision": "f32", "dimension": null, "count": 3, "nonzeros": null, "bytes": 62012,
     "dense_bytes": 70344, "solver_version": "0.1.0+2", "created_ms": 1795269601000i64,
     "stage_seconds": [{"stage": "iterate", "seconds": 0.001}],
     "eigenvalues": [0.0, 1.31, 2.08],
@@ -371,6 +374,7 @@ pub struct BasisSummary {
                     "complete": true, "inertia": [{"shift": 2.4, "below": 3}], "tolerance": 0.01,
                     "levels": [{"dimension": 300, "iterations": 0, "shifts": 0}, {"dimension": 2930, "iterations": 1, "shifts": 1}],
                     "projection_errors": [], "largest_projection_error": null},
+    "details": null,
     "links": {"self": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "content": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/content",
               "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes", "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"}
 }))]
@@ -381,12 +385,17 @@ pub struct BasisResource {
     /// m eigenvalues, ascending, in 1/length² of the mesh.
     pub eigenvalues: Vec<f64>,
     /// How the operator was made, and why: `laplacian` (`cotangent` or `robust`) with its `reason`, what was found of the mesh, how many
-    /// vertices are no unknowns.
-    #[schema(value_type = Object)]
+    /// vertices are no unknowns. Null where the kind has no such choice.
+    #[schema(value_type = Option<Object>)]
     pub operator: Value,
     /// What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
-    #[schema(value_type = CertificateSchema)]
+    /// Null where nothing is.
+    #[schema(value_type = Option<CertificateSchema>)]
     pub certificate: Value,
+    /// What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
+    /// harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface.
+    #[schema(value_type = Option<Object>)]
+    pub details: Value,
 }
 
 /// Links of a basis.
@@ -397,8 +406,8 @@ pub struct BasisLinks {
     pub itself: String,
     /// Its factors or its columns as NPZ, safetensors or MatrixMarket.
     pub content: String,
-    /// Its eigenfunctions on the vertices.
-    pub modes: String,
+    /// Its eigenfunctions on the vertices; null where they are no functions on vertices.
+    pub modes: Option<String>,
     /// Its mesh.
     pub mesh: String,
 }
@@ -410,7 +419,7 @@ impl From<BasisRecord> for BasisSummary {
         Self {
             links: BasisLinks {
                 content: format!("{itself}/content"),
-                modes: format!("{itself}/modes"),
+                modes: (record.kind == ProductKind::Eigenbasis.name()).then(|| format!("{itself}/modes")),
                 mesh: format!("/v1/meshes/{}", record.mesh),
                 itself,
             },
@@ -420,6 +429,7 @@ impl From<BasisRecord> for BasisSummary {
             kind: record.kind,
             parameters: abbreviated(record.parameters),
             vertices: record.vertices,
+            rows: record.rows,
             storage: record.storage.name(),
             precision: match &record.storage {
                 BasisStorage::Compact => None,
@@ -442,6 +452,7 @@ impl From<BasisRecord> for BasisResource {
         let eigenvalues = std::mem::take(&mut record.eigenvalues);
         let certificate = std::mem::take(&mut record.certificate);
         let operator = std::mem::take(&mut record.operator);
-        Self { summary: record.into(), eigenvalues, operator, certificate }
+        let details = std::mem::take(&mut record.details);
+        Self { summary: record.into(), eigenvalues, operator, certificate, details }
     }
 }

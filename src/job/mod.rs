@@ -1,5 +1,8 @@
 //! The kinds of job, their parameters with defaults and limits, and how one runs: a pure function of its inputs and a
 //! [`Monitor`].
+//!
+//! A further kind is a file with its parameters, which implement [`Work`], a variant of [`JobParameters`] and a line in each of [`KINDS`],
+//! [`JobParameters::parse`] and `JobParameters::work`.
 
 mod eigenbasis;
 
@@ -8,7 +11,7 @@ pub use eigenbasis::{
     StorageKind,
 };
 
-use crate::basis::Basis;
+use crate::basis::Product;
 use crate::mesh::TriangleMesh;
 use crate::monitor::{Cancelled, Monitor, StageClock};
 use crate::operator::OperatorError;
@@ -111,10 +114,46 @@ impl JobError {
 /// What a job leaves behind.
 #[derive(Debug)]
 pub struct Outcome {
-    /// The basis.
-    pub basis: Basis,
+    /// What is to be stored.
+    pub product: Product,
     /// Seconds spent in each stage, in order.
     pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// The size of the mesh that a job is to work on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct MeshSize {
+    /// Vertices.
+    pub vertices: usize,
+    /// Triangles.
+    pub faces: usize,
+}
+
+impl From<&TriangleMesh> for MeshSize {
+    fn from(mesh: &TriangleMesh) -> Self {
+        Self { vertices: mesh.positions.len(), faces: mesh.faces.len() }
+    }
+}
+
+/// What the parameters of every kind of job can do.
+pub trait Work {
+    /// The parameters as JSON with every default filled in: equal work has equal canonical parameters. Parsing gives them back.
+    fn canonical(&self) -> serde_json::Value;
+
+    /// Checks the parameters against the size of a mesh.
+    ///
+    /// # Errors
+    /// [`ParameterError::Value`] where they ask for more than the mesh has.
+    fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError>;
+
+    /// An estimate of the memory that the job needs beside the server itself, in bytes.
+    fn memory_bytes(&self, mesh: MeshSize) -> u64;
+
+    /// Does the work on the rayon pool of the calling thread.
+    ///
+    /// # Errors
+    /// [`JobError`]; in particular [`JobError::Cancelled`] soon after the monitor's checkpoint asks for it.
+    fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError>;
 }
 
 /// The parameters of a job, checked, with every default filled in.
@@ -143,11 +182,15 @@ impl JobParameters {
         }
     }
 
+    fn work(&self) -> &dyn Work {
+        match self {
+            Self::Eigenbasis(parameters) => parameters,
+        }
+    }
+
     /// The parameters as JSON with every default filled in: equal work has equal canonical parameters.
     pub fn canonical(&self) -> serde_json::Value {
-        match self {
-            Self::Eigenbasis(parameters) => parameters.canonical(),
-        }
+        self.work().canonical()
     }
 
     /// The key of equal work, 64 hexadecimal digits: a hash of mesh, kind, canonical parameters and solver version.
@@ -160,17 +203,13 @@ impl JobParameters {
     ///
     /// # Errors
     /// [`ParameterError::Value`] where they ask for more than the mesh has.
-    pub fn check_mesh(&self, vertices: usize) -> Result<(), ParameterError> {
-        match self {
-            Self::Eigenbasis(parameters) => parameters.check_mesh(vertices),
-        }
+    pub fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
+        self.work().check_mesh(mesh)
     }
 
     /// An estimate of the memory that the job needs beside the server itself, in bytes.
-    pub fn memory_bytes(&self, vertices: usize, faces: usize) -> u64 {
-        match self {
-            Self::Eigenbasis(parameters) => parameters.memory_bytes(vertices, faces),
-        }
+    pub fn memory_bytes(&self, mesh: MeshSize) -> u64 {
+        self.work().memory_bytes(mesh)
     }
 
     /// Runs the job on the rayon pool of the calling thread.
@@ -178,11 +217,9 @@ impl JobParameters {
     /// # Errors
     /// [`JobError`]; in particular [`JobError::Cancelled`] soon after the monitor's checkpoint asks for it.
     pub fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Outcome, JobError> {
-        self.check_mesh(mesh.positions.len())?;
+        self.check_mesh(mesh.into())?;
         let clock = StageClock::new(monitor);
-        let mut basis = match self {
-            Self::Eigenbasis(parameters) => parameters.run(mesh, &clock)?,
-        };
+        let mut product = self.work().run(mesh, &clock)?;
         let seconds = clock.finish();
         let mut parameters = self.canonical();
         abbreviate(&mut parameters);
@@ -193,10 +230,10 @@ impl JobParameters {
             "vertices": mesh.positions.len(),
             "faces": mesh.faces.len(),
         });
-        if let (Some(metadata), serde_json::Value::Object(about)) = (basis.metadata.as_object_mut(), about) {
-            metadata.extend(about);
+        if let serde_json::Value::Object(about) = about {
+            product.describe(about);
         }
-        Ok(Outcome { basis, seconds })
+        Ok(Outcome { product, seconds })
     }
 }
 

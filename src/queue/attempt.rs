@@ -180,7 +180,7 @@ async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &Attemp
         shared.observer.stage_ended(kind, stage, *seconds);
     }
     let begun = Instant::now();
-    match shared.store.complete(token, outcome.basis, stage_seconds).await {
+    match shared.store.complete(token, outcome.product, stage_seconds).await {
         Ok(CompleteAnswer::Stored(basis)) => {
             shared.observer.stage_ended(kind, "store", begun.elapsed().as_secs_f64());
             shared.observer.finished(kind, JobStatus::Succeeded);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::{
-    basis::Basis,
+    basis::Product,
     mesh::TriangleMesh,
     monitor::{Cancelled, Monitor},
     store::{JobRecord, JobStatus},
@@ -21,8 +21,8 @@ pub trait Runner: Send + Sync + 'static {
 /// What an attempt made.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    /// The basis.
-    pub basis: Basis,
+    /// What is to be stored.
+    pub product: Product,
 }
 
 /// Why an attempt made nothing.

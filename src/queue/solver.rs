@@ -17,11 +17,9 @@ pub struct Solver;
 impl Runner for Solver {
     fn run(&self, job: &JobRecord, mesh: Arc<TriangleMesh>, monitor: &dyn Monitor) -> Result<Outcome, JobFailure> {
         let parameters = JobParameters::parse(&job.kind, &job.parameters).map_err(JobError::from).map_err(failure)?;
-        let mut basis = parameters.run(&mesh, monitor).map_err(failure)?.basis;
-        if let Some(metadata) = basis.metadata.as_object_mut() {
-            metadata.insert("mesh".to_owned(), job.mesh.clone().into());
-        }
-        Ok(Outcome { basis })
+        let mut product = parameters.run(&mesh, monitor).map_err(failure)?.product;
+        product.describe(serde_json::Map::from_iter([("mesh".to_owned(), job.mesh.clone().into())]));
+        Ok(Outcome { product })
     }
 }
 

@@ -38,7 +38,7 @@ where
 }
 
 fn outcome() -> Outcome {
-    Outcome { basis: basis(2.0, 40) }
+    Outcome { product: basis(2.0, 40).into() }
 }
 
 /// Goes through two stages with checkpoints.

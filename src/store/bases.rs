@@ -1,6 +1,6 @@
-//! Bases: records, decoded bases by way of the cache, and how a new one is written down.
+//! Bases: records, decoded products by way of the cache, and how a new one is written down.
 
-use std::sync::Arc;
+use std::{io::Cursor, sync::Arc};
 
 use bytes::Bytes;
 use sqlx::{QueryBuilder, Row, sqlite::SqliteRow};
@@ -14,7 +14,7 @@ use super::{
     meshes::push_filter,
     to_json,
 };
-use crate::basis::{Basis, Functions, npz};
+use crate::basis::{Basis, FormatError, Product, ProductKind, StoredFields, Summary};
 
 impl Store {
     /// A basis by its identifier.
@@ -82,12 +82,12 @@ impl Store {
         self.delete_unreferenced(&[hash]).await
     }
 
-    /// A decoded basis, from the cache or verified and decoded once however many ask. Of a dense one everything but its eigenfunctions,
-    /// which are read and verified chunk by chunk when they are needed, on threads that may block.
+    /// A decoded product, from the cache or verified and decoded once however many ask. Of a dense eigenbasis everything but its
+    /// eigenfunctions, which are read and verified chunk by chunk when they are needed, on threads that may block.
     ///
     /// # Errors
     /// [`StoreError::NotFound`]; [`StoreError::Corrupt`] where the content does not verify.
-    pub async fn load_basis(&self, id: Uuid) -> Result<Arc<Basis>, StoreError> {
+    pub async fn load_product(&self, id: Uuid) -> Result<Product, StoreError> {
         if let Some(found) = self.inner.bases.get(&id) {
             self.count_hit(true);
             return Ok(found.value);
@@ -97,51 +97,81 @@ impl Store {
         let loaded = self.inner.bases.get_or_insert_async(&id, async {
             self.count_hit(false);
             let record = self.basis(id).await?;
-            let (basis, bytes) = match &record.storage {
+            let (product, bytes) = match &record.storage {
                 BasisStorage::Compact => {
+                    let kind = ProductKind::of_name(&record.kind).ok_or_else(|| StoreError::Corrupt {
+                        detail: format!("column kind: {:?} is no kind of basis", record.kind),
+                    })?;
                     let content = self.verified_blob(&record.content_hash).await?;
                     let bytes = content.len() as u64;
-                    (blobs::blocking(move || decode(&content)).await??, bytes)
+                    (blobs::blocking(move || Product::read_npz(kind, &content)).await?.map_err(damaged)?, bytes)
                 }
-                BasisStorage::Dense(layout) => self.read_dense(&record, layout).await?,
+                BasisStorage::Dense(layout) => {
+                    let (basis, bytes) = self.read_dense(&record, layout).await?;
+                    (basis.into(), bytes)
+                }
             };
-            Ok::<_, StoreError>(Weighed { value: Arc::new(basis), bytes })
+            Ok::<_, StoreError>(Weighed { value: product, bytes })
         });
         Ok(loaded.await?.value)
+    }
+
+    /// A decoded eigenbasis, as [`load_product`](Self::load_product) gives it.
+    ///
+    /// # Errors
+    /// [`StoreError::BasisKind`] where the basis is of another kind, and those of [`load_product`](Self::load_product).
+    pub async fn load_basis(&self, id: Uuid) -> Result<Arc<Basis>, StoreError> {
+        match self.load_product(id).await? {
+            Product::Eigenbasis(basis) => Ok(basis),
+            other => Err(wrong_kind(id, &other, ProductKind::Eigenbasis)),
+        }
+    }
+
+    /// A decoded field basis, as [`load_product`](Self::load_product) gives it.
+    ///
+    /// # Errors
+    /// [`StoreError::BasisKind`] where the basis is of another kind, and those of [`load_product`](Self::load_product).
+    pub async fn load_fields(&self, id: Uuid) -> Result<Arc<StoredFields>, StoreError> {
+        match self.load_product(id).await? {
+            Product::FieldBasis(fields) => Ok(fields),
+            other => Err(wrong_kind(id, &other, ProductKind::FieldBasis)),
+        }
     }
 }
 
 /// A basis whose content is stored, and what its record will say.
 pub(super) struct WrittenBasis {
-    /// The basis as it is read from the store: eigenfunctions of a dense one stay there.
-    pub basis: Arc<Basis>,
+    /// The product as it is read from the store: columns of a dense basis stay there.
+    product: Product,
+    summary: Summary,
     pub storage: BasisStorage,
     pub hash: String,
     pub bytes: u64,
-    certificate: String,
 }
 
 impl Store {
-    /// Writes the content of a basis. Deterministic, so that equal bases have equal hashes. `None` where the attempt that holds the lease
+    /// Writes the content of a product. Deterministic, so that equal ones have equal hashes. `None` where the attempt that holds the lease
     /// `token` is not wanted any more. The caller holds `blob_use` for reading until something refers to the content.
-    pub(super) async fn put_basis(&self, token: Uuid, basis: Basis) -> Result<Option<WrittenBasis>, StoreError> {
-        let certificate = to_json(&basis.certificate)?;
-        if let Functions::Dense(_) = &basis.functions {
-            return Ok(self.put_dense(token, basis).await?.map(|dense| WrittenBasis {
-                basis: Arc::new(dense.basis),
-                storage: BasisStorage::Dense(dense.layout),
-                hash: dense.hash,
-                bytes: dense.bytes,
-                certificate,
-            }));
-        }
-        let basis = Arc::new(basis);
-        let shared = Arc::clone(&basis);
-        let content = blobs::blocking(move || encode(&shared).map(Bytes::from)).await??;
+    pub(super) async fn put_product(&self, token: Uuid, product: Product) -> Result<Option<WrittenBasis>, StoreError> {
+        let summary = product.summary();
+        let product = match product.in_columns() {
+            Ok(basis) => {
+                return Ok(self.put_dense(token, basis).await?.map(|dense| WrittenBasis {
+                    product: dense.basis.into(),
+                    summary,
+                    storage: BasisStorage::Dense(dense.layout),
+                    hash: dense.hash,
+                    bytes: dense.bytes,
+                }));
+            }
+            Err(other) => other,
+        };
+        let shared = product.clone();
+        let content = blobs::blocking(move || encode(&shared)).await??;
         let hash = blobs::hash_of(&content).await?;
         self.put_blob(&hash, &content).await?;
         let bytes = content.len() as u64;
-        Ok(Some(WrittenBasis { basis, storage: BasisStorage::Compact, hash, bytes, certificate }))
+        Ok(Some(WrittenBasis { product, summary, storage: BasisStorage::Compact, hash, bytes }))
     }
 }
 
@@ -155,27 +185,27 @@ impl WrittenBasis {
         now_ms: i64,
     ) -> Result<Uuid, StoreError> {
         let id = Uuid::now_v7();
-        let basis = &self.basis;
-        let eigenvalues: Vec<u8> = basis.eigenvalues.iter().flat_map(|value| value.to_le_bytes()).collect();
+        let summary = &self.summary;
+        let eigenvalues: Vec<u8> = summary.eigenvalues.iter().flat_map(|value| value.to_le_bytes()).collect();
         sqlx::query(
             "INSERT INTO bases (id, mesh, job, kind, parameters, vertices, dimension, pairs, nonzeros, eigenvalues,
                 certificate, bytes, dense_bytes, content_hash, solver_version, stage_seconds, created_ms, storage, layout,
-                operator)
-             VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                operator, row_count, details)
+             VALUES (?, ?, ?, ?, ?, (SELECT vertices FROM meshes WHERE id = ?), ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         )
         .bind(id.to_string())
         .bind(&job.mesh)
         .bind(job.id.to_string())
-        .bind(&job.kind)
+        .bind(self.product.kind().name())
         .bind(to_json(&job.parameters)?)
-        .bind(basis.vertices() as i64)
-        .bind(basis.dimension().unwrap_or(0) as i64)
-        .bind(basis.count() as i64)
-        .bind(basis.compact().map_or(0, |compact| compact.space.entries()) as i64)
+        .bind(&job.mesh)
+        .bind(summary.dimension.unwrap_or(0) as i64)
+        .bind(summary.count as i64)
+        .bind(summary.nonzeros.unwrap_or(0) as i64)
         .bind(eigenvalues)
-        .bind(&self.certificate)
+        .bind(to_json(&summary.certificate)?)
         .bind(self.bytes as i64)
-        .bind(basis.dense_bytes() as i64)
+        .bind(summary.dense_bytes as i64)
         .bind(&self.hash)
         .bind(&job.solver_version)
         .bind(to_json(stage_seconds)?)
@@ -185,7 +215,9 @@ impl WrittenBasis {
             BasisStorage::Compact => None,
             BasisStorage::Dense(layout) => Some(to_json(layout.as_ref())?),
         })
-        .bind(to_json(&basis.metadata["operator"])?)
+        .bind(to_json(&summary.operator)?)
+        .bind(summary.rows as i64)
+        .bind(to_json(&summary.details)?)
         .execute(transaction.on())
         .await?;
         Ok(id)
@@ -197,7 +229,7 @@ impl WrittenBasis {
             BasisStorage::Compact => self.bytes,
             BasisStorage::Dense(layout) => self.bytes - (layout.end - layout.start),
         };
-        store.inner.bases.insert(id, Weighed { value: Arc::clone(&self.basis), bytes });
+        store.inner.bases.insert(id, Weighed { value: self.product.clone(), bytes });
     }
 }
 
@@ -222,6 +254,7 @@ fn basis_from_row(row: &SqliteRow) -> Result<BasisRecord, StoreError> {
         kind: row.try_get("kind")?,
         parameters: from_json("parameters", row.try_get("parameters")?)?,
         vertices: row.try_get::<i64, _>("vertices")? as u64,
+        rows: row.try_get::<i64, _>("row_count")? as u64,
         storage,
         dimension: row.try_get::<i64, _>("dimension")? as u64,
         count: row.try_get::<i64, _>("pairs")? as u64,
@@ -229,6 +262,7 @@ fn basis_from_row(row: &SqliteRow) -> Result<BasisRecord, StoreError> {
         eigenvalues: eigenvalues.as_chunks::<8>().0.iter().map(|&word| f64::from_le_bytes(word)).collect(),
         certificate: from_json("certificate", row.try_get("certificate")?)?,
         operator: from_json("operator", row.try_get("operator")?)?,
+        details: from_json("details", row.try_get("details")?)?,
         bytes: row.try_get::<i64, _>("bytes")? as u64,
         dense_bytes: row.try_get::<i64, _>("dense_bytes")? as u64,
         content_hash: row.try_get("content_hash")?,
@@ -238,10 +272,16 @@ fn basis_from_row(row: &SqliteRow) -> Result<BasisRecord, StoreError> {
     })
 }
 
-fn encode(basis: &Basis) -> Result<Vec<u8>, StoreError> {
-    npz::to_bytes(basis).map_err(|error| StoreError::Unavailable { detail: format!("the basis: {error}") })
+fn encode(product: &Product) -> Result<Bytes, StoreError> {
+    let mut out = Cursor::new(Vec::with_capacity(product.stored_bytes() as usize + (1 << 16)));
+    product.write_npz(&mut out).map_err(|error| StoreError::Unavailable { detail: format!("the basis: {error}") })?;
+    Ok(out.into_inner().into())
 }
 
-fn decode(content: &[u8]) -> Result<Basis, StoreError> {
-    npz::read(content).map_err(|error| StoreError::Corrupt { detail: format!("the basis: {error}") })
+fn damaged(error: FormatError) -> StoreError {
+    StoreError::Corrupt { detail: format!("the basis: {error}") }
+}
+
+fn wrong_kind(id: Uuid, product: &Product, wanted: ProductKind) -> StoreError {
+    StoreError::BasisKind { basis: id, kind: product.kind(), wanted }
 }

@@ -80,7 +80,7 @@ impl Store {
         let head = self.blob_bytes(hash, 0..layout.start).await?;
         let tail = self.blob_bytes(hash, layout.end..layout.total).await?;
         let bytes = (head.len() + tail.len()) as u64;
-        let shape = [record.vertices as usize, record.count as usize];
+        let shape = [record.rows as usize, record.count as usize];
         let source = self.stored_columns(hash, shape[0], layout);
         let layout = Arc::clone(layout);
         let basis = blobs::blocking(move || npz::read_frame(&head, &tail, &layout, shape, source)).await?;

@@ -54,7 +54,7 @@ async fn a_dense_basis_comes_back_by_its_columns() {
         let record = first.basis(id).await.unwrap();
         let BasisStorage::Dense(layout) = &record.storage else { panic!("{record:?}") };
         assert_eq!((layout.precision, layout.chunks.len(), record.dimension, record.nonzeros), (precision, 4, 0, 0));
-        assert_eq!((record.count, record.vertices, record.bytes), (100, 3000, layout.total));
+        assert_eq!((record.count, record.rows, record.bytes), (100, 3000, layout.total));
         // What is stored is a file that others open.
         let content = first.blob_bytes(&record.content_hash, 0..record.bytes).await.unwrap();
         assert_eq!(npz::read(&content).unwrap(), original);

@@ -2,6 +2,8 @@
 
 use uuid::Uuid;
 
+use crate::basis::ProductKind;
+
 /// Why the store could not do what it was asked to. Nothing of a failed call is visible afterwards.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
@@ -22,6 +24,16 @@ pub enum StoreError {
         unfinished_jobs: u64,
         /// Bases that were made from it.
         bases: u64,
+    },
+    /// A basis is of another kind than what was asked of it needs.
+    #[error("basis {basis} is of the kind {}, not {}", kind.name(), wanted.name())]
+    BasisKind {
+        /// The basis.
+        basis: Uuid,
+        /// Its kind.
+        kind: ProductKind,
+        /// The kind that is needed.
+        wanted: ProductKind,
     },
     /// An idempotency key came back with another request.
     #[error("the idempotency key {key:?} was used for another request, which made job {job}")]

@@ -10,7 +10,7 @@ use super::{
     JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions, bases::WrittenBasis, database::WriteTransaction,
     detached, fault::FailPoint, jobs::job_from_row, to_json,
 };
-use crate::basis::Basis;
+use crate::basis::Product;
 
 /// A job and the lease on it.
 #[derive(Debug, Clone, PartialEq)]
@@ -174,30 +174,30 @@ impl Store {
         Ok(HeartbeatAnswer::Held { cancel_requested: job.cancel_requested })
     }
 
-    /// Stores the basis of an attempt and marks its job succeeded, in one step that readers see whole or not at all.
+    /// Stores the product of an attempt and marks its job succeeded, in one step that readers see whole or not at all.
     ///
     /// # Errors
     /// [`StoreError::StorageFull`] and its kin: nothing is visible and the lease still holds.
     pub async fn complete(
         &self,
         token: Uuid,
-        basis: Basis,
+        product: impl Into<Product>,
         stage_seconds: Vec<(String, f64)>,
     ) -> Result<CompleteAnswer, StoreError> {
-        let store = self.clone();
-        detached(async move { store.complete_now(token, basis, stage_seconds).await }).await
+        let (store, product) = (self.clone(), product.into());
+        detached(async move { store.complete_now(token, product, stage_seconds).await }).await
     }
 
     async fn complete_now(
         &self,
         token: Uuid,
-        basis: Basis,
+        product: Product,
         stage_seconds: Vec<(String, f64)>,
     ) -> Result<CompleteAnswer, StoreError> {
         self.faults().meet(FailPoint::BeforeChunks);
         let (written, answer) = {
             let _in_use = self.inner.blob_use.read().await;
-            let written = self.put_basis(token, basis).await?;
+            let written = self.put_product(token, product).await?;
             let answer = self.make_visible(token, written.as_ref(), &stage_seconds).await;
             (written, answer)
         };

@@ -45,7 +45,7 @@ use tokio::sync::{Notify, RwLock, broadcast};
 use uuid::Uuid;
 
 use crate::{
-    basis::{Basis, ColumnChunk},
+    basis::{ColumnChunk, Product},
     mesh::TriangleMesh,
 };
 use database::{Database, DatabaseSettings};
@@ -125,10 +125,10 @@ struct Inner {
     /// Held for reading from the moment a blob is written or found until something refers to it, and for writing while
     /// blobs that nothing refers to are deleted.
     blob_use: RwLock<()>,
-    bases: Cache<Uuid, Weighed<Basis>, ByWeight>,
+    bases: Cache<Uuid, Weighed<Product>, ByWeight>,
     /// Chunks of dense bases, by the hash of the content and the position.
-    chunks: Cache<(String, usize), Weighed<ColumnChunk>, ByWeight>,
-    meshes: Cache<String, Weighed<TriangleMesh>, ByWeight>,
+    chunks: Cache<(String, usize), Weighed<Arc<ColumnChunk>>, ByWeight>,
+    meshes: Cache<String, Weighed<Arc<TriangleMesh>>, ByWeight>,
     hits: AtomicU64,
     misses: AtomicU64,
 }
@@ -139,17 +139,11 @@ impl fmt::Debug for Store {
     }
 }
 
-/// A cached value and the bytes it counts for.
+/// A cached value, cheap to clone, and the bytes it counts for.
+#[derive(Clone)]
 struct Weighed<T> {
-    value: Arc<T>,
+    value: T,
     bytes: u64,
-}
-
-// Derived, it would ask for `T: Clone`.
-impl<T> Clone for Weighed<T> {
-    fn clone(&self) -> Self {
-        Self { value: Arc::clone(&self.value), bytes: self.bytes }
-    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -296,7 +290,7 @@ impl Store {
 }
 
 /// A cache of so many bytes. One shard: with more, each would hold its part only, and a large basis would fit in none.
-fn cache<K: Eq + std::hash::Hash, T>(bytes: u64) -> Result<Cache<K, Weighed<T>, ByWeight>, StoreError> {
+fn cache<K: Eq + std::hash::Hash, T: Clone>(bytes: u64) -> Result<Cache<K, Weighed<T>, ByWeight>, StoreError> {
     let options = OptionsBuilder::new()
         .shards(1)
         .estimated_items_capacity(256)

@@ -268,29 +268,33 @@ pub struct BasisRecord {
     pub mesh: String,
     /// The job that made it.
     pub job: Uuid,
-    /// The kind of that job.
+    /// The kind of product, which is that of the job.
     pub kind: String,
     /// The parameters of that job, with defaults filled in.
     pub parameters: Value,
-    /// Vertices, `n`.
+    /// Vertices of the mesh.
     pub vertices: u64,
+    /// Numbers of one lifted function: a value per vertex, or two or three per face.
+    pub rows: u64,
     /// Whether the eigenfunctions are stored as factors or as columns.
     pub storage: BasisStorage,
     /// Columns of the sparse factor, `d`; 0 for a dense basis.
     pub dimension: u64,
-    /// Eigenfunctions, `m`.
+    /// Pairs that are known, `m`.
     pub count: u64,
     /// Entries of the sparse factor; 0 for a dense basis.
     pub nonzeros: u64,
     /// `m` eigenvalues, ascending, in 1/length² of the input.
     pub eigenvalues: Vec<f64>,
-    /// What is proven about each pair and about the whole.
+    /// What is proven about each pair and about the whole; null where nothing is.
     pub certificate: Value,
     /// How the operator was made, and why; null where nothing was told.
     pub operator: Value,
+    /// What only its kind has, as a JSON object; null where there is nothing.
+    pub details: Value,
     /// Bytes of the stored content, an NPZ file.
     pub bytes: u64,
-    /// Bytes that the eigenfunctions would take as a dense `n × m` matrix of f64.
+    /// Bytes that the functions would take as a dense matrix of f64.
     pub dense_bytes: u64,
     /// The BLAKE3 hash of the content, 64 hexadecimal digits: the key of its blob and its entity tag.
     pub content_hash: String,

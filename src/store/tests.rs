@@ -17,7 +17,7 @@ use tempfile::TempDir;
 use super::{fault::Faults, *};
 use crate::{
     algebra::{DenseMatrix, MassMatrix, SparseMatrix},
-    basis::{Certificate, Compact, Functions},
+    basis::{Basis, Certificate, Compact, Functions},
 };
 
 pub(super) const LEASE: Duration = Duration::from_secs(30);
@@ -186,7 +186,7 @@ async fn a_job_goes_from_enqueued_to_its_basis() {
         (JobStatus::Succeeded, Some(made), &seconds)
     );
     let record = store.basis(made).await.unwrap();
-    assert_eq!((record.vertices, record.dimension, record.count, record.nonzeros), (40, 2, 2, 40));
+    assert_eq!((record.vertices, record.rows, record.dimension, record.count, record.nonzeros), (9, 40, 2, 2, 40));
     assert_eq!((record.eigenvalues.as_slice(), &record.mesh, record.job), ([0.0, 2.5].as_slice(), &id, job.record.id));
     assert_eq!(*store.load_basis(made).await.unwrap(), basis(2.5, 40));
     let mut revisions = Vec::new();

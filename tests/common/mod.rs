@@ -263,10 +263,10 @@ impl Runner for Scripted {
         let n = mesh.positions.len();
         let parameters = job.parameters.clone();
         Ok(Outcome {
-            basis: if parameters["storage"] == "dense" {
-                unit_basis(n, parameters)
+            product: if parameters["storage"] == "dense" {
+                unit_basis(n, parameters).into()
             } else {
-                plain_basis(n, parameters)
+                plain_basis(n, parameters).into()
             },
         })
     }

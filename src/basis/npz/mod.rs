@@ -1,11 +1,12 @@
-//! A basis as an NPZ file: what NumPy and SciPy open, and what the store keeps.
+//! Products as NPZ files: what NumPy and SciPy open, and what the store keeps.
 //!
-//! One archive without compression holds the CSR members `format, shape, data, indices, indptr` of `U`, which
+//! Of an eigenbasis one archive without compression holds the CSR members `format, shape, data, indices, indptr` of `U`, which
 //! `scipy.sparse.load_npz` reads, next to `coefficients` (`d × m`), `eigenvalues`, `residuals`, `bounds`, the mass (`mass`, or
 //! `mass_data, mass_indices, mass_indptr` where it is not diagonal) and the JSON texts `certificate` and `metadata`. A dense basis has one
 //! member `functions` (`n × m`, columns first) instead of `U` and `coefficients`; it comes last, is written chunk by chunk, and can be
 //! read in parts by the [`DenseLayout`] that writing it gives. Equal bases give equal bytes.
 
+mod fields;
 mod read;
 
 use std::cell::{Cell, RefCell};
@@ -19,6 +20,7 @@ use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 use super::{Basis, BasisError, CHUNK_COLUMNS, Certificate, Compact, DenseFunctions, Functions, Precision};
 use crate::algebra::{MassMatrix, SparseMatrix};
 
+pub use fields::{fields_to_bytes, read_fields, write_fields};
 pub use read::{read, read_frame};
 
 /// Why bytes are not a basis, or a basis could not be written.

@@ -13,11 +13,11 @@ use crate::basis::{
 };
 
 /// One member, as it lies in the file.
-struct Array<'a> {
+pub(super) struct Array<'a> {
     name: &'a str,
     descriptor: String,
-    fortran: bool,
-    shape: Vec<usize>,
+    pub fortran: bool,
+    pub shape: Vec<usize>,
     data: &'a [u8],
 }
 
@@ -65,7 +65,7 @@ impl<'a> Array<'a> {
     }
 
     /// The values, as many as the shape says.
-    fn values<T: bytemuck::AnyBitPattern>(&self, descriptor: &str) -> Result<Vec<T>, FormatError> {
+    pub fn values<T: bytemuck::AnyBitPattern>(&self, descriptor: &str) -> Result<Vec<T>, FormatError> {
         if self.descriptor != descriptor {
             return Err(wrong(self.name, format!("it holds {}, not {descriptor}", self.descriptor)));
         }
@@ -78,14 +78,14 @@ impl<'a> Array<'a> {
         Ok(self.data[..bytes].chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect())
     }
 
-    fn vector<T: bytemuck::AnyBitPattern>(&self, descriptor: &str, length: usize) -> Result<Vec<T>, FormatError> {
+    pub fn vector<T: bytemuck::AnyBitPattern>(&self, descriptor: &str, length: usize) -> Result<Vec<T>, FormatError> {
         if self.shape != [length] {
             return Err(wrong(self.name, format!("its shape is {:?}, not ({length},)", self.shape)));
         }
         self.values(descriptor)
     }
 
-    fn json(&self) -> Result<serde_json::Value, FormatError> {
+    pub fn json(&self) -> Result<serde_json::Value, FormatError> {
         if !self.descriptor.starts_with("|S") || !self.shape.is_empty() {
             return Err(wrong(self.name, "it is not a text"));
         }
@@ -95,7 +95,7 @@ impl<'a> Array<'a> {
 
 /// A file of which only what comes before and after the columns is at hand; zeros stand for them.
 #[derive(Debug, Clone, Copy)]
-struct Frame<'a> {
+pub(super) struct Frame<'a> {
     head: &'a [u8],
     tail: &'a [u8],
     /// Bytes between them.
@@ -104,6 +104,11 @@ struct Frame<'a> {
 }
 
 impl<'a> Frame<'a> {
+    /// A file that is at hand from beginning to end.
+    pub fn whole(bytes: &'a [u8]) -> Self {
+        Self { head: bytes, tail: &[], gap: 0, position: 0 }
+    }
+
     fn total(&self) -> u64 {
         self.head.len() as u64 + self.gap + self.tail.len() as u64
     }
@@ -147,21 +152,21 @@ impl Seek for Frame<'_> {
     }
 }
 
-struct Archive<'a> {
+pub(super) struct Archive<'a> {
     frame: Frame<'a>,
     directory: ZipArchive<Frame<'a>>,
 }
 
 impl<'a> Archive<'a> {
-    fn open(frame: Frame<'a>) -> Result<Self, FormatError> {
+    pub fn open(frame: Frame<'a>) -> Result<Self, FormatError> {
         Ok(Self { frame, directory: ZipArchive::new(frame)? })
     }
 
-    fn has(&self, name: &str) -> bool {
+    pub fn has(&self, name: &str) -> bool {
         self.directory.index_for_name(&format!("{name}.npy")).is_some()
     }
 
-    fn member(&mut self, name: &'a str) -> Result<Array<'a>, FormatError> {
+    pub fn member(&mut self, name: &'a str) -> Result<Array<'a>, FormatError> {
         let file = self.directory.by_name(&format!("{name}.npy")).map_err(|error| wrong(name, error.to_string()))?;
         if file.compression() != CompressionMethod::Stored {
             return Err(wrong(name, "it is compressed"));
@@ -172,7 +177,7 @@ impl<'a> Archive<'a> {
         Array::parse(name, self.frame.slice(start..end).ok_or_else(outside)?)
     }
 
-    fn sparse<T: bytemuck::AnyBitPattern>(
+    pub fn sparse<T: bytemuck::AnyBitPattern>(
         &mut self,
         names: [&'a str; 3],
         rows: usize,
@@ -255,7 +260,7 @@ impl<'a> Archive<'a> {
 /// # Errors
 /// [`FormatError`] names the member that is missing, damaged or of another shape than the rest.
 pub fn read(bytes: &[u8]) -> Result<Basis, FormatError> {
-    let mut archive = Archive::open(Frame { head: bytes, tail: &[], gap: 0, position: 0 })?;
+    let mut archive = Archive::open(Frame::whole(bytes))?;
     if !archive.has("functions") {
         let compact = archive.compact()?;
         let n = compact.space.rows();

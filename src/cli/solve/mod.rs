@@ -219,8 +219,8 @@ pub fn solve(arguments: SolveArguments) -> Result<ExitCode, CliError> {
     bars.begin("read");
     let mesh = pool.install(|| arguments.input.load())?;
     let read = began.elapsed().as_secs_f64();
-    job.check_mesh(mesh.positions.len())?;
-    let needed = job.memory_bytes(mesh.positions.len(), mesh.faces.len());
+    job.check_mesh((&mesh).into())?;
+    let needed = job.memory_bytes((&mesh).into());
     if let Some(free) = memory::available().filter(|free| needed > *free && !arguments.ignore_memory) {
         return Err(CliError::Refused(format!(
             "the job needs about {needed} bytes of memory, {free} are free; ask for fewer pairs, for f32 or compact storage, or go on with --ignore-memory"
@@ -230,16 +230,11 @@ pub fn solve(arguments: SolveArguments) -> Result<ExitCode, CliError> {
     let total = began.elapsed().as_secs_f64();
     bars.finish();
 
+    let wrong = || CliError::Service("the job made something else than an eigenbasis".to_owned());
+    let basis = outcome.product.into_eigenbasis().ok_or_else(wrong)?;
     let mut stages = vec![("read", read)];
     stages.extend(outcome.seconds);
-    let mut run = Run {
-        vertices: mesh.positions.len(),
-        faces: mesh.faces.len(),
-        basis: outcome.basis,
-        stages,
-        total,
-        write: None,
-    };
+    let mut run = Run { vertices: mesh.positions.len(), faces: mesh.faces.len(), basis, stages, total, write: None };
     if let Some(file) = output {
         let began = Instant::now();
         file.write(&run.basis)?;

@@ -12,8 +12,8 @@ pub use exact::{Exact, Start, StorageKind};
 pub use request::{HsimVariant, MethodName};
 
 use self::request::Request;
-use super::{JobError, ParameterError};
-use crate::basis::Basis;
+use super::{JobError, MeshSize, ParameterError, Work};
+use crate::basis::{Basis, Product};
 use crate::mesh::TriangleMesh;
 use crate::monitor::Monitor;
 use crate::operator::{self, OperatorError, OperatorKind, OperatorParameters, Potential};
@@ -174,6 +174,24 @@ impl EigenbasisParameters {
         };
         basis.metadata = serde_json::json!({"operator": operator.report});
         Ok(basis)
+    }
+}
+
+impl Work for EigenbasisParameters {
+    fn canonical(&self) -> Value {
+        self.canonical()
+    }
+
+    fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
+        self.check_mesh(mesh.vertices)
+    }
+
+    fn memory_bytes(&self, mesh: MeshSize) -> u64 {
+        self.memory_bytes(mesh.vertices, mesh.faces)
+    }
+
+    fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {
+        self.run(mesh, monitor).map(Product::from)
     }
 }
 
