@@ -53,6 +53,11 @@ pub struct Config {
     #[arg(long, value_name = "ORIGINS", env = "CHLADNI_CORS_ORIGINS", value_delimiter = ',', help_heading = "Network")]
     pub cors_origins: Vec<String>,
 
+    /// Names that the server is called by, separated by commas, beside localhost and its addresses; * for any. A server on loopback without
+    /// keys answers to no other name, lest a web page reach it by one of its own; any other server checks names only where they are given
+    #[arg(long, value_name = "NAMES", env = "CHLADNI_HOSTS", value_delimiter = ',', help_heading = "Network")]
+    pub hosts: Vec<String>,
+
     /// Connections served at once; further ones wait
     #[arg(long, value_name = "N", env = "CHLADNI_MAX_CONNECTIONS", default_value_t = 512, value_parser = at_least_one, help_heading = "Network")]
     pub max_connections: usize,
@@ -262,6 +267,7 @@ impl Default for Config {
             keys: Keys::default(),
             keys_file: None,
             cors_origins: Vec::new(),
+            hosts: Vec::new(),
             max_connections: 512,
             header_seconds: Duration::from_secs(10),
             body_seconds: Duration::from_secs(30),

@@ -166,6 +166,7 @@ pub async fn authorise(State(state): State<AppState>, mut request: Request, next
 
 fn admit(state: &AppState, request: &Request) -> Result<String, Problem> {
     let method = request.method();
+    known_host(called(request), state)?;
     if !matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS) {
         same_origin(request.headers(), &state.config.cors_origins)?;
     }
@@ -196,6 +197,38 @@ fn admit(state: &AppState, request: &Request) -> Result<String, Problem> {
         .with("scope", scope.name()));
     }
     Ok(key.name.clone())
+}
+
+/// What the client calls the server, with the port if it gave one; empty where it gave nothing.
+fn called(request: &Request) -> &str {
+    let header = || request.headers().get(header::HOST).and_then(|value| value.to_str().ok());
+    request.uri().authority().map(|authority| authority.as_str()).or_else(header).unwrap_or_default()
+}
+
+/// Refuses names that are not the server's. A page may have its own name resolve to 127.0.0.1, and is then of the same origin as a server
+/// there, free to read whatever that answers; only the name in the request gives it away. Addresses cannot be had that way.
+fn known_host(called: &str, state: &AppState) -> Result<(), Problem> {
+    let config = &state.config;
+    let trusting = state.keys.is_empty() && config.listen.ip().to_canonical().is_loopback();
+    if (config.hosts.is_empty() && !trusting) || is_known(called, &config.hosts) {
+        return Ok(());
+    }
+    let detail = format!("This server is not called {called:?}; its names are set with --hosts.");
+    Err(Problem::new(&problem::HOST_NOT_KNOWN, detail))
+}
+
+fn is_known(called: &str, hosts: &[String]) -> bool {
+    let port = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    let name = match called.rsplit_once(':') {
+        Some((name, digits)) if port(digits) => name,
+        _ => called,
+    };
+    let bare = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);
+    let name = name.strip_suffix('.').unwrap_or(name);
+    name.is_empty()
+        || bare.parse::<std::net::IpAddr>().is_ok()
+        || name.eq_ignore_ascii_case("localhost")
+        || hosts.iter().any(|host| host == "*" || host.eq_ignore_ascii_case(name))
 }
 
 /// Refuses changes that a page of another origin sends from a browser: a server without keys on loopback trusts whoever can
@@ -258,6 +291,27 @@ mod tests {
         assert!(same_origin(&headers, &["https://example.org".into()]).is_ok());
         headers.insert(header::ORIGIN, "null".parse().unwrap());
         assert!(same_origin(&headers, &[]).is_err());
+    }
+
+    #[test]
+    fn only_names_of_the_server_are_known() {
+        for known in
+            ["", "localhost", "LocalHost:8080", "localhost.", "127.0.0.1:80", "[::1]:8080", "[::1]", "192.168.0.7"]
+        {
+            assert!(is_known(known, &[]), "{known}");
+        }
+        for strange in [
+            "example.org",
+            "example.org:8080",
+            "localhost.example.org",
+            "127.0.0.1.example.org:80",
+            "[::1].example.org",
+        ] {
+            assert!(!is_known(strange, &[]), "{strange}");
+        }
+        let hosts = ["chladni.example".to_owned()];
+        assert!(is_known("Chladni.example:443", &hosts) && !is_known("other.example", &hosts));
+        assert!(is_known("other.example", &["*".to_owned()]));
     }
 
     #[test]

@@ -100,6 +100,8 @@ kinds! {
         "Send `Authorization: Bearer KEY` with one of the server's keys.";
     FORBIDDEN = "scope-missing", 403, "The API key lacks a scope",
         "The member `scope` names the one that is needed: read, submit or operate.";
+    HOST_NOT_KNOWN = "host-not-known", 421, "The server has another name",
+        "The request names a host that is not this server. A server on loopback without keys answers only to localhost, to addresses and to the names of --hosts.";
     ORIGIN_NOT_ALLOWED = "origin-not-allowed", 403, "The origin is not allowed",
         "A browser sent this from a page of another origin that the server was not told to trust.";
     STORAGE_FULL = "storage-full", 507, "The storage is full",

@@ -101,3 +101,16 @@ async fn text_is_compressed_where_the_client_takes_it() {
     let exact = app.get(&format!("/v1/meshes/{mesh}/content")).header("accept-encoding", "gzip").send().await.unwrap();
     assert!(!exact.headers().contains_key("content-encoding"));
 }
+
+#[tokio::test]
+async fn a_server_without_keys_answers_to_its_own_names_only() {
+    let app = TestApp::start();
+    let call = |host: &'static str| app.get("/v1/meshes").header("host", host).send();
+    problem(call("rebound.example:8080").await.unwrap(), 421, "host-not-known").await;
+    assert_eq!(call("localhost:8080").await.unwrap().status(), 200);
+    let mut builder = TestApp::builder();
+    builder.config.hosts = vec!["chladni.example".into()];
+    let app = builder.start();
+    let answer = app.get("/v1/meshes").header("host", "chladni.example").send().await.unwrap();
+    assert_eq!(answer.status(), 200);
+}
