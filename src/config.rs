@@ -53,8 +53,10 @@ pub struct Config {
     #[arg(long, value_name = "ORIGINS", env = "CHLADNI_CORS_ORIGINS", value_delimiter = ',', help_heading = "Network")]
     pub cors_origins: Vec<String>,
 
-    /// Names that the server is called by, separated by commas, beside localhost and its addresses; * for any. A server on loopback without
-    /// keys answers to no other name, lest a web page reach it by one of its own; any other server checks names only where they are given
+    /// Names that the server is called by, separated by commas, beside localhost and its addresses; * for any
+    ///
+    /// A server on loopback without keys answers to no other name, lest a web page reach it by one of its own. Any other server checks
+    /// names only where they are given.
     #[arg(long, value_name = "NAMES", env = "CHLADNI_HOSTS", value_delimiter = ',', help_heading = "Network")]
     pub hosts: Vec<String>,
 
