@@ -4,9 +4,11 @@
 mod certificate;
 mod dense;
 mod evaluate;
+pub mod family;
 mod field;
 mod field_space;
 pub mod matrix_market;
+pub mod modal;
 pub mod npz;
 mod product;
 pub mod safetensors;

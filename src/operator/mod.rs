@@ -5,7 +5,9 @@ mod boundary;
 mod choice;
 mod corners;
 pub mod curvature;
+pub mod elastic;
 pub mod extrinsic;
+pub mod family;
 pub mod frames;
 pub mod hamiltonian;
 pub mod hodge;
@@ -23,6 +25,7 @@ pub use crate::algebra::MassMatrix;
 pub use choice::{
     Boundary, Laplacian, MeshOperator, OperatorKind, OperatorParameters, OperatorReport, Potential, Reason, assemble,
 };
+pub use family::FamilyOperators;
 
 /// Why no operator can be made of a mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -54,6 +57,16 @@ pub enum OperatorError {
         /// The number of vertices.
         vertices: usize,
     },
+    /// A tetrahedron refers to a vertex that is not there.
+    #[error("tetrahedron {tetrahedron} refers to vertex {vertex} of {vertices}")]
+    TetrahedronOutOfRange {
+        /// The tetrahedron.
+        tetrahedron: usize,
+        /// The vertex that it refers to.
+        vertex: u32,
+        /// The number of vertices.
+        vertices: usize,
+    },
     /// A coordinate is infinite or not a number.
     #[error("vertex {vertex} has a coordinate that is not finite")]
     NotFinite {
@@ -63,6 +76,9 @@ pub enum OperatorError {
     /// There is no face with an area, or its extent is beyond what can be squared.
     #[error("the mesh has no area")]
     NoArea,
+    /// There is no tetrahedron with a volume, or its extent is beyond what can be cubed.
+    #[error("the tetrahedra have no volume")]
+    NoVolume,
     /// Corners are counted in 32 bits.
     #[error("{faces} faces are more than the operator can count")]
     TooManyFaces {

@@ -3,10 +3,12 @@
 mod approximate;
 pub mod certificate;
 pub mod envelope;
+pub mod family;
 pub mod heat;
 pub mod hsim;
 pub mod radial;
 mod refine;
+pub mod vibration;
 
 pub use approximate::{ApproximationError, ApproximationParameters, Space, approximate, subspace};
 pub use refine::{Refinement, approximate_refined};

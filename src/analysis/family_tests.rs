@@ -1,0 +1,97 @@
+use super::*;
+use crate::mesh::TriangleMesh;
+use crate::mesh::shape::{Shape, generate};
+use crate::operator::family::family;
+use crate::operator::{OperatorKind, OperatorParameters, Potential, assemble};
+use crate::spectrum::family::restrict_family;
+use crate::spectrum::heat::HeatParameters;
+use crate::spectrum::{ApproximationParameters, Space};
+
+fn space(dimension: usize) -> ApproximationParameters {
+    ApproximationParameters { count: dimension, dimension, space: Space::Heat(HeatParameters::default()), seed: 0 }
+}
+
+fn restricted(mesh: &TriangleMesh, dimension: usize) -> FamilyBasis {
+    restrict_family(mesh, &family(mesh, &Unwatched).unwrap(), &space(dimension), &Unwatched).unwrap()
+}
+
+#[test]
+fn corrections_from_the_core_agree_with_the_dense_eigensolver() {
+    let basis = restricted(&generate(Shape::Knot, 3000).unwrap(), 400);
+    for (t, v) in [(0.0, 0.0), (0.01, 0.0), (0.7, 0.0), (1.0, 0.0), (0.0, 0.3), (0.4, 2.0)] {
+        let matrix = basis.combined(1.0 - t, t, v);
+        let count = 40;
+        let dense = CpuSolver.lowest(matrix.clone(), identity(basis.dimension()), count, &Unwatched).unwrap();
+        let found = CORES.iter().find_map(|share| from_core(&basis, &matrix, share * (count + GUARDS), count).unwrap());
+        let largest = dense.values[count - 1];
+        if let Some(found) = found {
+            for (a, b) in found.values.iter().zip(&dense.values) {
+                assert!((a - b).abs() < 1e-10 * largest, "t {t}, v {v}: {a} is not {b}");
+            }
+        } else {
+            assert!(v > 1.0, "t {t}, v {v} needs the dense solver");
+        }
+        let spectrum = spectrum(&basis, Member { extrinsic: t, curvature: v }, count).unwrap();
+        assert!(spectrum.eigenvalues.iter().zip(&dense.values).all(|(a, b)| (a - b).abs() < 1e-10 * largest));
+    }
+}
+
+#[test]
+fn a_member_is_the_operator_that_is_assembled_for_it() {
+    let mesh = generate(Shape::Torus, 700).unwrap();
+    // As many functions as vertices: no approximation is left.
+    let basis = restricted(&mesh, 600);
+    assert_eq!(basis.dimension(), mesh.positions.len());
+    let cases = [
+        (Member { extrinsic: 0.6, curvature: 0.0 }, OperatorKind::Extrinsic { t: 0.6 }),
+        (
+            Member { extrinsic: 0.0, curvature: 0.5 },
+            OperatorKind::Hamiltonian { potential: Potential::Curvature { t: 0.5 } },
+        ),
+    ];
+    for (member, operator) in cases {
+        let found = spectrum(&basis, member, 30).unwrap();
+        let direct =
+            assemble(&mesh, &OperatorParameters { operator, ..Default::default() }, &Unwatched).unwrap().problem;
+        let mut mass = DenseMatrix::zeros(direct.size(), direct.size());
+        direct.mass.lumped().iter().enumerate().for_each(|(k, &m)| mass.column_mut(k)[k] = m);
+        let expected = CpuSolver.lowest(direct.stiffness.to_dense(), mass, 30, &Unwatched).unwrap();
+        for (a, b) in found.eigenvalues.iter().zip(&expected.values) {
+            assert!((a * direct.area - b).abs() < 1e-8 * expected.values[29], "{a} {b}");
+        }
+    }
+}
+
+#[test]
+fn eigenfunctions_are_orthonormal_and_the_approximation_is_close_to_a_finer_one() {
+    let mesh = generate(Shape::Knot, 3000).unwrap();
+    let (coarse, fine) = (restricted(&mesh, 200), restricted(&mesh, 800));
+    let member = Member { extrinsic: 0.5, curvature: 0.1 };
+    let (low, high) = (spectrum(&coarse, member, 40).unwrap(), spectrum(&fine, member, 40).unwrap());
+    for (a, b) in low.eigenvalues.iter().zip(&high.eigenvalues) {
+        assert!(*a > 0.999 * b && *a < 1.02 * b, "{a} {b}");
+    }
+    let lifted = crate::algebra::space_times(&coarse.space, &low.coefficients).unwrap();
+    let weighted: Vec<Vec<f64>> = (0..40).map(|k| coarse.mass.multiply(lifted.column(k)).unwrap()).collect();
+    for i in 0..40 {
+        for j in 0..40 {
+            let product: f64 = lifted.column(i).iter().zip(&weighted[j]).map(|(a, b)| a * b).sum();
+            assert!((product - f64::from(u8::from(i == j))).abs() < 1e-5);
+        }
+    }
+}
+
+#[test]
+fn what_is_out_of_range_is_named() {
+    let basis = restricted(&generate(Shape::Sphere, 162).unwrap(), 40);
+    for (member, count, name) in [
+        (Member { extrinsic: 1.5, curvature: 0.0 }, 3, "extrinsic"),
+        (Member { extrinsic: f64::NAN, curvature: 0.0 }, 3, "extrinsic"),
+        (Member { extrinsic: 0.5, curvature: -1.0 }, 3, "curvature"),
+        (Member::default(), 0, "count"),
+        (Member::default(), 1000, "count"),
+    ] {
+        let error = spectrum(&basis, member, count).unwrap_err();
+        assert!(matches!(error, FamilyError::Parameter { name: found, .. } if found == name), "{error}");
+    }
+}

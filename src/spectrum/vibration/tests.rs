@@ -1,0 +1,172 @@
+use super::*;
+use crate::mesh::TriangleMesh;
+use crate::mesh::shape::{Shape, generate};
+use crate::monitor::Unwatched;
+use crate::operator::elastic::tests::bar;
+
+const MATERIAL: Material = Material { young: 1.0, poisson: 0.3, density: 1.0 };
+const HSIM: VibrationMethod = VibrationMethod::Hsim { tolerance: 1e-4 };
+
+fn modes(body: ElasticBody<'_>, count: usize, clamped: Vec<u32>, method: VibrationMethod) -> ModalBasis {
+    let parameters = VibrationParameters { count, material: MATERIAL, clamped, method, seed: 0 };
+    vibration_modes(body, &parameters, &Unwatched).unwrap()
+}
+
+fn local(dimension: usize) -> VibrationMethod {
+    VibrationMethod::Approximate { dimension, local_coordinates: true }
+}
+
+/// All modes in columns, and the largest entry of `|ΦᵀMΦ − I|`.
+fn defect(basis: &ModalBasis) -> f64 {
+    let (n, m) = (basis.vertices(), basis.count());
+    let lifter = basis.lifter();
+    let columns: Vec<Vec<f32>> = (0..m)
+        .map(|mode| {
+            let mut lifted = vec![0f32; 3 * n];
+            lifter.lift(&(0..m).map(|k| f64::from(u8::from(k == mode))).collect::<Vec<_>>(), &mut lifted);
+            lifted
+        })
+        .collect();
+    let mut worst = 0f64;
+    for i in 0..m {
+        for j in 0..=i {
+            let products = columns[i].iter().zip(&columns[j]).enumerate();
+            let product: f64 =
+                products.map(|(row, (a, b))| basis.masses[row / 3] * f64::from(*a) * f64::from(*b)).sum();
+            worst = worst.max((product - f64::from(u8::from(i == j))).abs());
+        }
+    }
+    worst
+}
+
+#[test]
+fn six_modes_of_a_free_object_are_rigid_and_the_others_are_not() {
+    let shell = generate(Shape::Torus, 900).unwrap();
+    let solid = bar([3.0, 1.0, 0.5], [9, 4, 3]);
+    for body in [ElasticBody::Shell { mesh: &shell, thickness: 0.2 }, ElasticBody::Solid { mesh: &solid }] {
+        for method in [HSIM, local(120), VibrationMethod::Approximate { dimension: 80, local_coordinates: false }] {
+            let basis = modes(body, 20, Vec::new(), method);
+            assert_eq!((basis.rigid, &basis.eigenvalues[..6]), (6, &[0.0; 6][..]));
+            assert!(basis.eigenvalues[6] > 1e-5, "{:?}", &basis.eigenvalues[..8]);
+            assert!(basis.eigenvalues.is_sorted());
+            assert!(defect(&basis) < 2e-5, "{method:?}: {}", defect(&basis));
+            // Rigid motions keep all distances: the field is affine with an antisymmetric matrix.
+            for mode in 0..6 {
+                let a: [f64; 12] = std::array::from_fn(|k| basis.affine.column(mode)[k]);
+                for i in 0..3 {
+                    for j in 0..3 {
+                        assert!((a[4 * i + 1 + j] + a[4 * j + 1 + i]).abs() < 1e-12 * (1.0 + a[4 * i + 1 + j].abs()));
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn approximate_values_lie_above_those_of_hsim_and_come_down_with_the_dimension() {
+    let mesh = generate(Shape::Knot, 1500).unwrap();
+    let body = ElasticBody::Shell { mesh: &mesh, thickness: 0.3 };
+    let exact = modes(body, 30, Vec::new(), HSIM);
+    let mut last = f64::INFINITY;
+    for dimension in [150, 400, 900] {
+        let basis = modes(body, 30, Vec::new(), local(dimension));
+        let excess = basis.eigenvalues[6..].iter().zip(&exact.eigenvalues[6..]).map(|(a, b)| a / b - 1.0);
+        let excess: Vec<f64> = excess.collect();
+        assert!(excess.iter().all(|&e| e > -1e-6), "Ritz values are upper bounds: {excess:?}");
+        let mean = excess.iter().sum::<f64>() / excess.len() as f64;
+        assert!(mean < 0.7 * last, "{dimension}: {mean}");
+        last = mean;
+    }
+    assert!(last < 0.01, "{last}");
+    assert_eq!(exact.metadata["certificate"]["complete"], true);
+    // The bounds hold between the two.
+    let basis = modes(body, 30, Vec::new(), local(400));
+    for (value, bound) in basis.eigenvalues.iter().zip(&basis.bounds) {
+        let nearest = exact.eigenvalues.iter().map(|e| (e - value).abs()).fold(f64::INFINITY, f64::min);
+        assert!(nearest <= 1.01 * bound + 1e-9, "{value} ± {bound}");
+    }
+}
+
+#[test]
+fn clamped_vertices_stay_and_take_rigid_motions_away() {
+    let mesh = bar([4.0, 1.0, 1.0], [12, 3, 3]);
+    let all = 0..mesh.positions.len() as u32;
+    let wall: Vec<u32> = all.filter(|&v| mesh.positions[v as usize][0] == 0.0).collect();
+    let body = ElasticBody::Solid { mesh: &mesh };
+    let exact = modes(body, 12, wall.clone(), HSIM);
+    assert!(exact.rigid == 0 && exact.eigenvalues[0] > 0.0);
+    let approximate = modes(body, 12, wall.clone(), local(100));
+    for basis in [&exact, &approximate] {
+        assert!(wall.iter().all(|&v| basis.at(v as usize).unwrap().iter().all(|x| *x == [0.0; 3])));
+        assert!(defect(basis) < 2e-5);
+    }
+    assert!(
+        approximate.eigenvalues[0] > exact.eigenvalues[0] && approximate.eigenvalues[0] < 1.6 * exact.eigenvalues[0]
+    );
+    // Held at one vertex it can still turn about it, at two about the line through them.
+    for (clamped, rigid) in [(vec![0], 3), (vec![0, 12], 1), (vec![0, 12, 14], 0)] {
+        assert_eq!(modes(body, 8, clamped, HSIM).rigid, rigid);
+    }
+}
+
+#[test]
+fn two_objects_have_twelve_rigid_motions_and_every_frequency_twice() {
+    let one = generate(Shape::Sphere, 42).unwrap();
+    let mut two = one.clone();
+    two.positions.extend(one.positions.iter().map(|p| [p[0] + 5.0, p[1], p[2]]));
+    two.faces.extend(one.faces.iter().map(|face| face.map(|v| v + 42)));
+    let single = modes(ElasticBody::Shell { mesh: &one, thickness: 0.2 }, 12, Vec::new(), HSIM);
+    let double = modes(ElasticBody::Shell { mesh: &two, thickness: 0.2 }, 24, Vec::new(), HSIM);
+    assert_eq!(double.rigid, 12);
+    for (k, value) in double.eigenvalues.iter().enumerate() {
+        let expected = single.eigenvalues[k / 2];
+        assert!((value - expected).abs() <= 1e-4 * expected, "{k}: {value} {expected}");
+    }
+}
+
+#[test]
+fn a_mode_at_a_vertex_is_that_of_the_lifted_state_and_products_agree() {
+    let mesh = generate(Shape::Torus, 600).unwrap();
+    for method in [HSIM, local(100)] {
+        let basis = modes(ElasticBody::Shell { mesh: &mesh, thickness: 0.2 }, 15, Vec::new(), method);
+        let q: Vec<f64> = (0..15).map(|k| f64::from(k).cos()).collect();
+        let mut lifted = vec![0f32; 3 * basis.vertices()];
+        basis.lifter().lift(&q, &mut lifted);
+        let w: Vec<[f64; 3]> = (0..basis.vertices()).map(|v| [0.1, 0.7, -0.3].map(|x| (x * v as f64).sin())).collect();
+        let product: f64 = basis.transposed_times(&w).unwrap().iter().zip(&q).map(|(a, b)| a * b).sum();
+        let mut expected = 0.0;
+        for (v, w) in w.iter().enumerate() {
+            let there = basis.at(v).unwrap();
+            for axis in 0..3 {
+                let direct: f64 = there.iter().zip(&q).map(|(mode, q)| mode[axis] * q).sum();
+                assert!((direct - f64::from(lifted[3 * v + axis])).abs() < 1e-5);
+                expected += direct * w[axis];
+            }
+        }
+        assert!((product - expected).abs() < 1e-6 * basis.vertices() as f64);
+        assert!(basis.at(basis.vertices()).is_err() && basis.transposed_times(&w[1..]).is_err());
+    }
+}
+
+#[test]
+fn what_is_no_object_is_refused_by_name() {
+    let mesh = generate(Shape::Sphere, 42).unwrap();
+    let ask = |mesh: &TriangleMesh, thickness, count, clamped: Vec<u32>| {
+        let parameters = VibrationParameters { count, material: MATERIAL, clamped, method: local(30), seed: 0 };
+        vibration_modes(ElasticBody::Shell { mesh, thickness }, &parameters, &Unwatched).unwrap_err().to_string()
+    };
+    assert!(ask(&mesh, 0.0, 10, vec![]).starts_with("parameter \"thickness\": must lie between"));
+    assert!(ask(&mesh, f64::NAN, 10, vec![]).starts_with("parameter \"thickness\""));
+    assert!(ask(&mesh, 0.1, 10, vec![42]).contains("vertex 42 is not one of the 42"));
+    assert!(ask(&mesh, 0.1, 10, (0..42).collect()).contains("no vertex is left that can move"));
+    assert_eq!(ask(&mesh, 0.1, 127, vec![]), "127 modes are asked for, but only 126 coordinates can move");
+    let mut dust = TriangleMesh::default();
+    for k in 0..70u32 {
+        dust.positions.extend([[0.0, 0.0, f64::from(k)], [1.0, 0.0, f64::from(k)], [0.0, 1.0, f64::from(k)]]);
+        dust.faces.push([3 * k, 3 * k + 1, 3 * k + 2]);
+    }
+    assert!(ask(&dust, 0.1, 10, vec![]).contains("70 parts"));
+    let none = TriangleMesh { positions: vec![[0.0; 3]; 3], faces: vec![[0, 1, 2]] };
+    assert_eq!(ask(&none, 0.1, 3, vec![]), "the mesh has no area");
+}
