@@ -17,7 +17,8 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("field", &["basis", "operator", "mesh", "algebra", "monitor"]),
     // Of operators a product knows what a field is made of, and no more.
     ("basis", &["operator", "algebra", "monitor"]),
-    ("analysis", &["basis", "operator", "algebra", "monitor"]),
+    // Geodesics need gradients, hence the mesh.
+    ("analysis", &["basis", "operator", "algebra", "mesh", "monitor"]),
     ("job", &["analysis", "basis", "spectrum", "field", "operator", "algebra", "mesh", "monitor"]),
     ("config", &[]),
     ("telemetry", &["config"]),

@@ -30,6 +30,16 @@ pub enum BasisError {
         /// The vertices or the modes of the basis.
         expected: usize,
     },
+    /// There is no such vertex.
+    #[error("item {place} of the vertices is {vertex}, of {vertices}")]
+    Vertex {
+        /// Where it stands among those asked for.
+        place: usize,
+        /// What was asked for.
+        vertex: u32,
+        /// The number of vertices.
+        vertices: usize,
+    },
     /// Some columns cannot be read.
     #[error("chunk {chunk} of the eigenfunctions cannot be read: {error}")]
     Unavailable {
@@ -89,11 +99,7 @@ impl Basis {
             Functions::Compact(compact) => compact.project(&self.mass, x),
             Functions::Dense(dense) => {
                 let weighted = self.mass_times(x)?;
-                let mut coefficients = DenseMatrix::zeros(self.count(), x.columns());
-                dense.each_chunk(|range, chunk| {
-                    chunk.visit(Dot { x: &weighted, range, coefficients: &mut coefficients });
-                })?;
-                Ok(coefficients)
+                dense.inner_products(&weighted, self.count())
             }
         }
     }
@@ -209,6 +215,13 @@ impl Compact {
 }
 
 impl DenseFunctions {
+    /// `Φᵀ x` for `x`, `n × k`: `m × k`.
+    pub(super) fn inner_products(&self, x: &DenseMatrix, count: usize) -> Result<DenseMatrix, BasisError> {
+        let mut coefficients = DenseMatrix::zeros(count, x.columns());
+        self.each_chunk(|range, chunk| chunk.visit(Dot { x, range, coefficients: &mut coefficients }))?;
+        Ok(coefficients)
+    }
+
     /// Calls a function with each chunk and the range of its columns, in order.
     fn each_chunk(&self, mut act: impl FnMut(Range<usize>, &super::ColumnChunk)) -> Result<(), BasisError> {
         for index in 0..self.chunk_count() {

@@ -12,6 +12,7 @@ pub mod modal;
 pub mod npz;
 mod product;
 pub mod safetensors;
+mod squares;
 
 pub use certificate::{Certificate, InertiaCount, LevelReport, completeness};
 pub use dense::{CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Precision, Real};

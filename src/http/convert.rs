@@ -85,6 +85,7 @@ impl From<BasisError> for Problem {
                 &problem::INVALID_FUNCTION,
                 format!("A function has {found} values where {expected} are due."),
             ),
+            BasisError::Vertex { .. } => Self::new(&problem::INVALID_VERTEX, sentence(&error)),
             BasisError::Unavailable { error: ColumnError::Gone, .. } => {
                 Self::new(&problem::UNKNOWN_BASIS, "The basis was deleted meanwhile.")
             }

@@ -76,6 +76,10 @@ kinds! {
         "A function needs one finite value per vertex and column. The detail names the offending value or count.";
     INVALID_TRANSFER = "invalid-transfer-function", 422, "The transfer function does not fit",
         "A transfer function is of a known kind or a list of one finite value per eigenvalue.";
+    INVALID_VERTEX = "invalid-vertex", 422, "There is no such vertex",
+        "A source, landmark or other vertex is not one of the mesh, or none is given. The detail names it.";
+    INVALID_ANALYSIS = "invalid-analysis", 422, "This cannot be computed in the basis",
+        "A time, a count or another number of the request is out of its range, or the basis has no spectrum for it. The detail names it.";
     INVALID_RANGE_OF_MODES = "invalid-mode-range", 422, "There are no such modes",
         "`from` must be less than `to`, and `to` at most the number of eigenfunctions of the basis.";
     INVALID_PARAMETER = "invalid-parameter", 422, "A parameter of the job does not fit",

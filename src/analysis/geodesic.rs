@@ -1,0 +1,120 @@
+//! Geodesic distance by the heat method (Crane et al. 2013), with both of its solves in the basis.
+//!
+//! Heat that starts at the sources flows for a short time, `u = Σ e^{−λt} φ(s) φ`; its gradient, turned and brought to unit length, is that of
+//! the distance; of all functions the one whose gradient is nearest to that field solves a Poisson equation, in the basis `Σ (φᵀ b / λ) φ`.
+//! The mesh is needed for gradients alone.
+
+use rayon::prelude::*;
+
+use super::error::{self, AnalysisError};
+use super::spectrum::kernel_size;
+use crate::algebra::DenseMatrix;
+use crate::basis::Basis;
+use crate::mesh::TriangleMesh;
+
+/// The most columns of one call.
+pub const MOST_COLUMNS: usize = 64;
+
+/// A time of this many over the geometric mean of the first and the last eigenvalue: what the basis leaves out of the heat and what is left of it
+/// on the far side are then about as small. The factor was found on meshes with known distances (`docs/distances.md`).
+const TIME: f64 = 3.0;
+
+/// How long heat flows in a basis unless it is told: `3 / √(λ_1 λ_max)`, in length² of the input.
+///
+/// # Errors
+/// [`AnalysisError`] where the spectrum has no values above zero, or has negative ones.
+pub fn default_time(eigenvalues: &[f64]) -> Result<f64, AnalysisError> {
+    let first = kernel_size(eigenvalues)?;
+    let last = eigenvalues.last().copied().unwrap_or(1.0);
+    Ok(TIME / (eigenvalues[first] * last).sqrt())
+}
+
+/// Geodesic distances of all vertices from each of some sources, or from the nearest of them if `together`: `n × s` or `n × 1`.
+///
+/// Where the basis has too few modes to resolve it the distance is rounded off: near the source and along the cut locus. Vertices that no
+/// function of the basis reaches, as on a boundary under the Dirichlet condition, and other components than the source's have no meaningful value.
+///
+/// # Errors
+/// [`AnalysisError`] names a source that is no vertex, a time that is not above zero, a mesh that is not that of the basis.
+pub fn geodesic(
+    basis: &Basis,
+    mesh: &TriangleMesh,
+    sources: &[u32],
+    together: bool,
+    time: Option<f64>,
+) -> Result<DenseMatrix, AnalysisError> {
+    if mesh.positions.len() != basis.vertices() {
+        return Err(AnalysisError::Mesh { basis: basis.vertices(), mesh: mesh.positions.len() });
+    }
+    error::count("sources", sources.len(), 1, MOST_COLUMNS)?;
+    let first = kernel_size(&basis.eigenvalues)?;
+    let time = match time {
+        Some(time) => {
+            error::positive("time", time)?;
+            time
+        }
+        None => default_time(&basis.eigenvalues)?,
+    };
+    let at_sources = basis.at_vertices(sources).map_err(AnalysisError::vertices("source"))?;
+    let columns = if together { 1 } else { sources.len() };
+    let mut heat = DenseMatrix::zeros(basis.count(), columns);
+    for (mode, value) in basis.eigenvalues.iter().enumerate() {
+        let decay = (-value * time).exp();
+        let here = at_sources.column(mode);
+        for (source, value) in here.iter().enumerate() {
+            heat.column_mut(source.min(columns - 1))[mode] += decay * value;
+        }
+    }
+    let heat = basis.evaluate(&heat)?;
+    let mut divergence = DenseMatrix::zeros(basis.vertices(), columns);
+    let fields: Vec<Vec<f64>> = (0..columns).into_par_iter().map(|c| unit_divergence(mesh, heat.column(c))).collect();
+    fields.iter().enumerate().for_each(|(c, field)| divergence.column_mut(c).copy_from_slice(field));
+    drop((heat, fields));
+    let mut potential = basis.inner_products(&divergence)?;
+    for column in 0..columns {
+        let slots = potential.column_mut(column).iter_mut().zip(&basis.eigenvalues).enumerate();
+        slots.for_each(|(mode, (slot, value))| *slot = if mode < first { 0.0 } else { *slot / value });
+    }
+    let mut distances = basis.evaluate(&potential)?;
+    for column in 0..columns {
+        let own = if together { sources } else { &sources[column..=column] };
+        let distances = distances.column_mut(column);
+        let base = own.iter().map(|&s| distances[s as usize]).sum::<f64>() / own.len() as f64;
+        distances.iter_mut().for_each(|d| *d = (*d - base).max(0.0));
+    }
+    Ok(distances)
+}
+
+/// The integrated divergence `∫ X · ∇λ_i` of `X = −∇u / |∇u|` at each vertex. Faces without area, and those where `u` does not change, have none.
+fn unit_divergence(mesh: &TriangleMesh, u: &[f64]) -> Vec<f64> {
+    let mut divergence = vec![0.0; u.len()];
+    for face in &mesh.faces {
+        let [a, b, c] = face.map(|vertex| vertex as usize);
+        let [p, q, r] = [a, b, c].map(|vertex| mesh.positions[vertex]);
+        let edge = |from: [f64; 3], to: [f64; 3]| [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
+        let edges = [edge(q, r), edge(r, p), edge(p, q)];
+        let normal = cross(edges[0], edges[1]);
+        let square = dot(normal, normal);
+        // ∇u = n × Σ u_k e_k / |n|, the edges being those opposite to the corners. Differences keep the digits of a u that is nearly constant.
+        let [v, w] = [u[b] - u[a], u[c] - u[a]];
+        let sum = [0, 1, 2].map(|k| v * edges[1][k] + w * edges[2][k]);
+        let length = dot(sum, sum).sqrt();
+        if !(square > 0.0 && length > 0.0) {
+            continue;
+        }
+        // With X = −n̂ × sum / |sum| and A ∇λ_k = ½ n̂ × e_k, their product is −½ sum · e_k / |sum|.
+        let factor = -0.5 / length;
+        for (vertex, edge) in [a, b, c].into_iter().zip(&edges) {
+            divergence[vertex] += factor * dot(sum, *edge);
+        }
+    }
+    divergence
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}

@@ -1,0 +1,411 @@
+//! Values at single vertices, and sums of squares of eigenfunctions on all of them: what distances and signatures are made of.
+
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use rayon::prelude::*;
+
+use super::dense::{Real, Visit};
+use super::{Basis, BasisError, Compact, Functions};
+use crate::algebra::{
+    DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, SparseMatrix, space_transposed_mass_times, vectorized,
+};
+
+/// The largest space whose pairs of columns are numbered in a table: `4 d²` bytes.
+const MOST_DIRECT: usize = 4096;
+
+/// Rows that one task handles.
+const ROWS_PER_TASK: usize = 2048;
+
+/// Numbers that are summed side by side.
+const LANES: usize = 8;
+
+impl Basis {
+    /// The values of all modes at some vertices: a row for each vertex and a column for each mode, `p × m`.
+    ///
+    /// # Errors
+    /// [`BasisError::Vertex`] names the first that is none; [`BasisError::Unavailable`].
+    pub fn at_vertices(&self, vertices: &[u32]) -> Result<DenseMatrix, BasisError> {
+        let n = self.vertices();
+        if let Some(place) = vertices.iter().position(|&vertex| vertex as usize >= n) {
+            return Err(BasisError::Vertex { place, vertex: vertices[place], vertices: n });
+        }
+        let mut values = DenseMatrix::zeros(vertices.len(), self.count());
+        if vertices.is_empty() {
+            return Ok(values);
+        }
+        match &self.functions {
+            Functions::Compact(Compact { space, coefficients }) => {
+                let columns = values.values_mut().par_chunks_mut(vertices.len());
+                columns.enumerate().for_each(|(mode, column)| {
+                    let mode = coefficients.column(mode);
+                    for (value, &vertex) in column.iter_mut().zip(vertices) {
+                        let (columns, weights) = space.row(vertex as usize);
+                        *value = columns.iter().zip(weights).map(|(&c, &w)| f64::from(w) * mode[c as usize]).sum();
+                    }
+                });
+            }
+            Functions::Dense(dense) => {
+                for index in 0..dense.chunk_count() {
+                    let chunk = dense.chunk(index)?;
+                    chunk.visit(Pick { vertices, from: dense.chunk_range(index).start, values: &mut values });
+                }
+            }
+        }
+        Ok(values)
+    }
+
+    /// `Φᵀ x` for functions `x`, `n × k`, that are integrated already: `m × k`.
+    ///
+    /// # Errors
+    /// [`BasisError::Rows`] unless `x` has a row for each vertex; [`BasisError::Unavailable`].
+    pub fn inner_products(&self, x: &DenseMatrix) -> Result<DenseMatrix, BasisError> {
+        if x.rows() != self.vertices() {
+            return Err(BasisError::Rows { found: x.rows(), expected: self.vertices() });
+        }
+        match &self.functions {
+            Functions::Compact(compact) => {
+                let ones = MassMatrix::Diagonal(vec![1.0; x.rows()]);
+                let reduced = space_transposed_mass_times(&compact.space, &ones, x).ok_or(BasisError::Inconsistent)?;
+                compact.coefficients.transposed_times(&reduced).ok_or(BasisError::Inconsistent)
+            }
+            Functions::Dense(dense) => dense.inner_products(x, self.count()),
+        }
+    }
+
+    /// `Σ_k w_kt φ_k(x)²` at every vertex `x`, for columns of weights `w`, `m × t`: `n × t`.
+    ///
+    /// A compact basis does not lift its modes for this: the sum is a quadratic form in the row of `U`, whose entries `Σ_k w_k φ̄_ak φ̄_bk`
+    /// are needed only for pairs of columns `a`, `b` that share a vertex.
+    ///
+    /// # Errors
+    /// [`BasisError::Rows`] unless there is a weight for each mode; [`BasisError::Unavailable`].
+    pub fn weighted_squares(&self, weights: &DenseMatrix) -> Result<DenseMatrix, BasisError> {
+        if weights.rows() != self.count() {
+            return Err(BasisError::Rows { found: weights.rows(), expected: self.count() });
+        }
+        match &self.functions {
+            Functions::Compact(compact) if compact.space.columns() <= MOST_DIRECT => {
+                Ok(Pairs::new(&compact.space).squares(compact, weights))
+            }
+            Functions::Compact(compact) => lifted_squares(compact, weights),
+            Functions::Dense(dense) => {
+                let mut sums = DenseMatrix::zeros(dense.rows(), weights.columns());
+                for index in 0..dense.chunk_count() {
+                    let chunk = dense.chunk(index)?;
+                    chunk.visit(AddSquares { weights, from: dense.chunk_range(index).start, sums: &mut sums });
+                }
+                Ok(sums)
+            }
+        }
+    }
+}
+
+/// Copies the rows of some vertices.
+struct Pick<'a> {
+    vertices: &'a [u32],
+    from: usize,
+    values: &'a mut DenseMatrix,
+}
+
+impl Visit for Pick<'_> {
+    type Answer = ();
+    fn visit<T: Real>(self, values: &[T], rows: usize) {
+        for (k, column) in values.chunks(rows.max(1)).enumerate() {
+            let to = self.values.column_mut(self.from + k);
+            to.iter_mut().zip(self.vertices).for_each(|(to, &vertex)| *to = column[vertex as usize].wide());
+        }
+    }
+}
+
+/// Adds the squares of the columns of a chunk, each with its weights.
+struct AddSquares<'a> {
+    weights: &'a DenseMatrix,
+    from: usize,
+    sums: &'a mut DenseMatrix,
+}
+
+impl Visit for AddSquares<'_> {
+    type Answer = ();
+    fn visit<T: Real>(self, values: &[T], rows: usize) {
+        let Self { weights, from, sums } = self;
+        for t in 0..weights.columns() {
+            let weights = &weights.column(t)[from..];
+            sums.column_mut(t).par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(task, sums)| {
+                let first = task * ROWS_PER_TASK;
+                for (column, &weight) in values.chunks(rows.max(1)).zip(weights).filter(|(_, weight)| **weight != 0.0) {
+                    let column = &column[first..first + sums.len()];
+                    sums.iter_mut().zip(column).for_each(|(sum, value)| *sum += weight * value.wide() * value.wide());
+                }
+            });
+        }
+    }
+}
+
+/// The pairs of columns of `U` that share a row, numbered.
+struct Pairs {
+    /// `d × d`: the number of the pair `(a, b)`, `a ≤ b`, at `a d + b`; anything where there is no such pair.
+    numbers: Vec<u32>,
+    pairs: Vec<(u32, u32)>,
+}
+
+impl Pairs {
+    fn new(space: &SparseMatrix<f32>) -> Self {
+        let (n, d) = (space.rows(), space.columns());
+        let marks: Vec<AtomicU32> = (0..d * d).map(|_| AtomicU32::new(0)).collect();
+        (0..n.div_ceil(ROWS_PER_TASK)).into_par_iter().for_each(|task| {
+            let mut last: &[u32] = &[];
+            for row in task * ROWS_PER_TASK..n.min((task + 1) * ROWS_PER_TASK) {
+                let (columns, _) = space.row(row);
+                if columns == last {
+                    continue;
+                }
+                last = columns;
+                for (k, &a) in columns.iter().enumerate() {
+                    let line = &marks[a as usize * d..][..d];
+                    columns[k..].iter().for_each(|&b| line[b as usize].store(1, Ordering::Relaxed));
+                }
+            }
+        });
+        let mut numbers: Vec<u32> = marks.into_iter().map(AtomicU32::into_inner).collect();
+        let mut pairs = Vec::new();
+        for (a, line) in numbers.chunks_mut(d.max(1)).enumerate() {
+            for (b, number) in line.iter_mut().enumerate().skip(a) {
+                if *number != 0 {
+                    *number = pairs.len() as u32;
+                    pairs.push((a as u32, b as u32));
+                }
+            }
+        }
+        Self { numbers, pairs }
+    }
+
+    fn squares(&self, compact: &Compact, weights: &DenseMatrix) -> DenseMatrix {
+        let rows = padded_rows(&compact.coefficients);
+        let mut sums = DenseMatrix::zeros(compact.space.rows(), weights.columns());
+        for from in (0..weights.columns()).step_by(8) {
+            let group = from..weights.columns().min(from + 8);
+            match group.len() {
+                1 => self.group::<1>(compact, &rows, weights, group, &mut sums),
+                2 => self.group::<2>(compact, &rows, weights, group, &mut sums),
+                3 | 4 => self.group::<4>(compact, &rows, weights, group, &mut sums),
+                _ => self.group::<8>(compact, &rows, weights, group, &mut sums),
+            }
+        }
+        sums
+    }
+
+    /// At most `K` columns of weights at once.
+    fn group<const K: usize>(
+        &self,
+        compact: &Compact,
+        rows: &[[f64; LANES]],
+        weights: &DenseMatrix,
+        group: std::ops::Range<usize>,
+        sums: &mut DenseMatrix,
+    ) {
+        // Weights of high modes are often nothing: heat has died down there.
+        let is_something = |mode: &usize| group.clone().any(|t| weights.column(t)[*mode] != 0.0);
+        let used = (0..weights.rows()).rev().find(is_something).map_or(0, |last| last + 1).div_ceil(LANES);
+        let mut lanes = vec![[[0.0; LANES]; K]; used];
+        for (t, column) in group.clone().enumerate() {
+            for (mode, &weight) in weights.column(column).iter().enumerate().take(used * LANES) {
+                lanes[mode / LANES][t][mode % LANES] = weight;
+            }
+        }
+        let width = weights.rows().div_ceil(LANES);
+        let mut forms = vec![[0.0; K]; self.pairs.len()];
+        forms.par_chunks_mut(512).zip(self.pairs.par_chunks(512)).for_each(|(forms, pairs)| {
+            vectorized(
+                forms,
+                #[inline(always)]
+                |forms| {
+                    for (form, &(a, b)) in forms.iter_mut().zip(pairs) {
+                        let row = |k: u32| &rows[k as usize * width..][..used];
+                        let mut acc = [[0.0; LANES]; K];
+                        for ((a, b), weights) in row(a).iter().zip(row(b)).zip(&lanes) {
+                            for t in 0..K {
+                                for lane in 0..LANES {
+                                    acc[t][lane] += a[lane] * b[lane] * weights[t][lane];
+                                }
+                            }
+                        }
+                        // Off the diagonal a pair counts twice.
+                        let times = if a == b { 1.0 } else { 2.0 };
+                        *form = acc.map(|lanes| times * lanes.iter().sum::<f64>());
+                    }
+                },
+            );
+        });
+        let (n, d) = (compact.space.rows(), compact.space.columns());
+        let mut values = vec![[0.0; K]; n];
+        values.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(task, out)| {
+            vectorized(
+                out,
+                #[inline(always)]
+                |out| {
+                    for (row, out) in out.iter_mut().enumerate() {
+                        let (columns, values) = compact.space.row(task * ROWS_PER_TASK + row);
+                        let mut acc = [0.0; K];
+                        for (k, (&a, &u)) in columns.iter().zip(values).enumerate() {
+                            let line = &self.numbers[a as usize * d..][..d];
+                            let mut part = [0.0; K];
+                            for (&b, &v) in columns[k..].iter().zip(&values[k..]) {
+                                let form = &forms[line[b as usize] as usize];
+                                for t in 0..K {
+                                    part[t] += f64::from(v) * form[t];
+                                }
+                            }
+                            for t in 0..K {
+                                acc[t] += f64::from(u) * part[t];
+                            }
+                        }
+                        *out = acc;
+                    }
+                },
+            );
+        });
+        for (t, column) in group.enumerate() {
+            sums.column_mut(column).iter_mut().zip(&values).for_each(|(sum, value)| *sum = value[t]);
+        }
+    }
+}
+
+/// The rows of a matrix one after the other, each padded with zeros to whole groups of lanes.
+fn padded_rows(matrix: &DenseMatrix) -> Vec<[f64; LANES]> {
+    let width = matrix.columns().div_ceil(LANES);
+    let mut rows = vec![[0.0; LANES]; matrix.rows() * width];
+    for column in 0..matrix.columns() {
+        let (group, lane) = (column / LANES, column % LANES);
+        for (row, &value) in matrix.column(column).iter().enumerate() {
+            rows[row * width + group][lane] = value;
+        }
+    }
+    rows
+}
+
+/// The same by lifting the modes, some rows and 32 of them at a time.
+fn lifted_squares(compact: &Compact, weights: &DenseMatrix) -> Result<DenseMatrix, BasisError> {
+    let (n, m, t) = (compact.space.rows(), compact.coefficients.columns(), weights.columns());
+    let lifter = RowLifter::new(&compact.space, &compact.coefficients).ok_or(BasisError::Inconsistent)?;
+    let mut rows = vec![0.0; n * t];
+    rows.par_chunks_mut((ROWS_PER_TASK * t).max(1)).enumerate().for_each(|(task, out)| {
+        let from = task * ROWS_PER_TASK;
+        let numbers: Vec<u32> = (from..n.min(from + ROWS_PER_TASK)).map(|row| row as u32).collect();
+        let mut panel = vec![[0.0; LIFT_WIDTH]; numbers.len()];
+        for group in 0..m.div_ceil(LIFT_WIDTH) {
+            lifter.lift(&numbers, group, &mut panel);
+            for (out, row) in out.chunks_mut(t).zip(&panel) {
+                for (column, out) in out.iter_mut().enumerate() {
+                    let weights = &weights.column(column)[group * LIFT_WIDTH..];
+                    *out += row.iter().zip(weights).map(|(value, weight)| weight * value * value).sum::<f64>();
+                }
+            }
+        }
+    });
+    let mut sums = DenseMatrix::zeros(n, t);
+    for column in 0..t {
+        let values = rows.iter().skip(column).step_by(t);
+        sums.column_mut(column).iter_mut().zip(values).for_each(|(sum, value)| *sum = *value);
+    }
+    Ok(sums)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::basis::tests::dense_basis;
+    use crate::basis::{Certificate, DenseFunctions, Precision};
+
+    /// A basis of `m` functions in a space of `d` columns with `1 + row % 5` entries a row.
+    fn compact(n: usize, d: usize, m: usize) -> Basis {
+        let (mut offsets, mut indices, mut values) = (vec![0], Vec::new(), Vec::new());
+        for row in 0..n {
+            let mut columns: Vec<u32> = (0..1 + row % 5).map(|k| ((row / 7 + 3 * k) % d) as u32).collect();
+            columns.sort_unstable();
+            columns.dedup();
+            values.extend(columns.iter().map(|&c| ((row * 31 + c as usize * 17) % 101) as f32 / 64.0 - 0.5));
+            indices.extend(columns);
+            offsets.push(indices.len());
+        }
+        let coefficients = (0..d * m).map(|i| (i as f64 * 0.37).sin()).collect();
+        Basis {
+            functions: Functions::Compact(Compact {
+                space: SparseMatrix::new(n, d, offsets, indices, values).unwrap(),
+                coefficients: DenseMatrix::from_columns(d, m, coefficients).unwrap(),
+            }),
+            eigenvalues: (0..m).map(|k| k as f64).collect(),
+            mass: MassMatrix::Diagonal(vec![1.0; n]),
+            certificate: Certificate::default(),
+            metadata: serde_json::Value::Null,
+        }
+    }
+
+    fn close(a: &DenseMatrix, b: &DenseMatrix, tolerance: f64) -> bool {
+        (a.rows(), a.columns()) == (b.rows(), b.columns())
+            && a.values().iter().zip(b.values()).all(|(a, b)| (a - b).abs() <= tolerance)
+    }
+
+    #[test]
+    fn sums_of_squares_agree_with_the_lifted_modes_for_any_number_of_weights() {
+        let (n, m) = (ROWS_PER_TASK + 77, 37);
+        let basis = compact(n, 40, m);
+        let modes: Vec<f64> = basis.lift(0..m).unwrap();
+        let modes = DenseMatrix::from_columns(n, m, modes).unwrap();
+        let dense = DenseFunctions::from_columns(&modes, Precision::F64);
+        let dense = Basis { functions: Functions::Dense(dense), ..basis.clone() };
+        for t in [0, 1, 2, 3, 7, 8, 11] {
+            let weights: Vec<f64> = (0..m * t).map(|i| if i % m > 20 { 0.0 } else { (i as f64 * 0.7).cos() }).collect();
+            let weights = DenseMatrix::from_columns(m, t, weights).unwrap();
+            let mut expected = DenseMatrix::zeros(n, t);
+            for column in 0..t {
+                for mode in 0..m {
+                    let weight = weights.column(column)[mode];
+                    let sums = expected.column_mut(column).iter_mut().zip(modes.column(mode));
+                    sums.for_each(|(sum, value)| *sum += weight * value * value);
+                }
+            }
+            assert!(close(&basis.weighted_squares(&weights).unwrap(), &expected, 1e-11), "{t}");
+            assert!(close(&dense.weighted_squares(&weights).unwrap(), &expected, 1e-11), "{t}");
+            let lifted = lifted_squares(basis.compact().unwrap(), &weights).unwrap();
+            assert!(close(&lifted, &expected, 1e-11), "{t}");
+        }
+        assert!(basis.weighted_squares(&DenseMatrix::zeros(m + 1, 1)).is_err());
+    }
+
+    #[test]
+    fn values_at_vertices_are_rows_of_the_lifted_modes() {
+        let basis = compact(500, 20, 33);
+        for basis in [basis, dense_basis(Precision::F64, 70)] {
+            let modes: Vec<f64> = basis.lift(0..basis.count()).unwrap();
+            let vertices = [2, 0, 2];
+            let values = basis.at_vertices(&vertices).unwrap();
+            for mode in 0..basis.count() {
+                for (row, &vertex) in vertices.iter().enumerate() {
+                    let expected = modes[mode * basis.vertices() + vertex as usize];
+                    assert!((values.column(mode)[row] - expected).abs() < 1e-14);
+                }
+            }
+            assert_eq!(basis.at_vertices(&[]).unwrap().rows(), 0);
+            let n = basis.vertices();
+            let error = basis.at_vertices(&[0, n as u32]).unwrap_err();
+            assert_eq!(error, BasisError::Vertex { place: 1, vertex: n as u32, vertices: n });
+        }
+    }
+
+    #[test]
+    fn inner_products_take_no_mass() {
+        for basis in [compact(500, 20, 33), dense_basis(Precision::F64, 70)] {
+            let n = basis.vertices();
+            let x = DenseMatrix::from_columns(n, 2, (0..2 * n).map(|i| (i as f64).cos()).collect()).unwrap();
+            let found = basis.inner_products(&x).unwrap();
+            let modes: Vec<f64> = basis.lift(0..basis.count()).unwrap();
+            for (mode, values) in modes.chunks(n).enumerate() {
+                for k in 0..2 {
+                    let expected: f64 = values.iter().zip(x.column(k)).map(|(a, b)| a * b).sum();
+                    assert!((found.column(k)[mode] - expected).abs() < 1e-11);
+                }
+            }
+            assert!(basis.inner_products(&DenseMatrix::zeros(n + 1, 1)).is_err());
+        }
+    }
+}
