@@ -70,6 +70,20 @@ pub enum Transfer {
         /// The time `t ≥ 0`, in length² of the input.
         time: f64,
     },
+    /// Sharpening: `1 + strength · λ / (λ + cutoff)`, from 1 for the coarsest shape to `1 + strength` for detail, that beyond the basis
+    /// included. A negative strength, not below −1, softens.
+    Sharpen {
+        /// The eigenvalue where half of the strength is reached.
+        cutoff: f64,
+        /// By how much detail grows.
+        strength: f64,
+    },
+    /// Any function of the eigenvalue, by its values at some of them: linear in between, constant outside. The detail beyond the basis gets
+    /// what the last eigenvalue gets.
+    Curve {
+        /// Pairs of an eigenvalue and a factor, eigenvalues strictly ascending.
+        points: Vec<[f64; 2]>,
+    },
     /// One factor for each eigenvalue, and one for the detail beyond the basis.
     Samples {
         /// `m` factors.
@@ -112,6 +126,35 @@ impl Transfer {
                 let last = eigenvalues.last().copied().unwrap_or(0.0).max(0.0);
                 (each(&|value| (-value * time).exp()), (-last * time).exp())
             }
+            Self::Sharpen { cutoff, strength } => {
+                if !(cutoff.is_finite() && cutoff > 0.0) {
+                    let expected = "a finite number above zero";
+                    return Err(FilterError::Parameter { parameter: "cutoff", value: cutoff, expected });
+                }
+                if !(strength.is_finite() && strength >= -1.0) {
+                    let expected = "a finite number, at least -1";
+                    return Err(FilterError::Parameter { parameter: "strength", value: strength, expected });
+                }
+                (each(&|value| 1.0 + strength * value / (value + cutoff)), 1.0 + strength)
+            }
+            Self::Curve { ref points } => {
+                if points.is_empty() {
+                    return Err(FilterError::Samples { found: 0, expected: 1 });
+                }
+                if let Some(index) = points.iter().flatten().position(|v| !v.is_finite()) {
+                    return Err(FilterError::NotFinite { index: index / 2 });
+                }
+                if let Some(pair) = points.windows(2).find(|pair| pair[0][0] >= pair[1][0]) {
+                    let (parameter, value) = ("points", pair[1][0]);
+                    return Err(FilterError::Parameter {
+                        parameter,
+                        value,
+                        expected: "an eigenvalue above the one before",
+                    });
+                }
+                let last = eigenvalues.last().copied().unwrap_or(0.0).max(0.0);
+                (each(&|value| on_curve(points, value)), on_curve(points, last))
+            }
             Self::Samples { ref values, beyond } => {
                 if values.len() != eigenvalues.len() {
                     return Err(FilterError::Samples { found: values.len(), expected: eigenvalues.len() });
@@ -126,6 +169,16 @@ impl Transfer {
                 (values.clone(), beyond)
             }
         })
+    }
+}
+
+/// The value of a curve through points of ascending places.
+fn on_curve(points: &[[f64; 2]], at: f64) -> f64 {
+    let above = points.partition_point(|point| point[0] <= at);
+    match (above.checked_sub(1).map(|k| points[k]), points.get(above)) {
+        (Some([x, y]), Some([u, v])) => y + (v - y) * (at - x) / (u - x),
+        (Some([_, y]), None) | (None, Some(&[_, y])) => y,
+        (None, None) => 1.0,
     }
 }
 
@@ -163,29 +216,7 @@ pub fn filter(basis: &Basis, functions: &DenseMatrix, transfer: &Transfer) -> Re
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::algebra::{MassMatrix, SparseMatrix};
-    use crate::basis::{Certificate, Compact, DenseFunctions, Functions, Precision};
-
-    /// The cosine basis of a chain of `n` points with equal masses.
-    fn chain(n: usize, m: usize) -> Basis {
-        let frequency = |k: usize| std::f64::consts::PI * k as f64 / n as f64;
-        let mut modes = DenseMatrix::zeros(n, m);
-        for k in 0..m {
-            let scale = (if k == 0 { 1.0 } else { 2.0 } / n as f64).sqrt();
-            let column = modes.column_mut(k).iter_mut().enumerate();
-            column.for_each(|(i, x)| *x = scale * (frequency(k) * (i as f64 + 0.5)).cos());
-        }
-        Basis {
-            functions: Functions::Compact(Compact {
-                space: SparseMatrix::new(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0; n]).unwrap(),
-                coefficients: modes,
-            }),
-            eigenvalues: (0..m).map(|k| 2.0 - 2.0 * frequency(k).cos()).collect(),
-            mass: MassMatrix::Diagonal(vec![1.0; n]),
-            certificate: Certificate::default(),
-            metadata: serde_json::Value::Null,
-        }
-    }
+    use crate::analysis::fixtures::{chain, dense};
 
     fn functions(n: usize, k: usize) -> DenseMatrix {
         DenseMatrix::from_columns(n, k, (0..n * k).map(|i| (i as f64 * 1.7).sin()).collect()).unwrap()
@@ -236,11 +267,30 @@ mod tests {
     }
 
     #[test]
+    fn sharpening_and_curves_are_what_their_samples_are() {
+        let (basis, x) = (chain(50, 20), functions(50, 2));
+        let by_samples = |factor: &dyn Fn(f64) -> f64, beyond: f64| {
+            let values = basis.eigenvalues.iter().map(|&value| factor(value)).collect();
+            filter(&basis, &x, &Transfer::Samples { values, beyond }).unwrap()
+        };
+        let sharpened = filter(&basis, &x, &Transfer::Sharpen { cutoff: 0.5, strength: 2.0 }).unwrap();
+        assert!(distance(&sharpened, &by_samples(&|value| 1.0 + 2.0 * value / (value + 0.5), 3.0)) < 1e-13);
+        let curve = Transfer::Curve { points: vec![[0.1, 1.0], [0.3, 3.0], [0.4, 2.0]] };
+        let hand = |value: f64| match value {
+            v if v <= 0.1 => 1.0,
+            v if v <= 0.3 => 1.0 + 10.0 * (v - 0.1),
+            v if v <= 0.4 => 3.0 - 10.0 * (v - 0.3),
+            _ => 2.0,
+        };
+        assert!(distance(&filter(&basis, &x, &curve).unwrap(), &by_samples(&hand, 2.0)) < 1e-13);
+        let constant = Transfer::Curve { points: vec![[1.0, 0.5]] };
+        assert!(distance(&filter(&basis, &x, &constant).unwrap(), &by_samples(&|_| 0.5, 0.5)) < 1e-13);
+    }
+
+    #[test]
     fn a_dense_basis_filters_as_a_compact_one_does() {
         let (compact, x) = (chain(50, 40), functions(50, 3));
-        let modes = &compact.compact().unwrap().coefficients;
-        let dense = DenseFunctions::from_columns(modes, Precision::F64);
-        let dense = Basis { functions: Functions::Dense(dense), ..compact.clone() };
+        let dense = dense(&compact);
         let transfer = Transfer::Gain { low: 0.1, high: 1.0, gain: 2.0 };
         let filtered = filter(&dense, &x, &transfer).unwrap();
         assert!(distance(&filtered, &filter(&compact, &x, &transfer).unwrap()) < 1e-13);
@@ -257,6 +307,11 @@ mod tests {
         assert!(error(Transfer::LowPass { cutoff: f64::NAN }).starts_with("cutoff is NaN"));
         assert!(error(Transfer::BandPass { low: 2.0, high: 1.0 }).starts_with("high is 1"));
         assert_eq!(error(Transfer::Samples { values: vec![1.0; 2], beyond: 0.0 }), "2 samples for 3 eigenvalues");
+        assert!(error(Transfer::Sharpen { cutoff: 0.0, strength: 1.0 }).starts_with("cutoff is 0"));
+        assert!(error(Transfer::Sharpen { cutoff: 1.0, strength: -1.5 }).starts_with("strength is -1.5"));
+        assert_eq!(error(Transfer::Curve { points: vec![] }), "0 samples for 1 eigenvalues");
+        assert_eq!(error(Transfer::Curve { points: vec![[0.0, 1.0], [1.0, f64::NAN]] }), "sample 1 is not finite");
+        assert!(error(Transfer::Curve { points: vec![[1.0, 1.0], [1.0, 2.0]] }).starts_with("points is 1"));
         let values = vec![1.0, f64::INFINITY, 0.0];
         assert_eq!(error(Transfer::Samples { values, beyond: 0.0 }), "sample 1 is not finite");
         let short = functions(9, 1);

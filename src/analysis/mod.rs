@@ -11,6 +11,7 @@ pub mod kd_tree;
 pub mod projection;
 pub mod sound;
 pub mod vibration;
+pub mod scatter;
 pub mod shape_dna;
 pub mod signature;
 pub mod spectrum;

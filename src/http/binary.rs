@@ -86,6 +86,25 @@ pub fn decode(bytes: &[u8], dtype: Dtype, rows: usize) -> Result<DenseMatrix, Pr
     }
 }
 
+/// Reads little-endian u32 in groups of `K`: vertices, or pairs of them.
+///
+/// # Errors
+/// `invalid-vertex` where bytes are left over.
+pub fn decode_tuples<const K: usize>(bytes: &[u8]) -> Result<Vec<[u32; K]>, Problem> {
+    let (words, rest) = bytes.as_chunks::<4>();
+    if !rest.is_empty() || !words.len().is_multiple_of(K) {
+        let detail = format!("{} bytes are no whole number of {K} vertices in u32.", bytes.len());
+        return Err(Problem::new(&problem::INVALID_VERTEX, detail));
+    }
+    let tuple = |words: &[[u8; 4]]| std::array::from_fn(|k| u32::from_le_bytes(words[k]));
+    Ok(words.chunks_exact(K).map(tuple).collect())
+}
+
+/// Numbers as little-endian u32.
+pub fn encode_u32(values: &[u32]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
 /// Reads a JSON table with `rows` rows.
 ///
 /// # Errors

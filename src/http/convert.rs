@@ -1,6 +1,7 @@
 //! Errors of other rooms as problems.
 
 use super::problem::{self, Problem};
+use crate::analysis::AnalysisError;
 use crate::analysis::filter::FilterError;
 use crate::basis::{BasisError, ColumnError};
 use crate::job::ParameterError;
@@ -99,6 +100,22 @@ impl From<FilterError> for Problem {
         match error {
             FilterError::Basis(error) => error.into(),
             other => Self::new(&problem::INVALID_TRANSFER, format!("transfer: {}", sentence(&other))),
+        }
+    }
+}
+
+impl From<AnalysisError> for Problem {
+    fn from(error: AnalysisError) -> Self {
+        let text = sentence(&error);
+        match error {
+            AnalysisError::Vertex { what, vertex, vertices, .. } => Self::new(&problem::INVALID_VERTEX, text)
+                .with("what", what)
+                .with("vertex", vertex)
+                .with("vertices", vertices),
+            AnalysisError::Stream { at, .. } => Self::new(&problem::INVALID_STREAM, text).with("at", at),
+            AnalysisError::Basis(error) => error.into(),
+            AnalysisError::Eigen(_) | AnalysisError::System(_) => Self::internal(error),
+            _ => Self::new(&problem::INVALID_ANALYSIS, text),
         }
     }
 }

@@ -51,6 +51,7 @@ pub struct Binary(Vec<u8>);
         (name = "meshes", description = "Surfaces: uploaded, checked, repaired without loss, stored by content."),
         (name = "jobs", description = "Eigenproblems, worked on in the background."),
         (name = "bases", description = "Bases of eigenfunctions, compact or dense, and what can be computed with them at once."),
+        (name = "analysis", description = "Distances, signatures, comparisons, compression and maps: uses of a basis, computed at once."),
         (name = "system", description = "Health, metrics, documentation."),
     ),
     components(schemas(ProblemSchema)),

@@ -56,6 +56,23 @@ pub async fn read<T: DeserializeOwned + Send + 'static>(
     parsed.await.map_err(Problem::internal)?
 }
 
+/// What a raw body does not say: the query's `request`, as JSON.
+///
+/// # Errors
+/// `invalid-query` where it is missing or is no JSON, `invalid-request` where it does not fit.
+pub fn rest<T: DeserializeOwned>(request: Option<&str>) -> Result<T, Problem> {
+    let text = request.ok_or_else(|| {
+        Problem::new(
+            &problem::INVALID_QUERY,
+            "request: is missing; a raw body needs the rest of the request in the query.",
+        )
+    })?;
+    extract::parse_json(text.as_bytes()).map_err(|refused| match refused.kind() == &problem::INVALID_JSON {
+        true => Problem::new(&problem::INVALID_QUERY, format!("request: {}", refused.detail())),
+        false => refused,
+    })
+}
+
 /// Whether the answer is raw: as `Accept` says, else as the request was.
 ///
 /// # Errors

@@ -11,25 +11,30 @@
 //! | `body`, `extract`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, negotiation, ranges |
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `wire`, `certificate` | what goes over the wire |
-//! | `meshes`, `jobs`, `bases`, `content`, `modes`, `solves`, `system`, `docs` | the routes |
+//! | `meshes`, `jobs`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `system`, `docs` | the routes |
 
 mod auth;
 mod bases;
 mod binary;
 mod body;
 mod certificate;
+mod comparisons;
+mod compressions;
 mod conditional;
 mod content;
 mod convert;
+mod distances;
 mod docs;
 mod exchange;
 mod extract;
 mod jobs;
+mod maps;
 mod meshes;
 mod middleware;
 mod modes;
 mod problem;
 mod serve;
+mod signatures;
 mod solves;
 mod state;
 mod system;
@@ -65,6 +70,11 @@ fn routes() -> OpenApiRouter<AppState> {
         .merge(content::routes())
         .merge(modes::routes())
         .merge(solves::routes())
+        .merge(distances::routes())
+        .merge(signatures::routes())
+        .merge(compressions::routes())
+        .merge(comparisons::routes())
+        .merge(maps::routes())
         .merge(system::routes())
         .merge(docs::routes())
 }

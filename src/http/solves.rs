@@ -1,5 +1,6 @@
 //! Synchronous solves in a stored basis: filter, project, reconstruct.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use axum::body::Body;
@@ -13,7 +14,7 @@ use utoipa_axum::routes;
 use super::bases::{basis_id, find};
 use super::binary::{self, Dtype, Table};
 use super::body::WholeBody;
-use super::exchange::{Answer, Sent, raw_answer, read};
+use super::exchange::{Answer, OCTETS, Sent, answer_type, raw_answer, read};
 use super::extract::{PathOf, QueryOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
@@ -22,6 +23,7 @@ use crate::analysis::filter::{Transfer, filter};
 use crate::analysis::projection::project;
 use crate::basis::Basis;
 use crate::mesh::TriangleMesh;
+use crate::mesh::write::{PlyPrecision, write_ply_with};
 
 /// The routes of synchronous solves.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -31,20 +33,30 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(reconstruct))
 }
 
+/// The media type of a mesh whose coordinates are functions.
+pub const PLY: &str = "model/ply";
+
 /// Functions on the vertices.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(untagged)]
-enum Functions {
+pub enum Functions {
     /// `coordinates`: x, y and z of the vertices.
     Named(Named),
     /// One row for each vertex.
     Values(Table),
 }
 
+impl Functions {
+    /// x, y and z of the vertices.
+    pub fn coordinates() -> Self {
+        Self::Named(Named::Coordinates)
+    }
+}
+
 /// Functions that the server knows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
-enum Named {
+pub enum Named {
     /// x, y and z of the vertices.
     Coordinates,
 }
@@ -66,6 +78,8 @@ struct RawQuery {
     transfer: Option<String>,
     /// Whether to give the projected functions instead of the coefficients.
     reconstruct: Option<bool>,
+    /// Onto how many modes functions are projected, for a raw body; all by default.
+    pairs: Option<usize>,
 }
 
 /// What to filter, and how.
@@ -77,7 +91,8 @@ struct FilterRequest {
     functions: Functions,
     /// By what each part is multiplied, as a function of its eigenvalue λ (1/length² of the mesh). One of
     /// `{"kind": "low_pass", "cutoff": c}`, `{"kind": "high_pass", "cutoff": c}`, `{"kind": "band_pass", "low": a, "high": b}`,
-    /// `{"kind": "gain", "low": a, "high": b, "gain": g}`, `{"kind": "heat", "time": t}` and
+    /// `{"kind": "gain", "low": a, "high": b, "gain": g}`, `{"kind": "heat", "time": t}`,
+    /// `{"kind": "sharpen", "cutoff": c, "strength": s}` for 1 + s λ/(λ + c), `{"kind": "curve", "points": [[λ, factor], …]}` and
     /// `{"kind": "samples", "values": [one for each eigenvalue], "beyond": what the basis does not hold}`.
     #[schema(value_type = Object)]
     transfer: Transfer,
@@ -93,6 +108,8 @@ struct ProjectRequest {
     /// Whether to give the projected functions beside the coefficients.
     #[serde(default)]
     reconstruct: bool,
+    /// Onto how many modes, the lowest; all by default.
+    pairs: Option<usize>,
 }
 
 /// Projected functions.
@@ -116,10 +133,29 @@ fn coordinates(mesh: &TriangleMesh) -> DenseMatrix {
 }
 
 /// Where the functions of a request come from.
-enum Source {
-    Mesh(std::sync::Arc<TriangleMesh>),
+pub enum Source {
+    /// The coordinates of a mesh.
+    Mesh(Arc<TriangleMesh>),
+    /// A JSON table.
     Table(Table),
+    /// Raw numbers.
     Raw(WholeBody, Dtype),
+}
+
+/// The mesh with three functions as its coordinates.
+///
+/// # Errors
+/// `invalid-function` unless there are three.
+pub fn ply(mesh: &TriangleMesh, functions: &DenseMatrix, begin: Instant) -> Result<Answer, Problem> {
+    if functions.columns() != 3 {
+        let detail = format!("A {PLY} has three coordinates, and these are {} functions.", functions.columns());
+        return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
+    }
+    let position = |row: usize| std::array::from_fn(|axis| functions.column(axis)[row]);
+    let moved = TriangleMesh { positions: (0..functions.rows()).map(position).collect(), faces: mesh.faces.clone() };
+    let mut bytes = Vec::new();
+    write_ply_with(&moved, None, PlyPrecision::Single, &mut bytes).map_err(Problem::internal)?;
+    Ok(Answer::new(bytes, PLY, begin))
 }
 
 impl Source {
@@ -128,7 +164,16 @@ impl Source {
         Ok(Self::Mesh(state.store.load_mesh(&mesh).await?))
     }
 
-    async fn of(state: &AppState, id: &str, functions: Functions) -> Result<Self, Problem> {
+    /// The mesh of a basis, where it is wanted.
+    pub async fn mesh_if(state: &AppState, id: &str, wanted: bool) -> Result<Option<Arc<TriangleMesh>>, Problem> {
+        if !wanted {
+            return Ok(None);
+        }
+        Ok(Some(state.store.load_mesh(&find(state, id).await?.mesh).await?))
+    }
+
+    /// What a JSON request names or carries.
+    pub async fn of(state: &AppState, id: &str, functions: Functions) -> Result<Self, Problem> {
         match functions {
             Functions::Named(Named::Coordinates) => Self::named(state, id).await,
             Functions::Values(table) => Ok(Self::Table(table)),
@@ -146,7 +191,8 @@ impl Source {
         }
     }
 
-    fn matrix(&self, rows: usize) -> Result<DenseMatrix, Problem> {
+    /// The functions, `rows × k`.
+    pub fn matrix(&self, rows: usize) -> Result<DenseMatrix, Problem> {
         match self {
             Self::Mesh(mesh) => Ok(coordinates(mesh)),
             Self::Table(table) => binary::from_table(table, rows),
@@ -168,7 +214,7 @@ impl Source {
     params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), RawQuery),
     request_body(description = "The functions", content((FilterRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
-        (status = 200, description = "The filtered functions: a row for each vertex", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream")),
+        (status = 200, description = "The filtered functions: a row for each vertex; of three functions, also the mesh with them as its coordinates", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
         (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
@@ -186,7 +232,8 @@ async fn filter_functions(
 ) -> Result<Answer, Problem> {
     let basis = load(&state, &id).await?;
     let sent = read::<FilterRequest>(&state, &headers, body).await?;
-    let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
+    let media_type = answer_type(&headers, matches!(sent, Sent::Raw(_)), &[PLY])?;
+    let mesh = Source::mesh_if(&state, &id, media_type == PLY).await?;
     let (source, transfer) = match sent {
         Sent::Json(request) => (Source::of(&state, &id, request.functions).await?, request.transfer),
         Sent::Raw(body) => {
@@ -207,26 +254,29 @@ async fn filter_functions(
             let functions = source.matrix(basis.vertices())?;
             drop(source);
             let filtered = filter(&basis, &functions, &transfer)?;
-            Answer::table(&filtered, raw, query.dtype, begin)
+            match mesh {
+                Some(mesh) => ply(&mesh, &filtered, begin),
+                None => Answer::table(&filtered, media_type == OCTETS, query.dtype, begin),
+            }
         })
         .await
 }
 
-async fn load(state: &AppState, id: &str) -> Result<std::sync::Arc<Basis>, Problem> {
+async fn load(state: &AppState, id: &str) -> Result<Arc<Basis>, Problem> {
     Ok(state.store.load_basis(basis_id(id)?).await?)
 }
 
 /// Projects functions onto a basis
 ///
-/// `ΦᵀM x`: the coefficients of the nearest combinations of eigenfunctions, a row for each of them, and how much the basis does not
-/// hold. JSON or raw numbers, as for `filter`; a raw answer is the coefficients, or with `reconstruct=true` the projected functions, and
+/// `ΦᵀM x`: the coefficients of the nearest combinations of the first `pairs` eigenfunctions, a row for each of them, and how much they do
+/// not hold. JSON or raw numbers, as for `filter`; a raw answer is the coefficients, or with `reconstruct=true` the projected functions, and
 /// has the relative errors in `Chladni-Relative-Error`.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/project", tag = "bases", operation_id = "project",
     params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), RawQuery),
     request_body(description = "The functions", content((ProjectRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
-        (status = 200, description = "The coefficients", content((ProjectAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
+        (status = 200, description = "The coefficients; of three functions, also the mesh with the projected ones as its coordinates", content((ProjectAnswer = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Relative-Error" = String), ("Server-Timing" = String))),
         (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
@@ -245,11 +295,14 @@ async fn project_functions(
     no_transfer(&query)?;
     let basis = load(&state, &id).await?;
     let sent = read::<ProjectRequest>(&state, &headers, body).await?;
-    let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
+    let media_type = answer_type(&headers, matches!(sent, Sent::Raw(_)), &[PLY])?;
+    let mesh = Source::mesh_if(&state, &id, media_type == PLY).await?;
     let mut whole = query.reconstruct.unwrap_or(false);
+    let mut pairs = query.pairs;
     let source = match sent {
         Sent::Json(request) => {
             whole |= request.reconstruct;
+            pairs = request.pairs.or(pairs);
             Source::of(&state, &id, request.functions).await?
         }
         Sent::Raw(body) => Source::raw(&state, &id, &query, body).await?,
@@ -259,8 +312,11 @@ async fn project_functions(
             let begin = Instant::now();
             let functions = source.matrix(basis.vertices())?;
             drop(source);
-            let projection = project(&basis, &functions)?;
-            if raw {
+            let projection = project(&basis, &functions, pairs.unwrap_or(basis.count()))?;
+            if let Some(mesh) = mesh {
+                return ply(&mesh, &projection.reconstruction, begin);
+            }
+            if media_type == OCTETS {
                 let errors: Vec<String> = projection.relative_errors.iter().map(|error| format!("{error:e}")).collect();
                 let wanted = if whole { &projection.reconstruction } else { &projection.coefficients };
                 return Ok(Answer::raw(wanted, query.dtype, begin).with("chladni-relative-error", errors.join(", ")));

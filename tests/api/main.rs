@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod analysis;
 mod auth;
 mod bases;
 mod bodies;

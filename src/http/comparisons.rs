@@ -1,0 +1,223 @@
+//! Shapes compared by their spectra.
+
+use std::time::Instant;
+
+use axum::extract::State;
+use axum::http::HeaderMap;
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::bases::find;
+use super::binary::{self, Dtype, Table};
+use super::body;
+use super::exchange::{self, Answer, OCTETS};
+use super::extract::{self, QueryOf};
+use super::problem::{self, Problem};
+use super::state::AppState;
+use crate::analysis::scatter;
+use crate::analysis::shape_dna::{Comparison, MOST_SHAPES, Scale, Spectrum, Weighting, compare};
+use crate::analysis::signature::nearest_items;
+
+const SVG: &str = "image/svg+xml";
+
+/// The most bytes of a request: some hundred ids and labels.
+const MOST_BYTES: u64 = 1 << 20;
+
+/// The route of comparisons.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(compare_shapes))
+}
+
+/// What makes spectra of shapes of any size comparable.
+#[derive(Debug, Clone, Copy, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+enum ScaleName {
+    /// Times the area of the surface.
+    #[default]
+    Area,
+    /// Divided by the first eigenvalue above zero.
+    First,
+    /// As they are: size matters.
+    None,
+}
+
+/// How much each eigenvalue counts.
+#[derive(Debug, Clone, Copy, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+enum WeightingName {
+    /// Divided by its index, so that all count about the same.
+    #[default]
+    Index,
+    /// As they are.
+    None,
+}
+
+/// Which shapes, and how they are compared.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"bases": ["019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "019aa5d1-0c2b-7aa1-b7f4-5f0d6a1c2e33"], "count": 100, "dimensions": 2}))]
+struct ComparisonRequest {
+    /// The ids of their bases.
+    bases: Vec<String>,
+    /// Names for the picture; without them, those of the meshes.
+    labels: Option<Vec<String>>,
+    /// Eigenvalues, the zero left out; without it, 100, or as many as all bases have.
+    count: Option<usize>,
+    /// What makes them comparable.
+    #[serde(default)]
+    scale: ScaleName,
+    /// How much each counts.
+    #[serde(default)]
+    weighting: WeightingName,
+    /// Dimensions of the places: 2 or 3.
+    #[serde(default = "two")]
+    #[schema(default = 2)]
+    dimensions: usize,
+    /// Nearest neighbours of each shape that are listed.
+    #[serde(default = "three")]
+    #[schema(default = 3)]
+    neighbours: usize,
+}
+
+fn two() -> usize {
+    2
+}
+
+fn three() -> usize {
+    3
+}
+
+/// Shapes, compared.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(example = json!({
+    "labels": ["camel-gallop-01", "horse"], "count": 100, "distances": {"columns": 2, "values": [0.0, 3.1, 3.1, 0.0]},
+    "places": {"columns": 2, "values": [1.55, 0.0, -1.55, 0.0]}, "held": [1.0, 0.0], "neighbours": [[1], [0]],
+    "descriptors": {"columns": 2, "values": [4.1, 5.0]}
+}))]
+struct ComparisonAnswer {
+    /// The names of the shapes, in order.
+    labels: Vec<String>,
+    /// How many eigenvalues were compared.
+    count: usize,
+    /// Distances between the shapes: a row and a column for each.
+    distances: Table,
+    /// Places in the plane or in space, a row for each shape, whose distances are near to those (classical multidimensional scaling).
+    places: Table,
+    /// How much of the variation each dimension of the places holds, of 1.
+    held: Vec<f64>,
+    /// For each shape the numbers of its nearest neighbours, nearest first.
+    neighbours: Vec<Vec<u32>>,
+    /// The normalised spectra: a column for each shape.
+    descriptors: Table,
+}
+
+/// The form of a raw answer.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct ComparisonQuery {
+    /// The type of the numbers of a raw answer.
+    #[serde(default)]
+    #[param(inline, default = "f32")]
+    dtype: Dtype,
+}
+
+/// Compares shapes by their spectra
+///
+/// Shape-DNA (Reuter et al. 2006): the Euclidean distances between normalised spectra, which depend neither on the pose of a shape nor on how it is
+/// meshed. By `Accept`: JSON; raw numbers, the matrix of distances; or `image/svg+xml`, the places as a picture.
+#[utoipa::path(
+    post, path = "/v1/shape-comparisons", tag = "analysis", operation_id = "compareShapes",
+    params(ComparisonQuery),
+    request_body(content = ComparisonRequest),
+    responses(
+        (status = 200, description = "The comparison", content((ComparisonAnswer = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "image/svg+xml")),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
+        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 422, description = "A problem: invalid-request or invalid-analysis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn compare_shapes(
+    State(state): State<AppState>,
+    QueryOf(query): QueryOf<ComparisonQuery>,
+    headers: HeaderMap,
+    content: axum::body::Body,
+) -> Result<Answer, Problem> {
+    extract::require_json(&headers)?;
+    let media_type = exchange::answer_type(&headers, false, &[SVG])?;
+    let body = body::read(&state, &headers, content, MOST_BYTES).await?;
+    let request: ComparisonRequest = extract::parse_json(&body.bytes)?;
+    if request.bases.len() > MOST_SHAPES {
+        let detail = format!("bases: {} are more than {MOST_SHAPES}.", request.bases.len());
+        return Err(Problem::new(&problem::INVALID_ANALYSIS, detail));
+    }
+    if request.labels.as_ref().is_some_and(|labels| labels.len() != request.bases.len()) {
+        return Err(Problem::new(&problem::INVALID_REQUEST, "labels: there is not one for each basis."));
+    }
+    let (mut spectra, mut labels) = (Vec::new(), Vec::new());
+    for (place, id) in request.bases.iter().enumerate() {
+        let record = find(&state, id).await?;
+        let mesh = state.store.mesh(&record.mesh).await?;
+        // Eigenvalues stand in the record, so no eigenfunction is read.
+        let area = mesh.report["area"].as_f64().unwrap_or(f64::NAN);
+        spectra.push(Spectrum { eigenvalues: record.eigenvalues, area });
+        labels.push(match &request.labels {
+            Some(labels) => problem::shorten(labels[place].clone()),
+            None => mesh.name.unwrap_or_else(|| record.mesh.chars().take(8).collect()),
+        });
+    }
+    let shortest = spectra.iter().map(|spectrum| spectrum.eigenvalues.len()).min().unwrap_or(0);
+    let how = Comparison {
+        count: request.count.unwrap_or(100.min(shortest.saturating_sub(1))),
+        scale: match request.scale {
+            ScaleName::Area => Scale::Area,
+            ScaleName::First => Scale::First,
+            ScaleName::None => Scale::None,
+        },
+        weighting: match request.weighting {
+            WeightingName::Index => Weighting::Index,
+            WeightingName::None => Weighting::None,
+        },
+        dimensions: request.dimensions,
+    };
+    state
+        .solve("compare", move || {
+            let begin = Instant::now();
+            let found = compare(&spectra, &how)?;
+            match media_type {
+                OCTETS => Ok(Answer::raw(&found.distances, query.dtype, begin)),
+                SVG => {
+                    let drawing = scatter::svg(&found.places, &labels, &found.held);
+                    Ok(Answer::new(drawing.into_bytes(), SVG, begin))
+                }
+                _ => {
+                    let neighbours = (0..labels.len())
+                        .map(|shape| {
+                            let mut others =
+                                nearest_items(found.distances.column(shape), request.neighbours.saturating_add(1));
+                            others.retain(|&other| other as usize != shape);
+                            others.truncate(request.neighbours);
+                            others
+                        })
+                        .collect();
+                    let answer = ComparisonAnswer {
+                        labels,
+                        count: how.count,
+                        distances: binary::to_table(&found.distances),
+                        places: binary::to_table(&found.places),
+                        held: found.held,
+                        neighbours,
+                        descriptors: binary::to_table(&found.descriptors),
+                    };
+                    Answer::json(&answer, begin)
+                }
+            }
+        })
+        .await
+}

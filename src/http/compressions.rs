@@ -1,0 +1,205 @@
+//! Spectral compression of functions on a mesh.
+
+use std::time::Instant;
+
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::HeaderMap;
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::bases::basis_id;
+use super::binary::Dtype;
+use super::binary::Table;
+use super::body;
+use super::exchange::{self, Answer, JSON, OCTETS, Sent, raw_answer, read};
+use super::extract::{self, PathOf, QueryOf};
+use super::problem::{self, Problem};
+use super::solves::{Functions, PLY, Source, ply};
+use super::state::AppState;
+use crate::analysis::compression::{compress, decompress};
+
+/// The most bytes of compressed functions.
+const MOST_BYTES: u64 = 64 << 20;
+
+/// The routes of compression.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(compress_functions)).routes(routes!(decompress_functions))
+}
+
+/// What to compress, and how far.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"functions": "coordinates", "pairs": 300, "bits": 14}))]
+struct CompressionRequest {
+    /// `coordinates`, or a table with a row for each vertex.
+    #[serde(default = "Functions::coordinates")]
+    functions: Functions,
+    /// How many modes are kept; all by default.
+    pairs: Option<usize>,
+    /// Bits of the largest coefficient, 2 to 30; 14 by default.
+    bits: Option<u32>,
+}
+
+/// Rate and distortion.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(example = json!({
+    "pairs": 300, "bits": 14, "bytes": 1123, "bits_per_vertex": 0.067, "step": 0.0021, "nonzeros": 812,
+    "relative_errors": [0.004, 0.003, 0.004], "truncation_errors": [0.004, 0.003, 0.004]
+}))]
+struct CompressionAnswer {
+    /// Modes that are kept.
+    pairs: usize,
+    /// Bits of the largest coefficient.
+    bits: u32,
+    /// Bytes of the whole, header included.
+    bytes: usize,
+    /// The same in bits for each vertex, all functions together.
+    bits_per_vertex: f64,
+    /// The width of a step of the rounding.
+    step: f64,
+    /// Coefficients that are not zero.
+    nonzeros: usize,
+    /// Of each function, how much is lost in the norm of the mass, relative to how far it is from its mean.
+    relative_errors: Vec<f64>,
+    /// How much of that the modes that are left out would lose alone.
+    truncation_errors: Vec<f64>,
+}
+
+/// What a raw body does not say.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct CompressionQuery {
+    /// The type of the numbers of a raw body.
+    #[serde(default)]
+    #[param(inline, default = "f32")]
+    dtype: Dtype,
+    /// For a raw body, the rest of the request as JSON.
+    #[param(example = "{\"pairs\": 300, \"bits\": 14}")]
+    request: Option<String>,
+}
+
+/// Compresses functions
+///
+/// The coefficients of functions, coordinates above all, in the first modes of the basis, rounded and packed (Karni and Gotsman 2000). Whoever
+/// has the basis puts them together again with `decompress`.
+///
+/// JSON answers with rate and distortion; `Accept: application/octet-stream` with the bytes, and the distortion in
+/// `Chladni-Relative-Error`. A raw body is the functions, as for `filter`; the rest of the request stands in the query then.
+#[utoipa::path(
+    post, path = "/v1/bases/{id}/compress", tag = "analysis", operation_id = "compress",
+    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), CompressionQuery),
+    request_body(description = "The functions", content((CompressionRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
+    responses(
+        (status = 200, description = "Rate and distortion, or the bytes", content((CompressionAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
+            headers(("Chladni-Relative-Error" = String), ("Server-Timing" = String))),
+        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 422, description = "A problem: invalid-request, invalid-function or invalid-analysis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn compress_functions(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<CompressionQuery>,
+    headers: HeaderMap,
+    content: Body,
+) -> Result<Answer, Problem> {
+    let basis = state.store.load_basis(basis_id(&id)?).await?;
+    let sent = read::<CompressionRequest>(&state, &headers, content).await?;
+    let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
+    let (source, pairs, bits) = match sent {
+        Sent::Json(request) => (Source::of(&state, &id, request.functions).await?, request.pairs, request.bits),
+        Sent::Raw(body) => {
+            let request: CompressionRequest = exchange::rest(Some(query.request.as_deref().unwrap_or("{}")))?;
+            (Source::Raw(body, query.dtype), request.pairs, request.bits)
+        }
+    };
+    state
+        .solve("compress", move || {
+            let begin = Instant::now();
+            let functions = source.matrix(basis.vertices())?;
+            drop(source);
+            let (pairs, bits) = (pairs.unwrap_or(basis.count()), bits.unwrap_or(14));
+            let packed = compress(&basis, &functions, pairs, bits)?;
+            if raw {
+                let errors: Vec<String> = packed.relative_errors.iter().map(|error| format!("{error:e}")).collect();
+                return Ok(Answer::new(packed.bytes, OCTETS, begin).with("chladni-relative-error", errors.join(", ")));
+            }
+            let bytes = packed.bytes.len();
+            let answer = CompressionAnswer {
+                pairs,
+                bits,
+                bytes,
+                bits_per_vertex: 8.0 * bytes as f64 / basis.vertices().max(1) as f64,
+                step: packed.step,
+                nonzeros: packed.nonzeros,
+                relative_errors: packed.relative_errors,
+                truncation_errors: packed.truncation_errors,
+            };
+            Answer::json(&answer, begin)
+        })
+        .await
+}
+
+/// The form of the answer.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct DecompressionQuery {
+    /// The type of the numbers of a raw answer.
+    #[serde(default)]
+    #[param(inline, default = "f32")]
+    dtype: Dtype,
+}
+
+/// Puts compressed functions together again
+///
+/// The body is what `compress` gave for the same basis. The answer is the functions, a row for each vertex: raw by default, as JSON, or, of
+/// three functions, as `model/ply`, the mesh with them as its coordinates.
+#[utoipa::path(
+    post, path = "/v1/bases/{id}/decompress", tag = "analysis", operation_id = "decompress",
+    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), DecompressionQuery),
+    request_body(description = "Compressed functions", content((super::docs::Binary = "application/octet-stream"))),
+    responses(
+        (status = 200, description = "The functions", content((super::docs::Binary = "application/octet-stream"), (Table = "application/json"), (super::docs::Binary = "model/ply")),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
+        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 415, description = "A problem: unsupported-media-type", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 422, description = "A problem: invalid-compressed-functions", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn decompress_functions(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<DecompressionQuery>,
+    headers: HeaderMap,
+    content: Body,
+) -> Result<Answer, Problem> {
+    let basis = state.store.load_basis(basis_id(&id)?).await?;
+    if let Some(other) = extract::media_type(&headers).filter(|name| name != OCTETS) {
+        let detail = format!("This route reads {OCTETS}, not {:?}.", problem::shorten(other));
+        return Err(Problem::new(&problem::UNSUPPORTED_MEDIA_TYPE, detail));
+    }
+    let media_type = exchange::answer_type(&headers, true, &[PLY])?;
+    let mesh = Source::mesh_if(&state, &id, media_type == PLY).await?;
+    let body = body::read(&state, &headers, content, MOST_BYTES).await?;
+    state
+        .solve("decompress", move || {
+            let begin = Instant::now();
+            let functions = decompress(&basis, &body.bytes)?;
+            match mesh {
+                Some(mesh) => ply(&mesh, &functions, begin),
+                None => Answer::table(&functions, media_type != JSON, query.dtype, begin),
+            }
+        })
+        .await
+}

@@ -1,0 +1,205 @@
+//! Functional maps between two surfaces.
+
+use std::time::Instant;
+
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::HeaderMap;
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::bases::basis_id;
+use super::binary::{self, Dtype, Table};
+use super::exchange::{self, Answer, OCTETS, Sent, raw_answer, read};
+use super::extract::QueryOf;
+use super::problem::Problem;
+use super::state::AppState;
+use crate::analysis::functional_map::{MapRequest, functional_map};
+
+/// The route of functional maps.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(map_functions))
+}
+
+/// Functions that are known on both surfaces.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+struct Descriptors {
+    /// On the source: a row for each vertex.
+    source: Table,
+    /// On the target: as many columns.
+    target: Table,
+}
+
+/// Two surfaces, what is known of the map between them, and how it is refined.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({
+    "source": "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "target": "019aa5d1-0c2b-7aa1-b7f4-5f0d6a1c2e33",
+    "landmarks": [[17, 33], [410, 2930], [1200, 871]], "pairs": 100
+}))]
+struct FunctionalMapRequest {
+    /// The id of the basis on the source, where functions come from.
+    source: String,
+    /// The id of the basis on the target, where they go to.
+    target: String,
+    /// Pairs of a vertex of the source and the one of the target that it corresponds to.
+    #[serde(default)]
+    landmarks: Vec<[u32; 2]>,
+    /// Functions that are known on both.
+    descriptors: Option<Descriptors>,
+    /// Whether heat kernel signatures are used as such functions. They cannot tell the sides of a symmetric shape apart.
+    #[serde(default)]
+    signatures: bool,
+    /// The size of the first map; 20 by default.
+    start: Option<usize>,
+    /// The size of the refined map; 100 by default.
+    pairs: Option<usize>,
+    /// By how much ZoomOut lets it grow at once; 5 by default.
+    step: Option<usize>,
+    /// Vertices of each surface that stand for it meanwhile; 2000 by default.
+    samples: Option<usize>,
+    /// The weight of the preference for maps that commute with the Laplacians; 0.1 by default.
+    commutativity: Option<f64>,
+    /// Whether every vertex of the target is matched, or only those that stood for it.
+    #[serde(default)]
+    all_points: bool,
+}
+
+/// A map between two surfaces, and what tells how good it is.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(example = json!({
+    "matrix": {"columns": 2, "values": [1.0, 0.01, -0.01, 0.99]}, "matched": [0, 3], "points": [5, 9], "descriptor_residual": 0.1,
+    "orthogonality_defect": 0.2, "commutativity_defect": 0.05, "embedding_error": 0.1, "coverage": 0.8
+}))]
+struct FunctionalMapAnswer {
+    /// C, k × k: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area.
+    matrix: Table,
+    /// The vertices of the target that were matched; null: all of them, in order.
+    matched: Option<Vec<u32>>,
+    /// For each of them the vertex of the source that corresponds to it.
+    points: Vec<u32>,
+    /// ‖CA − B‖ / ‖B‖ of the first map: how well it takes the known functions to each other.
+    descriptor_residual: f64,
+    /// ‖CᵀC − I‖ / √k: 0 for a map that preserves areas.
+    orthogonality_defect: f64,
+    /// ‖CΛ − Λ'C‖ / ‖CΛ‖: 0 for an isometry.
+    commutativity_defect: f64,
+    /// The root mean square of the distances between matched points in the spectral embedding, relative to its size.
+    embedding_error: f64,
+    /// The share of the source's area whose vertices were matched with.
+    coverage: f64,
+}
+
+/// What a raw body does not say.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct MapQuery {
+    /// The type of the numbers of a raw answer.
+    #[serde(default)]
+    #[param(inline, default = "f32")]
+    dtype: Dtype,
+    /// For a raw body, the rest of the request as JSON.
+    request: Option<String>,
+    /// Whether a raw answer is the matched points as little-endian u32, not the matrix.
+    #[serde(default)]
+    #[param(default = false)]
+    points: bool,
+}
+
+/// Maps functions between two surfaces
+///
+/// A functional map (Ovsjanikov et al. 2012) from landmarks, descriptors or signatures, refined by ZoomOut (Melzi et al. 2019), with the
+/// correspondence of points that it makes: for vertices of the target, vertices of the source. Sizes decide how long it takes: a hundred
+/// pairs and two thousand samples are a matter of a second, matching all points of large meshes one of many.
+///
+/// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is pairs of little-endian u32, the landmarks, and the rest of the
+/// request stands in the query. A raw answer is the matrix, row after row, or with `points=true` the points.
+#[utoipa::path(
+    post, path = "/v1/functional-maps", tag = "analysis", operation_id = "functionalMap",
+    params(MapQuery),
+    request_body(description = "The surfaces and what is known", content((FunctionalMapRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
+    responses(
+        (status = 200, description = "The map", content((FunctionalMapAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
+        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 422, description = "A problem: invalid-request, invalid-vertex, invalid-function or invalid-analysis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn map_functions(
+    State(state): State<AppState>,
+    QueryOf(query): QueryOf<MapQuery>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Answer, Problem> {
+    let sent = read::<FunctionalMapRequest>(&state, &headers, body).await?;
+    let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
+    let request = match sent {
+        Sent::Json(request) => request,
+        Sent::Raw(body) => {
+            let mut request: FunctionalMapRequest = exchange::rest(query.request.as_deref())?;
+            request.landmarks = binary::decode_tuples(&body.bytes)?;
+            request
+        }
+    };
+    let source = state.store.load_basis(basis_id(&request.source)?).await?;
+    let target = state.store.load_basis(basis_id(&request.target)?).await?;
+    state
+        .solve("functional_map", move || {
+            let begin = Instant::now();
+            let most = source.count().min(target.count());
+            let pairs = request.pairs.unwrap_or(100.min(most));
+            let descriptors = match &request.descriptors {
+                None => None,
+                Some(Descriptors { source: a, target: b }) => {
+                    let a = binary::from_table(a, source.vertices())?;
+                    let b = binary::from_table(b, target.vertices())?;
+                    if a.columns() != b.columns() {
+                        let detail =
+                            format!("descriptors: the source has {} and the target {}.", a.columns(), b.columns());
+                        return Err(Problem::new(&super::problem::INVALID_FUNCTION, detail));
+                    }
+                    Some((source.project(&a)?, target.project(&b)?))
+                }
+            };
+            let wanted = MapRequest {
+                landmarks: request.landmarks,
+                descriptors,
+                signatures: request.signatures,
+                start: request.start.unwrap_or(20.min(pairs)),
+                pairs,
+                step: request.step.unwrap_or(5),
+                samples: request.samples.unwrap_or(2000),
+                commutativity: request.commutativity.unwrap_or(0.1),
+                all_points: request.all_points,
+            };
+            let found = functional_map(&source, &target, &wanted)?;
+            if raw && query.points {
+                return Ok(Answer::new(binary::encode_u32(&found.points), OCTETS, begin)
+                    .with("chladni-rows", found.points.len())
+                    .with("chladni-columns", 1)
+                    .with("chladni-dtype", "u32"));
+            }
+            if raw {
+                return Ok(Answer::raw(&found.matrix, query.dtype, begin));
+            }
+            let answer = FunctionalMapAnswer {
+                matrix: binary::to_table(&found.matrix),
+                matched: found.matched,
+                points: found.points,
+                descriptor_residual: found.descriptor_residual,
+                orthogonality_defect: found.orthogonality_defect,
+                commutativity_defect: found.commutativity_defect,
+                embedding_error: found.embedding_error,
+                coverage: found.coverage,
+            };
+            Answer::json(&answer, begin)
+        })
+        .await
+}

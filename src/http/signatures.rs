@@ -1,0 +1,241 @@
+//! Signatures of points, and points that are similar to one.
+
+use std::time::Instant;
+
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::HeaderMap;
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::bases::basis_id;
+use super::binary::{self, Dtype, Table};
+use super::exchange::{self, Answer, Sent, raw_answer, read};
+use super::extract::{PathOf, QueryOf};
+use super::problem::{self, Problem};
+use super::state::AppState;
+use crate::algebra::DenseMatrix;
+use crate::analysis::AnalysisError;
+use crate::analysis::signature::{Signature, nearest_items};
+use crate::basis::Basis;
+
+/// The most points of a list of similar ones.
+const MOST_SIMILAR: usize = 100_000;
+
+/// The routes of signatures.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(signatures)).routes(routes!(similar_points))
+}
+
+/// A signature of points.
+#[derive(Debug, Clone, PartialEq, Deserialize, ToSchema)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+enum SignatureKind {
+    /// The heat kernel signature, `Σ e^{−λt} φ(x)²` for each time.
+    HeatKernel {
+        /// Times above zero, in length² of the mesh.
+        times: Option<Vec<f64>>,
+        /// Without times, how many, log-spaced in `[4 ln 10 / λ_max, 4 ln 10 / λ_1]`; 16 by default.
+        count: Option<usize>,
+        /// Whether to divide by the trace `Σ e^{−λt}`.
+        #[serde(default)]
+        normalised: bool,
+    },
+    /// The wave kernel signature.
+    WaveKernel {
+        /// How many energies, at least 32; 100 by default.
+        count: Option<usize>,
+    },
+    /// The global point signature, `φ_k(x)/√λ_k`.
+    GlobalPoint {
+        /// How many modes; 20 by default.
+        count: Option<usize>,
+    },
+}
+
+impl SignatureKind {
+    fn signature(self, basis: &Basis) -> Result<Signature, AnalysisError> {
+        Ok(match self {
+            Self::HeatKernel { times: Some(times), normalised, .. } => Signature::HeatKernel { times, normalised },
+            Self::HeatKernel { times: None, count, normalised } => {
+                Signature::heat_kernel(&basis.eigenvalues, count.unwrap_or(16), normalised)?
+            }
+            Self::WaveKernel { count } => Signature::WaveKernel { count: count.unwrap_or(100) },
+            Self::GlobalPoint { count } => Signature::GlobalPoint { count: count.unwrap_or(20) },
+        })
+    }
+}
+
+/// Which signature, and where.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"signature": {"kind": "heat_kernel", "count": 16}, "vertices": [17, 2930]}))]
+struct SignatureRequest {
+    /// The signature.
+    signature: SignatureKind,
+    /// Vertices; without them, all.
+    vertices: Option<Vec<u32>>,
+}
+
+/// A point, and what makes others similar to it.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"vertex": 17, "signature": {"kind": "wave_kernel", "count": 100}, "count": 20}))]
+struct SimilarRequest {
+    /// The point.
+    #[serde(default)]
+    vertex: u32,
+    /// By what they are compared.
+    signature: SignatureKind,
+    /// How many points.
+    #[serde(default = "ten")]
+    #[schema(default = 10)]
+    count: usize,
+}
+
+fn ten() -> usize {
+    10
+}
+
+/// Similar points, the most similar first.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(example = json!({"vertices": [17, 2930], "differences": [0.0, 0.0013]}))]
+struct SimilarAnswer {
+    /// Their numbers; the first is the point itself, or one that cannot be told from it.
+    vertices: Vec<u32>,
+    /// How different their signatures are from that of the point.
+    differences: Vec<f64>,
+}
+
+/// What a raw body does not say.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct SignatureQuery {
+    /// The type of the numbers of a raw answer.
+    #[serde(default)]
+    #[param(inline, default = "f32")]
+    dtype: Dtype,
+    /// For a raw body, the rest of the request as JSON.
+    #[param(example = "{\"signature\": {\"kind\": \"wave_kernel\"}}")]
+    request: Option<String>,
+}
+
+/// Computes signatures of points
+///
+/// The heat kernel, the wave kernel or the global point signature, of chosen vertices or all: a row for each vertex.
+///
+/// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32 vertices, or empty for all, and the
+/// rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
+#[utoipa::path(
+    post, path = "/v1/bases/{id}/signatures", tag = "analysis", operation_id = "signatures",
+    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), SignatureQuery),
+    request_body(description = "The vertices", content((SignatureRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
+    responses(
+        (status = 200, description = "The signatures", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream")),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
+        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 422, description = "A problem: invalid-request, invalid-vertex or invalid-analysis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn signatures(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<SignatureQuery>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Answer, Problem> {
+    let basis = state.store.load_basis(basis_id(&id)?).await?;
+    let sent = read::<SignatureRequest>(&state, &headers, body).await?;
+    let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
+    let request = match sent {
+        Sent::Json(request) => request,
+        Sent::Raw(body) => {
+            let mut request: SignatureRequest = exchange::rest(query.request.as_deref())?;
+            if !body.bytes.is_empty() {
+                request.vertices = Some(binary::decode_tuples::<1>(&body.bytes)?.into_flattened());
+            }
+            request
+        }
+    };
+    state
+        .solve("signatures", move || {
+            let begin = Instant::now();
+            let signature = request.signature.signature(&basis)?;
+            let table = match &request.vertices {
+                Some(vertices) => signature.at(&basis, vertices)?,
+                None => signature.everywhere(&basis)?,
+            };
+            Answer::table(&table, raw, query.dtype, begin)
+        })
+        .await
+}
+
+/// Finds points that are similar to one
+///
+/// Compares the signature of every vertex with that of one: heat kernels by their distance over all scales (Sun et al. 2009), wave
+/// kernels by their relative differences (Aubry et al. 2011), global points by the Euclidean distance.
+///
+/// JSON gives the most similar points. A raw answer is the difference of every vertex; a raw body is the vertex as one little-endian u32,
+/// the rest of the request stands in the query then.
+#[utoipa::path(
+    post, path = "/v1/bases/{id}/similar-points", tag = "analysis", operation_id = "similarPoints",
+    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), SignatureQuery),
+    request_body(description = "The point", content((SimilarRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
+    responses(
+        (status = 200, description = "Similar points, or the difference of every vertex", content((SimilarAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
+        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 422, description = "A problem: invalid-request, invalid-vertex or invalid-analysis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn similar_points(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<SignatureQuery>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Answer, Problem> {
+    let basis = state.store.load_basis(basis_id(&id)?).await?;
+    let sent = read::<SimilarRequest>(&state, &headers, body).await?;
+    let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
+    let request = match sent {
+        Sent::Json(request) => request,
+        Sent::Raw(body) => {
+            let mut request: SimilarRequest = exchange::rest(query.request.as_deref())?;
+            let points = binary::decode_tuples::<1>(&body.bytes)?;
+            let [point] = points[..] else {
+                let detail = format!("One vertex is due, not {}.", points.len());
+                return Err(Problem::new(&problem::INVALID_VERTEX, detail));
+            };
+            request.vertex = point[0];
+            request
+        }
+    };
+    if !(1..=MOST_SIMILAR).contains(&request.count) {
+        let detail = format!("count: {} points, where 1 to {MOST_SIMILAR} are due.", request.count);
+        return Err(Problem::new(&problem::INVALID_ANALYSIS, detail));
+    }
+    state
+        .solve("similar_points", move || {
+            let begin = Instant::now();
+            let signature = request.signature.signature(&basis)?;
+            let differences = signature.similarity(&basis, request.vertex)?;
+            if raw {
+                let table = DenseMatrix::from_columns(differences.len(), 1, differences).unwrap_or_default();
+                return Ok(Answer::raw(&table, query.dtype, begin));
+            }
+            let vertices = nearest_items(&differences, request.count);
+            let differences = vertices.iter().map(|&vertex| differences[vertex as usize]).collect();
+            Answer::json(&SimilarAnswer { vertices, differences }, begin)
+        })
+        .await
+}

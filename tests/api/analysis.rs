@@ -1,0 +1,417 @@
+//! Distances, signatures, comparisons, compression, maps: each as JSON, as raw numbers, and asked wrongly.
+//!
+//! On the octahedron the scripted basis has the eigenvalues 0, 1 and 2, and function `k` is `√½` at the vertices `k` and `k + 3`, 0 elsewhere.
+
+use reqwest::Response;
+use serde_json::{Value, json};
+
+use crate::common::{OCTAHEDRON, TestApp, problem, text};
+
+const OCTETS: &str = "application/octet-stream";
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap_or_else(|| panic!("{value}")).iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+fn close(found: &[f64], expected: &[f64]) -> bool {
+    found.len() == expected.len() && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6)
+}
+
+fn doubles(bytes: &[u8]) -> Vec<f64> {
+    bytes.as_chunks::<8>().0.iter().map(|&b| f64::from_le_bytes(b)).collect()
+}
+
+fn words(values: &[u32]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+/// A JSON request, a JSON answer.
+async fn ask(app: &TestApp, url: &str, body: &Value) -> Value {
+    let response = app.post(url).json(body).send().await.unwrap();
+    let status = response.status();
+    let value: Value = response.json().await.unwrap();
+    assert_eq!(status, 200, "{url} {body}: {value}");
+    value
+}
+
+/// A raw request with the rest in the query, an answer in f64.
+async fn raw(app: &TestApp, url: &str, rest: &Value, body: Vec<u8>) -> Response {
+    let query = [("dtype", "f64"), ("request", &rest.to_string())];
+    app.post(url).query(&query).header("content-type", OCTETS).body(body).send().await.unwrap()
+}
+
+/// Requests that are refused with a status, a kind of problem, and a word of its sentence.
+async fn refused(app: &TestApp, url: &str, cases: &[(Value, u16, &str, &str)]) {
+    for (body, status, kind, word) in cases {
+        let answer = problem(app.post(url).json(body).send().await.unwrap(), *status, kind).await;
+        assert!(answer["detail"].as_str().unwrap().contains(word), "{body}: {answer}");
+    }
+}
+
+#[tokio::test]
+async fn distances_come_from_sources_and_between_pairs() {
+    let app = TestApp::start();
+    let url = format!("/v1/bases/{}/distances", app.basis().await);
+    let diffusion = json!({"kind": "diffusion", "times": [0.25, 1.0]});
+    let body = json!({"distance": diffusion, "sources": [0, 4]});
+    let answer = ask(&app, &url, &body).await;
+    assert_eq!(answer["columns"], 4);
+    // From vertex 0 to vertex 1: half of e^0 + e^{−2t}, whatever lies at the source of the other.
+    let d = |t: f64, a: usize, b: usize| {
+        let weight = |v: usize| 0.5 * (-2.0 * t * (v % 3) as f64).exp();
+        if a % 3 == b % 3 { 0.0 } else { (weight(a) + weight(b)).sqrt() }
+    };
+    let row = |v: usize| [d(0.25, 0, v), d(1.0, 0, v), d(0.25, 4, v), d(1.0, 4, v)];
+    let expected: Vec<f64> = (0..6).flat_map(row).collect();
+    assert!(close(&numbers(&answer["values"]), &expected), "{answer}");
+    let response = raw(&app, &url, &json!({"distance": diffusion}), words(&[0, 4])).await;
+    let head = response.headers().clone();
+    assert_eq!(
+        (&head["chladni-rows"], &head["chladni-columns"], &head["content-type"]),
+        (&6.into(), &4.into(), &OCTETS.parse().unwrap())
+    );
+    assert!(head["server-timing"].to_str().unwrap().starts_with("solve;dur="));
+    assert!(close(&doubles(&response.bytes().await.unwrap()), &expected));
+    // The nearest of the sources; pairs; the other kinds.
+    let nearest = ask(&app, &url, &json!({"distance": diffusion, "sources": [0, 4], "nearest": true})).await;
+    assert_eq!((&nearest["columns"], nearest["values"].as_array().unwrap().len()), (&json!(2), 12));
+    let pairs = ask(&app, &url, &json!({"distance": {"kind": "biharmonic"}, "pairs": [[0, 1], [1, 2], [2, 5]]})).await;
+    assert!(close(&numbers(&pairs["values"]), &[0.5f64.sqrt(), 0.625f64.sqrt(), 0.0]), "{pairs}");
+    let query = [("pairs", "true"), ("dtype", "f64"), ("request", r#"{"distance": {"kind": "commute_time"}}"#)];
+    let request = app.post(&url).query(&query).header("content-type", OCTETS).header("accept", "application/json");
+    let pairs: Value = request.body(words(&[0, 1, 1, 2])).send().await.unwrap().json().await.unwrap();
+    assert!(close(&numbers(&pairs["values"]), &[0.5f64.sqrt(), 0.75f64.sqrt()]), "{pairs}");
+    let default = ask(&app, &url, &json!({"distance": {"kind": "diffusion"}, "sources": [0]})).await;
+    assert_eq!(default["columns"], 1);
+    for sources in [json!({"sources": [0, 1]}), json!({"pairs": [[0, 1], [0, 2]]})] {
+        let mut body = sources;
+        body["distance"] = json!({"kind": "geodesic"});
+        let found = numbers(&ask(&app, &url, &body).await["values"]);
+        assert!(found.iter().all(|d| d.is_finite() && *d >= 0.0));
+    }
+}
+
+#[tokio::test]
+async fn distances_that_cannot_be_are_named() {
+    let app = TestApp::start();
+    let basis = app.basis().await;
+    let url = format!("/v1/bases/{basis}/distances");
+    let diffusion = |t: f64| json!({"kind": "diffusion", "times": [t]});
+    refused(
+        &app,
+        &url,
+        &[
+            (
+                json!({"distance": diffusion(1.0), "sources": [0, 6]}),
+                422,
+                "invalid-vertex",
+                "Source 1 is vertex 6 of 6",
+            ),
+            (
+                json!({"distance": {"kind": "geodesic"}, "sources": [9]}),
+                422,
+                "invalid-vertex",
+                "Source 0 is vertex 9 of 6",
+            ),
+            (json!({"distance": {"kind": "geodesic"}, "pairs": [[0, 1], [0, 9]]}), 422, "invalid-vertex", "Pair 1"),
+            (
+                json!({"distance": {"kind": "geodesic", "time": 0.0}, "sources": [0]}),
+                422,
+                "invalid-analysis",
+                "Time is 0",
+            ),
+            (json!({"distance": diffusion(0.0), "sources": [0]}), 422, "invalid-analysis", "Time is 0"),
+            (json!({"distance": diffusion(-1.0), "pairs": [[0, 1]]}), 422, "invalid-analysis", "Time is -1"),
+            (json!({"distance": diffusion(1.0), "sources": vec![0; 257]}), 422, "invalid-analysis", "257"),
+            (json!({"distance": diffusion(1.0)}), 422, "invalid-request", "sources or pairs"),
+            (json!({"distance": diffusion(1.0), "sources": [-1]}), 422, "invalid-request", "sources"),
+            (json!({"distance": {"kind": "magic"}, "sources": [0]}), 422, "invalid-request", "magic"),
+            (json!({"sources": [0]}), 422, "invalid-request", "distance"),
+        ],
+    )
+    .await;
+    let rest = json!({"distance": {"kind": "biharmonic"}});
+    problem(raw(&app, &url, &rest, vec![0; 7]).await, 422, "invalid-vertex").await;
+    problem(raw(&app, &url, &rest, words(&[6])).await, 422, "invalid-vertex").await;
+    let bare = app.post(&url).header("content-type", OCTETS).body(words(&[0])).send().await.unwrap();
+    problem(bare, 400, "invalid-query").await;
+    let odd = app.post(&url).query(&[("request", "{")]).header("content-type", OCTETS).body(words(&[0]));
+    problem(odd.send().await.unwrap(), 400, "invalid-query").await;
+    problem(
+        app.post(&url).header("content-type", "text/csv").body("1").send().await.unwrap(),
+        415,
+        "unsupported-media-type",
+    )
+    .await;
+    let nowhere = format!("/v1/bases/{}/distances", uuid::Uuid::nil());
+    problem(app.post(&nowhere).json(&rest).send().await.unwrap(), 404, "unknown-basis").await;
+}
+
+#[tokio::test]
+async fn signatures_come_for_some_vertices_and_for_all() {
+    let app = TestApp::start();
+    let basis = app.basis().await;
+    let url = format!("/v1/bases/{basis}/signatures");
+    let heat = json!({"kind": "heat_kernel", "times": [0.5, 1.0]});
+    let some = ask(&app, &url, &json!({"signature": heat, "vertices": [1, 5]})).await;
+    let value = |t: f64, v: usize| 0.5 * (-t * (v % 3) as f64).exp();
+    let row = |v: usize| [value(0.5, v), value(1.0, v)];
+    assert!(close(&numbers(&some["values"]), &[row(1), row(5)].concat()), "{some}");
+    let all: Vec<f64> = (0..6).flat_map(row).collect();
+    assert!(close(&numbers(&ask(&app, &url, &json!({"signature": heat})).await["values"]), &all));
+    let response = raw(&app, &url, &json!({"signature": heat}), Vec::new()).await;
+    assert!(close(&doubles(&response.bytes().await.unwrap()), &all));
+    let response = raw(&app, &url, &json!({"signature": heat}), words(&[1, 5])).await;
+    assert!(close(&doubles(&response.bytes().await.unwrap()), &[row(1), row(5)].concat()));
+    let trace = |t: f64| 1.0 + (-t).exp() + (-2.0 * t).exp();
+    let normalised = json!({"kind": "heat_kernel", "times": [0.5], "normalised": true});
+    let normalised = ask(&app, &url, &json!({"signature": normalised, "vertices": [2]})).await;
+    assert!(close(&numbers(&normalised["values"]), &[value(0.5, 2) / trace(0.5)]));
+    for (kind, columns) in [
+        (json!({"kind": "heat_kernel"}), 16),
+        (json!({"kind": "wave_kernel"}), 100),
+        (json!({"kind": "global_point", "count": 2}), 2),
+    ] {
+        assert_eq!(ask(&app, &url, &json!({"signature": kind, "vertices": [0]})).await["columns"], columns);
+    }
+    refused(
+        &app,
+        &url,
+        &[
+            (json!({"signature": heat, "vertices": [0, 6]}), 422, "invalid-vertex", "Point 1 is vertex 6 of 6"),
+            (json!({"signature": {"kind": "heat_kernel", "times": [0.0]}}), 422, "invalid-analysis", "Time is 0"),
+            (json!({"signature": {"kind": "heat_kernel", "count": 0}}), 422, "invalid-analysis", "Count: 0"),
+            (json!({"signature": {"kind": "wave_kernel", "count": 3}}), 422, "invalid-analysis", "Count: 3"),
+            (json!({"signature": {"kind": "global_point"}}), 422, "invalid-analysis", "Count: 20, where 1 to 2"),
+            (json!({"signature": {"kind": "magic"}}), 422, "invalid-request", "magic"),
+        ],
+    )
+    .await;
+    problem(raw(&app, &url, &json!({"signature": heat}), vec![0; 3]).await, 422, "invalid-vertex").await;
+}
+
+#[tokio::test]
+async fn similar_points_are_found() {
+    let app = TestApp::start();
+    let url = format!("/v1/bases/{}/similar-points", app.basis().await);
+    let heat = json!({"kind": "heat_kernel", "times": [1.0]});
+    let answer = ask(&app, &url, &json!({"vertex": 4, "signature": heat, "count": 3})).await;
+    let order: Vec<u64> = answer["vertices"].as_array().unwrap().iter().map(|v| v.as_u64().unwrap()).collect();
+    assert!(order[..2] == [1, 4] && [2, 5].contains(&order[2]), "{answer}");
+    assert!(close(&numbers(&answer["differences"])[..2], &[0.0, 0.0]));
+    let response = raw(&app, &url, &json!({"signature": heat}), words(&[4])).await;
+    assert_eq!(response.headers()["chladni-rows"], "6");
+    let all = doubles(&response.bytes().await.unwrap());
+    assert!(all[1] == 0.0 && all[4] == 0.0 && all[0] == all[3] && all[0] > all[2]);
+    refused(
+        &app,
+        &url,
+        &[
+            (json!({"vertex": 6, "signature": heat}), 422, "invalid-vertex", "vertex 6 of 6"),
+            (json!({"vertex": 0, "signature": heat, "count": 0}), 422, "invalid-analysis", "count"),
+            (json!({"vertex": 0}), 422, "invalid-request", "signature"),
+        ],
+    )
+    .await;
+    problem(raw(&app, &url, &json!({"signature": heat}), words(&[1, 2])).await, 422, "invalid-vertex").await;
+}
+
+#[tokio::test]
+async fn filters_and_projections_give_meshes() {
+    let app = TestApp::start();
+    let basis = app.basis().await;
+    let filter = format!("/v1/bases/{basis}/filter");
+    let keep = json!({"kind": "curve", "points": [[0.0, 1.0]]});
+    let body = json!({"functions": "coordinates", "transfer": keep});
+    let response = app.post(&filter).json(&body).header("accept", "model/ply").send().await.unwrap();
+    assert_eq!(response.headers()["content-type"], "model/ply");
+    let ply = response.bytes().await.unwrap();
+    let again = app.upload("ply", ply).await;
+    assert_eq!((&again["vertices"], &again["faces"]), (&json!(6), &json!(8)));
+    // Nothing was changed.
+    assert_eq!(again["id"], app.upload("off", OCTAHEDRON).await["id"]);
+    let sharpen = json!({"kind": "sharpen", "cutoff": 1.0, "strength": 1.0});
+    let body = json!({"functions": {"values": [1.0, 2.0, 3.0, 3.0, 2.0, 1.0]}, "transfer": sharpen});
+    let found = numbers(&ask(&app, &filter, &body).await["values"]);
+    // Means of 2 by their factors 1, 1.5 and 5/3, deviations from them by 2.
+    assert!(close(&found, &[0.0, 3.0, 16.0 / 3.0, 4.0, 3.0, 4.0 / 3.0]), "{found:?}");
+    let project = format!("/v1/bases/{basis}/project");
+    let body = json!({"functions": {"values": [1.0, 2.0, 3.0, 3.0, 2.0, 1.0]}, "pairs": 1, "reconstruct": true});
+    let answer = ask(&app, &project, &body).await;
+    assert!(close(&numbers(&answer["coefficients"]["values"]), &[8f64.sqrt()]));
+    assert!(close(&numbers(&answer["reconstruction"]["values"]), &[2.0, 0.0, 0.0, 2.0, 0.0, 0.0]));
+    assert!(close(&numbers(&answer["relative_errors"]), &[(20.0f64 / 28.0).sqrt()]), "{answer}");
+    let body = json!({"functions": "coordinates", "pairs": 2});
+    let response = app.post(&project).json(&body).header("accept", "model/ply").send().await.unwrap();
+    assert!(response.bytes().await.unwrap().starts_with(b"ply\n"));
+    for pairs in [0, 4] {
+        let body = json!({"functions": "coordinates", "pairs": pairs});
+        problem(app.post(&project).json(&body).send().await.unwrap(), 422, "invalid-mode-range").await;
+    }
+    let body = json!({"functions": {"values": [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]}, "transfer": keep});
+    let flat = app.post(&filter).json(&body).header("accept", "model/ply").send().await.unwrap();
+    problem(flat, 422, "invalid-function").await;
+    for (transfer, word) in [
+        (json!({"kind": "curve", "points": [[1.0, 1.0], [0.0, 1.0]]}), "points"),
+        (json!({"kind": "curve", "points": []}), "samples"),
+        (json!({"kind": "sharpen", "cutoff": 0.0, "strength": 1.0}), "cutoff"),
+    ] {
+        let body = json!({"functions": "coordinates", "transfer": transfer});
+        let answer =
+            problem(app.post(&filter).json(&body).send().await.unwrap(), 422, "invalid-transfer-function").await;
+        assert!(answer["detail"].as_str().unwrap().contains(word), "{answer}");
+    }
+}
+
+#[tokio::test]
+async fn coordinates_are_compressed_and_come_back() {
+    let app = TestApp::start();
+    let basis = app.basis().await;
+    let (compress, decompress) = (format!("/v1/bases/{basis}/compress"), format!("/v1/bases/{basis}/decompress"));
+    let figures = ask(&app, &compress, &json!({"pairs": 3, "bits": 16})).await;
+    assert_eq!((&figures["pairs"], &figures["bits"]), (&json!(3), &json!(16)));
+    assert_eq!(numbers(&figures["relative_errors"]).len(), 3);
+    let response = app.post(&compress).json(&json!({})).header("accept", OCTETS).send().await.unwrap();
+    let errors = response.headers()["chladni-relative-error"].to_str().unwrap().to_owned();
+    assert_eq!(errors.split(", ").count(), 3);
+    let packed = response.bytes().await.unwrap();
+    let post = |body: Vec<u8>, accept: &'static str| {
+        app.post(&decompress)
+            .query(&[("dtype", "f64")])
+            .header("content-type", OCTETS)
+            .header("accept", accept)
+            .body(body)
+            .send()
+    };
+    let unpacked = post(packed.to_vec(), OCTETS).await.unwrap();
+    assert_eq!(unpacked.headers()["chladni-columns"], "3");
+    let unpacked = doubles(&unpacked.bytes().await.unwrap());
+    let table: Value = post(packed.to_vec(), "application/json").await.unwrap().json().await.unwrap();
+    assert!(close(&numbers(&table["values"]), &unpacked));
+    assert!(post(packed.to_vec(), "model/ply").await.unwrap().bytes().await.unwrap().starts_with(b"ply\n"));
+    // One raw function, through and back.
+    let x: Vec<u8> = [2.0f64, 3.0, 4.0, 2.0, 3.0, 4.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+    let response = raw(&app, &compress, &json!({"bits": 20}), x).await;
+    let back = doubles(&post(response.bytes().await.unwrap().to_vec(), OCTETS).await.unwrap().bytes().await.unwrap());
+    assert!(back.iter().zip([2.0, 3.0, 4.0, 2.0, 3.0, 4.0]).all(|(a, b)| (a - b).abs() < 1e-4), "{back:?}");
+    problem(
+        post(back.iter().flat_map(|x| x.to_le_bytes()).collect(), OCTETS).await.unwrap(),
+        422,
+        "invalid-compressed-functions",
+    )
+    .await;
+    problem(post(packed[..30].to_vec(), OCTETS).await.unwrap(), 422, "invalid-compressed-functions").await;
+    problem(post(Vec::new(), OCTETS).await.unwrap(), 422, "invalid-compressed-functions").await;
+    let json = app.post(&decompress).json(&json!({})).send().await.unwrap();
+    problem(json, 415, "unsupported-media-type").await;
+    refused(
+        &app,
+        &compress,
+        &[
+            (json!({"pairs": 4}), 422, "invalid-analysis", "Pairs: 4, where 1 to 3"),
+            (json!({"bits": 1}), 422, "invalid-analysis", "Bits: 1"),
+            (json!({"functions": {"values": [1.0]}}), 422, "invalid-function", "1 values"),
+        ],
+    )
+    .await;
+}
+
+#[tokio::test]
+async fn shapes_are_compared_and_drawn() {
+    let app = TestApp::start();
+    let (round, _) = app.sphere().await;
+    let mut bases = vec![app.basis().await];
+    for (mesh, parameters) in [(&round, json!({"count": 3})), (&round, json!({"count": 3, "seed": 7}))] {
+        let job = app.submit(mesh, parameters).await;
+        bases.push(text(&app.finished(&text(&job["id"])).await["basis"]));
+    }
+    let url = "/v1/shape-comparisons";
+    let body = json!({"bases": bases, "labels": ["octahedron", "sphere", "<sphere>"], "neighbours": 1});
+    let answer = ask(&app, url, &body).await;
+    assert_eq!((&answer["count"], &answer["neighbours"]), (&json!(2), &json!([[1], [2], [1]])));
+    let distances = numbers(&answer["distances"]["values"]);
+    assert!(distances[1] > 0.0 && distances[5] == 0.0 && distances[1] == distances[3]);
+    // Eigenvalues 0, 1 and 2 times the area, the last divided by its index.
+    let area: f64 = 4.0 * 3f64.sqrt();
+    assert!(close(&numbers(&answer["descriptors"]["values"])[..1], &[area]), "{answer}");
+    assert!((numbers(&answer["held"]).iter().sum::<f64>() - 1.0).abs() < 1e-9);
+    let request = app.post(&format!("{url}?dtype=f64")).json(&body).header("accept", OCTETS);
+    assert!(close(&doubles(&request.send().await.unwrap().bytes().await.unwrap()), &distances));
+    let picture = app.post(url).json(&body).header("accept", "image/svg+xml").send().await.unwrap();
+    assert_eq!(picture.headers()["content-type"], "image/svg+xml");
+    let picture = picture.text().await.unwrap();
+    assert!(
+        picture.starts_with("<svg") && picture.contains("&lt;sphere&gt;") && picture.matches("<circle").count() == 3
+    );
+    let space = json!({"bases": bases, "dimensions": 3, "scale": "first", "weighting": "none"});
+    let answer = ask(&app, url, &space).await;
+    assert_eq!(answer["places"]["columns"], 3);
+    // All spectra are multiples of each other.
+    assert!(numbers(&answer["distances"]["values"]).iter().all(|d| d.abs() < 1e-12));
+    assert!(text(&answer["labels"][0]).len() == 8);
+    let nil = uuid::Uuid::nil().to_string();
+    refused(
+        &app,
+        url,
+        &[
+            (json!({"bases": [bases[0]]}), 422, "invalid-analysis", "Shapes: 1"),
+            (json!({"bases": bases, "count": 3}), 422, "invalid-analysis", "Count: 3"),
+            (json!({"bases": bases, "dimensions": 5}), 422, "invalid-analysis", "Dimensions: 5"),
+            (json!({"bases": bases, "labels": ["one"]}), 422, "invalid-request", "labels"),
+            (json!({"bases": bases, "scale": "magic"}), 422, "invalid-request", "magic"),
+            (json!({"bases": [bases[0], nil]}), 404, "unknown-basis", "0000"),
+            (json!({"bases": [bases[0], "x"]}), 404, "unknown-basis", "x"),
+        ],
+    )
+    .await;
+    let image = app.post(url).json(&body).header("accept", "image/png").send().await.unwrap();
+    problem(image, 406, "not-acceptable").await;
+}
+
+#[tokio::test]
+async fn functions_are_mapped_between_surfaces() {
+    let app = TestApp::start();
+    let basis = app.basis().await;
+    let url = "/v1/functional-maps";
+    let body = json!({"source": basis, "target": basis, "landmarks": [[0, 0], [1, 1], [2, 2]], "all_points": true});
+    let answer = ask(&app, url, &body).await;
+    assert_eq!(answer["matrix"]["columns"], 3);
+    let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    let near = |matrix: &[f64]| matrix.iter().zip(identity).all(|(a, b)| (a - b).abs() < 1e-3);
+    assert!(near(&numbers(&answer["matrix"]["values"])), "{answer}");
+    let points: Vec<u64> = answer["points"].as_array().unwrap().iter().map(|v| v.as_u64().unwrap() % 3).collect();
+    assert_eq!(points, [0, 1, 2, 0, 1, 2]);
+    assert!(answer["matched"].is_null() && answer["orthogonality_defect"].as_f64().unwrap() < 1e-3);
+    let rest = json!({"source": basis, "target": basis});
+    let landmarks = words(&[0, 0, 1, 1, 2, 2]);
+    assert!(near(&doubles(&raw(&app, url, &rest, landmarks.clone()).await.bytes().await.unwrap())));
+    let response = raw(&app, &format!("{url}?points=true"), &rest, landmarks).await;
+    assert_eq!(
+        (&response.headers()["chladni-dtype"], &response.headers()["chladni-rows"]),
+        (&"u32".parse().unwrap(), &6.into())
+    );
+    let table = json!({"columns": 3, "values": [1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0, 0, 0, 1, 0, 0, 0, 1]});
+    let known = json!({"source": basis, "target": basis, "descriptors": {"source": table, "target": table}});
+    assert!(near(&numbers(&ask(&app, url, &known).await["matrix"]["values"])));
+    let with = |name: &str, value: Value| {
+        let mut changed = body.clone();
+        changed[name] = value;
+        changed
+    };
+    let other = json!({"source": table, "target": {"values": [0, 0, 0, 0, 0, 0]}});
+    refused(
+        &app,
+        url,
+        &[
+            (with("landmarks", json!([[0, 0], [6, 0]])), 422, "invalid-vertex", "Landmark 1 is vertex 6 of 6"),
+            (with("landmarks", json!([])), 422, "invalid-analysis", "Known functions: 0"),
+            (with("pairs", json!(4)), 422, "invalid-analysis", "Pairs: 4, where 1 to 3"),
+            (with("samples", json!(1)), 422, "invalid-analysis", "Samples: 1"),
+            (with("descriptors", other), 422, "invalid-function", "descriptors"),
+            (with("target", json!("x")), 404, "unknown-basis", "x"),
+            (with("commutativity", json!(-1.0)), 422, "invalid-analysis", "Commutativity is -1"),
+        ],
+    )
+    .await;
+    problem(raw(&app, url, &rest, words(&[0, 0, 1])).await, 422, "invalid-vertex").await;
+}
