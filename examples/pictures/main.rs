@@ -8,8 +8,14 @@
 //! They are written to `docs/pictures/`, as SVG. Pages of real meshes are skipped where `CHLADNI_MESHES` is not set. A page is one module
 //! with a function `draw`; what it measures it prints, and the page quotes.
 
+mod compression;
+mod distances;
+mod filtering;
+mod functional_maps;
 mod paint;
 mod scene;
+mod shape_dna;
+mod signatures;
 
 use std::process::ExitCode;
 
@@ -17,7 +23,15 @@ use std::process::ExitCode;
 type Failure = Box<dyn std::error::Error>;
 
 /// The pages: a name, and what draws their pictures.
-const PAGES: &[(&str, fn() -> Result<(), Failure>)] = &[("modes", modes)];
+const PAGES: &[(&str, fn() -> Result<(), Failure>)] = &[
+    ("modes", modes),
+    ("shape-dna", shape_dna::draw),
+    ("distances", distances::draw),
+    ("signatures", signatures::draw),
+    ("filtering", filtering::draw),
+    ("compression", compression::draw),
+    ("functional-maps", functional_maps::draw),
+];
 
 fn main() -> ExitCode {
     let wanted: Vec<String> = std::env::args().skip(1).collect();

@@ -74,6 +74,18 @@ pub fn sequential(values: &[f64], range: Option<[f64; 2]>) -> Paint {
     )
 }
 
+/// From dark red at zero over orange to white at the largest value, every other band a little darker, so that lines of equal value show.
+pub fn isolines(values: &[f64]) -> Paint {
+    let most = values.iter().copied().fold(0.0, f64::max);
+    let share = |value: f64| if most > 0.0 { value / most } else { 0.0 };
+    let mut paint =
+        banded(values, share, &[[0.55, 0.08, 0.12], [0.90, 0.45, 0.20], [0.98, 0.85, 0.55], [0.80, 0.90, 0.93]], 24);
+    for band in paint.palette.iter_mut().step_by(2) {
+        *band = band.map(|c| 0.84 * c);
+    }
+    paint
+}
+
 /// Colours given for each vertex, as a palette of a cube of `levels`³ colours. Bands are not interpolated: use it for fine meshes.
 pub fn coloured(colours: &[Colour], levels: usize) -> Paint {
     let step = |x: f64| ((x.clamp(0.0, 1.0) * levels as f64) as usize).min(levels - 1);

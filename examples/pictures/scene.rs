@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
+use chladni::algebra::DenseMatrix;
 use chladni::basis::Basis;
 use chladni::job::EigenbasisParameters;
 use chladni::mesh::TriangleMesh;
@@ -38,6 +39,35 @@ pub fn eigenbasis(mesh: &TriangleMesh, count: usize) -> Result<Basis, Failure> {
 /// A basis as a job of kind `eigenbasis` with these parameters computes it.
 pub fn eigenbasis_with(mesh: &TriangleMesh, parameters: Value) -> Result<Basis, Failure> {
     Ok(EigenbasisParameters::parse(&parameters)?.run(mesh, &Unwatched)?)
+}
+
+/// The vertex that lies furthest in a direction.
+pub fn furthest(mesh: &TriangleMesh, direction: [f64; 3]) -> u32 {
+    let along = |vertex: &usize| (0..3).map(|k| mesh.positions[*vertex][k] * direction[k]).sum::<f64>();
+    (0..mesh.positions.len()).max_by(|a, b| along(a).total_cmp(&along(b))).unwrap_or(0) as u32
+}
+
+/// The mesh with other coordinates, a column for each axis.
+pub fn moved(mesh: &TriangleMesh, coordinates: &DenseMatrix) -> TriangleMesh {
+    let position = |row: usize| std::array::from_fn(|axis| coordinates.column(axis)[row]);
+    TriangleMesh { positions: (0..mesh.positions.len()).map(position).collect(), faces: mesh.faces.clone() }
+}
+
+/// The coordinates of a mesh, a column for each axis.
+pub fn coordinates(mesh: &TriangleMesh) -> DenseMatrix {
+    let mut matrix = DenseMatrix::zeros(mesh.positions.len(), 3);
+    for axis in 0..3 {
+        matrix.column_mut(axis).iter_mut().zip(&mesh.positions).for_each(|(slot, position)| *slot = position[axis]);
+    }
+    matrix
+}
+
+/// The error of a function relative to another, in the norm of the mass.
+pub fn relative_error(basis: &Basis, found: &[f64], expected: &[f64]) -> f64 {
+    let masses = basis.mass.lumped();
+    let lost: f64 = masses.iter().zip(found).zip(expected).map(|((m, a), b)| m * (a - b) * (a - b)).sum();
+    let whole: f64 = masses.iter().zip(expected).map(|(m, b)| m * b * b).sum();
+    (lost / whole).sqrt()
 }
 
 /// Writes a picture to `docs/pictures`.

@@ -118,3 +118,64 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::job::EigenbasisParameters;
+    use crate::mesh::shape::{Shape, generate};
+    use crate::monitor::Unwatched;
+
+    fn sphere(count: usize) -> (TriangleMesh, Basis) {
+        let mesh = generate(Shape::Sphere, 2500).unwrap();
+        let parameters = EigenbasisParameters::parse(&serde_json::json!({"count": count})).unwrap();
+        let basis = parameters.run(&mesh, &Unwatched).unwrap();
+        (mesh, basis)
+    }
+
+    fn angle(mesh: &TriangleMesh, a: usize, b: usize) -> f64 {
+        dot(mesh.positions[a], mesh.positions[b]).clamp(-1.0, 1.0).acos()
+    }
+
+    #[test]
+    fn distances_on_the_sphere_are_angles() {
+        let (mesh, basis) = sphere(200);
+        let sources = [17, 1800];
+        let each = geodesic(&basis, &mesh, &sources, false, None).unwrap();
+        for (column, &source) in sources.iter().enumerate() {
+            let error = |v: usize| (each.column(column)[v] - angle(&mesh, v, source as usize)).abs();
+            let mean = (0..mesh.positions.len()).map(error).sum::<f64>() / mesh.positions.len() as f64;
+            assert!(mean < 0.04, "{mean}");
+        }
+        let both = geodesic(&basis, &mesh, &sources, true, None).unwrap();
+        assert_eq!(both.columns(), 1);
+        let nearest = |v: usize| angle(&mesh, v, 17).min(angle(&mesh, v, 1800));
+        let mean = (0..mesh.positions.len()).map(|v| (both.column(0)[v] - nearest(v)).abs()).sum::<f64>();
+        assert!(mean < 0.06 * mesh.positions.len() as f64, "{}", mean / mesh.positions.len() as f64);
+    }
+
+    #[test]
+    fn distances_scale_with_the_mesh() {
+        let (mesh, basis) = sphere(60);
+        let mut large = mesh.clone();
+        large.positions.iter_mut().flatten().for_each(|x| *x *= 1e3);
+        let parameters = EigenbasisParameters::parse(&serde_json::json!({"count": 60})).unwrap();
+        let wide = parameters.run(&large, &Unwatched).unwrap();
+        let small = geodesic(&basis, &mesh, &[5], false, None).unwrap();
+        let large = geodesic(&wide, &large, &[5], false, None).unwrap();
+        let close = |(a, b): (&f64, &f64)| (1e3 * a - b).abs() < 1.0;
+        assert!(small.values().iter().zip(large.values()).all(close));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named_and_flat_faces_do_no_harm() {
+        let (mut mesh, basis) = sphere(20);
+        let text = |sources: &[u32], time| geodesic(&basis, &mesh, sources, false, time).unwrap_err().to_string();
+        assert_eq!(text(&[3, 9999], None), format!("source 1 is vertex 9999 of {}", mesh.positions.len()));
+        assert!(text(&[3], Some(0.0)).starts_with("time is 0") && text(&[], None).starts_with("sources: 0"));
+        let other = generate(Shape::Sphere, 500).unwrap();
+        assert!(geodesic(&basis, &other, &[3], false, None).unwrap_err().to_string().contains("the mesh"));
+        mesh.faces.extend([[0, 0, 1], [2, 2, 2]]);
+        assert!(geodesic(&basis, &mesh, &[3], false, None).unwrap().values().iter().all(|d| d.is_finite()));
+    }
+}

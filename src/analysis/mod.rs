@@ -20,3 +20,5 @@ pub use error::AnalysisError;
 
 #[cfg(test)]
 pub(crate) mod fixtures;
+#[cfg(test)]
+mod real_meshes;

@@ -9,7 +9,7 @@ use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::bases::find;
+use super::bases::find_kind;
 use super::binary::{self, Dtype, Table};
 use super::body;
 use super::exchange::{self, Answer, OCTETS};
@@ -19,6 +19,7 @@ use super::state::AppState;
 use crate::analysis::scatter;
 use crate::analysis::shape_dna::{Comparison, MOST_SHAPES, Scale, Spectrum, Weighting, compare};
 use crate::analysis::signature::nearest_items;
+use crate::basis::ProductKind;
 
 const SVG: &str = "image/svg+xml";
 
@@ -162,7 +163,7 @@ async fn compare_shapes(
     }
     let (mut spectra, mut labels) = (Vec::new(), Vec::new());
     for (place, id) in request.bases.iter().enumerate() {
-        let record = find(&state, id).await?;
+        let record = find_kind(&state, id, ProductKind::Eigenbasis).await?;
         let mesh = state.store.mesh(&record.mesh).await?;
         // Eigenvalues stand in the record, so no eigenfunction is read.
         let area = mesh.report["area"].as_f64().unwrap_or(f64::NAN);

@@ -1,0 +1,95 @@
+//! Shape-DNA and distances on real surfaces: poses, remeshings, approximate and exact pairs.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::distance::SpectralDistance;
+use super::shape_dna::{Compared, Comparison, Scale, Spectrum, Weighting, compare};
+use crate::basis::Basis;
+use crate::job::EigenbasisParameters;
+use crate::mesh::TriangleMesh;
+use crate::mesh::check::{CheckOptions, check};
+use crate::mesh::measure::surface_area;
+use crate::mesh::read::{MeshFormat, ReadLimits, read};
+use crate::monitor::Unwatched;
+
+fn folder() -> Option<PathBuf> {
+    let folder = std::env::var_os("CHLADNI_MESHES").map(PathBuf::from);
+    if folder.is_none() {
+        println!("skipped: CHLADNI_MESHES is not set");
+    }
+    folder
+}
+
+fn load(path: PathBuf) -> TriangleMesh {
+    let format = MeshFormat::from_extension(path.extension().unwrap().to_str().unwrap()).unwrap();
+    let raw = read(&std::fs::read(&path).unwrap(), format, &ReadLimits::default()).unwrap();
+    check(raw, &CheckOptions::default()).unwrap().mesh
+}
+
+fn basis(mesh: &TriangleMesh, parameters: serde_json::Value) -> Basis {
+    EigenbasisParameters::parse(&parameters).unwrap().run(mesh, &Unwatched).unwrap()
+}
+
+fn nearest(found: &Compared, shape: usize) -> usize {
+    let distances = found.distances.column(shape);
+    let others = (0..distances.len()).filter(|&other| other != shape);
+    others.min_by(|&a, &b| distances[a].total_cmp(&distances[b])).unwrap()
+}
+
+#[test]
+fn poses_cluster_remeshings_agree_and_approximate_spectra_do_as_exact_ones() {
+    let Some(folder) = folder() else { return };
+    const COUNT: usize = 50;
+    let mut files: Vec<String> =
+        [1, 4, 7, 10].iter().map(|k| format!("camel-gallop/camel-gallop-{k:02}.off")).collect();
+    let others = ["homer.obj", "homer-remeshed-4531.off", "homer-remeshed-7178.off", "rocker-arm.off", "elephant.obj"];
+    files.extend(others.map(String::from));
+    let (mut approximate, mut exact) = (Vec::new(), Vec::new());
+    for file in &files {
+        let mesh = load(folder.join(file));
+        let area = surface_area(&mesh);
+        let fast = basis(&mesh, json!({"count": COUNT + 1}));
+        approximate.push(Spectrum { eigenvalues: fast.eigenvalues, area });
+        let slow = basis(&mesh, json!({"count": COUNT + 1, "method": "hsim", "tolerance": 1e-3, "storage": "compact"}));
+        exact.push(Spectrum { eigenvalues: slow.eigenvalues, area });
+    }
+    let how = Comparison { count: COUNT, scale: Scale::Area, weighting: Weighting::Index, dimensions: 2 };
+    let (fast, slow) = (compare(&approximate, &how).unwrap(), compare(&exact, &how).unwrap());
+    for found in [&fast, &slow] {
+        let distance = |a: usize, b: usize| found.distances.column(a)[b];
+        for camel in 0..4 {
+            assert!(nearest(found, camel) < 4, "{}", files[camel]);
+            let to_camels = (0..4).map(|b| distance(camel, b)).fold(0.0, f64::max);
+            let to_others = (4..files.len()).map(|b| distance(camel, b)).fold(f64::INFINITY, f64::min);
+            assert!(to_camels < to_others, "{}: {to_camels} {to_others}", files[camel]);
+        }
+        for (a, b) in [(4, 5), (4, 6), (5, 6)] {
+            let size = found.descriptors.column(a).iter().map(|x| x * x).sum::<f64>().sqrt();
+            assert!(distance(a, b) < 0.01 * size, "{} {}: {}", files[a], files[b], distance(a, b) / size);
+        }
+    }
+    for shape in 0..files.len() {
+        assert_eq!(nearest(&fast, shape), nearest(&slow, shape), "{}", files[shape]);
+    }
+}
+
+#[test]
+fn distances_by_approximate_pairs_are_near_those_by_exact_ones() {
+    let Some(folder) = folder() else { return };
+    let mesh = load(folder.join("rocker-arm.off"));
+    let fast = basis(&mesh, json!({"count": 100}));
+    let exact = basis(&mesh, json!({"count": 100, "method": "hsim", "tolerance": 1e-5, "precision": "f64"}));
+    let unit = 1.0 / exact.eigenvalues[1];
+    let diffusion = SpectralDistance::Diffusion { times: vec![0.05 * unit, unit] };
+    for distance in [diffusion, SpectralDistance::Biharmonic] {
+        let [found, expected] = [&fast, &exact].map(|basis| distance.from_sources(basis, &[100]).unwrap());
+        for column in 0..found.columns() {
+            let (a, b) = (found.column(column), expected.column(column));
+            let lost: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
+            let whole: f64 = b.iter().map(|b| b * b).sum();
+            assert!((lost / whole).sqrt() < 0.01, "{distance:?}: {}", (lost / whole).sqrt());
+        }
+    }
+}
