@@ -1,20 +1,20 @@
 //! What a basis is good for: shape comparisons, distances, signatures, filters, projections, compression, functional maps.
 
-pub mod family;
 pub mod compression;
 pub mod distance;
 mod error;
+pub mod family;
 pub mod filter;
 pub mod functional_map;
 pub mod geodesic;
 pub mod kd_tree;
 pub mod projection;
-pub mod sound;
-pub mod vibration;
 pub mod scatter;
 pub mod shape_dna;
 pub mod signature;
+pub mod sound;
 pub mod spectrum;
+pub mod vibration;
 
 pub use error::AnalysisError;
 
