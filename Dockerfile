@@ -5,14 +5,15 @@
 
 FROM rust:1.95-slim-trixie AS build
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends build-essential \
+    && apt-get install -y --no-install-recommends build-essential nodejs npm \
     && rm -rf /var/lib/apt/lists/*
 WORKDIR /build
-# The dependencies alone first: this layer is built again only when the manifest changes.
+# The dependencies alone first (an empty build.rs in place of ours): this layer is built again only when the manifest changes.
 COPY Cargo.toml Cargo.lock ./
 RUN mkdir -p src benches \
     && echo 'fn main() {}' > src/main.rs \
     && : > src/lib.rs \
+    && echo 'fn main() {}' > build.rs \
     && sed -n '/^\[\[bench\]\]/,/^$/s/^name = "\(.*\)"/\1/p' Cargo.toml | while read -r name; do echo 'fn main() {}' > "benches/$name.rs"; done \
     && cargo build --release --locked --bin chladni \
     && rm -rf src benches
@@ -20,9 +21,12 @@ COPY README.md ./
 COPY migrations migrations
 COPY openapi openapi
 COPY benches benches
+# The build script makes the web page and embeds it.
+COPY build.rs ./
+COPY web web
 COPY src src
 # Cargo looks at times of change, and those of a copied file may lie before the placeholder's.
-RUN find src -name '*.rs' -exec touch {} + \
+RUN find src build.rs -name '*.rs' -exec touch {} + \
     && cargo build --release --locked --bin chladni \
     && strip target/release/chladni
 

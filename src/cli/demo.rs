@@ -197,6 +197,7 @@ fn report(basis: &Value, known: bool, elapsed: f64, url: &str) -> Result<String,
         bytes(dense)
     );
     let (itself, content) = (text(basis, "/links/self")?, text(basis, "/links/content")?);
+    out += &format!("  see it   {url}/#mesh={}&basis={}\n", text(basis, "/mesh")?, text(basis, "/id")?);
     for (what, path) in [("docs", "/docs"), ("basis", itself), ("as NPZ", content), ("metrics", "/metrics")] {
         out += &format!("  {what:<9}{url}{path}\n");
     }
@@ -259,14 +260,20 @@ mod tests {
 
     #[test]
     fn the_report_names_sizes_and_addresses() {
-        let basis = json!({"count": 2, "dimension": 4, "nonzeros": 40, "bytes": 1000, "dense_bytes": 4000,
+        let basis = json!({"id": "b", "mesh": "m", "count": 2, "dimension": 4, "nonzeros": 40, "bytes": 1000, "dense_bytes": 4000,
             "stage_seconds": [{"stage": "eigen", "seconds": 0.25}], "eigenvalues": [0.0, 1.5],
             "certificate": {"residuals": [0.0, 0.1], "bounds": [0.0, 0.2]},
             "links": {"self": "/v1/bases/b", "content": "/v1/bases/b/content"}});
         let text = report(&basis, false, 0.3, "http://h").unwrap();
-        for part in
-            ["2 eigenpairs", "dimension 4", "0.250", "1.5000", "25 % of the 4.0 kB", "http://h/v1/bases/b/content"]
-        {
+        for part in [
+            "2 eigenpairs",
+            "dimension 4",
+            "0.250",
+            "1.5000",
+            "25 % of the 4.0 kB",
+            "http://h/#mesh=m&basis=b",
+            "http://h/v1/bases/b/content",
+        ] {
             assert!(text.contains(part), "{part} is missing from\n{text}");
         }
     }

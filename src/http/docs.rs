@@ -126,7 +126,6 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(problems))
         .routes(routes!(one_problem))
         .route("/problems/{kind}/{within}", axum::routing::get(one_problem_within))
-        .route("/", axum::routing::get(async || axum::response::Redirect::temporary("/docs")))
 }
 
 /// Gives the OpenAPI document

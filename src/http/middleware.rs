@@ -137,8 +137,10 @@ fn request_id(headers: &HeaderMap) -> String {
 pub fn required_scope(method: &Method, path: &str) -> Option<Scope> {
     let read_only = method == Method::GET || method == Method::HEAD;
     match path {
-        "/" | "/healthz" | "/readyz" | "/openapi.json" | "/docs" | "/problems" if read_only => return None,
-        _ if read_only && path.starts_with("/problems/") => return None,
+        "/" | "/icon.svg" | "/healthz" | "/readyz" | "/openapi.json" | "/docs" | "/problems" if read_only => {
+            return None;
+        }
+        _ if read_only && (path.starts_with("/problems/") || path.starts_with("/page/")) => return None,
         "/metrics" => return Some(Scope::Operate),
         _ => {}
     }
@@ -268,6 +270,7 @@ mod tests {
         let scope = |method: Method, path: &str| required_scope(&method, path);
         assert_eq!(scope(Method::GET, "/healthz"), None);
         assert_eq!(scope(Method::GET, "/problems/not-found"), None);
+        assert_eq!(scope(Method::GET, "/page/index.js"), None);
         assert_eq!(scope(Method::GET, "/metrics"), Some(Scope::Operate));
         assert_eq!(scope(Method::GET, "/v1/jobs"), Some(Scope::Read));
         assert_eq!(scope(Method::HEAD, "/v1/bases/1/content"), Some(Scope::Read));

@@ -12,6 +12,7 @@
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `wire`, `certificate` | what goes over the wire |
 //! | `meshes`, `jobs`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `system`, `docs` | the routes |
+//! | `page` | the web page, embedded |
 
 mod auth;
 mod bases;
@@ -32,6 +33,7 @@ mod maps;
 mod meshes;
 mod middleware;
 mod modes;
+mod page;
 mod problem;
 mod serve;
 mod signatures;
@@ -84,6 +86,7 @@ pub fn router(state: AppState) -> Router {
     let (router, _) = routes().split_for_parts();
     let compression = CompressionLayer::new().gzip(true).zstd(true).compress_when(SizeAbove::new(1024).and(Text));
     router
+        .merge(page::routes())
         .fallback(middleware::not_found)
         .method_not_allowed_fallback(middleware::method_not_allowed)
         // Limits are applied where bodies are read, with problems of their own.

@@ -1,0 +1,254 @@
+// The public endpoints of the server, and nothing else: what any other front-end would call.
+
+export interface Problem {
+  type: string;
+  title: string;
+  status?: number;
+  detail: string;
+  [member: string]: unknown;
+}
+
+/** An error in the server's own words. */
+export class ApiError extends Error {
+  constructor(readonly problem: Problem) {
+    super(problem.detail);
+  }
+}
+
+export interface Defect {
+  kind: string;
+  count: number;
+  element?: string;
+  examples?: number[];
+}
+
+export interface Mesh {
+  id: string;
+  name: string | null;
+  format: string;
+  vertices: number;
+  faces: number;
+  created_ms: number;
+  report: {
+    area: number;
+    bounding_box: [number[], number[]];
+    boundary_loops: number;
+    components: number;
+    genus: number | null;
+    euler_characteristic: number;
+    manifold: boolean;
+    defects: Defect[];
+    repairs: Defect[];
+  };
+  links: { self: string; content: string };
+}
+
+export type Status = "enqueued" | "processing" | "succeeded" | "failed" | "canceled";
+
+export interface Job {
+  id: string;
+  kind: string;
+  mesh: string;
+  parameters: Record<string, unknown>;
+  status: Status;
+  stage: string | null;
+  progress: number | null;
+  detail: string | null;
+  stage_seconds: { stage: string; seconds: number }[];
+  attempt: number;
+  max_attempts: number;
+  cancel_requested: boolean;
+  basis: string | null;
+  problem: Problem | null;
+  created_ms: number;
+  started_ms: number | null;
+  finished_ms: number | null;
+  revision: number;
+  links: { self: string; events: string; basis: string | null };
+}
+
+export interface Certificate {
+  residuals: number[];
+  bounds: number[];
+  orthonormality_defect: number;
+  complete: boolean | null;
+  inertia: { shift: number; below: number }[];
+  tolerance: number | null;
+  largest_projection_error: number | null;
+}
+
+export interface BasisSummary {
+  id: string;
+  mesh: string;
+  job: string;
+  kind: string;
+  parameters: Record<string, unknown>;
+  vertices: number;
+  storage: string;
+  precision: string | null;
+  dimension: number | null;
+  count: number;
+  bytes: number;
+  dense_bytes: number;
+  created_ms: number;
+  stage_seconds: { stage: string; seconds: number }[];
+  links: Record<string, string>;
+}
+
+export interface Basis extends BasisSummary {
+  eigenvalues: number[];
+  operator: { laplacian?: string; reason?: string } & Record<string, unknown>;
+  certificate: Certificate;
+}
+
+export interface Page<T> {
+  items: T[];
+  next: string | null;
+}
+
+export const ended = (status: Status) => status === "succeeded" || status === "failed" || status === "canceled";
+
+const KEY = "chladni-key";
+
+/** The API key, where the server wants one; it stays in this tab. */
+export const key = {
+  get: () => sessionStorage.getItem(KEY) ?? "",
+  set: (secret: string) => (secret ? sessionStorage.setItem(KEY, secret) : sessionStorage.removeItem(KEY)),
+};
+
+/** Sends a request; whatever is no success becomes an [`ApiError`]. */
+export async function send(path: string, init: RequestInit = {}): Promise<Response> {
+  const headers = new Headers(init.headers);
+  if (key.get()) headers.set("Authorization", `Bearer ${key.get()}`);
+  let response: Response;
+  try {
+    response = await fetch(path, { ...init, headers });
+  } catch (error) {
+    if (error instanceof DOMException && error.name === "AbortError") throw error;
+    throw new ApiError({ type: "", title: "The server cannot be reached", detail: "No answer came. Is it still running?" });
+  }
+  if (!response.ok) throw new ApiError(await problemOf(response));
+  return response;
+}
+
+async function problemOf(response: Response): Promise<Problem> {
+  const text = await response.text();
+  try {
+    return JSON.parse(text) as Problem;
+  } catch {
+    return { type: "", title: `The server answered ${response.status}`, status: response.status, detail: text.slice(0, 300) || response.statusText };
+  }
+}
+
+export const get = async <T>(path: string): Promise<T> => (await send(path)).json() as Promise<T>;
+
+/** Posts JSON and reads JSON. */
+export const post = async <T>(path: string, body?: unknown, init: RequestInit = {}): Promise<T> =>
+  (
+    await send(path, {
+      method: "POST",
+      ...(body === undefined ? {} : { body: JSON.stringify(body), headers: { "Content-Type": "application/json" } }),
+      ...init,
+    })
+  ).json() as Promise<T>;
+
+/** Raw single-precision numbers: a row for each vertex or face. */
+export async function numbers(path: string, init: RequestInit = {}): Promise<Float32Array> {
+  const headers = { Accept: "application/octet-stream", ...(init.headers as Record<string, string>) };
+  return new Float32Array(await (await send(path, { ...init, headers })).arrayBuffer());
+}
+
+/** Posts JSON and reads raw numbers. */
+export const postNumbers = (path: string, body: unknown, signal?: AbortSignal) =>
+  numbers(path, { method: "POST", body: JSON.stringify(body), headers: { "Content-Type": "application/json" }, signal });
+
+/** Positions and triangles, as they go to the graphics card: nothing is parsed. */
+export async function meshContent(path: string, progress: (fraction: number) => void): Promise<{ positions: Float32Array; triangles: Uint32Array }> {
+  const response = await send(path, { headers: { Accept: "application/vnd.chladni.mesh" } });
+  const length = Number(response.headers.get("Content-Length"));
+  let buffer: ArrayBuffer;
+  if (length > 4e6 && response.body) {
+    const whole = new Uint8Array(length);
+    let at = 0;
+    for (const reader = response.body.getReader(); ; ) {
+      const { done, value } = await reader.read();
+      if (done) break;
+      whole.set(value, at);
+      at += value.length;
+      progress(at / length);
+    }
+    buffer = whole.buffer;
+  } else {
+    buffer = await response.arrayBuffer();
+  }
+  const [vertices, faces] = new Uint32Array(buffer, 0, 2);
+  return { positions: new Float32Array(buffer, 8, 3 * vertices), triangles: new Uint32Array(buffer, 8 + 12 * vertices, 3 * faces) };
+}
+
+/** Uploads a file under its name; `sent` hears which fraction is on its way. */
+export function upload(file: File, sent: (fraction: number) => void): Promise<Mesh> {
+  // fetch cannot tell how much of a body has been sent.
+  const request = new XMLHttpRequest();
+  const plain = file.name.replace(/\.(gz|zst)$/i, "");
+  const ending = /\.([^.]+)$/.exec(plain)?.[1]?.toLowerCase();
+  const query = new URLSearchParams({ name: plain.replace(/\.[^.]+$/, "").slice(0, 200) });
+  if (ending) query.set("format", ending);
+  request.open("POST", `/v1/meshes?${query}`);
+  request.setRequestHeader("Content-Type", "application/octet-stream");
+  if (plain !== file.name) request.setRequestHeader("Content-Encoding", /\.gz$/i.test(file.name) ? "gzip" : "zstd");
+  if (key.get()) request.setRequestHeader("Authorization", `Bearer ${key.get()}`);
+  request.upload.onprogress = (event) => sent(event.loaded / event.total);
+  return new Promise((resolve, reject) => {
+    const fail = (problem: Problem) => reject(new ApiError(problem));
+    request.onload = () => {
+      let answer: unknown;
+      try {
+        answer = JSON.parse(request.responseText);
+      } catch {
+        fail({ type: "", title: "The upload failed", detail: `The server answered ${request.status}.` });
+        return;
+      }
+      if (request.status < 300) resolve(answer as Mesh);
+      else fail(answer as Problem);
+    };
+    request.onerror = () => fail({ type: "", title: "The server cannot be reached", detail: "The upload did not get through." });
+    request.send(file);
+  });
+}
+
+/** Tells every change of a job until it has ended or `signal` stops it; a lost connection is taken up where it broke. */
+export async function watch(job: Job, changed: (job: Job) => void, signal: AbortSignal): Promise<Job> {
+  // Not EventSource: that one cannot carry an API key.
+  let latest = job;
+  for (let failures = 0; !ended(latest.status); ) {
+    try {
+      const response = await send(latest.links.events, { headers: { "Last-Event-ID": String(latest.revision) }, signal });
+      if (response.status === 204 || !response.body) {
+        latest = await get<Job>(latest.links.self);
+        changed(latest);
+        continue;
+      }
+      const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+      let text = "";
+      for (;;) {
+        const { done, value } = await reader.read();
+        if (done) break;
+        text += value;
+        for (let end = text.indexOf("\n\n"); end >= 0; end = text.indexOf("\n\n")) {
+          const data = /^data: ?(.*)$/m.exec(text.slice(0, end));
+          text = text.slice(end + 2);
+          if (!data) continue;
+          failures = 0;
+          latest = JSON.parse(data[1]) as Job;
+          changed(latest);
+        }
+      }
+    } catch (error) {
+      if (signal.aborted || (error instanceof ApiError && (error.problem.status ?? 500) < 500)) throw error;
+      failures += 1;
+      if (failures > 5) throw error;
+      await new Promise((resolve) => setTimeout(resolve, 500 * failures));
+    }
+  }
+  return latest;
+}

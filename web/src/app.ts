@@ -1,0 +1,272 @@
+// What every part of the page shares: the place, the mesh and the basis that are open, and how errors are told.
+
+import { ApiError, get, meshContent, post, watch, ended, type Basis, type BasisSummary, type Job, type Mesh, type Page } from "./api";
+import { h } from "./dom";
+import { read, write, type Place } from "./place";
+import type { Viewer } from "./viewer";
+
+/** One tab. `show` runs whenever it becomes visible and whenever mesh or basis change under it. */
+export interface Panel {
+  id: string;
+  title: string;
+  /** The kind of basis it works on, where it needs one. */
+  kind?: string;
+  element: HTMLElement;
+  show(): void;
+  hide(): void;
+}
+
+type Happening = "mesh" | "meshes" | "bases" | "basis" | "jobs" | "tab" | "look";
+
+export class App {
+  place: Place = read();
+  mesh: Mesh | null = null;
+  meshes: Mesh[] = [];
+  moreMeshes: string | null = null;
+  bases: BasisSummary[] = [];
+  basis: Basis | null = null;
+  jobs = new Map<string, Job>();
+  readonly panels: Panel[] = [];
+  private readonly listeners = new Map<Happening, (() => void)[]>();
+  private readonly known = new Map<string, Basis>();
+  private readonly stop = new AbortController();
+  readonly toasts = h("div", { class: "toasts", role: "status", "aria-live": "polite" });
+  readonly busy = h("div", { class: "busy", hidden: true }, h("progress", { max: 1 }), h("span", {}));
+  readonly title = h("div", { class: "caption" });
+
+  constructor(readonly viewer: Viewer) {
+    let pause = 0;
+    viewer.onView = () => {
+      window.clearTimeout(pause);
+      pause = window.setTimeout(() => this.go({ view: viewer.view }), 150);
+    };
+    window.addEventListener("popstate", () => void this.arrive());
+    window.addEventListener("hashchange", () => void this.arrive());
+  }
+
+  on(happening: Happening, listener: () => void) {
+    this.listeners.set(happening, [...(this.listeners.get(happening) ?? []), listener]);
+  }
+
+  emit(happening: Happening) {
+    for (const listener of this.listeners.get(happening) ?? []) listener();
+  }
+
+  /** Changes the place, and the address with it. */
+  go(change: Partial<Place>, step = false) {
+    this.place = { ...this.place, ...change };
+    write(this.place, step);
+  }
+
+  // --- telling ----------------------------------------------------------------------------------------------------------
+
+  /** Shows an error as the server words it. */
+  readonly fail = (error: unknown) => {
+    if (error instanceof DOMException && error.name === "AbortError") return;
+    if (error instanceof ApiError) {
+      const { title, detail, type, status } = error.problem;
+      this.toast("error", title, detail, type);
+      if (status === 401) document.querySelector<HTMLDetailsElement>("details.key")?.setAttribute("open", "");
+    } else {
+      this.toast("error", "Something went wrong in this page", error instanceof Error ? error.message : String(error));
+      console.error(error);
+    }
+  };
+
+  toast(kind: "error" | "note", title: string, detail: string, type = "") {
+    const close = () => toast.remove();
+    const toast = h("div", { class: `toast ${kind}`, role: kind === "error" ? "alert" : undefined },
+      h("strong", {}, title), h("button", { class: "quiet close", "aria-label": "Close", onclick: close }, "×"),
+      h("p", {}, detail),
+      type.startsWith("/problems/") && h("a", { href: type, target: "_blank" }, "What this means"));
+    // The same error over and over is one error.
+    for (const other of this.toasts.children) if (other.textContent === toast.textContent) other.remove();
+    this.toasts.append(toast);
+    while (this.toasts.children.length > 4) this.toasts.firstElementChild?.remove();
+    if (kind === "note") window.setTimeout(close, 6000);
+  }
+
+  private working(text: string | null, fraction?: number) {
+    this.busy.hidden = text === null;
+    this.busy.lastElementChild!.textContent = text ?? "";
+    const bar = this.busy.firstElementChild as HTMLProgressElement;
+    if (fraction === undefined) bar.removeAttribute("value");
+    else bar.value = fraction;
+  }
+
+  // --- going places -----------------------------------------------------------------------------------------------------
+
+  /** Opens what the address names. */
+  async arrive() {
+    const place = read();
+    const moved = place.mesh !== this.mesh?.id;
+    this.place = place;
+    this.viewer.view = place.view;
+    this.emit("look");
+    try {
+      if (!place.mesh) {
+        const first = this.meshes[0];
+        if (first) await this.open(first.id, false);
+        else this.panel?.show();
+      } else if (moved) await this.open(place.mesh, false, true);
+      else this.tab(place.tab, false);
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  async list(more = false) {
+    const page = await get<Page<Mesh>>(`/v1/meshes?limit=50${more && this.moreMeshes ? `&from=${encodeURIComponent(this.moreMeshes)}` : ""}`);
+    this.meshes = more ? [...this.meshes, ...page.items] : page.items;
+    this.moreMeshes = page.next;
+    this.emit("meshes");
+  }
+
+  private opening = 0;
+
+  /** Opens a mesh. */
+  async open(id: string, step = true, keep = false) {
+    const turn = ++this.opening;
+    this.working("Loading the surface …");
+    try {
+      const mesh = this.meshes.find((mesh) => mesh.id === id) ?? (await get<Mesh>(`/v1/meshes/${id}`));
+      const surface = await meshContent(mesh.links.content, (fraction) => this.working("Loading the surface …", fraction));
+      if (turn !== this.opening) return;
+      this.panel?.hide();
+      this.mesh = mesh;
+      this.basis = null;
+      this.bases = [];
+      this.viewer.setMesh(surface);
+      this.viewer.onClick = this.viewer.onStroke = null;
+      if (!keep) {
+        this.viewer.view = undefined;
+        this.go({ mesh: id, basis: undefined, mode: 1, view: undefined }, step);
+      } else this.go({ mesh: id });
+      this.emit("mesh");
+      await this.findBases();
+      if (turn === this.opening) this.tab(this.place.tab, false);
+    } finally {
+      if (turn === this.opening) this.working(null);
+    }
+  }
+
+  /** Reads which bases there are on the mesh. */
+  async findBases() {
+    const mesh = this.mesh?.id;
+    if (!mesh) return;
+    const page = await get<Page<BasisSummary>>(`/v1/bases?mesh=${mesh}&limit=200`);
+    if (mesh !== this.mesh?.id) return;
+    this.bases = page.items;
+    this.emit("bases");
+  }
+
+  get panel(): Panel | undefined {
+    return this.panels.find((panel) => panel.id === this.place.tab) ?? this.panels[0];
+  }
+
+  /** The bases that the open tab can work on, newest first. */
+  basesOf(kind: string | undefined): BasisSummary[] {
+    return this.bases.filter((basis) => basis.kind === kind);
+  }
+
+  /** Opens a tab. */
+  tab(id: string, step = true) {
+    for (const panel of this.panels) if (panel !== this.panel) panel.element.hidden = true;
+    const before = this.panel;
+    if (before && before.id !== id) {
+      before.hide();
+      before.element.hidden = true;
+    }
+    this.viewer.onClick = this.viewer.onStroke = null;
+    this.viewer.onStrokeEnd = () => {};
+    this.go({ tab: id }, step && before?.id !== id);
+    const panel = this.panel;
+    if (!panel) return;
+    panel.element.hidden = false;
+    this.emit("tab");
+    const candidates = this.basesOf(panel.kind);
+    const wanted = candidates.find((basis) => basis.id === this.place.basis) ?? candidates.find((basis) => basis.id === this.basis?.id) ?? candidates[0];
+    if (panel.kind && wanted && wanted.id !== this.basis?.id) void this.use(wanted.id).catch(this.fail);
+    else {
+      if (panel.kind && !wanted) this.basis = null;
+      this.emit("basis");
+      panel.show();
+    }
+  }
+
+  /** Works with a basis from now on. */
+  async use(id: string, step = false) {
+    const basis = this.known.get(id) ?? (await get<Basis>(`/v1/bases/${id}`));
+    this.known.set(id, basis);
+    if (basis.mesh !== this.mesh?.id) return;
+    this.panel?.hide();
+    this.basis = basis;
+    this.go({ basis: id }, step);
+    this.emit("basis");
+    this.panel?.show();
+  }
+
+  // --- jobs -------------------------------------------------------------------------------------------------------------
+
+  /** Submits a job on the open mesh and follows it. */
+  async submit(kind: string, parameters: Record<string, unknown>) {
+    if (!this.mesh) return;
+    try {
+      const job = await post<Job>("/v1/jobs", { kind, mesh: this.mesh.id, parameters });
+      if (job.status === "succeeded" && job.basis) {
+        this.toast("note", "Known already", "Equal work is done once: this is the stored result.");
+        await this.finished(job);
+      } else this.follow(job);
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  /** Shows a job and its changes until it has ended. */
+  follow(job: Job) {
+    const followed = this.jobs.has(job.id) && !ended(this.jobs.get(job.id)!.status);
+    this.jobs.set(job.id, job);
+    this.emit("jobs");
+    if (followed || ended(job.status)) return;
+    const changed = (job: Job) => {
+      this.jobs.set(job.id, job);
+      this.emit("jobs");
+    };
+    watch(job, changed, this.stop.signal)
+      .then((job) => this.finished(job))
+      .catch(this.fail);
+  }
+
+  private async finished(job: Job) {
+    this.jobs.set(job.id, job);
+    this.emit("jobs");
+    if (job.status !== "succeeded" || job.mesh !== this.mesh?.id) return;
+    await this.findBases();
+    if (job.basis && this.panel?.kind === job.kind) await this.use(job.basis, true);
+  }
+
+  /** Takes up the jobs that still run, after a reload for example. */
+  async resume() {
+    for (const status of ["processing", "enqueued"]) {
+      const page = await get<Page<Job>>(`/v1/jobs?status=${status}&limit=50`);
+      page.items.forEach((job) => this.follow(job));
+    }
+  }
+
+  async cancel(job: Job) {
+    try {
+      this.jobs.set(job.id, await post<Job>(`/v1/jobs/${job.id}/cancel`));
+      this.emit("jobs");
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  async retry(job: Job) {
+    try {
+      this.follow(await post<Job>(`/v1/jobs/${job.id}/retry`));
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+}

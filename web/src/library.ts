@@ -1,0 +1,124 @@
+// The left column: files come in, meshes are listed, jobs report.
+
+import { ended, upload, type Defect, type Job, type Mesh } from "./api";
+import type { App } from "./app";
+import { brief, grouped, h, plural, seconds, words } from "./dom";
+
+export function library(app: App): HTMLElement {
+  const input = h("input", { type: "file", multiple: true, class: "visually-hidden", id: "file", accept: ".obj,.ply,.off,.stl,.mesh,.gz,.zst" });
+  const drop = h("label", { class: "drop", for: "file" }, h("strong", {}, "Drop a mesh here"), h("span", {}, "or choose one: OBJ, PLY, OFF, STL, MEDIT; also gzipped"), input);
+  const uploads = h("div", { class: "uploads" });
+  const jobs = h("div", { class: "jobs", "aria-label": "Jobs" });
+  const meshes = h("ul", { class: "meshes", "aria-label": "Meshes" });
+  const more = h("button", { class: "quiet", hidden: true, onclick: () => app.list(true).catch(app.fail) }, "Older ones");
+
+  const take = async (files: Iterable<File>) => {
+    for (const file of files) {
+      const bar = h("progress", { max: 1, value: 0 });
+      const row = h("div", { class: "card" }, h("strong", {}, file.name), bar, h("small", {}, "uploading …"));
+      uploads.append(row);
+      try {
+        const mesh = await upload(file, (fraction) => {
+          bar.value = fraction;
+          if (fraction === 1) row.lastElementChild!.textContent = "being read and checked …";
+        });
+        await app.list();
+        await app.open(mesh.id);
+      } catch (error) {
+        app.fail(error);
+      }
+      row.remove();
+    }
+    input.value = "";
+  };
+  input.addEventListener("change", () => void take([...(input.files ?? [])]));
+  let inside = 0;
+  const over = (event: DragEvent, change: number) => {
+    if (!event.dataTransfer?.types.includes("Files")) return;
+    event.preventDefault();
+    inside += change;
+    document.body.classList.toggle("dropping", inside > 0);
+  };
+  window.addEventListener("dragenter", (event) => over(event, 1));
+  window.addEventListener("dragleave", (event) => over(event, -1));
+  window.addEventListener("dragover", (event) => over(event, 0));
+  window.addEventListener("drop", (event) => {
+    if (!event.dataTransfer?.files.length) return;
+    event.preventDefault();
+    inside = 0;
+    document.body.classList.remove("dropping");
+    void take([...event.dataTransfer.files]);
+  });
+
+  const showMeshes = () => {
+    meshes.replaceChildren(...app.meshes.map((mesh) => meshItem(app, mesh)));
+    more.hidden = !app.moreMeshes;
+  };
+  const showJobs = () => {
+    const listed = [...app.jobs.values()].filter((job) => job.status !== "succeeded").sort((a, b) => b.created_ms - a.created_ms).slice(0, 6);
+    jobs.replaceChildren(...listed.map((job) => jobCard(app, job)));
+  };
+  for (const happening of ["meshes", "mesh", "bases", "basis"] as const) app.on(happening, showMeshes);
+  app.on("jobs", showJobs);
+  return h("aside", { class: "library", "aria-label": "Library" }, drop, uploads, jobs, h("h2", {}, "Surfaces"), meshes, more);
+}
+
+function meshItem(app: App, mesh: Mesh): HTMLElement {
+  const open = mesh.id === app.mesh?.id;
+  const button = h("button", { class: "mesh", "aria-current": open ? "true" : undefined, onclick: () => app.open(mesh.id).catch(app.fail) },
+    h("strong", {}, mesh.name ?? `mesh ${mesh.id.slice(0, 8)}`), h("small", {}, `${grouped(mesh.vertices)} vertices`));
+  if (!open) return h("li", {}, button);
+  const bases = app.bases.map((basis) => {
+    const method = typeof basis.parameters.method === "string" ? basis.parameters.method : "";
+    const text = `${words(basis.kind)} · ${grouped(basis.count)}${method ? ` · ${method}` : ""}`;
+    const tab = app.panels.find((panel) => panel.kind === basis.kind && panel.id === app.place.tab) ?? app.panels.find((panel) => panel.kind === basis.kind);
+    return h("li", {}, h("button", {
+      class: "basis", "aria-current": basis.id === app.basis?.id ? "true" : undefined, disabled: !tab,
+      onclick: () => {
+        app.go({ basis: basis.id }, true);
+        if (tab) app.tab(tab.id, false);
+      },
+    }, text));
+  });
+  return h("li", { class: "open" }, button, report(mesh), h("ul", { class: "bases", "aria-label": "Bases" }, ...bases));
+}
+
+/** What was found in a mesh, in words. */
+function report(mesh: Mesh): HTMLElement {
+  const { genus, components, boundary_loops: loops, area, defects, repairs } = mesh.report;
+  const shape = [plural(mesh.faces, "face"), plural(components, "component"), genus === null ? null : `genus ${genus}`, loops ? plural(loops, "boundary loop") : "closed", `area ${brief(area)}`];
+  const line = (defect: Defect) => {
+    const where = defect.examples?.length ? ` (${defect.element ?? "element"} ${defect.examples.slice(0, 3).map(grouped).join(", ")}${defect.count > 3 ? " …" : ""})` : "";
+    return h("li", {}, `${grouped(defect.count)} × ${words(defect.kind)}${where}`);
+  };
+  return h("div", { class: "report" },
+    h("p", {}, shape.filter(Boolean).join(" · ")),
+    defects.length > 0 && h("details", { class: "defects" }, h("summary", {}, `${plural(defects.length, "kind")} of defect found`), h("ul", {}, ...defects.map(line))),
+    repairs.length > 0 && h("details", { class: "defects" }, h("summary", {}, `${plural(repairs.length, "repair")} done`), h("ul", {}, ...repairs.map(line))));
+}
+
+function jobCard(app: App, job: Job): HTMLElement {
+  const mesh = app.meshes.find((mesh) => mesh.id === job.mesh);
+  const running = !ended(job.status);
+  const state = {
+    enqueued: "waiting for a worker",
+    processing: [job.stage ? words(job.stage) : "starting", job.detail].filter(Boolean).join(" · "),
+    succeeded: "done", failed: "failed", canceled: "cancelled",
+  }[job.status];
+  const bar = h("progress", { max: 1, "aria-label": state });
+  if (job.status === "processing" && job.progress !== null) bar.value = job.progress;
+  const spent = job.stage_seconds.reduce((sum, stage) => sum + stage.seconds, 0);
+  const card = h("div", { class: `card job ${job.status}`, "data-job": job.id },
+    h("strong", {}, `${words(job.kind)}${mesh?.name ? ` of ${mesh.name}` : ""}`),
+    running && bar,
+    h("small", {}, `${job.cancel_requested && running ? "stopping …" : state}${spent > 0 ? ` · ${seconds(spent)}` : ""}${job.attempt > 1 ? ` · attempt ${job.attempt} of ${job.max_attempts}` : ""}`),
+    job.problem && h("p", {}, job.problem.detail));
+  const buttons = h("div", { class: "row" });
+  if (running) buttons.append(h("button", { disabled: job.cancel_requested, onclick: () => app.cancel(job) }, "Cancel"));
+  else {
+    buttons.append(h("button", { onclick: () => app.retry(job) }, "Try again"));
+    buttons.append(h("button", { class: "quiet", onclick: () => { app.jobs.delete(job.id); app.emit("jobs"); } }, "Dismiss"));
+  }
+  card.append(buttons);
+  return card;
+}

@@ -1,0 +1,85 @@
+// Puts the page together.
+
+import { key } from "./api";
+import { App } from "./app";
+import { h } from "./dom";
+import { library } from "./library";
+import { Look } from "./panels/basis";
+import { filterPanel } from "./panels/filter";
+import { modesPanel } from "./panels/modes";
+import { Viewer } from "./viewer";
+
+const canvas = h("canvas", { class: "surface", tabIndex: 0, "aria-label": "The surface. Arrow keys turn it, plus and minus zoom, Home goes back." });
+const stage = h("main", { class: "stage" }, canvas);
+document.body.append(stage);
+
+let viewer: Viewer | null = null;
+try {
+  viewer = new Viewer(canvas);
+} catch {
+  stage.append(h("p", { class: "sorry" }, "This page draws with WebGL 2, which this browser does not offer. The API under ", h("a", { href: "/docs" }, "/docs"), " needs no browser."));
+}
+if (viewer) start(viewer);
+
+function start(viewer: Viewer) {
+  const app = new App(viewer);
+  const look = new Look(app);
+  app.panels.push(modesPanel(app, look), filterPanel(app, look));
+
+  const tabs = h("div", { class: "tabs", role: "tablist", "aria-label": "What to do" });
+  app.panels.forEach((panel) => {
+    panel.element.id = `panel-${panel.id}`;
+    panel.element.setAttribute("role", "tabpanel");
+    panel.element.setAttribute("aria-labelledby", `tab-${panel.id}`);
+    panel.element.hidden = true;
+    tabs.append(h("button", { role: "tab", id: `tab-${panel.id}`, "aria-controls": `panel-${panel.id}`, onclick: () => app.tab(panel.id) }, panel.title));
+  });
+  const showTabs = () => {
+    app.panels.forEach((panel, index) => {
+      const tab = tabs.children[index] as HTMLElement;
+      const here = panel === app.panel;
+      tab.setAttribute("aria-selected", String(here));
+      tab.tabIndex = here ? 0 : -1;
+    });
+  };
+  app.on("tab", showTabs);
+  tabs.addEventListener("keydown", (event) => {
+    const step = event.key === "ArrowRight" ? 1 : event.key === "ArrowLeft" ? -1 : 0;
+    if (!step) return;
+    const next = (app.panels.indexOf(app.panel!) + step + app.panels.length) % app.panels.length;
+    app.tab(app.panels[next].id);
+    (tabs.children[next] as HTMLElement).focus();
+  });
+
+  const secret = h("input", { type: "password", autocomplete: "off", placeholder: "secret of an API key", "aria-label": "API key" });
+  secret.value = key.get();
+  const keys = h("details", { class: "key" }, h("summary", {}, "Key"),
+    h("form", { class: "row", onsubmit: (event: Event) => {
+      event.preventDefault();
+      key.set(secret.value.trim());
+      keys.open = false;
+      void begin();
+    } }, secret, h("button", {}, "Use")));
+  const header = h("header", {}, h("h1", {}, "Chladni"), h("span", { class: "subtitle" }, "the eigenfunctions of surfaces"),
+    h("nav", {}, h("a", { href: "/docs", target: "_blank" }, "API"), keys));
+
+  const welcome = h("div", { class: "welcome", hidden: true }, h("p", {}, "Drop a mesh anywhere on this page, or choose a file."));
+  stage.append(app.title, look.legend, app.busy, welcome);
+  document.body.prepend(header, library(app));
+  document.body.append(h("section", { class: "work", "aria-label": "Tools" }, tabs, ...app.panels.map((panel) => panel.element)), app.toasts);
+  for (const happening of ["mesh", "meshes"] as const) app.on(happening, () => (welcome.hidden = app.mesh !== null || app.meshes.length > 0));
+
+  async function begin() {
+    try {
+      await app.list();
+      await Promise.all([app.arrive(), app.resume()]);
+    } catch (error) {
+      app.fail(error);
+    }
+    document.body.dataset.ready = "true";
+  }
+  showTabs();
+  void begin();
+  // For tests and for whoever looks from the console.
+  Object.assign(window, { chladni: { app, viewer } });
+}

@@ -1,0 +1,164 @@
+// What the tabs share: which basis is open, how to ask for another, and how the surface is coloured.
+
+import type { Basis, BasisSummary } from "../api";
+import type { App } from "../app";
+import { MAPS, gradient } from "../colours";
+import { brief, choice, field, grouped, h, seconds, slider, words } from "../dom";
+import type { Scalar } from "../viewer";
+
+/** One line about a basis. */
+function line(basis: BasisSummary): string {
+  const { method, operator, tolerance } = basis.parameters;
+  const parts = [grouped(basis.count)];
+  if (typeof method === "string") parts.push(method);
+  if (typeof tolerance === "number") parts.push(`to ${brief(tolerance)}`);
+  if (operator !== undefined && operator !== "auto") parts.push(typeof operator === "string" ? operator : Object.keys(operator as object)[0]);
+  return parts.join(" · ");
+}
+
+/** The head of a tab: its bases, and a form that makes another. The form is open where there is none yet. */
+export function basisHead(app: App, kind: string, name: string, form: HTMLElement): { element: HTMLElement; update: () => void } {
+  const chooser = h("div", {});
+  const details = h("details", { class: "new" }, h("summary", {}, `New ${name} …`), form);
+  const update = () => {
+    const bases = app.basesOf(kind);
+    chooser.replaceChildren();
+    if (bases.length > 0) {
+      const select = choice(bases.map((basis) => [basis.id, `${bases.some((other) => other !== basis && line(other) === line(basis)) ? `${new Date(basis.created_ms).toLocaleTimeString()} · ` : ""}${line(basis)}`]), app.basis?.id ?? "", (id) => app.use(id, true).catch(app.fail), name);
+      chooser.append(field(name[0].toUpperCase() + name.slice(1), select));
+    }
+    details.open = bases.length === 0;
+    details.hidden = app.mesh === null;
+  };
+  app.on("bases", update);
+  app.on("basis", update);
+  return { element: h("div", { class: "head" }, chooser, details), update };
+}
+
+/** The form of an eigenbasis. */
+export function eigenForm(app: App): HTMLElement {
+  const count = h("input", { type: "number", min: "1", max: "5000", value: "200", "aria-label": "Eigenpairs" });
+  const method = choice([["approximate", "approximate, fast"], ["hsim", "exact and proven"]], "approximate", () => update());
+  const tolerance = choice([["1e-2", "1e-2"], ["1e-4", "1e-4"], ["1e-6", "1e-6"], ["1e-9", "1e-9"]], "1e-2", () => {});
+  const operator = choice([["auto", "Laplace–Beltrami"], ["laplace", "cotangents"], ["robust", "robust Laplacian"],
+    ["extrinsic", "extrinsic"], ["hamiltonian", "Hamiltonian"]], "auto", () => update());
+  const t = slider("t", { min: 0, max: 1, step: 0.05, value: 0.5 }, () => {}, (value) => value.toFixed(2));
+  const boundary = choice([["neumann", "natural (Neumann)"], ["dirichlet", "zero (Dirichlet)"]], "neumann", () => {});
+  const tolerances = field("Tolerance", tolerance, "Largest residual of a pair");
+  const update = () => {
+    tolerances.hidden = method.value !== "hsim";
+    t.element.hidden = operator.value !== "extrinsic" && operator.value !== "hamiltonian";
+  };
+  update();
+  return h("form", { class: "form", onsubmit: (event: Event) => {
+    event.preventDefault();
+    const value = t.control.valueAsNumber;
+    const chosen = { extrinsic: { extrinsic: { t: value } }, hamiltonian: { hamiltonian: { potential: { curvature: { t: value } } } } }[operator.value] ?? operator.value;
+    void app.submit("eigenbasis", {
+      count: count.valueAsNumber, method: method.value, operator: chosen, boundary: boundary.value,
+      ...(method.value === "hsim" ? { tolerance: Number(tolerance.value) } : {}),
+    });
+  } }, field("Eigenpairs", count), field("Method", method), tolerances, field("Operator", operator), t.element, field("Boundary", boundary),
+    h("button", { class: "primary" }, "Compute"));
+}
+
+/** What is proven about a basis, in words. */
+export function certificate(basis: Basis): HTMLElement {
+  const { certificate: proof, eigenvalues, operator, parameters } = basis;
+  const laplacian = operator.laplacian === "robust" ? "the robust Laplacian" : operator.laplacian === "cotangent" ? "the cotangent Laplacian" : "the operator";
+  const reason = typeof operator.reason === "string" ? ` (${words(operator.reason)})` : "";
+  const relative = eigenvalues.map((value, k) => proof.bounds[k] / Math.max(value, 1e-300)).slice(1).filter(Number.isFinite).sort((a, b) => a - b);
+  const worst = Math.max(...proof.residuals.slice(1), 0);
+  const percent = (value: number) => (value < 1e-6 ? `${brief(value)} of it` : `${brief(100 * value)} %`);
+  const sentences: HTMLElement[] = [
+    h("p", {}, `${grouped(eigenvalues.length)} eigenpairs of ${laplacian}${reason}.`),
+    h("p", {}, `Every pair has a residual of at most ${brief(worst)}${proof.tolerance ? ` (asked: ${brief(proof.tolerance)})` : ""}.`),
+  ];
+  if (relative.length) {
+    sentences.push(h("p", {}, `For each value an exact eigenvalue of the discrete problem lies within its bound: ${percent(relative[relative.length >> 1])} in the median, ${percent(relative[relative.length - 1])} at worst.`));
+  }
+  if (proof.complete === true) {
+    const last = proof.inertia[proof.inertia.length - 1];
+    sentences.push(h("p", { class: "proven" }, `Proven complete: ${proof.inertia.length === 1 ? "an inertia count" : `${proof.inertia.length} inertia counts`} show${proof.inertia.length === 1 ? "s" : ""} that no eigenvalue was skipped${last ? `; below ${brief(last.shift)} there are exactly ${grouped(last.below)}` : ""}.`));
+  } else if (proof.complete === false) sentences.push(h("p", { class: "unproven" }, "Not proven complete: an eigenvalue may be missing."));
+  else sentences.push(h("p", {}, "Completeness was not counted: the approximate method may skip nothing, but does not prove it. The exact method does."));
+  sentences.push(h("p", {}, `The eigenfunctions are orthonormal to ${brief(proof.orthonormality_defect)}.`));
+  const solved = basis.stage_seconds.reduce((sum, stage) => sum + stage.seconds, 0);
+  sentences.push(h("p", { class: "dim" }, `Solved in ${seconds(solved)}${typeof parameters.method === "string" ? ` by the method ${parameters.method}` : ""}.`));
+  return h("div", { class: "certificate" }, ...sentences);
+}
+
+/** Colour map and isolines, the same for every tab, and the legend that tells what colours mean. */
+export class Look {
+  readonly element: HTMLElement;
+  readonly legend = h("div", { class: "legend", hidden: true }, h("span", {}), h("span", { class: "ramp" }), h("span", {}));
+  private scalar: Scalar | null = null;
+  private name = { diverging: "blue-orange", sequential: "viridis" };
+
+  constructor(private readonly app: App) {
+    const maps = choice([], "", () => {}, "Colours");
+    const lines = slider("Isolines", { min: 0, max: 40, step: 1, value: app.place.lines ?? 16 }, (value) => {
+      app.go({ lines: value });
+      app.viewer.lines(value);
+    }, (value) => (value ? String(value) : "none"));
+    const arrive = () => {
+      const wanted = MAPS[app.place.map ?? ""];
+      if (wanted) this.name[wanted.diverging ? "diverging" : "sequential"] = app.place.map!;
+      lines.set(app.place.lines ?? 16);
+      app.viewer.lines(app.place.lines ?? 16);
+      this.apply();
+    };
+    maps.addEventListener("change", () => {
+      this.name[MAPS[maps.value].diverging ? "diverging" : "sequential"] = maps.value;
+      app.go({ map: maps.value });
+      this.apply();
+    });
+    this.element = h("div", { class: "look" }, field("Colours", maps), lines.element);
+    this.options = (diverging) => {
+      maps.replaceChildren(...Object.entries(MAPS).filter(([, map]) => map.diverging === diverging).map(([key, map]) => h("option", { value: key }, map.name)));
+      maps.value = this.name[diverging ? "diverging" : "sequential"];
+    };
+    app.on("look", arrive);
+    arrive();
+  }
+
+  private readonly options: (diverging: boolean) => void;
+
+  /** Colours the surface; `null` leaves it plain. */
+  show(scalar: Scalar | null, ends?: [string, string]) {
+    this.scalar = scalar;
+    this.app.viewer.setScalar(scalar);
+    this.legend.hidden = scalar === null;
+    if (scalar) {
+      this.legend.firstElementChild!.textContent = ends?.[0] ?? brief(scalar.range[0]);
+      this.legend.lastElementChild!.textContent = ends?.[1] ?? brief(scalar.range[1]);
+      this.apply();
+    }
+  }
+
+  private apply() {
+    const diverging = this.scalar?.diverging ?? true;
+    const name = this.name[diverging ? "diverging" : "sequential"];
+    this.options(diverging);
+    this.app.viewer.map(name);
+    (this.legend.children[1] as HTMLElement).style.background = gradient(MAPS[name]);
+  }
+}
+
+/** Values symmetric about zero. */
+export function diverging(values: Float32Array): Scalar {
+  let most = 0;
+  for (const value of values) most = Math.max(most, Math.abs(value));
+  return { values, range: [-most, most], diverging: true };
+}
+
+/** Values from the least to the largest, or to a quantile that keeps single peaks from hiding the rest. */
+export function sequential(values: Float32Array, quantile = 1): Scalar {
+  let [low, high] = [Infinity, -Infinity];
+  for (const value of values) {
+    low = Math.min(low, value);
+    high = Math.max(high, value);
+  }
+  if (quantile < 1) high = Float32Array.from(values).sort()[Math.floor(quantile * (values.length - 1))];
+  return { values, range: [low, high > low ? high : low + 1], diverging: false };
+}

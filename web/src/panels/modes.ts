@@ -1,0 +1,207 @@
+// Eigenfunctions: a slider over the modes, the spectrum, the certificate.
+
+import { numbers, type Basis } from "../api";
+import type { App, Panel } from "../app";
+import { brief, grouped, h, slider } from "../dom";
+import { latest } from "../latest";
+import { Plot, ticks, type Frame } from "../plot";
+import { basisHead, certificate, diverging, eigenForm, sequential, type Look } from "./basis";
+
+/** Modes kept in memory, by bytes. */
+const KEPT = 64e6;
+
+export function modesPanel(app: App, look: Look): Panel {
+  const head = basisHead(app, "eigenbasis", "basis", eigenForm(app));
+  const body = h("div", { hidden: true });
+  const facts = h("p", { class: "facts", "aria-live": "polite" });
+  const proof = h("div", {});
+  let playing = false;
+
+  // --- modes ------------------------------------------------------------------------------------------------------------
+
+  const kept = new Map<string, Float32Array>();
+  const load = async (basis: Basis, mode: number): Promise<Float32Array> => {
+    const name = `${basis.id}/${mode}`;
+    const known = kept.get(name);
+    if (known) {
+      kept.delete(name);
+      kept.set(name, known);
+      return known;
+    }
+    const values = await numbers(`${basis.links.modes}?from=${mode}&to=${mode + 1}&format=f32`);
+    kept.set(name, values);
+    for (const [oldest] of kept) {
+      if (kept.size * values.byteLength <= KEPT) break;
+      kept.delete(oldest);
+    }
+    return values;
+  };
+  const request = latest<{ basis: Basis; mode: number }>(async ({ basis, mode }) => {
+    const values = await load(basis, mode);
+    if (app.basis !== basis || app.panel !== panel) return;
+    // The kernel is constant: it has no sign to show.
+    const constant = values.every((value) => Math.abs(value - values[0]) <= 1e-3 * Math.abs(values[0]));
+    look.show(constant ? sequential(values) : diverging(values), constant ? undefined : ["−", "+"]);
+    amplitude = 0.12 / Math.max(...[...values].map(Math.abs), 1e-30);
+    app.title.textContent = `Mode ${grouped(mode)}`;
+    document.body.dataset.mode = String(mode);
+  }, app.fail);
+
+  let amplitude = 0;
+  const mode = slider("Mode", { min: 0, max: 1, step: 1, value: 1 }, (value) => select(value), grouped);
+  const back = h("button", { class: "quiet", "aria-label": "Previous mode", onclick: () => select(app.place.mode - 1) }, "‹");
+  const next = h("button", { class: "quiet", "aria-label": "Next mode", onclick: () => select(app.place.mode + 1) }, "›");
+  const play = h("button", { "aria-pressed": "false", onclick: () => swing(!playing) }, "Let it swing");
+
+  const select = (wanted: number) => {
+    const basis = app.basis;
+    if (!basis) return;
+    const k = Math.min(Math.max(wanted, 0), basis.count - 1);
+    app.go({ mode: k });
+    mode.set(k);
+    const { residuals, bounds } = basis.certificate;
+    facts.replaceChildren(h("b", {}, `λ = ${brief(basis.eigenvalues[k])}`), ` ± ${brief(bounds[k])}`, h("span", { class: "dim" }, `residual ${brief(residuals[k])}`));
+    plot.draw();
+    request({ basis, mode: k });
+  };
+  const swing = (on: boolean) => {
+    playing = on;
+    play.setAttribute("aria-pressed", String(on));
+    const still = matchMedia("(prefers-reduced-motion: reduce)").matches ? 0.3 : 1;
+    if (on) {
+      app.viewer.animate((time) => {
+        app.viewer.wave(amplitude * Math.sin(4 * still * time), true);
+        return playing;
+      });
+    } else {
+      app.viewer.animate(null);
+      app.viewer.wave(0, false);
+    }
+  };
+  document.addEventListener("keydown", (event) => {
+    if (app.panel !== panel || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.target instanceof HTMLInputElement && event.target.type !== "range") return;
+    if (event.key === "[" || event.key === "]") select(app.place.mode + (event.key === "]" ? 1 : -1));
+  });
+
+  // --- spectrum ---------------------------------------------------------------------------------------------------------
+
+  const plot = new Plot(190, "The spectrum: eigenvalues with bounds above, residuals below. Click to choose a mode.", (frame) => app.basis && spectrum(frame, app.basis, app.place.mode));
+  const under = (event: PointerEvent) => {
+    const basis = app.basis;
+    if (!basis) return;
+    const [x] = plot.at(event);
+    select(Math.round(((x - LEFT) / (plot.canvas.clientWidth - LEFT - RIGHT)) * (basis.count - 1)));
+  };
+  plot.canvas.addEventListener("pointerdown", (event) => {
+    plot.canvas.setPointerCapture(event.pointerId);
+    under(event);
+  });
+  plot.canvas.addEventListener("pointermove", (event) => event.buttons && under(event));
+
+  body.append(
+    h("div", { class: "modes" }, back, mode.element, next), facts, h("div", { class: "row" }, play, h("span", { class: "dim hint" }, "keys [ and ]")), look.element,
+    h("h3", {}, "Spectrum"), plot.canvas, h("h3", {}, "Certificate"), proof);
+
+  const panel: Panel = {
+    id: "modes",
+    title: "Modes",
+    kind: "eigenbasis",
+    element: h("div", { class: "panel" }, head.element, body),
+    show() {
+      head.update();
+      const basis = app.basis;
+      body.hidden = basis === null;
+      if (!basis) {
+        app.title.textContent = app.mesh?.name ?? "";
+        look.show(null);
+        return;
+      }
+      body.querySelector(".modes")!.after(facts);
+      body.insertBefore(look.element, body.querySelector("h3"));
+      mode.control.max = String(basis.count - 1);
+      const { links, bytes: _bytes } = basis;
+      proof.replaceChildren(certificate(basis), h("p", {}, h("a", { href: links.content, download: true }, "Download as NPZ"), " · ", h("a", { href: links.self, target: "_blank" }, "metadata")));
+      select(app.place.mode);
+    },
+    hide() {
+      if (playing) swing(false);
+      delete document.body.dataset.mode;
+    },
+  };
+  return panel;
+}
+
+const LEFT = 46, RIGHT = 8;
+
+/** Eigenvalues with their bounds, and residuals on a logarithmic scale under them. */
+function spectrum({ context: c, width, height, ink, faint, accent, second }: Frame, basis: Basis, mode: number) {
+  const { eigenvalues, certificate: { bounds, residuals } } = basis;
+  const m = eigenvalues.length;
+  const split = Math.round(height * 0.64);
+  const x = (k: number) => LEFT + ((width - LEFT - RIGHT) * k) / Math.max(m - 1, 1);
+  const top = 8, bottom = split - 16;
+  const most = eigenvalues[m - 1] * 1.02 || 1;
+  const y = (value: number) => bottom - ((bottom - top) * Math.min(Math.max(value, 0), most * 1.05)) / most;
+  c.textAlign = "right";
+  c.textBaseline = "middle";
+  for (const value of ticks(0, most, 3)) {
+    c.strokeStyle = faint;
+    c.beginPath();
+    c.moveTo(LEFT, y(value));
+    c.lineTo(width - RIGHT, y(value));
+    c.stroke();
+    c.fillStyle = ink;
+    c.fillText(brief(value), LEFT - 5, y(value));
+  }
+  // Bounds as a band, values as a line with points where there is room for them.
+  c.fillStyle = accent;
+  c.globalAlpha = 0.22;
+  c.beginPath();
+  for (let k = 0; k < m; k++) c.lineTo(x(k), y(eigenvalues[k] + bounds[k]));
+  for (let k = m - 1; k >= 0; k--) c.lineTo(x(k), y(eigenvalues[k] - bounds[k]));
+  c.fill();
+  c.globalAlpha = 1;
+  const size = m > 150 ? 1.2 : 2;
+  for (let k = 0; k < m; k++) {
+    c.beginPath();
+    c.arc(x(k), y(eigenvalues[k]), size, 0, 7);
+    c.fill();
+  }
+  c.fillStyle = ink;
+  c.textAlign = "left";
+  c.fillText("λ, and its bound", LEFT + 5, top + 5);
+  // Residuals.
+  const shown = residuals.map((value) => Math.log10(Math.max(value, 1e-16)));
+  const rest = shown.slice(Math.min(1, m - 1));
+  const low = Math.floor(Math.min(...rest)), high = Math.max(Math.ceil(Math.max(...rest)), low + 1);
+  const base = height - 6;
+  const z = (value: number) => base - ((base - split) * (Math.max(value, low) - low)) / (high - low);
+  c.strokeStyle = faint;
+  c.beginPath();
+  c.moveTo(LEFT, base);
+  c.lineTo(width - RIGHT, base);
+  c.moveTo(LEFT, split);
+  c.lineTo(width - RIGHT, split);
+  c.stroke();
+  c.fillStyle = ink;
+  c.textAlign = "right";
+  c.fillText(brief(10 ** high), LEFT - 5, split + 2);
+  c.fillText(brief(10 ** low), LEFT - 5, base - 3);
+  c.fillStyle = second;
+  for (let k = 0; k < m; k++) c.fillRect(x(k) - size / 2, z(shown[k]) - size / 2, size + 0.6, size + 0.6);
+  c.fillStyle = ink;
+  c.textAlign = "left";
+  c.fillText("residual", LEFT + 5, split + 8);
+  // The mode that is shown.
+  c.strokeStyle = c.fillStyle = ink;
+  c.beginPath();
+  c.moveTo(x(mode), top);
+  c.lineTo(x(mode), base);
+  c.globalAlpha = 0.5;
+  c.stroke();
+  c.globalAlpha = 1;
+  c.beginPath();
+  c.arc(x(mode), y(eigenvalues[mode]), 4, 0, 7);
+  c.fill();
+}

@@ -1,0 +1,36 @@
+// Where one is: everything that a permalink keeps, in the fragment of the address.
+
+export interface Place {
+  mesh?: string;
+  basis?: string;
+  tab: string;
+  mode: number;
+  view?: string;
+  map?: string;
+  lines?: number;
+}
+
+export function read(): Place {
+  const entries = new URLSearchParams(location.hash.slice(1));
+  const text = (name: string) => entries.get(name) ?? undefined;
+  const mode = Number(text("mode") ?? 1);
+  return {
+    mesh: text("mesh"),
+    basis: text("basis"),
+    tab: text("tab") ?? "modes",
+    mode: Number.isInteger(mode) && mode >= 0 ? mode : 1,
+    view: text("view"),
+    map: text("map"),
+    lines: text("lines") === undefined ? undefined : Number(text("lines")) || 0,
+  };
+}
+
+/** Writes the place into the address; a new entry in the history only where `step` is set. */
+export function write(place: Place, step: boolean) {
+  const entries = new URLSearchParams();
+  for (const [name, value] of Object.entries(place)) if (value !== undefined && value !== "") entries.set(name, String(value));
+  const address = `#${entries}`;
+  if (address === location.hash) return;
+  if (step) history.pushState(null, "", address);
+  else history.replaceState(null, "", address);
+}

@@ -1,0 +1,192 @@
+// The page in a real browser against a real server: `npm test`, after `cargo build --release`.
+//
+//   npm test                the tests
+//   npm test -- --pictures  also keeps pictures in tests/pictures, and the one of the README in docs/pictures
+
+import assert from "node:assert/strict";
+import { mkdirSync, writeFileSync } from "node:fs";
+import { basename, join } from "node:path";
+import { browserPath, pageIsThere, picture, ROOT, sample, start } from "./harness.mjs";
+
+if (!browserPath()) {
+  console.log("skipped: no Chromium is installed (Debian: apt-get install chromium)");
+  process.exit(0);
+}
+const pictures = process.argv.includes("--pictures");
+const shots = join(ROOT, "web", "tests", "pictures");
+if (pictures) mkdirSync(shots, { recursive: true });
+
+const site = await start();
+let failed = 0;
+let passed = 0;
+
+/** Runs one test; what the browser complained about fails it too. */
+async function test(name, body) {
+  const begin = performance.now();
+  site.complaints.length = 0;
+  try {
+    await body();
+    assert.deepEqual(site.complaints, [], "the browser complained");
+    passed += 1;
+    console.log(`ok      ${name} (${((performance.now() - begin) / 1000).toFixed(1)} s)`);
+  } catch (error) {
+    failed += 1;
+    console.log(`FAILED  ${name}\n        ${String(error.stack ?? error).replaceAll("\n", "\n        ")}`);
+    if (site.complaints.length) console.log(`        ${site.complaints.join("\n        ")}`);
+  }
+}
+
+const keep = async (page, name) => pictures && page.screenshot({ path: join(shots, `${name}.png`) });
+const changed = (page, name, before) => page.waitForFunction(([name, before]) => document.body.dataset[name] !== undefined && document.body.dataset[name] !== before, [name, before]);
+const datum = (page, name) => page.evaluate((name) => document.body.dataset[name], name);
+const upload = async (page, file) => {
+  await page.setInputFiles("#file", file);
+  await page.waitForFunction((name) => window.chladni.app.mesh?.name === name && document.querySelector("li.open"), basename(file, ".ply"));
+  await page.locator(".panel:not([hidden]) form").waitFor();
+};
+const compute = async (page, fields = {}) => {
+  const form = page.locator(".panel:not([hidden]) form");
+  for (const [label, value] of Object.entries(fields)) {
+    const control = form.getByLabel(label, { exact: true });
+    if (await control.evaluate((element) => element.tagName === "SELECT")) await control.selectOption(value);
+    else await control.fill(value);
+  }
+  await form.getByRole("button", { name: "Compute" }).click();
+};
+
+try {
+  if (!(await pageIsThere(site.url))) {
+    console.log("skipped: this binary was built without its web page");
+    await site.stop();
+    process.exit(0);
+  }
+  const knot = sample(site.folder, "knot", 3000);
+  const page = await site.open();
+
+  await test("a mesh is uploaded, solved and shown as an eigenfunction", async () => {
+    await upload(page, knot);
+    assert.match(await page.locator("li.open .report").innerText(), /genus 1.*closed/s);
+    const plain = await picture(page);
+    await compute(page, { Eigenpairs: "40" });
+    await changed(page, "mode");
+    assert.equal(await datum(page, "mode"), "1");
+    assert.notDeepEqual(await picture(page), plain);
+    const slider = page.getByRole("slider", { name: "Mode" });
+    await slider.fill("12");
+    await page.waitForFunction(() => document.body.dataset.mode === "12");
+    assert.match(await page.locator(".facts").innerText(), /λ = .+±.+residual/s);
+    assert.match(await page.locator(".certificate").innerText(), /40 eigenpairs of the cotangent Laplacian/);
+    await slider.press("ArrowRight");
+    await page.waitForFunction(() => document.body.dataset.mode === "13");
+    await keep(page, "modes");
+  });
+
+  await test("an address leads back to the same mesh, basis, mode and camera", async () => {
+    const canvas = page.locator("canvas.surface");
+    await canvas.focus();
+    const before = await page.evaluate(() => window.chladni.viewer.view);
+    await canvas.press("ArrowLeft");
+    await canvas.press("+");
+    const view = await page.evaluate(() => window.chladni.viewer.view);
+    assert.notEqual(view, before);
+    await page.waitForFunction((view) => decodeURIComponent(location.hash).includes(view), view);
+    const address = await page.evaluate(() => location.hash);
+    const other = await site.open(`/${address}`);
+    await other.waitForFunction(() => document.body.dataset.mode === "13");
+    assert.equal(await other.evaluate(() => window.chladni.viewer.view), view);
+    assert.equal(await other.evaluate(() => window.chladni.app.basis.id), await page.evaluate(() => window.chladni.app.basis.id));
+    await other.context().close();
+  });
+
+  await test("a curve drawn by hand filters the surface", async () => {
+    await page.getByRole("tab", { name: "Filter" }).click();
+    const plot = page.locator("canvas.drawing");
+    const box = await plot.boundingBox();
+    const before = await picture(page);
+    await page.mouse.move(box.x + 90, box.y + 130);
+    await page.mouse.down();
+    await page.mouse.move(box.x + 140, box.y + 60, { steps: 3 });
+    await page.mouse.move(box.x + 240, box.y + 150, { steps: 3 });
+    await page.mouse.up();
+    await changed(page, "filtered");
+    assert.notDeepEqual(await picture(page), before);
+    await keep(page, "filter");
+    const moved = await page.evaluate(() => window.chladni.viewer.surface.positions.slice(0, 300).join());
+    await page.getByRole("button", { name: "As it was" }).click();
+    await page.waitForFunction((moved) => window.chladni.viewer.surface.positions.slice(0, 300).join() !== moved, moved);
+    await page.getByRole("tab", { name: "Modes" }).click();
+    await changed(page, "mode");
+  });
+
+  await test("a dropped file with defects is reported as the server found it", async () => {
+    const text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 5 5 5\nf 1 2 3\nf 1 3 4\nf 1 2 3\n";
+    const data = await page.evaluateHandle((text) => {
+      const data = new DataTransfer();
+      data.items.add(new File([text], "corner.obj"));
+      return data;
+    }, text);
+    for (const type of ["dragenter", "dragover", "drop"]) await page.dispatchEvent("body", type, { dataTransfer: data });
+    await page.waitForFunction(() => window.chladni.app.mesh?.name === "corner");
+    await page.locator("li.open .defects").first().click();
+    const report = await page.locator("li.open .report").innerText();
+    assert.match(report, /duplicate face/);
+    assert.match(report, /unreferenced vertex/);
+  });
+
+  await test("errors are told in the words of the server", async () => {
+    await page.setInputFiles("#file", { name: "bad.obj", mimeType: "model/obj", buffer: Buffer.from("v 0 0 0\nv 1 0 0\nf 1 2 9\n") });
+    await page.getByRole("alert").getByText("Face 0 at line 3 refers to vertex 9 of 2.").waitFor();
+    assert.match(await page.getByRole("alert").getByRole("link").getAttribute("href"), /^\/problems\/unreadable-mesh\//);
+    await compute(page, { Eigenpairs: "1000" });
+    await page.getByRole("alert").getByText(/1000|1,000/).waitFor();
+    await keep(page, "error");
+    while (await page.locator(".toast").count()) await page.getByRole("button", { name: "Close" }).first().click();
+  });
+
+  await test("a reload in the middle of a job finds it again, and it can be cancelled", async () => {
+    await upload(page, sample(site.folder, "sphere", 60_000));
+    await compute(page, { Eigenpairs: "400", Method: "hsim", Tolerance: "1e-9" });
+    const card = page.locator(".job.processing");
+    await card.waitFor();
+    const id = await card.getAttribute("data-job");
+    await page.reload();
+    const again = page.locator(`[data-job="${id}"]`);
+    await again.waitFor();
+    await page.waitForFunction((id) => document.querySelector(`[data-job="${id}"] progress`), id);
+    await keep(page, "job");
+    await again.getByRole("button", { name: "Cancel" }).click();
+    await page.locator(`.job.canceled[data-job="${id}"]`).waitFor();
+  });
+
+  await test("everything fits a phone, and dark is dark", async () => {
+    const address = await page.evaluate(() => {
+      const { app } = window.chladni;
+      return `/#mesh=${app.meshes.find((mesh) => mesh.name?.startsWith("knot")).id}&mode=9`;
+    });
+    const phone = await site.open(address, { viewport: { width: 390, height: 844 }, colorScheme: "dark", hasTouch: true, isMobile: true });
+    await phone.waitForFunction(() => document.body.dataset.mode === "9");
+    assert.ok((await phone.evaluate(() => document.documentElement.scrollWidth)) <= 390);
+    const back = await phone.evaluate(() => getComputedStyle(document.body).backgroundColor);
+    assert.ok(Math.max(...back.match(/\d+/g).map(Number)) < 60, back);
+    await keep(phone, "phone");
+    await phone.context().close();
+  });
+  await page.context().close();
+
+  if (pictures) {
+    const readme = await site.open("/", { viewport: { width: 1040, height: 640 } });
+    await upload(readme, sample(site.folder, "knot", 20_000));
+    await compute(readme, { Eigenpairs: "200" });
+    await changed(readme, "mode");
+    await readme.getByRole("slider", { name: "Mode" }).fill("37");
+    await readme.waitForFunction(() => document.body.dataset.mode === "37");
+    const page = await readme.screenshot();
+    mkdirSync(join(ROOT, "docs", "pictures"), { recursive: true });
+    writeFileSync(join(ROOT, "docs", "pictures", "page.png"), page);
+    assert.ok(page.length < 300_000, `the picture of the README has ${page.length} bytes`);
+  }
+} finally {
+  await site.stop();
+}
+console.log(`${passed} tests of the page passed, ${failed} failed`);
+process.exit(failed ? 1 : 0);

@@ -1,0 +1,20 @@
+import { defineConfig } from "vite";
+
+// Where the page is built to and where `npm run dev` finds a running server; Cargo's build script sets the first.
+export default defineConfig({
+  base: "./",
+  build: {
+    outDir: process.env.CHLADNI_PAGE ?? "dist",
+    emptyOutDir: true,
+    assetsDir: "page",
+    // Nothing may be inlined: the content security policy allows no data in scripts and styles.
+    assetsInlineLimit: 0,
+    modulePreload: { polyfill: false },
+    chunkSizeWarningLimit: 1500,
+  },
+  server: {
+    proxy: Object.fromEntries(
+      ["/v1", "/docs", "/problems", "/openapi.json"].map((path) => [path, { target: process.env.CHLADNI_URL ?? "http://127.0.0.1:8080", changeOrigin: false }]),
+    ),
+  },
+});
