@@ -37,6 +37,8 @@ export interface Mesh {
     genus: number | null;
     euler_characteristic: number;
     manifold: boolean;
+    closed: boolean;
+    orientable: boolean;
     defects: Defect[];
     repairs: Defect[];
   };

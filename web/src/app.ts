@@ -136,7 +136,7 @@ export class App {
       this.mesh = mesh;
       this.basis = null;
       this.bases = [];
-      this.viewer.setMesh(surface);
+      this.viewer.setMesh(surface, mesh.report.closed && mesh.report.manifold && mesh.report.orientable && mesh.report.components === 1);
       this.viewer.onClick = this.viewer.onStroke = null;
       if (!keep) {
         this.viewer.view = undefined;

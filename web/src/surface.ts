@@ -43,6 +43,16 @@ export function bounds({ positions }: Surface): { centre: [number, number, numbe
   return { centre, radius: Math.sqrt(most) || 1 };
 }
 
+/** Six times the volume that a closed surface encloses; below zero where its triangles face inwards. */
+export function volume({ positions: p, triangles: t }: Surface): number {
+  let sum = 0;
+  for (let f = 0; f < t.length; f += 3) {
+    const a = 3 * t[f], b = 3 * t[f + 1], c = 3 * t[f + 2];
+    sum += p[a] * (p[b + 1] * p[c + 2] - p[b + 2] * p[c + 1]) + p[a + 1] * (p[b + 2] * p[c] - p[b] * p[c + 2]) + p[a + 2] * (p[b] * p[c + 1] - p[b + 1] * p[c]);
+  }
+  return sum;
+}
+
 export interface Hit {
   face: number;
   vertex: number;

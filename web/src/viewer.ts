@@ -1,12 +1,12 @@
 // The surface on the screen: geometry, colours, camera, and what lies under the pointer.
 
 import {
-  BufferAttribute, BufferGeometry, Color, DataTexture, DoubleSide, Euler, GLSL3, LinearFilter, Mesh, Object3D, PerspectiveCamera, Quaternion,
+  BackSide, BufferAttribute, BufferGeometry, Color, DataTexture, DoubleSide, Euler, FrontSide, GLSL3, LinearFilter, Mesh, Object3D, PerspectiveCamera, Quaternion,
   RGBAFormat, Scene, ShaderMaterial, Vector2, Vector3, WebGLRenderer, DynamicDrawUsage, SphereGeometry, MeshBasicMaterial,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { MAPS, table } from "./colours";
-import { bounds, cast, normals, type Hit, type Surface } from "./surface";
+import { bounds, cast, normals, volume, type Hit, type Surface } from "./surface";
 
 const VERTEX = `
 in float value;
@@ -76,6 +76,15 @@ export interface Scalar {
   diverging: boolean;
 }
 
+/** Whether a processor does the work of a graphics card. Smooth edges then come from more pixels, and only once nothing moves. */
+function drawnInSoftware(): boolean {
+  const context = document.createElement("canvas").getContext("webgl2");
+  const names = context?.getExtension("WEBGL_debug_renderer_info");
+  const software = !!context && !!names && /swiftshader|llvmpipe|software/i.test(String(context.getParameter(names.UNMASKED_RENDERER_WEBGL)));
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return software;
+}
+
 export class Viewer {
   readonly canvas: HTMLCanvasElement;
   surface: Surface | null = null;
@@ -91,6 +100,7 @@ export class Viewer {
   onClick: ((hit: Hit) => void) | null = null;
 
   private readonly renderer: WebGLRenderer;
+  private readonly software: boolean;
   private readonly scene = new Scene();
   private readonly camera = new PerspectiveCamera(32, 1, 0.01, 100);
   private readonly controls: OrbitControls;
@@ -107,8 +117,15 @@ export class Viewer {
 
   constructor(canvas: HTMLCanvasElement) {
     this.canvas = canvas;
-    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "high-performance" });
-    this.renderer.setClearColor(0x000000, 0);
+    this.software = drawnInSoftware();
+    this.renderer = new WebGLRenderer({ canvas, antialias: !this.software, alpha: false, powerPreference: "high-performance" });
+    // An opaque canvas needs no blending with the page, so the page's colour is its background.
+    const back = () => {
+      this.renderer.setClearColor(getComputedStyle(canvas).getPropertyValue("--stage").trim(), 1);
+      this.draw();
+    };
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", back);
+    queueMicrotask(back);
     this.material = new ShaderMaterial({
       glslVersion: GLSL3,
       vertexShader: VERTEX,
@@ -140,8 +157,10 @@ export class Viewer {
     this.listen();
   }
 
-  /** Shows another mesh. Positions are kept in a frame in which it fills the unit ball. */
-  setMesh(surface: Surface) {
+  /** Shows another mesh, so that it fills the unit ball. Where it is closed, the far side is not drawn. */
+  setMesh(surface: Surface, closed: boolean) {
+    this.material.side = closed ? (volume(surface) > 0 ? FrontSide : BackSide) : DoubleSide;
+    this.material.needsUpdate = true;
     const { centre, radius } = bounds(surface);
     [this.centre, this.radius] = [centre, radius];
     this.rest = surface.positions;
@@ -274,7 +293,8 @@ export class Viewer {
       else if (steady < 0.6 * SLOW) this.scale = Math.min(1, this.scale * 1.03);
     }
     this.live = live;
-    const pixels = this.ratio * (live ? this.scale : 1);
+    const still = this.software && this.ratio < 1.5 ? 1.75 * this.ratio : this.ratio;
+    const pixels = live ? this.ratio * this.scale : still;
     if (Math.abs(pixels - this.renderer.getPixelRatio()) > 0.04 * pixels) this.renderer.setPixelRatio(pixels);
     this.renderer.render(this.scene, this.camera);
     this.statistics.frames += 1;

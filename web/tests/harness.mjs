@@ -42,6 +42,7 @@ export async function start() {
     args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--autoplay-policy=no-user-gesture-required"],
   });
   const complaints = [];
+  const policy = (await fetch(url)).headers.get("content-security-policy");
 
   /** A page that notes every error and every request that leaves the server. */
   const open = async (path = "/", options = {}) => {
@@ -50,7 +51,9 @@ export async function start() {
       // The page as Vite just built it, in place of the one in the binary: for work on the page alone.
       await context.route(/\/(page\/[^/]*|icon\.svg)?(\?.*)?(#.*)?$/, (route) => {
         const path = new URL(route.request().url()).pathname;
-        return /^\/($|page\/|icon)/.test(path) ? route.fulfill({ path: join(process.env.CHLADNI_DIST, path === "/" ? "index.html" : path) }) : route.fallback();
+        if (!/^\/($|page\/|icon)/.test(path)) return route.fallback();
+        const headers = { "content-security-policy": policy };
+        return route.fulfill({ path: join(process.env.CHLADNI_DIST, path === "/" ? "index.html" : path), headers });
       });
     }
     const page = await context.newPage();

@@ -81,7 +81,7 @@ export function certificate(basis: Basis): HTMLElement {
     const last = proof.inertia[proof.inertia.length - 1];
     sentences.push(h("p", { class: "proven" }, `Proven complete: ${proof.inertia.length === 1 ? "an inertia count" : `${proof.inertia.length} inertia counts`} show${proof.inertia.length === 1 ? "s" : ""} that no eigenvalue was skipped${last ? `; below ${brief(last.shift)} there are exactly ${grouped(last.below)}` : ""}.`));
   } else if (proof.complete === false) sentences.push(h("p", { class: "unproven" }, "Not proven complete: an eigenvalue may be missing."));
-  else sentences.push(h("p", {}, "Completeness was not counted: the approximate method may skip nothing, but does not prove it. The exact method does."));
+  else sentences.push(h("p", {}, "The approximate method does not count whether an eigenvalue was skipped; the exact method does."));
   sentences.push(h("p", {}, `The eigenfunctions are orthonormal to ${brief(proof.orthonormality_defect)}.`));
   const solved = basis.stage_seconds.reduce((sum, stage) => sum + stage.seconds, 0);
   sentences.push(h("p", { class: "dim" }, `Solved in ${seconds(solved)}${typeof parameters.method === "string" ? ` by the method ${parameters.method}` : ""}.`));

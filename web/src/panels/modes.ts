@@ -41,8 +41,9 @@ export function modesPanel(app: App, look: Look): Panel {
     if (app.basis !== basis || app.panel !== panel) return;
     // The kernel is constant: it has no sign to show.
     const constant = values.every((value) => Math.abs(value - values[0]) <= 1e-3 * Math.abs(values[0]));
-    look.show(constant ? sequential(values) : diverging(values), constant ? undefined : ["−", "+"]);
-    amplitude = 0.12 / Math.max(...[...values].map(Math.abs), 1e-30);
+    const scalar = constant ? sequential(values) : diverging(values);
+    look.show(scalar, constant ? undefined : ["−", "+"]);
+    amplitude = 0.12 / Math.max(Math.abs(scalar.range[0]), Math.abs(scalar.range[1]), 1e-30);
     app.title.textContent = `Mode ${grouped(mode)}`;
     document.body.dataset.mode = String(mode);
   }, app.fail);

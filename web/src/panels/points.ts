@@ -1,0 +1,136 @@
+// Geometry from a point: click or drag the dot, and the surface shows distances, signatures or what is similar.
+
+import { postNumbers, type Basis } from "../api";
+import type { App, Panel } from "../app";
+import { brief, choice, field, grouped, h, slider } from "../dom";
+import { latest } from "../latest";
+import type { Hit } from "../surface";
+import { basisHead, eigenForm, sequential, type Look } from "./basis";
+
+interface Wish {
+  basis: Basis;
+  vertex: number;
+  what: string;
+  /** Where between the shortest and the longest time, from 0 to 1. */
+  scale: number;
+}
+
+const TITLES: Record<string, string> = {
+  diffusion: "Diffusion distance",
+  biharmonic: "Biharmonic distance",
+  commute_time: "Commute-time distance",
+  geodesic: "Geodesic distance",
+  heat_kernel: "Heat kernel signature",
+  similar: "Similar points",
+};
+const NOTES: Record<string, string> = {
+  diffusion: "How differently heat spreads from two points: close ways count, short cuts do not.",
+  biharmonic: "Near the point like geodesic distance, far away aware of the whole shape.",
+  commute_time: "How long a random walk takes there and back.",
+  geodesic: "The shortest way along the surface, by the heat method in the basis.",
+  heat_kernel: "How much heat stays where it was: high on tips. It needs no point; poses do not change it.",
+  similar: "Points whose heat kernels over all times are like that of the dot: yellow is alike.",
+};
+/** What depends on a time. */
+const TIMED = ["diffusion", "heat_kernel"];
+/** What depends on a point. */
+const POINTED = ["diffusion", "biharmonic", "commute_time", "geodesic", "similar"];
+
+export function pointsPanel(app: App, look: Look): Panel {
+  const head = basisHead(app, "eigenbasis", "basis", eigenForm(app));
+  const body = h("div", { hidden: true });
+  const note = h("p", { class: "dim" });
+  const timing = h("p", { class: "dim" });
+  let vertex: number | null = null;
+  let what = "geodesic";
+
+  const times = (basis: Basis, scale: number) => {
+    const values = basis.eigenvalues;
+    const first = values.find((value) => value > 1e-8 * values[values.length - 1]) ?? 1;
+    const [short, long] = [1 / values[values.length - 1], 2 / first];
+    return short * (long / short) ** scale;
+  };
+
+  const send = latest<Wish>(async ({ basis, vertex, what, scale }) => {
+    const begin = performance.now();
+    const to = basis.links.self;
+    const time = times(basis, scale);
+    let values: Float32Array;
+    if (what === "heat_kernel") values = await postNumbers(`${to}/signatures`, { signature: { kind: "heat_kernel", times: [time] } });
+    else if (what === "similar") values = await postNumbers(`${to}/similar-points`, { vertex, signature: { kind: "heat_kernel" } });
+    else values = await postNumbers(`${to}/distances`, { distance: what === "diffusion" ? { kind: what, times: [time] } : { kind: what }, sources: [vertex] });
+    if (app.basis !== basis || app.panel !== panel) return;
+    timing.textContent = `${brief(performance.now() - begin)} ms for ${grouped(values.length)} values`;
+    if (what === "similar") {
+      const shown = sequential(values.map((value) => -value));
+      const sorted = shown.values.slice().sort();
+      look.show({ ...shown, range: [sorted[sorted.length >> 1], 0] }, ["different", "alike"]);
+    } else look.show(sequential(values, what === "heat_kernel" ? 0.995 : 1));
+    document.body.dataset.field = `${what} ${vertex}`;
+  }, app.fail);
+
+  const ask = () => {
+    const basis = app.basis;
+    time.element.hidden = !TIMED.includes(what);
+    note.textContent = NOTES[what];
+    app.title.textContent = TITLES[what];
+    if (!basis) return;
+    const shown = POINTED.includes(what);
+    app.viewer.mark("source", shown ? vertex : null);
+    if (vertex === null && shown) return;
+    send({ basis, vertex: vertex ?? 0, what, scale: time.control.valueAsNumber });
+  };
+  const time = slider("Time", { min: 0, max: 1, step: 0.01, value: 0.45 }, ask, (value) => (app.basis ? brief(times(app.basis, value)) : ""));
+  const kinds = choice(Object.entries(TITLES), what, (value) => {
+    what = value;
+    ask();
+  });
+  const move = (hit: Hit) => {
+    vertex = hit.vertex;
+    ask();
+  };
+  body.append(field("Show", kinds), note, time.element, h("p", {}, "Click the surface to move the dot, or drag the dot."), timing);
+
+  const panel: Panel = {
+    id: "points",
+    title: "Distances",
+    kind: "eigenbasis",
+    element: h("div", { class: "panel" }, head.element, body),
+    show() {
+      head.update();
+      body.hidden = app.basis === null;
+      if (!app.basis || !app.viewer.surface) {
+        look.show(null);
+        return;
+      }
+      body.append(look.element);
+      time.set(time.control.valueAsNumber);
+      const count = app.viewer.surface.positions.length / 3;
+      if (vertex === null || vertex >= count) vertex = farthestUp(app.viewer.surface.positions);
+      app.viewer.onClick = move;
+      app.viewer.onStroke = (hit, phase) => {
+        if (phase === "begin" && (vertex === null || apart(app.viewer.surface!.positions, hit.vertex, vertex) > 0.06 * app.viewer.radius)) return false;
+        move(hit);
+        return true;
+      };
+      ask();
+    },
+    hide() {
+      app.viewer.mark("source", null);
+      app.viewer.onClick = app.viewer.onStroke = null;
+      delete document.body.dataset.field;
+    },
+  };
+  app.on("mesh", () => (vertex = null));
+  return panel;
+}
+
+/** A vertex to begin with: the uppermost. */
+function farthestUp(positions: Float32Array): number {
+  let best = 0;
+  for (let v = 0; v < positions.length / 3; v++) if (positions[3 * v + 1] > positions[3 * best + 1]) best = v;
+  return best;
+}
+
+const apart = (positions: Float32Array, a: number, b: number) =>
+  Math.hypot(positions[3 * a] - positions[3 * b], positions[3 * a + 1] - positions[3 * b + 1], positions[3 * a + 2] - positions[3 * b + 2]);

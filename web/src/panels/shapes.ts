@@ -1,0 +1,129 @@
+// Shape-DNA: every stored shape as a point; shapes with like spectra stand together. A click opens one.
+
+import { get, post, type BasisSummary, type Page } from "../api";
+import type { App, Panel } from "../app";
+import { choice, field, grouped, h, plural } from "../dom";
+import { Plot, type Frame } from "../plot";
+import type { Look } from "./basis";
+
+interface Comparison {
+  labels: string[];
+  count: number;
+  places: { columns: number; values: number[] };
+  held: number[];
+  neighbours: number[][];
+}
+
+/** The most shapes that are compared here. */
+const MOST = 100;
+
+export function shapesPanel(app: App, look: Look): Panel {
+  let bases: BasisSummary[] = [];
+  let found: Comparison | null = null;
+  let over = -1;
+  let scale = "area";
+  const note = h("p", { class: "dim" });
+  const list = h("ul", { class: "near", "aria-label": "Shapes, each with its nearest neighbour" });
+  const plot = new Plot(300, "Shapes by their spectra", (frame) => found && paint(frame, found, bases.findIndex((basis) => basis.mesh === app.mesh?.id), over));
+
+  const load = async () => {
+    // One basis for each mesh and kind of operator: the one with most pairs.
+    const best = new Map<string, BasisSummary>();
+    let from: string | null = null;
+    do {
+      const page: Page<BasisSummary> = await get(`/v1/bases?kind=eigenbasis&limit=200${from ? `&from=${encodeURIComponent(from)}` : ""}`);
+      for (const basis of page.items) {
+        if (basis.parameters.boundary !== "neumann" || typeof basis.parameters.operator !== "string") continue;
+        if ((best.get(basis.mesh)?.count ?? 20) < basis.count) best.set(basis.mesh, basis);
+      }
+      from = page.next;
+    } while (from && best.size < MOST);
+    bases = [...best.values()].slice(0, MOST);
+    if (app.panel !== panel) return;
+    if (bases.length < 3) {
+      found = null;
+      plot.canvas.hidden = true;
+      list.replaceChildren();
+      note.textContent = `Three shapes or more can be compared, each with an eigenbasis of more than 20 pairs; ${plural(bases.length, "shape")} ${bases.length === 1 ? "has" : "have"} one so far.`;
+      return;
+    }
+    found = await post<Comparison>("/v1/shape-comparisons", { bases: bases.map((basis) => basis.id), scale, dimensions: 2, neighbours: 1 });
+    plot.canvas.hidden = false;
+    const held = Math.round(100 * found.held.slice(0, 2).reduce((sum, part) => sum + part, 0));
+    note.textContent = `${plural(bases.length, "shape")} by ${grouped(found.count)} eigenvalues; the plane holds ${held} % of their differences.`;
+    const { labels, neighbours } = found;
+    list.replaceChildren(...labels.map((label, k) => h("li", {}, h("button", { class: "basis", onclick: () => open(k) }, h("span", {}, label), h("small", {}, neighbours[k].length ? `nearest: ${labels[neighbours[k][0]]}` : "")))));
+    plot.draw();
+    document.body.dataset.shapes = String(bases.length);
+  };
+  const open = (k: number) => {
+    if (bases[k]) app.open(bases[k].mesh).catch(app.fail);
+  };
+  const nearest = (event: PointerEvent) => {
+    if (!found) return -1;
+    const [x, y] = plot.at(event);
+    const at = layout(found, plot.canvas.clientWidth, plot.canvas.clientHeight);
+    const distances = found.labels.map((_, k) => Math.hypot(at(k)[0] - x, at(k)[1] - y));
+    const best = distances.indexOf(Math.min(...distances));
+    return distances[best] < 24 ? best : -1;
+  };
+  plot.canvas.addEventListener("pointermove", (event) => {
+    const now = nearest(event);
+    if (now !== over) {
+      over = now;
+      plot.draw();
+    }
+  });
+  plot.canvas.addEventListener("click", (event) => open(nearest(event as PointerEvent)));
+
+  const panel: Panel = {
+    id: "shapes",
+    title: "Shapes",
+    element: h("div", { class: "panel" },
+      h("p", {}, "The spectrum is a fingerprint that neither pose nor triangulation changes: shapes that are alike stand together."),
+      field("Size", choice([["area", "left out, by area"], ["first", "left out, by λ₁"], ["none", "counts"]], scale, (value) => {
+        scale = value;
+        load().catch(app.fail);
+      })), plot.canvas, note, list),
+    show() {
+      look.show(null);
+      app.title.textContent = app.mesh?.name ?? "";
+      load().catch(app.fail);
+    },
+    hide() {
+      delete document.body.dataset.shapes;
+    },
+  };
+  return panel;
+}
+
+/** Where each shape stands in a plot; the same scale on both axes, since distances are what counts. */
+function layout({ places }: Comparison, width: number, height: number): (k: number) => [number, number] {
+  const { columns, values } = places;
+  const xs = values.filter((_, i) => i % columns === 0);
+  const ys = values.filter((_, i) => i % columns === 1);
+  const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+  const scale = Math.min((width - 100) / Math.max(right - left, 1e-12), (height - 50) / Math.max(high - low, 1e-12));
+  return (k) => [width / 2 + scale * (xs[k] - (left + right) / 2), height / 2 - scale * (ys[k] - (low + high) / 2)];
+}
+
+function paint({ context: c, width, height, ink, accent, second }: Frame, found: Comparison, here: number, over: number) {
+  const at = layout(found, width, height);
+  c.textAlign = "center";
+  c.textBaseline = "bottom";
+  const taken: [number, number, number][] = [];
+  const order = found.labels.map((_, k) => k).sort((a, b) => Number(b === here || b === over) - Number(a === here || a === over));
+  for (const k of order) {
+    const [x, y] = at(k);
+    c.fillStyle = k === here ? second : accent;
+    c.beginPath();
+    c.arc(x, y, k === here || k === over ? 6 : 4.5, 0, 7);
+    c.fill();
+    // Names that would lie on others are left out; pointing at one shows it.
+    const half = c.measureText(found.labels[k]).width / 2;
+    if (taken.some(([u, v, w]) => Math.abs(u - x) < w + half + 4 && Math.abs(v - y) < 13)) continue;
+    taken.push([x, y, half]);
+    c.fillStyle = ink;
+    c.fillText(found.labels[k], Math.min(Math.max(x, half + 2), width - half - 2), y - 7);
+  }
+}
