@@ -69,7 +69,8 @@ function meshItem(app: App, mesh: Mesh): HTMLElement {
     h("strong", {}, mesh.name ?? `mesh ${mesh.id.slice(0, 8)}`), h("small", {}, `${grouped(mesh.vertices)} vertices`));
   if (!open) return h("li", {}, button);
   const bases = app.bases.map((basis) => {
-    const method = typeof basis.parameters.method === "string" ? basis.parameters.method : "";
+    const { method: how, field, n } = basis.parameters;
+    const method = typeof field === "string" ? (field === "n_vector" ? `${n}-field` : field) : typeof how === "string" ? how : "";
     const text = `${words(basis.kind)} · ${grouped(basis.count)}${method ? ` · ${method}` : ""}`;
     const tab = app.panels.find((panel) => panel.kind === basis.kind && panel.id === app.place.tab) ?? app.panels.find((panel) => panel.kind === basis.kind);
     return h("li", {}, h("button", {

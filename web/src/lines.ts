@@ -3,9 +3,6 @@
 import { BufferAttribute, BufferGeometry, Color, Group, InstancedMesh, LineBasicMaterial, LineSegments, Matrix4, MeshBasicMaterial, SphereGeometry } from "three";
 import type { Surface } from "./surface";
 
-/** How far lines stand above the surface, in radii of the mesh: near enough to belong to it, far enough not to sink in. */
-const ABOVE = 0.004;
-
 /** Centre and unit normal of a face. */
 function frame({ positions: p, triangles: t }: Surface, f: number, centre: number[], normal: number[]): number {
   const a = 3 * t[3 * f], b = 3 * t[3 * f + 1], c = 3 * t[3 * f + 2];
@@ -20,92 +17,96 @@ function frame({ positions: p, triangles: t }: Surface, f: number, centre: numbe
   return length / 2;
 }
 
-/** Faces spread over the surface by area, at most so many, the same ones each time. */
-export function spread(surface: Surface, most: number): Uint32Array {
-  const faces = surface.triangles.length / 3;
-  if (faces <= most) return Uint32Array.from({ length: faces }, (_, f) => f);
+export interface Places {
+  faces: Uint32Array;
+  /** How far apart they are, about. */
+  spacing: number;
+}
+
+/** Faces spread over the surface by area, about so many, the same ones each time. */
+export function spread(surface: Surface, most: number): Places {
+  const count = surface.triangles.length / 3;
   const centre = [0, 0, 0], normal = [0, 0, 0];
   let area = 0;
-  for (let f = 0; f < faces; f++) area += frame(surface, f, centre, normal);
-  // One face in each cell of a grid whose cells hold, on average, the wanted share of the area.
-  let cell = Math.sqrt(area / most);
-  for (;;) {
-    const taken = new Map<string, number>();
-    for (let f = 0; f < faces; f++) {
+  for (let f = 0; f < count; f++) area += frame(surface, f, centre, normal);
+  if (count <= most) return { faces: Uint32Array.from({ length: count }, (_, f) => f), spacing: Math.sqrt(area / count) };
+  for (let cell = Math.sqrt(area / most); ; cell *= 1.2) {
+    const taken = new Map<number, number>();
+    for (let f = 0; f < count; f++) {
       frame(surface, f, centre, normal);
-      // The two sides of a thin sheet are different places.
-      const side = (normal[0] > 0 ? 1 : 0) + (normal[1] > 0 ? 2 : 0) + (normal[2] > 0 ? 4 : 0);
-      const key = `${Math.floor(centre[0] / cell)},${Math.floor(centre[1] / cell)},${Math.floor(centre[2] / cell)},${side >> (Math.abs(normal[0]) > 0.9 ? 0 : 1)}`;
+      // One face in each cell of a grid and each main direction: the two sides of a thin sheet are different places.
+      const sizes = normal.map(Math.abs);
+      const axis = sizes[0] > sizes[1] ? (sizes[0] > sizes[2] ? 0 : 2) : sizes[1] > sizes[2] ? 1 : 2;
+      const side = 2 * axis + (normal[axis] > 0 ? 1 : 0);
+      const key = (Math.imul(Math.floor(centre[0] / cell), 73856093) ^ Math.imul(Math.floor(centre[1] / cell), 19349663) ^ Math.imul(Math.floor(centre[2] / cell), 83492791)) * 6 + side;
       if (!taken.has(key)) taken.set(key, f);
     }
-    if (taken.size <= 1.25 * most) return Uint32Array.from(taken.values());
-    cell *= 1.2;
+    if (taken.size <= 1.3 * most) return { faces: Uint32Array.from(taken.values()), spacing: Math.sqrt(area / taken.size) };
   }
 }
 
-/**
- * Glyphs of a field. `vectors` has `roots` vectors in space for each face of the mesh, face after face; lines run to both sides where
- * the field has no sign, and are arrows where it has.
- */
+/** A vector in the plane of a face, turned around its normal. */
+function turned(v: number[], normal: number[], angle: number): number[] {
+  const [c, s] = [Math.cos(angle), Math.sin(angle)];
+  return [
+    c * v[0] + s * (normal[1] * v[2] - normal[2] * v[1]),
+    c * v[1] + s * (normal[2] * v[0] - normal[0] * v[2]),
+    c * v[2] + s * (normal[0] * v[1] - normal[1] * v[0]),
+  ];
+}
+
+/** How a field is drawn: arrows, n directions at once, or the two axes of a tensor. */
+export type Drawing = { kind: "arrows" } | { kind: "star"; n: number } | { kind: "axes" };
+
+/** Glyphs of a field at some faces. */
 export class Glyphs {
   private readonly geometry = new BufferGeometry();
-  private readonly lines: LineSegments;
   readonly object = new Group();
   private readonly positions: Float32Array;
-  private readonly colours: Float32Array;
 
-  constructor(private readonly surface: Surface, private readonly faces: Uint32Array, private readonly roots: number, private readonly radius: number, private readonly colour = 0x14161a) {
-    const segments = faces.length * roots * (roots === 1 ? 3 : 1);
-    this.positions = new Float32Array(6 * segments);
-    this.colours = new Float32Array(6 * segments);
+  constructor(private readonly surface: Surface, private readonly places: Places, private readonly drawing: Drawing, private readonly lift: number, colour: number) {
+    const segments = { arrows: 3, star: drawing.kind === "star" ? drawing.n : 0, axes: 2 }[drawing.kind];
+    this.positions = new Float32Array(6 * segments * places.faces.length);
     this.geometry.setAttribute("position", new BufferAttribute(this.positions, 3));
-    this.geometry.setAttribute("color", new BufferAttribute(this.colours, 3));
-    this.lines = new LineSegments(this.geometry, new LineBasicMaterial({ vertexColors: true }));
-    this.lines.frustumCulled = false;
-    this.object.add(this.lines);
+    const lines = new LineSegments(this.geometry, new LineBasicMaterial({ color: colour }));
+    lines.frustumCulled = false;
+    this.object.add(lines);
   }
 
-  /** Moves the glyphs to another field. */
+  /** Moves the glyphs to a field: for each face of the mesh one vector in space, or for a tensor its two eigendirections, scaled. */
   set(vectors: Float32Array) {
-    const { faces, roots, positions, colours, surface } = this;
+    const { positions, surface, drawing, places } = this;
+    const wide = drawing.kind === "axes" ? 6 : 3;
     const centre = [0, 0, 0], normal = [0, 0, 0];
-    let most = 0;
-    for (const f of faces) for (let r = 0; r < roots; r++) most = Math.max(most, size(vectors, 3 * (roots * f + r)));
-    const length = 0.62 * Math.sqrt((12 * this.radius * this.radius) / Math.max(faces.length, 1)) ;
-    const ink = new Color(this.colour);
+    const lengths = Float32Array.from(places.faces, (f) => size(vectors, wide * f)).sort();
+    const usual = lengths[Math.floor(0.9 * (lengths.length - 1))] || 1;
     let at = 0;
-    const put = (x: number, y: number, z: number) => {
-      positions[at] = x; positions[at + 1] = y; positions[at + 2] = z;
-      colours[at] = ink.r; colours[at + 1] = ink.g; colours[at + 2] = ink.b;
-      at += 3;
+    const line = (a: number[], b: number[]) => {
+      positions.set(a, at);
+      positions.set(b, at + 3);
+      at += 6;
     };
-    for (const f of faces) {
+    const moved = (a: number[], b: number[], t: number) => [a[0] + t * b[0], a[1] + t * b[1], a[2] + t * b[2]];
+    for (const f of places.faces) {
       frame(surface, f, centre, normal);
-      const lift = ABOVE * this.radius;
-      const [x, y, z] = [centre[0] + lift * normal[0], centre[1] + lift * normal[1], centre[2] + lift * normal[2]];
-      for (let r = 0; r < roots; r++) {
-        const i = 3 * (roots * f + r);
+      const root = moved(centre, normal, this.lift);
+      const scaled = (i: number) => {
         const own = size(vectors, i);
-        // Short vectors stay visible: what matters here is the direction.
-        const s = own > 0 ? (length * (0.35 + 0.65 * Math.sqrt(own / (most || 1)))) / own : 0;
-        const dx = s * vectors[i], dy = s * vectors[i + 1], dz = s * vectors[i + 2];
-        if (roots > 1) {
-          put(x, y, z);
-          put(x + 0.5 * dx, y + 0.5 * dy, z + 0.5 * dz);
-          continue;
-        }
-        const tip = [x + 0.5 * dx, y + 0.5 * dy, z + 0.5 * dz];
-        put(x - 0.5 * dx, y - 0.5 * dy, z - 0.5 * dz);
-        put(tip[0], tip[1], tip[2]);
-        const sx = normal[1] * dz - normal[2] * dy, sy = normal[2] * dx - normal[0] * dz, sz = normal[0] * dy - normal[1] * dx;
-        for (const side of [0.16, -0.16]) {
-          put(tip[0], tip[1], tip[2]);
-          put(tip[0] - 0.28 * dx + side * sx, tip[1] - 0.28 * dy + side * sy, tip[2] - 0.28 * dz + side * sz);
-        }
+        // Short vectors stay visible: what matters is their direction.
+        const s = own > 0 ? (places.spacing * (0.3 + 0.6 * Math.sqrt(Math.min(own / usual, 1)))) / own : 0;
+        return [s * vectors[i], s * vectors[i + 1], s * vectors[i + 2]];
+      };
+      const v = scaled(wide * f);
+      if (drawing.kind === "star") for (let k = 0; k < drawing.n; k++) line(root, moved(root, turned(v, normal, (2 * Math.PI * k) / drawing.n), 0.55));
+      else if (drawing.kind === "axes") {
+        for (const d of [v, scaled(wide * f + 3)]) line(moved(root, d, -0.5), moved(root, d, 0.5));
+      } else {
+        const tip = moved(root, v, 0.5);
+        line(moved(root, v, -0.5), tip);
+        for (const angle of [2.6, -2.6]) line(tip, moved(tip, turned(v, normal, angle), 0.3));
       }
     }
     (this.geometry.getAttribute("position") as BufferAttribute).needsUpdate = true;
-    (this.geometry.getAttribute("color") as BufferAttribute).needsUpdate = true;
   }
 }
 

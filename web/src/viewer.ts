@@ -362,6 +362,15 @@ export class Viewer {
     return cast(this.surface, origin.toArray(), ray.toArray());
   }
 
+  /** Where a vertex stands in the window. */
+  project(vertex: number): [x: number, y: number] {
+    const p = this.surface!.positions;
+    this.mesh.updateMatrixWorld();
+    const at = new Vector3(p[3 * vertex], p[3 * vertex + 1], p[3 * vertex + 2]).applyMatrix4(this.mesh.matrixWorld).project(this.camera);
+    const box = this.canvas.getBoundingClientRect();
+    return [box.left + (box.width * (at.x + 1)) / 2, box.top + (box.height * (1 - at.y)) / 2];
+  }
+
   private listen() {
     const { canvas } = this;
     let stroke = false;

@@ -52,7 +52,7 @@ export async function start() {
       await context.route(/\/(page\/[^/]*|icon\.svg)?(\?.*)?(#.*)?$/, (route) => {
         const path = new URL(route.request().url()).pathname;
         if (!/^\/($|page\/|icon)/.test(path)) return route.fallback();
-        const headers = { "content-security-policy": policy };
+        const headers = policy?.includes("script-src") ? { "content-security-policy": policy } : {};
         return route.fulfill({ path: join(process.env.CHLADNI_DIST, path === "/" ? "index.html" : path), headers });
       });
     }

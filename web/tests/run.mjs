@@ -39,6 +39,16 @@ async function test(name, body) {
 const keep = async (page, name) => pictures && page.screenshot({ path: join(shots, `${name}.png`) });
 const changed = (page, name, before) => page.waitForFunction(([name, before]) => document.body.dataset[name] !== undefined && document.body.dataset[name] !== before, [name, before]);
 const datum = (page, name) => page.evaluate((name) => document.body.dataset[name], name);
+/** A place in the window under which the surface lies: on a line through the middle. */
+const onSurface = (page, from = 0.3) => page.evaluate((from) => {
+  const { viewer } = window.chladni;
+  const box = viewer.canvas.getBoundingClientRect();
+  for (let t = from; t < 1; t += 0.01) {
+    const at = [box.left + t * box.width, box.top + 0.5 * box.height];
+    if (viewer.pick(...at)) return at;
+  }
+  throw new Error("the surface is nowhere");
+}, from);
 const upload = async (page, file) => {
   await page.setInputFiles("#file", file);
   await page.waitForFunction((name) => window.chladni.app.mesh?.name === name && document.querySelector("li.open"), basename(file, ".ply"));
@@ -55,7 +65,7 @@ const compute = async (page, fields = {}) => {
 };
 
 try {
-  if (!(await pageIsThere(site.url))) {
+  if (!process.env.CHLADNI_DIST && !(await pageIsThere(site.url))) {
     console.log("skipped: this binary was built without its web page");
     await site.stop();
     process.exit(0);
@@ -118,6 +128,24 @@ try {
     await changed(page, "mode");
   });
 
+  await test("a clicked point tells distances and what is like it", async () => {
+    await page.getByRole("tab", { name: "Distances" }).click();
+    await changed(page, "field");
+    const before = await datum(page, "field");
+    const [x, y] = await onSurface(page);
+    await page.mouse.click(x, y);
+    await changed(page, "field", before);
+    assert.match(await datum(page, "field"), /^geodesic \d+$/);
+    const shown = await picture(page);
+    await page.getByLabel("Show", { exact: true }).selectOption("heat_kernel");
+    await page.waitForFunction(() => document.body.dataset.field?.startsWith("heat_kernel"));
+    assert.notDeepEqual(await picture(page), shown);
+    await page.getByLabel("Show", { exact: true }).selectOption("similar");
+    await page.waitForFunction(() => document.body.dataset.field?.startsWith("similar"));
+    await keep(page, "points");
+    await page.getByRole("tab", { name: "Modes" }).click();
+  });
+
   await test("a dropped file with defects is reported as the server found it", async () => {
     const text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 5 5 5\nf 1 2 3\nf 1 3 4\nf 1 2 3\n";
     const data = await page.evaluateHandle((text) => {
@@ -156,6 +184,20 @@ try {
     await keep(page, "job");
     await again.getByRole("button", { name: "Cancel" }).click();
     await page.locator(`.job.canceled[data-job="${id}"]`).waitFor();
+  });
+
+  await test("shapes are compared, and a click opens one", async () => {
+    for (const shape of ["torus", "disk"]) {
+      await upload(page, sample(site.folder, shape, 1500));
+      await page.getByRole("tab", { name: "Modes" }).click();
+      await compute(page, { Eigenpairs: "40" });
+      await changed(page, "mode");
+    }
+    await page.getByRole("tab", { name: "Shapes" }).click();
+    await page.waitForFunction(() => document.body.dataset.shapes === "3");
+    await keep(page, "shapes");
+    await page.locator(".near button", { hasText: /^knot/ }).click();
+    await page.waitForFunction(() => window.chladni.app.mesh.name.startsWith("knot"));
   });
 
   await test("everything fits a phone, and dark is dark", async () => {

@@ -8,8 +8,9 @@ import type { Scalar } from "../viewer";
 
 /** One line about a basis. */
 function line(basis: BasisSummary): string {
-  const { method, operator, tolerance } = basis.parameters;
+  const { method, operator, tolerance, field: values, n } = basis.parameters;
   const parts = [grouped(basis.count)];
+  if (typeof values === "string") parts.unshift(values === "n_vector" ? `${n}-field` : values);
   if (typeof method === "string") parts.push(method);
   if (typeof tolerance === "number") parts.push(`to ${brief(tolerance)}`);
   if (operator !== undefined && operator !== "auto") parts.push(typeof operator === "string" ? operator : Object.keys(operator as object)[0]);

@@ -1,0 +1,258 @@
+// Fields on the surface: strokes comb a vector field, an n-field is drawn as a hatching, curvature tensors are smoothed.
+
+import { ApiError, numbers, post, postNumbers, type Basis } from "../api";
+import type { App, Panel } from "../app";
+import { brief, choice, field, grouped, h, plural, slider } from "../dom";
+import { latest } from "../latest";
+import { dots, Glyphs, polylines, spread } from "../lines";
+import type { Hit } from "../surface";
+import { basisHead, type Look } from "./basis";
+
+interface Design {
+  weights: { harmonic: number; biharmonic: number };
+  strokes: { points: number[][]; strength: number }[];
+  alignment?: { to: "curvature"; weight: number; per_face?: "anisotropy" };
+}
+
+/** Glyphs on the screen. */
+const GLYPHS = 2600;
+/** Points of one stroke that are sent. */
+const POINTS = 60;
+const ROSE = 0xc2185b;
+
+export function fieldsPanel(app: App, look: Look): Panel {
+  const head = basisHead(app, "field_basis", "field basis", form(app));
+  const body = h("div", { hidden: true });
+  const timing = h("p", { class: "dim" });
+  const facts = h("p", { "aria-live": "polite" });
+  let strokes: number[][][] = [];
+  let glyphs: Glyphs | null = null;
+  let combing = true;
+  let shown = "glyphs";
+
+  const kind = () => (app.basis?.parameters.field as string | undefined) ?? "vector";
+  const order = () => (kind() === "n_vector" ? Number(app.basis?.parameters.n ?? 4) : kind() === "tensor" ? 2 : 1);
+  const aligned = () => order() % 2 === 0;
+
+  const design = (): Design => {
+    const along = alignment.control.valueAsNumber;
+    return {
+      weights: { harmonic: 10 ** smooth.control.valueAsNumber, biharmonic: 10 ** (smooth.control.valueAsNumber - 1) * bending.control.valueAsNumber },
+      strokes: strokes.filter((points) => points.length > 1).map((points) => ({ points, strength: 10 ** strength.control.valueAsNumber })),
+      ...(aligned() && along > 0 ? { alignment: { to: "curvature" as const, weight: along, ...(kind() === "tensor" ? {} : { per_face: "anisotropy" as const }) } } : {}),
+    };
+  };
+  const nothing = (wish: Design) => wish.strokes.length === 0 && !wish.alignment;
+  /** Numbers for each face that a drawing needs and no more: the other directions of an n-field are turns of the first. */
+  const wide = () => (kind() === "tensor" ? "roots" : "world");
+
+  const draw = (basis: Basis, vectors: Float32Array) => {
+    const surface = app.viewer.surface;
+    if (!surface || app.basis !== basis || app.panel !== panel) return;
+    if (!glyphs) {
+      const drawing = kind() === "tensor" ? { kind: "axes" as const } : order() === 1 ? { kind: "arrows" as const } : { kind: "star" as const, n: order() };
+      glyphs = new Glyphs(surface, spread(surface, GLYPHS), drawing, 0.006 * app.viewer.radius, 0x10233f);
+      app.viewer.overlay("glyphs", glyphs.object);
+    }
+    glyphs.set(vectors);
+    app.viewer.draw();
+    document.body.dataset.designed = String(Number(document.body.dataset.designed ?? 0) + 1);
+  };
+  const send = latest<{ basis: Basis; wish: Design }>(async ({ basis, wish }) => {
+    const begin = performance.now();
+    // Without a wish, the smoothest field there is.
+    const vectors = nothing(wish)
+      ? await numbers(`${basis.links.self}/eigenfields?from=0&form=${wide()}`)
+      : await postNumbers(`${basis.links.self}/design?form=${wide()}`, wish);
+    draw(basis, vectors);
+    timing.textContent = `${brief(performance.now() - begin)} ms for a field on ${grouped(vectors.length / (kind() === "tensor" ? 6 : 3))} faces`;
+  }, app.fail);
+
+  const update = () => {
+    const basis = app.basis;
+    if (!basis) return;
+    showStrokes();
+    lines(null);
+    send({ basis, wish: design() });
+  };
+
+  // --- what is told once a stroke has ended ---------------------------------------------------------------------------------
+
+  const judge = latest<{ basis: Basis; wish: Design }>(async ({ basis, wish }) => {
+    app.viewer.overlay("singularities", null);
+    facts.textContent = "";
+    if (nothing(wish)) return;
+    const answer = await post<{ singularities: { vertex: number; index: number }[]; index_sum: number; euler_characteristic: number; harmonic_energy: number; biharmonic_energy: number }>(
+      `${basis.links.self}/design?singularities=true`, wish);
+    const surface = app.viewer.surface;
+    if (app.basis !== basis || app.panel !== panel || !surface) return;
+    const found = answer.singularities;
+    app.viewer.overlay("singularities", dots(found.map(({ vertex, index }) => [
+      surface.positions[3 * vertex], surface.positions[3 * vertex + 1], surface.positions[3 * vertex + 2], index > 0 ? 0xe08a3a : 0x1f5fa8,
+    ]), 0.014 * app.viewer.radius));
+    facts.replaceChildren(h("b", {}, plural(found.length, "singularity", "singularities")),
+      `, indices sum to ${brief(answer.index_sum)} (Euler characteristic ${answer.euler_characteristic}): orange turns with the way around, blue against it. Energy ${brief(answer.harmonic_energy)}.`);
+    document.body.dataset.singular = String(found.length);
+  }, app.fail);
+  const settled = () => {
+    const basis = app.basis;
+    if (!basis) return;
+    if (kind() !== "tensor") judge({ basis, wish: design() });
+    if (shown !== "glyphs") trace({ basis, wish: design() });
+  };
+
+  // --- lines: hatching and fur ---------------------------------------------------------------------------------------------
+
+  const lines = (object: ReturnType<typeof polylines> | null) => {
+    app.viewer.overlay("lines", object);
+    if (glyphs) glyphs.object.visible = object === null;
+  };
+  const source = async (basis: Basis, wish: Design) =>
+    nothing(wish) ? { eigenfield: 0 } : { coefficients: (await post<{ coefficients: number[] }>(`${basis.links.self}/design`, wish)).coefficients };
+  const trace = latest<{ basis: Basis; wish: Design }>(async ({ basis, wish }) => {
+    const begin = performance.now();
+    const field = await source(basis, wish);
+    if (shown === "fur") {
+      const strands = await postNumbers(`${basis.links.self}/fur`, { field, length: 0.07 * app.viewer.radius, tilt: 1.25, full: 0.4 });
+      if (app.basis !== basis || shown !== "fur") return;
+      const every = Math.max(1, Math.floor(strands.length / 6 / 40_000));
+      const curves: number[][] = [];
+      for (let i = 0; i < strands.length; i += 6 * every) {
+        const [x, y, z, dx, dy, dz] = strands.subarray(i, i + 6);
+        curves.push([x, y, z, x + dx, y + dy, z + dz]);
+      }
+      lines(polylines(curves, 0x4a2f1b));
+      timing.textContent = `${grouped(curves.length)} strands in ${brief(performance.now() - begin)} ms`;
+    } else {
+      const answer = await post<{ lines: { points: number[][] }[] }>(`${basis.links.self}/hatching`, { field, spacing: 10 ** spacing.control.valueAsNumber, most_lines: 20_000 });
+      if (app.basis !== basis || shown !== "hatching") return;
+      lines(polylines(answer.lines.map((line) => line.points.flat()), 0x10233f));
+      timing.textContent = `${plural(answer.lines.length, "line")} in ${brief(performance.now() - begin)} ms`;
+    }
+    document.body.dataset.traced = shown;
+  }, app.fail);
+
+  // --- strokes -------------------------------------------------------------------------------------------------------------
+
+  const showStrokes = () => app.viewer.overlay("strokes", strokes.length ? polylines(strokes.map((points) => points.flat()), ROSE) : null);
+  const onStroke = (hit: Hit, phase: "begin" | "move"): boolean => {
+    if (!combing || kind() === "tensor") return false;
+    if (phase === "begin") strokes.push([]);
+    const points = strokes[strokes.length - 1];
+    const last = points[points.length - 1];
+    const step = last ? Math.hypot(hit.point[0] - last[0], hit.point[1] - last[1], hit.point[2] - last[2]) : Infinity;
+    // A jump leads over the edge of what is seen: the stroke goes on as another.
+    if (last && step > 0.5 * app.viewer.radius) {
+      strokes.push([hit.point]);
+      return true;
+    }
+    if (step < 0.012 * app.viewer.radius) return true;
+    points.push(hit.point);
+    if (points.length > POINTS) strokes.push([hit.point]);
+    if (points.length > 1) update();
+    return true;
+  };
+  const onStrokeEnd = () => {
+    strokes = strokes.filter((points) => points.length > 1);
+    update();
+    settled();
+  };
+
+  // --- controls ------------------------------------------------------------------------------------------------------------
+
+  const comb = h("button", { "aria-pressed": "true", onclick: () => {
+    combing = !combing;
+    comb.setAttribute("aria-pressed", String(combing));
+  } }, "Comb");
+  const remove = (all: boolean) => {
+    strokes = all ? [] : strokes.slice(0, -1);
+    update();
+    settled();
+  };
+  const release = () => {
+    update();
+    settled();
+  };
+  const knob = (label: string, range: { min: number; max: number; step: number; value: number }, format: (value: number) => string) => {
+    const made = slider(label, range, update, format);
+    made.control.addEventListener("change", release);
+    return made;
+  };
+  const strength = knob("Strength", { min: 0, max: 4, step: 0.1, value: 2 }, (value) => brief(10 ** value));
+  const smooth = knob("Smoothness", { min: -4, max: 1, step: 0.1, value: 0 }, (value) => brief(10 ** value));
+  const bending = knob("Biharmonic", { min: 0, max: 1, step: 0.05, value: 0.2 }, brief);
+  const alignment = knob("Curvature", { min: 0, max: 5, step: 0.1, value: 0 }, (value) => (value ? brief(value) : "ignored"));
+  const spacing = slider("Spacing", { min: -2.2, max: -1, step: 0.05, value: -1.6 }, () => {}, (value) => brief(10 ** value));
+  spacing.control.addEventListener("change", settled);
+  const display = h("div", {});
+  const row = h("div", { class: "row" }, comb, h("button", { onclick: () => remove(false) }, "Undo"), h("button", { onclick: () => remove(true) }, "Clear"));
+  const hint = h("p", {});
+  body.append(hint, row, display, spacing.element, strength.element, smooth.element, bending.element, alignment.element, facts, timing);
+
+  const showDisplay = () => {
+    const kinds: [string, string][] = [["glyphs", kind() === "vector" ? "arrows" : "crosses"], ["hatching", kind() === "vector" ? "streamlines" : "hatching"]];
+    if (kind() === "vector") kinds.push(["fur", "fur"]);
+    if (!kinds.some(([name]) => name === shown)) shown = "glyphs";
+    display.replaceChildren(field("Show", choice(kinds, shown, (value) => {
+      shown = value;
+      spacing.element.hidden = shown !== "hatching";
+      update();
+      settled();
+    })));
+    spacing.element.hidden = shown !== "hatching";
+  };
+
+  let before: string | undefined;
+  const panel: Panel = {
+    id: "fields",
+    title: "Fields",
+    kind: "field_basis",
+    element: h("div", { class: "panel" }, head.element, body),
+    show() {
+      head.update();
+      const basis = app.basis;
+      body.hidden = basis === null;
+      look.show(null);
+      app.title.textContent = app.mesh?.name ?? "";
+      glyphs = null;
+      if (!basis) return;
+      if (before !== basis.mesh) strokes = [];
+      before = basis.mesh;
+      const tensor = kind() === "tensor";
+      hint.textContent = tensor
+        ? "Curvature tensors in this space: the weights steer, live, how smooth they are."
+        : "Draw on the surface: the field follows the stroke. Beside the surface, dragging turns it.";
+      row.hidden = tensor;
+      strength.element.hidden = tensor;
+      alignment.element.hidden = !aligned();
+      alignment.set(tensor ? 1 : alignment.control.valueAsNumber);
+      if (tensor) smooth.set(-2);
+      showDisplay();
+      app.viewer.onStroke = onStroke;
+      app.viewer.onStrokeEnd = onStrokeEnd;
+      update();
+      settled();
+    },
+    hide() {
+      for (const name of ["glyphs", "strokes", "singularities", "lines"]) app.viewer.overlay(name, null);
+      glyphs = null;
+      app.viewer.onStroke = null;
+      delete document.body.dataset.designed;
+      delete document.body.dataset.traced;
+      delete document.body.dataset.singular;
+    },
+  };
+  return panel;
+}
+
+/** The form of a field basis. */
+function form(app: App): HTMLElement {
+  const kinds = choice([["vector", "vectors"], ["2", "lines (2-field)"], ["4", "crosses (4-field)"], ["6", "6-field"], ["tensor", "symmetric tensors"]], "vector", () => {});
+  const dimension = h("input", { type: "number", min: "10", max: "40000", value: "500" });
+  return h("form", { class: "form", onsubmit: (event: Event) => {
+    event.preventDefault();
+    if (!app.mesh) return app.fail(new ApiError({ type: "", title: "No surface is open", detail: "Open one first." }));
+    const n = Number(kinds.value);
+    void app.submit("field_basis", { ...(n ? { field: "n_vector", n } : { field: kinds.value }), dimension: dimension.valueAsNumber });
+  } }, field("Field", kinds), field("Dimension", dimension, "Columns of the space"), h("button", { class: "primary" }, "Compute"));
+}
