@@ -1,5 +1,7 @@
 //! A basis of tangential fields: a sparse space, its energies, and the approximate eigenfields in it.
 
+use std::sync::Arc;
+
 use super::FieldSpace;
 use crate::algebra::SparseMatrix;
 use crate::operator::transport::FieldKind;
@@ -36,7 +38,7 @@ pub struct StoredFields {
     /// The space and its energies.
     pub basis: FieldBasis,
     /// Its eigenpairs; `None` where the space is too large for a dense eigenproblem.
-    pub ritz: Option<RitzFields>,
+    pub ritz: Option<Arc<RitzFields>>,
     /// How the basis was made, as a JSON object.
     pub metadata: serde_json::Value,
 }
@@ -88,9 +90,9 @@ pub(crate) mod tests {
                 samples: vec![2, 0],
                 area: 4.0,
             },
-            ritz: ritz.then(|| RitzFields {
-                values: vec![0.0, 1.0, 2.0, 4.0, 8.0],
-                vectors: (0..25).map(|i| (i as f32).sin()).collect(),
+            ritz: ritz.then(|| {
+                let vectors = (0..25).map(|i| (i as f32).sin()).collect();
+                Arc::new(RitzFields { values: vec![0.0, 1.0, 2.0, 4.0, 8.0], vectors })
             }),
             metadata: serde_json::json!({"kind": "field_basis"}),
         }

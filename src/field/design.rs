@@ -6,13 +6,15 @@
 //! minimisers are useless. New weights then cost nothing and `k` constraints a system of their own size:
 //! `z = z₀ + K⁻¹Cᵀ (W⁻¹ + C K⁻¹ Cᵀ)⁻¹ (c − C z₀)`, where hard constraints have `W⁻¹ = 0` (the Schur complement).
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use crate::algebra::{
     CpuSolver, DefiniteError, DefiniteFactor, DenseMatrix, EigenError, SymmetricDefiniteSolver, solve_definite,
     vectorized,
 };
-use crate::basis::FieldBasis;
+use crate::basis::{FieldBasis, RitzFields};
 use crate::monitor::{Cancelled, Monitor};
 use crate::operator::transport::FieldKind;
 
@@ -96,13 +98,11 @@ pub enum DesignError {
     Cancelled(#[from] Cancelled),
 }
 
-/// A space made ready for design.
+/// A space made ready for design. Cheap to clone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DesignModel {
     kind: FieldKind,
-    values: Vec<f64>,
-    /// `X`, `d × d`, row after row: what a coefficient of the space is in Ritz coordinates.
-    rows: Vec<f32>,
+    ritz: Arc<RitzFields>,
 }
 
 /// What a face should carry.
@@ -137,10 +137,10 @@ pub struct Alignment {
 }
 
 /// `K⁻¹` for one choice of weights: diagonal, or a factor where an alignment has weights per face. Keep it as long as weights do not change.
-pub struct WeightedModel<'a> {
-    model: &'a DesignModel,
+pub struct WeightedModel {
+    model: DesignModel,
     weights: EnergyWeights,
-    alignment: Option<(&'a Alignment, f64)>,
+    alignment: Option<(Arc<Alignment>, f64)>,
     inverse: Inverse,
     /// Where the field goes without constraints.
     start: Vec<f64>,
@@ -189,23 +189,35 @@ impl DesignModel {
                 *value = pairs.vectors.values()[k * d + at] as f32;
             }
         }
-        Ok(Self { kind: basis.kind, values: pairs.values.into_iter().map(|v| v.max(0.0)).collect(), rows })
+        let values = pairs.values.into_iter().map(|v| v.max(0.0)).collect();
+        Ok(Self { kind: basis.kind, ritz: Arc::new(RitzFields { values, vectors: rows }) })
+    }
+
+    /// A model from eigenpairs that were computed before. `None` unless they are `d × d`.
+    pub fn from_ritz(kind: FieldKind, ritz: Arc<RitzFields>) -> Option<Self> {
+        let d = ritz.values.len();
+        (d.checked_mul(d) == Some(ritz.vectors.len())).then_some(Self { kind, ritz })
+    }
+
+    /// The eigenpairs that the model is made of.
+    pub fn ritz(&self) -> &Arc<RitzFields> {
+        &self.ritz
     }
 
     /// The Ritz values, ascending, on the surface of unit area: approximate eigenvalues of the field's Laplacian.
     pub fn values(&self) -> &[f64] {
-        &self.values
+        &self.ritz.values
     }
 
     /// The dimension, `d`.
     pub fn dimension(&self) -> usize {
-        self.values.len()
+        self.ritz.values.len()
     }
 
     /// The coefficients of the `k`-th approximate eigenfield, of unit norm on unit area; zeros beyond the last.
     pub fn eigenfield(&self, k: usize) -> Vec<f32> {
         let d = self.dimension();
-        self.rows.chunks_exact(d.max(1)).map(|row| row.get(k).copied().unwrap_or(0.0)).collect()
+        self.ritz.vectors.chunks_exact(d.max(1)).map(|row| row.get(k).copied().unwrap_or(0.0)).collect()
     }
 
     /// `x = X z`.
@@ -213,7 +225,7 @@ impl DesignModel {
         let single: Vec<f32> = z.iter().map(|&v| v as f32).collect();
         let d = self.dimension().max(1);
         let mut x = vec![0f32; self.dimension()];
-        x.par_iter_mut().with_min_len(128).zip(self.rows.par_chunks_exact(d)).for_each(|(x, row)| {
+        x.par_iter_mut().with_min_len(128).zip(self.ritz.vectors.par_chunks_exact(d)).for_each(|(x, row)| {
             *x = vectorized(
                 row,
                 #[inline(always)]
@@ -236,7 +248,7 @@ impl DesignModel {
     fn project(&self, y: &[f64]) -> Vec<f64> {
         let d = self.dimension();
         let mut z = vec![0.0; d];
-        for (row, &y) in self.rows.chunks_exact(d.max(1)).zip(y) {
+        for (row, &y) in self.ritz.vectors.chunks_exact(d.max(1)).zip(y) {
             add_row(&mut z, row, y);
         }
         z
@@ -295,7 +307,7 @@ impl DesignModel {
             }
         }
         // Column j of `rows` read as a matrix is row j of X.
-        let x = DenseMatrix::from_columns(d, d, self.rows.iter().map(|&v| f64::from(v)).collect());
+        let x = DenseMatrix::from_columns(d, d, self.ritz.vectors.iter().map(|&v| f64::from(v)).collect());
         let shape = DesignError::Length { what: "the space", got: d, wanted: basis.space.dimension() };
         let x = x.ok_or(shape.clone())?;
         let right = x.times(&gram).ok_or(shape.clone())?;
@@ -313,15 +325,15 @@ impl DesignModel {
     ///
     /// # Errors
     /// [`DesignError`]: weights that are negative or all zero.
-    pub fn weighted<'a>(
-        &'a self,
+    pub fn weighted(
+        &self,
         weights: EnergyWeights,
-        alignment: Option<(&'a Alignment, f64)>,
-    ) -> Result<WeightedModel<'a>, DesignError> {
+        alignment: Option<(Arc<Alignment>, f64)>,
+    ) -> Result<WeightedModel, DesignError> {
         let given = [
             ("harmonic", weights.harmonic),
             ("biharmonic", weights.biharmonic),
-            ("alignment", alignment.map_or(0.0, |a| a.1)),
+            ("alignment", alignment.as_ref().map_or(0.0, |a| a.1)),
         ];
         if let Some(&(name, value)) = given.iter().find(|w| !(w.1 >= 0.0 && w.1.is_finite())) {
             return Err(DesignError::Weight { name, value });
@@ -332,11 +344,12 @@ impl DesignModel {
         let alignment = alignment.filter(|a| a.1 > 0.0);
         let d = self.dimension();
         let energies: Vec<f64> =
-            self.values.iter().map(|&v| weights.harmonic * v + weights.biharmonic * v * v).collect();
-        let largest = self.values.last().copied().unwrap_or(0.0);
+            self.ritz.values.iter().map(|&v| weights.harmonic * v + weights.biharmonic * v * v).collect();
+        let largest = self.ritz.values.last().copied().unwrap_or(0.0);
         let mut kernel = Vec::new();
-        let inverse = match alignment {
-            Some((Alignment { gram: Some(gram), .. }, weight)) => {
+        let weight = alignment.as_ref().map_or(0.0, |a| a.1);
+        let inverse = match alignment.as_ref().and_then(|a| a.0.gram.as_ref()) {
+            Some(gram) => {
                 let mut matrix = gram.clone();
                 matrix.values_mut().iter_mut().for_each(|x| *x *= weight);
                 let floor = 1e-12 * (0..d).map(|i| matrix.column(i)[i] + energies[i]).fold(0.0, f64::max);
@@ -345,9 +358,9 @@ impl DesignModel {
                 }
                 Inverse::Dense(DefiniteFactor::new(matrix).map_err(DesignError::Factor)?)
             }
-            uniform => {
-                let shift = uniform.map_or(0.0, |a| a.1);
-                let diagonal = energies.iter().zip(&self.values).enumerate().map(|(i, (e, &value))| {
+            None => {
+                let shift = weight;
+                let diagonal = energies.iter().zip(&self.ritz.values).enumerate().map(|(i, (e, &value))| {
                     if shift == 0.0 && value <= KERNEL * largest {
                         kernel.push(i);
                         0.0
@@ -359,11 +372,11 @@ impl DesignModel {
             }
         };
         let mut start = vec![0.0; d];
-        if let Some((field, weight)) = alignment {
+        if let Some((field, weight)) = &alignment {
             start = field.projected.iter().map(|p| p * weight).collect();
             inverse.apply(&mut start)?;
         }
-        Ok(WeightedModel { model: self, weights, alignment, inverse, start, kernel })
+        Ok(WeightedModel { model: self.clone(), weights, alignment, inverse, start, kernel })
     }
 }
 
@@ -383,7 +396,7 @@ impl Inverse {
     }
 }
 
-impl WeightedModel<'_> {
+impl WeightedModel {
     /// The field of least energy under the constraints.
     ///
     /// # Errors
@@ -400,7 +413,7 @@ impl WeightedModel<'_> {
         let mut rows = DenseMatrix::zeros(d, k);
         for (at, &c) in kept.iter().enumerate() {
             basis.space.row_entries(constraints[c].face as usize, |column, u| {
-                let x = &self.model.rows[d * column..d * (column + 1)];
+                let x = &self.model.ritz.vectors[d * column..d * (column + 1)];
                 for (i, &u) in u.iter().enumerate() {
                     add_row(rows.column_mut(b * at + i), x, u);
                 }
@@ -492,9 +505,9 @@ impl WeightedModel<'_> {
     }
 
     fn finish(&self, z: Vec<f64>, rows: &DenseMatrix, kept: &[usize], constraints: &[Constraint], b: usize) -> Design {
-        let values = &self.model.values;
+        let values = &self.model.ritz.values;
         let sum = |power: i32| z.iter().zip(values).map(|(z, v)| v.powi(power) * z * z).sum::<f64>();
-        let alignment_energy = self.alignment.map(|(field, _)| {
+        let alignment_energy = self.alignment.as_ref().map(|(field, _)| {
             let mixed: f64 = z.iter().zip(&field.projected).map(|(z, p)| z * p).sum();
             let square: f64 = match &field.gram {
                 None => z.iter().map(|z| z * z).sum(),

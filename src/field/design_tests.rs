@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use super::*;
 use crate::field::{FieldParameters, FieldSurface, field_basis};
 use crate::mesh::shape::{Shape, generate};
@@ -117,12 +119,12 @@ fn alignment_pulls_towards_the_field_and_weights_per_face_say_where() {
         })
         .collect();
     let ones = vec![1.0; r.surface.faces()];
-    let plain = r.model.alignment(&r.basis, areas, &target, None).unwrap();
-    let same = r.model.alignment(&r.basis, areas, &target, Some(&ones)).unwrap();
+    let plain = Arc::new(r.model.alignment(&r.basis, areas, &target, None).unwrap());
+    let same = Arc::new(r.model.alignment(&r.basis, areas, &target, Some(&ones)).unwrap());
     let mut last = f64::INFINITY;
     for weight in [1.0, 100.0, 10_000.0] {
-        let a = r.model.weighted(HARMONIC, Some((&plain, weight))).unwrap().solve(&r.basis, &[]).unwrap();
-        let b = r.model.weighted(HARMONIC, Some((&same, weight))).unwrap().solve(&r.basis, &[]).unwrap();
+        let a = r.model.weighted(HARMONIC, Some((plain.clone(), weight))).unwrap().solve(&r.basis, &[]).unwrap();
+        let b = r.model.weighted(HARMONIC, Some((same.clone(), weight))).unwrap().solve(&r.basis, &[]).unwrap();
         assert!(a.ritz.iter().zip(&b.ritz).all(|(x, y)| (x - y).abs() < 1e-4), "uniform weights change nothing");
         let misfit = a.alignment_energy.unwrap();
         assert!(misfit < last);
@@ -130,8 +132,8 @@ fn alignment_pulls_towards_the_field_and_weights_per_face_say_where() {
     }
     assert!(last < 0.01, "{last}");
     let half: Vec<f64> = target.chunks_exact(2).enumerate().map(|(f, _)| if f % 2 == 0 { 1.0 } else { 0.0 }).collect();
-    let some = r.model.alignment(&r.basis, areas, &target, Some(&half)).unwrap();
-    let model = r.model.weighted(HARMONIC, Some((&some, 10.0))).unwrap();
+    let some = Arc::new(r.model.alignment(&r.basis, areas, &target, Some(&half)).unwrap());
+    let model = r.model.weighted(HARMONIC, Some((some.clone(), 10.0))).unwrap();
     assert!(model.solve(&r.basis, &[hard(3, 1.0, 0.0)]).unwrap().residuals[0] < 1e-5);
 }
 

@@ -5,13 +5,17 @@
 //! [`JobParameters::parse`] and `JobParameters::work`.
 
 mod eigenbasis;
+mod field_basis;
 
 pub use eigenbasis::{
     Accuracy, Approximate, Construction, EigenbasisParameters, Exact, HsimVariant, Method, MethodName, Start,
     StorageKind,
 };
 
+pub use field_basis::{FieldBasisParameters, FieldConstruction, FieldName};
+
 use crate::basis::Product;
+use crate::field::{DesignError, FieldError};
 use crate::mesh::TriangleMesh;
 use crate::monitor::{Cancelled, Monitor, StageClock};
 use crate::operator::OperatorError;
@@ -22,7 +26,7 @@ use crate::spectrum::hsim::HsimError;
 pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+2");
 
 /// The names of all kinds of job.
-pub const KINDS: &[&str] = &["eigenbasis"];
+pub const KINDS: &[&str] = &["eigenbasis", "field_basis"];
 
 /// Why parameters were refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -69,6 +73,12 @@ pub enum JobError {
     /// The iteration failed.
     #[error(transparent)]
     Iteration(HsimError),
+    /// The space of fields could not be made.
+    #[error(transparent)]
+    Field(FieldError),
+    /// The eigenproblem in the space of fields failed.
+    #[error(transparent)]
+    Ritz(DesignError),
 }
 
 impl From<HsimError> for JobError {
@@ -107,6 +117,14 @@ impl JobError {
             Self::Operator(error) => error.kind(),
             Self::Approximation(error) => error.kind(),
             Self::Iteration(error) => error.kind(),
+            Self::Field(FieldError::Surface(_)) => "no-field-surface",
+            Self::Field(FieldError::Parameter { .. } | FieldError::Weights { .. } | FieldError::Components { .. }) => {
+                "invalid-parameters"
+            }
+            Self::Field(FieldError::Harmonic(_)) => "harmonic-fields-failed",
+            Self::Field(FieldError::Restriction(_)) => "restriction-failed",
+            Self::Field(_) => "subspace-failed",
+            Self::Ritz(_) => "eigenproblem-failed",
         }
     }
 }
@@ -161,6 +179,8 @@ pub trait Work {
 pub enum JobParameters {
     /// Eigenpairs of an operator on a mesh.
     Eigenbasis(EigenbasisParameters),
+    /// A space of tangential fields on a mesh.
+    FieldBasis(FieldBasisParameters),
 }
 
 impl JobParameters {
@@ -171,6 +191,7 @@ impl JobParameters {
     pub fn parse(kind: &str, parameters: &serde_json::Value) -> Result<Self, ParameterError> {
         match kind {
             "eigenbasis" => EigenbasisParameters::parse(parameters).map(Self::Eigenbasis),
+            "field_basis" => FieldBasisParameters::parse(parameters).map(Self::FieldBasis),
             other => Err(ParameterError::UnknownKind { kind: other.chars().take(64).collect() }),
         }
     }
@@ -179,12 +200,14 @@ impl JobParameters {
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Eigenbasis(_) => "eigenbasis",
+            Self::FieldBasis(_) => "field_basis",
         }
     }
 
     fn work(&self) -> &dyn Work {
         match self {
             Self::Eigenbasis(parameters) => parameters,
+            Self::FieldBasis(parameters) => parameters,
         }
     }
 

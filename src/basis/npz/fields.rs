@@ -5,6 +5,7 @@
 //! `ritz_values` and `ritz_vectors` (rows first) where there are any, and the JSON text `metadata`.
 
 use std::io::{Cursor, Seek, Write};
+use std::sync::Arc;
 
 use zip::ZipWriter;
 
@@ -39,7 +40,7 @@ pub fn write_fields<W: Write + Seek>(fields: &StoredFields, out: W) -> Result<()
         members.pattern(&format!("{prefix}_"), matrix)?;
     }
     members.add("samples", "<u4", false, &[samples.len()], bytemuck::cast_slice(samples))?;
-    if let Some(RitzFields { values, vectors }) = &fields.ritz {
+    if let Some(RitzFields { values, vectors }) = fields.ritz.as_deref() {
         members.floats("ritz_values", values)?;
         let d = values.len();
         members.add("ritz_vectors", "<f4", false, &[d, d], bytemuck::cast_slice(vectors))?;
@@ -102,7 +103,7 @@ pub fn read_fields(bytes: &[u8]) -> Result<StoredFields, FormatError> {
             if vectors.shape != [d, d] || vectors.fortran {
                 return Err(wrong("ritz_vectors", format!("its shape is {:?}, not ({d}, {d})", vectors.shape)));
             }
-            Some(RitzFields { values, vectors: vectors.values("<f4")? })
+            Some(Arc::new(RitzFields { values, vectors: vectors.values("<f4")? }))
         }
     };
     let area: Vec<f64> = archive.member("area")?.vector("<f8", 1)?;
