@@ -47,7 +47,7 @@ impl Dtype {
 }
 
 /// A table of numbers as JSON.
-#[derive(Debug, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
     /// Functions side by side.

@@ -121,7 +121,7 @@ impl From<AnalysisError> for Problem {
 }
 
 /// An error message as a sentence.
-fn sentence(error: &dyn std::error::Error) -> String {
+pub(super) fn sentence(error: &dyn std::error::Error) -> String {
     let text = error.to_string();
     let mut letters = text.chars();
     let Some(first) = letters.next() else { return text };

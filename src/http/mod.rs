@@ -11,7 +11,7 @@
 //! | `body`, `extract`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, negotiation, ranges |
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `wire`, `certificate` | what goes over the wire |
-//! | `meshes`, `jobs`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `system`, `docs` | the routes |
+//! | `meshes`, `jobs`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `fields`, `system`, `docs` | the routes |
 //! | `page` | the web page, embedded |
 
 mod auth;
@@ -28,6 +28,7 @@ mod distances;
 mod docs;
 mod exchange;
 mod extract;
+mod fields;
 mod jobs;
 mod maps;
 mod meshes;
@@ -77,6 +78,7 @@ fn routes() -> OpenApiRouter<AppState> {
         .merge(compressions::routes())
         .merge(comparisons::routes())
         .merge(maps::routes())
+        .merge(fields::routes())
         .merge(system::routes())
         .merge(docs::routes())
 }
@@ -138,8 +140,12 @@ fn cors(origins: &[String]) -> CorsLayer {
             header::RETRY_AFTER,
             HeaderName::from_static("chladni-columns"),
             HeaderName::from_static("chladni-dtype"),
+            HeaderName::from_static("chladni-energies"),
+            HeaderName::from_static("chladni-form"),
+            HeaderName::from_static("chladni-lines"),
             HeaderName::from_static("chladni-outcome"),
             HeaderName::from_static("chladni-relative-error"),
+            HeaderName::from_static("chladni-residual"),
             HeaderName::from_static("chladni-rows"),
             HeaderName::from_static("server-timing"),
             middleware::REQUEST_ID,

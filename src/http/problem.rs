@@ -84,6 +84,10 @@ kinds! {
         "The body must be what `compress` gave for the same basis. The member `at` has the byte where it was noticed.";
     INVALID_RANGE_OF_MODES = "invalid-mode-range", 422, "There are no such modes",
         "`from` must be less than `to`, and `to` at most the number of eigenfunctions of the basis.";
+    INVALID_DESIGN = "invalid-design", 422, "The field cannot be designed",
+        "The type goes on with what is wrong, as in invalid-design/face. The detail names the stroke, the constraint or the face.\n\n`face` (it is not there, or none is named), `direction` (zero, or perpendicular to its face), `value` (a stroke has no value, or one of another kind of field), `points` (a line that is no line), `contradiction` (hard constraints want different values on one face), `dependent` (the space cannot meet them all), `weight`, `no-energy` (nothing says what the field is between constraints), `no-data` (there is neither a constraint nor an alignment), `alignment`, `singularities` (they are not inside the surface, or their indices do not add up to the Euler characteristic), `constraints` (too many), `dimension` (the space is too large to design in), `fur`, `hatching`, `camera`, `coefficients`, `eigenfield`.";
+    NO_FIELD_SURFACE = "no-field-surface", 422, "The mesh is no surface for fields",
+        "Tangential fields need an oriented manifold. The detail names the edge, the vertex or the faces where the mesh is none.";
     INVALID_PARAMETER = "invalid-parameter", 422, "A parameter of the job does not fit",
         "The detail names the parameter, its value and the values it may have.";
     JOB_TOO_LARGE = "job-too-large", 422, "The job needs too much memory",
@@ -99,7 +103,7 @@ kinds! {
     STATE_CONFLICT = "state-conflict", 409, "The resource is not in a state for this",
         "A job that has ended cannot be canceled, one that has succeeded cannot be retried. The member `job_status` has its status.";
     JOB_FAILED = "job", 500, "The job failed",
-        "Never the answer to a request: the `problem` of a failed job. The type goes on with why.\n\nOf the work itself, which another attempt would not help: `not-converged` (some pairs did not reach the tolerance: ask for less, or for another variant), `incomplete` (inertia counts prove that pairs are missing, and they could not be found: nothing is stored as if it were complete), `invalid-parameters` (they do not fit the mesh), `operator-failed`, `subspace-failed`, `restriction-failed`, `eigenproblem-failed`, `certificate-failed`, `job-too-large` (it needs more memory than the server has by now).\n\nOf the service: `worker-lost`, `worker-panicked`, `worker-stalled` after the last attempt; `mesh-unavailable`, `storage-full`, `storage-unavailable`.";
+        "Never the answer to a request: the `problem` of a failed job. The type goes on with why.\n\nOf the work itself, which another attempt would not help: `not-converged` (some pairs did not reach the tolerance: ask for less, or for another variant), `incomplete` (inertia counts prove that pairs are missing, and they could not be found: nothing is stored as if it were complete), `invalid-parameters` (they do not fit the mesh), `no-field-surface` (fields need an oriented manifold), `harmonic-fields-failed`, `operator-failed`, `subspace-failed`, `restriction-failed`, `eigenproblem-failed`, `certificate-failed`, `job-too-large` (it needs more memory than the server has by now).\n\nOf the service: `worker-lost`, `worker-panicked`, `worker-stalled` after the last attempt; `mesh-unavailable`, `storage-full`, `storage-unavailable`.";
     RANGE_NOT_SATISFIABLE = "range-not-satisfiable", 416, "The range cannot be satisfied",
         "The range begins beyond the end. The header Content-Range has the length.";
     UNAUTHENTICATED = "unauthenticated", 401, "An API key is needed",

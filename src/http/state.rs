@@ -10,6 +10,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::auth::{ApiKey, KeyError};
 use super::body::BUDGET_UNIT;
+use super::fields::FieldCache;
 use super::problem::{self, Problem};
 use crate::config::{Config, ConfigError};
 use crate::store::{Store, StoreHealth};
@@ -61,6 +62,8 @@ pub struct Shared {
     pub(super) body_budget: Arc<Semaphore>,
     /// Ends when connections are to end: long polls and event streams stop then.
     pub(super) closing: CancellationToken,
+    /// Surfaces, alignments and models that outlive a request.
+    pub(super) fields: FieldCache,
     solves: rayon::ThreadPool,
     solve_places: Arc<Semaphore>,
     intake: rayon::ThreadPool,
@@ -119,6 +122,7 @@ impl AppState {
             keys,
             body_budget: Arc::new(Semaphore::new(budget)),
             closing: CancellationToken::new(),
+            fields: FieldCache::new(config.cache_bytes / 2),
             solves: pool("synchronous solves", "solve")?,
             solve_places: Arc::new(Semaphore::new(threads * SOLVES_PER_THREAD)),
             intake: pool("reading meshes", "intake")?,

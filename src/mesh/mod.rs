@@ -8,6 +8,7 @@ pub mod dual;
 pub(crate) mod fixtures;
 pub mod intrinsic;
 pub mod measure;
+pub mod nearest;
 pub(crate) mod random;
 pub mod read;
 mod repair;

@@ -1,0 +1,200 @@
+//! `POST /bases/{id}/design`: the field of least energy under strokes, constraints and an alignment.
+
+use std::time::Instant;
+
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::HeaderMap;
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::forms::{self, Form};
+use super::request::{DesignRequest, SingularVertex};
+use super::solve::{self, Ready};
+use crate::field::singularities;
+use crate::http::body;
+use crate::http::docs::{Binary, ProblemSchema};
+use crate::http::exchange::{Answer, OCTETS, answer_type};
+use crate::http::extract::{self, PathOf, QueryOf};
+use crate::http::problem::Problem;
+use crate::http::state::AppState;
+
+/// The route of design.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(design))
+}
+
+/// What is to be told of a designed field.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct DesignQuery {
+    /// Lifts the field to the faces and says how it is written. Without it JSON has the coefficients alone; raw answers are in `world` form.
+    #[param(inline)]
+    form: Option<Form>,
+    /// Whether to tell the singular vertices. Takes a pass over all vertices.
+    #[serde(default)]
+    singularities: bool,
+}
+
+/// A lifted field.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct LiftedField {
+    /// How it is written.
+    #[schema(example = "world")]
+    pub form: &'static str,
+    /// Numbers per face.
+    pub columns: usize,
+    /// Values, face after face.
+    pub values: Vec<f32>,
+}
+
+/// A designed field.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(example = json!({
+    "coefficients": [0.31, -0.02], "harmonic_energy": 4.81, "biharmonic_energy": 122.4, "alignment_energy": null,
+    "faces": [17, 4031], "residuals": [0.013, 0.0], "field": null,
+    "singularities": [{"vertex": 88, "index": 1.0}, {"vertex": 2101, "index": 1.0}], "index_sum": 2.0, "euler_characteristic": 2
+}))]
+struct DesignAnswer {
+    /// Coefficients in the space.
+    coefficients: Vec<f32>,
+    /// The harmonic energy of the field, on the surface of unit area.
+    harmonic_energy: f64,
+    /// The biharmonic energy, on the surface of unit area.
+    biharmonic_energy: f64,
+    /// The squared deviation from what the field is aligned to, on the surface of unit area.
+    alignment_energy: Option<f64>,
+    /// The face of each constraint, strokes first.
+    faces: Vec<u32>,
+    /// For each constraint the length of what is missing, in stored numbers.
+    residuals: Vec<f64>,
+    /// The field on the faces, where `form` asks for it.
+    field: Option<LiftedField>,
+    /// The singular vertices inside the surface with their indices, where they are asked for.
+    singularities: Option<Vec<SingularVertex>>,
+    /// The sum of the indices: the Euler characteristic where the surface is closed.
+    index_sum: Option<f64>,
+    /// The Euler characteristic of the surface.
+    euler_characteristic: Option<i64>,
+}
+
+/// Designs a field
+///
+/// The field of least energy `w₁ · harmonic + w₂ · biharmonic` in the space that deviates little from strokes and an alignment, by their weights, and meets
+/// hard constraints exactly (Schur complement). Strokes and constraints name a face, or a point whose nearest face is meant, and a direction
+/// in ℝ³ or in the frame of the face (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each
+/// request: what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept connection.
+///
+/// With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, face after face, with its shape in
+/// `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment) and the largest residual of a
+/// constraint in `Chladni-Residual`.
+#[utoipa::path(
+    post, path = "/v1/bases/{id}/design", tag = "fields", operation_id = "designField",
+    params(("id" = String, Path, description = "The id of a field basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), DesignQuery),
+    request_body(content = DesignRequest, examples(
+        ("strokes" = (summary = "Two strokes, one of them a line", value = json!({"weights": {"harmonic": 1.0, "biharmonic": 0.1}, "strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}, {"points": [[0.1, 0.2, 0.9], [0.2, 0.2, 0.9], [0.3, 0.1, 0.9]], "strength": 50.0}]}))),
+        ("interpolation" = (summary = "Directions that are met exactly, aligned to curvature elsewhere", value = json!({"constraints": [{"face": 17, "direction": [0.0, 0.0, 1.0]}, {"point": [0.4, 0.0, 0.8], "direction": [1.0, 0.0, 0.0]}], "alignment": {"to": "curvature", "weight": 2.0, "per_face": "anisotropy"}}))),
+        ("smoothing" = (summary = "Smoothed curvature tensors: the weights steer how smooth", value = json!({"weights": {"harmonic": 0.01, "biharmonic": 0.0001}, "alignment": {"to": "curvature", "weight": 1.0}}))),
+        ("singularities" = (summary = "Singular vertices at will", value = json!({"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}], "singularities": {"at": [{"vertex": 88, "index": 1.0}, {"vertex": 2101, "index": 1.0}], "weight": 1000.0}}))),
+    )),
+    responses(
+        (status = 200, description = "The field", content((DesignAnswer = "application/json"), (Binary = "application/octet-stream")),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Energies" = String), ("Chladni-Residual" = f64), ("Server-Timing" = String))),
+        (status = 404, description = "A problem: unknown-basis", body = ProblemSchema, content_type = "application/problem+json"),
+        (status = 409, description = "A problem: basis-kind", body = ProblemSchema, content_type = "application/problem+json"),
+        (status = 422, description = "A problem: invalid-request, or invalid-design/face, /direction, /value, /points, /contradiction, /dependent, /weight, /no-energy, /no-data, /alignment, /singularities, /constraints, /dimension", body = ProblemSchema, content_type = "application/problem+json"),
+        (status = 503, description = "A problem: busy", body = ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn design(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<DesignQuery>,
+    headers: HeaderMap,
+    content: Body,
+) -> Result<Answer, Problem> {
+    let begin = Instant::now();
+    let raw = answer_type(&headers, false, &[])? == OCTETS;
+    let request: DesignRequest = read(&state, &headers, content).await?;
+    let ready = Ready::load(&state, &id).await?;
+    let designed = solve::design(&state, &ready, &request).await?;
+    let form = query.form.or(raw.then_some(Form::World));
+    state
+        .solve("lift", move || {
+            let design = designed.design;
+            let (kind, surface) = (ready.kind(), &ready.surface.surface);
+            let field =
+                if form.is_some() || query.singularities { ready.lift(&design.coefficients)? } else { Vec::new() };
+            let found = match query.singularities && !raw {
+                false => None,
+                true => singularities(surface, kind, &field),
+            };
+            let written = |form| forms::written(surface.frames(), kind, form, field);
+            if let (true, Some(form)) = (raw, form) {
+                let energies = [Some(design.harmonic_energy), Some(design.biharmonic_energy), design.alignment_energy];
+                let energies: Vec<String> = energies.iter().flatten().map(f64::to_string).collect();
+                let residual = design.residuals.iter().copied().fold(0.0, f64::max);
+                let bytes = forms::to_bytes(written(form));
+                return Ok(described(bytes, surface.faces(), form, kind, begin)
+                    .with("chladni-energies", energies.join(", "))
+                    .with("chladni-residual", residual));
+            }
+            Answer::json(
+                &DesignAnswer {
+                    harmonic_energy: design.harmonic_energy,
+                    biharmonic_energy: design.biharmonic_energy,
+                    alignment_energy: design.alignment_energy,
+                    faces: designed.constraints.iter().map(|constraint| constraint.face).collect(),
+                    residuals: design.residuals,
+                    coefficients: design.coefficients,
+                    field: form.map(|form| LiftedField {
+                        form: form.name(),
+                        columns: form.columns(kind),
+                        values: written(form),
+                    }),
+                    index_sum: found.as_ref().map(|found| found.iter().map(|s| s.index()).sum()),
+                    euler_characteristic: found.is_some().then(|| surface.dual().euler_characteristic()),
+                    singularities: found.map(|found| {
+                        found.iter().map(|s| SingularVertex { vertex: s.vertex, index: s.index() }).collect()
+                    }),
+                },
+                begin,
+            )
+        })
+        .await
+}
+
+/// A raw answer with its shape.
+pub fn described(
+    bytes: Vec<u8>,
+    faces: usize,
+    form: Form,
+    kind: crate::operator::transport::FieldKind,
+    begin: Instant,
+) -> Answer {
+    Answer::new(bytes, OCTETS, begin)
+        .with("chladni-rows", faces)
+        .with("chladni-columns", form.columns(kind))
+        .with("chladni-dtype", "f32")
+        .with("chladni-form", form.name())
+}
+
+/// Reads a JSON body.
+pub async fn read<T: serde::de::DeserializeOwned + Send + 'static>(
+    state: &AppState,
+    headers: &HeaderMap,
+    content: Body,
+) -> Result<T, Problem> {
+    extract::require_json(headers)?;
+    let body = body::read(state, headers, content, state.config.limits.max_body_bytes).await?;
+    // A stroke is parsed at once; a field to align to is millions of decimals.
+    if body.bytes.len() < 1 << 16 {
+        return extract::parse_json(&body.bytes);
+    }
+    let parsed = tokio::task::spawn_blocking(move || extract::parse_json(&body.bytes));
+    parsed.await.map_err(Problem::internal)?
+}

@@ -1,0 +1,62 @@
+//! `GET /meshes/{id}/frames`: the frame of each face.
+
+use std::time::Instant;
+
+use axum::extract::State;
+use axum::http::HeaderMap;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::cache;
+use super::forms;
+use crate::http::binary::Table;
+use crate::http::docs::{Binary, ProblemSchema};
+use crate::http::exchange::{Answer, JSON, OCTETS};
+use crate::http::extract::{self, PathOf};
+use crate::http::problem::Problem;
+use crate::http::state::AppState;
+
+/// The route of frames.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(frames))
+}
+
+/// Gets the frames of faces
+///
+/// For each face two orthonormal vectors in its plane, six numbers: x first, then y; their cross product is the normal. Numbers per face of fields
+/// refer to them: `a x + b y`. JSON, or with `Accept: application/octet-stream` little-endian f32.
+#[utoipa::path(
+    get, path = "/v1/meshes/{id}/frames", tag = "fields", operation_id = "getFrames",
+    params(("id" = String, Path, description = "The id of the mesh", example = "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3")),
+    responses(
+        (status = 200, description = "The frames: a row for each face", content((Table = "application/json", example = json!({"columns": 6, "values": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]})), (Binary = "application/octet-stream")),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String))),
+        (status = 404, description = "A problem: unknown-mesh", body = ProblemSchema, content_type = "application/problem+json"),
+        (status = 422, description = "A problem: no-field-surface", body = ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn frames(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    headers: HeaderMap,
+) -> Result<Answer, Problem> {
+    let begin = Instant::now();
+    let raw = extract::negotiated(&headers, &[JSON, OCTETS])? == OCTETS;
+    let surface = cache::surface(&state, &id).await?;
+    state
+        .solve("frames", move || {
+            let frames = surface.surface.frames();
+            let both = frames.x_axes().iter().zip(frames.y_axes());
+            if !raw {
+                let values = both.flat_map(|(x, y)| x.iter().chain(y).copied()).collect();
+                return Answer::json(&Table { columns: 6, values }, begin);
+            }
+            let numbers = both.flat_map(|(x, y)| x.iter().chain(y).map(|&v| v as f32)).collect();
+            Ok(Answer::new(forms::to_bytes(numbers), OCTETS, begin)
+                .with("chladni-rows", frames.faces())
+                .with("chladni-columns", 6)
+                .with("chladni-dtype", "f32"))
+        })
+        .await
+}

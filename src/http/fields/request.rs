@@ -1,0 +1,353 @@
+//! What a design is asked for with, and the constraints that it means.
+
+use serde::Deserialize;
+use utoipa::ToSchema;
+
+use super::cache::Surface;
+use crate::field::{Constraint, direction_in_frame};
+use crate::http::binary::Table;
+use crate::http::problem::{self, Problem};
+use crate::operator::frames::power;
+use crate::operator::transport::FieldKind;
+
+/// The most constraints of one design: they make a dense system of their own size.
+pub const MOST_CONSTRAINTS: usize = 2000;
+
+/// What field is wanted. A front-end sends the whole of it again whenever a stroke moves: what does not change costs nothing.
+#[derive(Debug, Clone, Default, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DesignRequest {
+    /// Weights of the energies.
+    #[serde(default)]
+    pub weights: Weights,
+    /// Where the field should go along, softly.
+    #[serde(default)]
+    pub strokes: Vec<Stroke>,
+    /// What the field has to be.
+    #[serde(default)]
+    pub constraints: Vec<Pin>,
+    /// A field to stay close to.
+    pub alignment: Option<AlignmentRequest>,
+    /// Where the field is to be singular, and how strongly that is wanted.
+    pub singularities: Option<SingularitiesRequest>,
+}
+
+/// Weights of the energies, on the surface of unit area.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Weights {
+    /// Of the harmonic (Dirichlet) energy.
+    #[serde(default = "one")]
+    #[schema(default = 1.0, minimum = 0.0)]
+    pub harmonic: f64,
+    /// Of the biharmonic energy: makes fields smoother around constraints.
+    #[serde(default)]
+    #[schema(default = 0.0, minimum = 0.0)]
+    pub biharmonic: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self { harmonic: 1.0, biharmonic: 0.0 }
+    }
+}
+
+/// A soft constraint: one `face` or `point` with a value, or `points`, a line whose own direction the field is to follow. A value is a
+/// `direction` in ℝ³ or a `frame_direction`; for tensors a `direction` with `values`, or a `tensor`.
+#[derive(Debug, Clone, Default, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Stroke {
+    /// The face.
+    pub face: Option<u32>,
+    /// A point in the units of the mesh: stands for the face nearest to it.
+    pub point: Option<[f64; 3]>,
+    /// A line of points: the faces nearest to them, each with the direction in which the line goes on, of length 1.
+    pub points: Option<Vec<[f64; 3]>>,
+    /// A direction in ℝ³, projected to the face; its length is the length of the field.
+    pub direction: Option<[f64; 3]>,
+    /// A direction in the frame of the face.
+    pub frame_direction: Option<[f64; 2]>,
+    /// Of a tensor the eigenvalues, along `direction` and across it.
+    pub values: Option<[f64; 2]>,
+    /// A symmetric tensor in the frame of the face: a₁₁, a₂₂, a₁₂.
+    pub tensor: Option<[f64; 3]>,
+    /// The weight of the squared deviation.
+    #[schema(default = 100.0)]
+    pub strength: Option<f64>,
+}
+
+/// A hard constraint: a `face` or `point` with a value, as for strokes.
+#[derive(Debug, Clone, Default, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Pin {
+    /// The face.
+    pub face: Option<u32>,
+    /// A point in the units of the mesh: stands for the face nearest to it.
+    pub point: Option<[f64; 3]>,
+    /// A direction in ℝ³, projected to the face; its length is the length of the field.
+    pub direction: Option<[f64; 3]>,
+    /// A direction in the frame of the face.
+    pub frame_direction: Option<[f64; 2]>,
+    /// Of a tensor the eigenvalues, along `direction` and across it.
+    pub values: Option<[f64; 2]>,
+    /// A symmetric tensor in the frame of the face: a₁₁, a₂₂, a₁₂.
+    pub tensor: Option<[f64; 3]>,
+}
+
+/// A field to stay close to, with a global weight and optionally one for each face.
+#[derive(Debug, Clone, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AlignmentRequest {
+    /// `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that are stored in a face.
+    pub to: Target,
+    /// The weight of the squared deviation.
+    pub weight: f64,
+    /// A weight for each face, or `anisotropy`: how clearly the principal directions differ, from 0 to 1. Without it all faces count alike.
+    #[serde(default)]
+    pub per_face: Option<PerFace>,
+}
+
+/// What to align to.
+#[derive(Debug, Clone, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum Target {
+    /// What the server knows of the surface.
+    Named(NamedTarget),
+    /// A field.
+    Field(Table),
+}
+
+/// What the server knows of a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum NamedTarget {
+    /// The principal directions of curvature, for n-fields with even n; the curvature tensors themselves for tensor fields.
+    Curvature,
+}
+
+/// Weights of faces.
+#[derive(Debug, Clone, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum PerFace {
+    /// What the server knows of the surface.
+    Named(NamedWeights),
+    /// One weight for each face, from 0.
+    Values(Vec<f64>),
+}
+
+/// Weights that the server knows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum NamedWeights {
+    /// How clearly the principal directions of curvature differ.
+    Anisotropy,
+}
+
+/// Prescribed singularities: the smoothest field of unit length that has these and no others is what the design stays close to.
+#[derive(Debug, Clone, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SingularitiesRequest {
+    /// The singular vertices; on a component without boundary their indices add up to its Euler characteristic.
+    pub at: Vec<SingularVertex>,
+    /// The weight of the squared deviation from that field.
+    #[serde(default = "hundred")]
+    #[schema(default = 100.0)]
+    pub weight: f64,
+}
+
+fn hundred() -> f64 {
+    100.0
+}
+
+/// A vertex at which a field is singular.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, serde::Serialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SingularVertex {
+    /// The vertex.
+    pub vertex: u32,
+    /// The index: a multiple of 1/n for n-fields, of 1/2 for tensor fields.
+    pub index: f64,
+}
+
+/// The strength of a stroke that does not say.
+const STRENGTH: f64 = 100.0;
+
+/// A refusal that names a member of the request.
+pub fn refused(within: &'static str, place: &str, reason: impl std::fmt::Display) -> Problem {
+    Problem::within(&problem::INVALID_DESIGN, within, format!("{place}: {reason}."))
+}
+
+/// The value that a stroke or a pin gives.
+#[derive(Debug, Clone, Copy, Default)]
+struct Value {
+    direction: Option<[f64; 3]>,
+    frame_direction: Option<[f64; 2]>,
+    values: Option<[f64; 2]>,
+    tensor: Option<[f64; 3]>,
+}
+
+impl DesignRequest {
+    /// All constraints, soft ones first.
+    ///
+    /// # Errors
+    /// `invalid-design/…` names the stroke or constraint that does not fit.
+    pub fn resolve(&self, surface: &Surface, kind: FieldKind) -> Result<Vec<Constraint>, Problem> {
+        let mut found = Vec::new();
+        for (at, stroke) in self.strokes.iter().enumerate() {
+            let place = format!("strokes[{at}]");
+            let weight = stroke.strength.unwrap_or(STRENGTH);
+            if !(weight > 0.0 && weight.is_finite()) {
+                return Err(refused("weight", &place, format!("the strength {weight} is not a positive number")));
+            }
+            let value = Value {
+                direction: stroke.direction,
+                frame_direction: stroke.frame_direction,
+                values: stroke.values,
+                tensor: stroke.tensor,
+            };
+            match &stroke.points {
+                None => {
+                    let face = face(surface, stroke.face, stroke.point, &place)?;
+                    let value = value.stored(surface, kind, face, &place)?;
+                    found.push(Constraint { face, value, weight: Some(weight) });
+                }
+                Some(points) => line(surface, kind, points, value.values, weight, &place, &mut found)?,
+            }
+            if found.len() > MOST_CONSTRAINTS {
+                return Err(too_many());
+            }
+        }
+        for (at, pin) in self.constraints.iter().enumerate() {
+            let place = format!("constraints[{at}]");
+            let value = Value {
+                direction: pin.direction,
+                frame_direction: pin.frame_direction,
+                values: pin.values,
+                tensor: pin.tensor,
+            };
+            let face = face(surface, pin.face, pin.point, &place)?;
+            found.push(Constraint { face, value: value.stored(surface, kind, face, &place)?, weight: None });
+        }
+        if found.len() > MOST_CONSTRAINTS { Err(too_many()) } else { Ok(found) }
+    }
+}
+
+fn too_many() -> Problem {
+    refused("constraints", "strokes", format!("there are more than {MOST_CONSTRAINTS} constraints"))
+}
+
+fn face(surface: &Surface, face: Option<u32>, point: Option<[f64; 3]>, place: &str) -> Result<u32, Problem> {
+    let faces = surface.surface.faces();
+    match (face, point) {
+        (Some(face), None) if (face as usize) < faces => Ok(face),
+        (Some(face), None) => {
+            Err(refused("face", place, format!("face {face} is not there; the mesh has {faces}")).with("face", face))
+        }
+        (None, Some(point)) => nearest(surface, point, place),
+        (Some(_), Some(_)) => Err(refused("face", place, "either a face or a point is to be given, not both")),
+        (None, None) => Err(refused("face", place, "a face or a point is missing")),
+    }
+}
+
+fn nearest(surface: &Surface, point: [f64; 3], place: &str) -> Result<u32, Problem> {
+    let found = surface.tree.nearest(surface.surface.mesh(), point);
+    found.map(|(face, _)| face).ok_or_else(|| refused("face", place, "the point is not finite"))
+}
+
+/// A line of points: each face once, with the direction of the piece that comes to it or leaves it.
+fn line(
+    surface: &Surface,
+    kind: FieldKind,
+    points: &[[f64; 3]],
+    values: Option<[f64; 2]>,
+    weight: f64,
+    place: &str,
+    found: &mut Vec<Constraint>,
+) -> Result<(), Problem> {
+    if points.len() < 2 || points.len() > MOST_CONSTRAINTS {
+        let reason = format!("a line has from 2 to {MOST_CONSTRAINTS} points, not {}", points.len());
+        return Err(refused("points", place, reason));
+    }
+    let begin = found.len();
+    for (at, &point) in points.iter().enumerate() {
+        let face = nearest(surface, point, place)?;
+        if found[begin..].iter().any(|c| c.face == face) {
+            continue;
+        }
+        let (from, to) = (points[at.saturating_sub(1)], points[(at + 1).min(points.len() - 1)]);
+        let along = [0, 1, 2].map(|i| to[i] - from[i]);
+        let length = along.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if !(length > 0.0) {
+            continue;
+        }
+        let value = Value { direction: Some(along.map(|x| x / length)), values, ..Value::default() };
+        // A piece that goes straight into the surface says nothing there.
+        if let Ok(value) = value.stored(surface, kind, face, place) {
+            found.push(Constraint { face, value, weight: Some(weight) });
+        }
+    }
+    if found.len() == begin {
+        return Err(refused("direction", place, "the line goes along the surface nowhere"));
+    }
+    Ok(())
+}
+
+impl Value {
+    /// The numbers to store in a face.
+    fn stored(self, surface: &Surface, kind: FieldKind, face: u32, place: &str) -> Result<[f64; 3], Problem> {
+        let no_direction =
+            |why: &str| refused("direction", place, format!("the direction on face {face} {why}")).with("face", face);
+        let frames = surface.surface.frames();
+        if kind == (FieldKind::Tensor {}) {
+            let [a, b, c] = match (self.tensor, self.direction, self.frame_direction, self.values) {
+                (Some(tensor), None, None, None) => tensor,
+                (None, Some(direction), None, Some(values)) => {
+                    let planar = direction_in_frame(FieldKind::Vector {}, frames, face as usize, direction);
+                    let [x, y, _] = planar.ok_or_else(|| no_direction("has no part in the plane of the face"))?;
+                    along(values, [x, y])
+                }
+                (None, None, Some(planar), Some(values)) if planar[0].hypot(planar[1]) > 0.0 => along(values, planar),
+                (None, None, Some(_), Some(_)) => return Err(no_direction("is zero")),
+                _ => {
+                    let reason = "a tensor is given by tensor, or by values with a direction or a frame_direction";
+                    return Err(refused("value", place, reason));
+                }
+            };
+            let stored = [a, b, std::f64::consts::SQRT_2 * c];
+            return if stored.iter().all(|x| x.is_finite()) { Ok(stored) } else { Err(no_direction("is not finite")) };
+        }
+        if self.tensor.is_some() || self.values.is_some() {
+            return Err(refused("value", place, "tensor and values belong to bases of tensor fields"));
+        }
+        match (self.direction, self.frame_direction) {
+            (Some(direction), None) => {
+                if direction == [0.0; 3] {
+                    return Err(no_direction("is zero"));
+                }
+                direction_in_frame(kind, frames, face as usize, direction)
+                    .ok_or_else(|| no_direction("has no part in the plane of the face"))
+            }
+            (None, Some([x, y])) => {
+                let length = x.hypot(y);
+                if !(length > 0.0 && length.is_finite()) {
+                    return Err(no_direction("is zero or not finite"));
+                }
+                let unit = power([x / length, y / length], kind.order());
+                Ok([length * unit[0], length * unit[1], 0.0])
+            }
+            (Some(_), Some(_)) => Err(refused("value", place, "either a direction or a frame_direction, not both")),
+            (None, None) => Err(refused("value", place, "a direction or a frame_direction is missing")),
+        }
+    }
+}
+
+/// The tensor with given eigenvalues along a direction and across it.
+fn along(values: [f64; 2], [x, y]: [f64; 2]) -> [f64; 3] {
+    let square = x * x + y * y;
+    let (xx, yy, xy) = (x * x / square, y * y / square, x * y / square);
+    [values[0] * xx + values[1] * yy, values[0] * yy + values[1] * xx, (values[0] - values[1]) * xy]
+}

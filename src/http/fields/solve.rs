@@ -1,0 +1,296 @@
+//! From a request to the coefficients of a field: what is cached is taken from the cache, the rest is one small solve.
+
+use std::sync::Arc;
+
+use super::cache::{self, Surface};
+use super::request::{
+    AlignmentRequest, DesignRequest, NamedTarget, NamedWeights, PerFace, SingularVertex, Target, refused,
+};
+use crate::basis::ProductKind;
+use crate::basis::StoredFields;
+use crate::field::{
+    Alignment, Constraint, Design, DesignError, DesignModel, DirectionField, EnergyWeights, Prescribed,
+    PrescribedField, WeightedModel, curvature_tensors, direction_in_frame, principal_directions,
+};
+use crate::http::bases::{basis_id, find_kind};
+use crate::http::problem::{self, Problem};
+use crate::http::state::AppState;
+use crate::monitor::Unwatched;
+use crate::operator::frames::{Planar, conjugate, multiply, normalise};
+use crate::operator::transport::FieldKind;
+
+/// A field basis at hand, with the surface it lives on.
+#[derive(Clone)]
+pub struct Ready {
+    /// The identifier of the basis.
+    pub id: String,
+    /// The basis.
+    pub fields: Arc<StoredFields>,
+    /// The surface.
+    pub surface: Arc<Surface>,
+}
+
+impl Ready {
+    /// Loads a basis by the identifier in a path.
+    ///
+    /// # Errors
+    /// `unknown-basis`, `basis-kind`, and what loading answers.
+    pub async fn load(state: &AppState, id: &str) -> Result<Self, Problem> {
+        let id = basis_id(id)?;
+        // The product first: it is in memory where a stroke is being dragged.
+        let fields = state.store.load_fields(id).await?;
+        let mesh = match fields.metadata["mesh"].as_str() {
+            Some(mesh) => mesh.to_owned(),
+            None => find_kind(state, &id.to_string(), ProductKind::FieldBasis).await?.mesh,
+        };
+        let surface = cache::surface(state, &mesh).await?;
+        if surface.surface.faces() != fields.basis.space.faces() {
+            return Err(Problem::internal(format!("basis {id} does not fit its mesh {mesh}")));
+        }
+        Ok(Self { id: id.to_string(), fields, surface })
+    }
+
+    /// What is stored in a face.
+    pub fn kind(&self) -> FieldKind {
+        self.fields.basis.kind
+    }
+
+    /// The eigenpairs that design takes place in.
+    ///
+    /// # Errors
+    /// `invalid-design/dimension` where the space is too large for a dense eigenproblem.
+    pub fn model(&self) -> Result<DesignModel, Problem> {
+        let ritz = self.fields.ritz.clone();
+        ritz.and_then(|ritz| DesignModel::from_ritz(self.kind(), ritz))
+            .ok_or_else(|| DesignError::Dimension { dimension: self.fields.dimension() }.into())
+    }
+
+    /// Lifts coefficients: the stored numbers of all faces.
+    ///
+    /// # Errors
+    /// None in practice.
+    pub fn lift(&self, coefficients: &[f32]) -> Result<Vec<f32>, Problem> {
+        self.fields.basis.space.lift(coefficients).ok_or_else(|| Problem::internal("coefficients do not fit the space"))
+    }
+}
+
+/// A designed field with what it was asked for.
+pub struct Designed {
+    /// The coefficients, energies and residuals.
+    pub design: Design,
+    /// The constraints that the request means, soft ones first.
+    pub constraints: Vec<Constraint>,
+}
+
+/// Designs a field.
+///
+/// # Errors
+/// `invalid-design/…` names what does not fit.
+pub async fn design(state: &AppState, ready: &Ready, request: &DesignRequest) -> Result<Designed, Problem> {
+    let model = ready.model()?;
+    let constraints = request.resolve(&ready.surface, ready.kind())?;
+    let weights = EnergyWeights { harmonic: request.weights.harmonic, biharmonic: request.weights.biharmonic };
+    let alignment = aligned(state, ready, &model, request, &constraints).await?;
+    let weighted = match alignment {
+        Some((key, alignment, weight, true)) => {
+            let key = format!("{key} {:?} {:?} {weight:?}", weights.harmonic, weights.biharmonic);
+            let make = move || {
+                let d = model.dimension() as u64;
+                let weighted: WeightedModel = model.weighted(weights, Some((alignment, weight)))?;
+                Ok((weighted, 8 * d * d + 16 * d))
+            };
+            cache::weighted(state, key, make).await?
+        }
+        // Without weights per face everything is diagonal: nothing is worth keeping.
+        Some((_, alignment, weight, false)) => Arc::new(model.weighted(weights, Some((alignment, weight)))?),
+        None => Arc::new(model.weighted(weights, None)?),
+    };
+    let fields = ready.fields.clone();
+    state
+        .solve("design", move || {
+            let design = weighted.solve(&fields.basis, &constraints)?;
+            Ok(Designed { design, constraints })
+        })
+        .await
+}
+
+/// The alignment of a request: its key, itself, its weight, and whether weights differ from face to face.
+type Aligned = (String, Arc<Alignment>, f64, bool);
+
+async fn aligned(
+    state: &AppState,
+    ready: &Ready,
+    model: &DesignModel,
+    request: &DesignRequest,
+    constraints: &[Constraint],
+) -> Result<Option<Aligned>, Problem> {
+    let (ready, model) = (ready.clone(), model.clone());
+    match (&request.alignment, &request.singularities) {
+        (None, None) => Ok(None),
+        (Some(_), Some(_)) => {
+            Err(refused("alignment", "singularities", "either an alignment or prescribed singularities, not both"))
+        }
+        (Some(wanted), None) => {
+            weight_of(wanted.weight, "alignment.weight")?;
+            let key = format!("{} {}", ready.id, fingerprint(wanted));
+            let own = wanted.clone();
+            let make = move || {
+                let field = target(&ready, &own)?;
+                made(&ready, &model, &field.target, own.per_face.is_some().then_some(&field.weights))
+            };
+            let alignment = cache::alignment(state, key.clone(), make).await?;
+            Ok(Some((key, alignment, wanted.weight, wanted.per_face.is_some())))
+        }
+        (None, Some(wanted)) => {
+            weight_of(wanted.weight, "singularities.weight")?;
+            let prescribed = numerators(&wanted.at, ready.kind())?;
+            // The turn that fits the constraints best is part of what is aligned to.
+            let key = format!("{} singular {prescribed:?} {constraints:?}", ready.id);
+            let constraints = constraints.to_vec();
+            let make = move || {
+                let field = PrescribedField::new(&ready.surface.surface, ready.kind(), &prescribed, &Unwatched)?;
+                let target = field.target(best_turn(&field, &constraints));
+                made(&ready, &model, &target, None)
+            };
+            let alignment = cache::alignment(state, key.clone(), make).await?;
+            Ok(Some((key, alignment, wanted.weight, false)))
+        }
+    }
+}
+
+fn weight_of(weight: f64, place: &str) -> Result<(), Problem> {
+    if weight >= 0.0 && weight.is_finite() {
+        return Ok(());
+    }
+    Err(refused("weight", place, format!("{weight} is not a number from 0")))
+}
+
+fn made(
+    ready: &Ready,
+    model: &DesignModel,
+    target: &[f64],
+    weights: Option<&Vec<f64>>,
+) -> Result<(Alignment, u64), Problem> {
+    let areas = ready.surface.surface.frames().areas();
+    let alignment = model.alignment(&ready.fields.basis, areas, target, weights.map(Vec::as_slice))?;
+    let d = model.dimension() as u64;
+    Ok((alignment, 8 * d * if weights.is_some() { d } else { 1 }))
+}
+
+/// A hash of all that an alignment depends on but its weight.
+fn fingerprint(wanted: &AlignmentRequest) -> String {
+    let mut hasher = blake3::Hasher::new();
+    let mut numbers = |tag: u8, values: &[f64]| {
+        hasher.update(&[tag]);
+        hasher.update(bytemuck::cast_slice(values));
+    };
+    match &wanted.to {
+        Target::Named(NamedTarget::Curvature) => numbers(0, &[]),
+        Target::Field(table) => numbers(1, &[&[table.columns as f64], table.values.as_slice()].concat()),
+    }
+    match &wanted.per_face {
+        None => numbers(2, &[]),
+        Some(PerFace::Named(NamedWeights::Anisotropy)) => numbers(3, &[]),
+        Some(PerFace::Values(values)) => numbers(4, values),
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
+/// The field to align to, in stored numbers, and weights of faces.
+fn target(ready: &Ready, wanted: &AlignmentRequest) -> Result<DirectionField, Problem> {
+    let (surface, kind) = (&ready.surface.surface, ready.kind());
+    let faces = surface.faces();
+    let curvature = || -> Result<Vec<f64>, Problem> {
+        curvature_tensors(surface).map_err(|error| Problem::new(&problem::NO_FIELD_SURFACE, error.to_string()))
+    };
+    let anisotropy = |tensors: &[f64]| principal_directions(tensors, 2).map(|field| field.weights).unwrap_or_default();
+    let (target, known) = match (&wanted.to, kind) {
+        (Target::Named(NamedTarget::Curvature), FieldKind::Tensor {}) => {
+            let tensors = curvature()?;
+            let weights = anisotropy(&tensors);
+            (tensors, Some(weights))
+        }
+        (Target::Named(NamedTarget::Curvature), FieldKind::NVector { n }) if n % 2 == 0 => {
+            let field = principal_directions(&curvature()?, n)
+                .unwrap_or(DirectionField { target: Vec::new(), weights: Vec::new() });
+            (field.target, Some(field.weights))
+        }
+        (Target::Named(NamedTarget::Curvature), _) => {
+            let reason = "principal directions are a field of tensors or of n-vectors with even n";
+            return Err(refused("alignment", "alignment.to", reason));
+        }
+        (Target::Field(table), _) => {
+            let rows = if table.columns == 0 { 0 } else { table.values.len() / table.columns };
+            let fits = rows == faces && table.values.len() == rows * table.columns;
+            if !fits || !table.values.iter().all(|x| x.is_finite()) {
+                let reason = format!("a table of finite numbers with {faces} rows is due, one for each face");
+                return Err(refused("alignment", "alignment.to", reason));
+            }
+            (given(ready, table.columns, &table.values)?, None)
+        }
+    };
+    let weights = match (&wanted.per_face, known) {
+        (None, _) => Vec::new(),
+        (Some(PerFace::Named(NamedWeights::Anisotropy)), Some(weights)) => weights,
+        (Some(PerFace::Named(NamedWeights::Anisotropy)), None) => anisotropy(&curvature()?),
+        (Some(PerFace::Values(values)), _) => {
+            if values.len() != faces {
+                let reason = format!("{} weights are given for {faces} faces", values.len());
+                return Err(refused("alignment", "alignment.per_face", reason));
+            }
+            values.clone()
+        }
+    };
+    Ok(DirectionField { target, weights })
+}
+
+/// A client's field in stored numbers. Three columns are vectors in ℝ³, unless the field is of tensors.
+fn given(ready: &Ready, columns: usize, values: &[f64]) -> Result<Vec<f64>, Problem> {
+    let (kind, frames) = (ready.kind(), ready.surface.surface.frames());
+    if columns == kind.block() {
+        return Ok(values.to_vec());
+    }
+    if columns != 3 {
+        let reason = format!("{columns} columns are given; {} or 3 are due", kind.block());
+        return Err(refused("alignment", "alignment.to", reason));
+    }
+    let mut stored = Vec::with_capacity(2 * frames.faces());
+    for (face, v) in values.as_chunks::<3>().0.iter().enumerate() {
+        // Where a vector has no part in the face, there is nothing to be close to but zero.
+        let [x, y, _] = direction_in_frame(kind, frames, face, *v).unwrap_or_default();
+        stored.extend([x, y]);
+    }
+    Ok(stored)
+}
+
+fn numerators(at: &[SingularVertex], kind: FieldKind) -> Result<Vec<Prescribed>, Problem> {
+    let order = f64::from(kind.order());
+    at.iter()
+        .enumerate()
+        .map(|(k, singular)| {
+            let exact = singular.index * order;
+            let numerator = exact.round();
+            if !((exact - numerator).abs() < 1e-3 && numerator.abs() < 1e6) {
+                let reason = format!("the index {} is no multiple of 1/{order}", singular.index);
+                return Err(refused("singularities", &format!("singularities.at[{k}]"), reason));
+            }
+            Ok(Prescribed { vertex: singular.vertex, numerator: numerator as i32 })
+        })
+        .collect()
+}
+
+/// The common turn that brings a field closest to the constraints.
+fn best_turn(field: &PrescribedField, constraints: &[Constraint]) -> Planar {
+    let planar = |v: [f64; 3]| match field.kind() {
+        FieldKind::Tensor {} => crate::field::tensor_deviator(v),
+        _ => [v[0], v[1]],
+    };
+    let mut sum = [0.0; 2];
+    for constraint in constraints {
+        let face = constraint.face as usize;
+        let step = multiply(planar(constraint.value), conjugate(planar(field.value(face, [1.0, 0.0]))));
+        let weight = constraint.weight.unwrap_or(1e6);
+        sum = [sum[0] + weight * step[0], sum[1] + weight * step[1]];
+    }
+    if sum[0].hypot(sum[1]) > 0.0 { normalise(sum) } else { [1.0, 0.0] }
+}
