@@ -64,6 +64,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
         ("approximate" = (summary = "500 pairs, fast", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"count": 500}}))),
         ("hsim" = (summary = "250 pairs to 1e-6, proven complete, as columns in double precision", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"method": "hsim", "count": 250, "tolerance": 1e-6, "precision": "f64"}}))),
         ("below" = (summary = "All pairs below an eigenvalue, at most 400, stored compactly", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"method": "hsim", "below": 900.0, "at_most": 400, "storage": "compact"}}))),
+        ("fields" = (summary = "A space of 4-fields of 2,000 dimensions", value = json!({"kind": "field_basis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"field": "n_vector", "n": 4, "dimension": 2000}}))),
         ("operator" = (summary = "A Hamiltonian with functions that vanish on the boundary", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"count": 100, "operator": {"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}, "boundary": "dirichlet"}}))),
     )),
     responses(

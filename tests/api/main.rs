@@ -9,6 +9,7 @@ mod bases;
 mod bodies;
 mod dense;
 mod documents;
+mod fields;
 mod garbage;
 mod jobs;
 mod journeys;

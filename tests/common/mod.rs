@@ -32,8 +32,12 @@ pub struct Builder {
 
 impl Builder {
     /// Starts the server; its settings, store and port are its own.
-    pub fn start(mut self) -> TestApp {
-        let folder = tempfile::tempdir().unwrap();
+    pub fn start(self) -> TestApp {
+        self.start_in(tempfile::tempdir().unwrap())
+    }
+
+    /// Starts the server in a folder that another one may have used.
+    pub fn start_in(mut self, folder: tempfile::TempDir) -> TestApp {
         self.config.data = folder.path().to_owned();
         let (ready, started) = mpsc::channel();
         let (stop, stopped) = oneshot::channel();
@@ -122,6 +126,11 @@ impl TestApp {
 
     pub fn start() -> Self {
         Self::builder().start()
+    }
+
+    /// Stops the server and gives its folder.
+    pub fn stop(mut self) -> tempfile::TempDir {
+        self.folder.take().expect("a server has a folder")
     }
 
     pub fn url(&self, path: &str) -> String {

@@ -1,0 +1,343 @@
+//! Tangential fields: from a job to designed fields, over HTTP with the real solver.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use chladni::basis::npz;
+use chladni::mesh::shape::{Shape, generate};
+use chladni::mesh::write::write_ply;
+use chladni::queue::Solver;
+use reqwest::StatusCode;
+use serde_json::{Value, json};
+
+use crate::common::{Builder, TestApp, meshes, text};
+
+fn builder() -> Builder {
+    let mut builder = TestApp::builder();
+    builder.runner = Arc::new(Solver);
+    builder
+}
+
+async fn shape(app: &TestApp, shape: Shape, vertices: usize) -> Value {
+    let mut bytes = Vec::new();
+    write_ply(&generate(shape, vertices).unwrap(), None, &mut bytes).unwrap();
+    app.upload("ply", bytes).await
+}
+
+async fn submitted(app: &TestApp, mesh: &Value, parameters: Value) -> Value {
+    let body = json!({"kind": "field_basis", "mesh": mesh["id"], "parameters": parameters});
+    let response = app.post("/v1/jobs").json(&body).send().await.unwrap();
+    let status = response.status();
+    let value: Value = response.json().await.unwrap();
+    assert!(status.is_success(), "{status}: {value}");
+    value
+}
+
+/// The resource of a field basis.
+async fn made(app: &TestApp, mesh: &Value, parameters: Value) -> Value {
+    let job = submitted(app, mesh, parameters).await;
+    let job = app.finished(&text(&job["id"])).await;
+    assert_eq!(job["status"], "succeeded", "{job}");
+    app.get(job["links"]["basis"].as_str().unwrap()).send().await.unwrap().json().await.unwrap()
+}
+
+async fn post(app: &TestApp, basis: &Value, route: &str, body: &Value) -> (StatusCode, Value) {
+    let url = format!("{}/{route}", text(&basis["links"]["self"]));
+    let response = app.post(&url).json(body).send().await.unwrap();
+    (response.status(), response.json().await.unwrap())
+}
+
+async fn designed(app: &TestApp, basis: &Value, query: &str, body: Value) -> Value {
+    let (status, value) = post(app, basis, &format!("design?{query}"), &body).await;
+    assert_eq!(status, 200, "{body}: {value}");
+    value
+}
+
+async fn raw(app: &TestApp, basis: &Value, route: &str, body: &Value) -> (Vec<f32>, [usize; 2]) {
+    let url = format!("{}/{route}", text(&basis["links"]["self"]));
+    let response = app.post(&url).header("accept", "application/octet-stream").json(body).send().await.unwrap();
+    assert_eq!(response.status(), 200, "{route}");
+    let number = |name: &str| response.headers()[name].to_str().unwrap().parse::<usize>().unwrap();
+    let shape = [number("chladni-rows"), number("chladni-columns")];
+    let bytes = response.bytes().await.unwrap();
+    let values: Vec<f32> = bytes.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+    assert_eq!(values.len(), shape[0] * shape[1]);
+    (values, shape)
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+#[tokio::test]
+async fn a_field_follows_strokes_and_is_told_in_every_form() {
+    let app = builder().start();
+    let mesh = shape(&app, Shape::Sphere, 642).await;
+    let faces = mesh["faces"].as_u64().unwrap() as usize;
+    let basis = made(&app, &mesh, json!({"dimension": 80})).await;
+    assert_eq!(
+        (&basis["kind"], &basis["rows"], &basis["count"]),
+        (&json!("field_basis"), &json!(2 * faces), &json!(80))
+    );
+    assert_eq!((&basis["links"]["modes"], &basis["certificate"]), (&Value::Null, &Value::Null));
+    assert_eq!((&basis["details"]["field"], &basis["details"]["faces"]), (&json!({"kind": "vector"}), &json!(faces)));
+    // The Hodge-Laplacian of the unit sphere: 2 six times, then 6 ten times.
+    let values = numbers(&basis["eigenvalues"]);
+    assert!(values[..6].iter().all(|v| (v - 2.0).abs() < 0.1) && (values[6] - 6.0).abs() < 0.6, "{:?}", &values[..8]);
+
+    let request = json!({
+        "weights": {"harmonic": 1.0, "biharmonic": 0.01},
+        "strokes": [{"point": [1.0, 0.0, 0.0], "direction": [0.0, 1.0, 0.0]}, {"points": [[0.0, 1.0, 0.0], [-0.2, 0.95, 0.0]], "strength": 10.0}],
+        "constraints": [{"point": [0.0, -1.0, 0.1], "direction": [1.0, 0.0, 0.0]}],
+    });
+    let answer = designed(&app, &basis, "form=world&singularities=true", request.clone()).await;
+    let (values, columns) = (numbers(&answer["field"]["values"]), 3);
+    assert_eq!((answer["field"]["columns"].as_u64(), values.len()), (Some(3), 3 * faces));
+    let hard = answer["faces"].as_array().unwrap().len() - 1;
+    assert!(answer["residuals"][hard].as_f64().unwrap() < 1e-5, "{}", answer["residuals"]);
+    let face = answer["faces"][0].as_u64().unwrap() as usize;
+    assert!(values[columns * face + 1] > 0.5, "{:?}", &values[columns * face..columns * face + 3]);
+    assert_eq!((&answer["index_sum"], &answer["euler_characteristic"]), (&json!(2.0), &json!(2)));
+    assert_eq!(designed(&app, &basis, "", request.clone()).await["field"], Value::Null);
+
+    let (bytes, shape) = raw(&app, &basis, "design", &request).await;
+    assert_eq!(shape, [faces, 3]);
+    assert!(bytes.iter().zip(&values).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-6));
+    // In frames: the same vectors, by the frames that the server tells.
+    let (planar, _) = raw(&app, &basis, "design?form=frames", &request).await;
+    let url = format!("/v1/meshes/{}/frames", text(&mesh["id"]));
+    let frames: Value = app.get(&url).send().await.unwrap().json().await.unwrap();
+    let axes = numbers(&frames["values"]);
+    let binary = app.get(&url).header("accept", "application/octet-stream").send().await.unwrap();
+    assert_eq!(binary.bytes().await.unwrap().len(), 4 * 6 * faces);
+    for face in 0..faces {
+        for i in 0..3 {
+            let [a, b] = [planar[2 * face], planar[2 * face + 1]].map(f64::from);
+            let world = a * axes[6 * face + i] + b * axes[6 * face + 3 + i];
+            assert!((world - values[3 * face + i]).abs() < 1e-5);
+        }
+    }
+    // Coefficients are enough for what is made of a field.
+    let field = json!({"coefficients": answer["coefficients"]});
+    let (strands, shape) = raw(&app, &basis, "fur", &json!({"field": field, "length": 0.1, "tilt": 1.0})).await;
+    assert_eq!(shape, [faces, 6]);
+    for strand in strands.chunks_exact(6) {
+        let size = strand[3..].iter().map(|x| x * x).sum::<f32>().sqrt();
+        assert!((size - 0.1).abs() < 1e-5);
+    }
+    let hatching = json!({"field": {"design": request}, "spacing": 0.1, "camera": {"eye": [0, 0, 5], "target": [0, 0, 0], "width": 200, "height": 200}});
+    let (status, lines) = post(&app, &basis, "hatching", &hatching).await;
+    assert!(status == 200 && lines["lines"].as_array().unwrap().len() > 5, "{status}");
+    let url = format!("{}/hatching", text(&basis["links"]["self"]));
+    let drawing = app.post(&url).header("accept", "image/svg+xml").json(&hatching).send().await.unwrap();
+    assert_eq!(drawing.headers()["content-type"], "image/svg+xml");
+    assert!(drawing.text().await.unwrap().starts_with("<svg"));
+    let url = format!("{}/eigenfields?from=0&to=2", text(&basis["links"]["self"]));
+    let fields = app.get(&url).send().await.unwrap().bytes().await.unwrap();
+    assert_eq!(fields.len() % (1 << 6), (4 * 2 * 3 * faces) % (1 << 6));
+    let refused = app.get(&format!("{}/eigenfields?from=80", text(&basis["links"]["self"]))).send().await.unwrap();
+    assert_eq!(refused.status(), 422);
+}
+
+#[tokio::test]
+async fn n_fields_and_tensors_are_aligned_to_curvature_and_singular_where_it_is_asked_for() {
+    let app = builder().start();
+    let mesh = shape(&app, Shape::Torus, 900).await;
+    let cross = made(&app, &mesh, json!({"field": "n_vector", "n": 4, "dimension": 100})).await;
+    assert_eq!(cross["details"]["field"], json!({"kind": "n_vector", "n": 4}));
+    let aligned = |weight: f64| json!({"alignment": {"to": "curvature", "weight": weight, "per_face": "anisotropy"}});
+    let [loose, close] = [0.1, 100.0].map(aligned);
+    let loose = designed(&app, &cross, "singularities=true", loose).await;
+    let close = designed(&app, &cross, "form=roots", close).await;
+    assert!(close["alignment_energy"].as_f64() < loose["alignment_energy"].as_f64());
+    assert_eq!((&loose["index_sum"], &close["field"]["columns"]), (&json!(0.0), &json!(12)));
+    let pair = [0.25, -0.25].iter().zip([10, 300]).map(|(index, vertex)| json!({"vertex": vertex, "index": index}));
+    let singular = json!({"at": pair.collect::<Vec<_>>(), "weight": 1000.0});
+    let told = designed(&app, &cross, "singularities=true", json!({"singularities": singular})).await;
+    assert_eq!(told["index_sum"], 0.0);
+    assert!(!told["singularities"].as_array().unwrap().is_empty());
+
+    let tensors = made(&app, &mesh, json!({"field": "tensor", "dimension": 150})).await;
+    assert_eq!(tensors["rows"], 3 * mesh["faces"].as_u64().unwrap());
+    let smoothed =
+        |harmonic: f64| json!({"weights": {"harmonic": harmonic}, "alignment": {"to": "curvature", "weight": 1.0}});
+    let rough = designed(&app, &tensors, "form=axes", smoothed(1e-4)).await;
+    let smooth = designed(&app, &tensors, "form=axes", smoothed(1.0)).await;
+    assert!(smooth["harmonic_energy"].as_f64() < rough["harmonic_energy"].as_f64());
+    assert!(numbers(&rough["field"]["values"]).chunks_exact(5).all(|face| face[0] >= face[1]));
+    let stroke = json!({"strokes": [{"face": 3, "direction": [0.0, 0.0, 1.0], "values": [2.0, 1.0]}, {"face": 90, "tensor": [1.0, 2.0, 0.5]}]});
+    designed(&app, &tensors, "form=roots", stroke).await;
+    let hatching = json!({"field": {"eigenfield": 3}, "spacing": 0.1});
+    assert_eq!(post(&app, &tensors, "hatching", &hatching).await.0, 200);
+    assert_eq!(post(&app, &tensors, "fur", &json!({"field": {"eigenfield": 0}, "length": 1.0})).await.0, 422);
+}
+
+#[tokio::test]
+async fn what_cannot_be_designed_is_a_problem_that_names_it() {
+    let app = builder().start();
+    let mesh = shape(&app, Shape::Sphere, 162).await;
+    let basis = made(&app, &mesh, json!({"dimension": 20})).await;
+    let up = json!([0.0, 0.0, 1.0]);
+    let at = |face: u32, direction: &Value| json!({"face": face, "direction": direction});
+    let singular =
+        |index: f64| json!({"strokes": [at(0, &up)], "singularities": {"at": [{"vertex": 1, "index": index}]}});
+    for (request, kind, words) in [
+        (json!({"strokes": [at(320, &up)]}), "face", "face 320"),
+        (
+            json!({"strokes": [at(5, &json!([0.0, 0.0, 0.0]))]}),
+            "direction",
+            "strokes[0]: the direction on face 5 is zero",
+        ),
+        (json!({"constraints": [{"face": 5, "frame_direction": [0.0, 0.0]}]}), "direction", "constraints[0]"),
+        (json!({"constraints": [at(7, &up), at(7, &json!([1.0, 0.0, 0.0]))]}), "contradiction", "face 7"),
+        (json!({"constraints": (0..40).map(|f| at(f, &up)).collect::<Vec<_>>()}), "dependent", "face"),
+        (json!({"strokes": [{"direction": up}]}), "face", "missing"),
+        (json!({"strokes": [{"face": 1, "point": [0, 0, 1], "direction": up}]}), "face", "not both"),
+        (json!({"strokes": [{"face": 1}]}), "value", "missing"),
+        (json!({"strokes": [{"face": 1, "tensor": [1.0, 1.0, 0.0]}]}), "value", "tensor"),
+        (json!({"strokes": [{"points": [[0, 0, 1]]}]}), "points", "2"),
+        (json!({"strokes": [{"face": 1, "direction": up, "strength": -1.0}]}), "weight", "strength -1"),
+        (json!({"weights": {"harmonic": -1.0}, "strokes": [at(0, &up)]}), "weight", "harmonic"),
+        (json!({"weights": {"harmonic": 0.0}, "strokes": [at(0, &up)]}), "no-energy", "neither"),
+        (json!({}), "no-data", "neither"),
+        (json!({"alignment": {"to": "curvature", "weight": 1.0}}), "alignment", "even n"),
+        (json!({"alignment": {"to": {"columns": 3, "values": [1.0]}, "weight": 1.0}}), "alignment", "320 rows"),
+        (singular(1.0), "singularities", "Euler characteristic is 2"),
+        (singular(0.5), "singularities", "multiple"),
+    ] {
+        let (status, problem) = post(&app, &basis, "design", &request).await;
+        assert_eq!(
+            (status.as_u16(), text(&problem["type"])),
+            (422, format!("/problems/invalid-design/{kind}")),
+            "{request}: {problem}"
+        );
+        assert!(text(&problem["detail"]).contains(words), "{request}: {problem}");
+    }
+    let (status, problem) = post(&app, &basis, "design", &json!({"stroke": []})).await;
+    assert_eq!((status.as_u16(), &problem["type"]), (422, &json!("/problems/invalid-request")), "{problem}");
+    let (status, problem) = post(&app, &basis, "fur", &json!({"field": {"coefficients": [1.0]}, "length": 1.0})).await;
+    assert_eq!(
+        (status.as_u16(), &problem["type"]),
+        (422, &json!("/problems/invalid-design/coefficients")),
+        "{problem}"
+    );
+    let drawn = app.post(&format!("{}/hatching", text(&basis["links"]["self"]))).header("accept", "image/svg+xml");
+    let drawn = drawn.json(&json!({"field": {"eigenfield": 0}})).send().await.unwrap();
+    assert_eq!(drawn.json::<Value>().await.unwrap()["type"], "/problems/invalid-design/camera");
+
+    // A route of one kind is told the other, with both named.
+    let (status, problem) = post(
+        &app,
+        &basis,
+        "filter?function=coordinates",
+        &json!({"functions": "coordinates", "transfer": {"kind": "heat", "time": 1.0}}),
+    )
+    .await;
+    assert_eq!(
+        (status.as_u16(), &problem["kind"], &problem["kinds"]),
+        (409, &json!("field_basis"), &json!(["eigenbasis"])),
+        "{problem}"
+    );
+    let modes = app.get(&format!("{}/modes", text(&basis["links"]["self"]))).send().await.unwrap();
+    assert_eq!(modes.status(), 409);
+    let other = app.submit(&text(&mesh["id"]), json!({"count": 3})).await;
+    let other = app.finished(&text(&other["id"])).await;
+    let url = format!("{}/design", text(&other["links"]["basis"]));
+    let refused: Value =
+        app.post(&url).json(&json!({"strokes": [at(0, &up)]})).send().await.unwrap().json().await.unwrap();
+    assert_eq!(
+        (&refused["type"], &refused["kind"]),
+        (&json!("/problems/basis-kind"), &json!("eigenbasis")),
+        "{refused}"
+    );
+}
+
+#[tokio::test]
+async fn jobs_that_do_not_fit_are_refused_and_surfaces_without_fields_are_named() {
+    let app = builder().start();
+    let mesh = shape(&app, Shape::Sphere, 162).await;
+    for (parameters, name) in [
+        (json!({"dimension": 1}), "dimension"),
+        (json!({"dimension": 100_000_000}), "dimension"),
+        (json!({"dimension": 641}), "dimension"),
+        (json!({"weights": [1.0]}), "weights"),
+        (json!({"field": "tensor", "n": 2}), "n"),
+        (json!({"sigma": 1e9}), "sigma"),
+    ] {
+        let body = json!({"kind": "field_basis", "mesh": mesh["id"], "parameters": parameters});
+        let response = app.post("/v1/jobs").json(&body).send().await.unwrap();
+        let problem: Value = response.json().await.unwrap();
+        assert_eq!(problem["type"], format!("/problems/invalid-parameter/{name}"), "{problem}");
+    }
+    // Three faces at one edge.
+    let fan = "OFF\n5 3 0\n0 0 0\n1 0 0\n0 1 0\n0 -1 0\n0 0 1\n3 0 1 2\n3 1 0 3\n3 0 1 4\n";
+    let mut surfaces = vec![(app.upload("off", fan).await, "the edge from vertex 0 to vertex 1 has 3 faces")];
+    if let Some(folder) = meshes() {
+        let bytes = std::fs::read(folder.join("moebius.obj")).unwrap();
+        surfaces.push((app.upload("obj", bytes).await, "in the same direction"));
+    }
+    for (mesh, words) in surfaces {
+        let job = submitted(&app, &mesh, json!({"dimension": 2})).await;
+        let job = app.finished(&text(&job["id"])).await;
+        assert_eq!(
+            (&job["status"], &job["problem"]["type"]),
+            (&json!("failed"), &json!("/problems/job/no-field-surface")),
+            "{job}"
+        );
+        assert!(text(&job["problem"]["detail"]).contains(words), "{job}");
+        let frames = app.get(&format!("/v1/meshes/{}/frames", text(&mesh["id"]))).send().await.unwrap();
+        let problem: Value = frames.json().await.unwrap();
+        assert_eq!(problem["type"], "/problems/no-field-surface", "{problem}");
+    }
+}
+
+#[tokio::test]
+async fn a_field_basis_outlives_the_server_and_goes_when_it_is_deleted() {
+    let app = builder().start();
+    let mesh = shape(&app, Shape::Torus, 300).await;
+    let parameters = json!({"dimension": 60, "construction": "local_eigenfields", "seed": 3});
+    let basis = made(&app, &mesh, parameters.clone()).await;
+    let again = submitted(
+        &app,
+        &mesh,
+        json!({"seed": 3, "construction": "local_eigenfields", "dimension": 60, "field": "vector"}),
+    )
+    .await;
+    assert_eq!((&again["status"], &again["basis"]), (&json!("succeeded"), &basis["id"]), "equal work is done once");
+    let request = json!({"strokes": [{"face": 10, "frame_direction": [1.0, 0.5]}]});
+    let before = raw(&app, &basis, "design", &request).await;
+    let app = builder().start_in(app.stop());
+    assert_eq!(raw(&app, &basis, "design", &request).await, before);
+    let content = format!("{}/content", text(&basis["links"]["self"]));
+    let bytes = app.get(&content).send().await.unwrap().bytes().await.unwrap();
+    assert_eq!(basis["bytes"], bytes.len());
+    let fields = npz::read_fields(&bytes).unwrap();
+    assert_eq!(
+        (fields.dimension(), fields.metadata["mesh"].clone()),
+        (62, mesh["id"].clone()),
+        "with two harmonic fields"
+    );
+    let other = app.get(&format!("{content}?format=safetensors")).send().await.unwrap();
+    assert_eq!(other.status(), 406);
+    let listed: Value = app.get("/v1/bases?kind=field_basis").send().await.unwrap().json().await.unwrap();
+    assert_eq!(listed["items"][0]["id"], basis["id"]);
+    assert_eq!(app.delete(&text(&basis["links"]["self"])).send().await.unwrap().status(), 204);
+    assert_eq!(post(&app, &basis, "design", &request).await.0, 404);
+    assert_ne!(submitted(&app, &mesh, parameters).await["id"], again["id"], "it is computed anew");
+}
+
+#[tokio::test]
+async fn a_running_field_job_is_cancelled_at_once() {
+    let app = builder().start();
+    let mesh = shape(&app, Shape::Sphere, 10_242).await;
+    let job = text(&submitted(&app, &mesh, json!({"dimension": 6000})).await["id"]);
+    let begin = Instant::now();
+    while app.state.store.job(job.parse().unwrap()).await.unwrap().stage.is_none() {
+        assert!(begin.elapsed() < Duration::from_secs(60));
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    assert_eq!(app.post(&format!("/v1/jobs/{job}/cancel")).send().await.unwrap().status(), 202);
+    let begin = Instant::now();
+    assert_eq!(app.finished(&job).await["status"], "canceled");
+    assert!(begin.elapsed() < Duration::from_secs(20), "{:?}", begin.elapsed());
+}
