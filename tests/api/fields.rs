@@ -207,8 +207,8 @@ async fn what_cannot_be_designed_is_a_problem_that_names_it() {
     ] {
         let (status, problem) = post(&app, &basis, "design", &request).await;
         assert_eq!(
-            (status.as_u16(), text(&problem["type"])),
-            (422, format!("/problems/invalid-design/{kind}")),
+            (status.as_u16(), &problem["type"]),
+            (422, &json!(format!("/problems/invalid-design/{kind}"))),
             "{request}: {problem}"
         );
         assert!(text(&problem["detail"]).contains(words), "{request}: {problem}");
@@ -260,7 +260,8 @@ async fn jobs_that_do_not_fit_are_refused_and_surfaces_without_fields_are_named(
         (json!({"dimension": 1}), "dimension"),
         (json!({"dimension": 100_000_000}), "dimension"),
         (json!({"dimension": 641}), "dimension"),
-        (json!({"weights": [1.0]}), "weights"),
+        (json!({"dimension": 20, "weights": [-1.0]}), "weights"),
+        (json!({"dimension": 20, "weights": [1.0]}), "weights"),
         (json!({"field": "tensor", "n": 2}), "n"),
         (json!({"sigma": 1e9}), "sigma"),
     ] {
@@ -323,7 +324,9 @@ async fn a_field_basis_outlives_the_server_and_goes_when_it_is_deleted() {
     assert_eq!(listed["items"][0]["id"], basis["id"]);
     assert_eq!(app.delete(&text(&basis["links"]["self"])).send().await.unwrap().status(), 204);
     assert_eq!(post(&app, &basis, "design", &request).await.0, 404);
-    assert_ne!(submitted(&app, &mesh, parameters).await["id"], again["id"], "it is computed anew");
+    let anew = submitted(&app, &mesh, parameters).await;
+    assert_ne!(anew["id"], again["id"], "it is computed anew");
+    assert_eq!(app.finished(&text(&anew["id"])).await["status"], "succeeded");
 }
 
 #[tokio::test]

@@ -74,6 +74,9 @@ impl Ready {
     }
 }
 
+/// A hard constraint that is missed by more than this share of its length is not met.
+const MISSED: f64 = 1e-4;
+
 /// A designed field with what it was asked for.
 pub struct Designed {
     /// The coefficients, energies and residuals.
@@ -109,7 +112,14 @@ pub async fn design(state: &AppState, ready: &Ready, request: &DesignRequest) ->
     state
         .solve("design", move || {
             let design = weighted.solve(&fields.basis, &constraints)?;
-            Ok(Designed { design, constraints })
+            // More hard constraints than the space has freedom come out as small errors everywhere: a promise that is not kept.
+            let length = |c: &Constraint| c.value.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let missed =
+                |(c, &residual): &(&Constraint, &f64)| c.weight.is_none() && residual > MISSED * length(c).max(1e-3);
+            match constraints.iter().zip(&design.residuals).find(missed) {
+                Some((constraint, _)) => Err(DesignError::Dependent { face: constraint.face }.into()),
+                None => Ok(Designed { design, constraints }),
+            }
         })
         .await
 }
