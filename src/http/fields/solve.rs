@@ -115,7 +115,7 @@ pub async fn design(state: &AppState, ready: &Ready, request: &DesignRequest) ->
             // More hard constraints than the space has freedom come out as small errors everywhere: a promise that is not kept.
             let length = |c: &Constraint| c.value.iter().map(|x| x * x).sum::<f64>().sqrt();
             let missed =
-                |(c, &residual): &(&Constraint, &f64)| c.weight.is_none() && residual > MISSED * length(c).max(1e-3);
+                |&(c, &residual): &(&Constraint, &f64)| c.weight.is_none() && residual > MISSED * length(c).max(1e-3);
             match constraints.iter().zip(&design.residuals).find(missed) {
                 Some((constraint, _)) => Err(DesignError::Dependent { face: constraint.face }.into()),
                 None => Ok(Designed { design, constraints }),
