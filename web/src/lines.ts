@@ -1,6 +1,6 @@
 // Fields and curves as lines on the surface: glyphs, streamlines, dots.
 
-import { BufferAttribute, BufferGeometry, Color, Group, InstancedMesh, LineBasicMaterial, LineSegments, Matrix4, MeshBasicMaterial, SphereGeometry } from "three";
+import { BufferAttribute, BufferGeometry, Color, DoubleSide, InstancedMesh, Matrix4, Mesh, MeshBasicMaterial, SphereGeometry } from "three";
 import type { Surface } from "./surface";
 
 /** Centre and unit normal of a face. */
@@ -58,19 +58,24 @@ function turned(v: number[], normal: number[], angle: number): number[] {
 /** How a field is drawn: arrows, n directions at once, or the two axes of a tensor. */
 export type Drawing = { kind: "arrows" } | { kind: "star"; n: number } | { kind: "axes" };
 
-/** Glyphs of a field at some faces. */
+/** Flat triangles in one colour: lines of WebGL are one pixel wide whatever is asked for. */
+function flat(positions: Float32Array, colour: number): Mesh<BufferGeometry, MeshBasicMaterial> {
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(positions, 3));
+  const mesh = new Mesh(geometry, new MeshBasicMaterial({ color: colour, side: DoubleSide }));
+  mesh.frustumCulled = false;
+  return mesh;
+}
+
+/** Glyphs of a field at some faces: needles that point where it goes. */
 export class Glyphs {
-  private readonly geometry = new BufferGeometry();
-  readonly object = new Group();
+  readonly object: Mesh<BufferGeometry, MeshBasicMaterial>;
   private readonly positions: Float32Array;
 
   constructor(private readonly surface: Surface, private readonly places: Places, private readonly drawing: Drawing, private readonly lift: number, colour: number) {
-    const segments = { arrows: 3, star: drawing.kind === "star" ? drawing.n : 0, axes: 2 }[drawing.kind];
-    this.positions = new Float32Array(6 * segments * places.faces.length);
-    this.geometry.setAttribute("position", new BufferAttribute(this.positions, 3));
-    const lines = new LineSegments(this.geometry, new LineBasicMaterial({ color: colour }));
-    lines.frustumCulled = false;
-    this.object.add(lines);
+    const needles = { arrows: 1, star: drawing.kind === "star" ? drawing.n : 0, axes: 4 }[drawing.kind];
+    this.positions = new Float32Array(9 * needles * places.faces.length);
+    this.object = flat(this.positions, colour);
   }
 
   /** Moves the glyphs to a field: for each face of the mesh one vector in space, or for a tensor its two eigendirections, scaled. */
@@ -81,54 +86,83 @@ export class Glyphs {
     const lengths = Float32Array.from(places.faces, (f) => size(vectors, wide * f)).sort();
     const usual = lengths[Math.floor(0.9 * (lengths.length - 1))] || 1;
     let at = 0;
-    const line = (a: number[], b: number[]) => {
-      positions.set(a, at);
-      positions.set(b, at + 3);
-      at += 6;
+    // A needle from a root along d, as broad at its foot as `foot` says.
+    const needle = (root: number[], d: number[], foot: number) => {
+      const side = turned(d, normal, Math.PI / 2);
+      for (let k = 0; k < 3; k++) {
+        positions[at + k] = root[k] + foot * side[k];
+        positions[at + 3 + k] = root[k] - foot * side[k];
+        positions[at + 6 + k] = root[k] + d[k];
+      }
+      at += 9;
     };
-    const moved = (a: number[], b: number[], t: number) => [a[0] + t * b[0], a[1] + t * b[1], a[2] + t * b[2]];
     for (const f of places.faces) {
       frame(surface, f, centre, normal);
-      const root = moved(centre, normal, this.lift);
+      const root = [0, 1, 2].map((k) => centre[k] + this.lift * normal[k]);
       const scaled = (i: number) => {
         const own = size(vectors, i);
         // Short vectors stay visible: what matters is their direction.
-        const s = own > 0 ? (places.spacing * (0.3 + 0.6 * Math.sqrt(Math.min(own / usual, 1)))) / own : 0;
+        const s = own > 0 ? (places.spacing * (drawing.kind === "arrows" ? 0.5 + 0.65 * Math.sqrt(Math.min(own / usual, 1)) : 0.75 + 0.3 * Math.min(own / usual, 1))) / own : 0;
         return [s * vectors[i], s * vectors[i + 1], s * vectors[i + 2]];
       };
       const v = scaled(wide * f);
-      if (drawing.kind === "star") for (let k = 0; k < drawing.n; k++) line(root, moved(root, turned(v, normal, (2 * Math.PI * k) / drawing.n), 0.55));
+      if (drawing.kind === "star") for (let k = 0; k < drawing.n; k++) needle(root, turned(v, normal, (2 * Math.PI * k) / drawing.n).map((x) => 0.55 * x), 0.13);
       else if (drawing.kind === "axes") {
-        for (const d of [v, scaled(wide * f + 3)]) line(moved(root, d, -0.5), moved(root, d, 0.5));
-      } else {
-        const tip = moved(root, v, 0.5);
-        line(moved(root, v, -0.5), tip);
-        for (const angle of [2.6, -2.6]) line(tip, moved(tip, turned(v, normal, angle), 0.3));
-      }
+        for (const d of [v, scaled(wide * f + 3)]) for (const half of [0.5, -0.5]) needle(root, d.map((x) => half * x), 0.14);
+      } else needle([0, 1, 2].map((k) => root[k] - 0.5 * v[k]), v, 0.15);
     }
-    (this.geometry.getAttribute("position") as BufferAttribute).needsUpdate = true;
+    (this.object.geometry.getAttribute("position") as BufferAttribute).needsUpdate = true;
   }
 }
 
 const size = (values: Float32Array, i: number) => Math.hypot(values[i], values[i + 1], values[i + 2]);
 
-/** Polylines in space; each is its points one after the other. */
-export function polylines(curves: (number[] | Float32Array)[], colour: number): LineSegments {
+/** Lines on the surface as ribbons. Each has its points and, for each piece between two of them, the face that it lies in. */
+export function ribbons(surface: Surface, lines: { points: number[][]; faces: number[] }[], width: number, lift: number, colour: number) {
   let count = 0;
-  for (const curve of curves) count += Math.max(curve.length / 3 - 1, 0);
-  const positions = new Float32Array(6 * count);
+  for (const line of lines) count += line.faces.length;
+  const positions = new Float32Array(18 * count);
+  const centre = [0, 0, 0], normal = [0, 0, 0];
   let at = 0;
-  for (const curve of curves) {
-    for (let i = 0; i + 5 < curve.length; i += 3) {
-      for (let k = 0; k < 6; k++) positions[at + k] = curve[i + k];
-      at += 6;
-    }
+  for (const { points, faces } of lines) {
+    faces.forEach((f, i) => {
+      const [p, q] = [points[i], points[i + 1]];
+      frame(surface, f, centre, normal);
+      const d = [q[0] - p[0], q[1] - p[1], q[2] - p[2]];
+      const length = Math.hypot(d[0], d[1], d[2]) || 1;
+      const side = turned(d, normal, Math.PI / 2).map((x) => (0.5 * width * x) / length);
+      for (const [end, sign] of [[p, 1], [p, -1], [q, 1], [q, 1], [p, -1], [q, -1]] as const) {
+        for (let k = 0; k < 3; k++) positions[at + k] = end[k] + sign * side[k] + lift * normal[k];
+        at += 3;
+      }
+    });
   }
-  const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new BufferAttribute(positions, 3));
-  const lines = new LineSegments(geometry, new LineBasicMaterial({ color: colour }));
-  lines.frustumCulled = false;
-  return lines;
+  return flat(positions, colour);
+}
+
+/** Strands of fur: six numbers each, the root and from there to the tip. */
+export function strands(numbers: Float32Array, most: number, width: number, root: number, tip: number) {
+  const every = Math.max(1, Math.ceil(numbers.length / 6 / most));
+  const count = Math.ceil(numbers.length / 6 / every);
+  const positions = new Float32Array(9 * count);
+  const colours = new Float32Array(9 * count);
+  const [dark, light, mixed] = [new Color(root), new Color(tip), new Color()];
+  for (let s = 0; s < count; s++) {
+    // Strands differ a little, as hairs do; the same ones each time.
+    const shade = ((s * 2654435761) % 1024) / 1024;
+    for (const [at, t] of [[0, 0.15 * shade], [3, 0.15 * shade], [6, 0.55 + 0.45 * shade]]) mixed.lerpColors(dark, light, t).toArray(colours, 9 * s + at);
+    const [x, y, z, dx, dy, dz] = numbers.subarray(6 * every * s, 6 * every * s + 6);
+    // Across the strand, in a direction that differs from strand to strand, so that some are broad from wherever one looks.
+    const turn = s * 2.4;
+    const across = [dy * Math.sin(turn) - dz * Math.cos(turn), dz * Math.cos(turn * 1.7) - dx * Math.sin(turn), dx * Math.cos(turn) - dy * Math.cos(turn * 1.7)];
+    const length = Math.hypot(across[0], across[1], across[2]) || 1;
+    const [ax, ay, az] = across.map((v) => (0.5 * width * v) / length);
+    positions.set([x + ax, y + ay, z + az, x - ax, y - ay, z - az, x + dx, y + dy, z + dz], 9 * s);
+  }
+  const object = flat(positions, 0xffffff);
+  object.geometry.setAttribute("color", new BufferAttribute(colours, 3));
+  object.material.vertexColors = true;
+  return { object, count };
 }
 
 /** Dots of one size, each in its colour. */

@@ -5,6 +5,7 @@ import { App } from "./app";
 import { h } from "./dom";
 import { library } from "./library";
 import { Look } from "./panels/basis";
+import { fieldsPanel } from "./panels/fields";
 import { filterPanel } from "./panels/filter";
 import { modesPanel } from "./panels/modes";
 import { pointsPanel } from "./panels/points";
@@ -26,7 +27,7 @@ if (viewer) start(viewer);
 function start(viewer: Viewer) {
   const app = new App(viewer);
   const look = new Look(app);
-  app.panels.push(modesPanel(app, look), filterPanel(app, look), pointsPanel(app, look), shapesPanel(app, look));
+  app.panels.push(modesPanel(app, look), filterPanel(app, look), pointsPanel(app, look), fieldsPanel(app, look), shapesPanel(app, look));
 
   const tabs = h("div", { class: "tabs", role: "tablist", "aria-label": "What to do" });
   app.panels.forEach((panel) => {
@@ -59,6 +60,7 @@ function start(viewer: Viewer) {
     h("form", { class: "row", onsubmit: (event: Event) => {
       event.preventDefault();
       key.set(secret.value.trim());
+      app.toasts.replaceChildren();
       keys.open = false;
       void begin();
     } }, secret, h("button", {}, "Use")));

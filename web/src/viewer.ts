@@ -133,7 +133,7 @@ export class Viewer {
       side: DoubleSide,
       uniforms: {
         map: { value: null }, range: { value: new Vector2(-1, 1) }, lines: { value: 0 }, coloured: { value: 0 }, diverging: { value: 1 },
-        plain: { value: new Color(0.72, 0.72, 0.7) }, wave: { value: 0 }, bend: { value: 0 },
+        plain: { value: new Color(0.8, 0.79, 0.76) }, wave: { value: 0 }, bend: { value: 0 },
       },
     });
     this.mesh = new Mesh(new BufferGeometry(), this.material);
@@ -360,6 +360,17 @@ export class Viewer {
     const origin = near.applyMatrix4(inverse);
     const ray = far.applyMatrix4(inverse).sub(origin).normalize();
     return cast(this.surface, origin.toArray(), ray.toArray());
+  }
+
+  /** The vertices where they were before anything moved them. */
+  get resting(): Float32Array | null {
+    return this.rest;
+  }
+
+  /** The unit normal of a vertex. */
+  normalAt(vertex: number): number[] | null {
+    const facing = this.mesh.geometry.getAttribute("normal") as BufferAttribute | undefined;
+    return facing ? [facing.getX(vertex), facing.getY(vertex), facing.getZ(vertex)] : null;
   }
 
   /** Where a vertex stands in the window. */

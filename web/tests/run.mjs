@@ -137,12 +137,39 @@ try {
     await changed(page, "field", before);
     assert.match(await datum(page, "field"), /^geodesic \d+$/);
     const shown = await picture(page);
-    await page.getByLabel("Show", { exact: true }).selectOption("heat_kernel");
+    await page.locator(".panel:not([hidden])").getByLabel("Show", { exact: true }).selectOption("heat_kernel");
     await page.waitForFunction(() => document.body.dataset.field?.startsWith("heat_kernel"));
     assert.notDeepEqual(await picture(page), shown);
-    await page.getByLabel("Show", { exact: true }).selectOption("similar");
+    await page.locator(".panel:not([hidden])").getByLabel("Show", { exact: true }).selectOption("similar");
     await page.waitForFunction(() => document.body.dataset.field?.startsWith("similar"));
     await keep(page, "points");
+    await page.getByRole("tab", { name: "Modes" }).click();
+  });
+
+  await test("a stroke on the surface combs a field, which becomes streamlines and fur", async () => {
+    await page.getByRole("tab", { name: "Fields" }).click();
+    await compute(page, { Dimension: "120" });
+    await changed(page, "designed");
+    const [before, shown] = [await datum(page, "designed"), await picture(page)];
+    const [x, y] = await onSurface(page);
+    await page.mouse.move(x, y);
+    await page.mouse.down();
+    await page.mouse.move(x + 15, y + 25, { steps: 3 });
+    await page.mouse.move(x + 20, y + 55, { steps: 3 });
+    await page.mouse.up();
+    await changed(page, "designed", before);
+    await changed(page, "singular");
+    // Poincaré and Hopf: the indices of a field on a torus cancel.
+    assert.match(await page.locator(".panel:not([hidden])").innerText(), /indices sum to 0 \(Euler characteristic 0\)/);
+    assert.notDeepEqual(await picture(page), shown);
+    const show = page.locator(".panel:not([hidden])").getByLabel("Show", { exact: true });
+    await keep(page, "fields");
+    await show.selectOption("hatching");
+    await page.waitForFunction(() => document.body.dataset.traced === "hatching");
+    await keep(page, "streamlines");
+    await show.selectOption("fur");
+    await page.waitForFunction(() => document.body.dataset.traced === "fur");
+    await keep(page, "fur");
     await page.getByRole("tab", { name: "Modes" }).click();
   });
 

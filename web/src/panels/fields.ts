@@ -1,10 +1,11 @@
 // Fields on the surface: strokes comb a vector field, an n-field is drawn as a hatching, curvature tensors are smoothed.
 
+import type { Object3D } from "three";
 import { ApiError, numbers, post, postNumbers, type Basis } from "../api";
 import type { App, Panel } from "../app";
 import { brief, choice, field, grouped, h, plural, slider } from "../dom";
 import { latest } from "../latest";
-import { dots, Glyphs, polylines, spread } from "../lines";
+import { dots, Glyphs, ribbons, spread, strands } from "../lines";
 import type { Hit } from "../surface";
 import { basisHead, type Look } from "./basis";
 
@@ -19,6 +20,7 @@ const GLYPHS = 2600;
 /** Points of one stroke that are sent. */
 const POINTS = 60;
 const ROSE = 0xc2185b;
+const INK = 0x14325c;
 
 export function fieldsPanel(app: App, look: Look): Panel {
   const head = basisHead(app, "field_basis", "field basis", form(app));
@@ -51,7 +53,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
     if (!surface || app.basis !== basis || app.panel !== panel) return;
     if (!glyphs) {
       const drawing = kind() === "tensor" ? { kind: "axes" as const } : order() === 1 ? { kind: "arrows" as const } : { kind: "star" as const, n: order() };
-      glyphs = new Glyphs(surface, spread(surface, GLYPHS), drawing, 0.006 * app.viewer.radius, 0x10233f);
+      glyphs = new Glyphs(surface, spread(surface, GLYPHS), drawing, 0.006 * app.viewer.radius, INK);
       app.viewer.overlay("glyphs", glyphs.object);
     }
     glyphs.set(vectors);
@@ -87,7 +89,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
     const surface = app.viewer.surface;
     if (app.basis !== basis || app.panel !== panel || !surface) return;
     const found = answer.singularities;
-    app.viewer.overlay("singularities", dots(found.map(({ vertex, index }) => [
+    app.viewer.overlay("singularities", shown === "fur" ? null : dots(found.map(({ vertex, index }) => [
       surface.positions[3 * vertex], surface.positions[3 * vertex + 1], surface.positions[3 * vertex + 2], index > 0 ? 0xe08a3a : 0x1f5fa8,
     ]), 0.014 * app.viewer.radius));
     facts.replaceChildren(h("b", {}, plural(found.length, "singularity", "singularities")),
@@ -103,7 +105,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
 
   // --- lines: hatching and fur ---------------------------------------------------------------------------------------------
 
-  const lines = (object: ReturnType<typeof polylines> | null) => {
+  const lines = (object: Object3D | null) => {
     app.viewer.overlay("lines", object);
     if (glyphs) glyphs.object.visible = object === null;
   };
@@ -113,20 +115,16 @@ export function fieldsPanel(app: App, look: Look): Panel {
     const begin = performance.now();
     const field = await source(basis, wish);
     if (shown === "fur") {
-      const strands = await postNumbers(`${basis.links.self}/fur`, { field, length: 0.07 * app.viewer.radius, tilt: 1.25, full: 0.4 });
-      if (app.basis !== basis || shown !== "fur") return;
-      const every = Math.max(1, Math.floor(strands.length / 6 / 40_000));
-      const curves: number[][] = [];
-      for (let i = 0; i < strands.length; i += 6 * every) {
-        const [x, y, z, dx, dy, dz] = strands.subarray(i, i + 6);
-        curves.push([x, y, z, x + dx, y + dy, z + dz]);
-      }
-      lines(polylines(curves, 0x4a2f1b));
-      timing.textContent = `${grouped(curves.length)} strands in ${brief(performance.now() - begin)} ms`;
+      const numbers = await postNumbers(`${basis.links.self}/fur`, { field, length: 0.07 * app.viewer.radius, tilt: 1.2, full: 0.5 });
+      if (app.basis !== basis || app.panel !== panel || shown !== "fur") return;
+      const { object, count } = strands(numbers, 60_000, 0.007 * app.viewer.radius, 0x2b190d, 0xd9ac77);
+      lines(object);
+      timing.textContent = `${plural(count, "strand")} in ${brief(performance.now() - begin)} ms`;
     } else {
-      const answer = await post<{ lines: { points: number[][] }[] }>(`${basis.links.self}/hatching`, { field, spacing: 10 ** spacing.control.valueAsNumber, most_lines: 20_000 });
-      if (app.basis !== basis || shown !== "hatching") return;
-      lines(polylines(answer.lines.map((line) => line.points.flat()), 0x10233f));
+      const answer = await post<{ lines: { points: number[][]; faces: number[] }[] }>(`${basis.links.self}/hatching`, { field, spacing: 10 ** spacing.control.valueAsNumber, most_lines: 20_000 });
+      const surface = app.viewer.surface;
+      if (app.basis !== basis || app.panel !== panel || shown !== "hatching" || !surface) return;
+      lines(ribbons(surface, answer.lines, 0.0045 * app.viewer.radius, 0.003 * app.viewer.radius, INK));
       timing.textContent = `${plural(answer.lines.length, "line")} in ${brief(performance.now() - begin)} ms`;
     }
     document.body.dataset.traced = shown;
@@ -134,7 +132,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
 
   // --- strokes -------------------------------------------------------------------------------------------------------------
 
-  const showStrokes = () => app.viewer.overlay("strokes", strokes.length ? polylines(strokes.map((points) => points.flat()), ROSE) : null);
+  const showStrokes = () => app.viewer.overlay("strokes", strokes.length && shown !== "fur" ? dots(strokes.flat().map(([x, y, z]) => [x, y, z, ROSE]), 0.0085 * app.viewer.radius) : null);
   const onStroke = (hit: Hit, phase: "begin" | "move"): boolean => {
     if (!combing || kind() === "tensor") return false;
     if (phase === "begin") strokes.push([]);
@@ -182,7 +180,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const smooth = knob("Smoothness", { min: -4, max: 1, step: 0.1, value: 0 }, (value) => brief(10 ** value));
   const bending = knob("Biharmonic", { min: 0, max: 1, step: 0.05, value: 0.2 }, brief);
   const alignment = knob("Curvature", { min: 0, max: 5, step: 0.1, value: 0 }, (value) => (value ? brief(value) : "ignored"));
-  const spacing = slider("Spacing", { min: -2.2, max: -1, step: 0.05, value: -1.6 }, () => {}, (value) => brief(10 ** value));
+  const spacing = slider("Spacing", { min: -2.2, max: -1, step: 0.05, value: -1.85 }, () => {}, (value) => brief(10 ** value));
   spacing.control.addEventListener("change", settled);
   const display = h("div", {});
   const row = h("div", { class: "row" }, comb, h("button", { onclick: () => remove(false) }, "Undo"), h("button", { onclick: () => remove(true) }, "Clear"));
