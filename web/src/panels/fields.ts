@@ -12,6 +12,8 @@ import { basisHead, type Look } from "./basis";
 interface Design {
   weights: { harmonic: number; biharmonic: number };
   strokes: { points: number[][]; strength: number }[];
+  constraints: { point: number[]; direction: number[] }[];
+  singularities?: { at: { vertex: number; index: number }[]; weight: number };
   alignment?: { to: "curvature"; weight: number; per_face?: "anisotropy" };
 }
 
@@ -20,7 +22,14 @@ const GLYPHS = 2600;
 /** Points of one stroke that are sent. */
 const POINTS = 60;
 const ROSE = 0xc2185b;
+const PIN = 0x7b1fa2;
 const INK = 0x14325c;
+
+const unit = (from: number[], to: number[]) => {
+  const d = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
+  const length = Math.hypot(d[0], d[1], d[2]) || 1;
+  return d.map((x) => x / length);
+};
 
 export function fieldsPanel(app: App, look: Look): Panel {
   const head = basisHead(app, "field_basis", "field basis", form(app));
@@ -28,8 +37,10 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const timing = h("p", { class: "dim" });
   const facts = h("p", { "aria-live": "polite" });
   let strokes: number[][][] = [];
+  let pins: { from: number[]; to: number[] }[] = [];
+  let singular: { vertex: number; index: number }[] = [];
+  let tool = "comb";
   let glyphs: Glyphs | null = null;
-  let combing = true;
   let shown = "glyphs";
 
   const kind = () => (app.basis?.parameters.field as string | undefined) ?? "vector";
@@ -41,10 +52,18 @@ export function fieldsPanel(app: App, look: Look): Panel {
     return {
       weights: { harmonic: 10 ** smooth.control.valueAsNumber, biharmonic: 10 ** (smooth.control.valueAsNumber - 1) * bending.control.valueAsNumber },
       strokes: strokes.filter((points) => points.length > 1).map((points) => ({ points, strength: 10 ** strength.control.valueAsNumber })),
+      constraints: pins.filter(({ from, to }) => from !== to).map(({ from, to }) => ({ point: from, direction: unit(from, to) })),
+      ...(singular.length > 0 && balanced() ? { singularities: { at: singular, weight: 1000 } } : {}),
       ...(aligned() && along > 0 ? { alignment: { to: "curvature" as const, weight: along, ...(kind() === "tensor" ? {} : { per_face: "anisotropy" as const }) } } : {}),
     };
   };
-  const nothing = (wish: Design) => wish.strokes.length === 0 && !wish.alignment;
+  /** On a closed surface the indices have to add up; until they do, they are only shown. */
+  const balanced = () => {
+    const report = app.mesh?.report;
+    if (!report || report.boundary_loops > 0 || report.components > 1) return true;
+    return Math.abs(singular.reduce((sum, { index }) => sum + index, 0) - report.euler_characteristic) < 1e-9;
+  };
+  const nothing = (wish: Design) => wish.strokes.length === 0 && wish.constraints.length === 0 && !wish.singularities && !wish.alignment;
   /** Numbers for each face that a drawing needs and no more: the other directions of an n-field are turns of the first. */
   const wide = () => (kind() === "tensor" ? "roots" : "world");
 
@@ -83,6 +102,8 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const judge = latest<{ basis: Basis; wish: Design }>(async ({ basis, wish }) => {
     app.viewer.overlay("singularities", null);
     facts.textContent = "";
+    const wanted = singular.reduce((sum, { index }) => sum + index, 0);
+    if (singular.length > 0 && !balanced()) facts.textContent = `The indices add up to ${brief(wanted)} so far; on this surface they have to make ${app.mesh?.report.euler_characteristic}.`;
     if (nothing(wish)) return;
     const answer = await post<{ singularities: { vertex: number; index: number }[]; index_sum: number; euler_characteristic: number; harmonic_energy: number; biharmonic_energy: number }>(
       `${basis.links.self}/design?singularities=true`, wish);
@@ -92,8 +113,10 @@ export function fieldsPanel(app: App, look: Look): Panel {
     app.viewer.overlay("singularities", shown === "fur" ? null : dots(found.map(({ vertex, index }) => [
       surface.positions[3 * vertex], surface.positions[3 * vertex + 1], surface.positions[3 * vertex + 2], index > 0 ? 0xe08a3a : 0x1f5fa8,
     ]), 0.014 * app.viewer.radius));
-    facts.replaceChildren(h("b", {}, plural(found.length, "singularity", "singularities")),
-      `, indices sum to ${brief(answer.index_sum)} (Euler characteristic ${answer.euler_characteristic}): orange turns with the way around, blue against it. Energy ${brief(answer.harmonic_energy)}.`);
+    if (balanced() || singular.length === 0) {
+      facts.replaceChildren(h("b", {}, plural(found.length, "singularity", "singularities")),
+        `, indices sum to ${brief(answer.index_sum)} (Euler characteristic ${answer.euler_characteristic})${found.length ? ": orange turns with the way around, blue against it" : ""}. Energy ${brief(answer.harmonic_energy)}.`);
+    }
     document.body.dataset.singular = String(found.length);
   }, app.fail);
   const settled = () => {
@@ -132,9 +155,34 @@ export function fieldsPanel(app: App, look: Look): Panel {
 
   // --- strokes -------------------------------------------------------------------------------------------------------------
 
-  const showStrokes = () => app.viewer.overlay("strokes", strokes.length && shown !== "fur" ? dots(strokes.flat().map(([x, y, z]) => [x, y, z, ROSE]), 0.0085 * app.viewer.radius) : null);
+  const showStrokes = () => {
+    const { viewer } = app;
+    const places: [number, number, number, number][] = strokes.flat().map(([x, y, z]) => [x, y, z, ROSE]);
+    for (const { from, to } of pins) {
+      for (let t = 0; t <= 1; t += 0.2) places.push([0, 1, 2].map((k) => from[k] + t * (to[k] - from[k])).concat(PIN) as [number, number, number, number]);
+    }
+    const p = viewer.surface?.positions;
+    if (p) for (const { vertex, index } of singular) places.push([p[3 * vertex], p[3 * vertex + 1], p[3 * vertex + 2], index > 0 ? 0xe08a3a : 0x1f5fa8]);
+    viewer.overlay("strokes", places.length && shown !== "fur" ? dots(places, 0.0085 * viewer.radius) : null);
+  };
   const onStroke = (hit: Hit, phase: "begin" | "move"): boolean => {
-    if (!combing || kind() === "tensor") return false;
+    if (tool === "turn" || kind() === "tensor") return false;
+    if (tool === "plus" || tool === "minus") {
+      if (phase === "begin") {
+        const index = (tool === "plus" ? 1 : -1) / order();
+        const known = singular.some(({ vertex }) => vertex === hit.vertex);
+        singular = known ? singular.filter(({ vertex }) => vertex !== hit.vertex) : [...singular, { vertex: hit.vertex, index }];
+      }
+      return true;
+    }
+    if (tool === "pin") {
+      if (phase === "begin") pins.push({ from: hit.point, to: hit.point });
+      else {
+        pins[pins.length - 1].to = hit.point;
+        update();
+      }
+      return true;
+    }
     if (phase === "begin") strokes.push([]);
     const points = strokes[strokes.length - 1];
     const last = points[points.length - 1];
@@ -152,18 +200,20 @@ export function fieldsPanel(app: App, look: Look): Panel {
   };
   const onStrokeEnd = () => {
     strokes = strokes.filter((points) => points.length > 1);
+    pins = pins.filter(({ from, to }) => from !== to);
     update();
     settled();
   };
 
   // --- controls ------------------------------------------------------------------------------------------------------------
 
-  const comb = h("button", { "aria-pressed": "true", onclick: () => {
-    combing = !combing;
-    comb.setAttribute("aria-pressed", String(combing));
-  } }, "Comb");
+  const tools = choice([["comb", "comb (soft)"], ["pin", "pin (exact)"], ["plus", "singularity +"], ["minus", "singularity −"], ["turn", "turn the surface"]], tool, (value) => (tool = value));
+  const toolField = field("Pointer", tools);
   const remove = (all: boolean) => {
-    strokes = all ? [] : strokes.slice(0, -1);
+    if (all) [strokes, pins, singular] = [[], [], []];
+    else if (tool === "pin") pins = pins.slice(0, -1);
+    else if (tool === "plus" || tool === "minus") singular = singular.slice(0, -1);
+    else strokes = strokes.slice(0, -1);
     update();
     settled();
   };
@@ -183,9 +233,9 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const spacing = slider("Spacing", { min: -2.2, max: -1, step: 0.05, value: -1.85 }, () => {}, (value) => brief(10 ** value));
   spacing.control.addEventListener("change", settled);
   const display = h("div", {});
-  const row = h("div", { class: "row" }, comb, h("button", { onclick: () => remove(false) }, "Undo"), h("button", { onclick: () => remove(true) }, "Clear"));
+  const row = h("div", { class: "row" }, h("button", { onclick: () => remove(false) }, "Undo"), h("button", { onclick: () => remove(true) }, "Clear"));
   const hint = h("p", {});
-  body.append(hint, row, display, spacing.element, strength.element, smooth.element, bending.element, alignment.element, facts, timing);
+  body.append(hint, toolField, row, display, spacing.element, strength.element, smooth.element, bending.element, alignment.element, facts, timing);
 
   const showDisplay = () => {
     const kinds: [string, string][] = [["glyphs", kind() === "vector" ? "arrows" : "crosses"], ["hatching", kind() === "vector" ? "streamlines" : "hatching"]];
@@ -201,6 +251,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
   };
 
   let before: string | undefined;
+  let mesh: string | undefined;
   const panel: Panel = {
     id: "fields",
     title: "Fields",
@@ -214,13 +265,14 @@ export function fieldsPanel(app: App, look: Look): Panel {
       app.title.textContent = app.mesh?.name ?? "";
       glyphs = null;
       if (!basis) return;
-      if (before !== basis.mesh) strokes = [];
-      before = basis.mesh;
+      if (before !== basis.id) singular = [];
+      if (mesh !== basis.mesh) [strokes, pins] = [[], []];
+      [before, mesh] = [basis.id, basis.mesh];
       const tensor = kind() === "tensor";
       hint.textContent = tensor
         ? "Curvature tensors in this space: the weights steer, live, how smooth they are."
         : "Draw on the surface: the field follows the stroke. Beside the surface, dragging turns it.";
-      row.hidden = tensor;
+      row.hidden = toolField.hidden = tensor;
       strength.element.hidden = tensor;
       alignment.element.hidden = !aligned();
       alignment.set(tensor ? 1 : alignment.control.valueAsNumber);
