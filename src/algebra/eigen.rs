@@ -61,6 +61,26 @@ pub enum EigenError {
     Cancelled(#[from] Cancelled),
 }
 
+/// Where eigenpairs were computed.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum ComputedOn {
+    /// On the CPU.
+    #[default]
+    Cpu,
+    /// On a graphics card.
+    Gpu {
+        /// Its name.
+        adapter: String,
+    },
+    /// On the CPU, since a graphics card failed.
+    CpuInstead {
+        /// Its name.
+        adapter: String,
+        /// What happened.
+        reason: String,
+    },
+}
+
 /// Eigenpairs of a pencil of size `d`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EigenPairs {
@@ -68,6 +88,8 @@ pub struct EigenPairs {
     pub values: Vec<f64>,
     /// `d × m`, `B`-orthonormal; in each column the entry of largest magnitude is positive.
     pub vectors: DenseMatrix,
+    /// Where they were computed.
+    pub computed_on: ComputedOn,
 }
 
 /// Solves dense symmetric-definite eigenproblems.
@@ -104,11 +126,40 @@ impl SymmetricDefiniteSolver for CpuSolver {
 
     fn lowest(
         &self,
+        a: DenseMatrix,
+        b: DenseMatrix,
+        count: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<EigenPairs, EigenError> {
+        let mut pencil = Pencil::new(a, b, count, monitor)?;
+        let (values, vectors) = pencil.lowest_on_cpu(count, monitor)?;
+        Ok(pencil.finish(values, vectors, monitor))
+    }
+}
+
+/// Threads for a problem of size `d`.
+fn parallelism(d: usize) -> Par {
+    let threads = rayon::current_num_threads();
+    if d < LEAST_PARALLEL_SIZE || threads == 1 { Par::Seq } else { Par::rayon(threads) }
+}
+
+/// A pencil that is checked, scaled and factored, which every solver begins with.
+pub(super) struct Pencil {
+    /// `A`, scaled to a magnitude near 1: the lower triangle.
+    pub(super) a: DenseMatrix,
+    /// `L`, where `L Lᵀ` is the `B` scaled to a unit diagonal: the lower triangle.
+    pub(super) l: DenseMatrix,
+    scales: Vec<f64>,
+    magnitude: f64,
+}
+
+impl Pencil {
+    pub(super) fn new(
         mut a: DenseMatrix,
         mut b: DenseMatrix,
         count: usize,
         monitor: &dyn Monitor,
-    ) -> Result<EigenPairs, EigenError> {
+    ) -> Result<Self, EigenError> {
         let d = a.rows();
         if (a.columns(), b.rows(), b.columns()) != (d, d, d) {
             return Err(EigenError::Shape { a: (d, a.columns()), b: (b.rows(), b.columns()) });
@@ -118,35 +169,47 @@ impl SymmetricDefiniteSolver for CpuSolver {
         }
         check_finite('A', &a)?;
         check_finite('B', &b)?;
-        if count == 0 {
-            return Ok(EigenPairs { values: Vec::new(), vectors: DenseMatrix::zeros(d, 0) });
-        }
-        let threads = rayon::current_num_threads();
-        let par = if d < LEAST_PARALLEL_SIZE || threads == 1 { Par::Seq } else { Par::rayon(threads) };
         let scales = scale_to_unit_diagonal(&mut a, &mut b)?;
         let magnitude = normalise_magnitude(&mut a);
         monitor.checkpoint()?;
-
-        factor(view_mut(&mut b), par)?;
+        if d > 0 {
+            factor(view_mut(&mut b), parallelism(d))?;
+        }
         monitor.progress(0.05);
         monitor.checkpoint()?;
+        Ok(Self { a, l: b, scales, magnitude })
+    }
 
-        reduce(view_mut(&mut a), view(&b), par)?;
+    /// The lowest pairs of `A x = λ L Lᵀ x`. `A` is used up.
+    pub(super) fn lowest_on_cpu(
+        &mut self,
+        count: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<(Vec<f64>, DenseMatrix), EigenError> {
+        let d = self.l.rows();
+        if count == 0 {
+            return Ok((Vec::new(), DenseMatrix::zeros(d, 0)));
+        }
+        let par = parallelism(d);
+        reduce(view_mut(&mut self.a), view(&self.l), par)?;
         monitor.progress(0.15);
         monitor.checkpoint()?;
-
-        let (mut values, mut vectors) = standard_lowest(a, count, par, monitor)?;
+        let (values, mut vectors) = standard_lowest(std::mem::take(&mut self.a), count, par, monitor)?;
         monitor.checkpoint()?;
+        triangular_solve::solve_upper_triangular_in_place(view(&self.l).transpose(), view_mut(&mut vectors), par);
+        Ok((values, vectors))
+    }
 
-        triangular_solve::solve_upper_triangular_in_place(view(&b).transpose(), view_mut(&mut vectors), par);
-        for column in 0..count {
+    /// Pairs of the pencil as it was given.
+    pub(super) fn finish(self, mut values: Vec<f64>, mut vectors: DenseMatrix, monitor: &dyn Monitor) -> EigenPairs {
+        for column in 0..vectors.columns() {
             let column = vectors.column_mut(column);
-            column.iter_mut().zip(&scales).for_each(|(x, s)| *x *= s);
+            column.iter_mut().zip(&self.scales).for_each(|(x, s)| *x *= s);
             make_largest_positive(column);
         }
-        values.iter_mut().for_each(|v| *v *= magnitude);
+        values.iter_mut().for_each(|v| *v *= self.magnitude);
         monitor.progress(1.0);
-        Ok(EigenPairs { values, vectors })
+        EigenPairs { values, vectors, computed_on: ComputedOn::Cpu }
     }
 }
 
@@ -328,26 +391,10 @@ fn standard_lowest(
 
     let diagonal: Vec<f64> = (0..d).map(|k| a.column(k)[k]).collect();
     let beside: Vec<f64> = (0..d).map(|k| if k + 1 < d { a.column(k)[k + 1] } else { 0.0 }).collect();
-    let mut values = vec![0.0; d];
-    let mut vectors = DenseMatrix::zeros(d, d);
-    let request = evd::self_adjoint_evd_scratch::<f64>(d, ComputeEigenvectors::Yes, par, Default::default());
-    let mut buffer = memory(request)?;
-    evd::tridiagonal_self_adjoint_evd(
-        faer::diag::DiagRef::from_slice(&diagonal),
-        faer::diag::DiagRef::from_slice(&beside),
-        faer::diag::DiagMut::from_slice_mut(&mut values),
-        Some(view_mut(&mut vectors)),
-        par,
-        MemStack::new(&mut buffer),
-        Default::default(),
-    )
-    .map_err(|_| EigenError::NoConvergence)?;
-    drop(buffer);
+    let (values, mut vectors) = tridiagonal_lowest(&diagonal, &beside, count)?;
     monitor.progress(0.8);
     monitor.checkpoint()?;
 
-    values.truncate(count);
-    vectors.keep_columns(count);
     let request =
         householder::apply_block_householder_sequence_on_the_left_in_place_scratch::<f64>(d - 1, block, count);
     let mut buffer = memory(request)?;
@@ -360,6 +407,37 @@ fn standard_lowest(
         MemStack::new(&mut buffer),
     );
     monitor.progress(0.95);
+    Ok((values, vectors))
+}
+
+/// The `count` lowest pairs of the symmetric tridiagonal matrix with this diagonal and, beside it, the first `d − 1` of these numbers, by
+/// divide and conquer.
+pub(super) fn tridiagonal_lowest(
+    diagonal: &[f64],
+    beside: &[f64],
+    count: usize,
+) -> Result<(Vec<f64>, DenseMatrix), EigenError> {
+    let d = diagonal.len();
+    if d == 1 {
+        return Ok((diagonal.to_vec(), DenseMatrix::from_columns(1, 1, vec![1.0]).unwrap_or_default()));
+    }
+    let par = parallelism(d);
+    let mut values = vec![0.0; d];
+    let mut vectors = DenseMatrix::zeros(d, d);
+    let request = evd::self_adjoint_evd_scratch::<f64>(d, ComputeEigenvectors::Yes, par, Default::default());
+    let mut buffer = memory(request)?;
+    evd::tridiagonal_self_adjoint_evd(
+        faer::diag::DiagRef::from_slice(diagonal),
+        faer::diag::DiagRef::from_slice(beside),
+        faer::diag::DiagMut::from_slice_mut(&mut values),
+        Some(view_mut(&mut vectors)),
+        par,
+        MemStack::new(&mut buffer),
+        Default::default(),
+    )
+    .map_err(|_| EigenError::NoConvergence)?;
+    values.truncate(count);
+    vectors.keep_columns(count);
     Ok((values, vectors))
 }
 

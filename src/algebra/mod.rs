@@ -1,4 +1,4 @@
-//! Sparse and dense matrices and the dense symmetric-definite eigenproblem. The only room that names faer.
+//! Sparse and dense matrices and the dense symmetric-definite eigenproblem. The only room that names faer or wgpu.
 
 mod block_matrix;
 mod blocks;
@@ -9,6 +9,7 @@ mod factor;
 mod factor_solve;
 mod factored;
 mod galerkin;
+pub mod gpu;
 mod lift;
 mod mass;
 mod ordering;
@@ -22,7 +23,7 @@ pub use block_matrix::{Block, BlockMatrix, add_product, inverse_positive, transp
 pub use blocks::compact_order;
 pub use definite::{DefiniteError, DefiniteFactor, orthonormalise, solve_definite};
 pub use dense::DenseMatrix;
-pub use eigen::{CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};
+pub use eigen::{ComputedOn, CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};
 pub use factor::{Factor, FactorError, SymbolicFactor};
 pub use factored::{space_times, space_transposed_mass_times};
 pub use galerkin::{GalerkinError, galerkin};

@@ -1,0 +1,53 @@
+//! What stands in for a graphics card in a build without the feature `gpu`.
+
+use super::GpuChoice;
+use super::error::GpuError;
+use crate::algebra::DenseMatrix;
+use crate::monitor::Monitor;
+
+/// What is known of an adapter.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Adapter {
+    /// Its name.
+    pub name: String,
+    /// `vulkan`, `metal` or `dx12`.
+    pub backend: String,
+    /// The driver and its version.
+    pub driver: String,
+    /// Whether it is no hardware but a program on the CPU.
+    pub software: bool,
+    /// Whether its shaders know f64.
+    pub f64: bool,
+}
+
+/// All adapters of this machine: none that this build could use.
+pub fn adapters() -> Vec<Adapter> {
+    Vec::new()
+}
+
+/// No device: none can be opened.
+pub(super) enum Engine {}
+
+impl Engine {
+    pub(super) fn open(_: &GpuChoice) -> Result<Self, GpuError> {
+        Err(GpuError::NotBuilt)
+    }
+
+    pub(super) fn name(&self) -> &str {
+        match *self {}
+    }
+
+    pub(super) fn wants(&self, _: usize, _: usize) -> bool {
+        match *self {}
+    }
+
+    pub(super) fn lowest(
+        &self,
+        _: &DenseMatrix,
+        _: &DenseMatrix,
+        _: usize,
+        _: &dyn Monitor,
+    ) -> Result<(Vec<f64>, DenseMatrix), GpuError> {
+        match *self {}
+    }
+}
