@@ -96,6 +96,11 @@ pub struct Config {
     #[arg(long, value_name = "N", env = "CHLADNI_SOLVE_THREADS", default_value_t = 0, help_heading = "Work")]
     pub solve_threads: usize,
 
+    /// Graphics card for large dense problems: off; auto for the first one that is no software, where it is faster than the CPU; or its
+    /// number or a part of its name
+    #[arg(long, value_name = "CARD", env = "CHLADNI_GPU", default_value = "auto", help_heading = "Work")]
+    pub gpu: String,
+
     /// Bytes of memory that running jobs may need together, by estimate; 0 for three quarters of what is free at the start
     #[arg(long, value_name = "BYTES", env = "CHLADNI_MEMORY_BYTES", default_value = "0", value_parser = bytes, help_heading = "Work")]
     pub memory_bytes: u64,
@@ -279,6 +284,7 @@ impl Default for Config {
             workers: 1,
             threads: 0,
             solve_threads: 0,
+            gpu: "auto".into(),
             memory_bytes: 0,
             lease_seconds: Duration::from_secs(30),
             heartbeat_seconds: Duration::from_millis(500),

@@ -17,6 +17,9 @@ pub trait Monitor: Sync {
     /// next call or the next stage.
     fn detail(&self, _text: &str) {}
 
+    /// How the result came about, where that is worth keeping with it: `("dense_solver", "NVIDIA H200")`.
+    fn note(&self, _name: &'static str, _text: &str) {}
+
     /// Ends the work with [`Cancelled`] where that was asked for. Called often: at least every few milliseconds of work.
     fn checkpoint(&self) -> Result<(), Cancelled>;
 }
@@ -33,6 +36,20 @@ impl Monitor for Unwatched {
     }
 }
 
+/// Passes on notes and cancellation alone: for a solver within a solver, whose stages and progress are not those of the caller.
+pub struct Quiet<'a>(pub &'a dyn Monitor);
+
+impl Monitor for Quiet<'_> {
+    fn stage(&self, _name: &'static str) {}
+    fn progress(&self, _fraction: f64) {}
+    fn note(&self, name: &'static str, text: &str) {
+        self.0.note(name, text);
+    }
+    fn checkpoint(&self) -> Result<(), Cancelled> {
+        self.0.checkpoint()
+    }
+}
+
 /// Seconds spent in each stage, in order of first appearance; wraps another monitor and passes everything on to it.
 pub struct StageClock<'a> {
     inner: &'a dyn Monitor,
@@ -43,6 +60,7 @@ pub struct StageClock<'a> {
 struct ClockState {
     seconds: Vec<(&'static str, f64)>,
     current: Option<(&'static str, std::time::Instant)>,
+    notes: Vec<(&'static str, String)>,
 }
 
 impl ClockState {
@@ -61,6 +79,11 @@ impl<'a> StageClock<'a> {
     /// A clock that has not begun a stage yet.
     pub fn new(inner: &'a dyn Monitor) -> Self {
         Self { inner, state: std::sync::Mutex::default() }
+    }
+
+    /// What was noted, each text once, in order.
+    pub fn notes(&self) -> Vec<(&'static str, String)> {
+        self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner).notes.clone()
     }
 
     /// Ends the last stage and gives the seconds of each.
@@ -85,6 +108,15 @@ impl Monitor for StageClock<'_> {
     }
     fn detail(&self, text: &str) {
         self.inner.detail(text);
+    }
+    fn note(&self, name: &'static str, text: &str) {
+        {
+            let mut state = self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            if !state.notes.iter().any(|(n, t)| (*n, t.as_str()) == (name, text)) {
+                state.notes.push((name, text.to_owned()));
+            }
+        }
+        self.inner.note(name, text);
     }
     fn checkpoint(&self) -> Result<(), Cancelled> {
         self.inner.checkpoint()

@@ -1,6 +1,7 @@
 //! `serve`: the store, the workers and the API, wired together, and their end in order.
 
 use super::{CliError, memory};
+use crate::algebra::gpu;
 use crate::config::Config;
 use crate::http::{self, AppState};
 use crate::queue::{QueueObserver, Solver, WorkerOptions, WorkerPool};
@@ -100,6 +101,7 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
     };
     // What would never fit is refused at once.
     config.limits.max_job_bytes = config.limits.max_job_bytes.min(memory);
+    let accelerator = accelerator(&config.gpu).await?;
     let metrics = Arc::new(Metrics::new()?);
     let mut options = StoreOptions::new(&config.data);
     options.cache_bytes = config.cache_bytes;
@@ -140,11 +142,35 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
         solve_threads,
         job_bytes = most_job_bytes,
         memory_bytes = memory,
+        gpu = accelerator.adapter().unwrap_or_else(|| "none".into()),
         keys = keys.len(),
         version = env!("CARGO_PKG_VERSION"),
         "listening"
     );
     Ok(Running { address, store, metrics, state, workers, stop, server, drain })
+}
+
+/// Opens the graphics card that is chosen, before jobs may ask for it.
+async fn accelerator(choice: &str) -> Result<Arc<gpu::Accelerator>, CliError> {
+    let choice: gpu::GpuChoice =
+        choice.parse().map_err(|reason| CliError::Usage(format!("--gpu {choice:?} is none of these: {reason}")))?;
+    let failed = |error: &dyn std::fmt::Display| CliError::Service(error.to_string());
+    let accelerator = tokio::task::spawn_blocking(move || {
+        let accelerator = gpu::choose(choice);
+        accelerator.open();
+        accelerator
+    })
+    .await
+    .map_err(|error| failed(&error))?;
+    match accelerator.reason() {
+        // That there is no card is as usual.
+        Some(reason) if *accelerator.choice() == gpu::GpuChoice::Auto => {
+            tracing::debug!(%reason, "no graphics card takes part");
+        }
+        Some(reason) => tracing::warn!(%reason, "the graphics card cannot be used; the CPU does its work"),
+        None => {}
+    }
+    Ok(accelerator)
 }
 
 impl Running {

@@ -133,6 +133,9 @@ async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
     metrics.basis_cache_bytes.set(cache.bytes as i64);
     catch_up(&state.counted.hits, cache.hits, |n| metrics.basis_cache_hits.inc_by(n));
     catch_up(&state.counted.misses, cache.misses, |n| metrics.basis_cache_misses.inc_by(n));
+    let accelerator = crate::algebra::gpu::accelerator();
+    metrics.gpu_available.set(i64::from(accelerator.available()));
+    catch_up(&state.counted.gpu_fallbacks, accelerator.fallbacks(), |n| metrics.gpu_fallbacks.inc_by(n));
     let text = metrics.render();
     Ok(([(header::CONTENT_TYPE, HeaderValue::from_static("text/plain; version=0.0.4; charset=utf-8"))], text)
         .into_response())
@@ -143,6 +146,7 @@ async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
 pub struct Counted {
     hits: AtomicU64,
     misses: AtomicU64,
+    gpu_fallbacks: AtomicU64,
 }
 
 /// Raises a counter to a total that someone else keeps; two scrapes at once raise it once.

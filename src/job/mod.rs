@@ -243,6 +243,7 @@ impl JobParameters {
         self.check_mesh(mesh.into())?;
         let clock = StageClock::new(monitor);
         let mut product = self.work().run(mesh, &clock)?;
+        let notes = clock.notes();
         let seconds = clock.finish();
         let mut parameters = self.canonical();
         abbreviate(&mut parameters);
@@ -253,7 +254,14 @@ impl JobParameters {
             "vertices": mesh.positions.len(),
             "faces": mesh.faces.len(),
         });
-        if let serde_json::Value::Object(about) = about {
+        if let serde_json::Value::Object(mut about) = about {
+            for (name, text) in notes {
+                about
+                    .entry(name)
+                    .or_insert_with(|| serde_json::json!([]))
+                    .as_array_mut()
+                    .map(|list| list.push(text.into()));
+            }
             product.describe(about);
         }
         Ok(Outcome { product, seconds })

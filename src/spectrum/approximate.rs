@@ -4,9 +4,7 @@ use super::certificate::{CertificateError, certify};
 use super::envelope::{envelop, on_all_vertices};
 use super::heat::{self, HeatError, HeatParameters};
 use super::radial::{self, Profile, RadialError, RadialParameters};
-use crate::algebra::{
-    CpuSolver, EigenError, EigenPairs, GalerkinError, SparseMatrix, SymmetricDefiniteSolver, galerkin,
-};
+use crate::algebra::{EigenError, EigenPairs, GalerkinError, SparseMatrix, SymmetricDefiniteSolver, galerkin, gpu};
 use crate::basis::{Basis, Compact, Functions};
 use crate::mesh::TriangleMesh;
 use crate::mesh::connectivity::Connectivity;
@@ -194,7 +192,7 @@ pub(super) fn ritz(
     monitor.stage("eigen");
     // Guards may be more than the space has.
     let count = count.min(space.columns().max(parameters.count));
-    let pairs = CpuSolver.lowest(stiffness.to_dense(), mass.to_dense(), count, monitor)?;
+    let pairs = gpu::accelerator().lowest(stiffness.to_dense(), mass.to_dense(), count, monitor)?;
     Ok(Ritz { space, mass, pairs })
 }
 

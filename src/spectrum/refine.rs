@@ -10,11 +10,11 @@ use super::approximate::{ApproximationError, ApproximationParameters, Ritz, ritz
 use super::certificate::KERNEL;
 use super::hsim::Eigenpairs;
 use crate::algebra::{
-    CpuSolver, DenseMatrix, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SymbolicFactor, SymmetricDefiniteSolver,
-    fill_reducing_order, mass_times_panel, prolong, residual_panel, residual_sums, restrict, rotate,
+    DenseMatrix, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SymbolicFactor, SymmetricDefiniteSolver,
+    fill_reducing_order, gpu, mass_times_panel, prolong, residual_panel, residual_sums, restrict, rotate,
 };
 use crate::mesh::TriangleMesh;
-use crate::monitor::{Monitor, Unwatched};
+use crate::monitor::{Monitor, Quiet};
 use crate::operator::{EigenProblem, MeshOperator};
 
 /// How approximate eigenfunctions are filtered. In JSON: `"inverse_iteration"` or `{"chebyshev": {"degree": 12}}`.
@@ -237,7 +237,7 @@ fn rayleigh_ritz(
 ) -> Result<Eigenpairs, ApproximationError> {
     let problem = &operator.problem;
     let (stiffness, gram) = restrict(&problem.stiffness, &problem.mass, &vectors, monitor)?;
-    let pairs = CpuSolver.lowest(stiffness, gram.clone(), count, &Unwatched)?;
+    let pairs = gpu::accelerator().lowest(stiffness, gram.clone(), count, &Quiet(monitor))?;
     rotate(&mut vectors, &pairs.vectors, monitor)?;
 
     monitor.stage("bounds");

@@ -1,5 +1,6 @@
 use super::*;
 use crate::mesh::shape::{Shape, generate, noisy};
+use crate::monitor::Unwatched;
 use crate::operator::{Boundary, MassKind, OperatorKind, OperatorParameters, assemble};
 use crate::spectrum::heat::HeatParameters;
 use crate::spectrum::{Space, approximate};

@@ -1,6 +1,6 @@
 //! The device of this process: opened once, given up when it fails, and the way back to the CPU.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError, RwLock};
 
 use super::GpuChoice;
@@ -11,33 +11,39 @@ use crate::algebra::eigen::{ComputedOn, EigenError, EigenPairs, Pencil, Symmetri
 use crate::monitor::Monitor;
 
 /// How often a device that failed is opened again, in the life of a process.
-const REOPENINGS: u32 = 3;
+const REOPENINGS: i64 = 3;
 
-/// A graphics card, if there is one, and the CPU.
+/// Under this name a job's result tells what solved its dense problems, where that was not simply the CPU.
+const NOTE: &str = "dense_solver";
+
+/// Sizes below which no device is opened: the CPU needs milliseconds for them, and any device longer.
+const LEAST_SIZE: usize = 64;
+
+/// The same where the device is only used if it is faster.
+const LEAST_SIZE_OF_AUTO: usize = 768;
+
+/// A graphics card, if there is one, and the CPU. The card is opened when it is first needed.
 pub struct Accelerator {
     choice: GpuChoice,
     state: Mutex<State>,
     fallbacks: AtomicU64,
+    reopenings_left: AtomicI64,
 }
 
 struct State {
     engine: Option<Arc<Engine>>,
     /// Why there is no engine.
     reason: Option<GpuError>,
-    reopenings_left: u32,
+    openings_left: u32,
 }
 
 impl Accelerator {
-    /// Opens the chosen adapter, tests its kernels and measures it. Where that fails, everything runs on the CPU, and
+    /// An accelerator over the chosen adapter, which is not opened yet. Where it cannot be, everything runs on the CPU, and
     /// [`reason`](Self::reason) tells why.
     pub fn new(choice: GpuChoice) -> Self {
-        let (engine, reason) = if choice == GpuChoice::Off { (None, None) } else { open(&choice) };
-        Self {
-            choice,
-            // What could not be opened at the start has nothing to come back from.
-            state: Mutex::new(State { reopenings_left: if engine.is_some() { REOPENINGS } else { 0 }, engine, reason }),
-            fallbacks: AtomicU64::new(0),
-        }
+        let openings_left = if choice == GpuChoice::Off { 0 } else { 1 };
+        let state = State { engine: None, reason: None, openings_left };
+        Self { choice, state: Mutex::new(state), fallbacks: AtomicU64::new(0), reopenings_left: REOPENINGS.into() }
     }
 
     /// No graphics card.
@@ -45,10 +51,15 @@ impl Accelerator {
         Self::new(GpuChoice::Off)
     }
 
+    /// Opens the adapter, tests its kernels and, for `auto`, measures it; does nothing where that was done before.
+    pub fn open(&self) {
+        self.engine();
+    }
+
     #[cfg(all(test, feature = "gpu"))]
     pub(super) fn with(engine: Engine, choice: GpuChoice) -> Self {
-        let state = State { engine: Some(Arc::new(engine)), reason: None, reopenings_left: 0 };
-        Self { choice, state: Mutex::new(state), fallbacks: AtomicU64::new(0) }
+        let state = State { engine: Some(Arc::new(engine)), reason: None, openings_left: 0 };
+        Self { choice, state: Mutex::new(state), fallbacks: AtomicU64::new(0), reopenings_left: 0.into() }
     }
 
     #[cfg(all(test, feature = "gpu"))]
@@ -89,11 +100,24 @@ impl Accelerator {
 
     fn engine(&self) -> Option<Arc<Engine>> {
         let mut state = self.state();
-        if state.engine.is_none() && state.reopenings_left > 0 {
-            state.reopenings_left -= 1;
-            (state.engine, state.reason) = open(&self.choice);
+        if state.engine.is_none() && state.openings_left > 0 {
+            // Others wait for the lock, and find what this call leaves.
+            state.openings_left -= 1;
+            match Engine::open(&self.choice) {
+                Ok(engine) => (state.engine, state.reason) = (Some(Arc::new(engine)), None),
+                Err(error) => (state.reason, state.openings_left) = (Some(error), 0),
+            }
         }
         state.engine.clone()
+    }
+
+    /// The device, if it should solve a problem of size `d`.
+    fn engine_for(&self, d: usize, count: usize) -> Option<Arc<Engine>> {
+        let least = if self.choice == GpuChoice::Auto { LEAST_SIZE_OF_AUTO } else { LEAST_SIZE };
+        if count == 0 || d < least {
+            return None;
+        }
+        self.engine().filter(|engine| engine.wants(d, count))
     }
 
     /// Notes that work failed on the device.
@@ -103,14 +127,9 @@ impl Accelerator {
         if error.is_final() && state.engine.as_ref().is_some_and(|open| Arc::ptr_eq(open, engine)) {
             state.engine = None;
             state.reason = Some(error.clone());
+            // A driver that was reset may come back, but one that fails again and again costs more than it gives.
+            state.openings_left = self.reopenings_left.fetch_sub(1, Ordering::Relaxed).clamp(0, 1) as u32;
         }
-    }
-}
-
-fn open(choice: &GpuChoice) -> (Option<Arc<Engine>>, Option<GpuError>) {
-    match Engine::open(choice) {
-        Ok(engine) => (Some(Arc::new(engine)), None),
-        Err(error) => (None, Some(error)),
     }
 }
 
@@ -128,17 +147,19 @@ impl SymmetricDefiniteSolver for Accelerator {
     ) -> Result<EigenPairs, EigenError> {
         let mut pencil = Pencil::new(a, b, count, monitor)?;
         let mut computed_on = ComputedOn::Cpu;
-        if let Some(engine) = self.engine().filter(|engine| count > 0 && engine.wants(pencil.l.rows(), count)) {
+        if let Some(engine) = self.engine_for(pencil.l.rows(), count) {
             let adapter = engine.name().to_owned();
             match engine.lowest(&pencil.a, &pencil.l, count, monitor) {
                 Ok((values, vectors)) => {
                     let mut pairs = pencil.finish(values, vectors, monitor);
+                    monitor.note(NOTE, &adapter);
                     pairs.computed_on = ComputedOn::Gpu { adapter };
                     return Ok(pairs);
                 }
                 Err(GpuError::Cancelled(cancelled)) => return Err(cancelled.into()),
                 Err(error) => {
                     self.failed(&engine, &error);
+                    monitor.note(NOTE, &format!("the CPU instead of {adapter}: {error}"));
                     computed_on = ComputedOn::CpuInstead { adapter, reason: error.to_string() };
                 }
             }
@@ -150,14 +171,19 @@ impl SymmetricDefiniteSolver for Accelerator {
     }
 }
 
-static INSTALLED: LazyLock<RwLock<Arc<Accelerator>>> = LazyLock::new(|| RwLock::new(Arc::new(Accelerator::off())));
+static CHOSEN: LazyLock<RwLock<Arc<Accelerator>>> = LazyLock::new(|| RwLock::new(Arc::new(Accelerator::off())));
 
-/// Makes an accelerator that of the whole process: a device belongs to the machine, not to a job. Until then there is none.
-pub fn install(accelerator: Arc<Accelerator>) {
-    *INSTALLED.write().unwrap_or_else(PoisonError::into_inner) = accelerator;
+/// Makes a choice that of the whole process, and gives the accelerator over it: a device belongs to the machine, not to a job. Until the first
+/// choice there is none. The same choice again changes nothing.
+pub fn choose(choice: GpuChoice) -> Arc<Accelerator> {
+    let mut chosen = CHOSEN.write().unwrap_or_else(PoisonError::into_inner);
+    if chosen.choice != choice {
+        *chosen = Arc::new(Accelerator::new(choice));
+    }
+    chosen.clone()
 }
 
 /// The accelerator of this process.
 pub fn accelerator() -> Arc<Accelerator> {
-    INSTALLED.read().unwrap_or_else(PoisonError::into_inner).clone()
+    CHOSEN.read().unwrap_or_else(PoisonError::into_inner).clone()
 }

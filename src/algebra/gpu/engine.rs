@@ -7,12 +7,10 @@ pub use super::device::{Adapter, adapters};
 use super::GpuChoice;
 use super::device::Device;
 use super::error::GpuError;
+use super::speeds::Speeds;
 use super::{self_test, solver};
 use crate::algebra::DenseMatrix;
 use crate::monitor::Monitor;
-
-/// Below this size a problem stays on the CPU, whatever was chosen: starting a kernel takes longer than the arithmetic.
-const LEAST_SIZE: usize = 64;
 
 /// The largest relative residual that a result may have.
 const LARGEST_RESIDUAL: f64 = 1e-10;
@@ -21,6 +19,8 @@ const LARGEST_RESIDUAL: f64 = 1e-10;
 pub(super) struct Engine {
     device: Device,
     name: String,
+    /// Both sides' speeds, where they decide.
+    speeds: Option<Speeds>,
     /// One problem at a time: the memory of the device is for one.
     turn: Mutex<()>,
 }
@@ -29,11 +29,6 @@ impl Engine {
     /// Opens, tests and measures an adapter.
     pub(super) fn open(choice: &GpuChoice) -> Result<Self, GpuError> {
         let device = Device::open(choice)?;
-        Self::of(device)
-    }
-
-    /// Tests and measures a device.
-    pub(super) fn of(device: Device) -> Result<Self, GpuError> {
         self_test::test::<f32>(&device)?;
         if device.adapter().f64 {
             self_test::test::<f64>(&device)?;
@@ -41,13 +36,17 @@ impl Engine {
         } else {
             self_test::measure::<f32>(&device)?;
         }
-        Ok(Self { name: device.adapter().name.clone(), device, turn: Mutex::default() })
+        let speeds = match choice {
+            GpuChoice::Auto if device.adapter().f64 => Some(Speeds::measure(&device)?),
+            _ => None,
+        };
+        Ok(Self { name: device.adapter().name.clone(), speeds, device, turn: Mutex::default() })
     }
 
     /// A device as it is.
     #[cfg(test)]
     pub(super) fn untested(device: Device) -> Self {
-        Self { name: device.adapter().name.clone(), device, turn: Mutex::default() }
+        Self { name: device.adapter().name.clone(), speeds: None, device, turn: Mutex::default() }
     }
 
     /// The name of the adapter.
@@ -61,8 +60,8 @@ impl Engine {
     }
 
     /// Whether a problem of size `d` should run here.
-    pub(super) fn wants(&self, d: usize, _count: usize) -> bool {
-        d >= LEAST_SIZE && self.device.adapter().f64
+    pub(super) fn wants(&self, d: usize, count: usize) -> bool {
+        self.device.adapter().f64 && self.speeds.as_ref().is_none_or(|speeds| speeds.device_is_faster(d, count))
     }
 
     /// The lowest pairs of `A x = λ L Lᵀ x`.

@@ -32,6 +32,8 @@ mod solver;
 #[cfg(feature = "gpu")]
 mod sparse;
 #[cfg(feature = "gpu")]
+mod speeds;
+#[cfg(feature = "gpu")]
 mod triangle;
 #[cfg(feature = "gpu")]
 mod tridiagonal;
@@ -45,7 +47,7 @@ mod engine;
 #[cfg(all(feature = "gpu", test))]
 mod tests;
 
-pub use accelerator::{Accelerator, accelerator, install};
+pub use accelerator::{Accelerator, accelerator, choose};
 pub use choice::GpuChoice;
 pub use engine::{Adapter, adapters};
 pub use error::GpuError;

@@ -54,7 +54,8 @@ fn pencil(values: &[f64], seed: u64) -> (DenseMatrix, DenseMatrix) {
     for column in 0..d {
         let scale = 1.0 + numbers.next::<f64>().abs();
         for row in column..d {
-            lower.column_mut(column)[row] = if row == column { scale } else { 0.3 * numbers.next::<f64>() / (row - column) as f64 };
+            lower.column_mut(column)[row] =
+                if row == column { scale } else { 0.3 * numbers.next::<f64>() / (row - column) as f64 };
         }
     }
     // A = L Q Λ Qᵀ Lᵀ and B = L Lᵀ.
@@ -290,6 +291,7 @@ fn work_ends_when_it_is_told_to() {
 #[test]
 fn without_an_adapter_everything_runs_on_the_cpu() {
     let solver = Accelerator::new(GpuChoice::Name("no such card".into()));
+    solver.open();
     assert!(!solver.available() && solver.adapter().is_none());
     assert!(matches!(solver.reason(), Some(GpuError::NoAdapter { .. })), "{:?}", solver.reason());
     let (a, b) = pencil(&mixed_spectrum(70), 5);

@@ -4,6 +4,7 @@ mod report;
 
 use self::report::Run;
 use super::{CliError, MeshInput, StageBars, memory};
+use crate::algebra::gpu::{self, GpuChoice};
 use crate::basis::{Basis, npz};
 use crate::job::JobParameters;
 use serde_json::{Map, Value, json};
@@ -85,6 +86,10 @@ pub struct SolveArguments {
     /// Any parameter of the job by name, as the API takes it, such as radial.distance=dijkstra; may be given several times
     #[arg(long = "parameter", short = 'p', value_name = "NAME=VALUE", help_heading = "Method")]
     parameters: Vec<String>,
+
+    /// Graphics card for large dense problems: off, auto, its number or a part of its name
+    #[arg(long, value_name = "CARD", env = "CHLADNI_GPU", help_heading = "Method", default_value = "off", value_parser = card)]
+    gpu: GpuChoice,
 
     /// Threads; 0 for one per core
     #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Method")]
@@ -205,9 +210,14 @@ fn insert(object: &mut Map<String, Value>, name: &str, value: Value) {
     }
 }
 
+fn card(text: &str) -> Result<GpuChoice, &'static str> {
+    text.parse()
+}
+
 /// Runs `chladni solve`.
 pub fn solve(arguments: SolveArguments) -> Result<ExitCode, CliError> {
     let job = arguments.job()?;
+    gpu::choose(arguments.gpu.clone());
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(arguments.threads)
         .build()

@@ -1,8 +1,8 @@
 //! The small dense eigenproblem of Rayleigh and Ritz.
 
 use super::HsimError;
-use crate::algebra::{CpuSolver, DenseMatrix, EigenError, SymmetricDefiniteSolver};
-use crate::monitor::{Monitor, Unwatched};
+use crate::algebra::{CpuSolver, DenseMatrix, EigenError, SymmetricDefiniteSolver, gpu};
+use crate::monitor::{Monitor, Quiet, Unwatched};
 
 /// Directions whose share of the largest is below this are dependent on the others as far as rounding lets one tell.
 const DEPENDENT: f64 = 1e-13;
@@ -17,8 +17,9 @@ pub(super) fn ritz(
 ) -> Result<(Vec<f64>, DenseMatrix), HsimError> {
     // The stages of the dense solver are no stages of the caller; it still has to stop when it is told to.
     monitor.checkpoint()?;
-    match CpuSolver.lowest(stiffness.clone(), gram.clone(), count, &Unwatched) {
+    match gpu::accelerator().lowest(stiffness.clone(), gram.clone(), count, &Quiet(monitor)) {
         Ok(pairs) => Ok((pairs.values, pairs.vectors)),
+        Err(EigenError::Cancelled(cancelled)) => Err(cancelled.into()),
         Err(EigenError::NotPositiveDefinite { .. }) => truncated(&stiffness, &gram, count),
         Err(error) => Err(HsimError::Numerical(error.to_string())),
     }

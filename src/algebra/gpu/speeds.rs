@@ -1,0 +1,157 @@
+//! Which side solves a problem faster: a model of both, from a few measurements when the device is opened.
+
+use std::time::Instant;
+
+use super::device::Device;
+use super::error::GpuError;
+use super::matrix::DeviceMatrix;
+use super::multiply::transpose;
+use super::numbers::Numbers;
+use super::recorder::Recorder;
+use super::self_test::matrix;
+use super::tridiagonal::reduce;
+use crate::algebra::DenseMatrix;
+use crate::algebra::eigen::{CpuSolver, SymmetricDefiniteSolver, tridiagonal_lowest};
+use crate::monitor::Unwatched;
+
+/// The size at which the CPU is measured: large enough for its threads to pay, and done in a few hundredths of a second.
+const CPU_SIZE: usize = 512;
+
+/// The size at which the columns of a reduction are measured: hardly any arithmetic, all waiting.
+const COLUMNS: usize = 256;
+
+/// The size at which memory is measured.
+const MEMORY_SIZE: usize = 2048;
+
+/// How fast both sides are. What both do on the CPU, the Cholesky factor and divide and conquer, counts for neither.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Speeds {
+    /// Seconds of a column of the reduction that are spent waiting.
+    column_seconds: f64,
+    /// Bytes per second of the device's memory.
+    memory: f64,
+    /// Operations per second of products.
+    products: f64,
+    /// Bytes per second between both.
+    transfer: f64,
+    /// Seconds of the CPU for a problem of size one; they grow with the third power.
+    cpu_seconds: f64,
+}
+
+impl Speeds {
+    /// Measures a device whose products have been measured already, and this machine.
+    pub(super) fn measure(device: &Device) -> Result<Self, GpuError> {
+        Ok(Self {
+            column_seconds: columns(device)? / COLUMNS as f64,
+            memory: memory(device)?,
+            products: device.rate::<f64>(),
+            transfer: transfer(device)?,
+            cpu_seconds: cpu() / (CPU_SIZE as f64).powi(3),
+        })
+    }
+
+    /// Whether the device should solve for `count` pairs of a problem of size `d`.
+    pub(super) fn device_is_faster(&self, d: usize, count: usize) -> bool {
+        self.device_seconds(d as f64, count as f64) < self.cpu_seconds * (d as f64).powi(3)
+    }
+
+    fn device_seconds(&self, d: f64, count: f64) -> f64 {
+        // Two triangular solves, the updates, the blocks' factors, then reflectors and a triangular solve for the vectors.
+        let products = d * d * (2.0 * d + 4.0 / 3.0 * d + 0.3 * d + 3.0 * count);
+        let bytes = 8.0 / 3.0 * d * d * d;
+        let moved = 8.0 * d * (2.0 * d + 2.0 * count);
+        d * self.column_seconds + bytes / self.memory + products / self.products + moved / self.transfer
+    }
+}
+
+/// The least seconds of two runs: the first one compiles.
+fn least(mut run: impl FnMut() -> Result<(), GpuError>) -> Result<f64, GpuError> {
+    let mut seconds = f64::INFINITY;
+    for _ in 0..2 {
+        let began = Instant::now();
+        run()?;
+        seconds = seconds.min(began.elapsed().as_secs_f64());
+    }
+    Ok(seconds.max(1e-9))
+}
+
+fn columns(device: &Device) -> Result<f64, GpuError> {
+    let mut values: Vec<f64> = Numbers(1).take(COLUMNS * COLUMNS);
+    for row in 0..COLUMNS {
+        (0..row).for_each(|column| values[row * COLUMNS + column] = values[column * COLUMNS + row]);
+    }
+    least(|| {
+        let matrix = matrix(device, COLUMNS, COLUMNS, &values)?;
+        reduce(&mut Recorder::new(device, &Unwatched), &matrix, &|_| {}).map(drop)
+    })
+}
+
+fn memory(device: &Device) -> Result<f64, GpuError> {
+    let matrices = [
+        DeviceMatrix::<f64>::new(device, MEMORY_SIZE, MEMORY_SIZE)?,
+        DeviceMatrix::new(device, MEMORY_SIZE, MEMORY_SIZE)?,
+    ];
+    for matrix in &matrices {
+        matrix.write(device, |_, values| values.fill(0.0))?;
+    }
+    const TIMES: usize = 8;
+    let seconds = least(|| {
+        let mut recorder = Recorder::new(device, &Unwatched);
+        for k in 0..TIMES {
+            transpose(&mut recorder, &matrices[k % 2], &matrices[(k + 1) % 2])?;
+        }
+        recorder.finish()
+    })?;
+    device.trim();
+    Ok((TIMES * 2 * 8 * MEMORY_SIZE * MEMORY_SIZE) as f64 / seconds)
+}
+
+fn transfer(device: &Device) -> Result<f64, GpuError> {
+    let matrix = DeviceMatrix::<f64>::new(device, MEMORY_SIZE, MEMORY_SIZE)?;
+    let seconds = least(|| {
+        matrix.write(device, |row, values| values.fill(row as f64))?;
+        matrix.read(device, 0..MEMORY_SIZE, |_, _| {})
+    })?;
+    Ok((2 * 8 * MEMORY_SIZE * MEMORY_SIZE) as f64 / seconds)
+}
+
+/// Seconds of the CPU for what the device would do.
+fn cpu() -> f64 {
+    let d = CPU_SIZE;
+    let mut numbers = Numbers(2);
+    let (mut a, mut b) = (DenseMatrix::zeros(d, d), DenseMatrix::zeros(d, d));
+    for column in 0..d {
+        for row in column..d {
+            a.column_mut(column)[row] = numbers.next();
+        }
+        b.column_mut(column)[column] = 1.0;
+    }
+    let (diagonal, beside): (Vec<f64>, Vec<f64>) = (numbers.take(d), numbers.take(d));
+    let run = |action: &mut dyn FnMut() -> bool| {
+        let began = Instant::now();
+        // What does not converge took its time all the same.
+        let _ = action();
+        began.elapsed().as_secs_f64()
+    };
+    let mut seconds = f64::INFINITY;
+    for _ in 0..2 {
+        let whole = run(&mut || CpuSolver.lowest(a.clone(), b.clone(), d / 2, &Unwatched).is_ok());
+        let shared = run(&mut || tridiagonal_lowest(&diagonal, &beside, d / 2).is_ok());
+        seconds = seconds.min((whole - shared).max(0.2 * whole));
+    }
+    seconds
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_device_gets_what_it_does_faster() {
+        let fast = Speeds { column_seconds: 2e-5, memory: 2e12, products: 5e12, transfer: 1e10, cpu_seconds: 4e-10 };
+        assert!(!fast.device_is_faster(100, 50) && fast.device_is_faster(2000, 1000));
+        // A card whose f64 is a sixty-fourth of its f32, beside many cores.
+        let slow = Speeds { products: 5e10, cpu_seconds: 2e-11, ..fast };
+        assert!(!slow.device_is_faster(10_000, 5000));
+    }
+}
