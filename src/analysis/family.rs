@@ -161,7 +161,7 @@ fn from_core(
         if worst <= TOLERANCE * scale {
             values.truncate(count);
             vectors.keep_columns(count);
-            return Ok(Some(EigenPairs { values, vectors }));
+            return Ok(Some(EigenPairs { values, vectors, computed_on: Default::default() }));
         }
         let Some(next) = rayleigh_ritz(matrix, &vectors, &images, corrections) else { return Ok(None) };
         (values, vectors, images) = next;
