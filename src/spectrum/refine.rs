@@ -11,7 +11,7 @@ use super::certificate::KERNEL;
 use super::hsim::Eigenpairs;
 use crate::algebra::{
     DenseMatrix, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SymbolicFactor, SymmetricDefiniteSolver,
-    fill_reducing_order, gpu, mass_times_panel, prolong, residual_panel, residual_sums, restrict, rotate,
+    fill_reducing_order, gpu, mass_times_panel, residual_panel, residual_sums,
 };
 use crate::mesh::TriangleMesh;
 use crate::monitor::{Monitor, Quiet};
@@ -83,7 +83,7 @@ pub fn approximate_refined(
     let Ritz { space, pairs, .. } = ritz(mesh, operator, parameters, columns, monitor)?;
 
     monitor.stage("refine");
-    let vectors = prolong(&space, &panels(&pairs.vectors));
+    let vectors = gpu::accelerator().lift(&space, &pairs.vectors, monitor)?;
     drop(space);
     let vectors = match refinement {
         Refinement::InverseIteration => inverse_iteration(problem, vectors, &pairs.values, monitor)?,
@@ -91,18 +91,6 @@ pub fn approximate_refined(
     };
     monitor.checkpoint()?;
     rayleigh_ritz(operator, vectors, count, mesh.positions.len(), monitor)
-}
-
-/// A dense matrix in panels.
-fn panels(matrix: &DenseMatrix) -> PanelMatrix {
-    let mut panels = PanelMatrix::zeros(matrix.rows(), matrix.columns());
-    for (p, panel) in panels.panels_mut().iter_mut().enumerate() {
-        for k in 0..PANEL_WIDTH.min(matrix.columns() - p * PANEL_WIDTH) {
-            let column = matrix.column(p * PANEL_WIDTH + k);
-            panel.iter_mut().skip(k).step_by(PANEL_WIDTH).zip(column).for_each(|(to, from)| *to = *from);
-        }
-    }
-    panels
 }
 
 /// `(K + σM)⁻¹ M X`.
@@ -236,9 +224,10 @@ fn rayleigh_ritz(
     monitor: &dyn Monitor,
 ) -> Result<Eigenpairs, ApproximationError> {
     let problem = &operator.problem;
-    let (stiffness, gram) = restrict(&problem.stiffness, &problem.mass, &vectors, monitor)?;
-    let pairs = gpu::accelerator().lowest(stiffness, gram.clone(), count, &Quiet(monitor))?;
-    rotate(&mut vectors, &pairs.vectors, monitor)?;
+    let accelerator = gpu::accelerator();
+    let (stiffness, gram, resident) = accelerator.restrict(&problem.stiffness, &problem.mass, &vectors, monitor)?;
+    let pairs = accelerator.lowest(stiffness, gram.clone(), count, &Quiet(monitor))?;
+    accelerator.rotate(&mut vectors, resident, &pairs.vectors, monitor)?;
 
     monitor.stage("bounds");
     let sums = residual_sums(&problem.stiffness, &problem.mass, &vectors, &pairs.values, monitor)?;

@@ -22,6 +22,12 @@ const LEAST_SIZE: usize = 64;
 /// The same where the device is only used if it is faster.
 const LEAST_SIZE_OF_AUTO: usize = 768;
 
+/// Columns below which products stay on the CPU.
+const LEAST_COLUMNS: usize = 32;
+
+/// The same where the device is only used if it is faster.
+const LEAST_COLUMNS_OF_AUTO: usize = 256;
+
 /// A graphics card, if there is one, and the CPU. The card is opened when it is first needed.
 pub struct Accelerator {
     choice: GpuChoice,
@@ -120,8 +126,29 @@ impl Accelerator {
         self.engine().filter(|engine| engine.wants(d, count))
     }
 
-    /// Notes that work failed on the device.
-    fn failed(&self, engine: &Arc<Engine>, error: &GpuError) {
+    fn least_columns(&self) -> usize {
+        if self.choice == GpuChoice::Auto { LEAST_COLUMNS_OF_AUTO } else { LEAST_COLUMNS }
+    }
+
+    /// The device, if products with `n × q` numbers should run there.
+    pub(super) fn engine_for_products(&self, n: usize, q: usize) -> Option<Arc<Engine>> {
+        if q < self.least_columns() || n < q {
+            return None;
+        }
+        self.engine().filter(|engine| engine.wants_products(n, q))
+    }
+
+    /// The device, if it should lift `q` columns to `n` rows.
+    pub(super) fn engine_for_lifting(&self, n: usize, q: usize) -> Option<Arc<Engine>> {
+        if q < self.least_columns() || n < q {
+            return None;
+        }
+        self.engine().filter(|engine| engine.wants_lifting())
+    }
+
+    /// Counts and notes that work failed on the device.
+    pub(super) fn failed(&self, engine: &Arc<Engine>, error: &GpuError, monitor: &dyn Monitor) {
+        monitor.note(NOTE, &format!("the CPU instead of {}: {error}", engine.name()));
         self.fallbacks.fetch_add(1, Ordering::Relaxed);
         let mut state = self.state();
         if error.is_final() && state.engine.as_ref().is_some_and(|open| Arc::ptr_eq(open, engine)) {
@@ -158,8 +185,7 @@ impl SymmetricDefiniteSolver for Accelerator {
                 }
                 Err(GpuError::Cancelled(cancelled)) => return Err(cancelled.into()),
                 Err(error) => {
-                    self.failed(&engine, &error);
-                    monitor.note(NOTE, &format!("the CPU instead of {adapter}: {error}"));
+                    self.failed(&engine, &error, monitor);
                     computed_on = ComputedOn::CpuInstead { adapter, reason: error.to_string() };
                 }
             }

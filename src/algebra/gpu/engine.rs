@@ -1,19 +1,23 @@
 //! An opened, tested and measured device, and which problems are its own.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 pub use super::device::{Adapter, adapters};
 
 use super::GpuChoice;
 use super::device::Device;
 use super::error::GpuError;
+use super::resident::Columns;
 use super::speeds::Speeds;
 use super::{self_test, solver};
-use crate::algebra::DenseMatrix;
+use crate::algebra::{DenseMatrix, MassMatrix, PanelMatrix, SparseMatrix};
 use crate::monitor::Monitor;
 
 /// The largest relative residual that a result may have.
 const LARGEST_RESIDUAL: f64 = 1e-10;
+
+/// Columns on the device.
+pub(super) type Held = Columns;
 
 /// An opened device.
 pub(super) struct Engine {
@@ -29,15 +33,14 @@ impl Engine {
     /// Opens, tests and measures an adapter.
     pub(super) fn open(choice: &GpuChoice) -> Result<Self, GpuError> {
         let device = Device::open(choice)?;
-        self_test::test::<f32>(&device)?;
-        if device.adapter().f64 {
-            self_test::test::<f64>(&device)?;
-            self_test::measure::<f64>(&device)?;
-        } else {
-            self_test::measure::<f32>(&device)?;
+        if !device.adapter().f64 {
+            let reason = "its shaders know no f64".into();
+            return Err(GpuError::Unusable { adapter: device.adapter().name.clone(), reason });
         }
+        self_test::test::<f64>(&device)?;
+        self_test::measure::<f64>(&device)?;
         let speeds = match choice {
-            GpuChoice::Auto if device.adapter().f64 => Some(Speeds::measure(&device)?),
+            GpuChoice::Auto => Some(Speeds::measure(&device)?),
             _ => None,
         };
         Ok(Self { name: device.adapter().name.clone(), speeds, device, turn: Mutex::default() })
@@ -61,7 +64,57 @@ impl Engine {
 
     /// Whether a problem of size `d` should run here.
     pub(super) fn wants(&self, d: usize, count: usize) -> bool {
-        self.device.adapter().f64 && self.speeds.as_ref().is_none_or(|speeds| speeds.device_is_faster(d, count))
+        self.speeds.as_ref().is_none_or(|speeds| speeds.device_is_faster(d, count))
+    }
+
+    /// Whether products with `n × q` numbers should run here.
+    pub(super) fn wants_products(&self, n: usize, q: usize) -> bool {
+        self.speeds.as_ref().is_none_or(|speeds| speeds.products_are_faster(n, q))
+    }
+
+    /// Whether lifting should run here. It reads what it writes from memory nearly as fast on either side, and the result has to travel: only
+    /// where the card was chosen by name.
+    pub(super) fn wants_lifting(&self) -> bool {
+        self.speeds.is_none()
+    }
+
+    fn turn(&self) -> MutexGuard<'_, ()> {
+        self.turn.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Brings columns to the device.
+    pub(super) fn hold(&self, x: &PanelMatrix) -> Result<Held, GpuError> {
+        let _turn = self.turn();
+        Columns::new(&self.device, x)
+    }
+
+    /// `XᵀAX`.
+    pub(super) fn stiffness(&self, x: &Held, a: &SparseMatrix, monitor: &dyn Monitor) -> Result<DenseMatrix, GpuError> {
+        let _turn = self.turn();
+        x.stiffness(&self.device, a, monitor)
+    }
+
+    /// `XᵀMX`.
+    pub(super) fn mass(&self, x: &Held, mass: &MassMatrix, monitor: &dyn Monitor) -> Result<DenseMatrix, GpuError> {
+        let _turn = self.turn();
+        x.mass(&self.device, mass, monitor)
+    }
+
+    /// `XZ`, back on this machine.
+    pub(super) fn rotate(&self, x: &Held, z: &DenseMatrix, monitor: &dyn Monitor) -> Result<PanelMatrix, GpuError> {
+        let _turn = self.turn();
+        x.times(&self.device, z, monitor)?.read(&self.device)
+    }
+
+    /// `U c`, back on this machine.
+    pub(super) fn lift(
+        &self,
+        space: &SparseMatrix<f32>,
+        coefficients: &DenseMatrix,
+        monitor: &dyn Monitor,
+    ) -> Result<PanelMatrix, GpuError> {
+        let _turn = self.turn();
+        Columns::lifted(&self.device, space, coefficients, monitor)?.read(&self.device)
     }
 
     /// The lowest pairs of `A x = λ L Lᵀ x`.
@@ -72,7 +125,7 @@ impl Engine {
         count: usize,
         monitor: &dyn Monitor,
     ) -> Result<(Vec<f64>, DenseMatrix), GpuError> {
-        let _turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
+        let _turn = self.turn();
         #[cfg_attr(not(test), expect(unused_mut, reason = "tests spoil the result"))]
         let (values, mut vectors) = solver::lowest::<f64>(&self.device, a, l, count, monitor)?;
         #[cfg(test)]

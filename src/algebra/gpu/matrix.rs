@@ -140,7 +140,7 @@ pub(super) fn write_values<T: Real>(
 pub(super) fn write_bytes(device: &Device, buffer: &wgpu::Buffer, at: u64, bytes: &[u8]) -> Result<(), GpuError> {
     for (k, part) in bytes.chunks(TRANSFER_BYTES).enumerate() {
         device.queue.write_buffer(buffer, at + (k * TRANSFER_BYTES) as u64, part);
-        if part.len() == TRANSFER_BYTES {
+        if part.len() >= TRANSFER_BYTES / 2 {
             let submission = device.queue.submit([]);
             device.wait(Some(submission))?;
         }

@@ -6,12 +6,14 @@
 mod accelerator;
 mod choice;
 mod error;
+mod products;
 
 #[cfg(feature = "gpu")]
 mod device;
 #[cfg(feature = "gpu")]
 mod engine;
-#[cfg(all(feature = "gpu", test))]
+#[cfg(feature = "gpu")]
+#[cfg(test)]
 mod faults;
 #[cfg(feature = "gpu")]
 mod kernel;
@@ -25,6 +27,8 @@ mod numbers;
 mod real;
 #[cfg(feature = "gpu")]
 mod recorder;
+#[cfg(feature = "gpu")]
+mod resident;
 #[cfg(feature = "gpu")]
 mod self_test;
 #[cfg(feature = "gpu")]
@@ -44,10 +48,12 @@ mod twin;
 #[path = "no_engine.rs"]
 mod engine;
 
-#[cfg(all(feature = "gpu", test))]
+#[cfg(feature = "gpu")]
+#[cfg(test)]
 mod tests;
 
 pub use accelerator::{Accelerator, accelerator, choose};
 pub use choice::GpuChoice;
 pub use engine::{Adapter, adapters};
 pub use error::GpuError;
+pub use products::Resident;

@@ -2,7 +2,7 @@
 
 use super::GpuChoice;
 use super::error::GpuError;
-use crate::algebra::DenseMatrix;
+use crate::algebra::{DenseMatrix, MassMatrix, PanelMatrix, SparseMatrix};
 use crate::monitor::Monitor;
 
 /// What is known of an adapter.
@@ -25,6 +25,9 @@ pub fn adapters() -> Vec<Adapter> {
     Vec::new()
 }
 
+/// Nothing is held where there is no device.
+pub(super) enum Held {}
+
 /// No device: none can be opened.
 pub(super) enum Engine {}
 
@@ -38,6 +41,39 @@ impl Engine {
     }
 
     pub(super) fn wants(&self, _: usize, _: usize) -> bool {
+        match *self {}
+    }
+
+    pub(super) fn wants_products(&self, _: usize, _: usize) -> bool {
+        match *self {}
+    }
+
+    pub(super) fn wants_lifting(&self) -> bool {
+        match *self {}
+    }
+
+    pub(super) fn hold(&self, _: &PanelMatrix) -> Result<Held, GpuError> {
+        match *self {}
+    }
+
+    pub(super) fn stiffness(&self, _: &Held, _: &SparseMatrix, _: &dyn Monitor) -> Result<DenseMatrix, GpuError> {
+        match *self {}
+    }
+
+    pub(super) fn mass(&self, _: &Held, _: &MassMatrix, _: &dyn Monitor) -> Result<DenseMatrix, GpuError> {
+        match *self {}
+    }
+
+    pub(super) fn rotate(&self, _: &Held, _: &DenseMatrix, _: &dyn Monitor) -> Result<PanelMatrix, GpuError> {
+        match *self {}
+    }
+
+    pub(super) fn lift(
+        &self,
+        _: &SparseMatrix<f32>,
+        _: &DenseMatrix,
+        _: &dyn Monitor,
+    ) -> Result<PanelMatrix, GpuError> {
         match *self {}
     }
 

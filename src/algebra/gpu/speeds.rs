@@ -34,6 +34,8 @@ pub(super) struct Speeds {
     products: f64,
     /// Bytes per second between both.
     transfer: f64,
+    /// Operations per second of products on the CPU.
+    cpu_products: f64,
     /// Seconds of the CPU for a problem of size one; they grow with the third power.
     cpu_seconds: f64,
 }
@@ -46,6 +48,7 @@ impl Speeds {
             memory: memory(device)?,
             products: device.rate::<f64>(),
             transfer: transfer(device)?,
+            cpu_products: cpu_products(),
             cpu_seconds: cpu() / (CPU_SIZE as f64).powi(3),
         })
     }
@@ -53,6 +56,14 @@ impl Speeds {
     /// Whether the device should solve for `count` pairs of a problem of size `d`.
     pub(super) fn device_is_faster(&self, d: usize, count: usize) -> bool {
         self.device_seconds(d as f64, count as f64) < self.cpu_seconds * (d as f64).powi(3)
+    }
+
+    /// Whether the device should form two Gram matrices of `n × q` numbers and rotate them. That of the CPU costs half, since it knows of the
+    /// symmetry.
+    pub(super) fn products_are_faster(&self, n: usize, q: usize) -> bool {
+        let (n, q) = (n as f64, q as f64);
+        let device = 6.0 * n * q * q / self.products + 5.0 * 8.0 * n * q / self.memory + 16.0 * n * q / self.transfer;
+        device < 4.0 * n * q * q / self.cpu_products
     }
 
     fn device_seconds(&self, d: f64, count: f64) -> f64 {
@@ -115,6 +126,18 @@ fn transfer(device: &Device) -> Result<f64, GpuError> {
     Ok((2 * 8 * MEMORY_SIZE * MEMORY_SIZE) as f64 / seconds)
 }
 
+fn cpu_products() -> f64 {
+    let factor =
+        DenseMatrix::from_columns(CPU_SIZE, CPU_SIZE, Numbers(3).take(CPU_SIZE * CPU_SIZE)).unwrap_or_default();
+    let seconds = (0..3).map(|_| {
+        let began = Instant::now();
+        // Kept, so that the product is not left out.
+        std::hint::black_box(factor.times(&factor));
+        began.elapsed().as_secs_f64()
+    });
+    2.0 * (CPU_SIZE as f64).powi(3) / seconds.fold(f64::INFINITY, f64::min).max(1e-9)
+}
+
 /// Seconds of the CPU for what the device would do.
 fn cpu() -> f64 {
     let d = CPU_SIZE;
@@ -148,10 +171,19 @@ mod tests {
 
     #[test]
     fn the_device_gets_what_it_does_faster() {
-        let fast = Speeds { column_seconds: 2e-5, memory: 2e12, products: 5e12, transfer: 1e10, cpu_seconds: 4e-10 };
+        let fast = Speeds {
+            column_seconds: 2e-5,
+            memory: 2e12,
+            products: 5e12,
+            transfer: 1e10,
+            cpu_products: 1e11,
+            cpu_seconds: 4e-10,
+        };
         assert!(!fast.device_is_faster(100, 50) && fast.device_is_faster(2000, 1000));
         // A card whose f64 is a sixty-fourth of its f32, beside many cores.
         let slow = Speeds { products: 5e10, cpu_seconds: 2e-11, ..fast };
         assert!(!slow.device_is_faster(10_000, 5000));
+        assert!(fast.products_are_faster(1_000_000, 1000) && !slow.products_are_faster(1_000_000, 1000));
+        assert!(!fast.products_are_faster(1_000_000, 32));
     }
 }

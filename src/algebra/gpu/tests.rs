@@ -6,8 +6,11 @@ use super::multiply::Form;
 use super::numbers::Numbers;
 use super::real::Real;
 use super::*;
-use crate::algebra::{ComputedOn, CpuSolver, DenseMatrix, EigenError, EigenPairs, SymmetricDefiniteSolver};
-use crate::monitor::{Cancelled, Monitor, Unwatched};
+use crate::algebra::{
+    ComputedOn, CpuSolver, DenseMatrix, EigenError, EigenPairs, MassMatrix, PanelMatrix, SparseMatrix,
+    SymmetricDefiniteSolver, panel_products,
+};
+use crate::monitor::{Cancelled, Monitor, StageClock, Unwatched};
 
 /// The software device that the tests run on; `None` where there is none and none is required.
 ///
@@ -144,7 +147,9 @@ fn pairs_of_simple_multiple_and_clustered_eigenvalues_satisfy_the_definition() {
     let solver = accelerator_of(device);
     for (d, count) in [(64, 64), (65, 1), (131, 60), (300, 150)] {
         let (a, b) = pencil(&mixed_spectrum(d), d as u64);
-        let pairs = solver.lowest(a.clone(), b.clone(), count, &Unwatched).unwrap();
+        let clock = StageClock::new(&Unwatched);
+        let pairs = solver.lowest(a.clone(), b.clone(), count, &clock).unwrap();
+        assert_eq!(clock.notes(), [("dense_solver", solver.adapter().unwrap())]);
         assert!(on_gpu(&pairs), "size {d}: {:?}", pairs.computed_on);
         check(&a, &b, &pairs, count);
     }
@@ -197,7 +202,10 @@ fn only_the_lower_triangles_are_read() {
 /// What a solver that meets a fault says, and that its pairs are right nevertheless.
 fn solve_in_spite_of(solver: &Accelerator, a: &DenseMatrix, b: &DenseMatrix) -> String {
     let before = solver.fallbacks();
-    let pairs = solver.lowest(a.clone(), b.clone(), 30, &Unwatched).unwrap();
+    let clock = StageClock::new(&Unwatched);
+    let pairs = solver.lowest(a.clone(), b.clone(), 30, &clock).unwrap();
+    let [("dense_solver", note)] = &clock.notes()[..] else { panic!("{:?}", clock.notes()) };
+    assert!(note.starts_with("the CPU instead of "), "{note}");
     check(a, b, &pairs, 30);
     assert_eq!(solver.fallbacks(), before + 1);
     match pairs.computed_on {
@@ -289,6 +297,17 @@ fn work_ends_when_it_is_told_to() {
 }
 
 #[test]
+fn both_sides_are_measured_and_a_device_in_software_gets_nothing() {
+    let Some(device) = open() else { return };
+    self_test::measure::<f64>(&device).unwrap();
+    let speeds = speeds::Speeds::measure(&device).unwrap();
+    println!("{speeds:?}");
+    if device.adapter().software {
+        assert!(!speeds.device_is_faster(4000, 2000) && !speeds.products_are_faster(1_000_000, 500), "{speeds:?}");
+    }
+}
+
+#[test]
 fn without_an_adapter_everything_runs_on_the_cpu() {
     let solver = Accelerator::new(GpuChoice::Name("no such card".into()));
     solver.open();
@@ -300,4 +319,83 @@ fn without_an_adapter_everything_runs_on_the_cpu() {
     check(&a, &b, &pairs, 30);
     let off = Accelerator::off();
     assert!(!off.available() && off.reason().is_none());
+}
+
+/// A path of `n` vertices: its stiffness, a lumped mass, and arbitrary columns on it.
+fn path(n: usize, q: usize) -> (SparseMatrix, MassMatrix, PanelMatrix) {
+    let (mut starts, mut columns, mut values) = (vec![0], Vec::new(), Vec::new());
+    for row in 0..n {
+        for column in row.saturating_sub(1)..(row + 2).min(n) {
+            columns.push(column as u32);
+            values.push(if row == column { 2.1 } else { -1.0 });
+        }
+        starts.push(columns.len());
+    }
+    let stiffness = SparseMatrix::from_sorted_parts(n, n, starts, columns, values);
+    let mass = MassMatrix::Diagonal((0..n).map(|k| 1.0 + 0.5 * (k as f64).sin()).collect());
+    let x = DenseMatrix::from_columns(n, q, Numbers(n as u64).take(n * q)).unwrap();
+    (stiffness, mass, PanelMatrix::from_dense(&x))
+}
+
+fn largest_difference(x: &[f64], y: &[f64]) -> f64 {
+    assert_eq!(x.len(), y.len());
+    x.iter().zip(y).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn products_of_rayleigh_and_ritz_agree_with_those_of_the_cpu_also_in_panels() {
+    for binding_bytes in [u64::MAX, 40 << 10] {
+        let Some(mut device) = open() else { return };
+        device.limit(binding_bytes, u64::MAX);
+        let accelerator = accelerator_of(device);
+        let (stiffness, mass, x) = path(1501, 37);
+        let (a, b, resident) = accelerator.restrict(&stiffness, &mass, &x, &Unwatched).unwrap();
+        let expected = panel_products::restrict(&stiffness, &mass, &x, &Unwatched).unwrap();
+        assert!(largest_difference(a.values(), expected.0.values()) < 1e-11);
+        assert!(largest_difference(b.values(), expected.1.values()) < 1e-11);
+        assert!(resident.is_some());
+        let z = DenseMatrix::from_columns(37, 33, Numbers(5).take(37 * 33)).unwrap();
+        let (mut rotated, mut expected) = (x.clone(), x.clone());
+        accelerator.rotate(&mut rotated, resident, &z, &Unwatched).unwrap();
+        panel_products::rotate(&mut expected, &z, &Unwatched).unwrap();
+        assert_eq!(rotated.columns(), 33);
+        for (rotated, expected) in rotated.panels().iter().zip(expected.panels()) {
+            assert!(largest_difference(rotated, expected) < 1e-12);
+        }
+        // Columns of functions of three vertices each.
+        let (n, d) = (900, 90);
+        let places: Vec<u32> =
+            (0..n as u32).flat_map(|row| [row / 10, row / 10 + 1].map(|k| k.min(d as u32 - 1))).collect();
+        let starts = (0..=n).map(|row| 2 * row).collect();
+        let space =
+            SparseMatrix::from_sorted_parts(n, d, starts, places, (0..2 * n).map(|k| 0.1 * (k % 7) as f32).collect());
+        let coefficients = DenseMatrix::from_columns(d, 40, Numbers(6).take(d * 40)).unwrap();
+        let lifted = accelerator.lift(&space, &coefficients, &Unwatched).unwrap();
+        let expected = panel_products::prolong(&space, &PanelMatrix::from_dense(&coefficients));
+        for (lifted, expected) in lifted.panels().iter().zip(expected.panels()) {
+            assert!(largest_difference(lifted, expected) < 1e-12);
+        }
+        assert_eq!(accelerator.fallbacks(), 0);
+    }
+}
+
+#[test]
+fn products_come_back_to_the_cpu_when_the_device_fails() {
+    let (stiffness, mass, x) = path(500, 40);
+    let expected = panel_products::restrict(&stiffness, &mass, &x, &Unwatched).unwrap();
+    let Some(device) = open() else { return };
+    let accelerator = accelerator_of(device);
+    accelerator.inject(|faults| faults.refuse_memory_after(4));
+    let (a, _, resident) = accelerator.restrict(&stiffness, &mass, &x, &Unwatched).unwrap();
+    assert!(largest_difference(a.values(), expected.0.values()) < 1e-12 && resident.is_none());
+    assert_eq!((accelerator.fallbacks(), accelerator.available()), (1, true));
+    // Lost between two products.
+    let (_, _, resident) = accelerator.restrict(&stiffness, &mass, &x, &Unwatched).unwrap();
+    accelerator.inject(|faults| faults.lose_after(0));
+    let z = DenseMatrix::from_columns(40, 20, Numbers(5).take(40 * 20)).unwrap();
+    let (mut rotated, mut expected) = (x.clone(), x.clone());
+    accelerator.rotate(&mut rotated, resident, &z, &Unwatched).unwrap();
+    panel_products::rotate(&mut expected, &z, &Unwatched).unwrap();
+    assert_eq!(rotated, expected);
+    assert_eq!((accelerator.fallbacks(), accelerator.available()), (2, false));
 }

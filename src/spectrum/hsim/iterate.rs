@@ -16,7 +16,7 @@ use super::level::Level;
 use super::ritz::ritz;
 use crate::algebra::{
     ColumnSums, DenseMatrix, Factor, FactorError, MassMatrix, PANEL_WIDTH, PanelMatrix, SymbolicFactor, Weight,
-    apply_mass, inner_products, residual_panel, residual_sums, restrict, rotate, subtract_combinations,
+    apply_mass, gpu, inner_products, residual_panel, residual_sums, restrict, rotate, subtract_combinations,
 };
 use crate::mesh::random::SplitMix64;
 use crate::monitor::Monitor;
@@ -185,10 +185,11 @@ impl<'a> Iteration<'a> {
         let mut values = Vec::new();
         // Where columns were close to dependent, the first Rayleigh–Ritz loses digits, and a second one has them all.
         for _ in 0..2 {
-            let (stiffness, gram) = restrict(&level.stiffness, &level.mass, &vectors, monitor)?;
+            let accelerator = gpu::accelerator();
+            let (stiffness, gram, resident) = accelerator.restrict(&level.stiffness, &level.mass, &vectors, monitor)?;
             let rotation;
             (values, rotation) = ritz(stiffness, gram, vectors.columns(), monitor)?;
-            rotate(&mut vectors, &rotation, monitor)?;
+            accelerator.rotate(&mut vectors, resident, &rotation, monitor)?;
             if defect(&vectors, &level.mass, monitor)? <= LARGEST_DEFECT {
                 break;
             }
