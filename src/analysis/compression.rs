@@ -54,6 +54,10 @@ pub fn compress(basis: &Basis, functions: &DenseMatrix, pairs: usize, bits: u32)
     }
     let truncated = basis.evaluate(&coefficients)?;
     let largest = coefficients.values().iter().fold(0.0f64, |most, value| most.max(value.abs()));
+    if !largest.is_finite() {
+        let (parameter, value) = ("largest coefficient", largest);
+        return Err(AnalysisError::Parameter { parameter, value, expected: "a finite number" });
+    }
     let step = if largest > 0.0 { largest / f64::from((1u32 << (bits - 1)) - 1) } else { 1.0 };
     let mut rounded = Vec::with_capacity(pairs * functions.columns());
     for column in 0..coefficients.columns() {
@@ -100,8 +104,11 @@ fn errors(basis: &Basis, functions: &DenseMatrix, other: &DenseMatrix) -> Result
         let mean = masses.iter().zip(functions.column(column)).map(|(m, x)| m * x).sum::<f64>() / total;
         spread.column_mut(column).iter_mut().for_each(|x| *x -= mean);
     }
-    let norms = basis.norms(&lost)?.into_iter().zip(basis.norms(&spread)?);
-    Ok(norms.map(|(lost, spread)| if lost == 0.0 { 0.0 } else { lost / spread }).collect())
+    // A function that hardly differs from its mean is measured against itself.
+    let sizes = basis.norms(&spread)?.into_iter().zip(basis.norms(functions)?);
+    let sizes = sizes.map(|(spread, whole)| spread.max(1e-9 * whole));
+    let norms = basis.norms(&lost)?.into_iter().zip(sizes);
+    Ok(norms.map(|(lost, size)| if lost == 0.0 || size == 0.0 { 0.0 } else { lost / size }).collect())
 }
 
 fn pack(values: &[i32], sizes: [usize; 3], step: f64) -> Vec<u8> {

@@ -52,6 +52,7 @@ impl SpectralDistance {
                     error::positive("time", time)?;
                     let slots = weights.column_mut(column).iter_mut().zip(eigenvalues);
                     slots.for_each(|(weight, value)| *weight = (-2.0 * value * time).exp());
+                    finite(weights.column(column), time)?;
                 }
             }
             Self::Biharmonic | Self::CommuteTime => {
@@ -128,6 +129,15 @@ impl SpectralDistance {
         }
         Ok(distances)
     }
+}
+
+/// Negative eigenvalues make heat grow, at most until numbers end.
+pub(super) fn finite(weights: &[f64], time: f64) -> Result<(), AnalysisError> {
+    if weights.iter().all(|weight| weight.is_finite()) {
+        return Ok(());
+    }
+    let expected = "a time at which negative eigenvalues have not grown beyond all numbers";
+    Err(AnalysisError::Parameter { parameter: "time", value: time, expected })
 }
 
 /// Distances from the nearest of several sources, out of those from each: `n × (s t)` becomes `n × t`.
@@ -225,6 +235,7 @@ mod tests {
         assert_eq!(text(diffusion(1.0).between(&basis, &[[0, 1], [2, 10]])), "pair 1 is vertex 10 of 10");
         let mut negative = chain(10, 4);
         negative.eigenvalues[0] = -1.0;
+        assert!(text(diffusion(1e300).from_sources(&negative, &[1])).starts_with("time is 1000"));
         assert!(text(SpectralDistance::Biharmonic.from_sources(&negative, &[1])).starts_with("eigenvalue 0 is -1"));
     }
 }

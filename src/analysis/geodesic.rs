@@ -59,7 +59,8 @@ pub fn geodesic(
     let columns = if together { 1 } else { sources.len() };
     let mut heat = DenseMatrix::zeros(basis.count(), columns);
     for (mode, value) in basis.eigenvalues.iter().enumerate() {
-        let decay = (-value * time).exp();
+        // Zero comes out of solvers with either sign.
+        let decay = (-value.max(0.0) * time).exp();
         let here = at_sources.column(mode);
         for (source, value) in here.iter().enumerate() {
             heat.column_mut(source.min(columns - 1))[mode] += decay * value;

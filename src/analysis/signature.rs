@@ -57,6 +57,7 @@ impl Signature {
                     error::positive("time", time)?;
                     let weights = weights.column_mut(column);
                     weights.iter_mut().zip(eigenvalues).for_each(|(weight, value)| *weight = (-value * time).exp());
+                    super::distance::finite(weights, time)?;
                     if *normalised {
                         scale_to_unit_sum(weights);
                     }

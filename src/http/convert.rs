@@ -114,7 +114,7 @@ impl From<AnalysisError> for Problem {
                 .with("vertices", vertices),
             AnalysisError::Stream { at, .. } => Self::new(&problem::INVALID_STREAM, text).with("at", at),
             AnalysisError::Basis(error) => error.into(),
-            AnalysisError::Eigen(_) | AnalysisError::System(_) => Self::internal(error),
+            AnalysisError::Eigen(_) => Self::internal(error),
             _ => Self::new(&problem::INVALID_ANALYSIS, text),
         }
     }

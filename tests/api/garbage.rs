@@ -58,6 +58,13 @@ async fn no_request_is_a_fault_of_the_server() {
         format!("/v1/bases/{basis}/filter"),
         format!("/v1/bases/{basis}/project"),
         format!("/v1/bases/{basis}/reconstruct"),
+        format!("/v1/bases/{basis}/distances"),
+        format!("/v1/bases/{basis}/signatures"),
+        format!("/v1/bases/{basis}/similar-points"),
+        format!("/v1/bases/{basis}/compress"),
+        format!("/v1/bases/{basis}/decompress"),
+        "/v1/shape-comparisons".to_owned(),
+        "/v1/functional-maps".to_owned(),
         "/v1/bases/%00%ff".to_owned(),
         "/v1/jobs/..%2f..%2fetc".to_owned(),
     ];
