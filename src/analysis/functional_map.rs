@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::error::{self, AnalysisError};
 use super::kd_tree::KdTree;
 use super::signature::Signature;
-use super::spectrum::heat_times;
+use super::spectrum::{kernel_size, log_spaced};
 use crate::algebra::{DenseMatrix, solve_definite};
 use crate::basis::{Basis, BasisError};
 
@@ -136,14 +136,15 @@ impl<'a> Side<'a> {
         if count >= n {
             chosen = (0..n as u32).collect();
         } else {
-            let (mut sum, mut next) = (0.0, 0.5);
+            let (mut sum, mut taken) = (0.0, 0.0);
             let share = self.area / count as f64;
             for (vertex, mass) in self.masses.iter().enumerate() {
                 sum += mass;
-                if sum >= next * share {
+                // One for each share of the area, from its middle.
+                let due = (sum / share + 0.5).floor();
+                if due > taken {
                     chosen.push(vertex as u32);
-                    next = (sum / share).floor().max(next) + 0.5;
-                    next = if next * share <= sum { next + 1.0 } else { next };
+                    taken = due;
                 }
             }
         }
@@ -171,7 +172,7 @@ pub fn functional_map(source: &Basis, target: &Basis, request: &MapRequest) -> R
     }
     let (from, to) = (Side::new(source)?, Side::new(target)?);
     let [sources, targets] = [0, 1].map(|end| request.landmarks.iter().map(|pair| pair[end]).collect::<Vec<u32>>());
-    let times = heat_times(&from.eigenvalues[..request.start.max(2).min(source.count())], TIMES)?;
+    let times = known_times(&from.eigenvalues[..request.start.max(2).min(source.count())])?;
     let descriptors = request.descriptors.as_ref();
     let a = from.known(request, &sources, descriptors.map(|d| &d.0), &times)?;
     let b = to.known(request, &targets, descriptors.map(|d| &d.1), &times)?;
@@ -189,6 +190,13 @@ pub fn functional_map(source: &Basis, target: &Basis, request: &MapRequest) -> R
         map = map_of_points(&there, &here, &matches, size)?;
     }
     finish(&from, &to, map, request, &targets, descriptor_residual)
+}
+
+/// Times of heat that tell of all the first modes: at the earliest the last of them has hardly decayed, at the latest even the first above zero is gone.
+fn known_times(eigenvalues: &[f64]) -> Result<Vec<f64>, AnalysisError> {
+    let first = kernel_size(eigenvalues)?;
+    let last = eigenvalues.last().copied().unwrap_or(1.0);
+    Ok(log_spaced(0.2 / last, 4.0 / eigenvalues[first], TIMES))
 }
 
 /// The last search for neighbours, and the figures.
@@ -270,7 +278,7 @@ fn first_map(
         let mut system = gram.clone();
         for column in 0..k {
             let gap = (to.eigenvalues[row] - from.eigenvalues[column]) / largest;
-            system.column_mut(column)[column] += mean * (request.commutativity * gap * gap + 1e-9);
+            system.column_mut(column)[column] += mean * (request.commutativity * gap * gap + 1e-11);
         }
         let mut solution = sides.slice_columns(row..row + 1);
         solve_definite(system, &mut solution)?;
@@ -429,7 +437,9 @@ mod tests {
 
     #[test]
     fn a_refined_chain_is_mapped_to_a_coarse_one() {
-        let (coarse, fine) = (chain(50, 30), chain(150, 30));
+        let (coarse, mut fine) = (chain(50, 30), chain(150, 30));
+        // Eigenvalues of a line go with the square of its length, those of a surface, as which it is treated, with the area.
+        fine.eigenvalues.iter_mut().for_each(|value| *value *= 3.0);
         let request = MapRequest { landmarks: vec![[2, 7], [40, 121]], ..request() };
         let map = functional_map(&coarse, &fine, &request).unwrap();
         for (vertex, &point) in map.points.iter().enumerate() {

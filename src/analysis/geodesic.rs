@@ -6,6 +6,7 @@
 
 use rayon::prelude::*;
 
+use super::distance::nearest;
 use super::error::{self, AnalysisError};
 use super::spectrum::kernel_size;
 use crate::algebra::DenseMatrix;
@@ -15,18 +16,17 @@ use crate::mesh::TriangleMesh;
 /// The most columns of one call.
 pub const MOST_COLUMNS: usize = 64;
 
-/// A time of this many over the geometric mean of the first and the last eigenvalue: what the basis leaves out of the heat and what is left of it
-/// on the far side are then about as small. The factor was found on meshes with known distances (`docs/distances.md`).
-const TIME: f64 = 3.0;
+/// A time of this many over the first eigenvalue above zero. The heat on the far side is then some hundredths of that at the source, well above the
+/// errors of approximate modes; what the basis leaves out has died down long before. Found on meshes with known distances (`docs/distances.md`).
+const TIME: f64 = 1.0;
 
-/// How long heat flows in a basis unless it is told: `3 / √(λ_1 λ_max)`, in length² of the input.
+/// How long heat flows in a basis unless it is told: `1 / λ_1`, in length² of the input.
 ///
 /// # Errors
 /// [`AnalysisError`] where the spectrum has no values above zero, or has negative ones.
 pub fn default_time(eigenvalues: &[f64]) -> Result<f64, AnalysisError> {
     let first = kernel_size(eigenvalues)?;
-    let last = eigenvalues.last().copied().unwrap_or(1.0);
-    Ok(TIME / (eigenvalues[first] * last).sqrt())
+    Ok(TIME / eigenvalues[first])
 }
 
 /// Geodesic distances of all vertices from each of some sources, or from the nearest of them if `together`: `n × s` or `n × 1`.
@@ -56,14 +56,14 @@ pub fn geodesic(
         None => default_time(&basis.eigenvalues)?,
     };
     let at_sources = basis.at_vertices(sources).map_err(AnalysisError::vertices("source"))?;
-    let columns = if together { 1 } else { sources.len() };
+    let columns = sources.len();
     let mut heat = DenseMatrix::zeros(basis.count(), columns);
     for (mode, value) in basis.eigenvalues.iter().enumerate() {
         // Zero comes out of solvers with either sign.
         let decay = (-value.max(0.0) * time).exp();
         let here = at_sources.column(mode);
         for (source, value) in here.iter().enumerate() {
-            heat.column_mut(source.min(columns - 1))[mode] += decay * value;
+            heat.column_mut(source)[mode] = decay * value;
         }
     }
     let heat = basis.evaluate(&heat)?;
@@ -77,11 +77,17 @@ pub fn geodesic(
         slots.for_each(|(mode, (slot, value))| *slot = if mode < first { 0.0 } else { *slot / value });
     }
     let mut distances = basis.evaluate(&potential)?;
+    // A cone without its frequencies above K, as modes up to λ_max = K² hold it, is rounded off: its tip lies at 1/K.
+    let tip = 1.0 / basis.eigenvalues.last().copied().unwrap_or(1.0).sqrt();
     for column in 0..columns {
-        let own = if together { sources } else { &sources[column..=column] };
         let distances = distances.column_mut(column);
-        let base = own.iter().map(|&s| distances[s as usize]).sum::<f64>() / own.len() as f64;
+        let base = distances[sources[column] as usize] - tip;
         distances.iter_mut().for_each(|d| *d = (*d - base).max(0.0));
+        distances[sources[column] as usize] = 0.0;
+    }
+    // Heat from all sources at once would be cheaper, but is rounded off where it meets.
+    if together {
+        return Ok(nearest(&distances, 1));
     }
     Ok(distances)
 }

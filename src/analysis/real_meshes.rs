@@ -65,9 +65,12 @@ fn poses_cluster_remeshings_agree_and_approximate_spectra_do_as_exact_ones() {
             let to_others = (4..files.len()).map(|b| distance(camel, b)).fold(f64::INFINITY, f64::min);
             assert!(to_camels < to_others, "{}: {to_camels} {to_others}", files[camel]);
         }
+        // Higher eigenvalues see the triangles: piecewise linear functions lose more of them the larger the faces are.
         for (a, b) in [(4, 5), (4, 6), (5, 6)] {
-            let size = found.descriptors.column(a).iter().map(|x| x * x).sum::<f64>().sqrt();
-            assert!(distance(a, b) < 0.01 * size, "{} {}: {}", files[a], files[b], distance(a, b) / size);
+            let [x, y] = [a, b].map(|shape| &found.descriptors.column(shape)[..10]);
+            let gap = x.iter().zip(y).map(|(x, y)| (x - y) * (x - y)).sum::<f64>().sqrt();
+            let size = x.iter().map(|x| x * x).sum::<f64>().sqrt();
+            assert!(gap < 0.01 * size, "{} {}: {}", files[a], files[b], gap / size);
         }
     }
     for shape in 0..files.len() {
