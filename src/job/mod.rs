@@ -256,11 +256,9 @@ impl JobParameters {
         });
         if let serde_json::Value::Object(mut about) = about {
             for (name, text) in notes {
-                about
-                    .entry(name)
-                    .or_insert_with(|| serde_json::json!([]))
-                    .as_array_mut()
-                    .map(|list| list.push(text.into()));
+                if let Some(list) = about.entry(name).or_insert_with(|| serde_json::json!([])).as_array_mut() {
+                    list.push(text.into());
+                }
             }
             product.describe(about);
         }

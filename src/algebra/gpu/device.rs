@@ -193,12 +193,14 @@ impl Device {
     }
 
     /// Smaller limits, so that small matrices are cut as large ones are.
+    #[cfg(test)]
     pub fn limit(&mut self, binding_bytes: u64, buffer_bytes: u64) {
         self.limits.binding_bytes = binding_bytes.min(self.limits.binding_bytes);
         self.limits.buffer_bytes = buffer_bytes.min(self.limits.buffer_bytes);
     }
 
     /// Another limit of time for each submission.
+    #[cfg(test)]
     pub fn limit_time(&mut self, limit: Duration) {
         self.time_limit = limit;
     }

@@ -41,19 +41,6 @@ pub(super) enum KernelName {
 }
 
 impl KernelName {
-    /// All of them.
-    pub(super) const ALL: [Self; 9] = [
-        Self::Product,
-        Self::TransposedProduct,
-        Self::ProductTransposed,
-        Self::Transpose,
-        Self::Fold,
-        Self::Column,
-        Self::Reflect,
-        Self::Combine,
-        Self::Sparse,
-    ];
-
     /// Its name in messages.
     pub(super) fn text(self) -> &'static str {
         match self {
