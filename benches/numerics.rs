@@ -6,7 +6,10 @@ use std::sync::LazyLock;
 
 use chladni::{
     algebra::{CpuSolver, DenseMatrix, SparseMatrix, SymmetricDefiniteSolver},
+    analysis::family::{Member, spectrum},
     analysis::filter::{Transfer, filter},
+    basis::family::FamilyBasis,
+    basis::modal::{ModalBasis, ModalFunctions},
     basis::{Basis, Compact, Functions},
     mesh::{
         TriangleMesh,
@@ -14,9 +17,12 @@ use chladni::{
         shape::{Shape, generate},
     },
     monitor::Unwatched,
-    operator::{EigenProblem, MassKind, laplace},
+    operator::{EigenProblem, MassKind, family::family, laplace},
     spectrum::{
+        ApproximationParameters, Space,
         certificate::certify,
+        family::restrict_family,
+        heat::HeatParameters,
         radial::{RadialParameters, space},
     },
 };
@@ -90,6 +96,44 @@ fn certificate(bencher: Bencher) {
 #[divan::bench(max_time = 2)]
 fn filter_coordinates(bencher: Bencher) {
     bencher.bench(|| filter(&CASE.basis, &CASE.functions, &Transfer::Heat { time: 1e-3 }));
+}
+
+/// A frame of a simulation: 500 modes with three coordinates in a space of 1000 functions. `CHLADNI_BENCH_VERTICES=165000` for the thesis' size.
+#[divan::bench(max_time = 3)]
+fn frame_of_500_modes(bencher: Bencher) {
+    let n = CASE.mesh.positions.len();
+    let values = (0..3 * DIMENSION * COUNT).map(|k| (k as f64 * 0.7).sin()).collect();
+    let basis = ModalBasis {
+        eigenvalues: vec![1.0; COUNT],
+        rigid: 0,
+        masses: vec![1.0; n],
+        part: vec![0; n],
+        rest: vec![[0.5; 3]; n],
+        length: 1.0,
+        affine: DenseMatrix::zeros(12, COUNT),
+        functions: ModalFunctions::Compact {
+            space: CASE.space.clone(),
+            coefficients: DenseMatrix::from_columns(3 * DIMENSION, COUNT, values).unwrap(),
+        },
+        bounds: vec![0.0; COUNT],
+        metadata: serde_json::Value::Null,
+    };
+    let lifter = basis.lifter();
+    let q: Vec<f64> = (0..COUNT).map(|k| (k as f64).cos()).collect();
+    let mut out = vec![0f32; 3 * n];
+    bencher.bench_local(|| lifter.lift(&q, &mut out));
+}
+
+/// The lowest 100 pairs of a member of a family, d = 1000.
+#[divan::bench(max_time = 3, args = [0.01, 0.5, 1.0])]
+fn family_spectrum(bencher: Bencher, t: f64) {
+    static FAMILY: LazyLock<FamilyBasis> = LazyLock::new(|| {
+        let space = Space::Heat(HeatParameters::default());
+        let parameters = ApproximationParameters { count: DIMENSION, dimension: DIMENSION, space, seed: 0 };
+        restrict_family(&CASE.mesh, &family(&CASE.mesh, &Unwatched).unwrap(), &parameters, &Unwatched).unwrap()
+    });
+    LazyLock::force(&FAMILY);
+    bencher.bench(|| spectrum(&FAMILY, Member { extrinsic: t, curvature: 0.0 }, 100));
 }
 
 #[divan::bench(max_time = 2)]

@@ -79,6 +79,7 @@ fn mesh(seed: usize, vertices: usize) -> NewMesh {
     let positions = (0..vertices).map(|i| [i as f64, seed as f64, 0.5]).collect();
     let faces = (2..vertices as u32).map(|i| [0, i - 1, i]).collect();
     NewMesh {
+        solid: None,
         mesh: Arc::new(TriangleMesh { positions, faces }),
         report: json!({}),
         name: None,

@@ -12,10 +12,12 @@ mod compression;
 mod distances;
 mod filtering;
 mod functional_maps;
+mod operator_families;
 mod paint;
 mod scene;
 mod shape_dna;
 mod signatures;
+mod vibration;
 
 use std::process::ExitCode;
 
@@ -31,6 +33,8 @@ const PAGES: &[(&str, fn() -> Result<(), Failure>)] = &[
     ("filtering", filtering::draw),
     ("compression", compression::draw),
     ("functional-maps", functional_maps::draw),
+    ("operator-families", operator_families::draw),
+    ("vibration", vibration::draw),
 ];
 
 fn main() -> ExitCode {

@@ -7,6 +7,8 @@ use std::sync::Arc;
 
 use serde_json::{Map, Value, json};
 
+use super::family::FamilyBasis;
+use super::modal::{ModalBasis, ModalFunctions};
 use super::npz::{self, FormatError};
 use super::{Basis, Functions, StoredFields};
 
@@ -17,6 +19,10 @@ pub enum Product {
     Eigenbasis(Arc<Basis>),
     /// A space of tangential fields.
     FieldBasis(Arc<StoredFields>),
+    /// A family of operators in one space.
+    OperatorFamily(Arc<FamilyBasis>),
+    /// Vibration modes.
+    VibrationBasis(Arc<ModalBasis>),
 }
 
 /// The kinds of product. Each bears the name of the kind of job that makes it.
@@ -26,6 +32,10 @@ pub enum ProductKind {
     Eigenbasis,
     /// A space of tangential fields.
     FieldBasis,
+    /// A family of operators in one space.
+    OperatorFamily,
+    /// Vibration modes.
+    VibrationBasis,
 }
 
 /// What the record of a product shows.
@@ -53,13 +63,15 @@ pub struct Summary {
 
 impl ProductKind {
     /// Every kind.
-    pub const ALL: [Self; 2] = [Self::Eigenbasis, Self::FieldBasis];
+    pub const ALL: [Self; 4] = [Self::Eigenbasis, Self::FieldBasis, Self::OperatorFamily, Self::VibrationBasis];
 
     /// The name on the wire and in the table.
     pub fn name(self) -> &'static str {
         match self {
             Self::Eigenbasis => "eigenbasis",
             Self::FieldBasis => "field_basis",
+            Self::OperatorFamily => "operator_family",
+            Self::VibrationBasis => "vibration_basis",
         }
     }
 
@@ -75,6 +87,8 @@ impl Product {
         match self {
             Self::Eigenbasis(_) => ProductKind::Eigenbasis,
             Self::FieldBasis(_) => ProductKind::FieldBasis,
+            Self::OperatorFamily(_) => ProductKind::OperatorFamily,
+            Self::VibrationBasis(_) => ProductKind::VibrationBasis,
         }
     }
 
@@ -114,6 +128,34 @@ impl Product {
                     dense_bytes: 8 * fields.rows() as u64 * fields.dimension() as u64,
                 }
             }
+            Self::OperatorFamily(family) => Summary {
+                rows: family.vertices(),
+                dimension: Some(family.dimension()),
+                count: family.dimension(),
+                nonzeros: Some(family.space.entries()),
+                eigenvalues: family.eigenvalues.clone(),
+                operator: family.metadata["operator"].clone(),
+                dense_bytes: 8 * (family.vertices() * family.dimension()) as u64,
+                ..Summary::default()
+            },
+            Self::VibrationBasis(modes) => Summary {
+                rows: 3 * modes.vertices(),
+                dimension: modes.dimension(),
+                count: modes.count(),
+                nonzeros: match &modes.functions {
+                    ModalFunctions::Compact { space, .. } => Some(space.entries()),
+                    ModalFunctions::Dense(_) => None,
+                },
+                eigenvalues: modes.eigenvalues.clone(),
+                certificate: modes.metadata["certificate"].clone(),
+                operator: modes.metadata["elastic"].clone(),
+                details: json!({
+                    "rigid_motions": modes.rigid,
+                    "vertices": modes.vertices(),
+                    "frequencies": modes.frequencies(),
+                }),
+                dense_bytes: modes.dense_bytes(),
+            },
         }
     }
 
@@ -122,6 +164,8 @@ impl Product {
         let metadata = match self {
             Self::Eigenbasis(basis) => &mut Arc::make_mut(basis).metadata,
             Self::FieldBasis(fields) => &mut Arc::make_mut(fields).metadata,
+            Self::OperatorFamily(family) => &mut Arc::make_mut(family).metadata,
+            Self::VibrationBasis(modes) => &mut Arc::make_mut(modes).metadata,
         };
         if let Some(object) = metadata.as_object_mut() {
             object.extend(members);
@@ -133,6 +177,8 @@ impl Product {
         match self {
             Self::Eigenbasis(basis) => basis.stored_bytes(),
             Self::FieldBasis(fields) => fields.stored_bytes(),
+            Self::OperatorFamily(family) => family.stored_bytes(),
+            Self::VibrationBasis(modes) => modes.stored_bytes(),
         }
     }
 
@@ -144,6 +190,8 @@ impl Product {
         match self {
             Self::Eigenbasis(basis) => npz::write(basis, out),
             Self::FieldBasis(fields) => npz::write_fields(fields, out),
+            Self::OperatorFamily(family) => npz::write_family(family, out),
+            Self::VibrationBasis(modes) => npz::write_modes(modes, out),
         }
     }
 
@@ -155,6 +203,8 @@ impl Product {
         Ok(match kind {
             ProductKind::Eigenbasis => npz::read(bytes)?.into(),
             ProductKind::FieldBasis => npz::read_fields(bytes)?.into(),
+            ProductKind::OperatorFamily => npz::read_family(bytes)?.into(),
+            ProductKind::VibrationBasis => npz::read_modes(bytes)?.into(),
         })
     }
 
@@ -162,7 +212,7 @@ impl Product {
     pub fn into_eigenbasis(self) -> Option<Basis> {
         match self {
             Self::Eigenbasis(basis) => Some(Arc::unwrap_or_clone(basis)),
-            Self::FieldBasis(_) => None,
+            _ => None,
         }
     }
 
@@ -192,6 +242,18 @@ impl From<StoredFields> for Product {
     }
 }
 
+impl From<FamilyBasis> for Product {
+    fn from(family: FamilyBasis) -> Self {
+        Self::OperatorFamily(Arc::new(family))
+    }
+}
+
+impl From<ModalBasis> for Product {
+    fn from(modes: ModalBasis) -> Self {
+        Self::VibrationBasis(Arc::new(modes))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::io::Cursor;
@@ -200,9 +262,55 @@ mod tests {
     use crate::basis::field::tests::small_fields;
     use crate::basis::tests::small_basis;
 
+    fn small_family() -> FamilyBasis {
+        let square = |seed: f64| crate::algebra::DenseMatrix::from_columns(2, 2, vec![seed, 0.5, 0.5, 1.0]).unwrap();
+        let basis = small_basis(false);
+        FamilyBasis {
+            space: basis.compact().unwrap().space.clone(),
+            coefficients: square(1.0),
+            eigenvalues: vec![0.0, 2.0],
+            extrinsic: square(3.0),
+            curvature: square(4.0),
+            mass: basis.mass,
+            metadata: json!({"kind": "operator_family"}),
+        }
+    }
+
+    fn small_modes(compact: bool) -> ModalBasis {
+        let numbers = |rows: usize, columns: usize| {
+            let values = (0..rows * columns).map(|k| (k as f64).sin()).collect();
+            crate::algebra::DenseMatrix::from_columns(rows, columns, values).unwrap()
+        };
+        let functions = if compact {
+            let space = small_basis(false).compact().unwrap().space.clone();
+            ModalFunctions::Compact { space, coefficients: numbers(6, 7) }
+        } else {
+            ModalFunctions::Dense((0..63).map(|k| k as f32).collect())
+        };
+        ModalBasis {
+            eigenvalues: vec![0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.5],
+            rigid: 6,
+            masses: vec![1.0, 2.0, 0.0],
+            part: vec![0, 0, crate::basis::modal::FIXED],
+            rest: vec![[0.5, 0.25, 1.0]; 3],
+            length: 2.0,
+            affine: numbers(12, 7),
+            functions,
+            bounds: vec![0.0; 7],
+            metadata: json!({"kind": "vibration_basis"}),
+        }
+    }
+
     #[test]
     fn every_kind_is_written_and_read_back_to_the_bit() {
-        let products = [Product::from(small_basis(true)), small_fields(true).into(), small_fields(false).into()];
+        let products = [
+            Product::from(small_basis(true)),
+            small_fields(true).into(),
+            small_fields(false).into(),
+            small_family().into(),
+            small_modes(true).into(),
+            small_modes(false).into(),
+        ];
         assert!(ProductKind::ALL.iter().all(|kind| products.iter().any(|product| product.kind() == *kind)));
         for product in products {
             let write = || {

@@ -2,7 +2,9 @@
 
 use super::problem::{self, Problem};
 use crate::analysis::AnalysisError;
+use crate::analysis::family::FamilyError;
 use crate::analysis::filter::FilterError;
+use crate::analysis::vibration::SimulationError;
 use crate::basis::{BasisError, ColumnError};
 use crate::job::ParameterError;
 use crate::mesh::check::MeshError;
@@ -92,6 +94,31 @@ impl From<BasisError> for Problem {
             }
             BasisError::Unavailable { .. } | BasisError::Inconsistent => Self::internal(error),
         }
+    }
+}
+
+impl From<FamilyError> for Problem {
+    fn from(error: FamilyError) -> Self {
+        match error {
+            FamilyError::Parameter { name, .. } => {
+                Self::within(&problem::INVALID_SPECTRUM, name, sentence(&error)).with("parameter", name)
+            }
+            FamilyError::Eigen(error) => Self::internal(error),
+        }
+    }
+}
+
+impl From<SimulationError> for Problem {
+    fn from(error: SimulationError) -> Self {
+        let within = match error {
+            SimulationError::Vertex { .. } => "vertex-out-of-range",
+            SimulationError::Load { .. } => "loads",
+            SimulationError::Damping { .. } => "damping",
+            SimulationError::Time { .. } => "times",
+            SimulationError::Sound { .. } => "sound",
+            SimulationError::Basis(error) => return error.into(),
+        };
+        Self::within(&problem::INVALID_SIMULATION, within, sentence(&error))
     }
 }
 

@@ -21,8 +21,9 @@ use super::state::AppState;
 use super::wire::{MeshResource, PageOf};
 use super::{body, conditional};
 use crate::mesh::TriangleMesh;
-use crate::mesh::check::{CheckOptions, Merge, check};
+use crate::mesh::check::{CheckOptions, Merge};
 use crate::mesh::read::{MeshFormat, ReadLimits, read};
+use crate::mesh::solid::check_body;
 use crate::mesh::write::{write_obj, write_ply};
 use crate::store::NewMesh;
 
@@ -59,6 +60,9 @@ struct UploadQuery {
 /// The body is the file itself, or `multipart/form-data` with the file in a part named `mesh` (and, optionally, parts `format`,
 /// `merge` and `name`). The format comes from `format`, from `Content-Type` or the file name, or, for general types such as
 /// `application/octet-stream`, from the first bytes. `Content-Encoding` may be gzip or zstd.
+///
+/// A MEDIT file with tetrahedra is a solid: the mesh is then the surface of its tetrahedra, the report has the member `solid`, and
+/// the vertices of the surface are the first of the solid, both in the order of the file.
 ///
 /// The mesh is checked; repairs that lose nothing are done and listed in the report. The same content has the same id: sending
 /// it again answers 200 with what is stored.
@@ -112,9 +116,10 @@ async fn upload(
             drop(bytes);
             // The share of the body budget is held until the bytes are gone.
             drop(body);
-            let checked = check(raw, &options)?;
-            let report = serde_json::to_value(&checked.report).map_err(Problem::internal)?;
-            Ok(NewMesh { mesh: Arc::new(checked.mesh), report, name, format: format.name().to_owned(), source_bytes })
+            let body = check_body(raw, &options)?;
+            let report = serde_json::to_value(&body.surface.report).map_err(Problem::internal)?;
+            let (mesh, solid) = (Arc::new(body.surface.mesh), body.solid.map(Arc::new));
+            Ok(NewMesh { mesh, solid, report, name, format: format.name().to_owned(), source_bytes })
         })
         .await?;
     let stored = state.store.add_mesh(new).await?;

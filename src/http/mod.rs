@@ -11,7 +11,7 @@
 //! | `body`, `extract`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, negotiation, ranges |
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `wire`, `certificate` | what goes over the wire |
-//! | `meshes`, `jobs`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `fields`, `system`, `docs` | the routes |
+//! | `meshes`, `jobs`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
 //! | `page` | the web page, embedded |
 
 mod auth;
@@ -28,6 +28,7 @@ mod distances;
 mod docs;
 mod exchange;
 mod extract;
+mod family;
 mod fields;
 mod jobs;
 mod maps;
@@ -41,6 +42,7 @@ mod signatures;
 mod solves;
 mod state;
 mod system;
+mod vibration;
 mod wire;
 
 pub use auth::{ApiKey, KeyError, KeysNeeded, Scope, require_keys};
@@ -79,6 +81,8 @@ fn routes() -> OpenApiRouter<AppState> {
         .merge(comparisons::routes())
         .merge(maps::routes())
         .merge(fields::routes())
+        .merge(family::routes())
+        .merge(vibration::routes())
         .merge(system::routes())
         .merge(docs::routes())
 }

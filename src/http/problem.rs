@@ -88,6 +88,10 @@ kinds! {
         "The type goes on with what is wrong, as in invalid-design/face. The detail names the stroke, the constraint or the face.\n\n`face` (it is not there, or none is named), `direction` (zero, or perpendicular to its face), `value` (a stroke has no value, or one of another kind of field), `points` (a line that is no line), `contradiction` (hard constraints want different values on one face), `dependent` (the space cannot meet them all), `weight`, `no-energy` (nothing says what the field is between constraints), `no-data` (there is neither a constraint nor an alignment), `alignment`, `singularities` (they are not inside the surface, or their indices do not add up to the Euler characteristic), `constraints` (too many), `dimension` (the space is too large to design in), `fur`, `hatching`, `camera`, `coefficients`, `eigenfield`.";
     NO_FIELD_SURFACE = "no-field-surface", 422, "The mesh is no surface for fields",
         "Tangential fields need an oriented manifold. The detail names the edge, the vertex or the faces where the mesh is none.";
+    INVALID_SPECTRUM = "invalid-spectrum", 422, "There is no such spectrum",
+        "The type goes on with the parameter that does not fit: extrinsic, curvature or count. The detail says what it may be.";
+    INVALID_SIMULATION = "invalid-simulation", 422, "This cannot be simulated",
+        "The type goes on with what does not fit: vertex-out-of-range, loads, damping, times or sound. The detail names the element.";
     INVALID_PARAMETER = "invalid-parameter", 422, "A parameter of the job does not fit",
         "The detail names the parameter, its value and the values it may have.";
     JOB_TOO_LARGE = "job-too-large", 422, "The job needs too much memory",

@@ -119,6 +119,12 @@ pub struct JobRequest {
     /// `method: sim`, plain subspace iteration as a baseline: `tolerance`, `start` (`random`, `bathe`), `subspace_factor`, `precision`.
     ///
     /// A parameter of another method is refused by name.
+    ///
+    /// `operator_family`: `dimension` (of the subspace, default 1000), `seed`.
+    ///
+    /// `vibration_basis`: `count` (modes, rigid motions included), `thickness` (of a shell; without it the tetrahedra of a solid vibrate),
+    /// `material` (`{"young": 2e11, "poisson": 0.3, "density": 7800}`), `clamped` (vertices), `method` (`hsim`, the default, with
+    /// `tolerance`, or `approximate` with `dimension` and `local_coordinates`), `seed`.
     #[serde(default)]
     #[schema(value_type = Object)]
     pub parameters: Value,

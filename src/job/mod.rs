@@ -6,6 +6,8 @@
 
 mod eigenbasis;
 mod field_basis;
+mod operator_family;
+mod vibration_basis;
 
 pub use eigenbasis::{
     Accuracy, Approximate, Construction, EigenbasisParameters, Exact, HsimVariant, Method, MethodName, Start,
@@ -14,19 +16,23 @@ pub use eigenbasis::{
 
 pub use field_basis::{FieldBasisParameters, FieldConstruction, FieldName};
 
-use crate::basis::Product;
 use crate::field::{DesignError, FieldError};
-use crate::mesh::TriangleMesh;
+pub use operator_family::OperatorFamilyParameters;
+pub use vibration_basis::{VibrationBasisParameters, VibrationMethodName};
+
+use crate::basis::Product;
+use crate::mesh::{TetMesh, TriangleMesh};
 use crate::monitor::{Cancelled, Monitor, StageClock};
 use crate::operator::OperatorError;
 use crate::spectrum::ApproximationError;
 use crate::spectrum::hsim::HsimError;
+use crate::spectrum::vibration::VibrationError;
 
 /// The version of the solvers: it enters the key of equal work, so that a better solver does not answer with old results.
 pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+2");
 
 /// The names of all kinds of job.
-pub const KINDS: &[&str] = &["eigenbasis", "field_basis"];
+pub const KINDS: &[&str] = &["eigenbasis", "field_basis", "operator_family", "vibration_basis"];
 
 /// Why parameters were refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -79,6 +85,18 @@ pub enum JobError {
     /// The eigenproblem in the space of fields failed.
     #[error(transparent)]
     Ritz(DesignError),
+    /// The vibration modes could not be computed.
+    #[error(transparent)]
+    Vibration(VibrationError),
+}
+
+impl From<VibrationError> for JobError {
+    fn from(error: VibrationError) -> Self {
+        match error {
+            VibrationError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Vibration(other),
+        }
+    }
 }
 
 impl From<HsimError> for JobError {
@@ -125,6 +143,7 @@ impl JobError {
             Self::Field(FieldError::Restriction(_)) => "restriction-failed",
             Self::Field(_) => "subspace-failed",
             Self::Ritz(_) => "eigenproblem-failed",
+            Self::Vibration(error) => error.kind(),
         }
     }
 }
@@ -145,11 +164,15 @@ pub struct MeshSize {
     pub vertices: usize,
     /// Triangles.
     pub faces: usize,
+    /// Vertices of a solid, those of its surface included; 0 where there is none.
+    pub solid_vertices: usize,
+    /// Tetrahedra.
+    pub tetrahedra: usize,
 }
 
 impl From<&TriangleMesh> for MeshSize {
     fn from(mesh: &TriangleMesh) -> Self {
-        Self { vertices: mesh.positions.len(), faces: mesh.faces.len() }
+        Self { vertices: mesh.positions.len(), faces: mesh.faces.len(), ..Self::default() }
     }
 }
 
@@ -172,6 +195,19 @@ pub trait Work {
     /// # Errors
     /// [`JobError`]; in particular [`JobError::Cancelled`] soon after the monitor's checkpoint asks for it.
     fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError>;
+
+    /// The same for a mesh that may be the surface of a solid.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    fn run_body(
+        &self,
+        mesh: &TriangleMesh,
+        _solid: Option<&TetMesh>,
+        monitor: &dyn Monitor,
+    ) -> Result<Product, JobError> {
+        self.run(mesh, monitor)
+    }
 }
 
 /// The parameters of a job, checked, with every default filled in.
@@ -181,6 +217,10 @@ pub enum JobParameters {
     Eigenbasis(EigenbasisParameters),
     /// A space of tangential fields on a mesh.
     FieldBasis(FieldBasisParameters),
+    /// A family of operators in one space.
+    OperatorFamily(OperatorFamilyParameters),
+    /// Vibration modes.
+    VibrationBasis(VibrationBasisParameters),
 }
 
 impl JobParameters {
@@ -192,6 +232,8 @@ impl JobParameters {
         match kind {
             "eigenbasis" => EigenbasisParameters::parse(parameters).map(Self::Eigenbasis),
             "field_basis" => FieldBasisParameters::parse(parameters).map(Self::FieldBasis),
+            "operator_family" => OperatorFamilyParameters::parse(parameters).map(Self::OperatorFamily),
+            "vibration_basis" => VibrationBasisParameters::parse(parameters).map(Self::VibrationBasis),
             other => Err(ParameterError::UnknownKind { kind: other.chars().take(64).collect() }),
         }
     }
@@ -201,6 +243,8 @@ impl JobParameters {
         match self {
             Self::Eigenbasis(_) => "eigenbasis",
             Self::FieldBasis(_) => "field_basis",
+            Self::OperatorFamily(_) => "operator_family",
+            Self::VibrationBasis(_) => "vibration_basis",
         }
     }
 
@@ -208,6 +252,8 @@ impl JobParameters {
         match self {
             Self::Eigenbasis(parameters) => parameters,
             Self::FieldBasis(parameters) => parameters,
+            Self::OperatorFamily(parameters) => parameters,
+            Self::VibrationBasis(parameters) => parameters,
         }
     }
 
@@ -240,9 +286,26 @@ impl JobParameters {
     /// # Errors
     /// [`JobError`]; in particular [`JobError::Cancelled`] soon after the monitor's checkpoint asks for it.
     pub fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Outcome, JobError> {
-        self.check_mesh(mesh.into())?;
+        self.run_body(mesh, None, monitor)
+    }
+
+    /// The same for a mesh that may be the surface of a solid.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_body(
+        &self,
+        mesh: &TriangleMesh,
+        solid: Option<&TetMesh>,
+        monitor: &dyn Monitor,
+    ) -> Result<Outcome, JobError> {
+        let mut size = MeshSize::from(mesh);
+        if let Some(solid) = solid {
+            (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
+        }
+        self.check_mesh(size)?;
         let clock = StageClock::new(monitor);
-        let mut product = self.work().run(mesh, &clock)?;
+        let mut product = self.work().run_body(mesh, solid, &clock)?;
         let notes = clock.notes();
         let seconds = clock.finish();
         let mut parameters = self.canonical();
@@ -264,6 +327,21 @@ impl JobParameters {
         }
         Ok(Outcome { product, seconds })
     }
+}
+
+/// Reads parameters; `null` stands for all defaults.
+fn read_parameters<T: serde::de::DeserializeOwned>(
+    kind: &'static str,
+    value: &serde_json::Value,
+) -> Result<T, ParameterError> {
+    let form = |reason| ParameterError::Form { kind, reason };
+    let empty = serde_json::Value::Object(serde_json::Map::new());
+    let value = match value {
+        serde_json::Value::Null => &empty,
+        serde_json::Value::Object(_) => value,
+        _ => return Err(form("a JSON object is expected".to_owned())),
+    };
+    serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string()))
 }
 
 /// Values that are listed in full; longer lists are told by their number and their hash.

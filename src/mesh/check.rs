@@ -101,6 +101,34 @@ pub enum MeshError {
         /// Tetrahedra in the input.
         tetrahedra: usize,
     },
+    /// A tetrahedron refers to a vertex that does not exist.
+    #[error("tetrahedron {tetrahedron} refers to vertex {vertex} of {vertices}")]
+    TetrahedronOutOfRange {
+        /// The first such tetrahedron.
+        tetrahedron: usize,
+        /// The vertex it refers to.
+        vertex: u32,
+        /// The number of vertices.
+        vertices: usize,
+    },
+    /// A tetrahedron uses a vertex that is not finite, or too far out for volumes to have a meaning.
+    #[error(
+        "vertex {vertex} has a coordinate that is not finite or beyond {largest:e}, and tetrahedron {tetrahedron} uses it"
+    )]
+    TetrahedronFar {
+        /// The first such tetrahedron.
+        tetrahedron: usize,
+        /// The vertex.
+        vertex: u32,
+        /// The largest magnitude allowed.
+        largest: f64,
+    },
+    /// Every tetrahedron is flat.
+    #[error("none of the {tetrahedra} tetrahedra has a volume")]
+    NoVolume {
+        /// The number of tetrahedra.
+        tetrahedra: usize,
+    },
     /// Every face has zero area.
     #[error("all {faces} faces of the mesh have zero area")]
     NoArea {
@@ -127,6 +155,9 @@ impl MeshError {
             Self::OutOfRange { .. } => "coordinate-out-of-range",
             Self::NoFaces { .. } => "no-faces",
             Self::OnlyTetrahedra { .. } => "no-triangles",
+            Self::TetrahedronOutOfRange { .. } => "index-out-of-range",
+            Self::TetrahedronFar { .. } => "coordinate-out-of-range",
+            Self::NoVolume { .. } => "no-volume",
             Self::NoArea { .. } => "no-area",
             Self::TooSmall { .. } => "mesh-too-small",
         }

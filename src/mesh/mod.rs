@@ -15,6 +15,7 @@ mod repair;
 mod report;
 pub mod sample;
 pub mod shape;
+pub mod solid;
 mod topology;
 pub mod write;
 

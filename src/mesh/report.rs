@@ -40,6 +40,9 @@ pub struct MeshReport {
     pub manifold: bool,
     /// Whether the faces can be turned so that the two faces of every manifold edge run along it in opposite directions.
     pub orientable: bool,
+    /// What is inside, where the mesh is the surface of a solid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub solid: Option<super::solid::SolidReport>,
     /// What is wrong with the mesh as given, by kind; kinds that do not occur are left out.
     pub defects: Vec<Defect>,
     /// What was done about it; none of it loses anything.

@@ -75,7 +75,7 @@ pub(super) async fn run(
         settle(shared, &job.kind, Ending::Failed(too_large, false), token).await;
         return Threads::Free;
     }
-    let mesh = match shared.store.load_mesh(&job.mesh).await {
+    let mesh = match shared.store.load_body(&job.mesh).await {
         Ok(mesh) => mesh,
         Err(error) => {
             let retryable = error.is_retryable();
@@ -89,7 +89,7 @@ pub(super) async fn run(
         let (runner, job, monitor) = (Arc::clone(&shared.runner), job.clone(), Arc::clone(&monitor));
         let memory = Arc::clone(&memory);
         move || {
-            let outcome = catch_unwind(AssertUnwindSafe(|| runner.run(&job, mesh, monitor.as_ref())));
+            let outcome = catch_unwind(AssertUnwindSafe(|| runner.run_body(&job, mesh.0, mesh.1, monitor.as_ref())));
             // Nobody may be waiting any more; then the result is void.
             let _ = sender.send(outcome);
             drop((left_behind, memory));

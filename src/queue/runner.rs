@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::{
     basis::Product,
-    mesh::TriangleMesh,
+    mesh::{TetMesh, TriangleMesh},
     monitor::{Cancelled, Monitor},
     store::{JobRecord, JobStatus},
 };
@@ -16,6 +16,20 @@ pub trait Runner: Send + Sync + 'static {
     /// # Errors
     /// [`JobFailure`] says whether another attempt may help.
     fn run(&self, job: &JobRecord, mesh: Arc<TriangleMesh>, monitor: &dyn Monitor) -> Result<Outcome, JobFailure>;
+
+    /// The same for a mesh that may be the surface of a solid.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    fn run_body(
+        &self,
+        job: &JobRecord,
+        mesh: Arc<TriangleMesh>,
+        _solid: Option<Arc<TetMesh>>,
+        monitor: &dyn Monitor,
+    ) -> Result<Outcome, JobFailure> {
+        self.run(job, mesh, monitor)
+    }
 }
 
 /// What an attempt made.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{JobFailure, Outcome, Runner};
 use crate::{
     job::{JobError, JobParameters},
-    mesh::TriangleMesh,
+    mesh::{TetMesh, TriangleMesh},
     monitor::Monitor,
     store::JobRecord,
 };
@@ -16,8 +16,18 @@ pub struct Solver;
 
 impl Runner for Solver {
     fn run(&self, job: &JobRecord, mesh: Arc<TriangleMesh>, monitor: &dyn Monitor) -> Result<Outcome, JobFailure> {
+        self.run_body(job, mesh, None, monitor)
+    }
+
+    fn run_body(
+        &self,
+        job: &JobRecord,
+        mesh: Arc<TriangleMesh>,
+        solid: Option<Arc<TetMesh>>,
+        monitor: &dyn Monitor,
+    ) -> Result<Outcome, JobFailure> {
         let parameters = JobParameters::parse(&job.kind, &job.parameters).map_err(JobError::from).map_err(failure)?;
-        let mut product = parameters.run(&mesh, monitor).map_err(failure)?.product;
+        let mut product = parameters.run_body(&mesh, solid.as_deref(), monitor).map_err(failure)?.product;
         product.describe(serde_json::Map::from_iter([("mesh".to_owned(), job.mesh.clone().into())]));
         Ok(Outcome { product })
     }

@@ -14,6 +14,8 @@ use super::{
     meshes::push_filter,
     to_json,
 };
+use crate::basis::family::FamilyBasis;
+use crate::basis::modal::ModalBasis;
 use crate::basis::{Basis, FormatError, Product, ProductKind, StoredFields, Summary};
 
 impl Store {
@@ -124,6 +126,28 @@ impl Store {
         match self.load_product(id).await? {
             Product::Eigenbasis(basis) => Ok(basis),
             other => Err(wrong_kind(id, &other, ProductKind::Eigenbasis)),
+        }
+    }
+
+    /// A decoded family of operators, as [`load_product`](Self::load_product) gives it.
+    ///
+    /// # Errors
+    /// [`StoreError::BasisKind`] where the basis is of another kind, and those of [`load_product`](Self::load_product).
+    pub async fn load_family(&self, id: Uuid) -> Result<Arc<FamilyBasis>, StoreError> {
+        match self.load_product(id).await? {
+            Product::OperatorFamily(family) => Ok(family),
+            other => Err(wrong_kind(id, &other, ProductKind::OperatorFamily)),
+        }
+    }
+
+    /// Decoded vibration modes, as [`load_product`](Self::load_product) gives them.
+    ///
+    /// # Errors
+    /// [`StoreError::BasisKind`] where the basis is of another kind, and those of [`load_product`](Self::load_product).
+    pub async fn load_modes(&self, id: Uuid) -> Result<Arc<ModalBasis>, StoreError> {
+        match self.load_product(id).await? {
+            Product::VibrationBasis(modes) => Ok(modes),
+            other => Err(wrong_kind(id, &other, ProductKind::VibrationBasis)),
         }
     }
 

@@ -9,14 +9,18 @@ use super::{
     JobRecord, MeshRecord, NewMesh, Page, PageRequest, Store, StoreError, Stored, Weighed, blobs, detached, from_json,
     jobs::job_from_row, to_json,
 };
-use crate::mesh::TriangleMesh;
+use crate::mesh::{TetMesh, TriangleMesh};
 
 /// The head of a mesh's canonical content; the counts of vertices and faces follow, u64 little-endian, then positions as
 /// f64 and faces as u32, all little-endian.
 const MAGIC: &[u8; 8] = b"CHLMESH1";
+/// The head of a solid's: behind those of its surface come the counts of inner vertices and of tetrahedra, then the positions of both kinds
+/// of vertices, faces and tetrahedra.
+const SOLID_MAGIC: &[u8; 8] = b"CHLSOLI1";
 const HEAD_BYTES: usize = 24;
 const POSITION_BYTES: usize = 24;
 const FACE_BYTES: usize = 12;
+const TETRAHEDRON_BYTES: usize = 16;
 /// Digits of a mesh's identifier: 128 bits of its hash.
 const ID_DIGITS: usize = 32;
 
@@ -31,8 +35,8 @@ impl Store {
     }
 
     async fn add_mesh_now(&self, new: NewMesh) -> Result<Stored<MeshRecord>, StoreError> {
-        let mesh = Arc::clone(&new.mesh);
-        let content = blobs::blocking(move || Bytes::from(encode(&mesh))).await?;
+        let (mesh, solid) = (Arc::clone(&new.mesh), new.solid.clone());
+        let content = blobs::blocking(move || Bytes::from(encode(&mesh, solid.as_deref()))).await?;
         let hash = blobs::hash_of(&content).await?;
         let id = hash[..ID_DIGITS].to_owned();
         let _in_use = self.inner.blob_use.read().await;
@@ -188,13 +192,31 @@ impl Store {
             let record = self.mesh(id).await?;
             let content = self.verified_blob(&record.content_hash).await?;
             let bytes = content.len() as u64;
-            let mesh = blobs::blocking(move || decode(&content))
-                .await?
-                .ok_or_else(|| StoreError::Corrupt { detail: format!("mesh {id}: its content is not a mesh") })?;
+            let mesh = blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?.0;
             Ok::<_, StoreError>(Weighed { value: Arc::new(mesh), bytes })
         });
         Ok(loaded.await?.value)
     }
+
+    /// A mesh and the solid whose surface it is, if it is one. A solid is decoded each time.
+    ///
+    /// # Errors
+    /// As [`load_mesh`](Self::load_mesh).
+    pub async fn load_body(&self, id: &str) -> Result<(Arc<TriangleMesh>, Option<Arc<TetMesh>>), StoreError> {
+        let mesh = self.load_mesh(id).await?;
+        let record = self.mesh(id).await?;
+        if !record.is_solid() {
+            return Ok((mesh, None));
+        }
+        let _in_use = self.inner.blob_use.read().await;
+        let content = self.verified_blob(&record.content_hash).await?;
+        let (_, solid) = blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?;
+        Ok((mesh, solid.map(Arc::new)))
+    }
+}
+
+fn no_mesh(id: &str) -> StoreError {
+    StoreError::Corrupt { detail: format!("mesh {id}: its content is not a mesh") }
 }
 
 pub(super) fn unknown_mesh(id: &str) -> StoreError {
@@ -223,37 +245,60 @@ pub(super) fn push_filter(query: &mut QueryBuilder<Sqlite>, column: &'static str
     }
 }
 
-fn encode(mesh: &TriangleMesh) -> Vec<u8> {
-    let size = HEAD_BYTES + POSITION_BYTES * mesh.positions.len() + FACE_BYTES * mesh.faces.len();
+fn encode(mesh: &TriangleMesh, solid: Option<&TetMesh>) -> Vec<u8> {
+    let surface = mesh.positions.len();
+    let (inner, tetrahedra) = solid.map_or((&[][..], &[][..]), |solid| {
+        (solid.positions.get(surface..).unwrap_or_default(), &solid.tetrahedra[..])
+    });
+    let size = HEAD_BYTES
+        + 16
+        + POSITION_BYTES * (surface + inner.len())
+        + FACE_BYTES * mesh.faces.len()
+        + TETRAHEDRON_BYTES * tetrahedra.len();
     let mut bytes = Vec::with_capacity(size);
-    bytes.extend_from_slice(MAGIC);
-    bytes.extend_from_slice(&(mesh.positions.len() as u64).to_le_bytes());
+    bytes.extend_from_slice(if solid.is_some() { SOLID_MAGIC } else { MAGIC });
+    bytes.extend_from_slice(&(surface as u64).to_le_bytes());
     bytes.extend_from_slice(&(mesh.faces.len() as u64).to_le_bytes());
-    for position in &mesh.positions {
-        for coordinate in position {
-            bytes.extend_from_slice(&coordinate.to_le_bytes());
-        }
+    if solid.is_some() {
+        bytes.extend_from_slice(&(inner.len() as u64).to_le_bytes());
+        bytes.extend_from_slice(&(tetrahedra.len() as u64).to_le_bytes());
     }
-    for face in &mesh.faces {
-        for vertex in face {
-            bytes.extend_from_slice(&vertex.to_le_bytes());
-        }
+    for coordinate in mesh.positions.iter().chain(inner).flatten() {
+        bytes.extend_from_slice(&coordinate.to_le_bytes());
+    }
+    for vertex in mesh.faces.as_flattened().iter().chain(tetrahedra.as_flattened()) {
+        bytes.extend_from_slice(&vertex.to_le_bytes());
     }
     bytes
 }
 
-fn decode(bytes: &[u8]) -> Option<TriangleMesh> {
-    let body = bytes.strip_prefix(MAGIC)?;
-    let (vertices, body) = body.split_first_chunk::<8>()?;
-    let (faces, body) = body.split_first_chunk::<8>()?;
-    let vertices = usize::try_from(u64::from_le_bytes(*vertices)).ok()?;
-    let faces = usize::try_from(u64::from_le_bytes(*faces)).ok()?;
-    let position_bytes = vertices.checked_mul(POSITION_BYTES)?;
-    if body.len() != position_bytes.checked_add(faces.checked_mul(FACE_BYTES)?)? {
+fn decode(bytes: &[u8]) -> Option<(TriangleMesh, Option<TetMesh>)> {
+    let (magic, body) = bytes.split_first_chunk::<8>()?;
+    let is_solid = match magic {
+        MAGIC => false,
+        SOLID_MAGIC => true,
+        _ => return None,
+    };
+    let (counts, body) = body.split_at_checked(if is_solid { 32 } else { 16 })?;
+    let count = |k: usize| -> Option<usize> {
+        let word = counts.as_chunks::<8>().0.get(k).copied().unwrap_or_default();
+        usize::try_from(u64::from_le_bytes(word)).ok()
+    };
+    let (surface, faces, inner, tetrahedra) = (count(0)?, count(1)?, count(2)?, count(3)?);
+    let position_bytes = surface.checked_add(inner)?.checked_mul(POSITION_BYTES)?;
+    let face_bytes = faces.checked_mul(FACE_BYTES)?;
+    let expected = position_bytes.checked_add(face_bytes)?.checked_add(tetrahedra.checked_mul(TETRAHEDRON_BYTES)?)?;
+    if body.len() != expected {
         return None;
     }
-    let (positions, faces) = body.split_at(position_bytes);
+    let (positions, corners) = body.split_at(position_bytes);
+    let (faces, tetrahedra) = corners.split_at(face_bytes);
+    let numbers =
+        |bytes: &[u8]| -> Vec<u32> { bytes.as_chunks::<4>().0.iter().map(|&w| u32::from_le_bytes(w)).collect() };
     let positions = positions.as_chunks::<8>().0.iter().map(|&word| f64::from_le_bytes(word)).collect::<Vec<_>>();
-    let faces = faces.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word)).collect::<Vec<_>>();
-    Some(TriangleMesh { positions: positions.as_chunks().0.to_vec(), faces: faces.as_chunks().0.to_vec() })
+    let positions: &[[f64; 3]] = positions.as_chunks().0;
+    let mesh = TriangleMesh { positions: positions[..surface].to_vec(), faces: numbers(faces).as_chunks().0.to_vec() };
+    let solid = is_solid
+        .then(|| TetMesh { positions: positions.to_vec(), tetrahedra: numbers(tetrahedra).as_chunks().0.to_vec() });
+    Some((mesh, solid))
 }

@@ -6,13 +6,18 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use uuid::Uuid;
 
-use crate::{basis::DenseLayout, mesh::TriangleMesh};
+use crate::{
+    basis::DenseLayout,
+    mesh::{TetMesh, TriangleMesh},
+};
 
 /// A mesh to be stored.
 #[derive(Debug, Clone)]
 pub struct NewMesh {
     /// The checked mesh.
     pub mesh: Arc<TriangleMesh>,
+    /// The solid whose surface it is, if it is one: the vertices of the surface come first.
+    pub solid: Option<Arc<TetMesh>>,
     /// The report of the check, a JSON object.
     pub report: Value,
     /// A name for people.
@@ -46,6 +51,19 @@ pub struct MeshRecord {
     pub bytes: u64,
     /// When it was stored, in milliseconds since 1970.
     pub created_ms: i64,
+}
+
+impl MeshRecord {
+    /// Whether the mesh is the surface of a solid.
+    pub fn is_solid(&self) -> bool {
+        self.report["solid"].is_object()
+    }
+
+    /// The vertices and tetrahedra of the solid; zeros where there is none.
+    pub fn solid_size(&self) -> (u64, u64) {
+        let count = |name: &str| self.report["solid"][name].as_u64().unwrap_or(0);
+        (count("vertices"), count("tetrahedra"))
+    }
 }
 
 /// A record, and whether this call made it.

@@ -6,7 +6,9 @@
 //! member `functions` (`n × m`, columns first) instead of `U` and `coefficients`; it comes last, is written chunk by chunk, and can be
 //! read in parts by the [`DenseLayout`] that writing it gives. Equal bases give equal bytes.
 
+mod family;
 mod fields;
+mod modal;
 mod read;
 
 use std::cell::{Cell, RefCell};
@@ -20,7 +22,9 @@ use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 use super::{Basis, BasisError, CHUNK_COLUMNS, Certificate, Compact, DenseFunctions, Functions, Precision};
 use crate::algebra::{MassMatrix, SparseMatrix};
 
+pub use family::{read_family, write_family};
 pub use fields::{fields_to_bytes, read_fields, write_fields};
+pub use modal::{read_modes, write_modes};
 pub use read::{read, read_frame};
 
 /// Why bytes are not a basis, or a basis could not be written.

@@ -265,7 +265,7 @@ mod tests {
             let refused = parsed(parameters.clone()).unwrap_err();
             assert!(refused.contains(words), "{parameters}: {refused}");
         }
-        let size = MeshSize { vertices: 6, faces: 8 };
+        let size = MeshSize { vertices: 6, faces: 8, ..MeshSize::default() };
         let check = |parameters| FieldBasisParameters::parse(&parameters).unwrap().check_mesh(size);
         assert!(check(json!({"dimension": 16})).is_ok());
         assert!(check(json!({"dimension": 17})).unwrap_err().to_string().contains("8 faces"));
