@@ -4,6 +4,7 @@ mod check;
 mod client;
 mod demo;
 mod error;
+mod field;
 mod input;
 mod memory;
 mod progress;
@@ -48,6 +49,7 @@ enum Command {
     #[command(after_help = SERVE_HELP)]
     Serve(Box<Config>),
     Solve(Box<solve::SolveArguments>),
+    Field(Box<field::FieldArguments>),
     Check(check::CheckArguments),
     Sample(sample::SampleArguments),
     /// Print the OpenAPI document of the API
@@ -70,6 +72,7 @@ pub fn main() -> ExitCode {
         Command::Demo(arguments) => demo::demo(arguments),
         Command::Serve(config) => serve::serve(*config),
         Command::Solve(arguments) => solve::solve(*arguments),
+        Command::Field(arguments) => field::field(*arguments),
         Command::Check(arguments) => check::check(arguments),
         Command::Sample(arguments) => sample::sample(arguments),
         Command::Openapi => openapi(),

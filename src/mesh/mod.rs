@@ -16,6 +16,7 @@ mod report;
 pub mod sample;
 pub mod shape;
 pub mod solid;
+pub mod subdivide;
 mod topology;
 pub mod write;
 

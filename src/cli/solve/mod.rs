@@ -5,7 +5,7 @@ mod report;
 use self::report::Run;
 use super::{CliError, MeshInput, StageBars, memory};
 use crate::algebra::gpu::{self, GpuChoice};
-use crate::basis::{Basis, npz};
+use crate::basis::{FormatError, npz};
 use crate::job::JobParameters;
 use serde_json::{Map, Value, json};
 use std::io::Write;
@@ -14,6 +14,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 pub use report::eigenvalue_table;
+pub(super) use report::peak_rss_bytes;
 
 /// Compute the lowest eigenpairs of a mesh, without a server
 #[derive(Debug, clap::Args)]
@@ -247,7 +248,7 @@ pub fn solve(arguments: SolveArguments) -> Result<ExitCode, CliError> {
     let mut run = Run { vertices: mesh.positions.len(), faces: mesh.faces.len(), basis, stages, total, write: None };
     if let Some(file) = output {
         let began = Instant::now();
-        file.write(&run.basis)?;
+        file.write(|out| npz::write(&run.basis, out))?;
         run.write = Some(began.elapsed().as_secs_f64());
     }
     let text = if arguments.json {
@@ -259,15 +260,18 @@ pub fn solve(arguments: SolveArguments) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// What a file is written through.
+pub(super) type Out = std::io::BufWriter<std::fs::File>;
+
 /// A file that appears under its name only when it is whole.
-struct OutputFile {
+pub(super) struct OutputFile {
     path: PathBuf,
     part: PathBuf,
 }
 
 impl OutputFile {
     /// Makes sure that the file can be written; leaves nothing behind, so that an interrupted solve does not either.
-    fn probe(path: &Path) -> Result<Self, CliError> {
+    pub fn probe(path: &Path) -> Result<Self, CliError> {
         let mut name = path
             .file_name()
             .map(std::ffi::OsStr::to_owned)
@@ -280,8 +284,9 @@ impl OutputFile {
         Ok(output)
     }
 
-    fn write(&self, basis: &Basis) -> Result<(), CliError> {
-        let written = self.write_part(basis).and_then(|()| std::fs::rename(&self.part, &self.path));
+    /// Writes the file by `write`, whole or not at all.
+    pub fn write(&self, write: impl FnOnce(&mut Out) -> Result<(), FormatError>) -> Result<(), CliError> {
+        let written = self.write_part(write).and_then(|()| std::fs::rename(&self.part, &self.path));
         written.map_err(|error| {
             // What was written so far is of no use; that it may not be removed either adds nothing.
             let _removed = std::fs::remove_file(&self.part);
@@ -289,9 +294,9 @@ impl OutputFile {
         })
     }
 
-    fn write_part(&self, basis: &Basis) -> std::io::Result<()> {
+    fn write_part(&self, write: impl FnOnce(&mut Out) -> Result<(), FormatError>) -> std::io::Result<()> {
         let mut out = std::io::BufWriter::with_capacity(1 << 20, std::fs::File::create(&self.part)?);
-        npz::write(basis, &mut out).map_err(std::io::Error::other)?;
+        write(&mut out).map_err(std::io::Error::other)?;
         out.flush()
     }
 }

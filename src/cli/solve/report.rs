@@ -146,7 +146,7 @@ pub fn eigenvalue_table(eigenvalues: &[f64], residuals: &[f64], bounds: &[f64]) 
 }
 
 /// The largest resident memory of this process so far, in bytes; absent where the system does not tell.
-fn peak_rss_bytes() -> Option<u64> {
+pub(in crate::cli) fn peak_rss_bytes() -> Option<u64> {
     memory::field(&std::fs::read_to_string("/proc/self/status").ok()?, "VmHWM:")
 }
 
