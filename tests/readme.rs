@@ -25,7 +25,10 @@ fn the_walk_with_curl_works_as_pasted() {
     let told = String::from_utf8_lossy(&done.stdout).into_owned();
     assert!(done.status.success(), "{told}{}", String::from_utf8_lossy(&done.stderr));
     assert!(told.contains("\"complete\":true"), "{told}");
-    for (name, magic) in [("knot.npz", &b"PK"[..]), ("exact.npz", b"PK"), ("ten.npy", b"\x93N")] {
+    assert!(told.contains("\"index_sum\":0.0"), "{told}");
+    for (name, magic) in
+        [("knot.npz", &b"PK"[..]), ("exact.npz", b"PK"), ("ten.npy", b"\x93N"), ("hatching.svg", b"<s")]
+    {
         let mut begin = [0; 2];
         std::fs::File::open(folder.path().join(name)).unwrap().read_exact(&mut begin).unwrap();
         assert_eq!(begin, magic, "{name}");

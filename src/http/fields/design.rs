@@ -156,7 +156,10 @@ async fn design(
                         columns: form.columns(kind),
                         values: written(form),
                     }),
-                    index_sum: found.as_ref().map(|found| found.iter().map(|s| s.index()).sum()),
+                    // A sum of whole numbers: without singular vertices it is 0, not -0.
+                    index_sum: found.as_ref().map(|found| {
+                        f64::from(found.iter().map(|s| s.numerator).sum::<i32>()) / f64::from(kind.order().max(1))
+                    }),
                     euler_characteristic: found.is_some().then(|| surface.dual().euler_characteristic()),
                     singularities: found.map(|found| {
                         found.iter().map(|s| SingularVertex { vertex: s.vertex, index: s.index() }).collect()
