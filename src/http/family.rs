@@ -15,7 +15,7 @@ use super::binary::{self, Dtype, Table};
 use super::body;
 use super::exchange::{self, Answer};
 use super::extract::{self, PathOf};
-use super::problem::Problem;
+use super::problem::{self, Problem};
 use super::state::AppState;
 use crate::algebra::{DenseMatrix, space_times};
 use crate::analysis::family::{Member, spectrum};
@@ -60,6 +60,8 @@ struct SpectrumRequest {
     #[serde(default)]
     #[schema(inline)]
     give: Wanted,
+    /// With `modes` or `coefficients`: this pair alone, counted from 0, in one column. What shows one function needs no others.
+    mode: Option<usize>,
 }
 
 fn hundred() -> usize {
@@ -115,7 +117,15 @@ async fn family_spectrum(
         .solve("spectrum", move || {
             let begin = Instant::now();
             let member = Member { extrinsic: request.extrinsic, curvature: request.curvature };
-            let found = spectrum(&family, member, request.count)?;
+            let mut found = spectrum(&family, member, request.count)?;
+            if let Some(mode) = request.mode {
+                if mode >= found.coefficients.columns() {
+                    let detail = format!("mode: {mode} is asked for of {} pairs.", found.coefficients.columns());
+                    return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail));
+                }
+                let column = found.coefficients.column(mode).to_vec();
+                found.coefficients = DenseMatrix::from_columns(column.len(), 1, column).unwrap_or_default();
+            }
             let matrix = match request.give {
                 Wanted::Eigenvalues => None,
                 Wanted::Coefficients => Some(found.coefficients),

@@ -5,11 +5,13 @@ import { App } from "./app";
 import { h } from "./dom";
 import { library } from "./library";
 import { Look } from "./panels/basis";
+import { familyPanel } from "./panels/family";
 import { fieldsPanel } from "./panels/fields";
 import { filterPanel } from "./panels/filter";
 import { modesPanel } from "./panels/modes";
 import { pointsPanel } from "./panels/points";
 import { shapesPanel } from "./panels/shapes";
+import { vibrationPanel } from "./panels/vibration";
 import { Viewer } from "./viewer";
 
 const canvas = h("canvas", { class: "surface", tabIndex: 0, "aria-label": "The surface. Arrow keys turn it, plus and minus zoom, Home goes back." });
@@ -27,7 +29,7 @@ if (viewer) start(viewer);
 function start(viewer: Viewer) {
   const app = new App(viewer);
   const look = new Look(app);
-  app.panels.push(modesPanel(app, look), filterPanel(app, look), pointsPanel(app, look), fieldsPanel(app, look), shapesPanel(app, look));
+  app.panels.push(modesPanel(app, look), filterPanel(app, look), pointsPanel(app, look), fieldsPanel(app, look), familyPanel(app, look), vibrationPanel(app, look), shapesPanel(app, look));
 
   const tabs = h("div", { class: "tabs", role: "tablist", "aria-label": "What to do" });
   app.panels.forEach((panel) => {

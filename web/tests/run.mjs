@@ -84,7 +84,7 @@ try {
     const slider = page.getByRole("slider", { name: "Mode" });
     await slider.fill("12");
     await page.waitForFunction(() => document.body.dataset.mode === "12");
-    assert.match(await page.locator(".facts").innerText(), /λ = .+±.+residual/s);
+    assert.match(await page.locator("#panel-modes .facts").innerText(), /λ = .+±.+residual/s);
     assert.match(await page.locator(".certificate").innerText(), /40 eigenpairs of the cotangent Laplacian/);
     await slider.press("ArrowRight");
     await page.waitForFunction(() => document.body.dataset.mode === "13");
@@ -173,6 +173,36 @@ try {
     await page.getByRole("tab", { name: "Modes" }).click();
   });
 
+  await test("a family of operators is solved again as its parameter moves", async () => {
+    await page.getByRole("tab", { name: "Family" }).click();
+    await compute(page, { Dimension: "150" });
+    await changed(page, "family");
+    const shown = await picture(page);
+    await page.getByRole("slider", { name: "Extrinsic t" }).fill("0.8");
+    await page.waitForFunction(() => document.body.dataset.family?.startsWith("0.8 "));
+    assert.notDeepEqual(await picture(page), shown);
+    assert.match(await page.locator(".panel:not([hidden]) .facts").innerText(), /λ = /);
+    await keep(page, "family");
+  });
+
+  await test("a tapped surface moves and sounds", async () => {
+    await page.getByRole("tab", { name: "Vibration" }).click();
+    await compute(page, { Modes: "20" });
+    await page.locator(".panel:not([hidden])").getByText(/modes? from .* Hz; 6 rigid/).waitFor();
+    const [x, y] = await onSurface(page);
+    await page.mouse.click(x, y);
+    await page.waitForFunction(() => Number(document.body.dataset.vibrating) > 3);
+    await changed(page, "heard");
+    assert.ok(Number(await datum(page, "heard")) > 100_000, "two seconds of sound");
+    const moved = await page.evaluate(() => {
+      const { viewer } = window.chladni;
+      return viewer.surface.positions.reduce((most, x, i) => Math.max(most, Math.abs(x - viewer.resting[i])), 0) / viewer.radius;
+    });
+    assert.ok(moved > 0 && moved < 0.2, `${moved}`);
+    await keep(page, "vibration");
+    await page.getByRole("tab", { name: "Modes" }).click();
+  });
+
   await test("a dropped file with defects is reported as the server found it", async () => {
     const text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 5 5 5\nf 1 2 3\nf 1 3 4\nf 1 2 3\n";
     const data = await page.evaluateHandle((text) => {
@@ -243,8 +273,9 @@ try {
   await page.context().close();
 
   if (pictures) {
-    const readme = await site.open("/", { viewport: { width: 1040, height: 640 } });
-    await upload(readme, sample(site.folder, "knot", 20_000));
+    const fresh = await start();
+    const readme = await fresh.open("/", { viewport: { width: 1040, height: 640 } });
+    await upload(readme, sample(fresh.folder, "knot", 20_000));
     await compute(readme, { Eigenpairs: "200" });
     await changed(readme, "mode");
     await readme.getByRole("slider", { name: "Mode" }).fill("37");
@@ -252,6 +283,7 @@ try {
     const page = await readme.screenshot();
     mkdirSync(join(ROOT, "docs", "pictures"), { recursive: true });
     writeFileSync(join(ROOT, "docs", "pictures", "page.png"), page);
+    await fresh.stop();
     assert.ok(page.length < 300_000, `the picture of the README has ${page.length} bytes`);
   }
 } finally {

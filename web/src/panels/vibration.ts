@@ -71,7 +71,7 @@ export function vibrationPanel(app: App, look: Look): Panel {
     app.viewer.setPositions(positions);
     look.show({ ...sequential(sizes), range: [0, (SHOWN * app.viewer.radius) / scale] }, ["still", "moves most"]);
     frames += 1;
-    timing.textContent = `${brief(time * 1000)} ms after the tap, ${brief(1 / (SWING * lowest(now.basis) * slow.control.valueAsNumber))} times slower`;
+    timing.textContent = `${brief(time * 1000)} ms after the tap, ${brief(SWING * lowest(now.basis) * slow.control.valueAsNumber)} times slower`;
     document.body.dataset.vibrating = String(frames);
   }, app.fail);
   const run = () => {
