@@ -204,12 +204,15 @@ pub fn assemble(
     })
 }
 
+/// Appends the blocks of a row.
+type Row<'a> = Box<dyn Fn(u32, &mut Vec<(u32, Block<3>)>) + Sync + 'a>;
+
 /// Elements of an object, dimensionless.
 struct Elements<'a> {
     /// The share of each vertex of the mass; they sum to 1.
     masses: Vec<f64>,
     /// Appends the blocks of one vertex with its neighbours and itself, in the order of the elements; a column may come many times.
-    row: Box<dyn Fn(u32, &mut Vec<(u32, Block<3>)>) + Sync + 'a>,
+    row: Row<'a>,
     length: f64,
     centre: Vector,
     total_mass: f64,
