@@ -11,7 +11,7 @@ pub fn draw() -> Result<(), Failure> {
     let x = scene::coordinates(&mesh);
     let basis = scene::eigenbasis(&mesh, 1000)?;
     let n = mesh.positions.len();
-    let view = View::from([1.0, 0.2, 0.3], [0.0, 1.0, 0.0]);
+    let view = View::from([1.0, 0.3, 0.2], [0.0, 0.0, 1.0]);
     let colour = [0.80, 0.82, 0.88];
     let mut sheet = Sheet::new(4, 190, 190);
     println!("horse, {n} vertices: pairs, bits, bytes, bits a vertex, relative errors, of which truncation");

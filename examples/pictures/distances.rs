@@ -22,7 +22,7 @@ pub fn draw() -> Result<(), Failure> {
     let basis = scene::eigenbasis(&mesh, 300)?;
     let source = scene::furthest(&mesh, [0.0, 0.3, 1.0]);
     let unit = 1.0 / basis.eigenvalues[1];
-    let view = View::from([1.0, 0.25, 0.35], [0.0, 1.0, 0.0]);
+    let view = View::from([1.0, 0.35, 0.25], [0.0, 0.0, 1.0]);
     let mut sheet = Sheet::new(3, 230, 220);
     let mut add = |name: String, values: &[f64]| sheet.add_marked(&mesh, &isolines(values), &view, &name, &[source]);
     for factor in [0.005, 0.05, 0.5] {

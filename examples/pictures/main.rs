@@ -11,7 +11,6 @@
 mod compression;
 mod distances;
 mod filtering;
-mod functional_maps;
 mod operator_families;
 mod paint;
 mod scene;
@@ -32,7 +31,6 @@ const PAGES: &[(&str, fn() -> Result<(), Failure>)] = &[
     ("signatures", signatures::draw),
     ("filtering", filtering::draw),
     ("compression", compression::draw),
-    ("functional-maps", functional_maps::draw),
     ("operator-families", operator_families::draw),
     ("vibration", vibration::draw),
 ];

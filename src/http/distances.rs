@@ -45,7 +45,7 @@ enum DistanceKind {
     CommuteTime,
     /// Geodesic distance by the heat method, both of its solves in the basis.
     Geodesic {
-        /// How long heat flows, in length² of the mesh; without it, the inverse of the first eigenvalue above zero.
+        /// How long heat flows, in length² of the mesh; without it, a quarter of the inverse of the first eigenvalue above zero.
         time: Option<f64>,
     },
 }
