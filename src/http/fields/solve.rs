@@ -230,7 +230,7 @@ fn target(ready: &Ready, wanted: &AlignmentRequest) -> Result<DirectionField, Pr
             return Err(refused("alignment", "alignment.to", reason));
         }
         (Target::Field(table), _) => {
-            let rows = if table.columns == 0 { 0 } else { table.values.len() / table.columns };
+            let rows = table.values.len().checked_div(table.columns).unwrap_or(0);
             let fits = rows == faces && table.values.len() == rows * table.columns;
             if !fits || !table.values.iter().all(|x| x.is_finite()) {
                 let reason = format!("a table of finite numbers with {faces} rows is due, one for each face");
