@@ -1,6 +1,6 @@
 //! A basis of locally supported fields: what is asked for, and the way from a mesh to it.
 
-use crate::algebra::{GalerkinError, MassMatrix, SparseMatrix, galerkin};
+use crate::algebra::{BlockMatrix, GalerkinError, MassMatrix, SparseMatrix, galerkin};
 use crate::basis::{FieldBasis, FieldSpace};
 use crate::mesh::TriangleMesh;
 use crate::mesh::dual::{DualError, DualGraph};
@@ -146,6 +146,14 @@ pub enum FieldError {
         faces: usize,
         /// The first weight that is missing, superfluous or not positive.
         at: usize,
+    },
+    /// An example field does not fit.
+    #[error("example field {example} must be {wanted} finite numbers")]
+    Example {
+        /// Which; 0 where there is none.
+        example: usize,
+        /// How many numbers a field has.
+        wanted: usize,
     },
     /// Some component would have no column.
     #[error("the surface has {components} components, more than there are groups of columns ({groups})")]
@@ -302,27 +310,98 @@ fn bordered<const B: usize>(
     stiffness: SparseMatrix,
     mass: SparseMatrix,
 ) -> (SparseMatrix, SparseMatrix) {
-    if fields.is_empty() {
-        return (stiffness, mass);
-    }
-    let d = stiffness.rows();
-    let wide: Vec<Vec<f64>> = fields.iter().map(|field| field.iter().map(|&x| f64::from(x)).collect()).collect();
-    let border = |matrix: &SparseMatrix, image: &dyn Fn(&[f64]) -> Vec<f64>| {
-        let columns: Vec<Vec<f64>> = wide
-            .iter()
-            .map(|field| {
-                let image = image(field);
-                let mut column = space.transposed_times(&image).unwrap_or_else(|| vec![0.0; d]);
-                column.extend(wide.iter().map(|other| other.iter().zip(&image).map(|(a, b)| a * b).sum::<f64>()));
-                column
-            })
-            .collect();
-        with_border(matrix, &columns)
-    };
-    let stiffness = border(&stiffness, &|field| operator.stiffness.multiply(field).unwrap_or_default());
-    let mass =
-        border(&mass, &|field| field.iter().enumerate().map(|(i, x)| operator.mass[i / B] * x).collect::<Vec<f64>>());
+    let stiffness = border(space, fields, stiffness, |field| operator.stiffness.multiply(field).unwrap_or_default());
+    let mass = border(space, fields, mass, |field| times_masses(field, &operator.mass, B));
     (stiffness, mass)
+}
+
+fn times_masses(field: &[f64], masses: &[f64], block: usize) -> Vec<f64> {
+    field.iter().enumerate().map(|(i, x)| masses[i / block] * x).collect()
+}
+
+/// A matrix restricted to the local columns of a space with rows and columns added for dense fields, of which `image` gives the products.
+fn border(
+    space: &FieldSpace,
+    fields: &[Vec<f32>],
+    matrix: SparseMatrix,
+    image: impl Fn(&[f64]) -> Vec<f64>,
+) -> SparseMatrix {
+    if fields.is_empty() {
+        return matrix;
+    }
+    let d = matrix.rows();
+    let wide: Vec<Vec<f64>> = fields.iter().map(|field| field.iter().map(|&x| f64::from(x)).collect()).collect();
+    let columns: Vec<Vec<f64>> = wide
+        .iter()
+        .map(|field| {
+            let image = image(field);
+            let mut column = space.transposed_times(&image).unwrap_or_default();
+            column.resize(d, 0.0);
+            column.extend(wide.iter().map(|other| other.iter().zip(&image).map(|(a, b)| a * b).sum::<f64>()));
+            column
+        })
+        .collect();
+    with_border(&matrix, &columns)
+}
+
+/// `UᵀWU` for one weight per face, `d × d`.
+pub(super) fn restricted(
+    space: &FieldSpace,
+    weights: &[f64],
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix, GalerkinError> {
+    let b = space.block();
+    let rows = b * space.faces();
+    let nothing = SparseMatrix::from_sorted_parts(rows, rows, vec![0; rows + 1], Vec::new(), Vec::new());
+    let diagonal = MassMatrix::Diagonal(weights.iter().flat_map(|&w| std::iter::repeat_n(w, b)).collect());
+    let (_, local) = galerkin(&space.to_sparse(), &nothing, &diagonal, monitor)?;
+    Ok(border(space, space.dense(), local, |field| times_masses(field, weights, b)))
+}
+
+/// `B̄ = UᵀSM⁻¹SU`, the biharmonic energy of the thesis by the letter, for [`super::DesignModel::with_biharmonic`]. It holds the energy of the noise
+/// that a space has at the spacing of its samples; designs with much of it are far off.
+///
+/// # Errors
+/// [`FieldError`]: a basis of another surface, or the work was cancelled.
+pub fn literal_biharmonic(
+    surface: &FieldSurface,
+    basis: &FieldBasis,
+    boundary: FieldBoundary,
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix, FieldError> {
+    if basis.space.faces() != surface.faces() {
+        let (value, least) = (basis.space.faces() as f64, surface.faces() as f64);
+        return Err(FieldError::Parameter { name: "faces", value, least, most: least });
+    }
+    match basis.kind.block() {
+        2 => biharmonic::<2>(surface, basis, boundary, monitor),
+        _ => biharmonic::<3>(surface, basis, boundary, monitor),
+    }
+}
+
+fn biharmonic<const B: usize>(
+    surface: &FieldSurface,
+    basis: &FieldBasis,
+    boundary: FieldBoundary,
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix, FieldError> {
+    let (mesh, dual, frames) = (&surface.mesh, &surface.dual, &surface.frames);
+    let operator = FieldOperator::<B>::assemble(basis.kind, mesh, dual, frames, boundary)?;
+    monitor.checkpoint()?;
+    let scaled = BlockMatrix::from_rows(surface.faces(), surface.faces(), |face, entries| {
+        let (columns, blocks) = operator.stiffness.row(face);
+        let scale = 1.0 / operator.mass[face];
+        entries.extend(columns.iter().zip(blocks).map(|(&c, block)| (c, block.map(|row| row.map(|x| scale * x)))));
+    });
+    let square = operator.stiffness.times(&scaled).ok_or(Cancelled)?.to_sparse();
+    monitor.checkpoint()?;
+    let nothing = MassMatrix::Diagonal(vec![0.0; square.rows()]);
+    let (local, _) = galerkin(&basis.space.to_sparse(), &square, &nothing, monitor)?;
+    Ok(border(&basis.space, basis.space.dense(), local, |field| {
+        let image = operator.stiffness.multiply(field).unwrap_or_default();
+        let inverse: Vec<f64> = operator.mass.iter().map(|m| 1.0 / m).collect();
+        operator.stiffness.multiply(&times_masses(&image, &inverse, B)).unwrap_or_default()
+    }))
 }
 
 /// A symmetric `d × d` matrix with `h` more columns of `d + h` numbers, and the rows that make it symmetric.

@@ -1,9 +1,14 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::field::{FieldParameters, FieldSurface, field_basis};
+use crate::algebra::{DenseMatrix, solve_definite};
+use crate::field::{
+    FieldParameters, FieldSurface, Prescribed, PrescribedField, field_basis, literal_biharmonic, singularities,
+};
 use crate::mesh::shape::{Shape, generate};
 use crate::monitor::Unwatched;
+use crate::operator::hodge::FieldBoundary;
+use crate::operator::tangential::FieldOperator;
 
 struct Ready {
     surface: FieldSurface,
@@ -184,4 +189,87 @@ fn fields_without_energy_are_free() {
         })
         .sum();
     assert!((mean - 1.0).abs() < 0.05, "{mean}");
+}
+
+#[test]
+fn sparse_factors_give_what_ritz_coordinates_give() {
+    let r = ready(Shape::Torus, 800, FieldKind::Vector {}, 150);
+    let sparse = DesignModel::with_ritz_up_to(&r.basis, 0, &Unwatched).unwrap();
+    assert!(sparse.values().is_empty() && sparse.dimension() == 152);
+    let constraints = [hard(10, 1.0, 0.0), soft(500, 0.0, 1.0, 50.0), hard(900, 0.3, 0.2)];
+    let target = vec![0.25; 2 * r.surface.faces()];
+    let areas = r.surface.frames().areas();
+    for weights in [HARMONIC, MIXED, EnergyWeights { harmonic: 0.0, biharmonic: 1.0 }] {
+        for amount in [0.0, 3.0] {
+            let solve = |model: &DesignModel| {
+                let alignment = model.alignment(&r.basis, areas, &target, None).unwrap();
+                model.weighted(weights, Some((&alignment, amount))).unwrap().solve(&r.basis, &constraints).unwrap()
+            };
+            let (expected, design) = (solve(&r.model), solve(&sparse));
+            let largest = expected.coefficients.iter().fold(0.0f32, |m, v| m.max(v.abs()));
+            let pairs = expected.coefficients.iter().zip(&design.coefficients);
+            let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(worst < 1e-3 * largest, "{weights:?} {amount}: {worst} of {largest}");
+            assert!((design.harmonic_energy / expected.harmonic_energy - 1.0).abs() < 1e-3);
+            assert!((design.biharmonic_energy / expected.biharmonic_energy - 1.0).abs() < 1e-3);
+            assert!(design.residuals[0] < 1e-4 && design.residuals[2] < 1e-4, "{:?}", design.residuals);
+        }
+    }
+}
+
+#[test]
+fn the_literal_biharmonic_energy_is_larger_and_pulls_designs_away() {
+    let r = ready(Shape::Sphere, 1500, FieldKind::NVector { n: 4 }, 200);
+    let energy = literal_biharmonic(&r.surface, &r.basis, FieldBoundary::Tangential, &Unwatched).unwrap();
+    let literal = r.model.clone().with_biharmonic(energy).unwrap();
+    let constraints: Vec<Constraint> = (0..10).map(|i| hard(250 * i, f64::from(i).cos(), f64::from(i).sin())).collect();
+    let weights = EnergyWeights { harmonic: 0.0, biharmonic: 1.0 };
+    let design = literal.weighted(weights, None).unwrap().solve(&r.basis, &constraints).unwrap();
+    assert!(design.residuals.iter().all(|x| *x < 1e-4), "{:?}", design.residuals);
+    // Of the lifted field, assembled on the mesh.
+    let operator = FieldOperator::<2>::assemble(
+        r.basis.kind,
+        r.surface.mesh(),
+        r.surface.dual(),
+        r.surface.frames(),
+        FieldBoundary::Tangential,
+    )
+    .unwrap();
+    let lifted: Vec<f64> = r.basis.space.lift(&design.coefficients).unwrap().iter().map(|&x| f64::from(x)).collect();
+    let expected = operator.biharmonic_energy(&lifted).unwrap();
+    assert!((design.biharmonic_energy / expected - 1.0).abs() < 1e-2, "{} {expected}", design.biharmonic_energy);
+    let projected = r.model.weighted(weights, None).unwrap().solve(&r.basis, &constraints).unwrap();
+    assert!(projected.biharmonic_energy < design.biharmonic_energy);
+    assert!(r.model.clone().with_biharmonic(r.basis.mass.clone()).is_ok());
+}
+
+/// The singularities of a design with some prescribed, as they were prescribed.
+fn designed(r: &Ready, prescribed: &[Prescribed], constraints: &[Constraint]) -> Vec<Prescribed> {
+    let field = PrescribedField::new(&r.surface, r.basis.kind, prescribed, &Unwatched).unwrap();
+    let prescription = r.model.prescription(&r.basis, &r.surface, field).unwrap();
+    let model = r.model.weighted_with(MIXED, &[], Some((&prescription, 100.0))).unwrap();
+    let design = model.solve(&r.basis, constraints).unwrap();
+    let lifted = r.basis.space.lift(&design.coefficients).unwrap();
+    let found = singularities(&r.surface, r.basis.kind, &lifted).unwrap();
+    found.iter().map(|s| Prescribed { vertex: s.vertex, numerator: s.numerator }).collect()
+}
+
+#[test]
+fn designed_fields_have_their_prescribed_singularities() {
+    let at = |vertex, numerator| Prescribed { vertex, numerator };
+    let r = ready(Shape::Sphere, 2562, FieldKind::Vector {}, 200);
+    for prescribed in [vec![at(7, 1), at(2000, 1)], vec![at(7, 1), at(900, 1), at(1500, 1), at(2200, -1)]] {
+        for constraints in [vec![], vec![soft(100, 1.0, 0.0, 10.0)], vec![hard(3000, 0.2, 0.5)]] {
+            let found = designed(&r, &prescribed, &constraints);
+            assert!(prescribed.iter().all(|p| found.contains(p)), "{prescribed:?} {found:?}");
+        }
+    }
+    let r = ready(Shape::Sphere, 2562, FieldKind::NVector { n: 4 }, 200);
+    let prescribed: Vec<Prescribed> = (0..8).map(|i| at(310 * i + 11, 1)).collect();
+    let found = designed(&r, &prescribed, &[]);
+    assert!(prescribed.iter().all(|p| found.contains(p)), "{prescribed:?} {found:?}");
+    let r = ready(Shape::Genus(2), 3000, FieldKind::Vector {}, 200);
+    let prescribed = [at(50, -1), at(2500, -1)];
+    let found = designed(&r, &prescribed, &[soft(100, 1.0, 0.0, 10.0)]);
+    assert!(prescribed.iter().all(|p| found.contains(p)), "{prescribed:?} {found:?}");
 }

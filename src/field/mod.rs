@@ -1,5 +1,7 @@
 //! Tangential fields in small spaces: locally supported bases and design (chapter 3 of the thesis).
 
+mod adaptive;
+mod alignment;
 mod basis;
 mod design;
 mod drawing;
@@ -8,6 +10,7 @@ mod heat;
 mod hierarchy;
 mod local;
 mod loops;
+mod pencil;
 mod poisson;
 mod prescribed;
 mod principal;
@@ -18,11 +21,12 @@ mod singularity;
 mod smooth;
 mod space;
 mod streamline;
+mod weighted;
 
-pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis};
-pub use design::{
-    Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, WeightedModel,
-};
+pub use adaptive::adaptive_weights;
+pub use alignment::{Alignment, Prescription};
+pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis, literal_biharmonic};
+pub use design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, MOST_RITZ};
 pub use drawing::{Camera, MOST_PIXELS, svg};
 pub use harmonic::{HarmonicError, MOST_HARMONIC, harmonic_fields};
 pub use heat::FieldHeat;
@@ -35,5 +39,6 @@ pub use reading::{
 };
 pub use singularity::{Singularity, singularities};
 pub use streamline::{HatchingParameters, Streamline, StreamlineError, streamlines};
+pub use weighted::WeightedModel;
 
 pub use crate::basis::{FieldBasis, FieldSpace, SpaceError};

@@ -43,6 +43,35 @@ fn kernels_have_two_dimensions_for_each_handle_and_indices_add_up() {
 }
 
 #[test]
+fn designs_have_the_singularities_that_are_prescribed() {
+    for (name, kind, count, numerator) in [
+        ("fertility.off", FieldKind::Vector {}, 6, -1),
+        ("fertility.off", FieldKind::NVector { n: 4 }, 24, -1),
+        ("armadillo.obj", FieldKind::NVector { n: 2 }, 4, 1),
+    ] {
+        let Some(surface) = surface(name) else { return };
+        let basis = field_basis(&surface, &FieldParameters::new(kind, 300), &Unwatched).unwrap();
+        let model = DesignModel::new(&basis, &Unwatched).unwrap();
+        let vertices = surface.mesh().positions.len() as u32;
+        let at = |i: u32| Prescribed { vertex: i * vertices / count + 17, numerator };
+        let prescribed: Vec<Prescribed> = (0..count).map(at).collect();
+        let field = PrescribedField::new(&surface, kind, &prescribed, &Unwatched).unwrap();
+        let prescription = model.prescription(&basis, &surface, field).unwrap();
+        let weights = EnergyWeights { harmonic: 1.0, biharmonic: 0.0 };
+        let weighted = model.weighted_with(weights, &[], Some((&prescription, 300.0))).unwrap();
+        let stroke = Constraint { face: 100, value: [1.0, 0.0, 0.0], weight: Some(10.0) };
+        for constraints in [&[][..], &[stroke]] {
+            let design = weighted.solve(&basis, constraints).unwrap();
+            let found = singularities(&surface, kind, &basis.space.lift(&design.coefficients).unwrap()).unwrap();
+            let found: Vec<Prescribed> =
+                found.iter().map(|s| Prescribed { vertex: s.vertex, numerator: s.numerator }).collect();
+            println!("{name}, {kind:?}: {} singularities besides {count} prescribed", found.len() - prescribed.len());
+            assert!(prescribed.iter().all(|p| found.contains(p)), "{name} {kind:?}");
+        }
+    }
+}
+
+#[test]
 fn surfaces_that_are_none_are_refused_by_name() {
     for name in ["moebius.obj", "fan3.obj"] {
         let Some(folder) = std::env::var_os("CHLADNI_MESHES") else { return };

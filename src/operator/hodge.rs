@@ -7,10 +7,13 @@
 //!
 //! At a boundary one of the two parts has to leave out its boundary functions, or the fields of the two decompose no longer. [`FieldBoundary`] says which.
 
-use crate::algebra::{Block, BlockMatrix, SparseMatrix};
+use rayon::prelude::*;
+
+use crate::algebra::{Block, BlockMatrix, MassMatrix, SparseMatrix};
 use crate::mesh::TriangleMesh;
 use crate::mesh::dual::{DualGraph, NO_FACE};
 
+use super::EigenProblem;
 use super::frames::FaceFrames;
 
 /// What fields of low energy do at a boundary.
@@ -123,6 +126,80 @@ pub fn curl(dual: &DualGraph, frames: &FaceFrames, field: &[f64]) -> Option<Vec<
     }
     curl.iter_mut().zip(&masses).for_each(|(c, &m)| *c /= m);
     Some(curl)
+}
+
+/// The eigenproblem of hat functions whose eigenfunctions have the gradients of the Hodge spectrum: cotangents and lumped masses, on unit area, a row
+/// for each vertex. Second is `None`, as every function is an unknown.
+pub fn conforming_problem(mesh: &TriangleMesh, frames: &FaceFrames) -> (EigenProblem, Option<Vec<u32>>) {
+    let masses = vertex_masses(mesh, frames);
+    let functions = |f: usize| mesh.faces[f];
+    let least = 1e-14 * masses.iter().sum::<f64>() / masses.len().max(1) as f64;
+    let stiffness = stiffness_of(masses.len(), frames, 0.25, functions);
+    // Vertices without a face have no mass; a little keeps the pencil definite.
+    let mass = MassMatrix::Diagonal(masses.into_iter().map(|m| m.max(least)).collect());
+    (EigenProblem { stiffness, mass, area: frames.area(), unknowns: None }, None)
+}
+
+/// The eigenproblem of Crouzeix–Raviart functions whose eigenfunctions have the co-gradients of the Hodge spectrum of fields that run along the boundary:
+/// boundary edges are no unknowns. Beside it the row of each edge (beyond all rows where it has none; `None` where row `i` is edge `i`), and before it the
+/// midpoints of the edges as the positions of a mesh, a face of which joins those of a face.
+#[allow(clippy::type_complexity)]
+pub fn nonconforming_problem(
+    mesh: &TriangleMesh,
+    dual: &DualGraph,
+    frames: &FaceFrames,
+) -> (TriangleMesh, (EigenProblem, Option<Vec<u32>>)) {
+    let (_, boundary) = boundary_of(mesh, dual);
+    let inner = boundary.iter().filter(|b| !**b).count();
+    let mut next = 0;
+    let row = |&boundary: &bool| {
+        next += u32::from(!boundary);
+        if boundary { u32::MAX } else { next - 1 }
+    };
+    let rows: Vec<u32> = boundary.iter().map(row).collect();
+    let functions = |f: usize| dual.edges(f).map(|e| rows[e as usize]);
+    let stiffness = stiffness_of(inner, frames, 1.0, functions);
+    let all = edge_masses(dual, frames);
+    let masses = all.into_iter().zip(&boundary).filter(|(_, b)| !**b).map(|(m, _)| m).collect();
+    let mut positions = vec![[0.0; 3]; inner];
+    for (f, corners) in mesh.faces.iter().enumerate() {
+        for (k, row) in functions(f).into_iter().enumerate() {
+            let [a, b] = [1, 2].map(|i| mesh.positions[corners[(k + i) % 3] as usize]);
+            if let Some(position) = positions.get_mut(row as usize) {
+                *position = [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]));
+            }
+        }
+    }
+    let inside = |face: &[u32; 3]| face.iter().all(|&row| (row as usize) < inner);
+    let faces = (0..mesh.faces.len()).map(functions).filter(inside).collect();
+    let problem = EigenProblem { stiffness, mass: MassMatrix::Diagonal(masses), area: frames.area(), unknowns: None };
+    (TriangleMesh { positions, faces }, (problem, (inner < boundary.len()).then_some(rows)))
+}
+
+/// `Σ_f factor ⟨e_i, e_j⟩ / A` for three functions a face, those beyond `size` left out.
+fn stiffness_of(size: usize, frames: &FaceFrames, factor: f64, functions: impl Fn(usize) -> [u32; 3]) -> SparseMatrix {
+    let mut entries: Vec<(u32, u32, f64)> = Vec::with_capacity(9 * frames.faces());
+    for f in 0..frames.faces() {
+        let (e, own) = (frames.edges(f), functions(f));
+        let scale = factor / frames.areas()[f];
+        for i in (0..3).filter(|&i| (own[i] as usize) < size) {
+            for j in (0..3).filter(|&j| (own[j] as usize) < size) {
+                entries.push((own[i], own[j], scale * (e[i][0] * e[j][0] + e[i][1] * e[j][1])));
+            }
+        }
+    }
+    entries.par_sort_by_key(|e| (e.0, e.1));
+    let mut offsets = vec![0usize; size + 1];
+    let (mut indices, mut values) = (Vec::new(), Vec::new());
+    for same in entries.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        offsets[same[0].0 as usize + 1] += 1;
+        indices.push(same[0].1);
+        values.push(same.iter().map(|e| e.2).sum());
+    }
+    for v in 0..size {
+        offsets[v + 1] += offsets[v];
+    }
+    SparseMatrix::from_sorted_parts(size, size, offsets, indices, values)
 }
 
 /// Which vertices and edges lie on the boundary.

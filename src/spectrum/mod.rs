@@ -5,6 +5,7 @@ pub mod certificate;
 pub mod envelope;
 pub mod family;
 pub mod heat;
+pub mod hodge;
 pub mod hsim;
 pub mod radial;
 mod refine;
