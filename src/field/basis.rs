@@ -16,6 +16,7 @@ use super::harmonic::{HarmonicError, harmonic_fields};
 use super::heat::{self, FieldHeat};
 use super::local::{self, LocalEigenfields};
 use super::poisson::PoissonError;
+use super::space::from_columns;
 
 /// A surface that fields can live on: a mesh, its dual graph and its frames.
 #[derive(Debug, Clone, PartialEq)]
@@ -288,7 +289,7 @@ fn build<const B: usize>(
         }
     };
     monitor.stage("restriction");
-    let sorted_space = FieldSpace::from_columns(&columns, &(0..surface.faces() as u32).collect::<Vec<u32>>());
+    let sorted_space = from_columns(&columns, &(0..surface.faces() as u32).collect::<Vec<u32>>());
     if let Some(face) = sorted_space.uncovered() {
         return Err(FieldError::Uncovered { face: order[face] as usize });
     }
@@ -297,7 +298,7 @@ fn build<const B: usize>(
     let (stiffness, mass) = bordered(&operator, &sorted_space, &harmonic, stiffness, mass);
     drop(sorted_space);
     let dense = harmonic.iter().map(|field| in_order(field, &order, B)).collect();
-    let space = FieldSpace::from_columns(&columns, &order).with_dense(dense);
+    let space = from_columns(&columns, &order).with_dense(dense);
     let samples = samples.iter().map(|&s| order[s as usize]).collect();
     Ok(FieldBasis { kind: parameters.field, space, stiffness, mass, samples, area: operator.area })
 }

@@ -9,32 +9,30 @@ pub(super) struct Column<const B: usize> {
     pub blocks: Vec<[[f32; B]; B]>,
 }
 
-impl FieldSpace {
-    /// Turns columns into rows. `faces[f]` is the face that row `f` of the columns belongs to.
-    pub(super) fn from_columns<const B: usize>(columns: &[Column<B>], faces: &[u32]) -> Self {
-        let mut offsets = vec![0u32; faces.len() + 1];
-        for column in columns {
-            for &f in &column.faces {
-                offsets[faces[f as usize] as usize + 1] += 1;
-            }
+/// Turns columns into rows. `faces[f]` is the face that row `f` of the columns belongs to.
+pub(super) fn from_columns<const B: usize>(columns: &[Column<B>], faces: &[u32]) -> FieldSpace {
+    let mut offsets = vec![0u32; faces.len() + 1];
+    for column in columns {
+        for &f in &column.faces {
+            offsets[faces[f as usize] as usize + 1] += 1;
         }
-        for f in 0..faces.len() {
-            offsets[f + 1] += offsets[f];
-        }
-        let entries = offsets[faces.len()] as usize;
-        let mut next: Vec<u32> = offsets[..faces.len()].to_vec();
-        let (mut group_of, mut values) = (vec![0u32; entries], vec![0f32; B * B * entries]);
-        for (group, column) in columns.iter().enumerate() {
-            for (&f, block) in column.faces.iter().zip(&column.blocks) {
-                let place = &mut next[faces[f as usize] as usize];
-                let at = *place as usize;
-                *place += 1;
-                group_of[at] = group as u32;
-                values[B * B * at..B * B * (at + 1)].copy_from_slice(block.as_flattened());
-            }
-        }
-        Self::from_sorted_parts(B, columns.len(), offsets, group_of, values)
     }
+    for f in 0..faces.len() {
+        offsets[f + 1] += offsets[f];
+    }
+    let entries = offsets[faces.len()] as usize;
+    let mut next: Vec<u32> = offsets[..faces.len()].to_vec();
+    let (mut group_of, mut values) = (vec![0u32; entries], vec![0f32; B * B * entries]);
+    for (group, column) in columns.iter().enumerate() {
+        for (&f, block) in column.faces.iter().zip(&column.blocks) {
+            let place = &mut next[faces[f as usize] as usize];
+            let at = *place as usize;
+            *place += 1;
+            group_of[at] = group as u32;
+            values[B * B * at..B * B * (at + 1)].copy_from_slice(block.as_flattened());
+        }
+    }
+    FieldSpace::from_sorted_parts(B, columns.len(), offsets, group_of, values)
 }
 
 #[cfg(test)]
@@ -48,7 +46,7 @@ mod tests {
             Column::<B> { faces: vec![2, 3], blocks: vec![block(0.7), block(-1.5)] },
         ];
         let dense = (0..4 * B).map(|i| i as f32 * 0.1 - 0.4).collect();
-        FieldSpace::from_columns(&columns, &[3, 0, 2, 1]).with_dense(vec![dense, vec![1.0]])
+        from_columns(&columns, &[3, 0, 2, 1]).with_dense(vec![dense, vec![1.0]])
     }
 
     fn check<const B: usize>() {

@@ -1,6 +1,6 @@
 //! Solving for fields: a model with weights, and what constraints add to it.
 
-use crate::algebra::{DefiniteError, DenseMatrix, SparseMatrix, solve_definite};
+use crate::algebra::{DefiniteError, DefiniteFactor, DenseMatrix, SparseMatrix, solve_definite};
 use crate::basis::FieldBasis;
 use crate::operator::frames::Planar;
 use crate::operator::transport::FieldKind;
@@ -14,6 +14,9 @@ const KERNEL: f64 = 1e-10;
 
 /// What hard constraints may give way, as a share of what a unit pull moves them by: what rounding needs and no more.
 const HARD: f64 = 1e-12;
+
+/// Steps that take that share back where it matters.
+const REFINEMENTS: usize = 2;
 
 /// The same for the faces around a prescribed singularity. A space is hardly able to give them all what they should have: forced to, it gets other
 /// singularities. Where a field does not have the singularity yet, its faces give way less.
@@ -359,13 +362,28 @@ impl WeightedModel<'_> {
             }
         }
         let right = rhs.clone();
-        solve_definite(system, &mut rhs).map_err(|error| match error {
+        let factor = DefiniteFactor::new(system.clone()).map_err(|error| match error {
             DefiniteError::NotPositiveDefinite { pivot } => {
                 DesignError::Dependent { face: conditions[(pivot / b).min(conditions.len() - 1)].face }
             }
             other => DesignError::Factor(other),
         })?;
+        factor.solve(&mut rhs).map_err(DesignError::Factor)?;
         let mut y = rhs.column(0).to_vec();
+        if matches!(self.inverse, Inverse::Sparse(_)) {
+            // There a pull moves what has nearly no energy so far that the share of it is much: without it, by refinement.
+            for _ in 0..REFINEMENTS {
+                let mut rest = DenseMatrix::zeros(k, 1);
+                for i in 0..k {
+                    let own: f64 = system.column(i).iter().zip(&y).map(|(s, y)| s * y).sum();
+                    let hard = matches!(conditions[i / b].give, Give::Share(share) if share == HARD);
+                    let given = if hard { HARD * mean * y[i] } else { 0.0 };
+                    rest.column_mut(0)[i] = right.column(0)[i] - own + given;
+                }
+                factor.solve(&mut rest).map_err(DesignError::Factor)?;
+                y.iter_mut().zip(rest.column(0)).for_each(|(y, r)| *y += r);
+            }
+        }
         if free > 0 {
             let products = right.transposed_times(&rhs).ok_or_else(misfit)?;
             let mut square = DenseMatrix::zeros(free, free);

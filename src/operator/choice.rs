@@ -9,7 +9,7 @@ use crate::mesh::TriangleMesh;
 use crate::mesh::intrinsic::Rim;
 use crate::monitor::Monitor;
 
-/// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"robust"`, `{"extrinsic": {"t": 0.5}}`,
+/// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"robust"`, `"hodge"`, `{"extrinsic": {"t": 0.5}}`,
 /// `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}`, `{"hamiltonian": {"potential": {"values": [0.0, …]}}}`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
@@ -31,6 +31,8 @@ pub enum OperatorKind {
         /// The potential.
         potential: Potential,
     },
+    /// The Hodge–Laplacian of tangential fields, two numbers for each face: see [`super::hodge`]. It acts on no functions, and [`assemble`] refuses it.
+    Hodge,
 }
 
 /// The potential of a Hamiltonian.
@@ -204,6 +206,10 @@ pub fn assemble(
     monitor.stage("operator");
     parameters.check()?;
     parameters.check_mesh(mesh.positions.len())?;
+    if parameters.operator == OperatorKind::Hodge {
+        let reason = "\"hodge\" acts on tangential fields, not on functions".to_owned();
+        return Err(OperatorError::Parameter { name: "operator", reason });
+    }
     let measured = laplace::measure(mesh)?;
     let topology = Topology::new(mesh.positions.len(), &mesh.faces, &measured.corners);
     monitor.checkpoint()?;
@@ -241,7 +247,7 @@ pub fn assemble(
     monitor.checkpoint()?;
 
     let stiffness = match &parameters.operator {
-        OperatorKind::Auto | OperatorKind::Laplace | OperatorKind::Robust => None,
+        OperatorKind::Auto | OperatorKind::Laplace | OperatorKind::Robust | OperatorKind::Hodge => None,
         OperatorKind::Extrinsic { t } => {
             let normals = Surface::new(mesh, &measured).normals(&measured.corners);
             Some(extrinsic::blend(&laplacian.stiffness, &normals, *t))
@@ -283,7 +289,10 @@ fn choose(
     match wanted {
         OperatorKind::Laplace => (Laplacian::Cotangent, Reason::Requested),
         OperatorKind::Robust => (Laplacian::Robust, Reason::Requested),
-        OperatorKind::Auto | OperatorKind::Extrinsic { .. } | OperatorKind::Hamiltonian { .. } => {
+        OperatorKind::Auto
+        | OperatorKind::Extrinsic { .. }
+        | OperatorKind::Hamiltonian { .. }
+        | OperatorKind::Hodge => {
             if topology.non_manifold_edges + topology.non_manifold_vertices > 0 {
                 (Laplacian::Robust, Reason::NonManifold)
             } else if 1000 * measured.thin_faces > THIN_PER_MILLE * mesh.faces.len() {

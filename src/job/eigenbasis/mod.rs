@@ -3,6 +3,7 @@
 mod approximation;
 mod compact;
 mod exact;
+mod hodge;
 mod request;
 
 use serde_json::Value;
@@ -84,6 +85,9 @@ impl EigenbasisParameters {
             boundary: request.boundary.unwrap_or_default(),
         };
         operator.check()?;
+        if operator.operator == OperatorKind::Hodge {
+            hodge::check(&method, &operator)?;
+        }
         if let OperatorKind::Hamiltonian { potential: Potential::Values(values) } = &operator.operator
             && values.len() > LARGEST_POTENTIAL
         {
@@ -142,11 +146,19 @@ impl EigenbasisParameters {
             Method::Exact(exact) => matches!(exact.solver.wanted, crate::spectrum::hsim::Wanted::Below { .. }),
         };
         let count = self.most_pairs();
+        if self.is_hodge() {
+            return Ok(());
+        }
         if count > vertices && !bounded {
             let reason = format!("{count} eigenpairs are asked for, but the mesh has {vertices} vertices");
             return Err(value("count", reason));
         }
         Ok(())
+    }
+
+    /// Whether eigenfields are wanted: `2F` numbers each.
+    pub fn is_hodge(&self) -> bool {
+        self.operator.operator == OperatorKind::Hodge
     }
 
     /// An estimate of the memory that the job needs, in bytes: mesh and operator, what the method takes, and the program.
@@ -156,6 +168,7 @@ impl EigenbasisParameters {
         let operator = n * (7 * 12 + 8 + 8) + n * (6 * 12 + 8) + f * 12;
         let method = match &self.method {
             Method::Approximate(approximate) => approximate.memory_bytes(n),
+            Method::Exact(exact) if self.is_hodge() => hodge::memory_bytes(exact, n, f),
             // The problem is kept a second time, renumbered.
             Method::Exact(exact) => operator + exact.memory_bytes(n),
         };
@@ -167,6 +180,9 @@ impl EigenbasisParameters {
     /// # Errors
     /// [`JobError`]: parameters that do not fit the mesh, a numerical failure, or cancellation.
     pub fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+        if let (true, Method::Exact(exact)) = (self.is_hodge(), &self.method) {
+            return hodge::run(exact, mesh, self.seed, monitor);
+        }
         let operator = operator::assemble(mesh, &self.operator, monitor)?;
         let mut basis = match &self.method {
             Method::Approximate(approximate) => approximate.run(mesh, &operator, self.seed, monitor)?,
@@ -183,6 +199,11 @@ impl Work for EigenbasisParameters {
     }
 
     fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
+        let (count, most) = (self.most_pairs(), 2 * mesh.faces);
+        if self.is_hodge() && count > most {
+            let reason = format!("{count} eigenfields are asked for, but {} faces have {most} numbers", mesh.faces);
+            return Err(value("count", reason));
+        }
         self.check_mesh(mesh.vertices)
     }
 
@@ -259,6 +280,11 @@ mod tests {
             (json!({"method": "hsim", "storage": "compact", "precision": "f64"}), "precision"),
             (json!({"method": "hsim", "precision": "f16"}), "f16"),
             (json!({"operator": {"extrinsic": {"t": 2}}}), "operator.extrinsic.t"),
+            (json!({"operator": "hodge"}), "method"),
+            (json!({"operator": "hodge", "method": "hsim", "below": 2.0}), "below"),
+            (json!({"operator": "hodge", "method": "hsim", "mass": "voronoi"}), "mass"),
+            (json!({"operator": "hodge", "method": "hsim", "boundary": "dirichlet"}), "boundary"),
+            (json!({"operator": "hodge", "method": "hsim", "storage": "compact"}), "storage"),
             (json!({"operator": "magic"}), "magic"),
             (json!({"boundary": "magic"}), "magic"),
             (json!([]), "eigenbasis"),
@@ -285,6 +311,7 @@ mod tests {
             json!({"refinement": "inverse_iteration", "precision": "f64"}),
             json!({"refinement": {"chebyshev": {"degree": 9}}}),
             json!({"method": "hsim"}),
+            json!({"method": "hsim", "operator": "hodge", "precision": "f64"}),
             json!({"method": "hsim", "below": 12.5, "at_most": 40, "levels": 3, "tolerance": 1e-6, "precision": "f64"}),
             json!({"method": "hsim", "variant": "published", "sigma": 7, "subspace_factor": 1.5, "storage": "compact"}),
             json!({"method": "sim", "start": "bathe", "count": 9}),
