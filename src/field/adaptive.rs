@@ -88,6 +88,8 @@ fn averaged(surface: &FieldSurface, mut values: Vec<f64>) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::field::{DesignModel, EnergyWeights, FieldParameters, field_basis};
     use crate::mesh::shape::{Shape, generate};
@@ -120,7 +122,8 @@ mod tests {
             let model = DesignModel::new(&basis, &Unwatched).unwrap();
             let target = model.alignment(&basis, surface.frames().areas(), &field, None).unwrap();
             let nothing = EnergyWeights { harmonic: 0.0, biharmonic: 0.0 };
-            let design = model.weighted(nothing, Some((&target, 1.0))).unwrap().solve(&basis, &[]).unwrap();
+            let design =
+                model.weighted(nothing, Some((Arc::new(target.clone()), 1.0))).unwrap().solve(&basis, &[]).unwrap();
             (design.alignment_energy.unwrap() / target.constant).sqrt()
         };
         let weights = adaptive_weights(&surface, kind, &examples, &Unwatched).unwrap();

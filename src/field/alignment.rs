@@ -29,6 +29,15 @@ pub struct Alignment {
     pub(super) constant: f64,
 }
 
+impl Alignment {
+    /// About the bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        let matrices = |m: &SparseMatrix| 12 * m.entries() as u64;
+        let pencil = self.pencil.as_ref().map_or(0, |p| matrices(&p.stiffness) + matrices(&p.mass));
+        8 * (self.reduced.len() + self.projected.len()) as u64 + self.gram.as_ref().map_or(0, matrices) + pencil
+    }
+}
+
 impl DesignModel {
     /// A field to stay close to: `block` numbers per face in the frames, and optionally a weight per face.
     ///
@@ -121,7 +130,7 @@ impl Prescription {
                 _ => [value[0], value[1]],
             };
             let (wanted, own) = (planar(c.value), planar(self.field.value(c.face as usize, [1.0, 0.0])));
-            let weight = c.weight.unwrap_or(1.0).min(1.0);
+            let weight = c.weight.unwrap_or(1e6);
             sum[0] += weight * (wanted[0] * own[0] + wanted[1] * own[1]);
             sum[1] += weight * (wanted[1] * own[0] - wanted[0] * own[1]);
         }

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use crate::algebra::{Block, BlockMatrix, add_product, transposed};
 use crate::mesh::dual::{DiskGrower, DualGraph};
 use crate::monitor::{Cancelled, Monitor};
 use crate::operator::frames::FaceFrames;
@@ -10,7 +11,7 @@ use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::transport_block;
 
 use super::heat::carry_frame;
-use super::hierarchy::hierarchy;
+use super::hierarchy::{hierarchy, scaled_identity};
 use super::smooth::{Heat, Small};
 use super::space::Column;
 
@@ -48,7 +49,7 @@ impl LocalEigenfields {
     }
 }
 
-/// The columns of `samples`, `B` for each, orthonormal within each disk: they span the approximate eigenspace of the `B` lowest values.
+/// The columns of `samples`, `B` for each, orthonormal within each disk: approximate eigenfields of the `B` lowest values, ascending.
 pub(super) fn columns<const B: usize>(
     operator: &FieldOperator<B>,
     dual: &DualGraph,
@@ -70,8 +71,8 @@ pub(super) fn columns<const B: usize>(
     samples
         .par_iter()
         .map_init(
-            || (DiskGrower::new(distances), Vec::new(), heat.scratch()),
-            |(grower, carried, scratch), &sample| {
+            || (DiskGrower::new(distances), Vec::new(), heat.scratch(), vec![[[0f32; B]; B]; dual.faces()]),
+            |(grower, carried, scratch, all), &sample| {
                 monitor.checkpoint()?;
                 grower.grow(distances, sample, radius as f32);
                 carry_frame(operator, dual, frames, grower, radius as f32, carried);
@@ -94,6 +95,7 @@ pub(super) fn columns<const B: usize>(
                     heat.step(&mut column, scratch, TOLERANCE);
                 }
                 orthonormalise(&operator.mass, &mut column);
+                rotate(&operator.stiffness, &mut column, all);
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 if done.is_multiple_of(8) {
                     monitor.progress(done as f64 / samples.len() as f64);
@@ -120,6 +122,57 @@ fn orthonormalise<const B: usize>(mass: &[f64], column: &mut Column<B>) {
     }
 }
 
+/// Rayleigh and Ritz within the group: turns orthonormal columns into approximate eigenfields. `all` is zero before and after.
+fn rotate<const B: usize>(stiffness: &BlockMatrix<B>, column: &mut Column<B>, all: &mut [Small<B>]) {
+    for (&face, block) in column.faces.iter().zip(&column.blocks) {
+        all[face as usize] = *block;
+    }
+    let mut energy = [[0.0; B]; B];
+    for (&face, own) in column.faces.iter().zip(&column.blocks) {
+        let (columns, blocks) = stiffness.row(face as usize);
+        let mut image = [[0.0; B]; B];
+        for (&other, block) in columns.iter().zip(blocks) {
+            add_product(&mut image, block, &all[other as usize].map(|row| row.map(f64::from)));
+        }
+        add_product(&mut energy, &transposed(&own.map(|row| row.map(f64::from))), &image);
+    }
+    column.faces.iter().for_each(|&face| all[face as usize] = [[0.0; B]; B]);
+    let vectors = eigenvectors(energy);
+    for block in &mut column.blocks {
+        let mut turned = [[0.0; B]; B];
+        add_product(&mut turned, &block.map(|row| row.map(f64::from)), &vectors);
+        *block = turned.map(|row| row.map(|x| x as f32));
+    }
+}
+
+/// The eigenvectors of a small symmetric matrix as columns, eigenvalues ascending, by Jacobi's rotations.
+fn eigenvectors<const B: usize>(mut a: Block<B>) -> Block<B> {
+    let mut vectors: Block<B> = scaled_identity(1.0);
+    for _ in 0..12 {
+        for p in 0..B {
+            for q in p + 1..B {
+                if a[p][q].abs() <= 1e-15 * (a[p][p].abs() + a[q][q].abs()) {
+                    continue;
+                }
+                let theta = 0.5 * (a[q][q] - a[p][p]) / a[p][q];
+                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
+                let (c, s) = (1.0 / t.hypot(1.0), t / t.hypot(1.0));
+                for k in 0..B {
+                    (a[k][p], a[k][q]) = (c * a[k][p] - s * a[k][q], s * a[k][p] + c * a[k][q]);
+                }
+                for k in 0..B {
+                    (a[p][k], a[q][k]) = (c * a[p][k] - s * a[q][k], s * a[p][k] + c * a[q][k]);
+                    (vectors[k][p], vectors[k][q]) =
+                        (c * vectors[k][p] - s * vectors[k][q], s * vectors[k][p] + c * vectors[k][q]);
+                }
+            }
+        }
+    }
+    let mut order: [usize; B] = std::array::from_fn(|i| i);
+    order.sort_by(|&i, &j| a[i][i].total_cmp(&a[j][j]));
+    std::array::from_fn(|k| std::array::from_fn(|i| vectors[k][order[i]]))
+}
+
 fn inner<const B: usize>(mass: &[f64], column: &Column<B>, a: usize, b: usize) -> f64 {
     column
         .faces
@@ -129,4 +182,24 @@ fn inner<const B: usize>(mass: &[f64], column: &Column<B>, a: usize, b: usize) -
             mass[f as usize] * block.iter().map(|row| f64::from(row[a]) * f64::from(row[b])).sum::<f64>()
         })
         .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_matrices_are_diagonal_in_their_eigenvectors() {
+        let a = [[2.0, -1.0, 0.3], [-1.0, 0.5, 0.8], [0.3, 0.8, -1.5]];
+        let v = eigenvectors(a);
+        let (mut right, mut both) = ([[0.0; 3]; 3], [[0.0; 3]; 3]);
+        add_product(&mut right, &a, &v);
+        add_product(&mut both, &transposed(&v), &right);
+        for i in 0..3 {
+            for j in 0..3 {
+                assert!(i == j || both[i][j].abs() < 1e-12, "{both:?}");
+            }
+            assert!(i == 0 || both[i - 1][i - 1] <= both[i][i]);
+        }
+    }
 }

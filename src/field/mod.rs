@@ -26,7 +26,7 @@ mod weighted;
 pub use adaptive::adaptive_weights;
 pub use alignment::{Alignment, Prescription};
 pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis, literal_biharmonic};
-pub use design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, MOST_RITZ};
+pub use design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, MOST_SPARSE};
 pub use drawing::{Camera, MOST_PIXELS, svg};
 pub use harmonic::{HarmonicError, MOST_HARMONIC, harmonic_fields};
 pub use heat::FieldHeat;

@@ -58,7 +58,8 @@ fn designs_have_the_singularities_that_are_prescribed() {
         let field = PrescribedField::new(&surface, kind, &prescribed, &Unwatched).unwrap();
         let prescription = model.prescription(&basis, &surface, field).unwrap();
         let weights = EnergyWeights { harmonic: 1.0, biharmonic: 0.0 };
-        let weighted = model.weighted_with(weights, &[], Some((&prescription, 300.0))).unwrap();
+        let weighted =
+            model.weighted_with(weights, Vec::new(), Some((std::sync::Arc::new(prescription), 300.0))).unwrap();
         let stroke = Constraint { face: 100, value: [1.0, 0.0, 0.0], weight: Some(10.0) };
         for constraints in [&[][..], &[stroke]] {
             let design = weighted.solve(&basis, constraints).unwrap();

@@ -1,13 +1,15 @@
 //! Solving for fields: a model with weights, and what constraints add to it.
 
+use std::sync::Arc;
+
 use crate::algebra::{DefiniteError, DefiniteFactor, DenseMatrix, SparseMatrix, solve_definite};
 use crate::basis::FieldBasis;
 use crate::operator::frames::Planar;
 use crate::operator::transport::FieldKind;
 
 use super::alignment::{Alignment, Prescription};
-use super::design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, add_row, length};
-use super::pencil::{SparseInverse, Sum};
+use super::design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, add_row, length};
+use super::pencil::{Pencil, SparseInverse, Sum};
 
 /// Ritz values below this share of the largest count as zero.
 const KERNEL: f64 = 1e-10;
@@ -33,12 +35,13 @@ const NEAR: f64 = 0.3;
 const LEAST_GROWTH: f64 = 0.3;
 
 /// `K⁻¹` for one choice of weights: diagonal in Ritz coordinates, or a sparse factor. Keep it as long as weights do not change.
-pub struct WeightedModel<'a> {
-    model: &'a DesignModel,
+pub struct WeightedModel {
+    model: DesignModel,
+    pencil: Option<Arc<Pencil>>,
     weights: EnergyWeights,
-    alignments: Vec<(&'a Alignment, f64)>,
-    prescription: Option<(&'a Prescription, f64)>,
-    inverse: Inverse<'a>,
+    alignments: Vec<(Arc<Alignment>, f64)>,
+    prescription: Option<(Arc<Prescription>, f64)>,
+    inverse: Inverse,
     /// What alignments pull with, and where the field goes without constraints.
     free: Pull,
     /// The same for the prescribed field, and for it turned by 90°.
@@ -54,11 +57,11 @@ struct Pull {
     field: Vec<f64>,
 }
 
-enum Inverse<'a> {
+enum Inverse {
     /// In Ritz coordinates; zero in the kernel.
     Ritz(Vec<f64>),
     /// In the coefficients of the space.
-    Sparse(SparseInverse<'a>),
+    Sparse(SparseInverse),
 }
 
 /// What a face is to carry, and by how much it may deviate.
@@ -102,12 +105,12 @@ impl DesignModel {
     ///
     /// # Errors
     /// [`DesignError`]: weights that are negative or all zero.
-    pub fn weighted<'a>(
-        &'a self,
+    pub fn weighted(
+        &self,
         weights: EnergyWeights,
-        alignment: Option<(&'a Alignment, f64)>,
-    ) -> Result<WeightedModel<'a>, DesignError> {
-        self.weighted_with(weights, alignment.as_slice(), None)
+        alignment: Option<(Arc<Alignment>, f64)>,
+    ) -> Result<WeightedModel, DesignError> {
+        self.weighted_with(weights, alignment.into_iter().collect(), None)
     }
 
     /// The same with several fields to stay close to, and one with prescribed singularities. Its weight is that of [`Alignment`]s without weights per
@@ -115,12 +118,12 @@ impl DesignModel {
     ///
     /// # Errors
     /// As for [`weighted`](Self::weighted).
-    pub fn weighted_with<'a>(
-        &'a self,
+    pub fn weighted_with(
+        &self,
         weights: EnergyWeights,
-        alignments: &[(&'a Alignment, f64)],
-        prescription: Option<(&'a Prescription, f64)>,
-    ) -> Result<WeightedModel<'a>, DesignError> {
+        mut alignments: Vec<(Arc<Alignment>, f64)>,
+        prescription: Option<(Arc<Prescription>, f64)>,
+    ) -> Result<WeightedModel, DesignError> {
         let mut given = vec![("harmonic", weights.harmonic), ("biharmonic", weights.biharmonic)];
         given.extend(alignments.iter().map(|a| ("alignment", a.1)));
         given.extend(prescription.iter().map(|p| ("prescribed singularities", p.1)));
@@ -130,15 +133,17 @@ impl DesignModel {
         if given.iter().all(|w| w.1 == 0.0) {
             return Err(DesignError::NoEnergy);
         }
-        let alignments: Vec<(&Alignment, f64)> = alignments.iter().copied().filter(|a| a.1 > 0.0).collect();
+        alignments.retain(|a| a.1 > 0.0);
         let prescription = prescription.filter(|p| p.1 > 0.0);
         let uniform = alignments.iter().filter(|a| a.0.gram.is_none()).map(|a| a.1).sum::<f64>()
-            + prescription.map_or(0.0, |p| p.1);
+            + prescription.as_ref().map_or(0.0, |p| p.1);
         let mut kernel = Vec::new();
-        let diagonal =
-            self.has_ritz() && self.pencil.literal.is_none() && alignments.iter().all(|a| a.0.gram.is_none());
+        let literal = self.pencil.as_ref().is_some_and(|pencil| pencil.literal.is_some());
+        let diagonal = self.has_ritz() && !literal && alignments.iter().all(|a| a.0.gram.is_none());
+        let mut pencil = None;
         let inverse = if diagonal {
-            let largest = self.values.last().copied().unwrap_or(0.0);
+            let values = self.values();
+            let largest = values.last().copied().unwrap_or(0.0);
             let one = |(i, &value): (usize, &f64)| {
                 if uniform == 0.0 && value <= KERNEL * largest {
                     kernel.push(i);
@@ -147,11 +152,16 @@ impl DesignModel {
                     1.0 / (weights.harmonic * value + weights.biharmonic * value * value + uniform)
                 }
             };
-            Inverse::Ritz(self.values.iter().enumerate().map(one).collect())
+            Inverse::Ritz(values.iter().enumerate().map(one).collect())
         } else {
+            let known = self.pencil.clone().or_else(|| alignments.iter().find_map(|a| a.0.pencil.clone()));
+            let missing = || DesignError::Dimension { dimension: self.dimension(), most: MOST_DIMENSIONS };
+            let known = known.ok_or_else(missing)?;
             let grams = alignments.iter().filter_map(|a| a.0.gram.as_ref().map(|gram| (gram, a.1))).collect();
             let sum = Sum { harmonic: weights.harmonic, biharmonic: weights.biharmonic, uniform, grams };
-            Inverse::Sparse(self.pencil.factor(&sum)?)
+            let inverse = Inverse::Sparse(known.factor(&sum)?);
+            pencil = Some(known);
+            inverse
         };
         let d = self.dimension();
         let pull = |fields: &[(&Alignment, f64)]| {
@@ -166,13 +176,15 @@ impl DesignModel {
             }
             Pull { force, field }
         };
-        let free = pull(&alignments);
-        let turned = prescription.map(|(p, weight)| [pull(&[(&p.along, weight)]), pull(&[(&p.across, weight)])]);
-        Ok(WeightedModel { model: self, weights, alignments, prescription, inverse, free, turned, kernel })
+        let free = pull(&alignments.iter().map(|(field, weight)| (&**field, *weight)).collect::<Vec<_>>());
+        let turned =
+            prescription.as_ref().map(|(p, weight)| [pull(&[(&p.along, *weight)]), pull(&[(&p.across, *weight)])]);
+        let model = self.clone();
+        Ok(WeightedModel { model, pencil, weights, alignments, prescription, inverse, free, turned, kernel })
     }
 }
 
-impl Inverse<'_> {
+impl Inverse {
     fn apply(&self, vectors: &mut [f64]) {
         match self {
             Self::Ritz(diagonal) => {
@@ -185,7 +197,7 @@ impl Inverse<'_> {
     }
 }
 
-impl WeightedModel<'_> {
+impl WeightedModel {
     /// The field of least energy under the constraints. With prescribed singularities the faces around them are constrained too: to the direction
     /// that they prescribe, and to the length that the field has there without.
     ///
@@ -207,7 +219,7 @@ impl WeightedModel<'_> {
                 give: constraints[c].weight.map_or(Give::Share(HARD), |w| Give::Weight(1.0 / w)),
             })
             .collect();
-        let turn = self.prescription.map(|(p, _)| p.turn(constraints));
+        let turn = self.prescription.as_ref().map(|(p, _)| p.turn(constraints));
         let start = match (turn, &self.turned) {
             (Some(turn), Some([along, across])) => {
                 let mix = |free: &[f64], a: &[f64], b: &[f64]| -> Vec<f64> {
@@ -223,7 +235,7 @@ impl WeightedModel<'_> {
         let mut rows = self.rows(basis, &conditions);
         let mut found = start.clone();
         self.meet(&rows, &conditions, b, &mut found)?;
-        if let (Some(turn), Some((prescription, _))) = (turn, self.prescription) {
+        if let (Some(turn), Some((prescription, _))) = (turn, &self.prescription) {
             let own = conditions.len();
             conditions.extend(self.around(basis, prescription, turn, &found.field));
             rows = self.rows(basis, &conditions);
@@ -257,7 +269,7 @@ impl WeightedModel<'_> {
                 for (i, &u) in u.iter().enumerate() {
                     let into = rows.column_mut(b * at + i);
                     match &self.inverse {
-                        Inverse::Ritz(_) => add_row(into, &self.model.rows[d * column..d * (column + 1)], u),
+                        Inverse::Ritz(_) => add_row(into, &self.model.ritz.vectors[d * column..d * (column + 1)], u),
                         Inverse::Sparse(_) => into[column] += u,
                     }
                 }
@@ -414,7 +426,7 @@ impl WeightedModel<'_> {
         constraints: &[Constraint],
         b: usize,
     ) -> Result<Design, DesignError> {
-        let (model, own) = (self.model, &found.field);
+        let (model, own) = (&self.model, &found.field);
         let product = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let residual = |c: usize| {
             // Repeated hard constraints share the rows of the first.
@@ -426,12 +438,12 @@ impl WeightedModel<'_> {
         let deviation = self.deviation(own, turn);
         let (coefficients, ritz, harmonic_energy, biharmonic_energy) = match &self.inverse {
             Inverse::Ritz(_) => {
-                let sum = |power: i32| own.iter().zip(&model.values).map(|(z, v)| v.powi(power) * z * z).sum::<f64>();
+                let sum = |power: i32| own.iter().zip(model.values()).map(|(z, v)| v.powi(power) * z * z).sum::<f64>();
                 (model.expand(own), own.clone(), sum(1), sum(2))
             }
             Inverse::Sparse(inverse) => {
                 let misfit = || DesignError::Length { what: "a field", got: own.len(), wanted: model.dimension() };
-                let pencil = &model.pencil;
+                let pencil = self.pencil.as_ref().ok_or_else(misfit)?;
                 let image = pencil.stiffness.multiply(own).ok_or_else(misfit)?;
                 let ritz = if model.has_ritz() {
                     model.project(&pencil.mass.multiply(own).ok_or_else(misfit)?)
@@ -463,19 +475,31 @@ impl WeightedModel<'_> {
         let target = |field: &Alignment| product(own, if ritz { &field.projected } else { &field.reduced });
         let square = |gram: Option<&SparseMatrix>| match gram {
             None if ritz => product(own, own),
-            gram => gram.unwrap_or(&self.model.pencil.mass).multiply(own).map_or(0.0, |image| product(&image, own)),
+            gram => {
+                let mass = gram.or(self.pencil.as_ref().map(|pencil| &pencil.mass));
+                mass.and_then(|mass| mass.multiply(own)).map_or(0.0, |image| product(&image, own))
+            }
         };
         let mut sum = None;
         for (field, _) in &self.alignments {
             let one = square(field.gram.as_ref()) - 2.0 * target(field) + field.constant;
             sum = Some(sum.unwrap_or(0.0) + one.max(0.0));
         }
-        if let (Some((p, _)), Some(turn)) = (self.prescription, turn) {
+        if let (Some((p, _)), Some(turn)) = (&self.prescription, turn) {
             let mixed = turn[0] * target(&p.along) + turn[1] * target(&p.across);
             let one = square(None) - 2.0 * mixed + p.along.constant;
             sum = Some(sum.unwrap_or(0.0) + one.max(0.0));
         }
         sum
+    }
+
+    /// About the bytes that it takes beside the model.
+    pub fn bytes(&self) -> u64 {
+        let inverse = match &self.inverse {
+            Inverse::Ritz(diagonal) => 8 * diagonal.len() as u64,
+            Inverse::Sparse(inverse) => inverse.bytes(),
+        };
+        inverse + 48 * self.model.dimension() as u64
     }
 
     /// The weights it was made for.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
 
-use crate::field::{Alignment, FieldSurface, WeightedModel};
+use crate::field::{Alignment, FieldSurface, Prescription, WeightedModel};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::mesh::nearest::FaceTree;
@@ -27,6 +27,7 @@ const BYTES_PER_FACE: u64 = 24 + 48 + 112;
 enum Kept {
     Surface(Arc<Surface>),
     Alignment(Arc<Alignment>),
+    Prescription(Arc<Prescription>),
     Weighted(Arc<WeightedModel>),
 }
 
@@ -106,6 +107,25 @@ pub async fn alignment(
     match state.fields.get(format!("alignment {key}"), made).await? {
         Kept::Alignment(alignment) => Ok(alignment),
         _ => Err(Problem::internal("the cache holds something else than an alignment")),
+    }
+}
+
+/// A prescription of singularities by its key, made by `make` on the pool of solves, with the bytes that it takes.
+///
+/// # Errors
+/// Whatever `make` answers.
+pub async fn prescription(
+    state: &AppState,
+    key: String,
+    make: impl FnOnce() -> Result<(Prescription, u64), Problem> + Send + 'static,
+) -> Result<Arc<Prescription>, Problem> {
+    let made = async {
+        let (prescription, bytes) = state.solve("singularities", make).await?;
+        Ok((Kept::Prescription(Arc::new(prescription)), bytes))
+    };
+    match state.fields.get(format!("prescription {key}"), made).await? {
+        Kept::Prescription(prescription) => Ok(prescription),
+        _ => Err(Problem::internal("the cache holds something else than a prescription")),
     }
 }
 

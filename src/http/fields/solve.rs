@@ -10,13 +10,12 @@ use crate::basis::ProductKind;
 use crate::basis::StoredFields;
 use crate::field::{
     Alignment, Constraint, Design, DesignError, DesignModel, DirectionField, EnergyWeights, Prescribed,
-    PrescribedField, WeightedModel, curvature_tensors, direction_in_frame, principal_directions,
+    PrescribedField, Prescription, curvature_tensors, direction_in_frame, principal_directions,
 };
 use crate::http::bases::{basis_id, find_kind};
 use crate::http::problem::{self, Problem};
 use crate::http::state::AppState;
 use crate::monitor::Unwatched;
-use crate::operator::frames::{Planar, conjugate, multiply, normalise};
 use crate::operator::transport::FieldKind;
 
 /// A field basis at hand, with the surface it lives on.
@@ -55,14 +54,16 @@ impl Ready {
         self.fields.basis.kind
     }
 
-    /// The eigenpairs that design takes place in.
+    /// What design takes place in: eigenpairs, or the restricted matrices where the space is too large for a dense eigenproblem.
     ///
     /// # Errors
-    /// `invalid-design/dimension` where the space is too large for a dense eigenproblem.
+    /// `invalid-design/dimension` where the space is too large for these too.
     pub fn model(&self) -> Result<DesignModel, Problem> {
         let ritz = self.fields.ritz.clone();
-        ritz.and_then(|ritz| DesignModel::from_ritz(self.kind(), ritz))
-            .ok_or_else(|| DesignError::Dimension { dimension: self.fields.dimension() }.into())
+        match ritz.and_then(|ritz| DesignModel::from_ritz(self.kind(), ritz)) {
+            Some(model) => Ok(model),
+            None => Ok(DesignModel::sparse(&self.fields.basis)?),
+        }
     }
 
     /// Lifts coefficients: the stored numbers of all faces.
@@ -93,20 +94,19 @@ pub async fn design(state: &AppState, ready: &Ready, request: &DesignRequest) ->
     let model = ready.model()?;
     let constraints = request.resolve(&ready.surface, ready.kind())?;
     let weights = EnergyWeights { harmonic: request.weights.harmonic, biharmonic: request.weights.biharmonic };
-    let alignment = aligned(state, ready, &model, request, &constraints).await?;
-    let weighted = match alignment {
-        Some((key, alignment, weight, true)) => {
-            let key = format!("{key} {:?} {:?} {weight:?}", weights.harmonic, weights.biharmonic);
-            let make = move || {
-                let d = model.dimension() as u64;
-                let weighted: WeightedModel = model.weighted(weights, Some((alignment, weight)))?;
-                Ok((weighted, 8 * d * d + 16 * d))
-            };
-            cache::weighted(state, key, make).await?
-        }
+    let Towards { key, alignment, prescription, per_face } = towards(state, ready, &model, request).await?;
+    let weighted = if per_face || ready.fields.ritz.is_none() {
+        let shares = [&alignment.as_ref().map_or(0.0, |a| a.1), &prescription.as_ref().map_or(0.0, |p| p.1)];
+        let key = format!("{key} {:?} {:?} {shares:?}", weights.harmonic, weights.biharmonic);
+        let make = move || {
+            let weighted = model.weighted_with(weights, alignment.into_iter().collect(), prescription)?;
+            let bytes = weighted.bytes();
+            Ok((weighted, bytes))
+        };
+        cache::weighted(state, key, make).await?
+    } else {
         // Without weights per face everything is diagonal: nothing is worth keeping.
-        Some((_, alignment, weight, false)) => Arc::new(model.weighted(weights, Some((alignment, weight)))?),
-        None => Arc::new(model.weighted(weights, None)?),
+        Arc::new(model.weighted_with(weights, alignment.into_iter().collect(), prescription)?)
     };
     let fields = ready.fields.clone();
     state
@@ -124,48 +124,59 @@ pub async fn design(state: &AppState, ready: &Ready, request: &DesignRequest) ->
         .await
 }
 
-/// The alignment of a request: its key, itself, its weight, and whether weights differ from face to face.
-type Aligned = (String, Arc<Alignment>, f64, bool);
+/// What a request wants to be close to.
+struct Towards {
+    key: String,
+    alignment: Option<(Arc<Alignment>, f64)>,
+    prescription: Option<(Arc<Prescription>, f64)>,
+    /// Whether weights differ from face to face.
+    per_face: bool,
+}
 
-async fn aligned(
+async fn towards(
     state: &AppState,
     ready: &Ready,
     model: &DesignModel,
     request: &DesignRequest,
-    constraints: &[Constraint],
-) -> Result<Option<Aligned>, Problem> {
+) -> Result<Towards, Problem> {
     let (ready, model) = (ready.clone(), model.clone());
+    let mut towards = Towards { key: ready.id.clone(), alignment: None, prescription: None, per_face: false };
     match (&request.alignment, &request.singularities) {
-        (None, None) => Ok(None),
+        (None, None) => {}
         (Some(_), Some(_)) => {
-            Err(refused("alignment", "singularities", "either an alignment or prescribed singularities, not both"))
+            return Err(refused(
+                "alignment",
+                "singularities",
+                "either an alignment or prescribed singularities, not both",
+            ));
         }
         (Some(wanted), None) => {
             weight_of(wanted.weight, "alignment.weight")?;
-            let key = format!("{} {}", ready.id, fingerprint(wanted));
+            towards.key = format!("{} {}", ready.id, fingerprint(wanted));
             let own = wanted.clone();
             let make = move || {
                 let field = target(&ready, &own)?;
                 made(&ready, &model, &field.target, own.per_face.is_some().then_some(&field.weights))
             };
-            let alignment = cache::alignment(state, key.clone(), make).await?;
-            Ok(Some((key, alignment, wanted.weight, wanted.per_face.is_some())))
+            let alignment = cache::alignment(state, towards.key.clone(), make).await?;
+            towards.alignment = Some((alignment, wanted.weight));
+            towards.per_face = wanted.per_face.is_some();
         }
         (None, Some(wanted)) => {
             weight_of(wanted.weight, "singularities.weight")?;
             let prescribed = numerators(&wanted.at, ready.kind())?;
-            // The turn that fits the constraints best is part of what is aligned to.
-            let key = format!("{} singular {prescribed:?} {constraints:?}", ready.id);
-            let constraints = constraints.to_vec();
+            towards.key = format!("{} singular {prescribed:?}", ready.id);
             let make = move || {
-                let field = PrescribedField::new(&ready.surface.surface, ready.kind(), &prescribed, &Unwatched)?;
-                let target = field.target(best_turn(&field, &constraints));
-                made(&ready, &model, &target, None)
+                let surface = &ready.surface.surface;
+                let field = PrescribedField::new(surface, ready.kind(), &prescribed, &Unwatched)?;
+                let bytes = 16 * surface.faces() as u64 + 64 * model.dimension() as u64;
+                Ok((model.prescription(&ready.fields.basis, surface, field)?, bytes))
             };
-            let alignment = cache::alignment(state, key.clone(), make).await?;
-            Ok(Some((key, alignment, wanted.weight, false)))
+            let prescription = cache::prescription(state, towards.key.clone(), make).await?;
+            towards.prescription = Some((prescription, wanted.weight));
         }
     }
+    Ok(towards)
 }
 
 fn weight_of(weight: f64, place: &str) -> Result<(), Problem> {
@@ -183,8 +194,8 @@ fn made(
 ) -> Result<(Alignment, u64), Problem> {
     let areas = ready.surface.surface.frames().areas();
     let alignment = model.alignment(&ready.fields.basis, areas, target, weights.map(Vec::as_slice))?;
-    let d = model.dimension() as u64;
-    Ok((alignment, 8 * d * if weights.is_some() { d } else { 1 }))
+    let bytes = alignment.bytes();
+    Ok((alignment, bytes))
 }
 
 /// A hash of all that an alignment depends on but its weight.
@@ -287,20 +298,4 @@ fn numerators(at: &[SingularVertex], kind: FieldKind) -> Result<Vec<Prescribed>,
             Ok(Prescribed { vertex: singular.vertex, numerator: numerator as i32 })
         })
         .collect()
-}
-
-/// The common turn that brings a field closest to the constraints.
-fn best_turn(field: &PrescribedField, constraints: &[Constraint]) -> Planar {
-    let planar = |v: [f64; 3]| match field.kind() {
-        FieldKind::Tensor {} => crate::field::tensor_deviator(v),
-        _ => [v[0], v[1]],
-    };
-    let mut sum = [0.0; 2];
-    for constraint in constraints {
-        let face = constraint.face as usize;
-        let step = multiply(planar(constraint.value), conjugate(planar(field.value(face, [1.0, 0.0]))));
-        let weight = constraint.weight.unwrap_or(1e6);
-        sum = [sum[0] + weight * step[0], sum[1] + weight * step[1]];
-    }
-    if sum[0].hypot(sum[1]) > 0.0 { normalise(sum) } else { [1.0, 0.0] }
 }
