@@ -11,7 +11,7 @@ use super::{Accuracy, JobError, MeshSize, ParameterError, Work};
 use crate::basis::{Product, StoredFields};
 use crate::field::{
     Construction, DesignError, DesignModel, FieldError, FieldHeat, FieldParameters, FieldSurface, MOST_DIMENSIONS,
-    field_basis,
+    adaptive_weights, field_basis,
 };
 use crate::mesh::TriangleMesh;
 use crate::monitor::Monitor;
@@ -28,7 +28,11 @@ const CROSS: u32 = 4;
 
 /// What is to be computed, checked, every default filled in.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FieldBasisParameters(FieldParameters);
+pub struct FieldBasisParameters {
+    space: FieldParameters,
+    /// Fields that the weights of faces are derived from, in the frames of the faces; empty where there are none.
+    examples: Vec<Vec<f64>>,
+}
 
 fn value(name: &'static str, reason: String) -> ParameterError {
     ParameterError::Value { name, reason }
@@ -77,12 +81,16 @@ impl FieldBasisParameters {
             return Err(value("weights", format!("number {at} is not a positive number")));
         }
         made.weights = request.weights;
-        Ok(Self(made))
+        let examples = request.examples.unwrap_or_default();
+        if !examples.is_empty() && made.weights.is_some() {
+            return Err(value("examples", "stand in the place of weights; there are both".to_owned()));
+        }
+        Ok(Self { space: made, examples })
     }
 
     /// What is stored in a face.
     pub fn field(&self) -> FieldKind {
-        self.0.field
+        self.space.field
     }
 }
 
@@ -127,7 +135,7 @@ fn construction(request: &Request) -> Result<Construction, ParameterError> {
 
 impl Work for FieldBasisParameters {
     fn canonical(&self) -> Value {
-        let parameters = &self.0;
+        let parameters = &self.space;
         let vector = parameters.field == (FieldKind::Vector {});
         let (name, n) = match parameters.field {
             FieldKind::Vector {} => (FieldName::Vector, None),
@@ -141,6 +149,7 @@ impl Work for FieldBasisParameters {
             boundary: vector.then_some(parameters.boundary),
             harmonic_fields: vector.then_some(parameters.harmonic_fields),
             weights: parameters.weights.clone(),
+            examples: (!self.examples.is_empty()).then(|| self.examples.clone()),
             seed: Some(parameters.seed),
             ..Request::default()
         };
@@ -156,13 +165,18 @@ impl Work for FieldBasisParameters {
     }
 
     fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
-        let most = self.0.field.block() * mesh.faces;
-        if self.0.dimension > most {
+        let most = self.space.field.block() * mesh.faces;
+        if self.space.dimension > most {
             let reason =
-                format!("{} is more than the {most} numbers of a field on {} faces", self.0.dimension, mesh.faces);
+                format!("{} is more than the {most} numbers of a field on {} faces", self.space.dimension, mesh.faces);
             return Err(value("dimension", reason));
         }
-        match &self.0.weights {
+        let wanted = self.space.field.block() * mesh.faces;
+        if let Some(at) = self.examples.iter().position(|example| example.len() != wanted) {
+            let reason = format!("field {at} has {} numbers where {wanted} are wanted", self.examples[at].len());
+            return Err(value("examples", reason));
+        }
+        match &self.space.weights {
             Some(weights) if weights.len() != mesh.faces => {
                 Err(value("weights", format!("has {} values for {} faces", weights.len(), mesh.faces)))
             }
@@ -172,13 +186,13 @@ impl Work for FieldBasisParameters {
 
     fn memory_bytes(&self, mesh: MeshSize) -> u64 {
         let (n, f) = (mesh.vertices as u64, mesh.faces as u64);
-        let (b, d) = (self.0.field.block() as u64, self.0.dimension as u64);
+        let (b, d) = (self.space.field.block() as u64, self.space.dimension as u64);
         // Mesh, dual graph and frames, twice: as given and in the order of a curve.
         let surface = 2 * (24 * n + 12 * f + f * (3 * 12 + 6 * 8 + 8 + 16));
         // The operator with its coarser levels: three neighbours and itself, a third more for the levels.
         let operator = f * 4 * (8 * b * b + 4) * 2;
         // Columns while they are spread, as they are stored, and as a matrix of single numbers.
-        let blocks = f * match self.0.construction {
+        let blocks = f * match self.space.construction {
             Construction::Heat(heat) => (3.0 + heat.sigma * 2.5) as u64,
             Construction::LocalEigenfields(local) => (local.sigma * 0.75) as u64,
         };
@@ -192,7 +206,12 @@ impl Work for FieldBasisParameters {
     fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {
         monitor.stage("surface");
         let surface = FieldSurface::new(mesh.clone())?;
-        let basis = field_basis(&surface, &self.0, monitor)?;
+        let basis = if self.examples.is_empty() {
+            field_basis(&surface, &self.space, monitor)?
+        } else {
+            let weights = adaptive_weights(&surface, self.space.field, &self.examples, monitor)?;
+            field_basis(&surface, &FieldParameters { weights: Some(weights), ..self.space.clone() }, monitor)?
+        };
         drop(surface);
         let ritz = if basis.space.dimension() <= MOST_DIMENSIONS {
             Some(DesignModel::new(&basis, monitor)?.ritz().clone())
@@ -236,6 +255,7 @@ mod tests {
             Value::Null,
             json!({"field": "n_vector", "n": 6, "dimension": 300, "sigma": 12.0}),
             json!({"field": "tensor", "construction": "local_eigenfields", "seed": 7}),
+            json!({"examples": [[1.0, 0.5]]}),
             json!({"accuracy": "accurate", "weights": [1.0, 2.0], "boundary": "normal", "harmonic_fields": false}),
         ] {
             let canonical = parsed(parameters).unwrap();
@@ -261,6 +281,7 @@ mod tests {
             (json!({"construction": "local_eigenfields", "accuracy": "accurate"}), "accuracy"),
             (json!({"heat": {"steps": 0}}), "steps"),
             (json!({"weights": [1.0, 0.0]}), "number 1"),
+            (json!({"weights": [1.0], "examples": [[1.0]]}), "in the place of weights"),
         ] {
             let refused = parsed(parameters.clone()).unwrap_err();
             assert!(refused.contains(words), "{parameters}: {refused}");
@@ -270,5 +291,25 @@ mod tests {
         assert!(check(json!({"dimension": 16})).is_ok());
         assert!(check(json!({"dimension": 17})).unwrap_err().to_string().contains("8 faces"));
         assert!(check(json!({"dimension": 4, "weights": [1.0]})).unwrap_err().to_string().contains("1 values"));
+        let short = check(json!({"dimension": 4, "examples": [vec![1.0; 16], vec![1.0; 8]]})).unwrap_err().to_string();
+        assert!(short.contains("field 1 has 8 numbers where 16"), "{short}");
+    }
+
+    #[test]
+    fn examples_draw_the_columns_to_where_they_change() {
+        use crate::mesh::shape::{Shape, generate};
+        let mesh = generate(Shape::Sphere, 2562).unwrap();
+        let high = |face: &[u32; 3]| face.iter().map(|&v| mesh.positions[v as usize][2]).sum::<f64>() / 3.0 > 0.8;
+        let example: Vec<f64> = (mesh.faces.iter().enumerate())
+            .flat_map(|(at, face)| if high(face) { [(at as f64).sin(), 1.0] } else { [0.0, 0.0] })
+            .collect();
+        let cap = |parameters: Value| {
+            let made = FieldBasisParameters::parse(&parameters).unwrap();
+            let Product::FieldBasis(fields) = made.run(&mesh, &crate::monitor::Unwatched).unwrap() else { panic!() };
+            fields.basis.samples.iter().filter(|&&face| high(&mesh.faces[face as usize])).count()
+        };
+        let uniform = cap(json!({"field": "n_vector", "n": 1, "dimension": 200}));
+        let drawn = cap(json!({"field": "n_vector", "n": 1, "dimension": 200, "examples": [example]}));
+        assert!(drawn > 2 * uniform, "{drawn} {uniform}");
     }
 }

@@ -61,6 +61,9 @@ pub struct Request {
     /// One positive weight per face.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weights: Option<Vec<f64>>,
+    /// Fields to derive the weights from: two or three numbers per face each, in the frames of the faces.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub examples: Option<Vec<Vec<f64>>>,
     /// Whether spaces of vector fields carry the harmonic fields of the surface.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub harmonic_fields: Option<bool>,
