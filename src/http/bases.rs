@@ -1,5 +1,7 @@
 //! Bases: listed, shown and deleted.
 
+use std::sync::Arc;
+
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -15,7 +17,7 @@ use super::extract::{PathOf, QueryOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
 use super::wire::{BasisResource, BasisSummary, PageOf};
-use crate::basis::ProductKind;
+use crate::basis::{Basis, ProductKind};
 use crate::store::{BasisFilter, BasisRecord, StoreError};
 
 /// The routes of bases as resources.
@@ -80,6 +82,27 @@ pub async fn find_kind(state: &AppState, id: &str, wanted: ProductKind) -> Resul
         Some(kind) => Err(StoreError::BasisKind { basis: record.id, kind, wanted }.into()),
         None => Err(Problem::internal(format!("basis {} is of the kind {:?}", record.id, record.kind))),
     }
+}
+
+/// The basis in a path, if it is one of functions on vertices: eigenfields of the Hodge–Laplacian have two numbers for each face.
+pub async fn on_vertices(state: &AppState, id: &str) -> Result<Arc<Basis>, Problem> {
+    let basis = state.store.load_basis(basis_id(id)?).await?;
+    match is_of_fields(&basis) {
+        false => Ok(basis),
+        true => Err(Problem::new(
+            &problem::BASIS_KIND,
+            format!(
+                "Basis {id} holds eigenfields, two numbers for each face; this route serves functions on vertices."
+            ),
+        )
+        .with("kind", "eigenbasis of fields")
+        .with("kinds", vec![ProductKind::Eigenbasis.name()])),
+    }
+}
+
+/// Whether the rows of an eigenbasis are numbers of faces.
+pub fn is_of_fields(basis: &Basis) -> bool {
+    basis.metadata["operator"].get("hodge").is_some()
 }
 
 /// Shows a basis

@@ -10,7 +10,7 @@ use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::bases::basis_id;
+use super::bases::on_vertices;
 use super::binary::Dtype;
 use super::binary::Table;
 use super::body;
@@ -110,7 +110,7 @@ async fn compress_functions(
     headers: HeaderMap,
     content: Body,
 ) -> Result<Answer, Problem> {
-    let basis = state.store.load_basis(basis_id(&id)?).await?;
+    let basis = on_vertices(&state, &id).await?;
     let sent = read::<CompressionRequest>(&state, &headers, content).await?;
     let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
     let (source, pairs, bits) = match sent {
@@ -184,7 +184,7 @@ async fn decompress_functions(
     headers: HeaderMap,
     content: Body,
 ) -> Result<Answer, Problem> {
-    let basis = state.store.load_basis(basis_id(&id)?).await?;
+    let basis = on_vertices(&state, &id).await?;
     if let Some(other) = extract::media_type(&headers).filter(|name| name != OCTETS) {
         let detail = format!("This route reads {OCTETS}, not {:?}.", problem::shorten(other));
         return Err(Problem::new(&problem::UNSUPPORTED_MEDIA_TYPE, detail));

@@ -11,7 +11,7 @@ use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::bases::{basis_id, find};
+use super::bases::{find, on_vertices};
 use super::binary::{self, Dtype, Table};
 use super::exchange::{self, Answer, Sent, raw_answer, read};
 use super::extract::{PathOf, QueryOf};
@@ -114,7 +114,7 @@ async fn distances(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
-    let basis = state.store.load_basis(basis_id(&id)?).await?;
+    let basis = on_vertices(&state, &id).await?;
     let sent = read::<DistanceRequest>(&state, &headers, body).await?;
     let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
     let request = match sent {

@@ -10,7 +10,7 @@ use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::bases::basis_id;
+use super::bases::on_vertices;
 use super::binary::{self, Dtype, Table};
 use super::exchange::{self, Answer, OCTETS, Sent, raw_answer, read};
 use super::extract::QueryOf;
@@ -148,8 +148,8 @@ async fn map_functions(
             request
         }
     };
-    let source = state.store.load_basis(basis_id(&request.source)?).await?;
-    let target = state.store.load_basis(basis_id(&request.target)?).await?;
+    let source = on_vertices(&state, &request.source).await?;
+    let target = on_vertices(&state, &request.target).await?;
     state
         .solve("functional_map", move || {
             let begin = Instant::now();

@@ -14,7 +14,7 @@ use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::bases::find_kind;
+use super::bases::{find_kind, on_vertices};
 use super::binary::Dtype;
 use super::conditional;
 use super::content::Immutable;
@@ -115,7 +115,10 @@ async fn modes(
     }
     let dtype = query.dtype;
     let tag = format!("{}-modes-{}-{}-{format:?}-{}", record.content_hash, range.start, range.end, dtype.name());
-    let basis = state.store.load_basis(record.id).await?;
+    let basis = match format {
+        Format::Ply => on_vertices(&state, &id).await?,
+        _ => state.store.load_basis(record.id).await?,
+    };
     if format == Format::Ply {
         let mesh = state.store.load_mesh(&record.mesh).await?;
         let mode = range.start;

@@ -10,7 +10,7 @@ use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::bases::basis_id;
+use super::bases::on_vertices;
 use super::binary::{self, Dtype, Table};
 use super::exchange::{self, Answer, Sent, raw_answer, read};
 use super::extract::{PathOf, QueryOf};
@@ -150,7 +150,7 @@ async fn signatures(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
-    let basis = state.store.load_basis(basis_id(&id)?).await?;
+    let basis = on_vertices(&state, &id).await?;
     let sent = read::<SignatureRequest>(&state, &headers, body).await?;
     let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
     let request = match sent {
@@ -204,7 +204,7 @@ async fn similar_points(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
-    let basis = state.store.load_basis(basis_id(&id)?).await?;
+    let basis = on_vertices(&state, &id).await?;
     let sent = read::<SimilarRequest>(&state, &headers, body).await?;
     let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
     let request = match sent {

@@ -151,6 +151,11 @@ pub fn ply(mesh: &TriangleMesh, functions: &DenseMatrix, begin: Instant) -> Resu
         let detail = format!("A {PLY} has three coordinates, and these are {} functions.", functions.columns());
         return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
     }
+    if functions.rows() != mesh.positions.len() {
+        let detail =
+            format!("A {PLY} needs a row for each of {} vertices, not {}.", mesh.positions.len(), functions.rows());
+        return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
+    }
     let position = |row: usize| std::array::from_fn(|axis| functions.column(axis)[row]);
     let moved = TriangleMesh { positions: (0..functions.rows()).map(position).collect(), faces: mesh.faces.clone() };
     let mut bytes = Vec::new();

@@ -102,8 +102,8 @@ pub struct JobRequest {
     pub mesh: String,
     /// Parameters of the kind; what is absent takes its default.
     ///
-    /// `eigenbasis`, whatever the `method`: `count` (eigenpairs, the kernel included), `operator` (`auto`, `laplace`, `robust`,
-    /// `{"extrinsic": {"t": 0.5}}`, `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}` or
+    /// `eigenbasis`, whatever the `method`: `count` (eigenpairs, the kernel included), `operator` (`auto`, `laplace`, `robust`, `hodge` for
+    /// exact eigenfields by the method `hsim`, `{"extrinsic": {"t": 0.5}}`, `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}` or
     /// `{"hamiltonian": {"potential": {"values": [one for each vertex]}}}`), `mass` (`barycentric`, `voronoi`, `consistent`), `boundary`
     /// (`neumann`, `dirichlet`), `seed`.
     ///

@@ -13,7 +13,7 @@ use chladni::queue::Solver;
 use reqwest::StatusCode;
 use serde_json::{Value, json};
 
-use crate::common::{Builder, TestApp, meshes, text};
+use crate::common::{Builder, TestApp, meshes, problem, text};
 
 fn builder() -> Builder {
     let mut builder = TestApp::builder();
@@ -70,6 +70,33 @@ async fn raw(app: &TestApp, basis: &Value, route: &str, body: &Value) -> (Vec<f3
 
 fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+#[tokio::test]
+async fn exact_eigenfields_are_a_basis_of_faces() {
+    let app = builder().start();
+    let mesh = shape(&app, Shape::Torus, 300).await;
+    let faces = mesh["faces"].as_u64().unwrap();
+    let parameters = json!({"operator": "hodge", "method": "hsim", "count": 12, "tolerance": 1e-6});
+    let job = app.submit(&text(&mesh["id"]), parameters).await;
+    let job = app.finished(&text(&job["id"])).await;
+    assert_eq!(job["status"], "succeeded", "{job}");
+    let url = text(&job["links"]["basis"]);
+    let basis: Value = app.get(&url).send().await.unwrap().json().await.unwrap();
+    assert_eq!((&basis["rows"], &basis["operator"]["hodge"]["harmonic"]), (&json!(2 * faces), &json!(2)), "{basis}");
+    let values = numbers(&basis["eigenvalues"]);
+    assert!(values[1] == 0.0 && values[2] > 0.0, "{values:?}");
+    let modes = app.get(&format!("{url}/modes?from=0&to=2&format=f32&dtype=f32")).send().await.unwrap();
+    assert_eq!(modes.headers()["chladni-rows"], (2 * faces).to_string().as_str());
+    // Routes of functions on vertices say that these are none.
+    let ply = app.get(&format!("{url}/modes?from=0&format=ply")).send().await.unwrap();
+    problem(ply, 409, "basis-kind").await;
+    let distances =
+        app.post(&format!("{url}/distances")).json(&json!({"distance": {"kind": "biharmonic"}, "sources": [0]}));
+    problem(distances.send().await.unwrap(), 409, "basis-kind").await;
+    let filter = json!({"functions": "coordinates", "transfer": {"kind": "low_pass", "cutoff": 1.0}});
+    let filter = app.post(&format!("{url}/filter")).json(&filter).send().await.unwrap();
+    problem(filter, 422, "invalid-function").await;
 }
 
 #[tokio::test]
