@@ -173,7 +173,7 @@ struct Scalar {
 
 impl Scalar {
     fn new(mesh: &TriangleMesh, (problem, rows): (EigenProblem, Option<Vec<u32>>), kernel: usize) -> Self {
-        Self { mesh: mesh.clone(), problem, kernel: kernel.min(usize::MAX), rows }
+        Self { mesh: mesh.clone(), problem, kernel, rows }
     }
 
     /// The lowest pairs, kernel included.
