@@ -78,7 +78,7 @@ const CLEAR: f64 = 1.25;
 /// The lowest `count` pairs of an operator of the family. On the threads of the pool it is called from.
 ///
 /// In Ritz coordinates of the Laplacian, low eigenvectors lie nearly in the lowest coordinates, the core. Its dense eigenproblem gives a start,
-/// which Davidson's corrections, with the diagonal as preconditioner, complete to a residual of [`TOLERANCE`]. Where that does not hold or
+/// which Davidson's corrections, with the diagonal as preconditioner, complete to a residual of 1e-7. Where that does not hold or
 /// succeed, the dense eigensolver takes the whole problem.
 ///
 /// # Errors
