@@ -23,8 +23,11 @@ use std::process::ExitCode;
 /// Why a page was not drawn.
 type Failure = Box<dyn std::error::Error>;
 
-/// The pages: a name, and what draws their pictures.
-const PAGES: &[(&str, fn() -> Result<(), Failure>)] = &[
+/// What draws the pictures of a page.
+type Draw = fn() -> Result<(), Failure>;
+
+/// The pages by name.
+const PAGES: &[(&str, Draw)] = &[
     ("modes", modes),
     ("shape-dna", shape_dna::draw),
     ("distances", distances::draw),
