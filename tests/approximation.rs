@@ -1,17 +1,19 @@
 //! The fast approximation against what is known: analytic spectra, identities, references on real meshes, hostile meshes.
 
+mod references;
+
 use std::path::PathBuf;
 
 use chladni::algebra::DenseMatrix;
 use chladni::basis::Basis;
 use chladni::job::JobParameters;
 use chladni::mesh::TriangleMesh;
-use chladni::mesh::check::{CheckOptions, check};
-use chladni::mesh::read::{MeshFormat, ReadLimits, read};
 use chladni::mesh::shape::{Shape, generate, noisy, renumbered};
 use chladni::monitor::Unwatched;
 use chladni::operator::{MassKind, laplace};
 use serde_json::{Value, json};
+
+use references::{load, meshes, reference};
 
 fn solve(mesh: &TriangleMesh, parameters: &Value) -> Basis {
     JobParameters::parse("eigenbasis", parameters)
@@ -33,33 +35,6 @@ fn errors(values: &[f64], reference: &[f64]) -> (f64, f64) {
     let relative: Vec<f64> = (1..count).map(|k| 100.0 * (values[k] / reference[k] - 1.0).abs()).collect();
     let mean = relative.iter().sum::<f64>() / relative.len() as f64;
     (mean, relative.into_iter().fold(0.0, f64::max))
-}
-
-fn meshes() -> Option<PathBuf> {
-    let folder = std::env::var_os("CHLADNI_MESHES").map(PathBuf::from);
-    if folder.is_none() {
-        eprintln!("skipped: CHLADNI_MESHES is not set");
-    }
-    folder
-}
-
-fn load(path: &std::path::Path) -> TriangleMesh {
-    let mut bytes = std::fs::read(path).unwrap();
-    let mut name = path.to_path_buf();
-    if path.extension().is_some_and(|ending| ending == "gz") {
-        let mut unpacked = Vec::new();
-        std::io::Read::read_to_end(&mut flate2::read::MultiGzDecoder::new(bytes.as_slice()), &mut unpacked).unwrap();
-        bytes = unpacked;
-        name = path.with_extension("");
-    }
-    let format = MeshFormat::from_extension(name.extension().unwrap().to_str().unwrap()).unwrap();
-    check(read(&bytes, format, &ReadLimits::default()).unwrap(), &CheckOptions::default()).unwrap().mesh
-}
-
-fn reference(name: &str) -> Vec<f64> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/reference").join(format!("{name}.txt"));
-    let text = std::fs::read_to_string(path).unwrap();
-    text.lines().filter(|line| !line.starts_with('#')).map(|line| line.parse().unwrap()).collect()
 }
 
 #[test]

@@ -1,16 +1,16 @@
 //! Exact eigenpairs against what is known: analytic spectra with their order of convergence, references on real meshes, hostile meshes.
 
-use std::path::PathBuf;
+mod references;
 
 use chladni::mesh::TriangleMesh;
-use chladni::mesh::check::{CheckOptions, check};
-use chladni::mesh::read::{MeshFormat, ReadLimits, read};
 use chladni::mesh::shape::{Shape, generate};
 use chladni::monitor::Unwatched;
 use chladni::operator::{
     Boundary, EigenProblem, Laplacian, MassKind, MeshOperator, OperatorKind, OperatorParameters, Potential, assemble,
 };
 use chladni::spectrum::hsim::{Eigenpairs, HsimParameters, Wanted, solve};
+
+use references::{load, meshes, reference};
 
 fn operator(mesh: &TriangleMesh, operator: OperatorKind, mass: MassKind, boundary: Boundary) -> MeshOperator {
     assemble(mesh, &OperatorParameters { operator, mass, boundary }, &Unwatched).unwrap()
@@ -55,33 +55,6 @@ fn agree(pairs: &Eigenpairs, area: f64, reference: &[f64], share: f64, what: &st
     }
     println!("{what}: from {lowest:e} to {highest:e} of the references, {:?}", pairs.levels);
     assert!(highest <= share && lowest >= -share, "{what}: from {lowest:e} to {highest:e}");
-}
-
-fn meshes() -> Option<PathBuf> {
-    let folder = std::env::var_os("CHLADNI_MESHES").map(PathBuf::from);
-    if folder.is_none() {
-        eprintln!("skipped: CHLADNI_MESHES is not set");
-    }
-    folder
-}
-
-fn load(path: &std::path::Path) -> TriangleMesh {
-    let mut bytes = std::fs::read(path).unwrap();
-    let mut name = path.to_path_buf();
-    if path.extension().is_some_and(|ending| ending == "gz") {
-        let mut unpacked = Vec::new();
-        std::io::Read::read_to_end(&mut flate2::read::MultiGzDecoder::new(bytes.as_slice()), &mut unpacked).unwrap();
-        bytes = unpacked;
-        name = path.with_extension("");
-    }
-    let format = MeshFormat::from_extension(name.extension().unwrap().to_str().unwrap()).unwrap();
-    check(read(&bytes, format, &ReadLimits::default()).unwrap(), &CheckOptions::default()).unwrap().mesh
-}
-
-fn reference(name: &str) -> Vec<f64> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/reference").join(format!("{name}.txt"));
-    let text = std::fs::read_to_string(path).unwrap();
-    text.lines().filter(|line| !line.starts_with('#')).map(|line| line.parse().unwrap()).collect()
 }
 
 /// The largest relative errors on meshes of one and four times as many vertices fall with the square of their edges.
