@@ -84,6 +84,16 @@ fn eigen(bencher: Bencher) {
     bencher.with_inputs(inputs).bench_values(|(a, b)| CpuSolver.lowest(a, b, COUNT, &Unwatched));
 }
 
+/// Half the pairs of a random pencil.
+#[divan::bench(args = [216, 500, 1000, 2000, 5000], max_time = 10)]
+fn dense_eigenproblem(bencher: Bencher, d: usize) {
+    let entry = |k: usize| ((k as f64 + 0.5) * 12.9898).sin();
+    let matrix = |values: Vec<f64>| DenseMatrix::from_columns(d, d, values).unwrap();
+    let a = matrix((0..d * d).map(|k| entry((k / d).max(k % d) * d + (k / d).min(k % d))).collect());
+    let b = matrix((0..d * d).map(|k| if k % (d + 1) == 0 { 2.0 } else { 1.0 / d as f64 }).collect());
+    bencher.with_inputs(|| (a.clone(), b.clone())).bench_values(|(a, b)| CpuSolver.lowest(a, b, d / 2, &Unwatched));
+}
+
 #[divan::bench(max_time = 5)]
 fn certificate(bencher: Bencher) {
     let problem = &CASE.problem;

@@ -2,14 +2,14 @@
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::llt::factor as cholesky;
-use faer::linalg::evd::{self, ComputeEigenvectors, tridiag};
+use faer::linalg::evd::{self, ComputeEigenvectors};
 use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::linalg::qr::no_pivoting::factor::recommended_block_size;
-use faer::linalg::{householder, triangular_solve};
+use faer::linalg::triangular_solve;
 use faer::reborrow::{Reborrow, ReborrowMut};
-use faer::{Accum, Conj, MatMut, MatRef, Par};
+use faer::{Accum, MatMut, MatRef, Par};
 
 use super::DenseMatrix;
+use super::tridiagonal::tridiagonalise;
 use crate::monitor::{Cancelled, Monitor};
 
 /// Why an eigenproblem was not solved.
@@ -221,17 +221,17 @@ fn make_largest_positive(vector: &mut [f64]) {
     }
 }
 
-fn view(matrix: &DenseMatrix) -> MatRef<'_, f64> {
+pub(super) fn view(matrix: &DenseMatrix) -> MatRef<'_, f64> {
     MatRef::from_column_major_slice(matrix.values(), matrix.rows(), matrix.columns())
 }
 
-fn view_mut(matrix: &mut DenseMatrix) -> MatMut<'_, f64> {
+pub(super) fn view_mut(matrix: &mut DenseMatrix) -> MatMut<'_, f64> {
     let (rows, columns) = (matrix.rows(), matrix.columns());
     MatMut::from_column_major_slice_mut(matrix.values_mut(), rows, columns)
 }
 
 /// Working memory, or a typed error where there is none.
-fn memory(request: StackReq) -> Result<MemBuffer, EigenError> {
+pub(super) fn memory(request: StackReq) -> Result<MemBuffer, EigenError> {
     MemBuffer::try_new(request).map_err(|_| EigenError::Memory { bytes: request.unaligned_bytes_required() })
 }
 
@@ -365,7 +365,7 @@ fn subtract(mut from: MatMut<'_, f64>, what: MatRef<'_, f64>) {
 
 /// The lowest pairs of a symmetric matrix, of which the lower triangle is read.
 fn standard_lowest(
-    mut a: DenseMatrix,
+    a: DenseMatrix,
     count: usize,
     par: Par,
     monitor: &dyn Monitor,
@@ -375,37 +375,16 @@ fn standard_lowest(
         let one = DenseMatrix::from_columns(1, 1, vec![1.0]).unwrap_or_default();
         return Ok((a.values().to_vec(), one));
     }
-    let block = recommended_block_size::<f64>(d - 1, d - 1);
-    let mut reflectors = DenseMatrix::zeros(block, d - 1);
-    let mut buffer = memory(tridiag::tridiag_in_place_scratch::<f64>(d, par, Default::default()))?;
-    tridiag::tridiag_in_place(
-        view_mut(&mut a),
-        view_mut(&mut reflectors),
-        par,
-        MemStack::new(&mut buffer),
-        Default::default(),
-    );
-    drop(buffer);
-    monitor.progress(0.5);
+    let reduced = tridiagonalise(a, &|done| {
+        monitor.progress(0.15 + 0.35 * done);
+        monitor.checkpoint()
+    })?;
     monitor.checkpoint()?;
-
-    let diagonal: Vec<f64> = (0..d).map(|k| a.column(k)[k]).collect();
-    let beside: Vec<f64> = (0..d).map(|k| if k + 1 < d { a.column(k)[k + 1] } else { 0.0 }).collect();
-    let (values, mut vectors) = tridiagonal_lowest(&diagonal, &beside, count)?;
+    let (values, mut vectors) = tridiagonal_lowest(&reduced.diagonal, &reduced.beside, count)?;
     monitor.progress(0.8);
     monitor.checkpoint()?;
 
-    let request =
-        householder::apply_block_householder_sequence_on_the_left_in_place_scratch::<f64>(d - 1, block, count);
-    let mut buffer = memory(request)?;
-    householder::apply_block_householder_sequence_on_the_left_in_place_with_conj(
-        view(&a).submatrix(1, 0, d - 1, d - 1),
-        view(&reflectors),
-        Conj::No,
-        view_mut(&mut vectors).subrows_mut(1, d - 1),
-        par,
-        MemStack::new(&mut buffer),
-    );
+    reduced.back(&mut vectors, par)?;
     monitor.progress(0.95);
     Ok((values, vectors))
 }

@@ -2,6 +2,7 @@
 
 mod block_matrix;
 mod blocks;
+mod column_products;
 mod definite;
 mod dense;
 mod eigen;
@@ -18,6 +19,7 @@ mod panels;
 mod product;
 mod simd;
 mod sparse;
+mod tridiagonal;
 
 pub use block_matrix::{Block, BlockMatrix, add_product, inverse_positive, transposed};
 pub use blocks::compact_order;
