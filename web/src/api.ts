@@ -164,27 +164,20 @@ export async function numbers(path: string, init: RequestInit = {}): Promise<Flo
 export const postNumbers = (path: string, body: unknown, signal?: AbortSignal) =>
   numbers(path, { method: "POST", body: JSON.stringify(body), headers: { "Content-Type": "application/json" }, signal });
 
-/** Positions and triangles, as they go to the graphics card: nothing is parsed. */
-export async function meshContent(path: string, progress: (fraction: number) => void): Promise<{ positions: Float32Array; triangles: Uint32Array }> {
+/** Positions and triangles, as they go to the graphics card: two counts, then numbers. */
+export async function meshContent(path: string, progress: (fraction: number) => void): Promise<ArrayBuffer> {
   const response = await send(path, { headers: { Accept: "application/vnd.chladni.mesh" } });
   const length = Number(response.headers.get("Content-Length"));
-  let buffer: ArrayBuffer;
-  if (length > 4e6 && response.body) {
-    const whole = new Uint8Array(length);
-    let at = 0;
-    for (const reader = response.body.getReader(); ; ) {
-      const { done, value } = await reader.read();
-      if (done) break;
-      whole.set(value, at);
-      at += value.length;
-      progress(at / length);
-    }
-    buffer = whole.buffer;
-  } else {
-    buffer = await response.arrayBuffer();
+  if (!(length > 4e6) || !response.body) return response.arrayBuffer();
+  const whole = new Uint8Array(length);
+  let at = 0;
+  for (const reader = response.body.getReader(); ; ) {
+    const { done, value } = await reader.read();
+    if (done) return whole.buffer;
+    whole.set(value, at);
+    at += value.length;
+    progress(at / length);
   }
-  const [vertices, faces] = new Uint32Array(buffer, 0, 2);
-  return { positions: new Float32Array(buffer, 8, 3 * vertices), triangles: new Uint32Array(buffer, 8 + 12 * vertices, 3 * faces) };
 }
 
 /** Uploads a file under its name; `sent` hears which fraction is on its way. */

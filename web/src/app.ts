@@ -2,6 +2,7 @@
 
 import { ApiError, get, meshContent, post, watch, ended, type Basis, type BasisSummary, type Job, type Mesh, type Page } from "./api";
 import { h } from "./dom";
+import { prepared } from "./geometry";
 import { read, write, type Place } from "./place";
 import type { Viewer } from "./viewer";
 
@@ -130,7 +131,9 @@ export class App {
     this.working("Loading the surface …");
     try {
       const mesh = this.meshes.find((mesh) => mesh.id === id) ?? (await get<Mesh>(`/v1/meshes/${id}`));
-      const surface = await meshContent(mesh.links.content, (fraction) => this.working("Loading the surface …", fraction));
+      const content = await meshContent(mesh.links.content, (fraction) => this.working("Loading the surface …", fraction));
+      if (turn !== this.opening) return;
+      const surface = await prepared(content);
       if (turn !== this.opening) return;
       this.panel?.hide();
       this.mesh = mesh;

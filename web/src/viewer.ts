@@ -1,73 +1,21 @@
 // The surface on the screen: geometry, colours, camera, and what lies under the pointer.
 
 import {
-  BackSide, BufferAttribute, BufferGeometry, Color, DataTexture, DoubleSide, Euler, FrontSide, GLSL3, LinearFilter, Mesh, Object3D, PerspectiveCamera, Quaternion,
-  RGBAFormat, Scene, ShaderMaterial, Vector2, Vector3, WebGLRenderer, DynamicDrawUsage, SphereGeometry, MeshBasicMaterial,
+  BufferAttribute, BufferGeometry, DynamicDrawUsage, Euler, GLSL3, Mesh, MeshBasicMaterial, Object3D, PerspectiveCamera, Quaternion, Scene, ShaderMaterial, Sphere, SphereGeometry, SRGBColorSpace, Vector3, WebGLRenderer, WebGLRenderTarget,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import { MAPS, table } from "./colours";
-import { bounds, cast, normals, volume, type Hit, type Surface } from "./surface";
+import type { Prepared } from "./geometry";
+import { Pace } from "./pace";
+import { Shading } from "./shading";
+import { cast, gradient, normals, type Hit, type Surface } from "./surface";
 
-const VERTEX = `
-in float value;
-uniform float wave;
-out float v_value;
-out vec3 v_normal;
-out vec3 v_position;
-void main() {
-  vec4 at = modelViewMatrix * vec4(position + wave * value * normal, 1.0);
-  v_value = value;
-  v_normal = normalMatrix * normal;
-  v_position = at.xyz;
-  gl_Position = projectionMatrix * at;
-}`;
+/** Milliseconds without a change after which the picture is drawn as well as it can be. */
+const QUIET = 180;
+/** Triangles that are drawn in motion without having been tried: by a processor, and by a graphics card. */
+const FEW = [60_000, 3_000_000];
 
-// Isolines are as wide on the screen as on paper, however steep the function: their distance is measured in its own derivative.
-const FRAGMENT = `
-precision highp float;
-in float v_value;
-in vec3 v_normal;
-in vec3 v_position;
-uniform sampler2D map;
-uniform vec2 range;
-uniform float lines;
-uniform float coloured;
-uniform float diverging;
-uniform vec3 plain;
-uniform float bend;
-out vec4 colour;
-void main() {
-  // Where the surface moves, its normals are those of its triangles on the screen.
-  vec3 flat_normal = cross(dFdx(v_position), dFdy(v_position));
-  vec3 n = normalize(mix(v_normal, flat_normal, bend));
-  if (dot(n, v_position) > 0.0) n = -n;
-  vec3 base = plain;
-  if (coloured > 0.5) {
-    float t = clamp((v_value - range.x) / max(range.y - range.x, 1e-30), 0.0, 1.0);
-    base = texture(map, vec2(0.001953125 + t * 0.99609375, 0.5)).rgb;
-    if (lines > 0.5) {
-      float s = t * lines;
-      float w = fwidth(s);
-      float d = abs(fract(s - 0.5) - 0.5) / max(w, 1e-9);
-      float ink = (1.0 - smoothstep(0.35, 1.1, d)) * (1.0 - smoothstep(0.35, 0.9, w));
-      if (diverging > 0.5) {
-        float zero = abs(t - 0.5) / max(fwidth(t), 1e-9);
-        ink = max(0.55 * ink, 1.0 - smoothstep(0.9, 1.7, zero));
-      } else ink *= 0.6;
-      base = mix(base, vec3(0.06), ink);
-    }
-  }
-  vec3 eye = normalize(-v_position);
-  float head = max(dot(n, eye), 0.0);
-  float above = 0.5 + 0.5 * n.y;
-  float key = max(dot(n, vec3(0.36, 0.56, 0.74)), 0.0);
-  float light = 0.34 + 0.16 * above + 0.26 * head + 0.36 * key;
-  float shine = 0.10 * pow(max(dot(reflect(vec3(-0.36, -0.56, -0.74), n), eye), 0.0), 24.0);
-  colour = vec4(min(base * light + shine, 1.0), 1.0);
-}`;
-
-/** Frames slower than this, in milliseconds, are drawn with fewer pixels while things move. */
-const SLOW = 30;
+/** Triangles of a part of the fine picture. */
+const PART = 50_000;
 
 export interface Scalar {
   values: Float32Array;
@@ -85,13 +33,26 @@ function drawnInSoftware(): boolean {
   return software;
 }
 
+/** A triangle over the whole window with a picture on it. */
+function exposure(): Mesh<BufferGeometry, ShaderMaterial> {
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
+  const mesh = new Mesh(geometry, new ShaderMaterial({
+    glslVersion: GLSL3, depthTest: false, depthWrite: false, uniforms: { picture: { value: null } },
+    vertexShader: "void main() { gl_Position = vec4(position, 1.0); }",
+    fragmentShader: "precision highp float; uniform sampler2D picture; out vec4 colour; void main() { colour = texelFetch(picture, ivec2(gl_FragCoord.xy), 0); }",
+  }));
+  mesh.frustumCulled = false;
+  return mesh;
+}
+
 export class Viewer {
   readonly canvas: HTMLCanvasElement;
   surface: Surface | null = null;
   centre: [number, number, number] = [0, 0, 0];
   radius = 1;
-  /** Frames drawn and the milliseconds between the last of them: for whoever measures. */
-  readonly statistics = { frames: 0, interval: 0 };
+  /** Pictures drawn, and triangles and pixels of the last: for whoever measures. */
+  readonly statistics = { frames: 0, triangles: 0, pixels: 0 };
 
   onView: () => void = () => {};
   /** Receives a press on the surface; true keeps the camera still, and further points of the stroke follow. */
@@ -104,16 +65,22 @@ export class Viewer {
   private readonly scene = new Scene();
   private readonly camera = new PerspectiveCamera(32, 1, 0.01, 100);
   private readonly controls: OrbitControls;
-  private readonly material: ShaderMaterial;
-  private readonly mesh: Mesh<BufferGeometry, ShaderMaterial>;
+  private readonly shading = new Shading();
+  private readonly pace = new Pace();
+  private readonly mesh: Mesh<BufferGeometry>;
+  private readonly developed = exposure();
   private readonly overlays = new Map<string, Object3D>();
+  private levels: BufferAttribute[] = [];
   private rest: Float32Array | null = null;
-  private drawn = false;
-  private scale = 1;
+  private scheduled = false;
+  private changed = false;
+  private measured = false;
   private held = false;
-  private live = false;
+  private quiet = 0;
   private last = 0;
   private frame: ((time: number) => boolean) | null = null;
+  /** Whether what is on the screen is as good as it gets. */
+  fine = false;
 
   constructor(canvas: HTMLCanvasElement) {
     this.canvas = canvas;
@@ -126,17 +93,7 @@ export class Viewer {
     };
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", back);
     queueMicrotask(back);
-    this.material = new ShaderMaterial({
-      glslVersion: GLSL3,
-      vertexShader: VERTEX,
-      fragmentShader: FRAGMENT,
-      side: DoubleSide,
-      uniforms: {
-        map: { value: null }, range: { value: new Vector2(-1, 1) }, lines: { value: 0 }, coloured: { value: 0 }, diverging: { value: 1 },
-        plain: { value: new Color(0.8, 0.79, 0.76) }, wave: { value: 0 }, bend: { value: 0 },
-      },
-    });
-    this.mesh = new Mesh(new BufferGeometry(), this.material);
+    this.mesh = new Mesh<BufferGeometry>(new BufferGeometry(), this.shading.fine);
     this.mesh.frustumCulled = false;
     this.mesh.visible = false;
     this.scene.add(this.mesh);
@@ -153,26 +110,43 @@ export class Viewer {
       this.onView();
     });
     this.map("blue-orange");
+    this.compile();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
     this.listen();
   }
 
+  /** Has the shaders compiled: later the page would wait for them, and for everything that is drawn in front of them. */
+  private compile() {
+    const geometry = new BufferGeometry();
+    for (const [name, size] of [["position", 3], ["normal", 3], ["value", 1]] as const) geometry.setAttribute(name, new BufferAttribute(new Float32Array(3 * size), size));
+    geometry.setIndex([0, 1, 2]);
+    this.mesh.geometry = geometry;
+    this.mesh.visible = true;
+    for (const material of [this.shading.fine, this.shading.quick]) {
+      this.mesh.material = material;
+      this.renderer.render(this.scene, this.camera);
+    }
+    this.mesh.visible = false;
+  }
+
   /** Shows another mesh, so that it fills the unit ball. Where it is closed, the far side is not drawn. */
-  setMesh(surface: Surface, closed: boolean) {
-    this.material.side = closed ? (volume(surface) > 0 ? FrontSide : BackSide) : DoubleSide;
-    this.material.needsUpdate = true;
-    const { centre, radius } = bounds(surface);
-    [this.centre, this.radius] = [centre, radius];
+  setMesh(surface: Prepared, closed: boolean) {
+    this.shading.sides(closed, surface.volume);
+    [this.centre, this.radius] = [surface.centre, surface.radius];
     this.rest = surface.positions;
     this.surface = { positions: surface.positions, triangles: surface.triangles };
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(surface.positions, 3).setUsage(DynamicDrawUsage));
-    geometry.setAttribute("normal", new BufferAttribute(normals(surface), 3).setUsage(DynamicDrawUsage));
+    geometry.setAttribute("normal", new BufferAttribute(surface.normals, 3).setUsage(DynamicDrawUsage));
     geometry.setAttribute("value", new BufferAttribute(new Float32Array(surface.positions.length / 3), 1).setUsage(DynamicDrawUsage));
-    geometry.setIndex(new BufferAttribute(surface.triangles, 1));
+    // Known already: three.js would read every vertex again.
+    geometry.boundingSphere = new Sphere(new Vector3(...surface.centre), surface.radius);
+    this.levels = surface.levels.map((level) => new BufferAttribute(level, 1));
+    geometry.setIndex(this.levels[0]);
     this.mesh.geometry.dispose();
     this.mesh.geometry = geometry;
     this.mesh.visible = true;
+    this.pace.begin(surface.levels.map((level) => level.length / 3), FEW[this.software ? 0 : 1]);
     for (const name of [...this.overlays.keys()]) this.overlay(name, null);
     this.setScalar(null);
     this.place(this.mesh);
@@ -197,48 +171,57 @@ export class Viewer {
     const facing = geometry.getAttribute("normal") as BufferAttribute;
     at.array = wanted;
     at.needsUpdate = true;
-    facing.array = normals(this.surface, facing.array as Float32Array<ArrayBuffer>);
+    normals(this.surface, facing.array as Float32Array<ArrayBuffer>);
     facing.needsUpdate = true;
     this.draw();
   }
 
   /** Colours the surface by one value for each vertex. */
   setScalar(scalar: Scalar | null) {
-    const uniforms = this.material.uniforms;
-    uniforms.coloured.value = scalar ? 1 : 0;
-    if (scalar) {
-      const values = this.mesh.geometry.getAttribute("value") as BufferAttribute | undefined;
-      if (!values || values.count !== scalar.values.length) return;
-      values.array = scalar.values;
-      values.needsUpdate = true;
-      uniforms.range.value.set(...scalar.range);
-      uniforms.diverging.value = scalar.diverging ? 1 : 0;
-    }
+    const values = this.mesh.geometry.getAttribute("value") as BufferAttribute | undefined;
+    if (scalar && (!values || values.count !== scalar.values.length)) return;
+    this.shading.values(scalar && scalar.range, scalar?.diverging);
+    if (scalar) this.setValues(scalar.values);
+    this.draw();
+  }
+
+  /** Other values on the scale of those before. */
+  setValues(numbers: Float32Array) {
+    const values = this.mesh.geometry.getAttribute("value") as BufferAttribute;
+    values.array = numbers;
+    values.needsUpdate = true;
+    if (this.mesh.geometry.hasAttribute("slope")) this.steepen();
     this.draw();
   }
 
   /** Chooses the colour map. */
   map(name: string) {
-    const map = MAPS[name] ?? MAPS["blue-orange"];
-    const texture = new DataTexture(table(map), 256, 1, RGBAFormat);
-    texture.minFilter = texture.magFilter = LinearFilter;
-    texture.needsUpdate = true;
-    (this.material.uniforms.map.value as DataTexture | null)?.dispose();
-    this.material.uniforms.map.value = texture;
-    this.draw();
+    if (this.shading.map(name)) this.draw();
   }
 
   /** How many isolines there are; 0 for none. */
   lines(count: number) {
-    this.material.uniforms.lines.value = count;
+    this.shading.lines(count);
     this.draw();
   }
 
-  /** Moves the surface along its normals by its values, times this part of the radius; normals then follow the triangles. */
-  wave(amount: number, bend: boolean) {
-    this.material.uniforms.wave.value = amount * this.radius;
-    this.material.uniforms.bend.value = bend ? 1 : 0;
+  /** Moves the surface along its normals by its values, times this part of the radius; `null` ends it. */
+  wave(amount: number | null) {
+    const { geometry } = this.mesh;
+    if (amount !== null && !geometry.hasAttribute("slope")) this.steepen();
+    if (amount === null) geometry.deleteAttribute("slope");
+    this.shading.wave((amount ?? 0) * this.radius);
     this.draw();
+  }
+
+  /** The slope of the values, from which follow the normals of a wave. */
+  private steepen() {
+    const { geometry } = this.mesh;
+    const known = geometry.getAttribute("slope") as BufferAttribute | undefined;
+    if (!this.surface) return;
+    const slope = gradient(this.surface, (geometry.getAttribute("value") as BufferAttribute).array as Float32Array, known?.array as Float32Array<ArrayBuffer> | undefined);
+    if (known) known.needsUpdate = true;
+    else geometry.setAttribute("slope", new BufferAttribute(slope, 3).setUsage(DynamicDrawUsage));
   }
 
   /** Adds, replaces or takes away an object drawn with the surface, in the units of the mesh. */
@@ -271,34 +254,132 @@ export class Viewer {
     this.draw();
   }
 
-  /** Draws as soon as the screen is ready for it. */
-  draw() {
-    if (this.drawn) return;
-    this.drawn = true;
-    requestAnimationFrame((time) => this.picture(time));
+  /** Whether something is animated. */
+  get moving(): boolean {
+    return this.frame !== null;
   }
 
-  private picture(time: number) {
-    this.drawn = false;
+  /** Draws as soon as the screen is ready for it. */
+  draw() {
+    this.changed = true;
+    this.fine = false;
+    this.schedule();
+  }
+
+  private schedule() {
+    if (this.scheduled) return;
+    this.scheduled = true;
+    requestAnimationFrame((time) => this.tick(time));
+  }
+
+  private tick(time: number) {
+    this.scheduled = false;
     const interval = time - this.last;
     this.last = time;
-    const moving = this.frame !== null && this.frame(time / 1000);
-    if (!moving) this.frame = null;
-    const live = moving || this.held;
-    if (live && this.live) {
-      // What moves is drawn with as many pixels as the machine can do in time; what stands still, with all of them.
-      this.statistics.interval += 0.2 * (Math.min(interval, 250) - this.statistics.interval);
-      const steady = this.statistics.interval;
-      if (steady > SLOW) this.scale = Math.max(0.35, this.scale * 0.9);
-      else if (steady < 0.6 * SLOW) this.scale = Math.min(1, this.scale * 1.03);
+    if (this.measured && interval < 400) this.pace.note(interval);
+    if (this.frame && !this.frame(time / 1000)) this.frame = null;
+    const continuous = this.frame !== null || this.held;
+    if (!continuous) this.pace.rest();
+    this.measured = continuous && this.changed;
+    if (this.changed) {
+      this.changed = false;
+      this.picture(false);
+      window.clearTimeout(this.quiet);
+      this.quiet = window.setTimeout(() => this.rested(), QUIET);
     }
-    this.live = live;
-    const still = this.software && this.ratio < 1.5 ? 1.75 * this.ratio : this.ratio;
-    const pixels = live ? this.ratio * this.scale : still;
-    if (Math.abs(pixels - this.renderer.getPixelRatio()) > 0.04 * pixels) this.renderer.setPixelRatio(pixels);
-    this.renderer.render(this.scene, this.camera);
+    if (this.frame) this.schedule();
+  }
+
+  /** What moves is drawn with what the machine can do in time; what stands still, as well as it can be. */
+  private rested() {
+    if (this.changed || this.held || this.frame) {
+      this.quiet = window.setTimeout(() => this.rested(), QUIET);
+      return;
+    }
+    if (this.software) this.develop();
+    else this.picture(true);
+  }
+
+  /**
+   * Draws the fine picture out of sight, a part of the mesh at a time, and shows it once it is whole. A browser that draws in software
+   * keeps the page waiting until what is shown is drawn, and a million triangles take it half a second.
+   */
+  private develop() {
+    const gl = this.renderer.getContext() as WebGL2RenderingContext;
+    const { geometry } = this.mesh;
+    const corners = this.levels[0];
+    const pixels = this.still;
+    const target = new WebGLRenderTarget(Math.floor(this.canvas.clientWidth * pixels), Math.floor(this.canvas.clientHeight * pixels));
+    // Colours are written as on the screen, not as light.
+    target.texture.colorSpace = SRGBColorSpace;
+    (target as { isXRRenderTarget?: boolean }).isXRRenderTarget = true;
+    let from = 0;
+    const part = () => {
+      if (this.changed || this.frame || this.held || this.mesh.geometry !== geometry) return target.dispose();
+      if (from > 0 && from >= (corners?.count ?? 0)) {
+        this.expose(target, pixels);
+        target.dispose();
+        return;
+      }
+      if (corners) geometry.setIndex(corners);
+      geometry.setDrawRange(from, 3 * PART);
+      this.mesh.material = this.shading.fine;
+      this.renderer.setRenderTarget(target);
+      this.renderer.autoClear = from === 0;
+      this.renderer.render(this.scene, this.camera);
+      this.renderer.autoClear = true;
+      this.renderer.setRenderTarget(null);
+      geometry.setDrawRange(0, Infinity);
+      from += 3 * PART;
+      const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+      gl.flush();
+      const look = () => {
+        if (fence && gl.clientWaitSync(fence, 0, 0) === gl.TIMEOUT_EXPIRED) return void window.setTimeout(look, 15);
+        gl.deleteSync(fence);
+        part();
+      };
+      window.setTimeout(look, 5);
+    };
+    part();
+  }
+
+  /** Shows a picture that was drawn out of sight. */
+  private expose(target: WebGLRenderTarget, pixels: number) {
+    this.renderer.setPixelRatio(pixels);
+    this.developed.material.uniforms.picture.value = target.texture;
+    this.renderer.render(this.developed, this.camera);
+    this.count(this.levels[0]);
+    this.fine = true;
+  }
+
+  private count(corners: BufferAttribute | undefined) {
     this.statistics.frames += 1;
-    if (moving) this.draw();
+    this.statistics.triangles = (corners?.count ?? 0) / 3;
+    this.statistics.pixels = this.canvas.width * this.canvas.height;
+  }
+
+  private picture(fine: boolean) {
+    const { level, scale } = this.pace.rung;
+    const pixels = fine ? this.still : this.ratio * scale;
+    const { geometry } = this.mesh;
+    const corners = this.levels[fine ? 0 : level];
+    const material = fine || !this.software ? this.shading.fine : this.shading.quick;
+    // On a graphics card the quick picture mostly is the fine one.
+    const same = Math.abs(pixels - this.renderer.getPixelRatio()) < 0.02 * pixels && (!corners || geometry.index === corners) && this.mesh.material === material;
+    this.fine ||= fine;
+    if (fine && same) return;
+    if (!same) {
+      if (corners) geometry.setIndex(corners);
+      this.mesh.material = material;
+      this.renderer.setPixelRatio(pixels);
+    }
+    this.renderer.render(this.scene, this.camera);
+    this.count(corners);
+  }
+
+  /** Pixels of the fine picture for each of the page: smooth edges in software come from more of them. */
+  private get still() {
+    return this.software && this.ratio < 1.5 ? 1.75 * this.ratio : this.ratio;
   }
 
   private get ratio() {

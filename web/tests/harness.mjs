@@ -37,10 +37,12 @@ export async function start() {
     });
     server.once("exit", (code) => reject(new Error(`the server ended with ${code}`)));
   });
-  const browser = await chromium.launch({
+  // As headless Chromium draws by itself where there is no graphics card: WebGL by SwiftShader, the page by the processor.
+  const browserServer = await chromium.launchServer({
     executablePath: browserPath(),
-    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--autoplay-policy=no-user-gesture-required"],
+    args: ["--no-sandbox", "--enable-unsafe-swiftshader", "--autoplay-policy=no-user-gesture-required"],
   });
+  const browser = await chromium.connect(browserServer.wsEndpoint());
   const complaints = [];
   const policy = (await fetch(url)).headers.get("content-security-policy");
 
@@ -72,6 +74,7 @@ export async function start() {
   };
   const stop = async () => {
     await browser.close();
+    await browserServer.close();
     server.removeAllListeners("exit");
     const gone = new Promise((resolve) => server.once("exit", resolve));
     if (server.exitCode === null) {
@@ -80,7 +83,7 @@ export async function start() {
     }
     rmSync(folder, { recursive: true, force: true });
   };
-  return { url, folder, open, stop, complaints };
+  return { url, folder, open, stop, complaints, browser, browserPid: browserServer.process().pid };
 }
 
 /** The page is in this binary. */
@@ -88,5 +91,11 @@ export async function pageIsThere(url) {
   return (await (await fetch(url)).text()).includes("/page/");
 }
 
+/** Waits until the surface is drawn as well as it can be, unless it moves. */
+export const drawn = (page) => page.waitForFunction(() => window.chladni.viewer.fine || window.chladni.viewer.moving);
+
 /** The surface as it stands on the screen: the bytes of the PNG change with any pixel. */
-export const picture = (page) => page.locator(".stage").screenshot();
+export async function picture(page) {
+  await drawn(page);
+  return page.locator(".stage").screenshot();
+}

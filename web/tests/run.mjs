@@ -6,7 +6,7 @@
 import assert from "node:assert/strict";
 import { mkdirSync, writeFileSync } from "node:fs";
 import { basename, join } from "node:path";
-import { browserPath, pageIsThere, picture, ROOT, sample, start } from "./harness.mjs";
+import { browserPath, drawn, pageIsThere, picture, ROOT, sample, start } from "./harness.mjs";
 
 if (!browserPath()) {
   console.log("skipped: no Chromium is installed (Debian: apt-get install chromium)");
@@ -36,7 +36,11 @@ async function test(name, body) {
   }
 }
 
-const keep = async (page, name) => pictures && page.screenshot({ path: join(shots, `${name}.png`) });
+const keep = async (page, name) => {
+  if (!pictures) return;
+  await drawn(page);
+  await page.screenshot({ path: join(shots, `${name}.png`) });
+};
 const changed = (page, name, before) => page.waitForFunction(([name, before]) => document.body.dataset[name] !== undefined && document.body.dataset[name] !== before, [name, before]);
 const datum = (page, name) => page.evaluate((name) => document.body.dataset[name], name);
 /** A place in the window under which the surface lies: on a line through the middle. */
@@ -280,6 +284,7 @@ try {
     await changed(readme, "mode");
     await readme.getByRole("slider", { name: "Mode" }).fill("37");
     await readme.waitForFunction(() => document.body.dataset.mode === "37");
+    await drawn(readme);
     const page = await readme.screenshot();
     mkdirSync(join(ROOT, "docs", "pictures"), { recursive: true });
     writeFileSync(join(ROOT, "docs", "pictures", "page.png"), page);

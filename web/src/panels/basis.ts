@@ -137,9 +137,13 @@ export class Look {
     }
   }
 
+  private applied = "";
+
   private apply() {
     const diverging = this.scalar?.diverging ?? true;
     const name = this.name[diverging ? "diverging" : "sequential"];
+    if (this.applied === name) return;
+    this.applied = name;
     this.options(diverging);
     this.app.viewer.map(name);
     (this.legend.children[1] as HTMLElement).style.background = gradient(MAPS[name]);

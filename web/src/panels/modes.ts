@@ -71,12 +71,12 @@ export function modesPanel(app: App, look: Look): Panel {
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches ? 0.3 : 1;
     if (on) {
       app.viewer.animate((time) => {
-        app.viewer.wave(amplitude * Math.sin(4 * still * time), true);
+        app.viewer.wave(amplitude * Math.sin(4 * still * time));
         return playing;
       });
     } else {
       app.viewer.animate(null);
-      app.viewer.wave(0, false);
+      app.viewer.wave(null);
     }
   };
   document.addEventListener("keydown", (event) => {

@@ -6,7 +6,7 @@ import { brief, choice, field, grouped, h, plural, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, type Frame } from "../plot";
 import type { Hit } from "../surface";
-import { basisHead, sequential, type Look } from "./basis";
+import { basisHead, type Look } from "./basis";
 
 /** Young's modulus in pascal, Poisson's ratio, density in kg/m³. */
 const MATERIALS: Record<string, { name: string; young: number; poisson: number; density: number }> = {
@@ -52,24 +52,28 @@ export function vibrationPanel(app: App, look: Look): Panel {
   // --- watching ------------------------------------------------------------------------------------------------------------
 
   let frames = 0;
+  let sizes = new Float32Array(0);
   const show = latest<{ tap: Tap; time: number }>(async ({ tap: now, time }) => {
     const moved = await postNumbers(`${now.basis.links.self}/simulate`, { damping: DAMPING, loads: load(now), times: [time] });
     const surface = app.viewer.surface;
     if (tap !== now || app.panel !== panel || !surface) return;
     const rest = app.viewer.resting!;
     withoutRigid(rest, moved);
-    const sizes = new Float32Array(moved.length / 3);
+    const largest = SHOWN * app.viewer.radius;
+    sizes = sizes.length === moved.length / 3 ? sizes : new Float32Array(moved.length / 3);
     let most = 0;
     for (let v = 0; v < sizes.length; v++) {
-      sizes[v] = Math.hypot(moved[3 * v], moved[3 * v + 1], moved[3 * v + 2]);
+      const x = moved[3 * v], y = moved[3 * v + 1], z = moved[3 * v + 2];
+      sizes[v] = Math.sqrt(x * x + y * y + z * z);
       most = Math.max(most, sizes[v]);
     }
     // The largest displacement so far fills what is shown: only the first moments change the scale.
-    if (most > 0) scale = Math.min(scale || Infinity, (SHOWN * app.viewer.radius) / most);
-    const positions = new Float32Array(moved.length);
-    for (let i = 0; i < positions.length; i++) positions[i] = rest[i] + scale * moved[i];
-    app.viewer.setPositions(positions);
-    look.show({ ...sequential(sizes), range: [0, (SHOWN * app.viewer.radius) / scale] }, ["still", "moves most"]);
+    if (most > 0) scale = Math.min(scale || Infinity, largest / most);
+    for (let i = 0; i < moved.length; i++) moved[i] = rest[i] + scale * moved[i];
+    for (let v = 0; v < sizes.length; v++) sizes[v] *= scale;
+    app.viewer.setPositions(moved);
+    if (frames === 0) look.show({ values: sizes, range: [0, largest], diverging: false }, ["still", "moves most"]);
+    else app.viewer.setValues(sizes);
     frames += 1;
     timing.textContent = `${brief(time * 1000)} ms after the tap, ${brief(SWING * lowest(now.basis) * slow.control.valueAsNumber)} times slower`;
     document.body.dataset.vibrating = String(frames);

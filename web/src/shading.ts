@@ -1,0 +1,144 @@
+// How the surface is lit and coloured: one pair of shaders, in two qualities.
+
+import { BackSide, Color, DataTexture, DoubleSide, FrontSide, GLSL3, NearestFilter, RGBAFormat, ShaderMaterial, Vector2, type Side } from "three";
+import { MAPS, table } from "./colours";
+
+// Where the surface waves along its normals by w f, its normals become n − w ∇f, but for what its curvature adds.
+const VERTEX = `
+in float value;
+in vec3 slope;
+uniform float wave;
+out float v_value;
+#ifdef QUICK
+out vec2 v_light;
+#else
+out vec3 v_normal;
+out vec3 v_position;
+#endif
+LIGHT
+void main() {
+  vec4 at = modelViewMatrix * vec4(position + wave * value * normal, 1.0);
+  vec3 n = normalMatrix * (normal - wave * slope);
+  v_value = value;
+#ifdef QUICK
+  v_light = light(normalize(n), normalize(-at.xyz));
+#else
+  v_normal = n;
+  v_position = at.xyz;
+#endif
+  gl_Position = projectionMatrix * at;
+}`;
+
+/** What falls on the surface, and what it mirrors. The far side of an open surface is lit as the near one. */
+const LIGHT = `
+vec2 light(vec3 n, vec3 eye) {
+  float head = dot(n, eye);
+  if (head < 0.0) { n = -n; head = -head; }
+  float key = max(dot(n, vec3(0.36, 0.56, 0.74)), 0.0);
+  float shine = max(dot(reflect(vec3(-0.36, -0.56, -0.74), n), eye), 0.0);
+  return vec2(0.42 + 0.08 * n.y + 0.26 * head + 0.36 * key, 0.10 * pow(shine, 24.0));
+}`;
+
+// Isolines are as wide on the screen as on paper, however steep the function: their distance is measured in its own derivative.
+const FRAGMENT = `
+precision highp float;
+precision highp sampler2D;
+in float v_value;
+#ifdef QUICK
+in vec2 v_light;
+#else
+in vec3 v_normal;
+in vec3 v_position;
+#endif
+uniform sampler2D map;
+uniform vec2 range;
+uniform float lines;
+uniform float coloured;
+uniform float diverging;
+uniform vec3 plain;
+out vec4 colour;
+LIGHT
+void main() {
+  vec3 base = plain;
+  if (coloured > 0.5) {
+    float t = clamp((v_value - range.x) * range.y, 0.0, 1.0);
+    base = texelFetch(map, ivec2(int(t * 1023.0 + 0.5), 0), 0).rgb;
+    if (lines > 0.5) {
+      float s = t * lines;
+      float w = max(fwidth(s), 1e-9);
+      float d = abs(fract(s - 0.5) - 0.5) / w;
+      float ink = clamp(1.47 - 1.33 * d, 0.0, 1.0) * clamp(1.64 - 1.82 * w, 0.0, 1.0);
+      if (diverging > 0.5) ink = max(0.55 * ink, clamp(2.13 - 1.25 * abs(s - 0.5 * lines) / w, 0.0, 1.0));
+      else ink *= 0.6;
+      base = mix(base, vec3(0.06), ink);
+    }
+  }
+#ifdef QUICK
+  vec2 l = v_light;
+#else
+  vec2 l = light(normalize(v_normal), normalize(-v_position));
+#endif
+  colour = vec4(base * l.x + l.y, 1.0);
+}`;
+
+/** Steps of a colour map: more than a screen shows, so that nothing is interpolated between them. */
+const STEPS = 1024;
+
+/**
+ * The two materials of the surface. `fine` lights every pixel; `quick` lights the vertices, which costs a processor that does the
+ * work of a graphics card a third less.
+ */
+export class Shading {
+  readonly fine: ShaderMaterial;
+  readonly quick: ShaderMaterial;
+  private readonly uniforms = {
+    map: { value: null as DataTexture | null }, range: { value: new Vector2(-1, 0.5) }, lines: { value: 0 }, coloured: { value: 0 }, diverging: { value: 1 },
+    plain: { value: new Color(0.8, 0.79, 0.76) }, wave: { value: 0 },
+  };
+  private named = "";
+
+  constructor() {
+    const [vertexShader, fragmentShader] = [VERTEX, FRAGMENT];
+    const make = (quick: boolean) => new ShaderMaterial({
+      glslVersion: GLSL3, side: DoubleSide, uniforms: this.uniforms,
+      vertexShader: vertexShader.replace("LIGHT", quick ? LIGHT : ""), fragmentShader: fragmentShader.replace("LIGHT", quick ? "" : LIGHT),
+      defines: quick ? { QUICK: "" } : {},
+    });
+    [this.fine, this.quick] = [make(false), make(true)];
+  }
+
+  /** Which sides of the triangles are drawn: of a closed surface only the outer one. */
+  sides(closed: boolean, volume: number) {
+    const side: Side = closed ? (volume > 0 ? FrontSide : BackSide) : DoubleSide;
+    this.fine.side = this.quick.side = side;
+  }
+
+  /** What the values at the vertices mean, or that there are none. */
+  values(range: [number, number] | null, diverging = false) {
+    this.uniforms.coloured.value = range ? 1 : 0;
+    if (!range) return;
+    this.uniforms.range.value.set(range[0], 1 / Math.max(range[1] - range[0], 1e-30));
+    this.uniforms.diverging.value = diverging ? 1 : 0;
+  }
+
+  /** Chooses the colour map; false where it is there already. */
+  map(name: string): boolean {
+    if (name === this.named) return false;
+    this.named = name;
+    const texture = new DataTexture(table(MAPS[name] ?? MAPS["blue-orange"], STEPS), STEPS, 1, RGBAFormat);
+    texture.minFilter = texture.magFilter = NearestFilter;
+    texture.needsUpdate = true;
+    this.uniforms.map.value?.dispose();
+    this.uniforms.map.value = texture;
+    return true;
+  }
+
+  lines(count: number) {
+    this.uniforms.lines.value = count;
+  }
+
+  /** How far the surface moves along its normals, in units of the mesh per unit of its values. */
+  wave(amount: number) {
+    this.uniforms.wave.value = amount;
+  }
+}
