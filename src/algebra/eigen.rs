@@ -9,6 +9,7 @@ use faer::reborrow::{Reborrow, ReborrowMut};
 use faer::{Accum, MatMut, MatRef, Par};
 
 use super::DenseMatrix;
+use super::bisection::lowest_few;
 use super::tridiagonal::tridiagonalise;
 use crate::monitor::{Cancelled, Monitor};
 
@@ -138,7 +139,7 @@ impl SymmetricDefiniteSolver for CpuSolver {
 }
 
 /// Threads for a problem of size `d`.
-fn parallelism(d: usize) -> Par {
+pub(super) fn parallelism(d: usize) -> Par {
     let threads = rayon::current_num_threads();
     if d < LEAST_PARALLEL_SIZE || threads == 1 { Par::Seq } else { Par::rayon(threads) }
 }
@@ -214,7 +215,7 @@ impl Pencil {
 }
 
 /// Turns a vector so that its entry of largest magnitude, the first such, is positive.
-fn make_largest_positive(vector: &mut [f64]) {
+pub(super) fn make_largest_positive(vector: &mut [f64]) {
     let largest = vector.iter().fold(0.0f64, |most, &x| if x.abs() > most.abs() { x } else { most });
     if largest < 0.0 {
         vector.iter_mut().for_each(|x| *x = -*x);
@@ -235,7 +236,7 @@ pub(super) fn memory(request: StackReq) -> Result<MemBuffer, EigenError> {
     MemBuffer::try_new(request).map_err(|_| EigenError::Memory { bytes: request.unaligned_bytes_required() })
 }
 
-fn check_finite(matrix: char, values: &DenseMatrix) -> Result<(), EigenError> {
+pub(super) fn check_finite(matrix: char, values: &DenseMatrix) -> Result<(), EigenError> {
     for column in 0..values.columns() {
         if let Some(below) = values.column(column)[column..].iter().position(|v| !v.is_finite()) {
             return Err(EigenError::NotFinite { matrix, row: column + below, column });
@@ -364,7 +365,7 @@ fn subtract(mut from: MatMut<'_, f64>, what: MatRef<'_, f64>) {
 }
 
 /// The lowest pairs of a symmetric matrix, of which the lower triangle is read.
-fn standard_lowest(
+pub(super) fn standard_lowest(
     a: DenseMatrix,
     count: usize,
     par: Par,
@@ -389,8 +390,11 @@ fn standard_lowest(
     Ok((values, vectors))
 }
 
+/// Up to one pair in so many is few.
+const FEW: usize = 4;
+
 /// The `count` lowest pairs of the symmetric tridiagonal matrix with this diagonal and, beside it, the first `d − 1` of these numbers, by
-/// divide and conquer.
+/// divide and conquer, or by bisection and inverse iteration where few are wanted.
 pub(super) fn tridiagonal_lowest(
     diagonal: &[f64],
     beside: &[f64],
@@ -399,6 +403,11 @@ pub(super) fn tridiagonal_lowest(
     let d = diagonal.len();
     if d == 1 {
         return Ok((diagonal.to_vec(), DenseMatrix::from_columns(1, 1, vec![1.0]).unwrap_or_default()));
+    }
+    if FEW * count <= d
+        && let Some(found) = lowest_few(diagonal, beside, count)
+    {
+        return Ok(found);
     }
     let par = parallelism(d);
     let mut values = vec![0.0; d];

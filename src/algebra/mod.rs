@@ -1,5 +1,6 @@
 //! Sparse and dense matrices and the dense symmetric-definite eigenproblem. The only room that names faer or wgpu.
 
+mod bisection;
 mod block_matrix;
 mod blocks;
 mod column_products;
@@ -19,6 +20,7 @@ mod panels;
 mod product;
 mod simd;
 mod sparse;
+mod symmetric;
 mod tridiagonal;
 
 pub use block_matrix::{Block, BlockMatrix, add_product, inverse_positive, transposed};
@@ -40,3 +42,4 @@ pub use panels::{PANEL_WIDTH, PanelMatrix};
 pub use product::{Panel, Scalar};
 pub use simd::vectorized;
 pub use sparse::{SparseError, SparseMatrix};
+pub use symmetric::lowest_symmetric;

@@ -1,4 +1,5 @@
 use super::*;
+use crate::algebra::{CpuSolver, SymmetricDefiniteSolver};
 use crate::mesh::TriangleMesh;
 use crate::mesh::shape::{Shape, generate};
 use crate::operator::family::family;
@@ -15,24 +16,21 @@ fn restricted(mesh: &TriangleMesh, dimension: usize) -> FamilyBasis {
     restrict_family(mesh, &family(mesh, &Unwatched).unwrap(), &space(dimension), &Unwatched).unwrap()
 }
 
+/// The Laplacian, which is not solved for, fits its neighbours.
 #[test]
-fn corrections_from_the_core_agree_with_the_dense_eigensolver() {
+fn the_values_of_every_member_are_the_lowest_there_are() {
     let basis = restricted(&generate(Shape::Knot, 3000).unwrap(), 400);
-    for (t, v) in [(0.0, 0.0), (0.01, 0.0), (0.7, 0.0), (1.0, 0.0), (0.0, 0.3), (0.4, 2.0)] {
+    let count = 40;
+    for (t, v) in [(0.0, 0.0), (1e-9, 0.0), (0.01, 0.0), (0.7, 0.0), (1.0, 0.0), (0.0, 0.3), (0.4, 2.0)] {
         let matrix = basis.combined(1.0 - t, t, v);
-        let count = 40;
-        let dense = CpuSolver.lowest(matrix.clone(), identity(basis.dimension()), count, &Unwatched).unwrap();
-        let found = CORES.iter().find_map(|share| from_core(&basis, &matrix, share * (count + GUARDS), count).unwrap());
-        let largest = dense.values[count - 1];
-        if let Some(found) = found {
-            for (a, b) in found.values.iter().zip(&dense.values) {
-                assert!((a - b).abs() < 1e-10 * largest, "t {t}, v {v}: {a} is not {b}");
-            }
-        } else {
-            assert!(v > 1.0, "t {t}, v {v} needs the dense solver");
+        let mut identity = DenseMatrix::zeros(400, 400);
+        (0..400).for_each(|k| identity.column_mut(k)[k] = 1.0);
+        let dense = CpuSolver.lowest(matrix, identity, 400, &Unwatched).unwrap();
+        let found = spectrum(&basis, Member { extrinsic: t, curvature: v }, count).unwrap();
+        let largest = dense.values[399];
+        for (a, b) in found.eigenvalues.iter().zip(&dense.values) {
+            assert!((a - b).abs() < 1e-12 * largest, "t {t}, v {v}: {a} is not {b}");
         }
-        let spectrum = spectrum(&basis, Member { extrinsic: t, curvature: v }, count).unwrap();
-        assert!(spectrum.eigenvalues.iter().zip(&dense.values).all(|(a, b)| (a - b).abs() < 1e-10 * largest));
     }
 }
 
