@@ -192,12 +192,12 @@ impl Pencil {
             return Ok((Vec::new(), DenseMatrix::zeros(d, 0)));
         }
         let par = parallelism(d);
-        reduce(view_mut(&mut self.a), view(&self.l), par)?;
+        to_standard(&mut self.a, &self.l)?;
         monitor.progress(0.15);
         monitor.checkpoint()?;
         let (values, mut vectors) = standard_lowest(std::mem::take(&mut self.a), count, par, monitor)?;
         monitor.checkpoint()?;
-        triangular_solve::solve_upper_triangular_in_place(view(&self.l).transpose(), view_mut(&mut vectors), par);
+        from_standard(&self.l, &mut vectors);
         Ok((values, vectors))
     }
 
@@ -285,6 +285,21 @@ fn factor(b: MatMut<'_, f64>, par: Par) -> Result<(), EigenError> {
     cholesky::cholesky_in_place(b, Default::default(), par, MemStack::new(&mut buffer), Default::default())
         .map(|_| ())
         .map_err(|cholesky::LltError::NonPositivePivot { index }| EigenError::NotPositiveDefinite { pivot: index })
+}
+
+/// `A ← L⁻¹ A L⁻ᵀ` in the lower triangle.
+///
+/// # Errors
+/// No memory.
+pub(super) fn to_standard(a: &mut DenseMatrix, l: &DenseMatrix) -> Result<(), EigenError> {
+    let par = parallelism(l.rows());
+    reduce(view_mut(a), view(l), par)
+}
+
+/// `X ← L⁻ᵀ X`: vectors of the standard problem, `d × m`, back to those of the pencil.
+pub(super) fn from_standard(l: &DenseMatrix, vectors: &mut DenseMatrix) {
+    let par = parallelism(l.rows());
+    triangular_solve::solve_upper_triangular_in_place(view(l).transpose(), view_mut(vectors), par);
 }
 
 /// `A ← L⁻¹ A L⁻ᵀ` in the lower triangle: by halves, so that nearly all of the `d³` operations are matrix products (as in LAPACK's

@@ -114,6 +114,17 @@ impl Device {
     /// # Errors
     /// [`GpuError::NoAdapter`] and [`GpuError::Unusable`].
     pub fn open(choice: &GpuChoice) -> Result<Self, GpuError> {
+        Self::open_with(choice, wgpu::Features::SHADER_F64)
+    }
+
+    /// The same, as if its shaders did not know f64.
+    #[cfg(test)]
+    pub fn open_without_f64(choice: &GpuChoice) -> Result<Self, GpuError> {
+        Self::open_with(choice, wgpu::Features::empty())
+    }
+
+    /// Of what is not needed everywhere, `wanted` is asked for.
+    fn open_with(choice: &GpuChoice, wanted: wgpu::Features) -> Result<Self, GpuError> {
         let adapters = all_adapters();
         let ranked: Vec<(String, Option<u8>)> = adapters
             .iter()
@@ -135,11 +146,13 @@ impl Device {
             }
             return Err(GpuError::NoAdapter { wanted: choice.to_string(), found: found.join(", ") });
         };
-        Self::open_adapter(&adapters[place])
+        Self::open_adapter(&adapters[place], wanted)
     }
 
-    fn open_adapter(chosen: &wgpu::Adapter) -> Result<Self, GpuError> {
-        let adapter = describe(chosen);
+    fn open_adapter(chosen: &wgpu::Adapter, wanted: wgpu::Features) -> Result<Self, GpuError> {
+        let mut adapter = describe(chosen);
+        adapter.f64 &= wanted.contains(wgpu::Features::SHADER_F64);
+        let adapter = adapter;
         let unusable = |reason: String| GpuError::Unusable { adapter: adapter.name.clone(), reason };
         if !chosen.features().contains(wgpu::Features::IMMEDIATES) {
             return Err(unusable("it takes no immediate parameters".into()));
@@ -147,7 +160,7 @@ impl Device {
         let limits = chosen.limits();
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("chladni"),
-            required_features: chosen.features() & (wgpu::Features::SHADER_F64 | wgpu::Features::IMMEDIATES),
+            required_features: chosen.features() & (wanted | wgpu::Features::IMMEDIATES),
             required_limits: limits.clone(),
             ..Default::default()
         };

@@ -8,8 +8,8 @@ use super::GpuChoice;
 use super::device::Device;
 use super::error::GpuError;
 use super::resident::Columns;
-use super::speeds::Speeds;
-use super::{self_test, solver};
+use super::speeds::{Precision, Speeds};
+use super::{refine, self_test, solver};
 use crate::algebra::{DenseMatrix, MassMatrix, PanelMatrix, SparseMatrix};
 use crate::monitor::Monitor;
 
@@ -33,16 +33,16 @@ impl Engine {
     /// Opens, tests and measures an adapter.
     pub(super) fn open(choice: &GpuChoice) -> Result<Self, GpuError> {
         let device = Device::open(choice)?;
-        if !device.adapter().f64 {
-            let reason = "its shaders know no f64".into();
-            return Err(GpuError::Unusable { adapter: device.adapter().name.clone(), reason });
+        let (auto, double) = (*choice == GpuChoice::Auto, device.adapter().f64);
+        if double {
+            self_test::test::<f64>(&device)?;
+            self_test::measure::<f64>(&device)?;
         }
-        self_test::test::<f64>(&device)?;
-        self_test::measure::<f64>(&device)?;
-        let speeds = match choice {
-            GpuChoice::Auto => Some(Speeds::measure(&device)?),
-            _ => None,
-        };
+        if auto || !double {
+            self_test::test::<f32>(&device)?;
+            self_test::measure::<f32>(&device)?;
+        }
+        let speeds = if auto { Some(Speeds::measure(&device)?) } else { None };
         Ok(Self { name: device.adapter().name.clone(), speeds, device, turn: Mutex::default() })
     }
 
@@ -64,18 +64,27 @@ impl Engine {
 
     /// Whether a problem of size `d` should run here.
     pub(super) fn wants(&self, d: usize, count: usize) -> bool {
-        self.speeds.as_ref().is_none_or(|speeds| speeds.device_is_faster(d, count))
+        self.precision(d, count).is_some()
+    }
+
+    /// How a problem of size `d` should run here, if at all.
+    fn precision(&self, d: usize, count: usize) -> Option<Precision> {
+        match &self.speeds {
+            Some(speeds) => speeds.best(d, count),
+            None if self.device.adapter().f64 => Some(Precision::Double),
+            None => refine::suits(d, count).then_some(Precision::Single),
+        }
     }
 
     /// Whether products with `n × q` numbers should run here.
     pub(super) fn wants_products(&self, n: usize, q: usize) -> bool {
-        self.speeds.as_ref().is_none_or(|speeds| speeds.products_are_faster(n, q))
+        self.device.adapter().f64 && self.speeds.as_ref().is_none_or(|speeds| speeds.products_are_faster(n, q))
     }
 
     /// Whether lifting should run here. It reads what it writes from memory nearly as fast on either side, and the result has to travel: only
     /// where the card was chosen by name.
     pub(super) fn wants_lifting(&self) -> bool {
-        self.speeds.is_none()
+        self.device.adapter().f64 && self.speeds.is_none()
     }
 
     fn turn(&self) -> MutexGuard<'_, ()> {
@@ -127,7 +136,10 @@ impl Engine {
     ) -> Result<(Vec<f64>, DenseMatrix), GpuError> {
         let _turn = self.turn();
         #[cfg_attr(not(test), expect(unused_mut, reason = "tests spoil the result"))]
-        let (values, mut vectors) = solver::lowest::<f64>(&self.device, a, l, count, monitor)?;
+        let (values, mut vectors) = match self.precision(a.rows(), count) {
+            Some(Precision::Single) => refine::lowest(&self.device, a, l, count, monitor)?,
+            _ => solver::lowest::<f64>(&self.device, a, l, count, monitor)?,
+        };
         #[cfg(test)]
         if self.device.spoiled() {
             vectors.column_mut(count / 2)[0] += 1e-6;

@@ -64,6 +64,13 @@ pub enum GpuError {
         /// The relative residual.
         residual: f64,
     },
+    /// Pairs from a device that knows f32 alone could not be refined far enough, as where many values lie within a millionth of
+    /// each other.
+    #[error("refinement in f64 ended at a relative residual of {residual:e}")]
+    NotRefined {
+        /// The relative residual.
+        residual: f64,
+    },
     /// The work was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -82,12 +89,13 @@ impl GpuError {
             Self::TimedOut { .. } => "timed-out",
             Self::Refused { .. } => "refused",
             Self::Wrong { .. } => "wrong-result",
+            Self::NotRefined { .. } => "not-refined",
             Self::Cancelled(_) => "cancelled",
         }
     }
 
     /// Whether the device is of no more use after this.
     pub(super) fn is_final(&self) -> bool {
-        !matches!(self, Self::Memory { .. } | Self::Cancelled(_))
+        !matches!(self, Self::Memory { .. } | Self::NotRefined { .. } | Self::Cancelled(_))
     }
 }

@@ -28,6 +28,8 @@ mod real;
 #[cfg(feature = "gpu")]
 mod recorder;
 #[cfg(feature = "gpu")]
+mod refine;
+#[cfg(feature = "gpu")]
 mod resident;
 #[cfg(feature = "gpu")]
 mod self_test;

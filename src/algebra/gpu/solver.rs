@@ -34,7 +34,7 @@ pub(super) fn lowest<T: Real>(
     let recorder = &mut recorder;
     let first = DeviceMatrix::<T>::new(device, d, d)?;
     let second = DeviceMatrix::<T>::new(device, d, d)?;
-    upload_symmetric(device, &first, a)?;
+    upload_symmetric(device, &first, a, 1.0)?;
     let triangle = Triangle::<T>::new(device, l)?;
     monitor.checkpoint()?;
 
@@ -80,8 +80,13 @@ pub(super) fn lowest<T: Real>(
     Ok((values, vectors))
 }
 
-/// Writes a symmetric matrix of which the lower triangle is given: row by row from squares that fit into the cache.
-fn upload_symmetric<T: Real>(device: &Device, into: &DeviceMatrix<T>, a: &DenseMatrix) -> Result<(), GpuError> {
+/// Writes a multiple of a symmetric matrix of which the lower triangle is given: row by row from squares that fit into the cache.
+pub(super) fn upload_symmetric<T: Real>(
+    device: &Device,
+    into: &DeviceMatrix<T>,
+    a: &DenseMatrix,
+    scale: f64,
+) -> Result<(), GpuError> {
     const SQUARE: usize = 64;
     let d = a.rows();
     // The strip of rows that is at hand: their entries left of the diagonal lie across columns.
@@ -91,13 +96,13 @@ fn upload_symmetric<T: Real>(device: &Device, into: &DeviceMatrix<T>, a: &DenseM
             let end = (row + SQUARE).min(d);
             for column in 0..end {
                 for (k, &x) in a.column(column)[row.max(column)..end].iter().enumerate() {
-                    strip[(row.max(column) - row + k) * d + column] = T::of(x);
+                    strip[(row.max(column) - row + k) * d + column] = T::of(scale * x);
                 }
             }
         }
         let begin = row % SQUARE * d;
         values[..row].copy_from_slice(&strip[begin..begin + row]);
-        values[row..].iter_mut().zip(&a.column(row)[row..]).for_each(|(value, &x)| *value = T::of(x));
+        values[row..].iter_mut().zip(&a.column(row)[row..]).for_each(|(value, &x)| *value = T::of(scale * x));
     })
 }
 

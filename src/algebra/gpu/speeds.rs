@@ -7,7 +7,9 @@ use super::error::GpuError;
 use super::matrix::DeviceMatrix;
 use super::multiply::transpose;
 use super::numbers::Numbers;
+use super::real::Real;
 use super::recorder::Recorder;
+use super::refine;
 use super::self_test::matrix;
 use super::tridiagonal::reduce;
 use crate::algebra::DenseMatrix;
@@ -23,15 +25,32 @@ const COLUMNS: usize = 256;
 /// The size at which memory is measured.
 const MEMORY_SIZE: usize = 2048;
 
+/// In which precision the device works on an eigenproblem.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Precision {
+    /// In f32, refined in f64 on the CPU.
+    Single,
+    /// In f64 throughout.
+    Double,
+}
+
+/// How fast a device is in one precision.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Rates {
+    /// Seconds of a column of the reduction that are spent waiting.
+    column_seconds: f64,
+    /// Operations per second of products.
+    products: f64,
+}
+
 /// How fast both sides are. What both do on the CPU, the Cholesky factor and divide and conquer, counts for neither.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Speeds {
-    /// Seconds of a column of the reduction that are spent waiting.
-    column_seconds: f64,
+    single: Rates,
+    /// Where the device knows f64.
+    double: Option<Rates>,
     /// Bytes per second of the device's memory.
     memory: f64,
-    /// Operations per second of products.
-    products: f64,
     /// Bytes per second between both.
     transfer: f64,
     /// Operations per second of products on the CPU.
@@ -43,35 +62,63 @@ pub(super) struct Speeds {
 impl Speeds {
     /// Measures a device whose products have been measured already, and this machine.
     pub(super) fn measure(device: &Device) -> Result<Self, GpuError> {
+        let double = if device.adapter().f64 { Some(Rates::measure::<f64>(device)?) } else { None };
         Ok(Self {
-            column_seconds: columns(device)? / COLUMNS as f64,
+            single: Rates::measure::<f32>(device)?,
+            double,
             memory: memory(device)?,
-            products: device.rate::<f64>(),
             transfer: transfer(device)?,
             cpu_products: cpu_products(),
             cpu_seconds: cpu() / (CPU_SIZE as f64).powi(3),
         })
     }
 
-    /// Whether the device should solve for `count` pairs of a problem of size `d`.
-    pub(super) fn device_is_faster(&self, d: usize, count: usize) -> bool {
-        self.device_seconds(d as f64, count as f64) < self.cpu_seconds * (d as f64).powi(3)
+    /// How the device should solve for `count` pairs of a problem of size `d`; not at all where the CPU is faster.
+    pub(super) fn best(&self, d: usize, count: usize) -> Option<Precision> {
+        let (size, pairs) = (d as f64, count as f64);
+        let single = refine::suits(d, count).then(|| (self.single_seconds(size, pairs), Some(Precision::Single)));
+        let double = self.double.map(|rates| (self.double_seconds(rates, size, pairs), Some(Precision::Double)));
+        let cpu = (self.cpu_seconds * size.powi(3), None);
+        [Some(cpu), single, double].into_iter().flatten().min_by(|x, y| x.0.total_cmp(&y.0)).and_then(|best| best.1)
     }
 
     /// Whether the device should form two Gram matrices of `n × q` numbers and rotate them. That of the CPU costs half, since it knows of the
     /// symmetry.
     pub(super) fn products_are_faster(&self, n: usize, q: usize) -> bool {
+        let Some(Rates { products, .. }) = self.double else { return false };
         let (n, q) = (n as f64, q as f64);
-        let device = 6.0 * n * q * q / self.products + 5.0 * 8.0 * n * q / self.memory + 16.0 * n * q / self.transfer;
+        let device = 6.0 * n * q * q / products + 5.0 * 8.0 * n * q / self.memory + 16.0 * n * q / self.transfer;
         device < 4.0 * n * q * q / self.cpu_products
     }
 
-    fn device_seconds(&self, d: f64, count: f64) -> f64 {
+    fn double_seconds(&self, rates: Rates, d: f64, count: f64) -> f64 {
         // Two triangular solves, the updates, the blocks' factors, then reflectors and a triangular solve for the vectors.
         let products = d * d * (2.0 * d + 4.0 / 3.0 * d + 0.3 * d + 3.0 * count);
         let bytes = 8.0 / 3.0 * d * d * d;
         let moved = 8.0 * d * (2.0 * d + 2.0 * count);
-        d * self.column_seconds + bytes / self.memory + products / self.products + moved / self.transfer
+        d * rates.column_seconds + bytes / self.memory + products / rates.products + moved / self.transfer
+    }
+
+    fn single_seconds(&self, d: f64, count: f64) -> f64 {
+        // One step of refinement; some pairs more than are wanted.
+        let m = 1.1 * count + 16.0;
+        // The updates, the blocks' factors, all vectors back, and the correction by those that are not wanted.
+        let products = d * (d * d * (4.0 / 3.0 + 0.3 + 2.0) + 4.0 * m * (d - m).max(0.0));
+        let bytes = 4.0 / 3.0 * d * d * d;
+        let moved = 4.0 * d * (2.0 * d + 4.0 * m);
+        let device = d * self.single.column_seconds
+            + bytes / self.memory
+            + products / self.single.products
+            + moved / self.transfer;
+        // The standard form, two products with it, Gram matrices and rotations, vectors back; and a problem of the size of what is refined.
+        let products = d * (d * d + 4.0 * d * m + 8.0 * m * m + d * count);
+        device + products / self.cpu_products + 1.5 * self.cpu_seconds * m.powi(3)
+    }
+}
+
+impl Rates {
+    fn measure<T: Real>(device: &Device) -> Result<Self, GpuError> {
+        Ok(Self { column_seconds: columns::<T>(device)? / COLUMNS as f64, products: device.rate::<T>() })
     }
 }
 
@@ -86,8 +133,8 @@ fn least(mut run: impl FnMut() -> Result<(), GpuError>) -> Result<f64, GpuError>
     Ok(seconds.max(1e-9))
 }
 
-fn columns(device: &Device) -> Result<f64, GpuError> {
-    let mut values: Vec<f64> = Numbers(1).take(COLUMNS * COLUMNS);
+fn columns<T: Real>(device: &Device) -> Result<f64, GpuError> {
+    let mut values: Vec<T> = Numbers(1).take(COLUMNS * COLUMNS);
     for row in 0..COLUMNS {
         (0..row).for_each(|column| values[row * COLUMNS + column] = values[column * COLUMNS + row]);
     }
@@ -99,7 +146,7 @@ fn columns(device: &Device) -> Result<f64, GpuError> {
 
 fn memory(device: &Device) -> Result<f64, GpuError> {
     let matrices = [
-        DeviceMatrix::<f64>::new(device, MEMORY_SIZE, MEMORY_SIZE)?,
+        DeviceMatrix::<f32>::new(device, MEMORY_SIZE, MEMORY_SIZE)?,
         DeviceMatrix::new(device, MEMORY_SIZE, MEMORY_SIZE)?,
     ];
     for matrix in &matrices {
@@ -114,16 +161,16 @@ fn memory(device: &Device) -> Result<f64, GpuError> {
         recorder.finish()
     })?;
     device.trim();
-    Ok((TIMES * 2 * 8 * MEMORY_SIZE * MEMORY_SIZE) as f64 / seconds)
+    Ok((TIMES * 2 * 4 * MEMORY_SIZE * MEMORY_SIZE) as f64 / seconds)
 }
 
 fn transfer(device: &Device) -> Result<f64, GpuError> {
-    let matrix = DeviceMatrix::<f64>::new(device, MEMORY_SIZE, MEMORY_SIZE)?;
+    let matrix = DeviceMatrix::<f32>::new(device, MEMORY_SIZE, MEMORY_SIZE)?;
     let seconds = least(|| {
-        matrix.write(device, |row, values| values.fill(row as f64))?;
+        matrix.write(device, |row, values| values.fill(row as f32))?;
         matrix.read(device, 0..MEMORY_SIZE, |_, _| {})
     })?;
-    Ok((2 * 8 * MEMORY_SIZE * MEMORY_SIZE) as f64 / seconds)
+    Ok((2 * 4 * MEMORY_SIZE * MEMORY_SIZE) as f64 / seconds)
 }
 
 fn cpu_products() -> f64 {
@@ -172,17 +219,24 @@ mod tests {
     #[test]
     fn the_device_gets_what_it_does_faster() {
         let fast = Speeds {
-            column_seconds: 2e-5,
+            single: Rates { column_seconds: 2e-5, products: 2e13 },
+            double: Some(Rates { column_seconds: 2e-5, products: 5e12 }),
             memory: 2e12,
-            products: 5e12,
             transfer: 1e10,
             cpu_products: 1e11,
             cpu_seconds: 4e-10,
         };
-        assert!(!fast.device_is_faster(100, 50) && fast.device_is_faster(2000, 1000));
+        assert_eq!((fast.best(100, 50), fast.best(2000, 1000)), (None, Some(Precision::Double)));
         // A card whose f64 is a sixty-fourth of its f32, beside many cores.
-        let slow = Speeds { products: 5e10, cpu_seconds: 2e-11, ..fast };
-        assert!(!slow.device_is_faster(10_000, 5000));
+        let slow_rates = Rates { column_seconds: 2e-5, products: 5e10 };
+        let slow = Speeds { double: Some(slow_rates), cpu_seconds: 2e-11, ..fast };
+        assert_eq!(slow.best(10_000, 5000), None);
+        // Few pairs of many are refined from f32, where f64 is slow or absent; all of them are not.
+        let slow = Speeds { cpu_seconds: 1e-10, ..slow };
+        assert_eq!((slow.best(5000, 300), slow.best(5000, 5000)), (Some(Precision::Single), None));
+        let without = Speeds { double: None, ..slow };
+        assert_eq!((without.best(5000, 300), without.best(5000, 5000)), (Some(Precision::Single), None));
+        assert!(!without.products_are_faster(1_000_000, 1000));
         assert!(fast.products_are_faster(1_000_000, 1000) && !slow.products_are_faster(1_000_000, 1000));
         assert!(!fast.products_are_faster(1_000_000, 32));
     }

@@ -16,12 +16,21 @@ use crate::monitor::{Cancelled, Monitor, StageClock, Unwatched};
 ///
 /// `CHLADNI_TEST_GPU=required` makes a missing device a failure; any other value names the adapter to test.
 fn open() -> Option<Device> {
+    open_by(Device::open)
+}
+
+/// The same device, as if it knew f32 alone.
+fn open_in_f32() -> Option<Device> {
+    open_by(Device::open_without_f64)
+}
+
+fn open_by(open: fn(&GpuChoice) -> Result<Device, GpuError>) -> Option<Device> {
     let wanted = std::env::var("CHLADNI_TEST_GPU").unwrap_or_default();
     let choice = match wanted.as_str() {
         "" | "required" => GpuChoice::Name("llvmpipe".into()),
         name => name.parse().unwrap(),
     };
-    match Device::open(&choice) {
+    match open(&choice) {
         Ok(device) => Some(device),
         Err(error) if wanted.is_empty() => {
             println!("skipped: {error}");
@@ -154,6 +163,48 @@ fn pairs_of_simple_multiple_and_clustered_eigenvalues_satisfy_the_definition() {
         check(&a, &b, &pairs, count);
     }
     assert_eq!(solver.fallbacks(), 0);
+}
+
+#[test]
+fn a_device_with_f32_alone_gives_pairs_of_f64() {
+    let Some(device) = open_in_f32() else { return };
+    let solver = accelerator_of(device);
+    // The counts end among simple values, in the middle of the multiple one and of the cluster, and before everything.
+    for (d, count) in [(64, 30), (65, 1), (131, 60), (131, 87), (300, 110), (300, 200)] {
+        let (a, b) = pencil(&mixed_spectrum(d), d as u64);
+        let clock = StageClock::new(&Unwatched);
+        let pairs = solver.lowest(a.clone(), b.clone(), count, &clock).unwrap();
+        assert!(on_gpu(&pairs), "{count} of {d}: {:?}", pairs.computed_on);
+        check(&a, &b, &pairs, count);
+    }
+    // More than two thirds of the pairs are the CPU's, and so are products, which f32 does not serve.
+    let (a, b) = pencil(&mixed_spectrum(70), 1);
+    let pairs = solver.lowest(a.clone(), b.clone(), 70, &Unwatched).unwrap();
+    assert_eq!(pairs.computed_on, ComputedOn::Cpu);
+    let (stiffness, mass, x) = path(501, 37);
+    assert!(solver.restrict(&stiffness, &mass, &x, &Unwatched).unwrap().2.is_none());
+    assert_eq!(solver.fallbacks(), 0);
+}
+
+#[test]
+fn what_f32_cannot_tell_apart_is_refined_or_comes_back_to_the_cpu() {
+    let Some(device) = open_in_f32() else { return };
+    let solver = accelerator_of(device);
+    let d = 120;
+    let (_, b) = pencil(&mixed_spectrum(d), 1);
+    for a in [DenseMatrix::zeros(d, d), b.clone()] {
+        let pairs = solver.lowest(a.clone(), b.clone(), 50, &Unwatched).unwrap();
+        assert!(on_gpu(&pairs), "{:?}", pairs.computed_on);
+        check(&a, &b, &pairs, 50);
+    }
+    // A hundred values within 1e-7 of each other, of which fifty are wanted: whatever is cut off is too near.
+    let values: Vec<f64> = (0..d).map(|k| if k < 100 { 1.0 + 1e-9 * k as f64 } else { k as f64 }).collect();
+    let (a, b) = pencil(&values, 2);
+    let pairs = solver.lowest(a.clone(), b.clone(), 50, &Unwatched).unwrap();
+    check(&a, &b, &pairs, 50);
+    let told = matches!(&pairs.computed_on, ComputedOn::CpuInstead { reason, .. } if reason.contains("refinement"));
+    assert!(told, "{:?}", pairs.computed_on);
+    assert_eq!((solver.fallbacks(), solver.available()), (1, true));
 }
 
 #[test]
@@ -300,10 +351,11 @@ fn work_ends_when_it_is_told_to() {
 fn both_sides_are_measured_and_a_device_in_software_gets_nothing() {
     let Some(device) = open() else { return };
     self_test::measure::<f64>(&device).unwrap();
+    self_test::measure::<f32>(&device).unwrap();
     let speeds = speeds::Speeds::measure(&device).unwrap();
     println!("{speeds:?}");
     if device.adapter().software {
-        assert!(!speeds.device_is_faster(4000, 2000) && !speeds.products_are_faster(1_000_000, 500), "{speeds:?}");
+        assert!(speeds.best(4000, 2000).is_none() && !speeds.products_are_faster(1_000_000, 500), "{speeds:?}");
     }
 }
 
