@@ -1,6 +1,6 @@
 // What every part of the page shares: the place, the mesh and the basis that are open, and how errors are told.
 
-import { ApiError, get, meshContent, post, watch, ended, type Basis, type BasisSummary, type Job, type Mesh, type Page } from "./api";
+import { ApiError, ended, get, key, meshContent, post, save, watch, type Basis, type BasisSummary, type Job, type Mesh, type Page } from "./api";
 import { h } from "./dom";
 import { prepared } from "./geometry";
 import { read, write, type Place } from "./place";
@@ -85,6 +85,16 @@ export class App {
     this.toasts.append(toast);
     while (this.toasts.children.length > 4) this.toasts.firstElementChild?.remove();
     if (kind === "note") window.setTimeout(close, 6000);
+  }
+
+  /** A link to a file of the API. Where a key is needed, which a link cannot carry, the page fetches the file itself. */
+  link(text: string, path: string, name: string): HTMLElement {
+    return h("a", { href: path, download: name, onclick: (event: Event) => {
+      if (!key.get()) return;
+      event.preventDefault();
+      this.working(`Fetching ${name} …`);
+      save(path, name).catch(this.fail).finally(() => this.working(null));
+    } }, text);
   }
 
   private working(text: string | null, fraction?: number) {
@@ -180,6 +190,7 @@ export class App {
       before.hide();
       before.element.hidden = true;
     }
+    this.viewer.cursor.leave();
     this.viewer.onClick = this.viewer.onStroke = null;
     this.viewer.onStrokeEnd = () => {};
     this.go({ tab: id }, step && before?.id !== id);

@@ -108,7 +108,11 @@ export class Glyphs {
       const v = scaled(wide * f);
       if (drawing.kind === "star") for (let k = 0; k < drawing.n; k++) needle(root, turned(v, normal, (2 * Math.PI * k) / drawing.n).map((x) => 0.55 * x), 0.13);
       else if (drawing.kind === "axes") {
-        for (const d of [v, scaled(wide * f + 3)]) for (const half of [0.5, -0.5]) needle(root, d.map((x) => half * x), 0.14);
+        // As long as the tensor is large in that direction: a bar where it is so in one only, a cross where in both alike.
+        for (const i of [wide * f, wide * f + 3]) {
+          const s = (1.05 * places.spacing) / Math.max(usual, size(vectors, wide * f), 1e-30);
+          for (const half of [0.5, -0.5]) needle(root, [0, 1, 2].map((k) => half * s * vectors[i + k]), 0.16);
+        }
       } else needle([0, 1, 2].map((k) => root[k] - 0.5 * v[k]), v, 0.15);
     }
     (this.object.geometry.getAttribute("position") as BufferAttribute).needsUpdate = true;

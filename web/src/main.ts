@@ -14,8 +14,10 @@ import { shapesPanel } from "./panels/shapes";
 import { vibrationPanel } from "./panels/vibration";
 import { Viewer } from "./viewer";
 
-const canvas = h("canvas", { class: "surface", tabIndex: 0, "aria-label": "The surface. Arrow keys turn it, plus and minus zoom, Home goes back." });
-const stage = h("main", { class: "stage" }, canvas);
+const hints = h("p", { class: "keys", id: "keys", "aria-hidden": "true" });
+const spoken = h("p", { class: "visually-hidden", "aria-live": "polite" });
+const canvas = h("canvas", { class: "surface", tabIndex: 0, role: "application", "aria-label": "The surface", "aria-describedby": "keys" });
+const stage = h("main", { class: "stage" }, canvas, hints, spoken);
 document.body.append(stage);
 
 let viewer: Viewer | null = null;
@@ -28,6 +30,8 @@ if (viewer) start(viewer);
 
 function start(viewer: Viewer) {
   const app = new App(viewer);
+  viewer.onKeys = (hint) => (hints.textContent = hint);
+  viewer.cursor.tell = (text) => (spoken.textContent = text);
   const look = new Look(app);
   app.panels.push(modesPanel(app, look), filterPanel(app, look), pointsPanel(app, look), fieldsPanel(app, look), familyPanel(app, look), vibrationPanel(app, look), shapesPanel(app, look));
 

@@ -4,6 +4,7 @@ import {
   BufferAttribute, BufferGeometry, DynamicDrawUsage, Euler, GLSL3, Mesh, MeshBasicMaterial, Object3D, PerspectiveCamera, Quaternion, Scene, ShaderMaterial, Sphere, SphereGeometry, SRGBColorSpace, Vector3, WebGLRenderer, WebGLRenderTarget,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { Cursor } from "./cursor";
 import type { Prepared } from "./geometry";
 import { Pace } from "./pace";
 import { Shading } from "./shading";
@@ -40,7 +41,7 @@ function exposure(): Mesh<BufferGeometry, ShaderMaterial> {
   const mesh = new Mesh(geometry, new ShaderMaterial({
     glslVersion: GLSL3, depthTest: false, depthWrite: false, uniforms: { picture: { value: null } },
     vertexShader: "void main() { gl_Position = vec4(position, 1.0); }",
-    fragmentShader: "precision highp float; uniform sampler2D picture; out vec4 colour; void main() { colour = texelFetch(picture, ivec2(gl_FragCoord.xy), 0); }",
+    fragmentShader: "precision highp float; uniform sampler2D picture; out vec4 colour; void main() { colour = texture(picture, gl_FragCoord.xy / vec2(textureSize(picture, 0) / 2)); }",
   }));
   mesh.frustumCulled = false;
   return mesh;
@@ -55,10 +56,13 @@ export class Viewer {
   readonly statistics = { frames: 0, triangles: 0, pixels: 0 };
 
   onView: () => void = () => {};
-  /** Receives a press on the surface; true keeps the camera still, and further points of the stroke follow. */
-  onStroke: ((hit: Hit, phase: "begin" | "move") => boolean) | null = null;
+  /** Receives a press on the surface; true keeps the camera still, and further points of the stroke follow, "point" if it is done with one. */
+  onStroke: ((hit: Hit, phase: "begin" | "move") => boolean | "point") | null = null;
   onStrokeEnd: () => void = () => {};
   onClick: ((hit: Hit) => void) | null = null;
+  /** Hears what the keys do, whenever that changes. */
+  onKeys: (hint: string) => void = () => {};
+  readonly cursor = new Cursor(this);
 
   private readonly renderer: WebGLRenderer;
   private readonly software: boolean;
@@ -147,6 +151,7 @@ export class Viewer {
     this.mesh.geometry = geometry;
     this.mesh.visible = true;
     this.pace.begin(surface.levels.map((level) => level.length / 3), FEW[this.software ? 0 : 1]);
+    this.cursor.leave();
     for (const name of [...this.overlays.keys()]) this.overlay(name, null);
     this.setScalar(null);
     this.place(this.mesh);
@@ -308,8 +313,9 @@ export class Viewer {
     const gl = this.renderer.getContext() as WebGL2RenderingContext;
     const { geometry } = this.mesh;
     const corners = this.levels[0];
-    const pixels = this.still;
-    const target = new WebGLRenderTarget(Math.floor(this.canvas.clientWidth * pixels), Math.floor(this.canvas.clientHeight * pixels));
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    // Twice as many pixels each way as there are: from their means come smooth edges.
+    const target = new WebGLRenderTarget(2 * Math.floor(width * this.ratio), 2 * Math.floor(height * this.ratio));
     // Colours are written as on the screen, not as light.
     target.texture.colorSpace = SRGBColorSpace;
     (target as { isXRRenderTarget?: boolean }).isXRRenderTarget = true;
@@ -317,7 +323,7 @@ export class Viewer {
     const part = () => {
       if (this.changed || this.frame || this.held || this.mesh.geometry !== geometry) return target.dispose();
       if (from > 0 && from >= (corners?.count ?? 0)) {
-        this.expose(target, pixels);
+        this.expose(target);
         target.dispose();
         return;
       }
@@ -344,8 +350,8 @@ export class Viewer {
   }
 
   /** Shows a picture that was drawn out of sight. */
-  private expose(target: WebGLRenderTarget, pixels: number) {
-    this.renderer.setPixelRatio(pixels);
+  private expose(target: WebGLRenderTarget) {
+    this.renderer.setPixelRatio(this.ratio);
     this.developed.material.uniforms.picture.value = target.texture;
     this.renderer.render(this.developed, this.camera);
     this.count(this.levels[0]);
@@ -360,7 +366,7 @@ export class Viewer {
 
   private picture(fine: boolean) {
     const { level, scale } = this.pace.rung;
-    const pixels = fine ? this.still : this.ratio * scale;
+    const pixels = fine ? this.ratio : this.ratio * scale;
     const { geometry } = this.mesh;
     const corners = this.levels[fine ? 0 : level];
     const material = fine || !this.software ? this.shading.fine : this.shading.quick;
@@ -375,11 +381,6 @@ export class Viewer {
     }
     this.renderer.render(this.scene, this.camera);
     this.count(corners);
-  }
-
-  /** Pixels of the fine picture for each of the page: smooth edges in software come from more of them. */
-  private get still() {
-    return this.software && this.ratio < 1.5 ? 1.75 * this.ratio : this.ratio;
   }
 
   private get ratio() {
@@ -434,6 +435,7 @@ export class Viewer {
   pick(x: number, y: number): Hit | null {
     if (!this.surface) return null;
     const box = this.canvas.getBoundingClientRect();
+    this.camera.updateMatrixWorld();
     const near = new Vector3((2 * (x - box.left)) / box.width - 1, 1 - (2 * (y - box.top)) / box.height, -1).unproject(this.camera);
     const far = new Vector3((2 * (x - box.left)) / box.width - 1, 1 - (2 * (y - box.top)) / box.height, 1).unproject(this.camera);
     this.mesh.updateMatrixWorld();
@@ -457,10 +459,35 @@ export class Viewer {
   /** Where a vertex stands in the window. */
   project(vertex: number): [x: number, y: number] {
     const p = this.surface!.positions;
+    return this.window([p[3 * vertex], p[3 * vertex + 1], p[3 * vertex + 2]]);
+  }
+
+  /** Where a point in the units of the mesh stands in the window. */
+  window(point: [number, number, number]): [x: number, y: number] {
     this.mesh.updateMatrixWorld();
-    const at = new Vector3(p[3 * vertex], p[3 * vertex + 1], p[3 * vertex + 2]).applyMatrix4(this.mesh.matrixWorld).project(this.camera);
+    this.camera.updateMatrixWorld();
+    const at = new Vector3(...point).applyMatrix4(this.mesh.matrixWorld).project(this.camera);
     const box = this.canvas.getBoundingClientRect();
     return [box.left + (box.width * (at.x + 1)) / 2, box.top + (box.height * (1 - at.y)) / 2];
+  }
+
+  /** Whether a point of the window lies on the canvas, and not too near to its edge. */
+  inside(x: number, y: number, margin: number): boolean {
+    const box = this.canvas.getBoundingClientRect();
+    const [s, t] = [(x - box.left) / box.width, (y - box.top) / box.height];
+    return s > margin && s < 1 - margin && t > margin && t < 1 - margin;
+  }
+
+  /** What lies in the middle of the canvas, or nearest to it on a level line. */
+  middle(): Hit | null {
+    const box = this.canvas.getBoundingClientRect();
+    for (let t = 0; t < 0.5; t += 0.01) {
+      for (const side of [1, -1]) {
+        const hit = this.pick(box.left + box.width * (0.5 + side * t), box.top + 0.5 * box.height);
+        if (hit) return hit;
+      }
+    }
+    return null;
   }
 
   private listen() {
@@ -494,7 +521,9 @@ export class Viewer {
     };
     canvas.addEventListener("pointerup", end);
     canvas.addEventListener("pointercancel", end);
+    canvas.addEventListener("focus", () => this.onKeys(this.cursor.hint));
     canvas.addEventListener("keydown", (event) => {
+      if (this.cursor.key(event)) return event.preventDefault();
       const step = event.shiftKey ? 0.4 : 0.1;
       const moves: Record<string, () => void> = {
         ArrowLeft: () => this.turn(step, 0), ArrowRight: () => this.turn(-step, 0),

@@ -27,9 +27,10 @@ export function sample(folder, shape, vertices) {
   return path;
 }
 
-export async function start() {
+/** Starts server and browser; with `keys`, a server that asks for one of them. */
+export async function start(keys) {
   const folder = mkdtempSync(join(tmpdir(), "chladni-page-"));
-  const server = spawn(BINARY, ["serve", "--listen", "127.0.0.1:0", "--data", join(folder, "data"), "--log-level", "warn", "--drain-seconds", "0.1"], { stdio: ["ignore", "pipe", "inherit"] });
+  const server = spawn(BINARY, ["serve", "--listen", "127.0.0.1:0", "--data", join(folder, "data"), "--log-level", "warn", "--drain-seconds", "0.1"], { stdio: ["ignore", "pipe", "inherit"], env: { ...process.env, ...(keys ? { CHLADNI_KEYS: keys } : {}) } });
   const url = await new Promise((resolve, reject) => {
     createInterface({ input: server.stdout }).on("line", (line) => {
       const found = /listening on (\S+)/.exec(line);

@@ -4,7 +4,7 @@
 //   npm test -- --pictures  also keeps pictures in tests/pictures, and the one of the README in docs/pictures
 
 import assert from "node:assert/strict";
-import { mkdirSync, writeFileSync } from "node:fs";
+import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { basename, join } from "node:path";
 import { browserPath, drawn, pageIsThere, picture, ROOT, sample, start } from "./harness.mjs";
 
@@ -147,6 +147,14 @@ try {
     await page.locator(".panel:not([hidden])").getByLabel("Show", { exact: true }).selectOption("similar");
     await page.waitForFunction(() => document.body.dataset.field?.startsWith("similar"));
     await keep(page, "points");
+    // By keyboard: the cursor goes to another vertex, and Enter makes that the source.
+    const chosen = await datum(page, "field");
+    await page.getByRole("application", { name: "The surface" }).focus();
+    await page.keyboard.press("Enter");
+    for (let step = 0; step < 3; step++) await page.keyboard.press("ArrowDown");
+    await page.keyboard.press("Enter");
+    await changed(page, "field", chosen);
+    assert.equal(await datum(page, "field"), `similar ${await page.evaluate(() => window.chladni.viewer.cursor.hit.vertex)}`);
     await page.getByRole("tab", { name: "Modes" }).click();
   });
 
@@ -174,6 +182,37 @@ try {
     await show.selectOption("fur");
     await page.waitForFunction(() => document.body.dataset.traced === "fur");
     await keep(page, "fur");
+    // The same by keyboard: a cursor on the surface, Enter, a way, Enter.
+    await show.selectOption("glyphs");
+    await page.locator(".panel:not([hidden])").getByRole("button", { name: "Clear" }).click();
+    await page.waitForFunction(() => document.body.dataset.designed !== undefined);
+    const canvas = page.getByRole("application", { name: "The surface" });
+    await canvas.focus();
+    await page.keyboard.press("Enter");
+    const [start, unstroked] = [await page.evaluate(() => window.chladni.viewer.cursor.hit.point), await datum(page, "designed")];
+    await page.keyboard.press("Enter");
+    for (let step = 0; step < 4; step++) await page.keyboard.press("ArrowRight");
+    await page.keyboard.press("Enter");
+    await changed(page, "designed", unstroked);
+    const [end, pressed] = await page.evaluate(() => [window.chladni.viewer.cursor.hit.point, window.chladni.viewer.cursor.pressed]);
+    assert.ok(Math.hypot(...end.map((x, i) => x - start[i])) > 0.1 && !pressed);
+    await page.locator(".panel:not([hidden])").getByText(/Energy [1-9.]/).waitFor();
+    await keep(page, "keyboard");
+    await page.keyboard.press("Escape");
+    assert.equal(await page.evaluate(() => window.chladni.viewer.cursor.hit), null);
+    await page.getByRole("tab", { name: "Modes" }).click();
+  });
+
+  await test("tensors of curvature become as smooth as their weights say", async () => {
+    await page.getByRole("tab", { name: "Fields" }).click();
+    await page.locator(".panel:not([hidden]) summary").click();
+    await compute(page, { Field: "tensor", Dimension: "120" });
+    await page.waitForFunction(() => window.chladni.app.basis?.parameters.field === "tensor" && document.body.dataset.designed !== undefined);
+    const [before, shown] = [await datum(page, "designed"), await picture(page)];
+    await keep(page, "tensors");
+    await page.getByRole("slider", { name: "Smoothness" }).fill("1");
+    await changed(page, "designed", before);
+    assert.notDeepEqual(await picture(page), shown);
     await page.getByRole("tab", { name: "Modes" }).click();
   });
 
@@ -204,6 +243,37 @@ try {
     });
     assert.ok(moved > 0 && moved < 0.2, `${moved}`);
     await keep(page, "vibration");
+  });
+
+  await test("what is held stays where it is, and the keyboard taps", async () => {
+    await page.locator(".panel:not([hidden]) summary").click();
+    const form = page.locator(".panel:not([hidden]) form");
+    await form.getByLabel("Held", { exact: true }).selectOption("brush");
+    const [x, y] = await onSurface(page);
+    await page.mouse.click(x, y);
+    const painted = Number(/^([\d,]+) vert/.exec(await form.getByText(/vertices held/).innerText())[1].replace(",", ""));
+    assert.ok(painted > 3 && painted < 1500, `${painted}`);
+    await keep(page, "clamping");
+    await form.getByLabel("Held", { exact: true }).selectOption("left");
+    const held = await form.getByText(/vertices held/).innerText();
+    await compute(page, { Modes: "12" });
+    await page.locator(".panel:not([hidden])").getByText(/12 modes from .* Hz; 0 rigid; held at/).waitFor();
+    assert.match(held, /^\d+ vertices held\.$/);
+    await page.getByRole("application", { name: "The surface" }).focus();
+    await page.keyboard.press("Enter");
+    await page.keyboard.press("ArrowRight");
+    await page.keyboard.press("Enter");
+    await page.waitForFunction(() => Number(document.body.dataset.vibrating) > 3);
+    const [still, most] = await page.evaluate(() => {
+      const { viewer, app } = window.chladni;
+      const moved = Array.from(viewer.resting, (x, i) => Math.abs(x - viewer.surface.positions[i]));
+      const across = viewer.resting.filter((_, i) => i % 3 === 0);
+      const [low, high] = across.reduce(([low, high], x) => [Math.min(low, x), Math.max(high, x)], [Infinity, -Infinity]);
+      const held = moved.filter((_, i) => across[Math.floor(i / 3)] <= low + 0.05 * (high - low));
+      return [held.reduce((a, b) => Math.max(a, b)), moved.reduce((a, b) => Math.max(a, b))];
+    });
+    assert.ok(still === 0 && most > 0, `${still} ${most}`);
+    await keep(page, "held");
     await page.getByRole("tab", { name: "Modes" }).click();
   });
 
@@ -275,6 +345,31 @@ try {
     await phone.context().close();
   });
   await page.context().close();
+
+  await test("where keys are asked for, everything carries the key, downloads too", async () => {
+    const secret = "5ecret-0f-this-test-0123456789";
+    const locked = await start(`me:read+submit:${secret}`);
+    try {
+      const visitor = await locked.open();
+      await visitor.getByRole("alert").getByText(/key/i).first().waitFor();
+      await visitor.getByLabel("API key").fill(secret);
+      await visitor.getByRole("button", { name: "Use" }).click();
+      await upload(visitor, knot);
+      await compute(visitor, { Eigenpairs: "30" });
+      await changed(visitor, "mode");
+      for (const [name, begin] of [[/Download as NPZ/, "PK"], ["metadata", "{"]]) {
+        const [file] = await Promise.all([visitor.waitForEvent("download"), visitor.getByRole("link", { name }).click()]);
+        const path = join(locked.folder, "download");
+        await file.saveAs(path);
+        const bytes = readFileSync(path);
+        assert.match(file.suggestedFilename(), /^knot-3000-30-/);
+        assert.equal(bytes.subarray(0, begin.length).toString(), begin);
+      }
+      assert.deepEqual(locked.complaints, []);
+    } finally {
+      await locked.stop();
+    }
+  });
 
   if (pictures) {
     const fresh = await start();

@@ -51,8 +51,8 @@ export function fieldsPanel(app: App, look: Look): Panel {
     const along = alignment.control.valueAsNumber;
     return {
       weights: { harmonic: 10 ** smooth.control.valueAsNumber, biharmonic: 10 ** (smooth.control.valueAsNumber - 1) * bending.control.valueAsNumber },
-      strokes: strokes.filter((points) => points.length > 1).map((points) => ({ points, strength: 10 ** strength.control.valueAsNumber })),
-      constraints: pins.filter(({ from, to }) => from !== to).map(({ from, to }) => ({ point: from, direction: unit(from, to) })),
+      strokes: (kind() === "tensor" ? [] : strokes).filter((points) => points.length > 1).map((points) => ({ points, strength: 10 ** strength.control.valueAsNumber })),
+      constraints: (kind() === "tensor" ? [] : pins).filter(({ from, to }) => from !== to).map(({ from, to }) => ({ point: from, direction: unit(from, to) })),
       ...(singular.length > 0 && balanced() ? { singularities: { at: singular, weight: 1000 } } : {}),
       ...(aligned() && along > 0 ? { alignment: { to: "curvature" as const, weight: along, ...(kind() === "tensor" ? {} : { per_face: "anisotropy" as const }) } } : {}),
     };
@@ -163,9 +163,9 @@ export function fieldsPanel(app: App, look: Look): Panel {
     }
     const p = viewer.surface?.positions;
     if (p) for (const { vertex, index } of singular) places.push([p[3 * vertex], p[3 * vertex + 1], p[3 * vertex + 2], index > 0 ? 0xe08a3a : 0x1f5fa8]);
-    viewer.overlay("strokes", places.length && shown !== "fur" ? dots(places, 0.0085 * viewer.radius) : null);
+    viewer.overlay("strokes", places.length && shown !== "fur" && kind() !== "tensor" ? dots(places, 0.0085 * viewer.radius) : null);
   };
-  const onStroke = (hit: Hit, phase: "begin" | "move"): boolean => {
+  const onStroke = (hit: Hit, phase: "begin" | "move"): boolean | "point" => {
     if (tool === "turn" || kind() === "tensor") return false;
     if (tool === "plus" || tool === "minus") {
       if (phase === "begin") {
@@ -173,7 +173,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
         const known = singular.some(({ vertex }) => vertex === hit.vertex);
         singular = known ? singular.filter(({ vertex }) => vertex !== hit.vertex) : [...singular, { vertex: hit.vertex, index }];
       }
-      return true;
+      return "point";
     }
     if (tool === "pin") {
       if (phase === "begin") pins.push({ from: hit.point, to: hit.point });
@@ -268,6 +268,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
       if (before !== basis.id) singular = [];
       if (mesh !== basis.mesh) [strokes, pins] = [[], []];
       [before, mesh] = [basis.id, basis.mesh];
+      facts.textContent = "";
       const tensor = kind() === "tensor";
       hint.textContent = tensor
         ? "Curvature tensors in this space: the weights steer, live, how smooth they are."
@@ -278,7 +279,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
       alignment.set(tensor ? 1 : alignment.control.valueAsNumber);
       if (tensor) smooth.set(-2);
       showDisplay();
-      app.viewer.onStroke = onStroke;
+      app.viewer.onStroke = tensor ? null : onStroke;
       app.viewer.onStrokeEnd = onStrokeEnd;
       update();
       settled();

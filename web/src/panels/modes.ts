@@ -2,7 +2,7 @@
 
 import { numbers, type Basis } from "../api";
 import type { App, Panel } from "../app";
-import { brief, grouped, h, slider } from "../dom";
+import { brief, bytes, grouped, h, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, ticks, type Frame } from "../plot";
 import { basisHead, certificate, diverging, eigenForm, sequential, type Look } from "./basis";
@@ -121,8 +121,8 @@ export function modesPanel(app: App, look: Look): Panel {
       body.querySelector(".modes")!.after(facts);
       body.insertBefore(look.element, body.querySelector("h3"));
       mode.control.max = String(basis.count - 1);
-      const { links, bytes: _bytes } = basis;
-      proof.replaceChildren(certificate(basis), h("p", {}, h("a", { href: links.content, download: true }, "Download as NPZ"), " · ", h("a", { href: links.self, target: "_blank" }, "metadata")));
+      const name = `${app.mesh?.name ?? "mesh"}-${basis.count}-${basis.id.slice(0, 8)}`;
+      proof.replaceChildren(certificate(basis), h("p", {}, app.link(`Download as NPZ (${bytes(basis.bytes)})`, basis.links.content, `${name}.npz`), " · ", app.link("metadata", basis.links.self, `${name}.json`)));
       select(app.place.mode);
     },
     hide() {
@@ -170,8 +170,8 @@ function spectrum({ context: c, width, height, ink, faint, accent, second }: Fra
     c.fill();
   }
   c.fillStyle = ink;
-  c.textAlign = "left";
-  c.fillText("λ, and its bound", LEFT + 5, top + 5);
+  c.textAlign = "right";
+  c.fillText("λ, and its bound", width - RIGHT, bottom - 8);
   // Residuals.
   const shown = residuals.map((value) => Math.log10(Math.max(value, 1e-16)));
   const rest = shown.slice(Math.min(1, m - 1));
@@ -192,8 +192,8 @@ function spectrum({ context: c, width, height, ink, faint, accent, second }: Fra
   c.fillStyle = second;
   for (let k = 0; k < m; k++) c.fillRect(x(k) - size / 2, z(shown[k]) - size / 2, size + 0.6, size + 0.6);
   c.fillStyle = ink;
-  c.textAlign = "left";
-  c.fillText("residual", LEFT + 5, split + 8);
+  c.textAlign = "right";
+  c.fillText("residual", width - RIGHT, split + 8);
   // The mode that is shown.
   c.strokeStyle = c.fillStyle = ink;
   c.beginPath();

@@ -7,6 +7,7 @@ import { latest } from "../latest";
 import { Plot, type Frame } from "../plot";
 import type { Hit } from "../surface";
 import { basisHead, type Look } from "./basis";
+import { Clamp, showHeld } from "./clamp";
 
 /** Young's modulus in pascal, Poisson's ratio, density in kg/m³. */
 const MATERIALS: Record<string, { name: string; young: number; poisson: number; density: number }> = {
@@ -29,7 +30,8 @@ interface Tap {
 }
 
 export function vibrationPanel(app: App, look: Look): Panel {
-  const head = basisHead(app, "vibration_basis", "vibration", form(app));
+  const clamp = new Clamp(app, () => app.panel?.id === "vibration" && prepare());
+  const head = basisHead(app, "vibration_basis", "vibration", form(app, clamp));
   const body = h("div", { hidden: true });
   const facts = h("p", {});
   const timing = h("p", { class: "dim", "aria-live": "polite" });
@@ -40,10 +42,14 @@ export function vibrationPanel(app: App, look: Look): Panel {
   let playing: AudioBufferSourceNode | null = null;
 
   const frequencies = (basis: Basis) => basis.eigenvalues.map((value) => Math.sqrt(Math.max(value, 0)) / (2 * Math.PI));
+  /** Rigid motions come first, and their eigenvalues are zero. */
+  const rigid = (basis: Basis) => basis.eigenvalues.filter((value) => value <= 0).length;
   /** The lowest frequency that is no rigid motion. */
-  const lowest = (basis: Basis) => {
-    const all = frequencies(basis);
-    return all.find((value) => value > 1e-3 * all[all.length - 1]) ?? 1;
+  const lowest = (basis: Basis) => frequencies(basis)[rigid(basis)] ?? 1;
+  /** How many vertices are held; of a long list the server tells only that. */
+  const held = (basis: Basis) => {
+    const list = basis.parameters.clamped as number[] | { numbers: number } | undefined;
+    return Array.isArray(list) ? list.length : (list?.numbers ?? 0);
   };
   const load = ({ vertex, momentum }: Tap) => [{ impulse: { vertex, time: 0, momentum } }];
   const slow = slider("Slowness", { min: 0.25, max: 4, step: 0.05, value: 1 }, () => {}, (value) => `${brief(value)} ×`);
@@ -58,7 +64,7 @@ export function vibrationPanel(app: App, look: Look): Panel {
     const surface = app.viewer.surface;
     if (tap !== now || app.panel !== panel || !surface) return;
     const rest = app.viewer.resting!;
-    withoutRigid(rest, moved);
+    if (held(now.basis) === 0) withoutRigid(rest, moved);
     const largest = SHOWN * app.viewer.radius;
     sizes = sizes.length === moved.length / 3 ? sizes : new Float32Array(moved.length / 3);
     let most = 0;
@@ -134,18 +140,24 @@ export function vibrationPanel(app: App, look: Look): Panel {
   };
 
   const plot = new Plot(110, "The frequencies of the modes", (frame) => app.basis && paint(frame, frequencies(app.basis)));
-  body.append(h("p", {}, "Tap the surface: click it, or press Enter for its middle."), facts, plot.canvas, slow.element,
+  body.append(h("p", {}, "Tap the surface: click it, or move the cursor there with the keyboard."), facts, plot.canvas, slow.element,
     h("label", { class: "row" }, mute, "with sound"), h("div", { class: "row" }, h("button", { onclick: () => middle() }, "Tap"), h("button", { onclick: rest }, "Hold still")), timing);
+  /** Taps where the cursor is, or in the middle of what is seen. */
   const middle = () => {
-    const box = app.viewer.canvas.getBoundingClientRect();
-    for (let t = 0; t < 0.5; t += 0.01) {
-      for (const side of [1, -1]) {
-        const hit = app.viewer.pick(box.left + box.width * (0.5 + side * t), box.top + 0.5 * box.height);
-        if (hit) return strike(hit);
-      }
-    }
+    const hit = app.viewer.cursor.hit ?? app.viewer.middle();
+    if (hit) strike(hit);
   };
-  app.viewer.canvas.addEventListener("keydown", (event) => event.key === "Enter" && app.panel === panel && middle());
+  const making = head.element.querySelector("details")!;
+  /** Whether the pointer paints what a new vibration holds, or taps the one that is there. */
+  const prepare = () => {
+    const basis = app.basis;
+    const painting = making.open && clamp.painting;
+    if (painting && tap) rest();
+    app.viewer.onStroke = painting ? clamp.paint : null;
+    app.viewer.onClick = basis && !painting ? strike : null;
+    showHeld(app, making.open ? clamp.vertices : Array.isArray(basis?.parameters.clamped) ? (basis.parameters.clamped as number[]) : []);
+  };
+  making.addEventListener("toggle", () => app.panel?.id === "vibration" && prepare());
 
   const panel: Panel = {
     id: "vibration",
@@ -158,17 +170,18 @@ export function vibrationPanel(app: App, look: Look): Panel {
       body.hidden = basis === null;
       look.show(null);
       app.title.textContent = app.mesh?.name ?? "";
+      prepare();
       if (!basis) return;
-      const all = frequencies(basis).filter((value) => value >= 0.999 * lowest(basis));
-      facts.textContent = `${plural(all.length, "mode")} from ${brief(all[0])} to ${brief(all[all.length - 1])} Hz; ${grouped(basis.count - all.length)} rigid.`;
+      const all = frequencies(basis).slice(rigid(basis));
+      facts.textContent = `${plural(all.length, "mode")} from ${brief(all[0])} to ${brief(all[all.length - 1])} Hz; ${grouped(rigid(basis))} rigid${held(basis) ? `; held at ${plural(held(basis), "vertex", "vertices")}` : ""}.`;
       plot.draw();
-      app.viewer.onClick = strike;
     },
     hide() {
       rest();
       playing?.stop();
       playing = null;
-      app.viewer.onClick = null;
+      app.viewer.onClick = app.viewer.onStroke = null;
+      app.viewer.overlay("held", null);
       delete document.body.dataset.vibrating;
       delete document.body.dataset.heard;
     },
@@ -208,7 +221,7 @@ function withoutRigid(rest: Float32Array, moved: Float32Array) {
 }
 
 /** The form of a vibration basis: a shell of some material, as large as one says. */
-function form(app: App): HTMLElement {
+function form(app: App, clamp: Clamp): HTMLElement {
   const count = h("input", { type: "number", min: "7", max: "500", value: "40" });
   const material = choice(Object.entries(MATERIALS).map(([key, { name }]) => [key, name]), "bronze", () => {});
   const size = h("input", { type: "number", min: "0.01", max: "100", step: "any", value: "0.3" });
@@ -222,8 +235,9 @@ function form(app: App): HTMLElement {
       count: count.valueAsNumber,
       thickness: thickness.valueAsNumber / 1000 / metres,
       material: { young: young / metres ** 2, poisson, density },
+      ...(clamp.vertices.length > 0 ? { clamped: clamp.vertices } : {}),
     });
-  } }, field("Modes", count), field("Material", material), field("Size, m", size, "The diameter of the surface"), field("Wall, mm", thickness, "The thickness of the shell"),
+  } }, field("Modes", count), field("Material", material), field("Size, m", size, "The diameter of the surface"), field("Wall, mm", thickness, "The thickness of the shell"), clamp.element,
     h("button", { class: "primary" }, "Compute"));
 }
 
