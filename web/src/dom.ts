@@ -66,7 +66,12 @@ export function brief(value: number): string {
   return Number(value.toPrecision(3)).toLocaleString("en-GB", { maximumFractionDigits: 6 });
 }
 
-const superscript = (digits: string) => digits.replace(/[-\d]/g, (c) => (c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[Number(c)]));
+function superscript(digits: string): string {
+  return digits.replace(/[-\d]/g, (c) => (c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[Number(c)]));
+}
+
+/** A power of ten: 0.01, 10⁻⁴. */
+export const power = (exponent: number) => (exponent >= -2 && exponent <= 3 ? brief(10 ** exponent) : `10${superscript(String(exponent))}`);
 
 /** Bytes with a unit. */
 export function bytes(count: number): string {

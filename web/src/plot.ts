@@ -8,6 +8,8 @@ export interface Frame {
   faint: string;
   accent: string;
   second: string;
+  /** A text that stays readable on whatever is drawn under it. */
+  write: (text: string, x: number, y: number) => void;
 }
 
 /** A canvas that is drawn again when its size or the theme changes. */
@@ -38,7 +40,20 @@ export class Plot {
     context.lineWidth = 1;
     const style = getComputedStyle(canvas);
     const colour = (name: string) => style.getPropertyValue(name).trim();
-    this.paint({ context, width, height, ink: colour("--ink"), faint: colour("--line"), accent: colour("--accent"), second: colour("--second") });
+    const [ink, card] = [colour("--ink"), colour("--card")];
+    const write = (text: string, x: number, y: number) => {
+      context.save();
+      context.globalAlpha = 0.8;
+      context.strokeStyle = card;
+      context.lineWidth = 4;
+      context.lineJoin = "round";
+      context.strokeText(text, x, y);
+      context.globalAlpha = 1;
+      context.fillStyle = ink;
+      context.fillText(text, x, y);
+      context.restore();
+    };
+    this.paint({ context, width, height, ink, write, faint: colour("--line"), accent: colour("--accent"), second: colour("--second") });
   }
 
   /** The position of a pointer in CSS pixels of the plot. */

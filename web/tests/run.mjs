@@ -108,6 +108,7 @@ try {
     const other = await site.open(`/${address}`);
     await other.waitForFunction(() => document.body.dataset.mode === "13");
     assert.equal(await other.evaluate(() => window.chladni.viewer.view), view);
+    assert.equal(await other.evaluate(() => window.chladni.app.mesh.id), await page.evaluate(() => window.chladni.app.mesh.id));
     assert.equal(await other.evaluate(() => window.chladni.app.basis.id), await page.evaluate(() => window.chladni.app.basis.id));
     await other.context().close();
   });
@@ -293,6 +294,7 @@ try {
   });
 
   await test("errors are told in the words of the server", async () => {
+    await page.getByRole("tab", { name: "Modes" }).click();
     await page.setInputFiles("#file", { name: "bad.obj", mimeType: "model/obj", buffer: Buffer.from("v 0 0 0\nv 1 0 0\nf 1 2 9\n") });
     await page.getByRole("alert").getByText("Face 0 at line 3 refers to vertex 9 of 2.").waitFor();
     assert.match(await page.getByRole("alert").getByRole("link").getAttribute("href"), /^\/problems\/unreadable-mesh\//);
@@ -303,6 +305,7 @@ try {
   });
 
   await test("a reload in the middle of a job finds it again, and it can be cancelled", async () => {
+    await page.getByRole("tab", { name: "Modes" }).click();
     await upload(page, sample(site.folder, "sphere", 60_000));
     await compute(page, { Eigenpairs: "400", Method: "hsim", Tolerance: "1e-9" });
     const card = page.locator(".job.processing");
@@ -329,6 +332,21 @@ try {
     await keep(page, "shapes");
     await page.locator(".near button", { hasText: /^knot/ }).click();
     await page.waitForFunction(() => window.chladni.app.mesh.name.startsWith("knot"));
+    // The dots themselves: one in the colour of all shapes but the open one.
+    await page.waitForFunction(() => document.body.dataset.shapes === "3");
+    const [x, y] = await page.evaluate(() => {
+      const plot = document.querySelector(".panel:not([hidden]) canvas.plot");
+      const { width, height } = plot;
+      const { data } = plot.getContext("2d").getImageData(0, 0, width, height);
+      for (let i = 0; i < width * height; i++) {
+        if (data[4 * i] !== 0x1d || data[4 * i + 1] !== 0x5f || data[4 * i + 2] !== 0xa8 || data[4 * i + 3] !== 255) continue;
+        const box = plot.getBoundingClientRect();
+        return [box.left + (i % width), box.top + Math.floor(i / width) + 3];
+      }
+      throw new Error("no dot in the plot");
+    });
+    await page.mouse.click(x, y);
+    await page.waitForFunction(() => /^(torus|disk)/.test(window.chladni.app.mesh.name));
   });
 
   await test("everything fits a phone, and dark is dark", async () => {

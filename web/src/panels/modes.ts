@@ -2,7 +2,7 @@
 
 import { numbers, type Basis } from "../api";
 import type { App, Panel } from "../app";
-import { brief, bytes, grouped, h, slider } from "../dom";
+import { brief, bytes, grouped, h, power, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, ticks, type Frame } from "../plot";
 import { basisHead, certificate, diverging, eigenForm, sequential, type Look } from "./basis";
@@ -136,7 +136,7 @@ export function modesPanel(app: App, look: Look): Panel {
 const LEFT = 46, RIGHT = 8;
 
 /** Eigenvalues with their bounds, and residuals on a logarithmic scale under them. */
-function spectrum({ context: c, width, height, ink, faint, accent, second }: Frame, basis: Basis, mode: number) {
+function spectrum({ context: c, width, height, ink, write, faint, accent, second }: Frame, basis: Basis, mode: number) {
   const { eigenvalues, certificate: { bounds, residuals } } = basis;
   const m = eigenvalues.length;
   const split = Math.round(height * 0.64);
@@ -169,9 +169,8 @@ function spectrum({ context: c, width, height, ink, faint, accent, second }: Fra
     c.arc(x(k), y(eigenvalues[k]), size, 0, 7);
     c.fill();
   }
-  c.fillStyle = ink;
   c.textAlign = "right";
-  c.fillText("λ, and its bound", width - RIGHT, bottom - 8);
+  write("λ, and its bound", width - RIGHT, bottom - 8);
   // Residuals.
   const shown = residuals.map((value) => Math.log10(Math.max(value, 1e-16)));
   const rest = shown.slice(Math.min(1, m - 1));
@@ -187,13 +186,12 @@ function spectrum({ context: c, width, height, ink, faint, accent, second }: Fra
   c.stroke();
   c.fillStyle = ink;
   c.textAlign = "right";
-  c.fillText(brief(10 ** high), LEFT - 5, split + 2);
-  c.fillText(brief(10 ** low), LEFT - 5, base - 3);
+  c.fillText(power(high), LEFT - 5, split + 2);
+  c.fillText(power(low), LEFT - 5, base - 3);
   c.fillStyle = second;
   for (let k = 0; k < m; k++) c.fillRect(x(k) - size / 2, z(shown[k]) - size / 2, size + 0.6, size + 0.6);
-  c.fillStyle = ink;
   c.textAlign = "right";
-  c.fillText("residual", width - RIGHT, split + 8);
+  write("residual", width - RIGHT, split + 8);
   // The mode that is shown.
   c.strokeStyle = c.fillStyle = ink;
   c.beginPath();

@@ -107,23 +107,28 @@ function layout({ places }: Comparison, width: number, height: number): (k: numb
   return (k) => [width / 2 + scale * (xs[k] - (left + right) / 2), height / 2 - scale * (ys[k] - (low + high) / 2)];
 }
 
-function paint({ context: c, width, height, ink, accent, second }: Frame, found: Comparison, here: number, over: number) {
+function paint({ context: c, width, height, write, accent, second }: Frame, found: Comparison, here: number, over: number) {
   const at = layout(found, width, height);
   c.textAlign = "center";
-  c.textBaseline = "bottom";
-  const taken: [number, number, number][] = [];
+  c.textBaseline = "middle";
+  // Boxes that are taken: first all dots, then the names as they are written.
+  const taken: [x: number, y: number, half: number, high: number][] = found.labels.map((_, k) => [...at(k), 5, 5]);
+  found.labels.forEach((_, k) => {
+    c.fillStyle = k === here ? second : accent;
+    c.beginPath();
+    c.arc(...at(k), k === here || k === over ? 6 : 4.5, 0, 7);
+    c.fill();
+  });
   const order = found.labels.map((_, k) => k).sort((a, b) => Number(b === here || b === over) - Number(a === here || a === over));
   for (const k of order) {
     const [x, y] = at(k);
-    c.fillStyle = k === here ? second : accent;
-    c.beginPath();
-    c.arc(x, y, k === here || k === over ? 6 : 4.5, 0, 7);
-    c.fill();
-    // Names that would lie on others are left out; pointing at one shows it.
     const half = c.measureText(found.labels[k]).width / 2;
-    if (taken.some(([u, v, w]) => Math.abs(u - x) < w + half + 4 && Math.abs(v - y) < 13)) continue;
-    taken.push([x, y, half]);
-    c.fillStyle = ink;
-    c.fillText(found.labels[k], Math.min(Math.max(x, half + 2), width - half - 2), y - 7);
+    const middle = Math.min(Math.max(x, half + 2), width - half - 2);
+    const free = (v: number) => !taken.some(([p, q, w, h], i) => i !== k && Math.abs(p - middle) < w + half + 3 && Math.abs(q - v) < h + 6);
+    // Above or below; names for which there is no room are left out, and pointing at one shows it.
+    const row = [y - 13, y + 13].find(free) ?? (k === over || k === here ? y - 13 : undefined);
+    if (row === undefined) continue;
+    taken.push([middle, row, half, 6]);
+    write(found.labels[k], middle, row);
   }
 }
