@@ -21,13 +21,13 @@ COPY README.md ./
 COPY migrations migrations
 COPY openapi openapi
 COPY benches benches
-# The build script makes the web page and embeds it.
+# The build script makes the web page and embeds it; an image without it would be a surprise.
 COPY build.rs ./
 COPY web web
 COPY src src
 # Cargo looks at times of change, and those of a copied file may lie before the placeholder's.
 RUN find src build.rs -name '*.rs' -exec touch {} + \
-    && cargo build --release --locked --bin chladni \
+    && CHLADNI_WEB=required cargo build --release --locked --bin chladni \
     && strip target/release/chladni
 
 FROM debian:trixie-slim

@@ -1,7 +1,7 @@
 //! Builds the web page in `web/` where Node and npm are at hand, and embeds one that says how to get it where they are not: Rust
 //! alone always builds. Everything happens in `OUT_DIR`; nothing is written into the tree.
 //!
-//! `CHLADNI_WEB=off` leaves the page out.
+//! `CHLADNI_WEB=off` leaves the page out; with `CHLADNI_WEB=required` a page that cannot be built is an error.
 
 use std::error::Error;
 use std::fmt::Write;
@@ -29,15 +29,17 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("cargo::rerun-if-changed={}", web.join(source).display());
     }
     let page = out.join("page");
-    let built = match std::env::var("CHLADNI_WEB").as_deref() {
-        Ok("off") => Err("CHLADNI_WEB is off".into()),
+    let wanted = std::env::var("CHLADNI_WEB").unwrap_or_default();
+    let built = match wanted.as_str() {
+        "off" => Err("CHLADNI_WEB is off".into()),
         _ => build(&web, &out, &page),
     };
     let mut files = Vec::new();
     match built {
         Ok(()) => list(&page, &page, &mut files)?,
+        Err(reason) if wanted == "required" => return Err(format!("the web page cannot be built: {reason}").into()),
         Err(reason) => {
-            if std::env::var("CHLADNI_WEB").as_deref() != Ok("off") {
+            if wanted != "off" {
                 println!("cargo::warning=the web page is left out, everything else is built: {reason}");
             }
             let plain = out.join("without.html");

@@ -12,7 +12,7 @@ function frame({ positions: p, triangles: t }: Surface, f: number, centre: numbe
   normal[0] = uy * vz - uz * vy;
   normal[1] = uz * vx - ux * vz;
   normal[2] = ux * vy - uy * vx;
-  const length = Math.hypot(normal[0], normal[1], normal[2]) || 1;
+  const length = Math.sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]) || 1;
   for (let k = 0; k < 3; k++) normal[k] /= length;
   return length / 2;
 }
@@ -23,20 +23,26 @@ export interface Places {
   spacing: number;
 }
 
+/** Faces that are looked at when some are chosen. */
+const CANDIDATES = 30_000;
+
 /** Faces spread over the surface by area, about so many, the same ones each time. */
 export function spread(surface: Surface, most: number): Places {
   const count = surface.triangles.length / 3;
+  // Of a large mesh only some, spread over its numbering.
+  const candidates = count <= CANDIDATES ? Uint32Array.from({ length: count }, (_, f) => f) : Uint32Array.from({ length: CANDIDATES }, (_, i) => (i * 2654435761) % count);
   const centre = [0, 0, 0], normal = [0, 0, 0];
   let area = 0;
-  for (let f = 0; f < count; f++) area += frame(surface, f, centre, normal);
-  if (count <= most) return { faces: Uint32Array.from({ length: count }, (_, f) => f), spacing: Math.sqrt(area / count) };
+  for (const f of candidates) area += frame(surface, f, centre, normal);
+  area *= count / candidates.length;
+  if (count <= most) return { faces: candidates, spacing: Math.sqrt(area / count) };
   for (let cell = Math.sqrt(area / most); ; cell *= 1.2) {
     const taken = new Map<number, number>();
-    for (let f = 0; f < count; f++) {
+    for (const f of candidates) {
       frame(surface, f, centre, normal);
       // One face in each cell of a grid and each main direction: the two sides of a thin sheet are different places.
-      const sizes = normal.map(Math.abs);
-      const axis = sizes[0] > sizes[1] ? (sizes[0] > sizes[2] ? 0 : 2) : sizes[1] > sizes[2] ? 1 : 2;
+      const x = Math.abs(normal[0]), y = Math.abs(normal[1]), z = Math.abs(normal[2]);
+      const axis = x > y ? (x > z ? 0 : 2) : y > z ? 1 : 2;
       const side = 2 * axis + (normal[axis] > 0 ? 1 : 0);
       const key = (Math.imul(Math.floor(centre[0] / cell), 73856093) ^ Math.imul(Math.floor(centre[1] / cell), 19349663) ^ Math.imul(Math.floor(centre[2] / cell), 83492791)) * 6 + side;
       if (!taken.has(key)) taken.set(key, f);

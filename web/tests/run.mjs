@@ -234,8 +234,13 @@ try {
     await compute(page, { Modes: "20" });
     await page.locator(".panel:not([hidden])").getByText(/modes? from .* Hz; 6 rigid/).waitFor();
     const [x, y] = await onSurface(page);
+    const sizes = [];
+    page.on("response", (response) => response.url().endsWith("/simulate") && response.headers()["content-type"] === "application/octet-stream" && sizes.push(Number(response.headers()["content-length"])));
     await page.mouse.click(x, y);
     await page.waitForFunction(() => Number(document.body.dataset.vibrating) > 3);
+    // Each frame asks for the displacement that it shows: three single-precision numbers for each vertex.
+    const vertices = await page.evaluate(() => window.chladni.app.mesh.vertices);
+    assert.ok(sizes.length > 3 && sizes.every((size) => size === 12 * vertices), `${sizes} for ${vertices} vertices`);
     await changed(page, "heard");
     assert.ok(Number(await datum(page, "heard")) > 100_000, "two seconds of sound");
     const moved = await page.evaluate(() => {
@@ -347,6 +352,37 @@ try {
     });
     await page.mouse.click(x, y);
     await page.waitForFunction(() => /^(torus|disk)/.test(window.chladni.app.mesh.name));
+  });
+
+  await test("the keyboard reaches everything, and shows and says where it is", async () => {
+    await page.evaluate(() => document.activeElement?.blur());
+    await page.getByRole("tab", { name: "Modes" }).click();
+    await changed(page, "mode");
+    await page.evaluate(() => window.scrollTo(0, 0));
+    await page.locator("header a").first().focus();
+    const stops = [];
+    for (let step = 0; step < 60; step++) {
+      await page.keyboard.press("Tab");
+      const stop = await page.evaluate(() => {
+        const element = document.activeElement;
+        if (!element || element === document.body) return null;
+        const style = getComputedStyle(element);
+        const shown = (style.outlineStyle !== "none" && parseFloat(style.outlineWidth) > 0) || (element.id === "file" && getComputedStyle(element.parentElement).borderColor);
+        const label = element.labels?.[0]?.textContent ?? "";
+        return { what: element.tagName.toLowerCase(), name: (element.getAttribute("aria-label") || element.textContent || label).trim(), shown: Boolean(shown) };
+      });
+      if (!stop) break;
+      stops.push(stop);
+    }
+    assert.deepEqual(stops.filter(({ name, shown }) => !name || !shown), []);
+    const names = stops.map(({ name }) => name);
+    for (const wanted of [/^The surface$/, /^Modes$/, /^Mode$/, /^Let it swing$/, /^Colours$/, /^Isolines$/, /^Download as NPZ/, /knot/]) {
+      assert.ok(names.some((name) => wanted.test(name)), `${wanted} among ${names.join(", ")}`);
+    }
+    // Arrows go through the tabs.
+    await page.getByRole("tab", { name: "Modes" }).focus();
+    await page.keyboard.press("ArrowRight");
+    assert.equal(await page.evaluate(() => [document.activeElement.textContent, window.chladni.app.panel.id].join()), "Filter,filter");
   });
 
   await test("everything fits a phone, and dark is dark", async () => {
