@@ -34,7 +34,7 @@ FROM debian:trixie-slim
 RUN apt-get update \
     && apt-get install -y --no-install-recommends curl \
     && rm -rf /var/lib/apt/lists/* \
-    && useradd --system --uid 10001 --home-dir /data --shell /usr/sbin/nologin chladni \
+    && useradd --uid 10001 --user-group --no-create-home --home-dir /data --shell /usr/sbin/nologin chladni \
     && install -d -o chladni -g chladni /data
 COPY --from=build /build/target/release/chladni /usr/local/bin/chladni
 USER chladni

@@ -315,7 +315,7 @@ export class Viewer {
     const corners = this.levels[0];
     const { clientWidth: width, clientHeight: height } = this.canvas;
     // Twice as many pixels each way as there are: from their means come smooth edges.
-    const target = new WebGLRenderTarget(2 * Math.floor(width * this.ratio), 2 * Math.floor(height * this.ratio));
+    const target = new WebGLRenderTarget(Math.max(2 * Math.floor(width * this.ratio), 2), Math.max(2 * Math.floor(height * this.ratio), 2));
     // Colours are written as on the screen, not as light.
     target.texture.colorSpace = SRGBColorSpace;
     (target as { isXRRenderTarget?: boolean }).isXRRenderTarget = true;
