@@ -1,9 +1,11 @@
 //! The dense symmetric-definite eigenproblem on a graphics card, beside the CPU of the same machine and, where a Python with torch or CuPy is
-//! there, cuSOLVER:
+//! there, cuSOLVER; then a whole approximation of a large mesh:
 //!
 //! ```sh
-//! cargo bench --features gpu --bench gpu                              # the first card, d = 1000, 2000, 5000, 10000, the lowest half
-//! cargo bench --features gpu --bench gpu -- --card llvmpipe 300 600   # another card, other sizes
+//! cargo bench --features gpu --bench gpu                              # the first card, d = 1000, 2000, 5000, 10000, the lowest half; then
+//!                                                                     # 5,000 pairs of a million vertices
+//! cargo bench --features gpu --bench gpu -- --card llvmpipe 300 600   # another card, other sizes, no mesh
+//! cargo bench --features gpu --bench gpu -- --job 20000 100 300       # another mesh and other sizes
 //! cargo bench --features gpu --bench gpu -- --all --no-cpu 5000       # all pairs; the CPU is not measured
 //! ```
 //!
@@ -12,19 +14,24 @@
 use std::process::Command;
 use std::time::Instant;
 
-use chladni::algebra::gpu::{Accelerator, GpuChoice, adapters};
+use chladni::algebra::gpu::{Accelerator, GpuChoice, adapters, choose};
 use chladni::algebra::{ComputedOn, CpuSolver, DenseMatrix, EigenPairs, SymmetricDefiniteSolver};
+use chladni::job::JobParameters;
+use chladni::mesh::shape::{Shape, generate};
 use chladni::monitor::{StageClock, Unwatched};
+use serde_json::json;
 
 struct Options {
     card: Option<String>,
     all: bool,
     cpu: bool,
     sizes: Vec<usize>,
+    /// Vertices and pairs.
+    job: Option<(usize, usize)>,
 }
 
 fn options() -> Options {
-    let mut options = Options { card: None, all: false, cpu: true, sizes: Vec::new() };
+    let mut options = Options { card: None, all: false, cpu: true, sizes: Vec::new(), job: None };
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
@@ -33,11 +40,17 @@ fn options() -> Options {
             "--card" => options.card = arguments.next(),
             "--all" => options.all = true,
             "--no-cpu" => options.cpu = false,
+            "--job" => {
+                let mut number =
+                    || arguments.next().and_then(|number| number.parse().ok()).expect("--job VERTICES PAIRS");
+                options.job = Some((number(), number()));
+            }
             size => options.sizes.push(size.parse().unwrap_or_else(|_| panic!("{size} is no size"))),
         }
     }
     if options.sizes.is_empty() {
         options.sizes = vec![1000, 2000, 5000, 10_000];
+        options.job.get_or_insert((1_000_000, 5000));
     }
     options
 }
@@ -59,7 +72,7 @@ fn main() {
     };
     let card = choice.map(|choice| {
         let began = Instant::now();
-        let card = Accelerator::new(choice);
+        let card = choose(choice);
         card.open();
         match card.reason() {
             Some(reason) => println!("no card: {reason}"),
@@ -67,7 +80,7 @@ fn main() {
         }
         card
     });
-    let card = card.filter(Accelerator::available);
+    let card = card.filter(|card| Accelerator::available(card));
     println!("CPU threads: {}", rayon::current_num_threads());
     if let Some(card) = &card {
         let (a, b) = pencil(300);
@@ -97,6 +110,24 @@ fn main() {
         let cusolver = cusolver(d);
         println!("{d:>6} {count:>6} {on_card:>10} {on_cpu:>10} {cusolver:>10} {residual:>10}");
     }
+    if let Some((vertices, pairs)) = options.job {
+        approximate(vertices, pairs);
+    }
+}
+
+/// A whole approximation, in twice as many dimensions as pairs: its seconds, by stage, and what solved its dense problem.
+fn approximate(vertices: usize, pairs: usize) {
+    let mesh = generate(Shape::Genus(3), vertices).unwrap();
+    let job = JobParameters::parse("eigenbasis", &json!({"count": pairs})).unwrap();
+    let (outcome, seconds) = timed(|| job.run(&mesh, &Unwatched).unwrap());
+    let stages: Vec<String> = outcome.seconds.iter().map(|(stage, seconds)| format!("{stage} {seconds:.2}")).collect();
+    let solver = outcome.product.summary().details["dense_solver"].to_string();
+    let solver = if solver == "null" { "the CPU" } else { &solver };
+    println!(
+        "{pairs} pairs of {} vertices: {seconds:.2} seconds ({}), by {solver}",
+        mesh.positions.len(),
+        stages.join(", ")
+    );
 }
 
 fn timed<T>(action: impl FnOnce() -> T) -> (T, f64) {

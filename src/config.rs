@@ -125,7 +125,8 @@ pub struct Config {
     #[arg(long, value_name = "N", env = "CHLADNI_MAX_ATTEMPTS", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..), help_heading = "Work")]
     pub max_attempts: u32,
 
-    /// A fault for tests, as POINT:ACTION or POINT:ACTION:PASSES; see the faults of the store
+    /// A fault for tests, as POINT:ACTION or POINT:ACTION:PASSES; see the faults of the store. Or gpu-lost: the graphics card
+    /// is lost when a problem first reaches it
     #[arg(long, value_name = "FAULT", env = "CHLADNI_FAULT", hide = true)]
     pub fault: Option<String>,
 

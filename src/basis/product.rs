@@ -94,6 +94,23 @@ impl Product {
 
     /// What its record shows.
     pub fn summary(&self) -> Summary {
+        let mut summary = self.own_summary();
+        if let Some(solvers) = self.metadata().get("dense_solver") {
+            summary.details["dense_solver"] = solvers.clone();
+        }
+        summary
+    }
+
+    fn metadata(&self) -> &Value {
+        match self {
+            Self::Eigenbasis(basis) => &basis.metadata,
+            Self::FieldBasis(fields) => &fields.metadata,
+            Self::OperatorFamily(family) => &family.metadata,
+            Self::VibrationBasis(modes) => &modes.metadata,
+        }
+    }
+
+    fn own_summary(&self) -> Summary {
         match self {
             Self::Eigenbasis(basis) => Summary {
                 rows: basis.vertices(),

@@ -107,8 +107,10 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
     options.cache_bytes = config.cache_bytes;
     options.least_free_bytes = config.least_free_bytes;
     options.queued_jobs_limit = Some(config.limits.max_queued_jobs as u64);
-    if let Some(fault) = &config.fault {
-        options.faults = Faults::parse(fault).map_err(|error| CliError::Usage(error.to_string()))?;
+    match config.fault.as_deref() {
+        Some("gpu-lost") => accelerator.lose_once(),
+        Some(fault) => options.faults = Faults::parse(fault).map_err(|error| CliError::Usage(error.to_string()))?,
+        None => {}
     }
     let store = Store::open(options).await.map_err(|error| service(&error))?;
     let workers = Arc::new(WorkerPool::start(

@@ -399,7 +399,8 @@ pub struct BasisResource {
     #[schema(value_type = Option<CertificateSchema>)]
     pub certificate: Value,
     /// What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-    /// harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface.
+    /// harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of any kind, where a graphics card took part in it or
+    /// failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
     #[schema(value_type = Option<Object>)]
     pub details: Value,
 }

@@ -12,6 +12,8 @@ mod documents;
 mod family;
 mod fields;
 mod garbage;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod jobs;
 mod journeys;
 mod meshes;

@@ -1,6 +1,6 @@
 //! The device of this process: opened once, given up when it fails, and the way back to the CPU.
 
-use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError, RwLock};
 
 use super::GpuChoice;
@@ -34,6 +34,7 @@ pub struct Accelerator {
     state: Mutex<State>,
     fallbacks: AtomicU64,
     reopenings_left: AtomicI64,
+    lose_once: AtomicBool,
 }
 
 struct State {
@@ -49,7 +50,13 @@ impl Accelerator {
     pub fn new(choice: GpuChoice) -> Self {
         let openings_left = if choice == GpuChoice::Off { 0 } else { 1 };
         let state = State { engine: None, reason: None, openings_left };
-        Self { choice, state: Mutex::new(state), fallbacks: AtomicU64::new(0), reopenings_left: REOPENINGS.into() }
+        Self {
+            choice,
+            state: Mutex::new(state),
+            fallbacks: AtomicU64::new(0),
+            reopenings_left: REOPENINGS.into(),
+            lose_once: AtomicBool::new(false),
+        }
     }
 
     /// No graphics card.
@@ -65,7 +72,7 @@ impl Accelerator {
     #[cfg(all(test, feature = "gpu"))]
     pub(super) fn with(engine: Engine, choice: GpuChoice) -> Self {
         let state = State { engine: Some(Arc::new(engine)), reason: None, openings_left: 0 };
-        Self { choice, state: Mutex::new(state), fallbacks: AtomicU64::new(0), reopenings_left: 0.into() }
+        Self { state: Mutex::new(state), reopenings_left: 0.into(), ..Self::new(choice) }
     }
 
     #[cfg(all(test, feature = "gpu"))]
@@ -73,6 +80,11 @@ impl Accelerator {
         if let Some(engine) = &self.state().engine {
             fault(&mut engine.device().faults.lock().unwrap_or_else(PoisonError::into_inner));
         }
+    }
+
+    /// Makes the next problem that reaches the device find it lost: for tests of whatever is built on this.
+    pub fn lose_once(&self) {
+        self.lose_once.store(true, Ordering::Relaxed);
     }
 
     /// What was chosen.
@@ -138,12 +150,12 @@ impl Accelerator {
         self.engine().filter(|engine| engine.wants_products(n, q))
     }
 
-    /// The device, if it should lift `q` columns to `n` rows.
-    pub(super) fn engine_for_lifting(&self, n: usize, q: usize) -> Option<Arc<Engine>> {
+    /// The device, if it should lift `q` columns to `n` rows by a matrix with so many entries.
+    pub(super) fn engine_for_lifting(&self, n: usize, entries: usize, q: usize) -> Option<Arc<Engine>> {
         if q < self.least_columns() || n < q {
             return None;
         }
-        self.engine().filter(|engine| engine.wants_lifting())
+        self.engine().filter(|engine| engine.wants_lifting(n, entries, q))
     }
 
     /// Counts and notes that work failed on the device.
@@ -176,7 +188,11 @@ impl SymmetricDefiniteSolver for Accelerator {
         let mut computed_on = ComputedOn::Cpu;
         if let Some(engine) = self.engine_for(pencil.l.rows(), count) {
             let adapter = engine.name().to_owned();
-            match engine.lowest(&pencil.a, &pencil.l, count, monitor) {
+            let solved = match self.lose_once.swap(false, Ordering::Relaxed) {
+                true => Err(GpuError::Lost { reason: "as a test asked for".into() }),
+                false => engine.lowest(&pencil.a, &pencil.l, count, monitor),
+            };
+            match solved {
                 Ok((values, vectors)) => {
                     let mut pairs = pencil.finish(values, vectors, monitor);
                     monitor.note(NOTE, &adapter);

@@ -81,10 +81,9 @@ impl Engine {
         self.device.adapter().f64 && self.speeds.as_ref().is_none_or(|speeds| speeds.products_are_faster(n, q))
     }
 
-    /// Whether lifting should run here. It reads what it writes from memory nearly as fast on either side, and the result has to travel: only
-    /// where the card was chosen by name.
-    pub(super) fn wants_lifting(&self) -> bool {
-        self.device.adapter().f64 && self.speeds.is_none()
+    /// Whether `q` columns should be lifted to `n` rows here, by a matrix with so many entries.
+    pub(super) fn wants_lifting(&self, n: usize, entries: usize, q: usize) -> bool {
+        self.device.adapter().f64 && self.speeds.as_ref().is_none_or(|speeds| speeds.lifting_is_faster(n, entries, q))
     }
 
     fn turn(&self) -> MutexGuard<'_, ()> {

@@ -48,7 +48,7 @@ impl Engine {
         match *self {}
     }
 
-    pub(super) fn wants_lifting(&self) -> bool {
+    pub(super) fn wants_lifting(&self, _: usize, _: usize, _: usize) -> bool {
         match *self {}
     }
 

@@ -72,7 +72,7 @@ impl Accelerator {
         coefficients: &DenseMatrix,
         monitor: &dyn Monitor,
     ) -> Result<PanelMatrix, Cancelled> {
-        if let Some(engine) = self.engine_for_lifting(space.rows(), coefficients.columns())
+        if let Some(engine) = self.engine_for_lifting(space.rows(), space.entries(), coefficients.columns())
             && coefficients.rows() == space.columns()
             && let Some(lifted) = self.attempt(&engine, monitor, || engine.lift(space, coefficients, monitor))?
         {

@@ -201,6 +201,7 @@ fn refine(
         (0..kept).map(|k| dot(x.column(k), y.column(k)) / dot(x.column(k), x.column(k))).collect();
     let mut worst = f64::INFINITY;
     for step in 0..MOST_STEPS {
+        monitor.detail(&format!("refinement, step {step}"));
         subtract_scaled(&mut y, &x, &theta);
         if step > 0 {
             let before = worst;

@@ -12,8 +12,8 @@ use super::recorder::Recorder;
 use super::refine;
 use super::self_test::matrix;
 use super::tridiagonal::reduce;
-use crate::algebra::DenseMatrix;
 use crate::algebra::eigen::{CpuSolver, SymmetricDefiniteSolver, tridiagonal_lowest};
+use crate::algebra::{DenseMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, panel_products};
 use crate::monitor::Unwatched;
 
 /// The size at which the CPU is measured: large enough for its threads to pay, and done in a few hundredths of a second.
@@ -55,6 +55,8 @@ pub(super) struct Speeds {
     transfer: f64,
     /// Operations per second of products on the CPU.
     cpu_products: f64,
+    /// Entries of a sparse matrix per second that meet a column on the CPU.
+    cpu_entries: f64,
     /// Seconds of the CPU for a problem of size one; they grow with the third power.
     cpu_seconds: f64,
 }
@@ -69,6 +71,7 @@ impl Speeds {
             memory: memory(device)?,
             transfer: transfer(device)?,
             cpu_products: cpu_products(),
+            cpu_entries: cpu_entries(),
             cpu_seconds: cpu() / (CPU_SIZE as f64).powi(3),
         })
     }
@@ -91,6 +94,14 @@ impl Speeds {
         device < 4.0 * n * q * q / self.cpu_products
     }
 
+    /// Whether the device should lift `q` columns to `n` rows by a matrix with so many entries. Either side reads a number for each entry and
+    /// column; what the device writes has to travel.
+    pub(super) fn lifting_is_faster(&self, n: usize, entries: usize, q: usize) -> bool {
+        let (work, written) = (entries as f64 * q as f64, 8.0 * n as f64 * q as f64);
+        let device = (8.0 * work + written) / self.memory + written / self.transfer;
+        self.double.is_some() && device < work / self.cpu_entries
+    }
+
     fn double_seconds(&self, rates: Rates, d: f64, count: f64) -> f64 {
         // Two triangular solves, the updates, the blocks' factors, then reflectors and a triangular solve for the vectors.
         let products = d * d * (2.0 * d + 4.0 / 3.0 * d + 0.3 * d + 3.0 * count);
@@ -100,19 +111,19 @@ impl Speeds {
     }
 
     fn single_seconds(&self, d: f64, count: f64) -> f64 {
-        // One step of refinement; some pairs more than are wanted.
+        // Two steps of refinement; some pairs more than are wanted.
         let m = 1.1 * count + 16.0;
-        // The updates, the blocks' factors, all vectors back, and the correction by those that are not wanted.
-        let products = d * (d * d * (4.0 / 3.0 + 0.3 + 2.0) + 4.0 * m * (d - m).max(0.0));
+        // The updates, the blocks' factors, all vectors back, and the corrections by those that are not wanted.
+        let products = d * (d * d * (4.0 / 3.0 + 0.3 + 2.0) + 8.0 * m * (d - m).max(0.0));
         let bytes = 4.0 / 3.0 * d * d * d;
-        let moved = 4.0 * d * (2.0 * d + 4.0 * m);
+        let moved = 4.0 * d * (2.0 * d + 8.0 * m);
         let device = d * self.single.column_seconds
             + bytes / self.memory
             + products / self.single.products
             + moved / self.transfer;
-        // The standard form, two products with it, Gram matrices and rotations, vectors back; and a problem of the size of what is refined.
-        let products = d * (d * d + 4.0 * d * m + 8.0 * m * m + d * count);
-        device + products / self.cpu_products + 1.5 * self.cpu_seconds * m.powi(3)
+        // The standard form, three products with it, Gram matrices and rotations, vectors back; and problems of the size of what is refined.
+        let products = d * (d * d + 6.0 * d * m + 16.0 * m * m + d * count);
+        device + products / self.cpu_products + 3.0 * self.cpu_seconds * m.powi(3)
     }
 }
 
@@ -185,6 +196,22 @@ fn cpu_products() -> f64 {
     2.0 * (CPU_SIZE as f64).powi(3) / seconds.fold(f64::INFINITY, f64::min).max(1e-9)
 }
 
+/// By lifting a panel of columns, each row from 16 of theirs.
+fn cpu_entries() -> f64 {
+    const ROWS: usize = 1 << 15;
+    const EACH: usize = 16;
+    let places = (0..ROWS * EACH).map(|k| (k / EACH / 64 + k % EACH) as u32).collect();
+    let starts = (0..=ROWS).map(|row| row * EACH).collect();
+    let space = SparseMatrix::from_sorted_parts(ROWS, ROWS / 64 + EACH, starts, places, vec![0.5f32; ROWS * EACH]);
+    let columns = PanelMatrix::zeros(space.columns(), 2 * PANEL_WIDTH);
+    let seconds = (0..3).map(|_| {
+        let began = Instant::now();
+        std::hint::black_box(panel_products::prolong(&space, &columns));
+        began.elapsed().as_secs_f64()
+    });
+    (space.entries() * columns.columns()) as f64 / seconds.fold(f64::INFINITY, f64::min).max(1e-9)
+}
+
 /// Seconds of the CPU for what the device would do.
 fn cpu() -> f64 {
     let d = CPU_SIZE;
@@ -224,6 +251,7 @@ mod tests {
             memory: 2e12,
             transfer: 1e10,
             cpu_products: 1e11,
+            cpu_entries: 1e10,
             cpu_seconds: 4e-10,
         };
         assert_eq!((fast.best(100, 50), fast.best(2000, 1000)), (None, Some(Precision::Double)));
@@ -239,5 +267,8 @@ mod tests {
         assert!(!without.products_are_faster(1_000_000, 1000));
         assert!(fast.products_are_faster(1_000_000, 1000) && !slow.products_are_faster(1_000_000, 1000));
         assert!(!fast.products_are_faster(1_000_000, 32));
+        // What is lifted has to travel, which takes about as long as lifting it.
+        assert!(fast.lifting_is_faster(1_000_000, 16_000_000, 500));
+        assert!(!Speeds { transfer: 3e9, ..fast }.lifting_is_faster(1_000_000, 16_000_000, 500));
     }
 }

@@ -186,6 +186,36 @@ fn a_device_with_f32_alone_gives_pairs_of_f64() {
     assert_eq!(solver.fallbacks(), 0);
 }
 
+/// `cargo test --release --features gpu --lib gpu::tests::steps -- --ignored --nocapture`: how many products with the matrix a refinement takes,
+/// at sizes that the software driver needs a while for. docs/decisions/0019 stands on it.
+#[test]
+#[ignore = "measures"]
+fn steps_of_refinement_at_larger_sizes() {
+    #[derive(Default)]
+    struct Steps(std::sync::Mutex<Vec<String>>);
+    impl Monitor for Steps {
+        fn stage(&self, _: &'static str) {}
+        fn progress(&self, _: f64) {}
+        fn detail(&self, text: &str) {
+            self.0.lock().unwrap().push(text.to_owned());
+        }
+        fn checkpoint(&self) -> Result<(), Cancelled> {
+            Ok(())
+        }
+    }
+    let Some(device) = open_in_f32() else { return };
+    let solver = accelerator_of(device);
+    for (d, count) in [(500, 50), (500, 250), (1000, 100), (1000, 500)] {
+        // The values of a surface's Laplacian grow linearly.
+        let values: Vec<f64> = (0..d).map(|k| k as f64 + 0.3 * (k as f64).sin()).collect();
+        let (a, b) = pencil(&values, 1);
+        let steps = Steps::default();
+        let pairs = solver.lowest(a.clone(), b.clone(), count, &steps).unwrap();
+        check(&a, &b, &pairs, count);
+        println!("{count} of {d}: {:?}, {:?}", steps.0.lock().unwrap().last(), pairs.computed_on);
+    }
+}
+
 #[test]
 fn what_f32_cannot_tell_apart_is_refined_or_comes_back_to_the_cpu() {
     let Some(device) = open_in_f32() else { return };
@@ -356,6 +386,7 @@ fn both_sides_are_measured_and_a_device_in_software_gets_nothing() {
     println!("{speeds:?}");
     if device.adapter().software {
         assert!(speeds.best(4000, 2000).is_none() && !speeds.products_are_faster(1_000_000, 500), "{speeds:?}");
+        assert!(!speeds.lifting_is_faster(1_000_000, 16_000_000, 500), "{speeds:?}");
     }
 }
 
