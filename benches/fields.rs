@@ -105,7 +105,7 @@ fn row(name: &str, surface: &FieldSurface, kind: FieldKind, dimension: usize) {
     stages.stage("ready");
     // Beyond a few thousand dimensions the sparse way is ready at once.
     let model = if basis.space.dimension() > 3000 {
-        DesignModel::sparse(&basis).unwrap()
+        DesignModel::sparse(&basis)
     } else {
         DesignModel::new(&basis, &Unwatched).unwrap()
     };

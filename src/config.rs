@@ -92,7 +92,7 @@ pub struct Config {
     #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Work")]
     pub threads: usize,
 
-    /// Threads of their own for synchronous solves, so that jobs never starve them; 0 for a quarter of the cores, at least one
+    /// Threads of their own for synchronous solves, which go before those of jobs; 0 for half of the cores, at least two
     #[arg(long, value_name = "N", env = "CHLADNI_SOLVE_THREADS", default_value_t = 0, help_heading = "Work")]
     pub solve_threads: usize,
 
@@ -249,9 +249,9 @@ impl Config {
         if self.threads > 0 { self.threads } else { cores() }
     }
 
-    /// Threads of the pool of synchronous solves: what was asked for, or a quarter of the cores, at least one.
+    /// Threads of the pool of synchronous solves: what was asked for, or half of the cores, at least two where there are two.
     pub fn reduced_solve_threads(&self) -> usize {
-        if self.solve_threads > 0 { self.solve_threads } else { (cores() / 4).max(1) }
+        if self.solve_threads > 0 { self.solve_threads } else { (cores() / 2).max(2.min(cores())) }
     }
 
     /// Refuses settings that contradict each other, in a sentence.

@@ -27,9 +27,6 @@ use super::pencil::Pencil;
 /// The largest dimension that gets Ritz coordinates: the eigenproblem of the set-up is dense, `O(d³)`.
 pub const MOST_DIMENSIONS: usize = 8192;
 
-/// The largest dimension that is designed in.
-pub const MOST_SPARSE: usize = 40_000;
-
 /// Why there is no design.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DesignError {
@@ -189,18 +186,11 @@ impl DesignModel {
         Ok(Self { kind: basis.kind, dimension: d, ritz, pencil: None })
     }
 
-    /// A model without Ritz coordinates, for spaces of up to [`MOST_SPARSE`] dimensions: ready at once, but every choice of weights takes a sparse
-    /// factorisation.
-    ///
-    /// # Errors
-    /// [`DesignError::Dimension`].
-    pub fn sparse(basis: &FieldBasis) -> Result<Self, DesignError> {
+    /// A model without Ritz coordinates, for spaces of any size: ready at once, but every choice of weights takes a sparse factorisation.
+    pub fn sparse(basis: &FieldBasis) -> Self {
         let d = basis.stiffness.rows();
-        if d > MOST_SPARSE {
-            return Err(DesignError::Dimension { dimension: d, most: MOST_SPARSE });
-        }
         let ritz = Arc::new(RitzFields { values: Vec::new(), vectors: Vec::new() });
-        Ok(Self { kind: basis.kind, dimension: d, ritz, pencil: Some(Arc::new(Pencil::new(basis))) })
+        Self { kind: basis.kind, dimension: d, ritz, pencil: Some(Arc::new(Pencil::new(basis))) }
     }
 
     /// A model from eigenpairs that were computed before. `None` unless they are `d × d`.

@@ -22,11 +22,12 @@ mod smooth;
 mod space;
 mod streamline;
 mod weighted;
+mod whole;
 
 pub use adaptive::adaptive_weights;
 pub use alignment::{Alignment, Prescription};
 pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis, literal_biharmonic};
-pub use design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, MOST_SPARSE};
+pub use design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS};
 pub use drawing::{Camera, MOST_PIXELS, svg};
 pub use harmonic::{HarmonicError, MOST_HARMONIC, harmonic_fields};
 pub use heat::FieldHeat;
@@ -40,5 +41,6 @@ pub use reading::{
 pub use singularity::{Singularity, singularities};
 pub use streamline::{HatchingParameters, Streamline, StreamlineError, streamlines};
 pub use weighted::WeightedModel;
+pub use whole::whole_space;
 
 pub use crate::basis::{FieldBasis, FieldSpace, SpaceError};

@@ -5,6 +5,7 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -93,7 +94,7 @@ pub fn answer_type<'o>(headers: &HeaderMap, raw_request: bool, others: &[&'o str
 
 /// An answer's bytes with what describes them.
 pub struct Answer {
-    bytes: Vec<u8>,
+    bytes: Bytes,
     media_type: &'static str,
     headers: Vec<(&'static str, String)>,
     seconds: f64,
@@ -101,7 +102,8 @@ pub struct Answer {
 
 impl Answer {
     /// Bytes of any media type; `begin` is when the work began.
-    pub fn new(bytes: Vec<u8>, media_type: &'static str, begin: Instant) -> Self {
+    pub fn new(bytes: impl Into<Bytes>, media_type: &'static str, begin: Instant) -> Self {
+        let bytes = bytes.into();
         Self { bytes, media_type, headers: Vec::new(), seconds: begin.elapsed().as_secs_f64() }
     }
 
@@ -119,7 +121,7 @@ impl Answer {
     /// None in practice.
     pub fn json(value: &impl Serialize, begin: Instant) -> Result<Self, Problem> {
         let seconds = begin.elapsed().as_secs_f64();
-        let bytes = serde_json::to_vec(value).map_err(Problem::internal)?;
+        let bytes = serde_json::to_vec(value).map_err(Problem::internal)?.into();
         Ok(Self { bytes, media_type: JSON, headers: Vec::new(), seconds })
     }
 

@@ -278,7 +278,7 @@ fn answer(
         if raw { frames.extend_from_slice(&frame) } else { answer.displacements.get_or_insert_default().push(frame) }
     }
     if raw {
-        let bytes = frames.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let bytes: Vec<u8> = frames.iter().flat_map(|x| x.to_le_bytes()).collect();
         return Ok(Answer::new(bytes, OCTETS, begin)
             .with("chladni-rows", request.times.len())
             .with("chladni-columns", columns)

@@ -203,6 +203,32 @@ async fn n_fields_and_tensors_are_aligned_to_curvature_and_singular_where_it_is_
 }
 
 #[tokio::test]
+async fn the_literal_biharmonic_energy_can_be_asked_for_and_is_larger() {
+    let app = builder().start();
+    let mesh = shape(&app, Shape::Sphere, 642).await;
+    let basis = made(&app, &mesh, json!({"field": "n_vector", "n": 4, "dimension": 120})).await;
+    let request = |energy: &str, alignment: Value| {
+        json!({
+            "weights": {"harmonic": 0.0, "biharmonic": 1.0, "biharmonic_energy": energy},
+            "strokes": [{"face": 17, "frame_direction": [1.0, 0.0]}, {"face": 900, "frame_direction": [0.0, 1.0]}],
+            "alignment": alignment,
+        })
+    };
+    let curvature =
+        json!({"to": "curvature", "weight": 1.0, "per_face": vec![1.0; mesh["faces"].as_u64().unwrap() as usize]});
+    for alignment in [Value::Null, curvature] {
+        let mut energies = Vec::new();
+        // Projected, literal, and the former again, which what is kept of the latter must not change.
+        for energy in ["projected", "literal", "projected"] {
+            let answer = designed(&app, &basis, "", request(energy, alignment.clone())).await;
+            energies.push(answer["biharmonic_energy"].as_f64().unwrap());
+        }
+        assert!(energies[1] > 1.01 * energies[0], "{energies:?}");
+        assert_eq!(energies[0], energies[2], "{energies:?}");
+    }
+}
+
+#[tokio::test]
 async fn what_cannot_be_designed_is_a_problem_that_names_it() {
     let app = builder().start();
     let mesh = shape(&app, Shape::Sphere, 162).await;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
 
-use crate::field::{Alignment, FieldSurface, Prescription, WeightedModel};
+use crate::field::{Alignment, DesignModel, FieldSurface, Prescription, WeightedModel};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::mesh::nearest::FaceTree;
@@ -29,6 +29,7 @@ enum Kept {
     Alignment(Arc<Alignment>),
     Prescription(Arc<Prescription>),
     Weighted(Arc<WeightedModel>),
+    Model(DesignModel),
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -144,6 +145,25 @@ pub async fn weighted(
     };
     match state.fields.get(format!("weighted {key}"), made).await? {
         Kept::Weighted(model) => Ok(model),
+        _ => Err(Problem::internal("the cache holds something else than a model")),
+    }
+}
+
+/// A model that is not the stored one by its key, made by `make` on the pool of solves, with the bytes that it takes.
+///
+/// # Errors
+/// Whatever `make` answers.
+pub async fn model(
+    state: &AppState,
+    key: String,
+    make: impl FnOnce() -> Result<(DesignModel, u64), Problem> + Send + 'static,
+) -> Result<DesignModel, Problem> {
+    let made = async {
+        let (model, bytes) = state.solve("energy", make).await?;
+        Ok((Kept::Model(model), bytes))
+    };
+    match state.fields.get(format!("model {key}"), made).await? {
+        Kept::Model(model) => Ok(model),
         _ => Err(Problem::internal("the cache holds something else than a model")),
     }
 }

@@ -5,6 +5,7 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
+use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -173,7 +174,7 @@ async fn design(
 
 /// A raw answer with its shape.
 pub fn described(
-    bytes: Vec<u8>,
+    bytes: impl Into<Bytes>,
     faces: usize,
     form: Form,
     kind: crate::operator::transport::FieldKind,

@@ -1,5 +1,6 @@
 //! Stored numbers of a field as a client reads them, face after face.
 
+use bytes::Bytes;
 use rayon::prelude::*;
 use serde::Deserialize;
 use utoipa::ToSchema;
@@ -120,11 +121,18 @@ fn tensor(frames: &FaceFrames, face: usize, form: Form, t: [f64; 3], out: &mut [
     }
 }
 
-/// Single-precision numbers as little-endian bytes.
-pub fn to_bytes(numbers: Vec<f32>) -> Vec<u8> {
+/// Single-precision numbers as little-endian bytes, not copied where the machine stores them so.
+pub fn to_bytes(numbers: Vec<f32>) -> Bytes {
+    struct Numbers(Vec<f32>);
+
+    impl AsRef<[u8]> for Numbers {
+        fn as_ref(&self) -> &[u8] {
+            bytemuck::cast_slice(&self.0)
+        }
+    }
+
     if cfg!(target_endian = "little") {
-        // One copy; the allocation cannot change its alignment.
-        return bytemuck::cast_slice(&numbers).to_vec();
+        return Bytes::from_owner(Numbers(numbers));
     }
     numbers.into_iter().flat_map(f32::to_le_bytes).collect()
 }

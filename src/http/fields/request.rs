@@ -44,6 +44,28 @@ pub struct Weights {
     #[serde(default)]
     #[schema(default = 0.0, minimum = 0.0)]
     pub biharmonic: f64,
+    /// Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the literal one of the whole mesh
+    /// restricted to the space, which sees the noise of its columns. The second is for comparison; every choice of weights costs a factorisation.
+    #[serde(default)]
+    pub biharmonic_energy: BiharmonicEnergy,
+}
+
+/// Which biharmonic energy.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BiharmonicEnergy {
+    /// `S̄ M̄⁻¹ S̄`.
+    #[default]
+    Projected,
+    /// `UᵀSM⁻¹SU`.
+    Literal,
+}
+
+impl Weights {
+    /// Whether the design has to do with the literal biharmonic energy.
+    pub fn literal(&self) -> bool {
+        self.biharmonic > 0.0 && self.biharmonic_energy == BiharmonicEnergy::Literal
+    }
 }
 
 fn one() -> f64 {
@@ -52,7 +74,7 @@ fn one() -> f64 {
 
 impl Default for Weights {
     fn default() -> Self {
-        Self { harmonic: 1.0, biharmonic: 0.0 }
+        Self { harmonic: 1.0, biharmonic: 0.0, biharmonic_energy: BiharmonicEnergy::default() }
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use serde::Deserialize;
+
 use super::cache::{self, Surface};
 use super::request::{
     AlignmentRequest, DesignRequest, NamedTarget, NamedWeights, PerFace, SingularVertex, Target, refused,
@@ -10,12 +12,13 @@ use crate::basis::ProductKind;
 use crate::basis::StoredFields;
 use crate::field::{
     Alignment, Constraint, Design, DesignError, DesignModel, DirectionField, EnergyWeights, Prescribed,
-    PrescribedField, Prescription, curvature_tensors, direction_in_frame, principal_directions,
+    PrescribedField, Prescription, curvature_tensors, direction_in_frame, literal_biharmonic, principal_directions,
 };
 use crate::http::bases::{basis_id, find_kind};
 use crate::http::problem::{self, Problem};
 use crate::http::state::AppState;
 use crate::monitor::Unwatched;
+use crate::operator::hodge::FieldBoundary;
 use crate::operator::transport::FieldKind;
 
 /// A field basis at hand, with the surface it lives on.
@@ -62,7 +65,7 @@ impl Ready {
         let ritz = self.fields.ritz.clone();
         match ritz.and_then(|ritz| DesignModel::from_ritz(self.kind(), ritz)) {
             Some(model) => Ok(model),
-            None => Ok(DesignModel::sparse(&self.fields.basis)?),
+            None => Ok(DesignModel::sparse(&self.fields.basis)),
         }
     }
 
@@ -91,13 +94,14 @@ pub struct Designed {
 /// # Errors
 /// `invalid-design/…` names what does not fit.
 pub async fn design(state: &AppState, ready: &Ready, request: &DesignRequest) -> Result<Designed, Problem> {
-    let model = ready.model()?;
+    let literal = request.weights.literal();
+    let model = if literal { literal_model(state, ready).await? } else { ready.model()? };
     let constraints = request.resolve(&ready.surface, ready.kind())?;
     let weights = EnergyWeights { harmonic: request.weights.harmonic, biharmonic: request.weights.biharmonic };
     let Towards { key, alignment, prescription, per_face } = towards(state, ready, &model, request).await?;
-    let weighted = if per_face || ready.fields.ritz.is_none() {
+    let weighted = if per_face || literal || ready.fields.ritz.is_none() {
         let shares = [&alignment.as_ref().map_or(0.0, |a| a.1), &prescription.as_ref().map_or(0.0, |p| p.1)];
-        let key = format!("{key} {:?} {:?} {shares:?}", weights.harmonic, weights.biharmonic);
+        let key = format!("{key} {:?} {:?} {literal} {shares:?}", weights.harmonic, weights.biharmonic);
         let make = move || {
             let weighted = model.weighted_with(weights, alignment.into_iter().collect(), prescription)?;
             let bytes = weighted.bytes();
@@ -122,6 +126,19 @@ pub async fn design(state: &AppState, ready: &Ready, request: &DesignRequest) ->
             }
         })
         .await
+}
+
+/// The model whose biharmonic energy is that of the whole mesh.
+async fn literal_model(state: &AppState, ready: &Ready) -> Result<DesignModel, Problem> {
+    let own = ready.clone();
+    let make = move || {
+        let boundary = FieldBoundary::deserialize(&own.fields.metadata["parameters"]["boundary"]).unwrap_or_default();
+        let basis = &own.fields.basis;
+        let energy = literal_biharmonic(&own.surface.surface, basis, boundary, &Unwatched)?;
+        let bytes = 12 * (energy.entries() + basis.stiffness.entries() + basis.mass.entries()) as u64;
+        Ok((own.model()?.with_biharmonic(basis, energy)?, bytes))
+    };
+    cache::model(state, format!("{} literal", ready.id), make).await
 }
 
 /// What a request wants to be close to.
@@ -152,7 +169,9 @@ async fn towards(
         }
         (Some(wanted), None) => {
             weight_of(wanted.weight, "alignment.weight")?;
-            towards.key = format!("{} {}", ready.id, fingerprint(wanted));
+            // With weights per face an alignment brings the energies that it is added to.
+            let energy = if request.weights.literal() { " literal" } else { "" };
+            towards.key = format!("{}{energy} {}", ready.id, fingerprint(wanted));
             let own = wanted.clone();
             let make = move || {
                 let field = target(&ready, &own)?;

@@ -20,7 +20,7 @@ use crate::operator::transport::{FieldKind, MOST_VECTORS};
 /// The most columns that one job may ask for.
 pub const LARGEST_FIELD_DIMENSION: usize = 40_000;
 
-/// The columns of a job that does not say how many.
+/// The columns of a job that does not say how many, on meshes that are not small.
 const DIMENSION: usize = 1000;
 
 /// The `n` of n-vectors of a job that does not say.
@@ -30,6 +30,8 @@ const CROSS: u32 = 4;
 #[derive(Debug, Clone, PartialEq)]
 pub struct FieldBasisParameters {
     space: FieldParameters,
+    /// Whether the job does not say how many columns: small meshes then get fewer.
+    open: bool,
     /// Fields that the weights of faces are derived from, in the frames of the faces; empty where there are none.
     examples: Vec<Vec<f64>>,
 }
@@ -85,7 +87,13 @@ impl FieldBasisParameters {
         if !examples.is_empty() && made.weights.is_some() {
             return Err(value("examples", "stand in the place of weights; there are both".to_owned()));
         }
-        Ok(Self { space: made, examples })
+        Ok(Self { space: made, open: request.dimension.is_none(), examples })
+    }
+
+    /// The columns on a mesh: what was asked for, or the default and at most a quarter of the numbers of a field.
+    fn dimension(&self, faces: usize) -> usize {
+        let block = self.space.field.block();
+        if self.open { self.space.dimension.min((block * faces / 4).max(block)) } else { self.space.dimension }
     }
 
     /// What is stored in a face.
@@ -145,7 +153,7 @@ impl Work for FieldBasisParameters {
         let mut request = Request {
             field: name,
             n,
-            dimension: Some(parameters.dimension),
+            dimension: (!self.open).then_some(parameters.dimension),
             boundary: vector.then_some(parameters.boundary),
             harmonic_fields: vector.then_some(parameters.harmonic_fields),
             weights: parameters.weights.clone(),
@@ -166,9 +174,9 @@ impl Work for FieldBasisParameters {
 
     fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
         let most = self.space.field.block() * mesh.faces;
-        if self.space.dimension > most {
-            let reason =
-                format!("{} is more than the {most} numbers of a field on {} faces", self.space.dimension, mesh.faces);
+        let dimension = self.dimension(mesh.faces);
+        if dimension > most {
+            let reason = format!("{dimension} is more than the {most} numbers of a field on {} faces", mesh.faces);
             return Err(value("dimension", reason));
         }
         let wanted = self.space.field.block() * mesh.faces;
@@ -186,7 +194,7 @@ impl Work for FieldBasisParameters {
 
     fn memory_bytes(&self, mesh: MeshSize) -> u64 {
         let (n, f) = (mesh.vertices as u64, mesh.faces as u64);
-        let (b, d) = (self.space.field.block() as u64, self.space.dimension as u64);
+        let (b, d) = (self.space.field.block() as u64, self.dimension(mesh.faces) as u64);
         // Mesh, dual graph and frames, twice: as given and in the order of a curve.
         let surface = 2 * (24 * n + 12 * f + f * (3 * 12 + 6 * 8 + 8 + 16));
         // The operator with its coarser levels: three neighbours and itself, a third more for the levels.
@@ -206,12 +214,11 @@ impl Work for FieldBasisParameters {
     fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {
         monitor.stage("surface");
         let surface = FieldSurface::new(mesh.clone())?;
-        let basis = if self.examples.is_empty() {
-            field_basis(&surface, &self.space, monitor)?
-        } else {
-            let weights = adaptive_weights(&surface, self.space.field, &self.examples, monitor)?;
-            field_basis(&surface, &FieldParameters { weights: Some(weights), ..self.space.clone() }, monitor)?
-        };
+        let mut space = FieldParameters { dimension: self.dimension(surface.faces()), ..self.space.clone() };
+        if !self.examples.is_empty() {
+            space.weights = Some(adaptive_weights(&surface, space.field, &self.examples, monitor)?);
+        }
+        let basis = field_basis(&surface, &space, monitor)?;
         drop(surface);
         let ritz = if basis.space.dimension() <= MOST_DIMENSIONS {
             Some(DesignModel::new(&basis, monitor)?.ritz().clone())
@@ -290,6 +297,7 @@ mod tests {
         let check = |parameters| FieldBasisParameters::parse(&parameters).unwrap().check_mesh(size);
         assert!(check(json!({"dimension": 16})).is_ok());
         assert!(check(json!({"dimension": 17})).unwrap_err().to_string().contains("8 faces"));
+        assert!(check(json!({})).is_ok(), "the default is at most what a small mesh has");
         assert!(check(json!({"dimension": 4, "weights": [1.0]})).unwrap_err().to_string().contains("1 values"));
         let short = check(json!({"dimension": 4, "examples": [vec![1.0; 16], vec![1.0; 8]]})).unwrap_err().to_string();
         assert!(short.contains("field 1 has 8 numbers where 16"), "{short}");
