@@ -1,7 +1,8 @@
 //! How far designs in field bases are from those in the space of all fields, in percent of the L² norm: `CHLADNI_MESHES=… cargo bench --bench field_accuracy`.
 //!
 //! `CHLADNI_ACCURACY_MESHES`, files separated by commas; `CHLADNI_ACCURACY_FIELDS`, `vector`, `tensor` or the `n` of n-vectors;
-//! `CHLADNI_ACCURACY_BASES`, of `heat`, `accurate` and `local` with `local:SIGMA`; `CHLADNI_ACCURACY_DIMENSION`.
+//! `CHLADNI_ACCURACY_BASES`, of `heat`, `accurate` and `local`, with details as in `local:SIGMA` and `heat:tolerance=0.003/degree=8`;
+//! `CHLADNI_ACCURACY_DIMENSION`.
 //!
 //! - Projection: fields of least energy `B + M` under 10 to 50 random constraints, projected to the space; mean and largest of ten.
 //! - Smoothing: minimisers of (3.8) close to such a field with noise of its own size, with weights for the energies `S`, both, and `B`.
@@ -51,7 +52,7 @@ fn main() {
             for basis in setting("CHLADNI_ACCURACY_BASES", "heat,accurate,local").split(',') {
                 let mut parameters = FieldParameters::new(kind, dimension);
                 parameters.construction = match basis.split_once(':').unwrap_or((basis, "")) {
-                    ("heat", _) => Construction::Heat(FieldHeat::default()),
+                    ("heat", details) => Construction::Heat(with_details(FieldHeat::default(), details)),
                     ("accurate", _) => Construction::Heat(FieldHeat::accurate()),
                     ("local", "") => Construction::LocalEigenfields(LocalEigenfields::default()),
                     (_, sigma) => Construction::LocalEigenfields(LocalEigenfields {
@@ -71,6 +72,15 @@ fn main() {
             }
         }
     }
+}
+
+/// Some members of a construction in the place of its defaults, as `tolerance=0.003/degree=8`.
+fn with_details(heat: FieldHeat, details: &str) -> FieldHeat {
+    let mut members = serde_json::to_value(heat).unwrap();
+    for (name, value) in details.split('/').filter_map(|detail| detail.split_once('=')) {
+        members[name] = serde_json::from_str(value).expect("a number");
+    }
+    serde_json::from_value(members).expect("members of the construction")
 }
 
 /// SplitMix64: the same fields each time.

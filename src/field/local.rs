@@ -10,7 +10,7 @@ use crate::operator::frames::FaceFrames;
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::transport_block;
 
-use super::heat::carry_frame;
+use super::heat::{DUAL_TO_SURFACE, carry_frame};
 use super::hierarchy::{hierarchy, scaled_identity};
 use super::smooth::{Heat, Small};
 use super::space::Column;
@@ -29,7 +29,7 @@ const TOLERANCE: f64 = 3e-3;
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "snake_case")]
 pub struct LocalEigenfields {
-    /// The radius of disks, along the dual graph, is `√(σ · area / (π d))`.
+    /// The radius of disks on the surface is `√(σ · area / (π d))`: about σ numbers a row.
     pub sigma: f64,
     /// Inverse iterations, from the frame of the centre carried along and damped towards the rim.
     pub iterations: usize,
@@ -63,7 +63,8 @@ pub(super) fn columns<const B: usize>(
     let levels = hierarchy(operator, dual, frames, NODES_PER_SAMPLE * samples.len(), monitor)?;
     monitor.stage("columns");
     let dimension = (B * samples.len().max(1)) as f64;
-    let wanted = (parameters.sigma / (std::f64::consts::PI * dimension)).sqrt();
+    // As far along the dual graph, whose paths are longer.
+    let wanted = (parameters.sigma / (std::f64::consts::PI * dimension)).sqrt() / f64::from(DUAL_TO_SURFACE);
     let covering = DiskGrower::new(distances).farthest_distance(distances, samples);
     let radius = wanted.max(1.001 * f64::from(covering));
     let heat = Heat::new(&levels, TIME * radius * radius);

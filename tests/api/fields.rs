@@ -210,20 +210,22 @@ async fn the_literal_biharmonic_energy_can_be_asked_for_and_is_larger() {
     let request = |energy: &str, alignment: Value| {
         json!({
             "weights": {"harmonic": 0.0, "biharmonic": 1.0, "biharmonic_energy": energy},
-            "strokes": [{"face": 17, "frame_direction": [1.0, 0.0]}, {"face": 900, "frame_direction": [0.0, 1.0]}],
+            "constraints": [{"face": 17, "frame_direction": [1.0, 0.0]}, {"face": 900, "frame_direction": [0.0, 1.0]}],
             "alignment": alignment,
         })
     };
     let curvature =
         json!({"to": "curvature", "weight": 1.0, "per_face": vec![1.0; mesh["faces"].as_u64().unwrap() as usize]});
     for alignment in [Value::Null, curvature] {
+        let free = alignment.is_null();
         let mut energies = Vec::new();
         // Projected, literal, and the former again, which what is kept of the latter must not change.
         for energy in ["projected", "literal", "projected"] {
             let answer = designed(&app, &basis, "", request(energy, alignment.clone())).await;
             energies.push(answer["biharmonic_energy"].as_f64().unwrap());
         }
-        assert!(energies[1] > 1.01 * energies[0], "{energies:?}");
+        // Without an alignment it is this energy alone that is least, and of every field the literal one is the larger.
+        assert!(if free { energies[1] > 1.01 * energies[0] } else { energies[1] != energies[0] }, "{energies:?}");
         assert_eq!(energies[0], energies[2], "{energies:?}");
     }
 }
