@@ -110,8 +110,11 @@ impl Tridiagonal {
                 }
                 let below = self.below(&middle);
                 for lane in 0..LANES {
-                    let side = if below[lane] > (group * LANES + lane) as f64 { &mut high } else { &mut low };
-                    side[lane] = middle[lane];
+                    if below[lane] > (group * LANES + lane) as f64 {
+                        high[lane] = middle[lane];
+                    } else {
+                        low[lane] = middle[lane];
+                    }
                 }
             }
             values.iter_mut().zip(low.iter().zip(&high)).for_each(|(value, (low, high))| *value = 0.5 * (low + high));
