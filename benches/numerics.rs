@@ -2,18 +2,25 @@
 //!
 //! The surface has genus 3 and about 100,000 vertices; `CHLADNI_BENCH_VERTICES` asks for another size.
 
-use std::sync::LazyLock;
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock, Mutex};
 
 use chladni::{
-    algebra::{CpuSolver, DenseMatrix, SparseMatrix, SymmetricDefiniteSolver},
+    algebra::{CpuSolver, DenseMatrix, SparseMatrix, SymmetricDefiniteSolver, lowest_symmetric},
+    analysis::distance::SpectralDistance,
     analysis::family::{Member, spectrum},
     analysis::filter::{Transfer, filter},
+    analysis::functional_map::{MapRequest, functional_map},
+    analysis::geodesic::geodesic,
+    analysis::signature::Signature,
     basis::family::FamilyBasis,
     basis::modal::{ModalBasis, ModalFunctions},
     basis::{Basis, Compact, Functions},
     mesh::{
         TriangleMesh,
+        check::{CheckOptions, check},
         connectivity::Connectivity,
+        read::{MeshFormat, ReadLimits, read},
         shape::{Shape, generate},
     },
     monitor::Unwatched,
@@ -134,16 +141,85 @@ fn frame_of_500_modes(bencher: Bencher) {
     bencher.bench_local(|| lifter.lift(&q, &mut out));
 }
 
-/// The lowest 100 pairs of a member of a family, d = 1000.
-#[divan::bench(max_time = 3, args = [0.01, 0.5, 1.0])]
-fn family_spectrum(bencher: Bencher, t: f64) {
-    static FAMILY: LazyLock<FamilyBasis> = LazyLock::new(|| {
-        let space = Space::Heat(HeatParameters::default());
-        let parameters = ApproximationParameters { count: DIMENSION, dimension: DIMENSION, space, seed: 0 };
-        restrict_family(&CASE.mesh, &family(&CASE.mesh, &Unwatched).unwrap(), &parameters, &Unwatched).unwrap()
-    });
-    LazyLock::force(&FAMILY);
-    bencher.bench(|| spectrum(&FAMILY, Member { extrinsic: t, curvature: 0.0 }, 100));
+/// The lowest 100 pairs of members of a family, d = 1000, on a knot of 20,000 vertices and, where `CHLADNI_MESHES` names their folder, on real
+/// meshes: the extrinsic parameter and the factor of the curvature potential (at unit area).
+#[divan::bench(max_time = 1, args = ["knot", "armadillo.obj", "bunny.obj"], consts = [0, 1, 2, 3, 4, 5, 6])]
+fn family_spectrum<const MEMBER: usize>(bencher: Bencher, name: &str) {
+    static FAMILIES: LazyLock<Mutex<HashMap<String, Arc<FamilyBasis>>>> = LazyLock::new(Mutex::default);
+    let family = {
+        let mut families = FAMILIES.lock().unwrap();
+        match families.get(name) {
+            Some(family) => family.clone(),
+            None => {
+                let Some(found) = restricted_family(name) else { return };
+                families.entry(name.to_owned()).or_insert(Arc::new(found)).clone()
+            }
+        }
+    };
+    let [extrinsic, curvature] = MEMBERS[MEMBER];
+    bencher.bench(|| spectrum(&family, Member { extrinsic, curvature }, 100));
+}
+
+/// `t` and `v`.
+const MEMBERS: [[f64; 2]; 7] = [[0.0, 0.0], [0.01, 0.0], [0.1, 0.0], [0.5, 0.0], [1.0, 0.0], [0.0, 0.1], [0.0, 1.0]];
+
+fn restricted_family(name: &str) -> Option<FamilyBasis> {
+    let mesh = match name {
+        "knot" => generate(Shape::Knot, 20_000).unwrap(),
+        file => {
+            let path = std::path::PathBuf::from(std::env::var_os("CHLADNI_MESHES")?).join(file);
+            let format = MeshFormat::from_extension(path.extension()?.to_str()?)?;
+            let raw = read(&std::fs::read(path).ok()?, format, &ReadLimits::default()).unwrap();
+            check(raw, &CheckOptions::default()).unwrap().mesh
+        }
+    };
+    let space = Space::Heat(HeatParameters::default());
+    let parameters = ApproximationParameters { count: DIMENSION, dimension: DIMENSION, space, seed: 0 };
+    Some(restrict_family(&mesh, &family(&mesh, &Unwatched).unwrap(), &parameters, &Unwatched).unwrap())
+}
+
+/// The lowest 100 pairs of a symmetric matrix of size 1000.
+#[divan::bench(max_time = 3)]
+fn lowest_100_of_1000(bencher: Bencher) {
+    bencher.with_inputs(|| CASE.stiffness.to_dense()).bench_values(|a| lowest_symmetric(a, 100, &Unwatched));
+}
+
+/// Sums of squares of 500 modes everywhere, for so many columns of weights.
+#[divan::bench(max_time = 2, args = [1, 3, 8, 16])]
+fn squares(bencher: Bencher, columns: usize) {
+    let signature = Signature::heat_kernel(&CASE.basis.eigenvalues, columns, false).unwrap();
+    bencher.bench(|| signature.everywhere(&CASE.basis));
+}
+
+/// Biharmonic distances from so many sources.
+#[divan::bench(max_time = 2, args = [1, 10])]
+fn biharmonic(bencher: Bencher, sources: u32) {
+    let sources: Vec<u32> = (0..sources).map(|k| 1000 * k).collect();
+    bencher.bench(|| SpectralDistance::Biharmonic.from_sources(&CASE.basis, &sources));
+}
+
+/// Geodesic distances from so many sources.
+#[divan::bench(max_time = 2, args = [1, 10])]
+fn geodesic_distance(bencher: Bencher, sources: u32) {
+    let sources: Vec<u32> = (0..sources).map(|k| 1000 * k).collect();
+    bencher.bench(|| geodesic(&CASE.basis, &CASE.mesh, &sources, false, None));
+}
+
+/// A functional map of 100 pairs from ten landmarks, 2000 samples.
+#[divan::bench(max_time = 3)]
+fn map_to_itself(bencher: Bencher) {
+    let request = MapRequest {
+        landmarks: (0..10).map(|k| [9000 * k, 9000 * k]).collect(),
+        descriptors: None,
+        signatures: false,
+        start: 20,
+        pairs: 100,
+        step: 5,
+        samples: 2000,
+        commutativity: 0.1,
+        all_points: false,
+    };
+    bencher.bench(|| functional_map(&CASE.basis, &CASE.basis, &request));
 }
 
 #[divan::bench(max_time = 2)]

@@ -2,7 +2,8 @@
 //! distances.
 
 use chladni::analysis::distance::SpectralDistance;
-use chladni::analysis::geodesic::{default_time, geodesic};
+use chladni::analysis::geodesic::geodesic;
+use chladni::basis::Basis;
 use chladni::mesh::TriangleMesh;
 use chladni::mesh::connectivity::Connectivity;
 use chladni::mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
@@ -81,6 +82,12 @@ fn against_exact(path: &std::path::Path, count: usize) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The default ladder, and single times.
+fn times(basis: &Basis) -> impl Iterator<Item = Option<f64>> {
+    let unit = 1.0 / basis.eigenvalues[1];
+    [None].into_iter().chain([0.125, 0.25, 0.5, 1.0].map(|factor| Some(factor * unit)))
+}
+
 /// Errors of the geodesic distance on the unit sphere, by the number of modes and the time.
 fn sphere() -> Result<(), Failure> {
     let mesh: TriangleMesh = generate(Shape::Sphere, SPHERE)?;
@@ -88,18 +95,16 @@ fn sphere() -> Result<(), Failure> {
     let from = mesh.positions[source];
     let angle = |p: &[f64; 3]| (0..3).map(|k| p[k] * from[k]).sum::<f64>().clamp(-1.0, 1.0).acos();
     let truth: Vec<f64> = mesh.positions.iter().map(angle).collect();
-    for count in [50, 200, 500] {
+    for count in [50, 100, 200, 400, 500] {
         let basis = scene::eigenbasis(&mesh, count)?;
-        let time = default_time(&basis.eigenvalues)?;
-        let errors: Vec<String> = [0.125, 0.25, 0.5, 1.0, 2.0]
-            .iter()
-            .map(|factor| {
-                let found = geodesic(&basis, &mesh, &[source as u32], false, Some(factor * time))?;
+        let errors: Vec<String> = times(&basis)
+            .map(|time| {
+                let found = geodesic(&basis, &mesh, &[source as u32], false, time)?;
                 Ok(format!("{:.2}", 100.0 * scene::relative_error(&basis, found.column(0), &truth)))
             })
             .collect::<Result<_, Failure>>()?;
         println!(
-            "sphere, {count} modes: error in % for 1/8, 1/4, 1/2, 1 and 2 times the default time: {}",
+            "sphere, {count} modes: error in % by the ladder, and for t = 1/8, 1/4, 1/2, 1 / λ₁: {}",
             errors.join(", ")
         );
     }
@@ -124,19 +129,17 @@ fn against_marching(path: &std::path::Path) -> Result<(), Failure> {
         })
         .collect();
     let name = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
-    for count in [100, 400] {
+    for count in [50, 100, 200, 400, 800] {
         let basis = scene::eigenbasis(&mesh, count)?;
-        let time = default_time(&basis.eigenvalues)?;
-        let errors: Vec<String> = [0.125, 0.25, 0.5, 1.0, 2.0]
-            .iter()
-            .map(|factor| {
-                let found = geodesic(&basis, &mesh, &sources, false, Some(factor * time))?;
+        let errors: Vec<String> = times(&basis)
+            .map(|time| {
+                let found = geodesic(&basis, &mesh, &sources, false, time)?;
                 let errors = (0..3).map(|k| scene::relative_error(&basis, found.column(k), &truths[k]));
                 Ok(format!("{:.2}", 100.0 * errors.sum::<f64>() / 3.0))
             })
             .collect::<Result<_, Failure>>()?;
         println!(
-            "{name}, {count} modes, against fast marching: error in % for 1/8, 1/4, 1/2, 1 and 2 times the default time: {}",
+            "{name}, {count} modes, against fast marching: error in % by the ladder, and for t = 1/8, 1/4, 1/2, 1 / λ₁: {}",
             errors.join(", ")
         );
     }

@@ -11,6 +11,7 @@
 mod compression;
 mod distances;
 mod filtering;
+mod functional_maps;
 mod operator_families;
 mod paint;
 mod scene;
@@ -34,6 +35,7 @@ const PAGES: &[(&str, Draw)] = &[
     ("signatures", signatures::draw),
     ("filtering", filtering::draw),
     ("compression", compression::draw),
+    ("functional-maps", functional_maps::draw),
     ("operator-families", operator_families::draw),
     ("vibration", vibration::draw),
 ];

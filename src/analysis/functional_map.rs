@@ -29,6 +29,9 @@ const TIMES: usize = 12;
 /// Rows that one task handles.
 const ROWS_AT_ONCE: usize = 1024;
 
+/// Vertices of the target whose modes are held at once.
+const AT_ONCE: usize = 16 * ROWS_AT_ONCE;
+
 /// What a map is made of, and how large it is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MapRequest {
@@ -94,8 +97,7 @@ impl<'a> Side<'a> {
 
     /// The first `k` modes at some vertices, `p × k`.
     fn at(&self, vertices: &[u32], k: usize, what: &'static str) -> Result<DenseMatrix, AnalysisError> {
-        let values = self.basis.at_vertices(vertices).map_err(AnalysisError::vertices(what))?;
-        let mut values = values.slice_columns(0..k);
+        let mut values = self.basis.first_at_vertices(vertices, k).map_err(AnalysisError::vertices(what))?;
         values.values_mut().iter_mut().for_each(|value| *value *= self.area.sqrt());
         Ok(values)
     }
@@ -181,15 +183,17 @@ pub fn functional_map(source: &Basis, target: &Basis, request: &MapRequest) -> R
     let mut map = first_map(&from, &to, &a, &b, request)?;
     let descriptor_residual = residual(&map, &a, &b)?;
 
-    let (there, here) = (from.samples(request.samples, &sources), to.samples(request.samples, &targets));
-    let (there, here) = (from.at(&there, request.pairs, "sample")?, to.at(&here, request.pairs, "sample")?);
+    let (samples, here) = (from.samples(request.samples, &sources), to.samples(request.samples, &targets));
+    let (there, here) = (from.at(&samples, request.pairs, "sample")?, to.at(&here, request.pairs, "sample")?);
     let mut size = request.start;
+    let mut matches = Vec::new();
     while size < request.pairs {
-        let matches = nearest(&Embedding::of(&there, size), &here, &map)?;
+        matches = nearest(&Embedding::of(&there, size), &here, &map, &matches)?;
         size = request.pairs.min(size + request.step);
         map = map_of_points(&there, &here, &matches, size)?;
     }
-    finish(&from, &to, map, request, &targets, descriptor_residual)
+    matches.iter_mut().for_each(|(item, _)| *item = samples[*item as usize]);
+    finish(&from, &to, map, request, (&targets, &matches), descriptor_residual)
 }
 
 /// Times of heat that tell of all the first modes: at the earliest the last of them has hardly decayed, at the latest even the first above zero is gone.
@@ -199,13 +203,13 @@ fn known_times(eigenvalues: &[f64]) -> Result<Vec<f64>, AnalysisError> {
     Ok(log_spaced(0.2 / last, 4.0 / eigenvalues[first], TIMES))
 }
 
-/// The last search for neighbours, and the figures.
+/// The last search for neighbours, and the figures. `before`: what the samples were matched with, in vertices.
 fn finish(
     from: &Side,
     to: &Side,
     map: DenseMatrix,
     request: &MapRequest,
-    landmarks: &[u32],
+    (landmarks, before): (&[u32], &[(u32, f32)]),
     descriptor_residual: f64,
 ) -> Result<FunctionalMap, AnalysisError> {
     let k = map.columns();
@@ -215,8 +219,10 @@ fn finish(
     let mut squares = 0.0;
     let vertices: Vec<u32> = matched.clone().unwrap_or_else(|| (0..to.basis.vertices() as u32).collect());
     // Blocks bound what is held at once.
-    for block in vertices.chunks(16 * ROWS_AT_ONCE) {
-        let found = nearest(&embedding, &to.at(block, k, "sample")?, &map)?;
+    let before = if request.all_points { &[] } else { before };
+    for (index, block) in vertices.chunks(AT_ONCE).enumerate() {
+        let before = before.get(index * AT_ONCE..).unwrap_or_default();
+        let found = nearest(&embedding, &to.at(block, k, "sample")?, &map, before)?;
         squares += found.iter().map(|(_, square)| f64::from(*square)).sum::<f64>();
         points.extend(found.into_iter().map(|(point, _)| point));
     }
@@ -320,9 +326,14 @@ impl Embedding {
         let modes = side.basis.lift::<f32>(0..k)?;
         let scale = side.area.sqrt() as f32;
         let mut points = vec![0.0; n * k];
-        for (column, values) in modes.chunks(n.max(1)).enumerate() {
-            values.iter().enumerate().for_each(|(row, value)| points[row * k + column] = scale * value);
-        }
+        // Some rows at a time, so that what is written stays in the cache.
+        points.par_chunks_mut((k * ROWS_AT_ONCE / 4).max(1)).enumerate().for_each(|(task, points)| {
+            let from = task * (ROWS_AT_ONCE / 4);
+            for column in 0..k {
+                let values = &modes[column * n + from..][..points.len() / k];
+                values.iter().enumerate().for_each(|(row, value)| points[row * k + column] = scale * value);
+            }
+        });
         Ok(Self::new(points, k))
     }
 
@@ -341,29 +352,38 @@ fn rows(modes: &DenseMatrix, k: usize) -> Vec<f32> {
     points
 }
 
-/// For each row of `here`, the modes of the target, the nearest point of the embedding to its image, and the squared distance.
-fn nearest(there: &Embedding, here: &DenseMatrix, map: &DenseMatrix) -> Result<Vec<(u32, f32)>, AnalysisError> {
+/// For each row of `here`, the modes of the target, the nearest point of the embedding to its image, and the squared distance. `before`: for the first
+/// rows, what they were matched with by a map that was not much different.
+fn nearest(
+    there: &Embedding,
+    here: &DenseMatrix,
+    map: &DenseMatrix,
+    before: &[(u32, f32)],
+) -> Result<Vec<(u32, f32)>, AnalysisError> {
     let k = map.rows();
     let images = here.slice_columns(0..k).times(map).ok_or(BasisError::Inconsistent)?;
     let images = rows(&images, map.columns());
     let Some(tree) = &there.tree else { return Err(AnalysisError::Basis(BasisError::Inconsistent)) };
     let dimensions = there.dimensions;
-    let search = |images: &[f32]| {
+    let search = |(task, images): (usize, &[f32])| {
         let mut last: Option<u32> = None;
         let mut found = Vec::with_capacity(images.len() / dimensions);
-        for query in images.chunks_exact(dimensions) {
-            // Vertices with neighbouring numbers often lie next to each other, and so do their matches.
-            let guess = last.map(|item| {
+        for (row, query) in images.chunks_exact(dimensions).enumerate() {
+            let measured = |item: u32| {
                 let point = &there.points[item as usize * dimensions..][..dimensions];
                 (item, point.iter().zip(query).map(|(a, b)| (a - b) * (a - b)).sum::<f32>())
-            });
+            };
+            // Vertices with neighbouring numbers often lie next to each other, and so do their matches.
+            let beside = last.map(measured);
+            let before = before.get(task * ROWS_AT_ONCE + row).map(|(item, _)| measured(*item));
+            let guess = beside.into_iter().chain(before).min_by(|a, b| a.1.total_cmp(&b.1));
             let nearest = tree.nearest(query, guess);
             last = Some(nearest.0);
             found.push(nearest);
         }
         found
     };
-    Ok(images.par_chunks(ROWS_AT_ONCE * dimensions).flat_map_iter(search).collect())
+    Ok(images.par_chunks(ROWS_AT_ONCE * dimensions).enumerate().flat_map_iter(search).collect())
 }
 
 /// `argmin ‖Φ_target C − Φ_source‖` over matched samples: the map of size `k` that their matches make.

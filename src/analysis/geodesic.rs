@@ -1,8 +1,12 @@
 //! Geodesic distance by the heat method (Crane et al. 2013), with both of its solves in the basis.
 //!
-//! Heat that starts at the sources flows for a short time, `u = Σ e^{−λt} φ(s) φ`; its gradient, turned and brought to unit length, is that of
+//! Heat that starts at a source flows for a short time, `u = Σ e^{−λt} φ(s) φ`; its gradient, turned and brought to unit length, is that of
 //! the distance; of all functions the one whose gradient is nearest to that field solves a Poisson equation, in the basis `Σ (φᵀ b / λ) φ`.
 //! The mesh is needed for gradients alone.
+//!
+//! The shorter the time, the nearer the field is to that of the distance, as long as `u` can be told from the errors of the modes: these are some
+//! thousandth of its largest value, while `u` falls as `e^{−d²/4t}`. So, unless a time is asked for, a ladder of times is used, and each face takes the
+//! shortest at which all its corners are warm enough.
 
 use rayon::prelude::*;
 
@@ -16,17 +20,35 @@ use crate::mesh::TriangleMesh;
 /// The most columns of one call.
 pub const MOST_COLUMNS: usize = 64;
 
-/// A time of this many over the first eigenvalue above zero: a compromise. Shorter times lose the far side in the errors of approximate modes, longer
-/// ones round distances off on elongated shapes (figures in `docs/distances.md`).
-const TIME: f64 = 0.25;
+/// Heat below this share of its largest value is not told from errors.
+const WARM: f64 = 1e-3;
 
-/// How long heat flows in a basis unless it is told: `1 / (4 λ_1)`, in length² of the input.
+/// The shortest time, over the inverse of the largest eigenvalue: by then the modes that the basis does not have are gone (`e^{−12}`).
+const SHORTEST: f64 = 12.0;
+
+/// The most times of a ladder.
+const MOST_TIMES: usize = 16;
+
+/// Columns of heat that are held at once.
+const HEAT_AT_ONCE: usize = 48;
+
+/// From so many sources on the ladder has half as many times: each of them costs what all of one source cost.
+const MANY_SOURCES: usize = 5;
+
+/// How long heat flows unless it is told: from `12 / λ_max`, each time twice the one before, to `1 / λ_1`, in length² of the input; for five or more
+/// sources four times the one before.
 ///
 /// # Errors
 /// [`AnalysisError`] where the spectrum has no values above zero, or has negative ones.
-pub fn default_time(eigenvalues: &[f64]) -> Result<f64, AnalysisError> {
+pub fn default_times(eigenvalues: &[f64], sources: usize) -> Result<Vec<f64>, AnalysisError> {
+    let factor = if sources < MANY_SOURCES { 2f64 } else { 4.0 };
     let first = kernel_size(eigenvalues)?;
-    Ok(TIME / eigenvalues[first])
+    let last = 1.0 / eigenvalues[first];
+    let shortest = SHORTEST / eigenvalues.last().copied().unwrap_or(1.0);
+    let mut times: Vec<f64> =
+        (0..MOST_TIMES as i32).map(|k| shortest * factor.powi(k)).take_while(|time| *time < last).collect();
+    times.push(last);
+    Ok(times)
 }
 
 /// Geodesic distances of all vertices from each of some sources, or from the nearest of them if `together`: `n × s` or `n × 1`.
@@ -48,29 +70,40 @@ pub fn geodesic(
     }
     error::count("sources", sources.len(), 1, MOST_COLUMNS)?;
     let first = kernel_size(&basis.eigenvalues)?;
-    let time = match time {
+    let times = match time {
         Some(time) => {
             error::positive("time", time)?;
-            time
+            vec![time]
         }
-        None => default_time(&basis.eigenvalues)?,
+        None => default_times(&basis.eigenvalues, sources.len())?,
     };
     let at_sources = basis.at_vertices(sources).map_err(AnalysisError::vertices("source"))?;
     let columns = sources.len();
-    let mut heat = DenseMatrix::zeros(basis.count(), columns);
-    for (mode, value) in basis.eigenvalues.iter().enumerate() {
-        // Zero comes out of solvers with either sign.
-        let decay = (-value.max(0.0) * time).exp();
-        let here = at_sources.column(mode);
-        for (source, value) in here.iter().enumerate() {
-            heat.column_mut(source)[mode] = decay * value;
-        }
-    }
-    let heat = basis.evaluate(&heat)?;
     let mut divergence = DenseMatrix::zeros(basis.vertices(), columns);
-    let fields: Vec<Vec<f64>> = (0..columns).into_par_iter().map(|c| unit_divergence(mesh, heat.column(c))).collect();
-    fields.iter().enumerate().for_each(|(c, field)| divergence.column_mut(c).copy_from_slice(field));
-    drop((heat, fields));
+    let batch = (HEAT_AT_ONCE / times.len()).max(1);
+    for from in (0..columns).step_by(batch) {
+        let batch = from..columns.min(from + batch);
+        let mut heat = DenseMatrix::zeros(basis.count(), batch.len() * times.len());
+        for (place, source) in batch.clone().enumerate() {
+            for (step, time) in times.iter().enumerate() {
+                let slots = heat.column_mut(place * times.len() + step).iter_mut().zip(&basis.eigenvalues).enumerate();
+                // Zero comes out of solvers with either sign.
+                slots.for_each(|(mode, (slot, value))| {
+                    *slot = (-value.max(0.0) * time).exp() * at_sources.column(mode)[source];
+                });
+            }
+        }
+        let heat = basis.evaluate(&heat)?;
+        let steps = times.len();
+        let fields: Vec<Vec<f64>> = (0..batch.len())
+            .into_par_iter()
+            .map(|place| {
+                let ladder: Vec<&[f64]> = (0..steps).map(|step| heat.column(place * steps + step)).collect();
+                unit_divergence(mesh, &ladder)
+            })
+            .collect();
+        batch.zip(&fields).for_each(|(column, field)| divergence.column_mut(column).copy_from_slice(field));
+    }
     let mut potential = basis.inner_products(&divergence)?;
     for column in 0..columns {
         let slots = potential.column_mut(column).iter_mut().zip(&basis.eigenvalues).enumerate();
@@ -92,11 +125,16 @@ pub fn geodesic(
     Ok(distances)
 }
 
-/// The integrated divergence `∫ X · ∇λ_i` of `X = −∇u / |∇u|` at each vertex. Faces without area, and those where `u` does not change, have none.
-fn unit_divergence(mesh: &TriangleMesh, u: &[f64]) -> Vec<f64> {
-    let mut divergence = vec![0.0; u.len()];
+/// The integrated divergence `∫ X · ∇λ_i` of `X = −∇u / |∇u|` at each vertex, with the first `u` of the ladder that is warm at all corners of a
+/// face, or the last. Faces without area, and those where `u` does not change, have none.
+fn unit_divergence(mesh: &TriangleMesh, ladder: &[&[f64]]) -> Vec<f64> {
+    let Some((last, shorter)) = ladder.split_last() else { return Vec::new() };
+    let warm: Vec<f64> = shorter.iter().map(|u| WARM * u.iter().copied().fold(0.0, f64::max)).collect();
+    let mut divergence = vec![0.0; last.len()];
     for face in &mesh.faces {
         let [a, b, c] = face.map(|vertex| vertex as usize);
+        let is_warm = |(u, warm): &(&&[f64], &f64)| u[a].min(u[b]).min(u[c]) > **warm;
+        let u = shorter.iter().zip(&warm).find(is_warm).map_or(last, |(u, _)| u);
         let [p, q, r] = [a, b, c].map(|vertex| mesh.positions[vertex]);
         let edge = |from: [f64; 3], to: [f64; 3]| [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
         let edges = [edge(q, r), edge(r, p), edge(p, q)];
@@ -148,18 +186,44 @@ mod tests {
     fn distances_on_the_sphere_are_angles() {
         let (mesh, basis) = sphere(200);
         let sources = [17, 1800];
-        // On the sphere long times do no harm.
-        let each = geodesic(&basis, &mesh, &sources, false, Some(0.5)).unwrap();
+        let each = geodesic(&basis, &mesh, &sources, false, None).unwrap();
         for (column, &source) in sources.iter().enumerate() {
             let error = |v: usize| (each.column(column)[v] - angle(&mesh, v, source as usize)).abs();
             let mean = (0..mesh.positions.len()).map(error).sum::<f64>() / mesh.positions.len() as f64;
-            assert!(mean < 0.04, "{mean}");
+            assert!(mean < 0.03, "{mean}");
         }
-        let both = geodesic(&basis, &mesh, &sources, true, Some(0.5)).unwrap();
+        let both = geodesic(&basis, &mesh, &sources, true, None).unwrap();
         assert_eq!(both.columns(), 1);
         let nearest = |v: usize| angle(&mesh, v, 17).min(angle(&mesh, v, 1800));
         let mean = (0..mesh.positions.len()).map(|v| (both.column(0)[v] - nearest(v)).abs()).sum::<f64>();
-        assert!(mean < 0.06 * mesh.positions.len() as f64, "{}", mean / mesh.positions.len() as f64);
+        assert!(mean < 0.03 * mesh.positions.len() as f64, "{}", mean / mesh.positions.len() as f64);
+    }
+
+    /// Where heat is told from nothing, on the far side, a longer time serves; near the source the shortest.
+    #[test]
+    fn a_ladder_of_times_takes_the_first_that_is_warm() {
+        let (mesh, basis) = sphere(200);
+        let times = default_times(&basis.eigenvalues, 1).unwrap();
+        assert!(
+            times.len() > 2 && times.is_sorted() && (times[times.len() - 1] * basis.eigenvalues[1] - 1.0).abs() < 1e-12
+        );
+        let u = |time: f64| {
+            let here = basis.at_vertices(&[17]).unwrap();
+            let weights =
+                (0..basis.count()).map(|k| (-basis.eigenvalues[k] * time).exp() * here.column(k)[0]).collect();
+            basis.evaluate(&DenseMatrix::from_columns(basis.count(), 1, weights).unwrap()).unwrap().column(0).to_vec()
+        };
+        let (short, long) = (u(times[0]), u(times[times.len() - 1]));
+        let both = unit_divergence(&mesh, &[&short, &long]);
+        let (near, far) = (unit_divergence(&mesh, &[&short]), unit_divergence(&mesh, &[&long]));
+        for v in 0..mesh.positions.len() {
+            let away = angle(&mesh, v, 17);
+            if away < 0.2 {
+                assert_eq!(both[v], near[v]);
+            } else if away > 2.0 {
+                assert_eq!(both[v], far[v]);
+            }
+        }
     }
 
     #[test]

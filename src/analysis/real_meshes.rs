@@ -5,11 +5,14 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::distance::SpectralDistance;
+use super::functional_map::{MapRequest, functional_map};
 use super::shape_dna::{Compared, Comparison, Scale, Spectrum, Weighting, compare};
 use crate::basis::Basis;
 use crate::job::EigenbasisParameters;
 use crate::mesh::TriangleMesh;
 use crate::mesh::check::{CheckOptions, check};
+use crate::mesh::connectivity::Connectivity;
+use crate::mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
 use crate::mesh::measure::surface_area;
 use crate::mesh::read::{MeshFormat, ReadLimits, read};
 use crate::monitor::Unwatched;
@@ -95,4 +98,73 @@ fn distances_by_approximate_pairs_are_near_those_by_exact_ones() {
             assert!((lost / whole).sqrt() < 0.01, "{distance:?}: {}", (lost / whole).sqrt());
         }
     }
+}
+
+/// Vertices of two meshes of one figure, brought into one box, correspond where they are nearest to each other.
+#[test]
+fn maps_between_meshes_of_one_figure_lead_near_to_where_points_belong_and_zoom_out_brings_them_nearer() {
+    let Some(folder) = folder() else { return };
+    let [source, target] = ["homer.obj", "homer-remeshed-4531.off"].map(|file| load(folder.join(file)));
+    let (a, b) = (boxed(&source), boxed(&target));
+    let square = |p: &[f64; 3], q: &[f64; 3]| (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>();
+    let nearest = |q: &[f64; 3]| (0..a.len()).min_by(|&i, &j| square(&a[i], q).total_cmp(&square(&a[j], q))).unwrap();
+    let furthest = |direction: [f64; 3]| {
+        let along = |p: &[f64; 3]| (0..3).map(|k| p[k] * direction[k]).sum::<f64>();
+        (0..b.len()).max_by(|&i, &j| along(&b[i]).total_cmp(&along(&b[j]))).unwrap()
+    };
+    // Head, hands, feet, front and back.
+    let ends = [
+        [0.0, 1.0, 0.0],
+        [1.0, 0.2, 0.0],
+        [-1.0, 0.2, 0.0],
+        [0.4, -1.0, 0.0],
+        [-0.4, -1.0, 0.0],
+        [0.0, -0.2, 1.0],
+        [0.0, -0.2, -1.0],
+    ];
+    let landmarks = ends.map(furthest).map(|vertex| [nearest(&b[vertex]) as u32, vertex as u32]).to_vec();
+    let [from, to] = [&source, &target].map(|mesh| basis(mesh, json!({"count": 100})));
+    let connectivity = Connectivity::new(&source);
+    let geometry = DistanceGeometry::new(&source, &connectivity, DistanceKind::Dijkstra, 1.0);
+    let mut workspace = DistanceWorkspace::new(&geometry);
+    let unit = surface_area(&source).sqrt();
+    let means = [20, 100].map(|pairs| {
+        let request = MapRequest {
+            landmarks: landmarks.clone(),
+            descriptors: None,
+            signatures: false,
+            start: 20,
+            pairs,
+            step: 5,
+            samples: 2000,
+            commutativity: 0.1,
+            all_points: true,
+        };
+        let map = functional_map(&from, &to, &request).unwrap();
+        let errors = (0..b.len()).step_by(20).map(|vertex| {
+            let reached = workspace.local_distances(&geometry, nearest(&b[vertex]) as u32, f32::INFINITY);
+            let there = reached.iter().find(|(at, _)| *at == map.points[vertex]);
+            there.map_or(f64::INFINITY, |(_, distance)| f64::from(*distance) / unit)
+        });
+        let errors: Vec<f64> = errors.collect();
+        let near = errors.iter().filter(|&&error| error < 0.02).count() as f64 / errors.len() as f64;
+        println!(
+            "{pairs} pairs: mean error {:.4} of the root of the area, {near:.3} within 2 %",
+            errors.iter().sum::<f64>() / errors.len() as f64
+        );
+        (errors.iter().sum::<f64>() / errors.len() as f64, near)
+    });
+    assert!(means[1].0 < 0.01 && means[1].1 > 0.9, "{means:?}");
+    assert!(means[1].0 < 0.7 * means[0].0 && means[1].1 > means[0].1, "{means:?}");
+}
+
+/// Vertices about the middle of their box, whose longest side is 1.
+fn boxed(mesh: &TriangleMesh) -> Vec<[f64; 3]> {
+    let sides = [0, 1, 2].map(|k| {
+        let along = mesh.positions.iter().map(|p| p[k]);
+        [along.clone().fold(f64::MAX, f64::min), along.fold(f64::MIN, f64::max)]
+    });
+    let size = sides.iter().map(|[low, high]| high - low).fold(0.0, f64::max);
+    let place = |p: &[f64; 3]| std::array::from_fn(|k| (p[k] - 0.5 * (sides[k][0] + sides[k][1])) / size);
+    mesh.positions.iter().map(place).collect()
 }

@@ -25,12 +25,21 @@ impl Basis {
     /// # Errors
     /// [`BasisError::Vertex`] names the first that is none; [`BasisError::Unavailable`].
     pub fn at_vertices(&self, vertices: &[u32]) -> Result<DenseMatrix, BasisError> {
+        self.first_at_vertices(vertices, self.count())
+    }
+
+    /// The values of the first `modes` modes, or of all where there are fewer, at some vertices: `p × modes`.
+    ///
+    /// # Errors
+    /// As [`at_vertices`](Self::at_vertices).
+    pub fn first_at_vertices(&self, vertices: &[u32], modes: usize) -> Result<DenseMatrix, BasisError> {
         let n = self.vertices();
         if let Some(place) = vertices.iter().position(|&vertex| vertex as usize >= n) {
             return Err(BasisError::Vertex { place, vertex: vertices[place], vertices: n });
         }
-        let mut values = DenseMatrix::zeros(vertices.len(), self.count());
-        if vertices.is_empty() {
+        let modes = modes.min(self.count());
+        let mut values = DenseMatrix::zeros(vertices.len(), modes);
+        if vertices.is_empty() || modes == 0 {
             return Ok(values);
         }
         match &self.functions {
@@ -45,7 +54,7 @@ impl Basis {
                 });
             }
             Functions::Dense(dense) => {
-                for index in 0..dense.chunk_count() {
+                for index in (0..dense.chunk_count()).take_while(|&index| dense.chunk_range(index).start < modes) {
                     let chunk = dense.chunk(index)?;
                     chunk.visit(Pick { vertices, from: dense.chunk_range(index).start, values: &mut values });
                 }
@@ -110,7 +119,8 @@ struct Pick<'a> {
 impl Visit for Pick<'_> {
     type Answer = ();
     fn visit<T: Real>(self, values: &[T], rows: usize) {
-        for (k, column) in values.chunks(rows.max(1)).enumerate() {
+        let wanted = self.values.columns() - self.from;
+        for (k, column) in values.chunks(rows.max(1)).take(wanted).enumerate() {
             let to = self.values.column_mut(self.from + k);
             to.iter_mut().zip(self.vertices).for_each(|(to, &vertex)| *to = column[vertex as usize].wide());
         }
@@ -141,9 +151,81 @@ impl Visit for AddSquares<'_> {
     }
 }
 
-/// The pairs of columns of `U` that share a row, numbered.
+/// Rows that are summed side by side: neighbours in the order of the mesh share most of their columns.
+const ROWS_TOGETHER: usize = 8;
+
+/// The most columns of rows that are taken together; a single row may have more.
+const MOST_TOGETHER: usize = 48;
+
+/// Up to eight consecutive rows of `U` as a small dense matrix.
+struct Block {
+    /// The columns that they have, ascending.
+    columns: Vec<u32>,
+    /// A line for each of these columns, with a number for each row.
+    values: Vec<[f64; ROWS_TOGETHER]>,
+    /// Where each column of `U` stands in the block.
+    places: Vec<u16>,
+}
+
+impl Block {
+    fn new(space: &SparseMatrix<f32>) -> Self {
+        Self { columns: Vec::new(), values: Vec::new(), places: vec![u16::MAX; space.columns()] }
+    }
+
+    /// Takes rows from `from` on, at least one and at most up to `end`, and gives their number.
+    fn fill(&mut self, space: &SparseMatrix<f32>, from: usize, end: usize) -> usize {
+        self.columns.clear();
+        let mut taken = 0;
+        for row in from..end.min(from + ROWS_TOGETHER) {
+            let (columns, _) = space.row(row);
+            let before = self.columns.len();
+            for &column in columns {
+                let place = &mut self.places[column as usize];
+                if *place == u16::MAX {
+                    *place = 0;
+                    self.columns.push(column);
+                }
+            }
+            if taken > 0 && self.columns.len() > MOST_TOGETHER {
+                self.columns.drain(before..).for_each(|column| self.places[column as usize] = u16::MAX);
+                break;
+            }
+            taken += 1;
+        }
+        self.columns.sort_unstable();
+        self.columns.iter().zip(0..).for_each(|(&column, place)| self.places[column as usize] = place);
+        self.values.clear();
+        self.values.resize(self.columns.len(), [0.0; ROWS_TOGETHER]);
+        for lane in 0..taken {
+            let (columns, values) = space.row(from + lane);
+            for (&column, &value) in columns.iter().zip(values) {
+                self.values[usize::from(self.places[column as usize])][lane] = f64::from(value);
+            }
+        }
+        self.columns.iter().for_each(|&column| self.places[column as usize] = u16::MAX);
+        taken
+    }
+
+    /// Calls a function with each pair of columns that some row has both of, the first not after the second.
+    fn each_pair(&self, mut act: impl FnMut(u32, u32)) {
+        // For each row one bit.
+        let marks = |line: &[f64; ROWS_TOGETHER]| {
+            line.iter().enumerate().fold(0u8, |bits, (lane, x)| bits | (u8::from(*x != 0.0) << lane))
+        };
+        let marks: Vec<u8> = self.values.iter().map(marks).collect();
+        for (k, &a) in self.columns.iter().enumerate() {
+            for (&b, &mark) in self.columns[k..].iter().zip(&marks[k..]) {
+                if mark & marks[k] != 0 {
+                    act(a, b);
+                }
+            }
+        }
+    }
+}
+
+/// The pairs of columns of `U` that share a row, numbered from 1.
 struct Pairs {
-    /// `d × d`: the number of the pair `(a, b)`, `a ≤ b`, at `a d + b`; anything where there is no such pair.
+    /// `d × d`: the number of the pair `(a, b)`, `a ≤ b`, at `a d + b`; 0 where there is no such pair.
     numbers: Vec<u32>,
     pairs: Vec<(u32, u32)>,
 }
@@ -153,56 +235,75 @@ impl Pairs {
         let (n, d) = (space.rows(), space.columns());
         let marks: Vec<AtomicU32> = (0..d * d).map(|_| AtomicU32::new(0)).collect();
         (0..n.div_ceil(ROWS_PER_TASK)).into_par_iter().for_each(|task| {
-            let mut last: &[u32] = &[];
-            for row in task * ROWS_PER_TASK..n.min((task + 1) * ROWS_PER_TASK) {
-                let (columns, _) = space.row(row);
-                if columns == last {
-                    continue;
-                }
-                last = columns;
-                for (k, &a) in columns.iter().enumerate() {
-                    let line = &marks[a as usize * d..][..d];
-                    columns[k..].iter().for_each(|&b| line[b as usize].store(1, Ordering::Relaxed));
-                }
+            let mut block = Block::new(space);
+            let (mut row, end) = (task * ROWS_PER_TASK, n.min((task + 1) * ROWS_PER_TASK));
+            while row < end {
+                row += block.fill(space, row, end);
+                block.each_pair(|a, b| marks[a as usize * d + b as usize].store(1, Ordering::Relaxed));
             }
         });
         let mut numbers: Vec<u32> = marks.into_iter().map(AtomicU32::into_inner).collect();
         let mut pairs = Vec::new();
         for (a, line) in numbers.chunks_mut(d.max(1)).enumerate() {
-            for (b, number) in line.iter_mut().enumerate().skip(a) {
-                if *number != 0 {
-                    *number = pairs.len() as u32;
-                    pairs.push((a as u32, b as u32));
-                }
+            for (b, number) in line.iter_mut().enumerate().skip(a).filter(|(_, number)| **number != 0) {
+                pairs.push((a as u32, b as u32));
+                *number = pairs.len() as u32;
             }
         }
         Self { numbers, pairs }
     }
 
     fn squares(&self, compact: &Compact, weights: &DenseMatrix) -> DenseMatrix {
-        let rows = padded_rows(&compact.coefficients);
-        let mut sums = DenseMatrix::zeros(compact.space.rows(), weights.columns());
-        for from in (0..weights.columns()).step_by(8) {
-            let group = from..weights.columns().min(from + 8);
-            match group.len() {
-                1 => self.group::<1>(compact, &rows, weights, group, &mut sums),
-                2 => self.group::<2>(compact, &rows, weights, group, &mut sums),
-                3 | 4 => self.group::<4>(compact, &rows, weights, group, &mut sums),
-                _ => self.group::<8>(compact, &rows, weights, group, &mut sums),
-            }
+        match weights.columns() {
+            0 => DenseMatrix::zeros(compact.space.rows(), 0),
+            1 => self.in_groups::<1>(compact, weights),
+            2 => self.in_groups::<2>(compact, weights),
+            3 | 4 => self.in_groups::<4>(compact, weights),
+            _ => self.in_groups::<8>(compact, weights),
         }
+    }
+
+    /// `K` columns of weights at once.
+    fn in_groups<const K: usize>(&self, compact: &Compact, weights: &DenseMatrix) -> DenseMatrix {
+        let (n, t) = (compact.space.rows(), weights.columns());
+        let rows = padded_rows(&compact.coefficients);
+        let groups: Vec<Vec<[f64; K]>> =
+            (0..t).step_by(K).map(|from| self.forms(&rows, weights, from..t.min(from + K))).collect();
+        let mut values = vec![[0.0; K]; n * groups.len()];
+        values.par_chunks_mut((ROWS_PER_TASK * groups.len()).max(1)).enumerate().for_each(|(task, out)| {
+            let mut block = Block::new(&compact.space);
+            let (first, count) = (task * ROWS_PER_TASK, out.len() / groups.len());
+            let mut row = 0;
+            while row < count {
+                let taken = block.fill(&compact.space, first + row, first + count);
+                for (group, forms) in groups.iter().enumerate() {
+                    let sums = vectorized(
+                        (&block, &forms[..]),
+                        #[inline(always)]
+                        |(block, forms)| self.quadratic::<K>(block, forms, compact.space.columns()),
+                    );
+                    for lane in 0..taken {
+                        out[(row + lane) * groups.len() + group] = sums.map(|sums| sums[lane]);
+                    }
+                }
+                row += taken;
+            }
+        });
+        let mut sums = DenseMatrix::zeros(n, t);
+        sums.values_mut().par_chunks_mut(n.max(1)).enumerate().for_each(|(column, sums)| {
+            let values = values.iter().skip(column / K).step_by(groups.len());
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum = value[column % K]);
+        });
         sums
     }
 
-    /// At most `K` columns of weights at once.
-    fn group<const K: usize>(
+    /// For no pair and then for each of the pairs `Σ_k w_k φ̄_ak φ̄_bk` with at most `K` columns of weights, twice that off the diagonal.
+    fn forms<const K: usize>(
         &self,
-        compact: &Compact,
         rows: &[[f64; LANES]],
         weights: &DenseMatrix,
         group: std::ops::Range<usize>,
-        sums: &mut DenseMatrix,
-    ) {
+    ) -> Vec<[f64; K]> {
         // Weights of high modes are often nothing: heat has died down there.
         let is_something = |mode: &usize| group.clone().any(|t| weights.column(t)[*mode] != 0.0);
         let used = (0..weights.rows()).rev().find(is_something).map_or(0, |last| last + 1).div_ceil(LANES);
@@ -213,8 +314,8 @@ impl Pairs {
             }
         }
         let width = weights.rows().div_ceil(LANES);
-        let mut forms = vec![[0.0; K]; self.pairs.len()];
-        forms.par_chunks_mut(512).zip(self.pairs.par_chunks(512)).for_each(|(forms, pairs)| {
+        let mut forms = vec![[0.0; K]; 1 + self.pairs.len()];
+        forms[1..].par_chunks_mut(512).zip(self.pairs.par_chunks(512)).for_each(|(forms, pairs)| {
             vectorized(
                 forms,
                 #[inline(always)]
@@ -229,44 +330,37 @@ impl Pairs {
                                 }
                             }
                         }
-                        // Off the diagonal a pair counts twice.
                         let times = if a == b { 1.0 } else { 2.0 };
                         *form = acc.map(|lanes| times * lanes.iter().sum::<f64>());
                     }
                 },
             );
         });
-        let (n, d) = (compact.space.rows(), compact.space.columns());
-        let mut values = vec![[0.0; K]; n];
-        values.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(task, out)| {
-            vectorized(
-                out,
-                #[inline(always)]
-                |out| {
-                    for (row, out) in out.iter_mut().enumerate() {
-                        let (columns, values) = compact.space.row(task * ROWS_PER_TASK + row);
-                        let mut acc = [0.0; K];
-                        for (k, (&a, &u)) in columns.iter().zip(values).enumerate() {
-                            let line = &self.numbers[a as usize * d..][..d];
-                            let mut part = [0.0; K];
-                            for (&b, &v) in columns[k..].iter().zip(&values[k..]) {
-                                let form = &forms[line[b as usize] as usize];
-                                for t in 0..K {
-                                    part[t] += f64::from(v) * form[t];
-                                }
-                            }
-                            for t in 0..K {
-                                acc[t] += f64::from(u) * part[t];
-                            }
-                        }
-                        *out = acc;
+        forms
+    }
+
+    /// `uᵀ F u` for the rows `u` of a block and each of `K` forms.
+    #[inline(always)]
+    fn quadratic<const K: usize>(&self, block: &Block, forms: &[[f64; K]], d: usize) -> [[f64; ROWS_TOGETHER]; K] {
+        let mut sums = [[0.0; ROWS_TOGETHER]; K];
+        for (k, (&a, own)) in block.columns.iter().zip(&block.values).enumerate() {
+            let line = &self.numbers[a as usize * d..][..d];
+            let mut parts = [[0.0; ROWS_TOGETHER]; K];
+            for (&b, other) in block.columns[k..].iter().zip(&block.values[k..]) {
+                let form = &forms[line[b as usize] as usize];
+                for t in 0..K {
+                    for lane in 0..ROWS_TOGETHER {
+                        parts[t][lane] += form[t] * other[lane];
                     }
-                },
-            );
-        });
-        for (t, column) in group.enumerate() {
-            sums.column_mut(column).iter_mut().zip(&values).for_each(|(sum, value)| *sum = value[t]);
+                }
+            }
+            for t in 0..K {
+                for lane in 0..ROWS_TOGETHER {
+                    sums[t][lane] += own[lane] * parts[t][lane];
+                }
+            }
         }
+        sums
     }
 }
 
@@ -385,6 +479,8 @@ mod tests {
                     assert!((values.column(mode)[row] - expected).abs() < 1e-14);
                 }
             }
+            assert_eq!(basis.first_at_vertices(&vertices, 20).unwrap(), values.slice_columns(0..20));
+            assert_eq!(basis.first_at_vertices(&vertices, 0).unwrap().columns(), 0);
             assert_eq!(basis.at_vertices(&[]).unwrap().rows(), 0);
             let n = basis.vertices();
             let error = basis.at_vertices(&[0, n as u32]).unwrap_err();

@@ -5,9 +5,11 @@ use std::time::Instant;
 use axum::extract::State;
 use axum::http::HeaderMap;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+use uuid::Uuid;
 
 use super::bases::find_kind;
 use super::binary::{self, Dtype, Table};
@@ -80,6 +82,9 @@ struct ComparisonRequest {
     #[serde(default = "three")]
     #[schema(default = 3)]
     neighbours: usize,
+    /// Whether bases of different operators or conditions at a boundary are compared all the same.
+    #[serde(default)]
+    mixed: bool,
 }
 
 fn two() -> usize {
@@ -114,6 +119,50 @@ struct ComparisonAnswer {
     descriptors: Table,
 }
 
+/// What a spectrum is of.
+#[derive(Debug, PartialEq, Eq)]
+struct SpectrumOf {
+    /// The operator, every discretisation of the Laplacian being one.
+    operator: String,
+    /// The condition at the boundary; `None` where there is none.
+    boundary: Option<String>,
+}
+
+impl SpectrumOf {
+    fn new(parameters: &Value, closed: bool) -> Self {
+        let operator = match &parameters["operator"] {
+            Value::Null => "laplace".to_owned(),
+            Value::String(name) if ["auto", "robust"].contains(&&name[..]) => "laplace".to_owned(),
+            Value::String(name) => name.clone(),
+            other => other.to_string(),
+        };
+        let boundary = parameters["boundary"].as_str().unwrap_or("neumann");
+        Self { operator, boundary: (!closed).then(|| boundary.to_owned()) }
+    }
+
+    fn tell(&self) -> String {
+        let operator = problem::shorten(self.operator.clone());
+        self.boundary.as_ref().map_or(operator.clone(), |boundary| format!("{operator}, {boundary}"))
+    }
+}
+
+/// Whether all spectra are of one operator and one condition at the boundary, where there is a boundary.
+fn check_alike(bases: &[(Uuid, SpectrumOf)]) -> Result<(), Problem> {
+    let with_boundary = bases.iter().find(|(_, of)| of.boundary.is_some());
+    for (id, of) in bases {
+        let other = bases.first().filter(|(_, first)| first.operator != of.operator);
+        let other = other.or(with_boundary.filter(|(_, first)| of.boundary.is_some() && first.boundary != of.boundary));
+        if let Some((first, first_of)) = other {
+            let spectra = [first_of.tell(), of.tell()];
+            let detail = format!("Basis {first} has a spectrum of {}, basis {id} one of {}.", spectra[0], spectra[1]);
+            return Err(Problem::new(&problem::INCOMPARABLE_BASES, detail)
+                .with("bases", vec![first.to_string(), id.to_string()])
+                .with("spectra", spectra.to_vec()));
+        }
+    }
+    Ok(())
+}
+
 /// The form of a raw answer.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
@@ -138,7 +187,7 @@ struct ComparisonQuery {
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
         (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 409, description = "A problem: basis-kind or incomparable-bases", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 422, description = "A problem: invalid-request or invalid-analysis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
     ),
@@ -162,16 +211,21 @@ async fn compare_shapes(
         return Err(Problem::new(&problem::INVALID_REQUEST, "labels: there is not one for each basis."));
     }
     let (mut spectra, mut labels) = (Vec::new(), Vec::new());
+    let mut seen = Vec::new();
     for (place, id) in request.bases.iter().enumerate() {
         let record = find_kind(&state, id, ProductKind::Eigenbasis).await?;
         let mesh = state.store.mesh(&record.mesh).await?;
         // Eigenvalues stand in the record, so no eigenfunction is read.
         let area = mesh.report["area"].as_f64().unwrap_or(f64::NAN);
+        seen.push((record.id, SpectrumOf::new(&record.parameters, mesh.report["closed"] == true)));
         spectra.push(Spectrum { eigenvalues: record.eigenvalues, area });
         labels.push(match &request.labels {
             Some(labels) => problem::shorten(labels[place].clone()),
             None => mesh.name.unwrap_or_else(|| record.mesh.chars().take(8).collect()),
         });
+    }
+    if !request.mixed {
+        check_alike(&seen)?;
     }
     let shortest = spectra.iter().map(|spectrum| spectrum.eigenvalues.len()).min().unwrap_or(0);
     let how = Comparison {

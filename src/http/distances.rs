@@ -13,7 +13,7 @@ use utoipa_axum::routes;
 
 use super::bases::{find, on_vertices};
 use super::binary::{self, Dtype, Table};
-use super::exchange::{self, Answer, Sent, raw_answer, read};
+use super::exchange::{self, Answer};
 use super::extract::{PathOf, QueryOf};
 use super::problem::Problem;
 use super::state::AppState;
@@ -45,7 +45,7 @@ enum DistanceKind {
     CommuteTime,
     /// Geodesic distance by the heat method, both of its solves in the basis.
     Geodesic {
-        /// How long heat flows, in length² of the mesh; without it, a quarter of the inverse of the first eigenvalue above zero.
+        /// How long heat flows, in length² of the mesh; without it, for each face the shortest of a ladder of times at which heat reaches it.
         time: Option<f64>,
     },
 }
@@ -115,20 +115,15 @@ async fn distances(
     body: Body,
 ) -> Result<Answer, Problem> {
     let basis = on_vertices(&state, &id).await?;
-    let sent = read::<DistanceRequest>(&state, &headers, body).await?;
-    let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
-    let request = match sent {
-        Sent::Json(request) => request,
-        Sent::Raw(body) => {
-            let mut request: DistanceRequest = exchange::rest(query.request.as_deref())?;
-            if query.pairs {
-                request.pairs = binary::decode_tuples(&body.bytes)?;
-            } else {
-                request.sources = binary::decode_tuples::<1>(&body.bytes)?.into_flattened();
-            }
-            request
+    let fill = |request: &mut DistanceRequest, bytes: &[u8]| {
+        if query.pairs {
+            request.pairs = binary::decode_tuples(bytes)?;
+        } else {
+            request.sources = binary::decode_tuples::<1>(bytes)?.into_flattened();
         }
+        Ok(())
     };
+    let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
     if request.sources.is_empty() == request.pairs.is_empty() {
         return Err(Problem::new(
             &super::problem::INVALID_REQUEST,

@@ -74,6 +74,29 @@ pub fn rest<T: DeserializeOwned>(request: Option<&str>) -> Result<T, Problem> {
     })
 }
 
+/// A request that is JSON, or raw numbers which `fill` puts into what the query's `request` tells of the rest; and whether the answer is raw.
+///
+/// # Errors
+/// Those of [`read`], [`raw_answer`], [`rest`] and `fill`.
+pub async fn request<T: DeserializeOwned + Send + 'static>(
+    state: &AppState,
+    headers: &HeaderMap,
+    content: Body,
+    query: Option<&str>,
+    fill: impl FnOnce(&mut T, &[u8]) -> Result<(), Problem>,
+) -> Result<(T, bool), Problem> {
+    let sent = read::<T>(state, headers, content).await?;
+    let raw = raw_answer(headers, matches!(sent, Sent::Raw(_)))?;
+    match sent {
+        Sent::Json(request) => Ok((request, raw)),
+        Sent::Raw(body) => {
+            let mut request = rest(query)?;
+            fill(&mut request, &body.bytes)?;
+            Ok((request, raw))
+        }
+    }
+}
+
 /// Whether the answer is raw: as `Accept` says, else as the request was.
 ///
 /// # Errors

@@ -84,7 +84,7 @@ struct SpectrumAnswer {
 ///
 /// The lowest pairs of `(1 − t) S + t A + v V` in the space of a basis of the kind `operator_family` (thesis, section 2.6): `S` is the
 /// Laplacian, `A` also follows how the normal turns, `V` is the curvature potential. Meant to be asked again and again while somebody
-/// moves a slider: 100 pairs in a space of 1000 functions take some 50 ms, more on rough surfaces.
+/// moves a slider: 100 pairs in a space of 1000 functions take about 100 ms of one core.
 ///
 /// With `Accept: application/octet-stream` the answer is what `give` names, as raw little-endian f32, row after row, and the eigenvalues
 /// stand in `Chladni-Eigenvalues`.

@@ -12,7 +12,7 @@ use utoipa_axum::routes;
 
 use super::bases::on_vertices;
 use super::binary::{self, Dtype, Table};
-use super::exchange::{self, Answer, OCTETS, Sent, raw_answer, read};
+use super::exchange::{self, Answer, OCTETS};
 use super::extract::QueryOf;
 use super::problem::Problem;
 use super::state::AppState;
@@ -138,16 +138,11 @@ async fn map_functions(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
-    let sent = read::<FunctionalMapRequest>(&state, &headers, body).await?;
-    let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
-    let request = match sent {
-        Sent::Json(request) => request,
-        Sent::Raw(body) => {
-            let mut request: FunctionalMapRequest = exchange::rest(query.request.as_deref())?;
-            request.landmarks = binary::decode_tuples(&body.bytes)?;
-            request
-        }
+    let fill = |request: &mut FunctionalMapRequest, bytes: &[u8]| {
+        request.landmarks = binary::decode_tuples(bytes)?;
+        Ok(())
     };
+    let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
     let source = on_vertices(&state, &request.source).await?;
     let target = on_vertices(&state, &request.target).await?;
     state

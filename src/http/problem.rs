@@ -104,6 +104,8 @@ kinds! {
         "Unfinished jobs or stored bases refer to the mesh. Delete them first, or pass cascade=true.";
     BASIS_KIND = "basis-kind", 409, "The basis is of another kind",
         "The route serves bases of another kind. The member `kind` has the kind of this one, `kinds` those that the route serves.";
+    INCOMPARABLE_BASES = "incomparable-bases", 409, "The bases cannot be compared",
+        "Their spectra are those of different operators, or of different conditions at a boundary. The member `bases` has two of them, `spectra` what each is of. `mixed: true` compares them all the same.";
     STATE_CONFLICT = "state-conflict", 409, "The resource is not in a state for this",
         "A job that has ended cannot be canceled, one that has succeeded cannot be retried. The member `job_status` has its status.";
     JOB_FAILED = "job", 500, "The job failed",

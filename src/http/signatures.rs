@@ -12,7 +12,7 @@ use utoipa_axum::routes;
 
 use super::bases::on_vertices;
 use super::binary::{self, Dtype, Table};
-use super::exchange::{self, Answer, Sent, raw_answer, read};
+use super::exchange::{self, Answer};
 use super::extract::{PathOf, QueryOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
@@ -151,18 +151,13 @@ async fn signatures(
     body: Body,
 ) -> Result<Answer, Problem> {
     let basis = on_vertices(&state, &id).await?;
-    let sent = read::<SignatureRequest>(&state, &headers, body).await?;
-    let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
-    let request = match sent {
-        Sent::Json(request) => request,
-        Sent::Raw(body) => {
-            let mut request: SignatureRequest = exchange::rest(query.request.as_deref())?;
-            if !body.bytes.is_empty() {
-                request.vertices = Some(binary::decode_tuples::<1>(&body.bytes)?.into_flattened());
-            }
-            request
+    let fill = |request: &mut SignatureRequest, bytes: &[u8]| {
+        if !bytes.is_empty() {
+            request.vertices = Some(binary::decode_tuples::<1>(bytes)?.into_flattened());
         }
+        Ok(())
     };
+    let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
     state
         .solve("signatures", move || {
             let begin = Instant::now();
@@ -205,21 +200,16 @@ async fn similar_points(
     body: Body,
 ) -> Result<Answer, Problem> {
     let basis = on_vertices(&state, &id).await?;
-    let sent = read::<SimilarRequest>(&state, &headers, body).await?;
-    let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
-    let request = match sent {
-        Sent::Json(request) => request,
-        Sent::Raw(body) => {
-            let mut request: SimilarRequest = exchange::rest(query.request.as_deref())?;
-            let points = binary::decode_tuples::<1>(&body.bytes)?;
-            let [point] = points[..] else {
-                let detail = format!("One vertex is due, not {}.", points.len());
-                return Err(Problem::new(&problem::INVALID_VERTEX, detail));
-            };
-            request.vertex = point[0];
-            request
-        }
+    let fill = |request: &mut SimilarRequest, bytes: &[u8]| {
+        let points = binary::decode_tuples::<1>(bytes)?;
+        let [[point]] = points[..] else {
+            let detail = format!("One vertex is due, not {}.", points.len());
+            return Err(Problem::new(&problem::INVALID_VERTEX, detail));
+        };
+        request.vertex = point;
+        Ok(())
     };
+    let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
     if !(1..=MOST_SIMILAR).contains(&request.count) {
         let detail = format!("count: {} points, where 1 to {MOST_SIMILAR} are due.", request.count);
         return Err(Problem::new(&problem::INVALID_ANALYSIS, detail));

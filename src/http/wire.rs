@@ -124,7 +124,7 @@ pub struct JobRequest {
     ///
     /// `vibration_basis`: `count` (modes, rigid motions included), `thickness` (of a shell; without it the tetrahedra of a solid vibrate),
     /// `material` (`{"young": 2e11, "poisson": 0.3, "density": 7800}`), `clamped` (vertices), `method` (`hsim`, the default, with
-    /// `tolerance`, or `approximate` with `dimension` and `local_coordinates`), `seed`.
+    /// `tolerance`, or `approximate` with `dimension`, `local_coordinates` and `inverse_iterations`), `seed`.
     #[serde(default)]
     #[schema(value_type = Object)]
     pub parameters: Value,

@@ -44,6 +44,9 @@ pub struct VibrationBasisParameters {
     /// Whether the functions of `approximate` come with coordinates of their patches, so that patches can turn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub local_coordinates: Option<bool>,
+    /// Inverse iterations on the mesh that refine the modes of `approximate`, 0 to 4; with any they are kept as columns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inverse_iterations: Option<usize>,
     /// Largest residual of `hsim`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f64>,
@@ -117,10 +120,13 @@ impl VibrationBasisParameters {
                 within("dimension", dimension as f64, 4.0, LARGEST_DIMENSION as f64)?;
                 read.dimension = Some(dimension);
                 read.local_coordinates.get_or_insert(true);
+                let iterations = *read.inverse_iterations.get_or_insert(0);
+                within("inverse_iterations", iterations as f64, 0.0, 4.0)?;
             }
             VibrationMethodName::Hsim => {
                 foreign("dimension", read.dimension.is_some())?;
                 foreign("local_coordinates", read.local_coordinates.is_some())?;
+                foreign("inverse_iterations", read.inverse_iterations.is_some())?;
                 let tolerance = read.tolerance.unwrap_or(1e-3);
                 within("tolerance", tolerance, 1e-9, 0.5)?;
                 read.tolerance = Some(tolerance);
@@ -133,11 +139,23 @@ impl VibrationBasisParameters {
         if self.thickness.is_some() { mesh.vertices } else { mesh.solid_vertices }
     }
 
+    /// About the entries of a factor of the problem on `n` vertices.
+    fn fill(&self, n: u64) -> u64 {
+        let unknowns = 3.0 * n as f64;
+        let fill = if self.thickness.is_some() {
+            40.0 * unknowns * unknowns.log2().max(1.0)
+        } else {
+            4.0 * unknowns.powf(4.0 / 3.0) + 60.0 * unknowns
+        };
+        fill as u64
+    }
+
     fn vibration(&self) -> VibrationParameters {
         let method = match self.method {
             VibrationMethodName::Approximate => VibrationMethod::Approximate {
                 dimension: self.dimension.unwrap_or(2 * self.count),
                 local_coordinates: self.local_coordinates.unwrap_or(true),
+                inverse_iterations: self.inverse_iterations.unwrap_or(0),
             },
             VibrationMethodName::Hsim => VibrationMethod::Hsim { tolerance: self.tolerance.unwrap_or(1e-3) },
         };
@@ -186,17 +204,17 @@ impl Work for VibrationBasisParameters {
             VibrationMethodName::Approximate => {
                 let d = 3 * (self.dimension.unwrap_or(0) as u64).min(3 * n / 2);
                 // The space, threefold, and its products; four dense matrices.
-                2500 * n + 32 * d * d + 8 * d * m
+                let refined = match self.inverse_iterations {
+                    // The problem once more, a factor, three blocks of columns.
+                    Some(1..) => operator + 16 * self.fill(n) + 24 * 3 * n * (m + m / 4 + 40) + 12 * n * m,
+                    _ => 0,
+                };
+                2500 * n + 32 * d * d + 8 * d * m + refined
             }
             VibrationMethodName::Hsim => {
                 let unknowns = 3 * n;
-                let fill = if self.thickness.is_some() {
-                    40.0 * unknowns as f64 * (unknowns as f64).log2().max(1.0)
-                } else {
-                    4.0 * (unknowns as f64).powf(4.0 / 3.0) + 60.0 * unknowns as f64
-                };
                 // The problem twice more, two factors, three blocks of columns with guards, dense problems of the start.
-                2 * operator + 16 * fill as u64 + 24 * unknowns * (m + 64) + 4 * unknowns * m + (256 << 20)
+                2 * operator + 16 * self.fill(n) + 24 * unknowns * (m + 64) + 4 * unknowns * m + (256 << 20)
             }
         };
         input + operator + method + (64 << 20)
@@ -236,6 +254,36 @@ mod tests {
         assert_eq!(VibrationBasisParameters::parse(&hsim.canonical()).unwrap(), hsim);
     }
 
+    /// One case, `{"file": "camelhead.off", "parameters": {…}}`, in `CHLADNI_CASE`: the estimate, and the peak of the resident memory.
+    #[test]
+    #[ignore = "measures; run it alone: cargo test --release --lib -- --ignored --nocapture memory_of_a_vibration"]
+    fn memory_of_a_vibration_job() {
+        use crate::mesh::check::CheckOptions;
+        use crate::mesh::read::{MeshFormat, ReadLimits, read};
+        use crate::mesh::solid::check_body;
+        use crate::monitor::Unwatched;
+        let Some(folder) = std::env::var_os("CHLADNI_MESHES").map(std::path::PathBuf::from) else { return };
+        let Ok(case) = std::env::var("CHLADNI_CASE") else { return };
+        let case: Value = serde_json::from_str(&case).unwrap();
+        let path = folder.join(case["file"].as_str().unwrap());
+        let format = MeshFormat::from_extension(path.extension().unwrap().to_str().unwrap()).unwrap();
+        let raw = read(&std::fs::read(path).unwrap(), format, &ReadLimits::default()).unwrap();
+        let body = check_body(raw, &CheckOptions::default()).unwrap();
+        let mesh = body.surface.mesh;
+        let parameters = VibrationBasisParameters::parse(&case["parameters"]).unwrap();
+        let size = MeshSize {
+            vertices: mesh.positions.len(),
+            faces: mesh.faces.len(),
+            solid_vertices: body.solid.as_ref().map_or(0, |solid| solid.positions.len()),
+            tetrahedra: body.solid.as_ref().map_or(0, |solid| solid.tetrahedra.len()),
+        };
+        let estimate = parameters.memory_bytes(size);
+        parameters.run_body(&mesh, body.solid.as_ref(), &Unwatched).unwrap();
+        let status = std::fs::read_to_string("/proc/self/status").unwrap();
+        let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap().trim().to_owned();
+        println!("{case}: estimate {} kB, peak {peak}", estimate / 1024);
+    }
+
     #[test]
     fn what_does_not_fit_is_named() {
         for (given, name) in [
@@ -243,6 +291,8 @@ mod tests {
             (json!({"thickness": 0.0}), "thickness"),
             (json!({"material": {"young": -1.0}}), "material.young"),
             (json!({"method": "hsim", "dimension": 100}), "dimension"),
+            (json!({"method": "hsim", "inverse_iterations": 1}), "inverse_iterations"),
+            (json!({"method": "approximate", "inverse_iterations": 5}), "inverse_iterations"),
             (json!({"method": "approximate", "tolerance": 0.1}), "tolerance"),
             (json!({"method": "hsim", "tolerance": 2.0}), "tolerance"),
         ] {

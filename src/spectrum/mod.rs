@@ -7,6 +7,7 @@ pub mod family;
 pub mod heat;
 pub mod hodge;
 pub mod hsim;
+mod local;
 pub mod radial;
 mod refine;
 pub mod vibration;

@@ -86,18 +86,19 @@ pub fn approximate_refined(
     let vectors = gpu::accelerator().lift(&space, &pairs.vectors, monitor)?;
     drop(space);
     let vectors = match refinement {
-        Refinement::InverseIteration => inverse_iteration(problem, vectors, &pairs.values, monitor)?,
+        Refinement::InverseIteration => inverse_iterations(problem, vectors, &pairs.values, 1, monitor)?,
         Refinement::Chebyshev { degree } => chebyshev(problem, vectors, &pairs.values, degree, monitor)?,
     };
     monitor.checkpoint()?;
     rayleigh_ritz(operator, vectors, count, mesh.positions.len(), monitor)
 }
 
-/// `(K + σM)⁻¹ M X`.
-fn inverse_iteration(
+/// `((K + σM)⁻¹ M)ᵏ X` for `k` iterations; `values` are the Ritz values of the columns, ascending.
+pub(super) fn inverse_iterations(
     problem: &EigenProblem,
     mut vectors: PanelMatrix,
     values: &[f64],
+    iterations: usize,
     monitor: &dyn Monitor,
 ) -> Result<PanelMatrix, ApproximationError> {
     let (lowest, highest) = (values[0], values[values.len() - 1]);
@@ -120,9 +121,12 @@ fn inverse_iteration(
         monitor.checkpoint()?;
         let mut own = vec![0.0; panel.len()];
         gather(panel, &order, &mut own);
-        mass_times_panel(&mass, &own, panel);
-        factor.solve_panel(panel);
-        own.copy_from_slice(panel);
+        for _ in 0..iterations {
+            monitor.checkpoint()?;
+            mass_times_panel(&mass, &own, panel);
+            factor.solve_panel(panel);
+            own.copy_from_slice(panel);
+        }
         scatter(&own, &order, panel);
         let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
         monitor.progress(done as f64 / total as f64);

@@ -366,6 +366,37 @@ async fn shapes_are_compared_and_drawn() {
     .await;
     let image = app.post(url).json(&body).header("accept", "image/png").send().await.unwrap();
     problem(image, 406, "not-acceptable").await;
+    spectra_of_different_operators_are_refused(&app, &round, &bases).await;
+}
+
+async fn spectra_of_different_operators_are_refused(app: &TestApp, round: &str, bases: &[String]) {
+    let made = async |parameters: Value| {
+        let job = app.submit(round, parameters).await;
+        text(&app.finished(&text(&job["id"])).await["basis"])
+    };
+    let url = "/v1/shape-comparisons";
+    let asked = async |others: [&String; 2], mixed: bool| {
+        app.post(url).json(&json!({"bases": [&bases[0], others[0], others[1]], "mixed": mixed})).send().await.unwrap()
+    };
+    // On a closed surface the condition at its boundary means nothing, and the robust Laplacian is a Laplacian.
+    let robust = made(json!({"count": 3, "operator": "robust"})).await;
+    let fixed = made(json!({"count": 3, "boundary": "dirichlet"})).await;
+    assert_eq!(asked([&robust, &fixed], false).await.status(), 200);
+    let extrinsic = made(json!({"count": 3, "operator": {"extrinsic": {"t": 0.5}}})).await;
+    let refused = problem(asked([&robust, &extrinsic], false).await, 409, "incomparable-bases").await;
+    assert_eq!(refused["bases"], json!([bases[0], extrinsic]));
+    assert_eq!(refused["spectra"], json!(["laplace", "{\"extrinsic\":{\"t\":0.5}}"]));
+    assert_eq!(asked([&robust, &extrinsic], true).await.status(), 200);
+    // With a boundary the conditions have to agree.
+    let open = text(&app.upload("off", "OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n3 0 1 2\n3 2 1 3\n").await["id"]);
+    let mut flat = Vec::new();
+    for boundary in ["neumann", "dirichlet"] {
+        let job = app.submit(&open, json!({"count": 3, "boundary": boundary})).await;
+        flat.push(text(&app.finished(&text(&job["id"])).await["basis"]));
+    }
+    let refused = problem(asked([&flat[0], &flat[1]], false).await, 409, "incomparable-bases").await;
+    assert_eq!(refused["spectra"], json!(["laplace, neumann", "laplace, dirichlet"]));
+    assert_eq!(asked([&fixed, &flat[1]], false).await.status(), 200);
 }
 
 #[tokio::test]

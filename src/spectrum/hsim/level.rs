@@ -1,10 +1,8 @@
 //! One level of the hierarchy: an eigenproblem in the order in which it is factored, and how a coarser one is made of it.
 
-use rayon::prelude::*;
-
 use crate::algebra::{FactorError, GalerkinError, MassMatrix, Ordering, SparseMatrix, fill_reducing_order, galerkin};
-use crate::mesh::random::SplitMix64;
 use crate::monitor::{Cancelled, Monitor};
+use crate::spectrum::local::{self, Places};
 
 /// An eigenproblem of the hierarchy; rows are in a fill-reducing order.
 #[derive(Debug, Clone)]
@@ -62,128 +60,29 @@ pub(super) fn space(
     seed: u64,
     monitor: &dyn Monitor,
 ) -> Result<(SparseMatrix<f32>, Vec<u32>), Cancelled> {
-    let n = level.size();
     let area: f64 = level.mass.lumped().iter().sum();
-    let centres = centres(level, SPACING * (area / target as f64).sqrt(), seed, monitor)?;
+    let centres = local::centres(level, SPACING * (area / target as f64).sqrt(), seed, monitor)?;
     let radius = (sigma * area / (std::f64::consts::PI * centres.len().max(1) as f64)).sqrt();
-    // Columns in parallel, gathered in the order of the centres.
-    let parts: Vec<Vec<(u32, u32, f32)>> = centres
-        .par_chunks(64)
-        .enumerate()
-        .map_init(
-            || Ball::new(n),
-            |ball, (chunk, part)| {
-                monitor.checkpoint()?;
-                let mut entries = Vec::new();
-                for (k, &centre) in part.iter().enumerate() {
-                    ball.grow(level, centre, radius);
-                    for &(row, square) in &ball.found {
-                        let x = square.sqrt() / radius;
-                        let value = 1.0 - x * x * (3.0 - 2.0 * x);
-                        if value > LEAST_WEIGHT || row == centre {
-                            entries.push((row, (chunk * 64 + k) as u32, value as f32));
-                        }
-                    }
-                }
-                Ok(entries)
-            },
-        )
-        .collect::<Result<_, Cancelled>>()?;
-    let mut offsets = vec![0usize; n + 1];
-    for part in &parts {
-        for entry in part {
-            offsets[entry.0 as usize + 1] += 1;
-        }
+    Ok((local::functions(level, &centres, radius, monitor)?, centres))
+}
+
+impl Places for Level {
+    fn size(&self) -> usize {
+        self.stiffness.rows()
     }
-    for row in 0..n {
-        offsets[row + 1] += offsets[row];
+
+    fn position(&self, row: u32) -> [f64; 3] {
+        self.positions[row as usize]
     }
-    let mut next = offsets.clone();
-    let (mut indices, mut values) = (vec![0u32; offsets[n]], vec![0f32; offsets[n]]);
-    for (row, column, value) in parts.into_iter().flatten() {
-        let at = next[row as usize];
-        next[row as usize] += 1;
-        (indices[at], values[at]) = (column, value);
+
+    fn neighbours(&self, row: u32) -> &[u32] {
+        self.stiffness.row(row as usize).0
     }
-    for row in 0..n {
-        let row = &mut values[offsets[row]..offsets[row + 1]];
-        let sum: f32 = row.iter().sum();
-        row.iter_mut().for_each(|value| *value /= sum);
-    }
-    Ok((SparseMatrix::from_sorted_parts(n, centres.len(), offsets, indices, values), centres))
 }
 
 /// The radius within which a sample covers its neighbours, over the spacing of as many samples as are wanted. Measured: gives
 /// that many within a few percent.
 const SPACING: f64 = 0.83;
-
-/// Weights at or below this are left out.
-const LEAST_WEIGHT: f64 = 1e-3;
-
-/// Rows such that every row lies within `radius` of one, on the connected part of the ball around it.
-fn centres(level: &Level, radius: f64, seed: u64, monitor: &dyn Monitor) -> Result<Vec<u32>, Cancelled> {
-    let n = level.size();
-    let order = SplitMix64::new(seed).permutation(n);
-    let mut covered = vec![false; n];
-    let mut ball = Ball::new(n);
-    let mut centres = Vec::new();
-    for (k, &row) in order.iter().enumerate() {
-        if k % 1024 == 0 {
-            monitor.checkpoint()?;
-        }
-        if covered[row as usize] {
-            continue;
-        }
-        centres.push(row);
-        ball.grow(level, row, radius);
-        for &(row, _) in &ball.found {
-            covered[row as usize] = true;
-        }
-    }
-    // In the order of the level, neighbours have close numbers.
-    centres.sort_unstable();
-    Ok(centres)
-}
-
-/// The connected part of a ball.
-struct Ball {
-    stamp: Vec<u32>,
-    current: u32,
-    /// Rows with the squares of their distances from the centre.
-    found: Vec<(u32, f64)>,
-}
-
-impl Ball {
-    fn new(n: usize) -> Self {
-        Self { stamp: vec![0; n], current: 0, found: Vec::new() }
-    }
-
-    fn grow(&mut self, level: &Level, centre: u32, radius: f64) {
-        self.current += 1;
-        self.found.clear();
-        self.found.push((centre, 0.0));
-        self.stamp[centre as usize] = self.current;
-        let origin = level.positions[centre as usize];
-        let limit = radius * radius;
-        let mut head = 0;
-        while head < self.found.len() {
-            let row = self.found[head].0;
-            head += 1;
-            for &column in level.stiffness.row(row as usize).0 {
-                let stamp = &mut self.stamp[column as usize];
-                if *stamp == self.current {
-                    continue;
-                }
-                let position = level.positions[column as usize];
-                let square: f64 = (0..3).map(|k| (position[k] - origin[k]).powi(2)).sum();
-                if square < limit {
-                    *stamp = self.current;
-                    self.found.push((column, square));
-                }
-            }
-        }
-    }
-}
 
 /// The level restricted to a space, in the order in which the new level is factored; the columns of `space` are renumbered to it.
 pub(super) fn coarsened(

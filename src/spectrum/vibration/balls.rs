@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{ElasticBody, ElasticProblem, Monitor, VibrationError};
 use crate::algebra::{MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order};
 use crate::mesh::TetMesh;
-use crate::monitor::Cancelled;
+use crate::spectrum::local::{self, Places};
 
 /// About so many functions reach over each vertex.
 const OVERLAP: f64 = 16.0;
@@ -22,13 +22,13 @@ pub(super) fn functions(
     let volume: f64 = mesh.tetrahedra.iter().map(|corners| graph.volume(corners)).sum();
     // The radius within which a centre covers its neighbours, found so that there are about as many centres as are wanted.
     let (mut low, mut high) = (0.0, 2.0 * (volume / dimension.max(1) as f64).cbrt());
-    while graph.centres(high, seed, monitor)?.len() > dimension && high < 1e6 * volume.cbrt() {
+    while local::centres(&graph, high, seed, monitor)?.len() > dimension && high < 1e6 * volume.cbrt() {
         (low, high) = (high, 1.5 * high);
     }
     let mut centres = Vec::new();
     for _ in 0..12 {
         let radius = 0.5 * (low + high);
-        centres = graph.centres(radius, seed, monitor)?;
+        centres = local::centres(&graph, radius, seed, monitor)?;
         let excess = centres.len() as f64 / dimension.max(1) as f64;
         if (0.98..=1.02).contains(&excess) {
             break;
@@ -38,34 +38,7 @@ pub(super) fn functions(
     monitor.stage("basis");
     let radius = (OVERLAP * volume / (4.0 / 3.0 * std::f64::consts::PI * centres.len().max(1) as f64)).cbrt();
     let radius = radius.max(1.2 * high);
-    let columns: Vec<Vec<(u32, f32)>> = centres
-        .par_iter()
-        .map_init(
-            || Ball::new(graph.vertices()),
-            |ball, &centre| {
-                monitor.checkpoint()?;
-                ball.grow(&graph, centre, radius);
-                let value = |&(vertex, square): &(u32, f64)| {
-                    let t = square.sqrt() / radius;
-                    (vertex, (1.0 - t * t * (3.0 - 2.0 * t)).max(0.0) as f32)
-                };
-                Ok(ball.found.iter().map(value).filter(|entry| entry.1 > 1e-3).collect())
-            },
-        )
-        .collect::<Result<_, Cancelled>>()?;
-    let mut rows: Vec<Vec<(u32, f32)>> = vec![Vec::new(); graph.vertices()];
-    for (column, entries) in columns.iter().enumerate() {
-        entries.iter().for_each(|&(vertex, value)| rows[vertex as usize].push((column as u32, value)));
-    }
-    let mut offsets = vec![0];
-    let (mut indices, mut values) = (Vec::new(), Vec::new());
-    for row in &rows {
-        let sum: f32 = row.iter().map(|entry| entry.1).sum();
-        indices.extend(row.iter().map(|entry| entry.0));
-        values.extend(row.iter().map(|entry| entry.1 / sum));
-        offsets.push(indices.len());
-    }
-    Ok(SparseMatrix::from_sorted_parts(graph.vertices(), centres.len(), offsets, indices, values))
+    Ok(local::functions(&graph, &centres, radius, monitor)?)
 }
 
 /// Who is next to whom.
@@ -93,76 +66,25 @@ impl<'a> Graph<'a> {
         Self { mesh, offsets, neighbours: pairs.into_iter().map(|pair| pair.1).collect() }
     }
 
-    fn vertices(&self) -> usize {
-        self.offsets.len() - 1
-    }
-
     fn volume(&self, corners: &[u32; 4]) -> f64 {
         let [a, b, c, d] = corners.map(|v| self.mesh.positions[v as usize]);
         let [u, v, w] = [b, c, d].map(|p| [p[0] - a[0], p[1] - a[1], p[2] - a[2]]);
         let cross = [v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]];
         (u[0] * cross[0] + u[1] * cross[1] + u[2] * cross[2]).abs() / 6.0
     }
-
-    /// Vertices such that every vertex lies within `radius` of one, ascending.
-    fn centres(&self, radius: f64, seed: u64, monitor: &dyn Monitor) -> Result<Vec<u32>, Cancelled> {
-        let n = self.vertices();
-        let mut order: Vec<u32> = (0..n as u32).collect();
-        // Any order will do that does not follow the numbering.
-        order.sort_unstable_by_key(|&v| (u64::from(v) ^ seed).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-        let mut covered = vec![false; n];
-        let mut ball = Ball::new(n);
-        let mut centres = Vec::new();
-        for (k, &vertex) in order.iter().enumerate() {
-            if k % 1024 == 0 {
-                monitor.checkpoint()?;
-            }
-            if !covered[vertex as usize] {
-                centres.push(vertex);
-                ball.grow(self, vertex, radius);
-                ball.found.iter().for_each(|&(v, _)| covered[v as usize] = true);
-            }
-        }
-        centres.sort_unstable();
-        Ok(centres)
-    }
 }
 
-/// The connected part of a ball.
-struct Ball {
-    stamp: Vec<u32>,
-    current: u32,
-    /// Vertices with the squares of their distances from the centre.
-    found: Vec<(u32, f64)>,
-}
-
-impl Ball {
-    fn new(n: usize) -> Self {
-        Self { stamp: vec![0; n], current: 0, found: Vec::new() }
+impl Places for Graph<'_> {
+    fn size(&self) -> usize {
+        self.offsets.len() - 1
     }
 
-    fn grow(&mut self, graph: &Graph, centre: u32, radius: f64) {
-        self.current += 1;
-        self.found.clear();
-        self.found.push((centre, 0.0));
-        self.stamp[centre as usize] = self.current;
-        let origin = graph.mesh.positions[centre as usize];
-        let mut head = 0;
-        while head < self.found.len() {
-            let vertex = self.found[head].0 as usize;
-            head += 1;
-            for &other in &graph.neighbours[graph.offsets[vertex]..graph.offsets[vertex + 1]] {
-                if self.stamp[other as usize] == self.current {
-                    continue;
-                }
-                let position = graph.mesh.positions[other as usize];
-                let square: f64 = (0..3).map(|k| (position[k] - origin[k]).powi(2)).sum();
-                if square < radius * radius {
-                    self.stamp[other as usize] = self.current;
-                    self.found.push((other, square));
-                }
-            }
-        }
+    fn position(&self, row: u32) -> [f64; 3] {
+        self.mesh.positions[row as usize]
+    }
+
+    fn neighbours(&self, row: u32) -> &[u32] {
+        &self.neighbours[self.offsets[row as usize]..self.offsets[row as usize + 1]]
     }
 }
 

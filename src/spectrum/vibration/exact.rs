@@ -78,6 +78,26 @@ fn shifted(problem: &EigenProblem, unit: f64) -> EigenProblem {
     }
 }
 
+/// Makes columns orthogonal to the rigid motions.
+pub(super) fn apart_from_rigid(
+    elastic: &ElasticProblem,
+    rigid: &RigidMotions,
+    vectors: &mut PanelMatrix,
+    monitor: &dyn Monitor,
+) -> Result<(), VibrationError> {
+    let free = rigid.motions.len();
+    let motions: Vec<f64> = rigid.motions.iter().flat_map(|motion| rigid.displacement(elastic, motion)).collect();
+    if let Some(motions) = DenseMatrix::from_columns(elastic.problem.size(), free, motions)
+        && free > 0
+    {
+        let motions = PanelMatrix::from_dense(&motions);
+        let mass: &MassMatrix = &elastic.problem.mass;
+        let products = inner_products(&motions, Weight::Mass(mass), vectors, monitor)?;
+        subtract_combinations(vectors, &motions, &products, monitor)?;
+    }
+    Ok(())
+}
+
 /// Drops what was found of the rigid motions, and makes the rest orthogonal to them.
 fn beside_rigid(
     elastic: &ElasticProblem,
@@ -90,15 +110,7 @@ fn beside_rigid(
     let count = pairs.values.len();
     let kept: Vec<usize> = (free.min(count)..count).collect();
     let mut vectors = pairs.vectors.select(&kept);
-    let motions: Vec<f64> = rigid.motions.iter().flat_map(|motion| rigid.displacement(elastic, motion)).collect();
-    if let Some(motions) = DenseMatrix::from_columns(elastic.problem.size(), free, motions)
-        && free > 0
-    {
-        let motions = PanelMatrix::from_dense(&motions);
-        let mass: &MassMatrix = &elastic.problem.mass;
-        let products = inner_products(&motions, Weight::Mass(mass), &vectors, monitor)?;
-        subtract_combinations(&mut vectors, &motions, &products, monitor)?;
-    }
+    apart_from_rigid(elastic, rigid, &mut vectors, monitor)?;
     let physical = unit * elastic.eigenvalue_scale;
     let inertia: Vec<_> = pairs
         .inertia

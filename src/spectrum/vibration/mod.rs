@@ -8,6 +8,7 @@ mod approximate;
 mod balls;
 mod exact;
 mod frames;
+mod refined;
 mod space;
 
 use crate::algebra::{DenseMatrix, EigenError, FactorError, GalerkinError};
@@ -32,6 +33,8 @@ pub enum VibrationMethod {
         /// Whether local functions come with coordinates of their patches, so that patches can turn: three or four functions for each of
         /// a third or a quarter as many patches.
         local_coordinates: bool,
+        /// Inverse iterations on the mesh afterwards: none keeps the modes compact, with one or more they are dense and far more accurate.
+        inverse_iterations: usize,
     },
     /// HSIM, to a residual, proven complete.
     Hsim {
@@ -154,9 +157,15 @@ pub fn vibration_modes(
     let free = rigid.motions.len().min(parameters.count);
     let wanted = parameters.count - free;
     let found = match parameters.method {
-        VibrationMethod::Approximate { dimension, local_coordinates } => {
+        VibrationMethod::Approximate { dimension, local_coordinates, inverse_iterations } => {
             let space = space::functions(body, &elastic, dimension, local_coordinates, parameters.seed, monitor)?;
-            approximate::modes(&elastic, &rigid, &space, wanted, monitor)?.into_found(space)
+            if inverse_iterations == 0 {
+                approximate::modes(&elastic, &rigid, &space, wanted, monitor)?.into_found(space)
+            } else {
+                let columns = (wanted + refined::guards(wanted)).min(unknowns - rigid.motions.len().min(unknowns));
+                let ritz = approximate::modes(&elastic, &rigid, &space, columns, monitor)?;
+                refined::modes(&elastic, &rigid, (&space, ritz), wanted, inverse_iterations, monitor)?
+            }
         }
         VibrationMethod::Hsim { tolerance } => {
             exact::modes(body, &elastic, &rigid, wanted, tolerance, parameters.seed, monitor)?
