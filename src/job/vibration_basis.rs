@@ -199,7 +199,9 @@ impl Work for VibrationBasisParameters {
         let m = self.count as u64;
         let input = 24 * n + 12 * mesh.faces as u64 + 16 * mesh.tetrahedra as u64;
         // About twenty blocks of nine numbers a row, assembled once and kept as single numbers once.
-        let operator = n * 20 * 9 * (8 + 12) + 400 * mesh.faces as u64;
+        let operator = n * 20 * 9 * (8 + 12);
+        // While a shell is assembled, each face has blocks for all pairs of six vertices, twice.
+        let assembly = if self.thickness.is_some() { 12_000 } else { 400 } * mesh.faces as u64;
         let method = match self.method {
             VibrationMethodName::Approximate => {
                 let d = 3 * (self.dimension.unwrap_or(0) as u64).min(3 * n / 2);
@@ -214,10 +216,10 @@ impl Work for VibrationBasisParameters {
             VibrationMethodName::Hsim => {
                 let unknowns = 3 * n;
                 // The problem twice more, two factors, three blocks of columns with guards, dense problems of the start.
-                2 * operator + 16 * self.fill(n) + 24 * unknowns * (m + 64) + 4 * unknowns * m + (256 << 20)
+                2 * operator + 16 * self.fill(n) + 24 * unknowns * (m + 64) + 4 * unknowns * m + (96 << 20)
             }
         };
-        input + operator + method + (64 << 20)
+        input + operator + method.max(assembly) + (80 << 20)
     }
 
     fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {
