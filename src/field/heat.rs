@@ -42,7 +42,7 @@ pub struct FieldHeat {
     pub time: f64,
     /// A column may spread beyond its bump by this multiple of `√(steps · time / N)`.
     pub margin: f64,
-    /// Blocks of at most this magnitude become zero; by default .006 for vector fields and .005 for others, which keeps fewer than
+    /// Blocks of at most this magnitude become zero; by default .0055 for vector fields and .0045 for others, which keeps fewer than
     /// thirty numbers a row.
     pub threshold: Option<f64>,
     /// Relative residual at which the solve of a heat step ends.
@@ -56,9 +56,9 @@ pub struct FieldHeat {
 impl Default for FieldHeat {
     fn default() -> Self {
         Self {
-            sigma: 10.0,
+            sigma: 8.0,
             steps: 2,
-            time: 0.08,
+            time: 0.09,
             margin: 2.5,
             threshold: None,
             tolerance: 1e-2,
@@ -71,11 +71,11 @@ impl Default for FieldHeat {
 impl FieldHeat {
     /// Less error for a third more entries.
     pub fn accurate() -> Self {
-        Self { steps: 4, time: 0.04, threshold: Some(0.002), tolerance: 1e-3, ..Self::default() }
+        Self { sigma: 10.0, steps: 4, time: 0.04, threshold: Some(0.002), tolerance: 1e-3, ..Self::default() }
     }
 
     fn threshold(&self, kind: FieldKind) -> f64 {
-        self.threshold.unwrap_or(if kind == (FieldKind::Vector {}) { 0.006 } else { 0.005 })
+        self.threshold.unwrap_or(if kind == (FieldKind::Vector {}) { 0.0055 } else { 0.0045 })
     }
 
     /// The first parameter out of its range: name, value, least, largest.
