@@ -125,16 +125,15 @@ pub fn geodesic(
     Ok(distances)
 }
 
-/// The integrated divergence `∫ X · ∇λ_i` of `X = −∇u / |∇u|` at each vertex, with the first `u` of the ladder that is warm at all corners of a
-/// face, or the last. Faces without area, and those where `u` does not change, have none.
+/// The integrated divergence `∫ X · ∇λ_i` of `X = −∇u / |∇u|` at each vertex, with the first `u` of the ladder from which on all corners of a
+/// face are warm, or the last. Faces without area, and those where `u` does not change, have none.
 fn unit_divergence(mesh: &TriangleMesh, ladder: &[&[f64]]) -> Vec<f64> {
     let Some((last, shorter)) = ladder.split_last() else { return Vec::new() };
-    let warm: Vec<f64> = shorter.iter().map(|u| WARM * u.iter().copied().fold(0.0, f64::max)).collect();
+    let first = first_warm(last.len(), shorter);
     let mut divergence = vec![0.0; last.len()];
     for face in &mesh.faces {
         let [a, b, c] = face.map(|vertex| vertex as usize);
-        let is_warm = |(u, warm): &(&&[f64], &f64)| u[a].min(u[b]).min(u[c]) > **warm;
-        let u = shorter.iter().zip(&warm).find(is_warm).map_or(last, |(u, _)| u);
+        let u = shorter.get(usize::from(first[a].max(first[b]).max(first[c]))).unwrap_or(last);
         let [p, q, r] = [a, b, c].map(|vertex| mesh.positions[vertex]);
         let edge = |from: [f64; 3], to: [f64; 3]| [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
         let edges = [edge(q, r), edge(r, p), edge(p, q)];
@@ -154,6 +153,20 @@ fn unit_divergence(mesh: &TriangleMesh, ladder: &[&[f64]]) -> Vec<f64> {
         }
     }
     divergence
+}
+
+/// For each vertex the first of some heats from which on it is warm in all of them; their number where it is not in the last.
+fn first_warm(vertices: usize, ladder: &[&[f64]]) -> Vec<u8> {
+    let mut first = vec![ladder.len() as u8; vertices];
+    for (step, u) in ladder.iter().enumerate().rev() {
+        let warm = WARM * u.iter().copied().fold(0.0, f64::max);
+        for (first, &u) in first.iter_mut().zip(*u) {
+            if u > warm && usize::from(*first) == step + 1 {
+                *first = step as u8;
+            }
+        }
+    }
+    first
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {

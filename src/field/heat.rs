@@ -55,16 +55,7 @@ pub struct FieldHeat {
 
 impl Default for FieldHeat {
     fn default() -> Self {
-        Self {
-            sigma: 8.0,
-            steps: 2,
-            time: 0.09,
-            margin: 2.5,
-            threshold: None,
-            tolerance: 1e-2,
-            degree: 6,
-            least: 0.15,
-        }
+        Self { sigma: 8.0, steps: 2, time: 0.09, margin: 2.5, threshold: None, tolerance: 1e-2, degree: 6, least: 0.15 }
     }
 }
 
