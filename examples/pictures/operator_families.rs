@@ -33,7 +33,13 @@ pub fn draw() -> Result<(), Failure> {
             seconds = seconds.min(begin.elapsed().as_secs_f64());
         }
         let modes = space_times(&basis.space, &found.coefficients).ok_or("the family does not fit itself")?;
-        sheet.add(&mesh, &diverging(modes.column(12)), &view, &format!("t = {t}"));
+        // The more an operator follows the normals, the more of its eigenfunctions live in one place, which may be behind.
+        let spread = |mode: usize| {
+            let sum = |power: i32| modes.column(mode).iter().map(|x| x.powi(power)).sum::<f64>();
+            sum(2).powi(2) / sum(4)
+        };
+        let widest = (1..20).max_by(|&a, &b| spread(a).total_cmp(&spread(b))).unwrap_or(1);
+        sheet.add(&mesh, &diverging(modes.column(widest)), &view, &format!("t = {t}"));
         let operator = if t == 0.0 { json!("auto") } else { json!({"extrinsic": {"t": t}}) };
         let direct = json!({"method": "hsim", "count": 100, "tolerance": 1e-4, "operator": operator});
         let exact = scene::eigenbasis_with(&mesh, direct)?.eigenvalues;
