@@ -408,6 +408,10 @@ pub(super) fn standard_lowest(
 /// Up to one pair in so many is few.
 const FEW: usize = 4;
 
+/// From so large a matrix on. Bisection knows values up to a rounding error of the largest; where a small matrix has entries of very different
+/// sizes, divide and conquer happens to keep more digits of the low ones, and takes no time either.
+const LEAST_FEW: usize = 128;
+
 /// The `count` lowest pairs of the symmetric tridiagonal matrix with this diagonal and, beside it, the first `d − 1` of these numbers, by
 /// divide and conquer, or by bisection and inverse iteration where few are wanted.
 pub(super) fn tridiagonal_lowest(
@@ -419,7 +423,7 @@ pub(super) fn tridiagonal_lowest(
     if d == 1 {
         return Ok((diagonal.to_vec(), DenseMatrix::from_columns(1, 1, vec![1.0]).unwrap_or_default()));
     }
-    if FEW * count <= d
+    if d >= LEAST_FEW.max(FEW * count)
         && let Some(found) = lowest_few(diagonal, beside, count)
     {
         return Ok(found);
