@@ -25,7 +25,7 @@ use super::space::Column;
 pub(super) const DUAL_TO_SURFACE: f32 = 0.83;
 
 /// Levels are coarsened until there are at most so many nodes a sample.
-const NODES_PER_SAMPLE: usize = 500;
+const NODES_PER_SAMPLE: usize = 90;
 
 /// The share of the largest block on a node up to which its blocks are shrunk away: some block always stays.
 const KEEP_SHARE: f32 = 0.3;
