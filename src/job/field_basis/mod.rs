@@ -197,8 +197,9 @@ impl Work for FieldBasisParameters {
         let (b, d) = (self.space.field.block() as u64, self.dimension(mesh.faces) as u64);
         // Mesh, dual graph and frames, twice: as given and in the order of a curve.
         let surface = 2 * (24 * n + 12 * f + f * (3 * 12 + 6 * 8 + 8 + 16));
-        // The operator with its coarser levels: three neighbours and itself, a third more for the levels.
-        let operator = f * 4 * (8 * b * b + 4) * 2;
+        // The operator with its coarser levels, a third more, in both precisions: itself and the faces at its corners, or its three neighbours.
+        let near = if self.space.field == (FieldKind::Vector {}) { 13 } else { 4 };
+        let operator = f * near * (12 * b * b + 8) * 4 / 3;
         // Columns while they are spread, as they are stored, and as a matrix of single numbers.
         let blocks = f * match self.space.construction {
             Construction::Heat(heat) => (3.0 + heat.sigma * 2.5) as u64,
