@@ -25,9 +25,9 @@ pub struct FieldArguments {
     #[arg(long, value_name = "N", help_heading = "Problem")]
     n: Option<u32>,
 
-    /// Dimension of the space
-    #[arg(long, short = 'd', value_name = "D", help_heading = "Problem", default_value_t = 1000)]
-    dimension: usize,
+    /// Dimension of the space; where it is not given 1000, and on small meshes a quarter of the numbers of a field
+    #[arg(long, short = 'd', value_name = "D", help_heading = "Problem")]
+    dimension: Option<usize>,
 
     /// Divide every face into four before, so many times
     #[arg(long, value_name = "TIMES", help_heading = "Problem", default_value_t = 0)]
@@ -82,7 +82,7 @@ impl FieldArguments {
         let given = [
             ("field", Some(json!(self.field))),
             ("n", self.n.map(|value| json!(value))),
-            ("dimension", Some(json!(self.dimension))),
+            ("dimension", self.dimension.map(|value| json!(value))),
             ("construction", self.construction.as_ref().map(|value| json!(value))),
             ("accuracy", self.accuracy.as_ref().map(|value| json!(value))),
             ("sigma", self.sigma.map(|value| json!(value))),
