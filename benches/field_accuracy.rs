@@ -184,19 +184,18 @@ impl Exact {
             norm(areas, b, &difference) / norm(areas, b, exact)
         };
         let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
-        let projections: Vec<f64> = self
-            .smooth
-            .iter()
-            .map(|exact| {
-                let aligned = std::sync::Arc::new(model.alignment(basis, areas, exact, None).unwrap());
-                let weights = EnergyWeights { harmonic: 0.0, biharmonic: 0.0 };
-                let design = model.weighted(weights, Some((aligned, 1.0))).unwrap().solve(basis, &[]).unwrap();
-                let field = basis.space.lift(&design.coefficients).unwrap();
-                error(&field.into_iter().map(f64::from).collect::<Vec<f64>>(), exact)
-            })
-            .collect();
+        let project = |exact: &Vec<f64>| {
+            let aligned = std::sync::Arc::new(model.alignment(basis, areas, exact, None).unwrap());
+            let weights = EnergyWeights { harmonic: 0.0, biharmonic: 0.0 };
+            let design = model.weighted(weights, Some((aligned, 1.0))).unwrap().solve(basis, &[]).unwrap();
+            let field = basis.space.lift(&design.coefficients).unwrap();
+            error(&field.into_iter().map(f64::from).collect::<Vec<f64>>(), exact)
+        };
+        let projections: Vec<f64> = self.smooth.iter().map(project).collect();
         let mut errors = vec![mean(&projections), projections.iter().copied().fold(0.0, f64::max)];
         let own = self.designs_in(surface, basis, &model);
+        let nearest: Vec<String> = self.designs.iter().map(|exact| format!("{:.2}", 100.0 * project(exact))).collect();
+        eprintln!("nearest of the space to the minimisers: {}", nearest.join(" | "));
         errors.extend(own.iter().zip(&self.designs).map(|(own, exact)| error(own, exact)));
         errors
     }

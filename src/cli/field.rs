@@ -3,7 +3,6 @@
 use super::solve::{OutputFile, peak_rss_bytes};
 use super::{CliError, MeshInput, StageBars, bytes, grouped, memory};
 use crate::job::{JobParameters, SOLVER_VERSION, abbreviate};
-use crate::mesh::subdivide::subdivided;
 use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::PathBuf;
@@ -28,10 +27,6 @@ pub struct FieldArguments {
     /// Dimension of the space; where it is not given 1000, and on small meshes a quarter of the numbers of a field
     #[arg(long, short = 'd', value_name = "D", help_heading = "Problem")]
     dimension: Option<usize>,
-
-    /// Divide every face into four before, so many times
-    #[arg(long, value_name = "TIMES", help_heading = "Problem", default_value_t = 0)]
-    subdivide: u8,
 
     /// How the space is built: heat is more accurate, local_eigenfields is the construction of the thesis
     #[arg(long, value_name = "NAME", help_heading = "Method", value_parser = ["heat", "local_eigenfields"])]
@@ -105,10 +100,7 @@ pub fn field(arguments: FieldArguments) -> Result<ExitCode, CliError> {
     let bars = StageBars::new(arguments.json || arguments.quiet);
     let began = Instant::now();
     bars.begin("read");
-    let mut mesh = pool.install(|| arguments.input.load())?;
-    for _ in 0..arguments.subdivide {
-        mesh = subdivided(&mesh).ok_or_else(|| CliError::Usage("--subdivide: too many faces".to_owned()))?;
-    }
+    let mesh = pool.install(|| arguments.input.load())?;
     let read = began.elapsed().as_secs_f64();
     job.check_mesh((&mesh).into())?;
     let needed = job.memory_bytes((&mesh).into());

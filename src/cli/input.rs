@@ -2,7 +2,7 @@
 
 use super::CliError;
 use crate::mesh::TriangleMesh;
-use crate::mesh::check::{CheckOptions, Merge, check};
+use crate::mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge, check};
 use crate::mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -21,6 +21,10 @@ pub struct MeshInput {
     /// Whether vertices at equal positions become one: auto (where the format splits them, as STL does), always, never
     #[arg(long, value_name = "WHEN", value_parser = merge, default_value = "auto", help_heading = "Input")]
     pub merge: Merge,
+
+    /// Divide every face into four before the work begins, so many times: eigenvalues come nearer to those of the surface
+    #[arg(long, value_name = "TIMES", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=i64::from(MOST_SUBDIVISIONS)), help_heading = "Input")]
+    pub subdivide: u8,
 }
 
 impl MeshInput {
@@ -37,7 +41,7 @@ impl MeshInput {
 
     /// How the mesh is checked.
     pub fn options(&self) -> CheckOptions {
-        CheckOptions { merge: self.merge, ..CheckOptions::default() }
+        CheckOptions { merge: self.merge, subdivisions: self.subdivide, ..CheckOptions::default() }
     }
 
     /// Reads, checks and repairs the mesh.

@@ -114,7 +114,7 @@ fn parameters_out_of_range_and_cancelled_work_are_reported() {
     assert!(matches!(with(|p| p.dimension = 161), Err(FieldError::Parameter { name: "dimension", .. })));
     assert!(with(|p| p.dimension = 160).is_ok(), "as many columns as there are numbers");
     assert!(matches!(with(|p| p.field = FieldKind::NVector { n: 0 }), Err(FieldError::Operator(_))));
-    let bad = FieldHeat { time: f64::NAN, ..FieldHeat::default() };
+    let bad = FieldHeat { time: Some(f64::NAN), ..FieldHeat::default() };
     let mut parameters = FieldParameters::new(FieldKind::Vector {}, 20);
     parameters.construction = Construction::Heat(bad);
     assert!(matches!(field_basis(&surface, &parameters, &Unwatched), Err(FieldError::Parameter { name: "time", .. })));

@@ -38,35 +38,39 @@ pub struct FieldHeat {
     pub sigma: f64,
     /// Implicit heat steps, at least 1.
     pub steps: usize,
-    /// The time of one step times `N`.
-    pub time: f64,
+    /// The time of one step times `N`; by default .09 for vector fields and .08 for others.
+    pub time: Option<f64>,
     /// A column may spread beyond its bump by this multiple of `√(steps · time / N)`.
     pub margin: f64,
-    /// Blocks of at most this magnitude become zero; by default .0055 for vector fields and .0045 for others, which keeps fewer than
-    /// thirty numbers a row.
+    /// Blocks of at most this magnitude become zero; by default .0055 for vector fields and .004 for others: some fifteen blocks stay for each face.
     pub threshold: Option<f64>,
     /// Relative residual at which the solve of a heat step ends.
     pub tolerance: f64,
-    /// Degree of the last smoothing.
-    pub degree: usize,
+    /// Degree of the last smoothing; by default 6 for vector fields and 4 for others, which turn more from face to face: what is smoother than they
+    /// are cannot follow them.
+    pub degree: Option<usize>,
     /// Lower end of what the last smoothing damps, of a spectrum that ends at 2.
     pub least: f64,
 }
 
 impl Default for FieldHeat {
     fn default() -> Self {
-        Self { sigma: 8.0, steps: 2, time: 0.09, margin: 2.5, threshold: None, tolerance: 1e-2, degree: 6, least: 0.15 }
+        let (time, threshold, degree) = (None, None, None);
+        Self { sigma: 8.0, steps: 2, time, margin: 2.5, threshold, tolerance: 2e-2, degree, least: 0.15 }
     }
 }
 
 impl FieldHeat {
     /// Less error for a third more entries.
     pub fn accurate() -> Self {
-        Self { sigma: 10.0, steps: 4, time: 0.04, threshold: Some(0.002), tolerance: 1e-3, ..Self::default() }
+        Self { sigma: 10.0, steps: 4, time: Some(0.04), threshold: Some(0.002), tolerance: 1e-3, ..Self::default() }
     }
 
-    fn threshold(&self, kind: FieldKind) -> f64 {
-        self.threshold.unwrap_or(if kind == (FieldKind::Vector {}) { 0.0055 } else { 0.0045 })
+    /// The time, the threshold and the degree for a kind of field.
+    fn for_kind(&self, kind: FieldKind) -> (f64, f64, usize) {
+        let (time, threshold, degree) =
+            if kind == (FieldKind::Vector {}) { (0.09, 0.0055, 6) } else { (0.08, 0.004, 4) };
+        (self.time.unwrap_or(time), self.threshold.unwrap_or(threshold), self.degree.unwrap_or(degree))
     }
 
     /// The first parameter out of its range: name, value, least, largest.
@@ -74,11 +78,11 @@ impl FieldHeat {
         let ranges = [
             ("sigma", self.sigma, 4.0, 100.0),
             ("steps", self.steps as f64, 1.0, 32.0),
-            ("time", self.time, 1e-6, 10.0),
+            ("time", self.time.unwrap_or(1.0), 1e-6, 10.0),
             ("margin", self.margin, 0.0, 20.0),
             ("threshold", self.threshold.unwrap_or(0.0), 0.0, 0.2),
             ("tolerance", self.tolerance, 1e-6, 0.5),
-            ("degree", self.degree as f64, 0.0, 64.0),
+            ("degree", self.degree.unwrap_or(0) as f64, 0.0, 64.0),
             ("least", self.least, 1e-4, 1.0),
         ];
         ranges.into_iter().find(|&(_, value, least, most)| !(value >= least && value <= most))
@@ -99,7 +103,8 @@ pub(super) fn columns<const B: usize>(
     monitor.stage("hierarchy");
     let levels = hierarchy(operator, dual, frames, NODES_PER_SAMPLE * samples.len(), monitor)?;
     monitor.stage("columns");
-    let time = parameters.time / count;
+    let (time, threshold, degree) = parameters.for_kind(operator.kind);
+    let time = time / count;
     let wanted = (parameters.sigma / (std::f64::consts::PI * count)).sqrt();
     // Weights may have drawn samples so far apart that bumps have to be larger to meet.
     let covering = DiskGrower::new(distances).farthest_distance(distances, samples) * DUAL_TO_SURFACE;
@@ -127,9 +132,9 @@ pub(super) fn columns<const B: usize>(
     )?;
     drop(heat);
     let finest = &levels[0];
-    shrink(&mut columns, finest.roots.len(), parameters.threshold(operator.kind) as f32);
+    shrink(&mut columns, finest.roots.len(), threshold as f32);
     monitor.stage("smoothing");
-    let smoother = Smoother::new(finest, parameters, time);
+    let smoother = Smoother::new(finest, degree, parameters.least, time);
     columns.par_iter_mut().try_for_each_init(
         || vec![[[0f32; B]; B]; finest.roots.len()],
         |scratch, column| {

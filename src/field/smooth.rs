@@ -5,7 +5,6 @@ use rayon::prelude::*;
 
 use crate::algebra::{BlockMatrix, inverse_positive, vectorized};
 
-use super::heat::FieldHeat;
 use super::hierarchy::{Level, norm, row_scales};
 use super::space::Column;
 
@@ -199,7 +198,7 @@ pub(super) struct Smoother<const B: usize> {
 }
 
 impl<const B: usize> Smoother<B> {
-    pub fn new(level: &Level<B>, parameters: &FieldHeat, time: f64) -> Self {
+    pub fn new(level: &Level<B>, degree: usize, least: f64, time: f64) -> Self {
         let masses = level.mass.diagonal();
         // Where faces are large there is nothing to smooth: no step may take longer than a part of the heat steps.
         let slowest = 0.1 * time;
@@ -211,12 +210,7 @@ impl<const B: usize> Smoother<B> {
                 if scale > 0.0 && scale.is_finite() { (1.0 / scale) as f32 } else { 0.0 }
             })
             .collect();
-        Self {
-            stiffness: Rows::of(&level.stiffness),
-            inverse_scales,
-            degree: parameters.degree,
-            least: parameters.least as f32,
-        }
+        Self { stiffness: Rows::of(&level.stiffness), inverse_scales, degree, least: least as f32 }
     }
 
     /// Smooths a column on its own pattern, zero outside. `scratch` is zero before and after.

@@ -21,7 +21,7 @@ use super::state::AppState;
 use super::wire::{MeshResource, PageOf};
 use super::{body, conditional};
 use crate::mesh::TriangleMesh;
-use crate::mesh::check::{CheckOptions, Merge};
+use crate::mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge};
 use crate::mesh::read::{MeshFormat, ReadLimits, read};
 use crate::mesh::solid::check_body;
 use crate::mesh::write::{write_obj, write_ply};
@@ -50,6 +50,9 @@ struct UploadQuery {
     /// does), `always` or `never`.
     #[param(value_type = Option<String>, example = "auto")]
     merge: Option<Merge>,
+    /// How often every face is divided into four before the mesh is stored, 0 to 6. Eigenvalues of the finer mesh are nearer to those of the surface.
+    #[param(minimum = 0, maximum = 6, example = 0)]
+    subdivide: Option<u8>,
     /// A name for people, at most 200 characters.
     #[param(example = "igea")]
     name: Option<String>,
@@ -58,7 +61,7 @@ struct UploadQuery {
 /// Uploads a mesh
 ///
 /// The body is the file itself, or `multipart/form-data` with the file in a part named `mesh` (and, optionally, parts `format`,
-/// `merge` and `name`). The format comes from `format`, from `Content-Type` or the file name, or, for general types such as
+/// `merge`, `subdivide` and `name`). The format comes from `format`, from `Content-Type` or the file name, or, for general types such as
 /// `application/octet-stream`, from the first bytes. `Content-Encoding` may be gzip or zstd.
 ///
 /// A MEDIT file with tetrahedra is a solid: the mesh is then the surface of its tetrahedra, the report has the member `solid`, and
@@ -102,7 +105,17 @@ async fn upload(
         return Err(Problem::new(&problem::INVALID_QUERY, format!("name: may have {LONGEST_NAME} characters.")));
     }
     let format = sent.format(query.format.as_deref())?;
-    let options = CheckOptions { merge: query.merge.or(sent.merge).unwrap_or_default(), ..CheckOptions::default() };
+    let subdivisions = query.subdivide.or(sent.subdivide).unwrap_or_default();
+    if subdivisions > MOST_SUBDIVISIONS {
+        let detail = format!("subdivide: is {subdivisions}, may be 0 to {MOST_SUBDIVISIONS}.");
+        return Err(Problem::new(&problem::INVALID_QUERY, detail));
+    }
+    let options = CheckOptions {
+        merge: query.merge.or(sent.merge).unwrap_or_default(),
+        subdivisions,
+        most_faces: state.config.limits.max_faces,
+        ..CheckOptions::default()
+    };
     let limits = ReadLimits {
         vertices: state.config.limits.max_vertices,
         faces: state.config.limits.max_faces,
@@ -152,6 +165,7 @@ struct Sent {
     file_name: Option<String>,
     named_format: Option<String>,
     merge: Option<Merge>,
+    subdivide: Option<u8>,
     name: Option<String>,
 }
 
@@ -187,9 +201,15 @@ impl Sent {
                     let merge = serde_json::from_value(value).map_err(|error| malformed(format!("merge: {error}.")))?;
                     sent.merge = Some(merge);
                 }
+                "subdivide" => {
+                    let count = text(8)?.parse();
+                    sent.subdivide = Some(count.map_err(|error| malformed(format!("subdivide: {error}.")))?);
+                }
                 other => {
                     let other = problem::shorten(other.to_owned());
-                    return Err(malformed(format!("The part {other:?} is none of mesh, format, merge and name.")));
+                    return Err(malformed(format!(
+                        "The part {other:?} is none of mesh, format, merge, subdivide and name."
+                    )));
                 }
             }
         }

@@ -9,10 +9,14 @@ pub use super::repair::DROPPED;
 use super::repair::{Faces, compact, equal_positions};
 use super::report::Tally;
 pub use super::report::{Defect, DefectKind, EXAMPLES, Element, MeshReport, Repair, RepairKind};
+use super::subdivide::subdivided;
 use super::topology::{EdgeTable, MOST_FACES, Topology};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Add;
+
+/// How often a mesh may be divided: 4096 faces for each.
+pub const MOST_SUBDIVISIONS: u8 = 6;
 
 /// Whether vertices at exactly equal positions become one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
@@ -36,19 +40,30 @@ pub struct CheckOptions {
     pub largest_coordinate: f64,
     /// The smallest usable extent: the longest side of the bounding box. Default 1e-30.
     pub smallest_extent: f64,
+    /// How often every face is divided into four, after the repairs. Eigenvalues of the finer mesh are nearer to those of the surface: what
+    /// piecewise linear functions lose falls to a quarter each time.
+    pub subdivisions: u8,
+    /// The most faces that a mesh may have after it was divided.
+    pub most_faces: usize,
 }
 
 impl Default for CheckOptions {
     fn default() -> Self {
-        Self { merge: Merge::Auto, largest_coordinate: 1e30, smallest_extent: 1e-30 }
+        Self {
+            merge: Merge::Auto,
+            largest_coordinate: 1e30,
+            smallest_extent: 1e-30,
+            subdivisions: 0,
+            most_faces: MOST_FACES,
+        }
     }
 }
 
 /// Why a mesh cannot be used. Vertices and faces are numbered from 0 as in the input.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeshError {
-    /// There are more vertices or faces than 32-bit tables can number.
-    #[error("the mesh has {count} {elements}; at most {most} can be numbered")]
+    /// There are more vertices or faces than 32-bit tables can number, or than a divided mesh may have.
+    #[error("the mesh has {count} {elements}; at most {most} are allowed")]
     TooLarge {
         /// `vertices` or `faces`.
         elements: &'static str,
@@ -135,6 +150,12 @@ pub enum MeshError {
         /// The number of faces.
         faces: usize,
     },
+    /// The faces of a solid cannot be divided without its tetrahedra.
+    #[error("a solid cannot be subdivided ({tetrahedra} tetrahedra)")]
+    SubdividedSolid {
+        /// Tetrahedra in the input.
+        tetrahedra: usize,
+    },
     /// The mesh is so small that areas underflow.
     #[error("the mesh measures {extent:e} along its longest side, less than {smallest:e}")]
     TooSmall {
@@ -159,6 +180,7 @@ impl MeshError {
             Self::TetrahedronFar { .. } => "coordinate-out-of-range",
             Self::NoVolume { .. } => "no-volume",
             Self::NoArea { .. } => "no-area",
+            Self::SubdividedSolid { .. } => "subdivided-solid",
             Self::TooSmall { .. } => "mesh-too-small",
         }
     }
@@ -181,8 +203,8 @@ pub struct CheckedMesh {
 /// Checks a mesh and repairs what can be repaired without loss.
 ///
 /// Done are, in this order: merging vertices at equal positions (see [`Merge`]), dropping faces that repeat a vertex, dropping
-/// faces equal to an earlier one, turning faces over so that neighbours agree, dropping vertices that no face uses. Linear in
-/// the size of the mesh up to sorting; runs on the current rayon pool.
+/// faces equal to an earlier one, turning faces over so that neighbours agree, dropping vertices that no face uses; then every face is divided as often
+/// as [`CheckOptions::subdivisions`] says. Linear in the size of the mesh up to sorting; runs on the current rayon pool.
 ///
 /// # Errors
 /// [`MeshError`] names the first element that makes the mesh unusable.
@@ -337,8 +359,30 @@ fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
     found.defects.sort_by_key(|defect| defect.kind);
     report.defects = found.defects;
     report.repairs = found.repairs;
-    let mesh = TriangleMesh { positions, faces: faces.corners };
+    let mut mesh = TriangleMesh { positions, faces: faces.corners };
+    if found.error.is_none() {
+        found.error = subdivide(&mut mesh, &mut report, options).err();
+    }
     Examined { mesh, report, vertex_map, error: found.error }
+}
+
+/// Divides every face into four, as often as asked, and brings the counts up to date. What defects name keeps its number in the input.
+fn subdivide(mesh: &mut TriangleMesh, report: &mut MeshReport, options: &CheckOptions) -> Result<(), MeshError> {
+    let factor = 4usize.checked_pow(u32::from(options.subdivisions)).unwrap_or(usize::MAX);
+    let (count, most) = (mesh.faces.len().saturating_mul(factor), options.most_faces.min(MOST_FACES));
+    // A mesh as it was given is measured against its own limits.
+    if options.subdivisions > 0 && count > most {
+        return Err(MeshError::TooLarge { elements: "faces", count, most });
+    }
+    for _ in 0..options.subdivisions {
+        *mesh = subdivided(mesh).ok_or(MeshError::TooLarge { elements: "faces", count, most })?;
+        report.edges = 2 * report.edges + 3 * report.faces;
+        report.boundary_edges *= 2;
+        report.vertices = mesh.positions.len();
+        report.faces = mesh.faces.len();
+    }
+    report.subdivisions = options.subdivisions;
+    Ok(())
 }
 
 #[derive(Default)]

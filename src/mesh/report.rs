@@ -43,10 +43,17 @@ pub struct MeshReport {
     /// What is inside, where the mesh is the surface of a solid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub solid: Option<super::solid::SolidReport>,
+    /// How often every face was divided into four.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub subdivisions: u8,
     /// What is wrong with the mesh as given, by kind; kinds that do not occur are left out.
     pub defects: Vec<Defect>,
     /// What was done about it; none of it loses anything.
     pub repairs: Vec<Repair>,
+}
+
+fn is_zero(count: &u8) -> bool {
+    *count == 0
 }
 
 impl MeshReport {

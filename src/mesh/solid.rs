@@ -51,6 +51,9 @@ pub fn check_body(raw: RawMesh, options: &CheckOptions) -> Result<CheckedBody, M
         return Ok(CheckedBody { surface: check(raw, options)?, solid: None });
     }
     let RawMesh { positions, faces, tetrahedra, .. } = raw;
+    if options.subdivisions > 0 {
+        return Err(MeshError::SubdividedSolid { tetrahedra: tetrahedra.len() });
+    }
     let n = positions.len();
     if n >= DROPPED as usize {
         return Err(MeshError::TooLarge { elements: "vertices", count: n, most: DROPPED as usize - 1 });

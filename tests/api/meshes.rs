@@ -44,6 +44,21 @@ async fn the_format_is_found_by_name_by_type_by_file_name_or_by_the_first_bytes(
 }
 
 #[tokio::test]
+async fn faces_are_divided_on_request() {
+    let mut builder = TestApp::builder();
+    builder.config.limits.max_faces = 128;
+    let app = builder.start();
+    let send = |query: &'static str| app.post(&format!("/v1/meshes?format=off&{query}")).body(OCTAHEDRON).send();
+    let mesh: Value = send("subdivide=2").await.unwrap().json().await.unwrap();
+    assert_eq!((&mesh["faces"], &mesh["vertices"]), (&json!(128), &json!(66)));
+    assert_eq!((&mesh["report"]["subdivisions"], &mesh["report"]["genus"]), (&json!(2), &json!(0)));
+    let body = problem(send("subdivide=3").await.unwrap(), 422, "unusable-mesh/mesh-too-large").await;
+    assert_eq!(body["detail"], "The mesh has 512 faces; at most 128 are allowed.");
+    problem(send("subdivide=7").await.unwrap(), 400, "invalid-query").await;
+    problem(send("subdivide=-1").await.unwrap(), 400, "invalid-query").await;
+}
+
+#[tokio::test]
 async fn multipart_uploads_carry_names() {
     let app = TestApp::start();
     let boundary = "chladni-boundary";

@@ -121,6 +121,8 @@ async fn a_solid_is_uploaded_with_its_tetrahedra_and_vibrates() {
     assert_eq!((&report["solid"]["tetrahedra"], &report["closed"]), (&json!(96), &json!(true)));
     assert!((report["solid"]["volume"].as_f64().unwrap() - 16.0).abs() < 1e-12);
     assert_eq!(report["solid"]["inverted"], 48);
+    let divided = app.post("/v1/meshes?format=medit&subdivide=1").body(bar()).send().await.unwrap();
+    problem(divided, 422, "unusable-mesh/subdivided-solid").await;
     let mesh = text(&stored["id"]);
     let again: Value = app.get(&format!("/v1/meshes/{mesh}")).send().await.unwrap().json().await.unwrap();
     assert_eq!(again["report"]["solid"], report["solid"]);

@@ -165,3 +165,25 @@ fn a_refused_mesh_still_gets_its_topology_reported() {
     assert_eq!((report.vertices, report.faces, report.genus, report.area), (4, 4, Some(0), 0.5));
     assert_eq!(report.defects.len(), 1);
 }
+
+#[test]
+fn a_divided_mesh_is_reported_as_if_it_had_been_given_so() {
+    let mut positions = corners();
+    positions.push([9.0; 3]);
+    // A surface with a boundary, a face that is given twice, and a vertex that none uses.
+    let faces = vec![[0, 1, 2], [0, 1, 2], [3, 2, 1]];
+    let plain = checked(raw(positions.clone(), faces.clone())).report;
+    let options = CheckOptions { subdivisions: 2, ..CheckOptions::default() };
+    let divided = check(raw(positions.clone(), faces.clone()), &options).unwrap();
+    let again = checked(raw(divided.mesh.positions.clone(), divided.mesh.faces.clone())).report;
+    assert_eq!((divided.report.faces, divided.report.subdivisions), (32, 2));
+    assert_eq!((&divided.report.defects, &divided.report.repairs), (&plain.defects, &plain.repairs));
+    let area = divided.report.area;
+    let own =
+        MeshReport { subdivisions: 0, defects: Vec::new(), repairs: Vec::new(), area: again.area, ..divided.report };
+    assert_eq!(own, again);
+    assert!((area - again.area).abs() < 1e-12);
+    let few = CheckOptions { most_faces: 31, ..options };
+    let error = check(raw(positions, faces), &few).unwrap_err();
+    assert_eq!(error, MeshError::TooLarge { elements: "faces", count: 32, most: 31 });
+}
