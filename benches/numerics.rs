@@ -63,7 +63,7 @@ static CASE: LazyLock<Case> = LazyLock::new(|| {
     let mut pairs = CpuSolver.lowest(stiffness.to_dense(), mass.to_dense(), COUNT, &Unwatched).unwrap();
     let certificate = certify(&problem, &space, &mass, &mut pairs.vectors, &pairs.values, &Unwatched).unwrap();
     let basis = Basis {
-        functions: Functions::Compact(Compact { space: space.clone(), coefficients: pairs.vectors }),
+        functions: Functions::Compact(Compact::new(space.clone(), pairs.vectors)),
         eigenvalues: pairs.values,
         mass: problem.mass.clone(),
         certificate,

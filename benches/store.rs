@@ -92,16 +92,16 @@ fn mesh(seed: usize, vertices: usize) -> NewMesh {
 fn basis(seed: usize) -> Basis {
     let (n, d, m, row) = (134_345, 1000, 500, 15);
     Basis {
-        functions: Functions::Compact(Compact {
-            space: SparseMatrix::from_sorted_parts(
+        functions: Functions::Compact(Compact::new(
+            SparseMatrix::from_sorted_parts(
                 n,
                 d,
                 (0..=n).map(|i| row * i).collect(),
                 (0..n * row).map(|i| ((i / row * 7) % (d - row) + i % row) as u32).collect(),
                 (0..n * row).map(|i| i as f32).collect(),
             ),
-            coefficients: DenseMatrix::from_columns(d, m, vec![seed as f64; d * m]).unwrap(),
-        }),
+            DenseMatrix::from_columns(d, m, vec![seed as f64; d * m]).unwrap(),
+        )),
         eigenvalues: (0..m).map(|i| i as f64).collect(),
         mass: MassMatrix::Diagonal(vec![1.0; n]),
         certificate: Certificate { residuals: vec![0.0; m], bounds: vec![0.0; m], ..Certificate::default() },

@@ -18,10 +18,10 @@ fn python() -> Option<String> {
 fn basis(mass: MassMatrix) -> Basis {
     let space = SparseMatrix::new(3, 2, vec![0, 1, 3, 4], vec![0, 0, 1, 1], vec![1.0, 0.25, 0.75, 1.0]).unwrap();
     Basis {
-        functions: Functions::Compact(Compact {
+        functions: Functions::Compact(Compact::new(
             space,
-            coefficients: DenseMatrix::from_columns(2, 2, vec![1.0, 2.0, 3.0, 4.0]).unwrap(),
-        }),
+            DenseMatrix::from_columns(2, 2, vec![1.0, 2.0, 3.0, 4.0]).unwrap(),
+        )),
         eigenvalues: vec![0.0, 3.25],
         mass,
         certificate: Certificate {

@@ -69,14 +69,21 @@ fn expand<const K: usize>(
     for (k, column) in group.clone().enumerate() {
         table.iter_mut().zip(coefficients.column(column)).for_each(|(row, &c)| row[k] = c);
     }
+    // Each task owns some rows of every column: they are turned while they are in the cache.
     let n = space.rows();
-    let mut rows = vec![[0.0; K]; n];
-    rows.par_chunks_mut(LEAST_ROWS).enumerate().for_each(|(task, out)| {
+    let mut tasks: Vec<Vec<&mut [f64]>> = (0..n.div_ceil(LEAST_ROWS)).map(|_| Vec::with_capacity(K)).collect();
+    for column in product.values_mut()[group.start * n..group.end * n].chunks_mut(n.max(1)) {
+        for (task, part) in tasks.iter_mut().zip(column.chunks_mut(LEAST_ROWS)) {
+            task.push(part);
+        }
+    }
+    tasks.into_par_iter().enumerate().for_each(|(task, mut columns)| {
+        let mut panel = vec![[0.0; K]; columns.first().map_or(0, |column| column.len())];
         vectorized(
-            out,
+            &mut panel,
             #[inline(always)]
-            |out| {
-                for (k, out) in out.iter_mut().enumerate() {
+            |panel| {
+                for (k, out) in panel.iter_mut().enumerate() {
                     let (columns, values) = space.row(task * LEAST_ROWS + k);
                     let mut acc = [0.0; K];
                     for (&column, &value) in columns.iter().zip(values) {
@@ -89,10 +96,9 @@ fn expand<const K: usize>(
                 }
             },
         );
-    });
-    let columns = &mut product.values_mut()[group.start * n..group.end * n];
-    columns.par_chunks_mut(n.max(1)).enumerate().for_each(|(k, column)| {
-        column.iter_mut().zip(&rows).for_each(|(value, row)| *value = row[k]);
+        for (k, column) in columns.iter_mut().enumerate() {
+            column.iter_mut().zip(&panel).for_each(|(value, row)| *value = row[k]);
+        }
     });
 }
 

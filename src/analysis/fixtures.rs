@@ -13,10 +13,10 @@ pub fn chain(n: usize, m: usize) -> Basis {
         column.for_each(|(i, x)| *x = scale * (frequency(k) * (i as f64 + 0.5)).cos());
     }
     Basis {
-        functions: Functions::Compact(Compact {
-            space: SparseMatrix::new(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0; n]).unwrap(),
-            coefficients: modes,
-        }),
+        functions: Functions::Compact(Compact::new(
+            SparseMatrix::new(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0; n]).unwrap(),
+            modes,
+        )),
         eigenvalues: (0..m).map(|k| 2.0 - 2.0 * frequency(k).cos()).collect(),
         mass: MassMatrix::Diagonal(vec![1.0; n]),
         certificate: Certificate::default(),

@@ -183,8 +183,8 @@ pub fn functional_map(source: &Basis, target: &Basis, request: &MapRequest) -> R
     let mut map = first_map(&from, &to, &a, &b, request)?;
     let descriptor_residual = residual(&map, &a, &b)?;
 
-    let (samples, here) = (from.samples(request.samples, &sources), to.samples(request.samples, &targets));
-    let (there, here) = (from.at(&samples, request.pairs, "sample")?, to.at(&here, request.pairs, "sample")?);
+    let (samples, stand) = (from.samples(request.samples, &sources), to.samples(request.samples, &targets));
+    let (there, here) = (from.at(&samples, request.pairs, "sample")?, to.at(&stand, request.pairs, "sample")?);
     let mut size = request.start;
     let mut matches = Vec::new();
     while size < request.pairs {
@@ -193,7 +193,8 @@ pub fn functional_map(source: &Basis, target: &Basis, request: &MapRequest) -> R
         map = map_of_points(&there, &here, &matches, size)?;
     }
     matches.iter_mut().for_each(|(item, _)| *item = samples[*item as usize]);
-    finish(&from, &to, map, request, (&targets, &matches), descriptor_residual)
+    let samples = (!request.all_points).then_some((stand, here, matches));
+    finish(&from, &to, map, samples, descriptor_residual)
 }
 
 /// Times of heat that tell of all the first modes: at the earliest the last of them has hardly decayed, at the latest even the first above zero is gone.
@@ -203,29 +204,37 @@ fn known_times(eigenvalues: &[f64]) -> Result<Vec<f64>, AnalysisError> {
     Ok(log_spaced(0.2 / last, 4.0 / eigenvalues[first], TIMES))
 }
 
-/// The last search for neighbours, and the figures. `before`: what the samples were matched with, in vertices.
+/// The last search for neighbours, and the figures. `samples`: the vertices of the target that are matched, the modes there, and what they were matched
+/// with before, in vertices; without them all vertices are.
 fn finish(
     from: &Side,
     to: &Side,
     map: DenseMatrix,
-    request: &MapRequest,
-    (landmarks, before): (&[u32], &[(u32, f32)]),
+    samples: Option<(Vec<u32>, DenseMatrix, Vec<(u32, f32)>)>,
     descriptor_residual: f64,
 ) -> Result<FunctionalMap, AnalysisError> {
     let k = map.columns();
-    let matched = (!request.all_points).then(|| to.samples(request.samples, landmarks));
     let embedding = Embedding::of_all(from, k)?;
     let mut points = Vec::new();
     let mut squares = 0.0;
-    let vertices: Vec<u32> = matched.clone().unwrap_or_else(|| (0..to.basis.vertices() as u32).collect());
-    // Blocks bound what is held at once.
-    let before = if request.all_points { &[] } else { before };
-    for (index, block) in vertices.chunks(AT_ONCE).enumerate() {
-        let before = before.get(index * AT_ONCE..).unwrap_or_default();
-        let found = nearest(&embedding, &to.at(block, k, "sample")?, &map, before)?;
+    let mut take = |found: Vec<(u32, f32)>| {
         squares += found.iter().map(|(_, square)| f64::from(*square)).sum::<f64>();
         points.extend(found.into_iter().map(|(point, _)| point));
-    }
+    };
+    let matched = match samples {
+        Some((vertices, here, before)) => {
+            take(nearest(&embedding, &here, &map, &before)?);
+            Some(vertices)
+        }
+        None => {
+            // Blocks bound what is held at once.
+            let vertices: Vec<u32> = (0..to.basis.vertices() as u32).collect();
+            for block in vertices.chunks(AT_ONCE) {
+                take(nearest(&embedding, &to.at(block, k, "sample")?, &map, &[])?);
+            }
+            None
+        }
+    };
     let mut hit = vec![false; from.masses.len()];
     points.iter().for_each(|&point| hit[point as usize] = true);
     let covered: f64 = hit.iter().zip(&from.masses).filter(|(hit, _)| **hit).map(|(_, mass)| mass).sum();
@@ -322,18 +331,9 @@ impl Embedding {
     }
 
     fn of_all(side: &Side, k: usize) -> Result<Self, AnalysisError> {
-        let n = side.basis.vertices();
-        let modes = side.basis.lift::<f32>(0..k)?;
+        let mut points = side.basis.lift_rows::<f32>(0..k)?;
         let scale = side.area.sqrt() as f32;
-        let mut points = vec![0.0; n * k];
-        // Some rows at a time, so that what is written stays in the cache.
-        points.par_chunks_mut((k * ROWS_AT_ONCE / 4).max(1)).enumerate().for_each(|(task, points)| {
-            let from = task * (ROWS_AT_ONCE / 4);
-            for column in 0..k {
-                let values = &modes[column * n + from..][..points.len() / k];
-                values.iter().enumerate().for_each(|(row, value)| points[row * k + column] = scale * value);
-            }
-        });
+        points.par_iter_mut().with_min_len(1 << 16).for_each(|value| *value *= scale);
         Ok(Self::new(points, k))
     }
 

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::distance::nearest;
 use super::error::{self, AnalysisError};
 use super::spectrum::kernel_size;
-use crate::algebra::DenseMatrix;
+use crate::algebra::{DenseMatrix, vectorized};
 use crate::basis::Basis;
 use crate::mesh::TriangleMesh;
 
@@ -31,6 +31,9 @@ const MOST_TIMES: usize = 16;
 
 /// Columns of heat that are held at once.
 const HEAT_AT_ONCE: usize = 48;
+
+/// Faces that are handled side by side.
+const FACES_AT_ONCE: usize = 128;
 
 /// From so many sources on the ladder has half as many times: each of them costs what all of one source cost.
 const MANY_SOURCES: usize = 5;
@@ -95,13 +98,9 @@ pub fn geodesic(
         }
         let heat = basis.evaluate(&heat)?;
         let steps = times.len();
-        let fields: Vec<Vec<f64>> = (0..batch.len())
-            .into_par_iter()
-            .map(|place| {
-                let ladder: Vec<&[f64]> = (0..steps).map(|step| heat.column(place * steps + step)).collect();
-                unit_divergence(mesh, &ladder)
-            })
-            .collect();
+        let ladders: Vec<Vec<&[f64]>> =
+            (0..batch.len()).map(|place| (0..steps).map(|step| heat.column(place * steps + step)).collect()).collect();
+        let fields = unit_divergences(mesh, &ladders);
         batch.zip(&fields).for_each(|(column, field)| divergence.column_mut(column).copy_from_slice(field));
     }
     let mut potential = basis.inner_products(&divergence)?;
@@ -125,48 +124,121 @@ pub fn geodesic(
     Ok(distances)
 }
 
-/// The integrated divergence `∫ X · ∇λ_i` of `X = −∇u / |∇u|` at each vertex, with the first `u` of the ladder from which on all corners of a
-/// face are warm, or the last. Faces without area, and those where `u` does not change, have none.
-fn unit_divergence(mesh: &TriangleMesh, ladder: &[&[f64]]) -> Vec<f64> {
-    let Some((last, shorter)) = ladder.split_last() else { return Vec::new() };
-    let first = first_warm(last.len(), shorter);
-    let mut divergence = vec![0.0; last.len()];
-    for face in &mesh.faces {
-        let [a, b, c] = face.map(|vertex| vertex as usize);
-        let u = shorter.get(usize::from(first[a].max(first[b]).max(first[c]))).unwrap_or(last);
-        let [p, q, r] = [a, b, c].map(|vertex| mesh.positions[vertex]);
-        let edge = |from: [f64; 3], to: [f64; 3]| [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
-        let edges = [edge(q, r), edge(r, p), edge(p, q)];
-        let normal = cross(edges[0], edges[1]);
-        let square = dot(normal, normal);
-        // ∇u = n × Σ u_k e_k / |n|, the edges being those opposite to the corners. Differences keep the digits of a u that is nearly constant.
-        let [v, w] = [u[b] - u[a], u[c] - u[a]];
-        let sum = [0, 1, 2].map(|k| v * edges[1][k] + w * edges[2][k]);
-        let length = dot(sum, sum).sqrt();
-        if !(square > 0.0 && length > 0.0) {
-            continue;
-        }
-        // With X = −n̂ × sum / |sum| and A ∇λ_k = ½ n̂ × e_k, their product is −½ sum · e_k / |sum|.
-        let factor = -0.5 / length;
-        for (vertex, edge) in [a, b, c].into_iter().zip(&edges) {
-            divergence[vertex] += factor * dot(sum, *edge);
-        }
-    }
-    divergence
+/// Two edges of some faces, side by side.
+struct Edges {
+    /// From the third corner to the first.
+    back: [[f64; FACES_AT_ONCE]; 3],
+    /// From the first to the second.
+    forth: [[f64; FACES_AT_ONCE]; 3],
+    /// −½, or 0 where they span no area.
+    half: [f64; FACES_AT_ONCE],
 }
 
-/// For each vertex the first of some heats from which on it is warm in all of them; their number where it is not in the last.
-fn first_warm(vertices: usize, ladder: &[&[f64]]) -> Vec<u8> {
-    let mut first = vec![ladder.len() as u8; vertices];
-    for (step, u) in ladder.iter().enumerate().rev() {
-        let warm = WARM * u.iter().copied().fold(0.0, f64::max);
-        for (first, &u) in first.iter_mut().zip(*u) {
-            if u > warm && usize::from(*first) == step + 1 {
-                *first = step as u8;
+impl Edges {
+    fn new() -> Self {
+        let nothing = [[0.0; FACES_AT_ONCE]; 3];
+        Self { back: nothing, forth: nothing, half: [0.0; FACES_AT_ONCE] }
+    }
+
+    fn fill(&mut self, mesh: &TriangleMesh, faces: &[[u32; 3]]) {
+        for (k, face) in faces.iter().enumerate() {
+            let [p, q, r] = face.map(|vertex| mesh.positions[vertex as usize]);
+            let (back, forth) = ([0, 1, 2].map(|i| p[i] - r[i]), [0, 1, 2].map(|i| q[i] - p[i]));
+            let normal = cross(back, forth);
+            self.half[k] = if dot(normal, normal) > 0.0 { -0.5 } else { 0.0 };
+            for i in 0..3 {
+                (self.back[i][k], self.forth[i][k]) = (back[i], forth[i]);
             }
         }
     }
+
+    /// What the second and the third corner of each face get of the divergence where `u` rises by `v` and by `w` from the first corner to them. The
+    /// first one gets the rest, so that their sum is zero.
+    fn divergence(&self, v: &[f64; FACES_AT_ONCE], w: &[f64; FACES_AT_ONCE]) -> [[f64; FACES_AT_ONCE]; 2] {
+        vectorized(
+            self,
+            #[inline(always)]
+            |edges| {
+                let mut parts = [[0.0; FACES_AT_ONCE]; 2];
+                let ([bx, by, bz], [fx, fy, fz]) = (&edges.back, &edges.forth);
+                // Without closures, which are not inlined where wide registers may be used.
+                for k in 0..FACES_AT_ONCE {
+                    // ∇u = n × Σ u_k e_k / |n|, the edges being those opposite to the corners. Differences keep the digits of a u that is nearly
+                    // constant.
+                    let (x, y, z) =
+                        (v[k] * bx[k] + w[k] * fx[k], v[k] * by[k] + w[k] * fy[k], v[k] * bz[k] + w[k] * fz[k]);
+                    let square = x * x + y * y + z * z;
+                    // With X = −n̂ × sum / |sum| and A ∇λ_k = ½ n̂ × e_k, their product is −½ sum · e_k / |sum|.
+                    let factor = if square > 0.0 { edges.half[k] / square.sqrt() } else { 0.0 };
+                    parts[0][k] = factor * (x * bx[k] + y * by[k] + z * bz[k]);
+                    parts[1][k] = factor * (x * fx[k] + y * fy[k] + z * fz[k]);
+                }
+                parts
+            },
+        )
+    }
+}
+
+/// The integrated divergence `∫ X · ∇λ_i` of `X = −∇u / |∇u|` at each vertex, for some ladders of heat: with the first `u` of the ladder from which on
+/// all corners of a face are warm, or the last. Faces without area, and those where `u` does not change, have none.
+fn unit_divergences(mesh: &TriangleMesh, ladders: &[Vec<&[f64]>]) -> Vec<Vec<f64>> {
+    // The ladders of a thread go through the faces together: what is known of a face serves them all.
+    let each = ladders.len().div_ceil(rayon::current_num_threads()).max(1);
+    let some = |ladders: &[Vec<&[f64]>]| -> Vec<Vec<f64>> {
+        let first: Vec<Vec<u8>> = ladders.iter().map(|ladder| first_warm(ladder)).collect();
+        let mut divergences = vec![vec![0.0; mesh.positions.len()]; ladders.len()];
+        let mut edges = Edges::new();
+        for faces in mesh.faces.chunks(FACES_AT_ONCE) {
+            edges.fill(mesh, faces);
+            for ((ladder, first), divergence) in ladders.iter().zip(&first).zip(&mut divergences) {
+                let (mut v, mut w) = ([0.0; FACES_AT_ONCE], [0.0; FACES_AT_ONCE]);
+                for (face, (v, w)) in faces.iter().zip(v.iter_mut().zip(&mut w)) {
+                    let [a, b, c] = face.map(|vertex| vertex as usize);
+                    let u = ladder[usize::from(first[a].max(first[b]).max(first[c]))];
+                    (*v, *w) = (u[b] - u[a], u[c] - u[a]);
+                }
+                let [second, third] = edges.divergence(&v, &w);
+                for (face, (second, third)) in faces.iter().zip(second.into_iter().zip(third)) {
+                    let [a, b, c] = face.map(|vertex| vertex as usize);
+                    divergence[b] += second;
+                    divergence[c] += third;
+                    divergence[a] -= second + third;
+                }
+            }
+        }
+        divergences
+    };
+    ladders.par_chunks(each).flat_map_iter(some).collect()
+}
+
+/// For each vertex the first heat of a ladder from which on it is warm in all but the last; the last where it is not in the one before.
+fn first_warm(ladder: &[&[f64]]) -> Vec<u8> {
+    let Some((last, shorter)) = ladder.split_last() else { return Vec::new() };
+    let mut first = vec![shorter.len() as u8; last.len()];
+    for (step, u) in shorter.iter().enumerate().rev() {
+        let warm = WARM * largest(u);
+        let (own, next) = (step as u8, step as u8 + 1);
+        vectorized(
+            &mut first,
+            #[inline(always)]
+            |first| {
+                for (first, &u) in first.iter_mut().zip(*u) {
+                    *first = if (u > warm) & (*first == next) { own } else { *first };
+                }
+            },
+        );
+    }
     first
+}
+
+/// The largest of some values, or zero.
+fn largest(values: &[f64]) -> f64 {
+    let (groups, rest) = values.as_chunks::<16>();
+    let mut most = [0.0f64; 16];
+    for group in groups {
+        most.iter_mut().zip(group).for_each(|(most, &value)| *most = if value > *most { value } else { *most });
+    }
+    most.iter().chain(rest).copied().fold(0.0, f64::max)
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
@@ -227,8 +299,8 @@ mod tests {
             basis.evaluate(&DenseMatrix::from_columns(basis.count(), 1, weights).unwrap()).unwrap().column(0).to_vec()
         };
         let (short, long) = (u(times[0]), u(times[times.len() - 1]));
-        let both = unit_divergence(&mesh, &[&short, &long]);
-        let (near, far) = (unit_divergence(&mesh, &[&short]), unit_divergence(&mesh, &[&long]));
+        let ladders = [vec![&short[..], &long], vec![&short], vec![&long]];
+        let [both, near, far] = unit_divergences(&mesh, &ladders).try_into().unwrap();
         for v in 0..mesh.positions.len() {
             let away = angle(&mesh, v, 17);
             if away < 0.2 {

@@ -4,6 +4,11 @@
 //! one after the other lie close together. So a k-d tree still rules out most points, above all when a search begins with a good guess. Libraries
 //! that were looked at fix the dimension when they are compiled, or take no guess (`docs/decisions/0017-analysis.md`).
 
+use rayon::prelude::*;
+
+/// Halves of fewer items are split by one thread.
+const ALONE: usize = 4096;
+
 /// Points of a leaf.
 const LEAF: usize = 16;
 
@@ -23,7 +28,7 @@ pub struct KdTree {
 
 #[derive(Debug, Clone, Copy)]
 enum Node {
-    /// The left half follows; the right one begins at a node further on.
+    /// The left half follows; the right one begins so many nodes further on.
     Split {
         axis: u32,
         at: f32,
@@ -52,10 +57,12 @@ impl KdTree {
             return None;
         }
         let mut items: Vec<u32> = (0..(points.len() / dimensions) as u32).collect();
-        let mut nodes = Vec::new();
-        split(dimensions, points, &mut items, 0, &mut nodes);
-        let ordered = items.iter().flat_map(|&item| &points[item as usize * dimensions..][..dimensions]).copied();
-        Some(Self { dimensions, points: ordered.collect(), items, nodes })
+        let nodes = split(dimensions, points, &mut items, 0);
+        let mut ordered = vec![0.0; points.len()];
+        ordered.par_chunks_exact_mut(dimensions).with_min_len(1024).zip(&items).for_each(|(to, &item)| {
+            to.copy_from_slice(&points[item as usize * dimensions..][..dimensions]);
+        });
+        Some(Self { dimensions, points: ordered, items, nodes })
     }
 
     /// The nearest point to a query and its squared distance; of several that are equally near, one of them. `guess`: a point that may be near, and its
@@ -91,7 +98,8 @@ impl Search<'_> {
             Node::Split { axis, at, right } => {
                 let axis = axis as usize;
                 let gap = self.query[axis] - at;
-                let (near, far) = if gap < 0.0 { (node + 1, right as usize) } else { (right as usize, node + 1) };
+                let (near, far) =
+                    if gap < 0.0 { (node + 1, node + right as usize) } else { (node + right as usize, node + 1) };
                 self.visit(near, away);
                 let old = std::mem::replace(&mut self.offsets[axis], gap);
                 let away = away - old * old + gap * gap;
@@ -104,29 +112,36 @@ impl Search<'_> {
     }
 }
 
-/// Splits items at the median of their widest axis, until they fit a leaf. `first` is the place of the first among all.
-fn split(dimensions: usize, points: &[f32], items: &mut [u32], first: usize, nodes: &mut Vec<Node>) {
-    let value = |item: u32, axis: usize| points[item as usize * dimensions + axis];
+/// Splits items at the median of their widest axis, until they fit a leaf; the nodes of the tree over them, the root first. `first` is the place of
+/// the first item among all.
+fn split(dimensions: usize, points: &[f32], items: &mut [u32], first: usize) -> Vec<Node> {
     let widest = if items.len() > LEAF { widest_axis(dimensions, points, items) } else { None };
     let Some(axis) = widest else {
-        nodes.push(Node::Leaf { from: first as u32, to: (first + items.len()) as u32 });
-        return;
+        return vec![Node::Leaf { from: first as u32, to: (first + items.len()) as u32 }];
     };
     let half = items.len() / 2;
-    items.select_nth_unstable_by(half, |&a, &b| value(a, axis).total_cmp(&value(b, axis)));
-    let at = value(items[half], axis);
-    let node = nodes.len();
-    nodes.push(Node::Leaf { from: 0, to: 0 });
-    let (left, right) = items.split_at_mut(half);
-    split(dimensions, points, left, first, nodes);
-    let place = nodes.len() as u32;
-    split(dimensions, points, right, first + half, nodes);
-    nodes[node] = Node::Split { axis: axis as u32, at, right: place };
+    // Points are far apart in memory: each is looked at once.
+    let mut keys: Vec<(f32, u32)> =
+        items.iter().map(|&item| (points[item as usize * dimensions + axis], item)).collect();
+    keys.select_nth_unstable_by(half, |a, b| a.0.total_cmp(&b.0));
+    let at = keys[half].0;
+    items.iter_mut().zip(keys).for_each(|(item, key)| *item = key.1);
+    let (low, high) = items.split_at_mut(half);
+    let (left, right) = if half < ALONE {
+        (split(dimensions, points, low, first), split(dimensions, points, high, first + half))
+    } else {
+        rayon::join(|| split(dimensions, points, low, first), || split(dimensions, points, high, first + half))
+    };
+    let mut nodes = Vec::with_capacity(1 + left.len() + right.len());
+    nodes.push(Node::Split { axis: axis as u32, at, right: 1 + left.len() as u32 });
+    nodes.extend(left);
+    nodes.extend(right);
+    nodes
 }
 
 /// The axis along which items spread most; `None` where they are all one point. Of many items, some tell.
 fn widest_axis(dimensions: usize, points: &[f32], items: &[u32]) -> Option<usize> {
-    let step = items.len().div_ceil(512);
+    let step = items.len().div_ceil(64);
     let (mut low, mut high) = (vec![f32::INFINITY; dimensions], vec![f32::NEG_INFINITY; dimensions]);
     for &item in items.iter().step_by(step) {
         let point = &points[item as usize * dimensions..][..dimensions];

@@ -55,10 +55,10 @@ mod tests {
     /// Four points of masses 1 to 4; the first two indicator functions, normalised.
     fn basis() -> Basis {
         Basis {
-            functions: Functions::Compact(Compact {
-                space: SparseMatrix::new(4, 2, vec![0, 1, 2, 2, 2], vec![0, 1], vec![1.0, 1.0]).unwrap(),
-                coefficients: DenseMatrix::from_columns(2, 2, vec![1.0, 0.0, 0.0, 0.5f64.sqrt()]).unwrap(),
-            }),
+            functions: Functions::Compact(Compact::new(
+                SparseMatrix::new(4, 2, vec![0, 1, 2, 2, 2], vec![0, 1], vec![1.0, 1.0]).unwrap(),
+                DenseMatrix::from_columns(2, 2, vec![1.0, 0.0, 0.0, 0.5f64.sqrt()]).unwrap(),
+            )),
             eigenvalues: vec![0.0, 1.0],
             mass: MassMatrix::Diagonal(vec![1.0, 2.0, 3.0, 4.0]),
             certificate: Certificate::default(),

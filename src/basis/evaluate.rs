@@ -71,6 +71,31 @@ impl Basis {
         }
     }
 
+    /// The same vertex after vertex: for each the values of all of these modes.
+    ///
+    /// # Errors
+    /// As [`lift`](Self::lift).
+    pub fn lift_rows<T: Real>(&self, range: Range<usize>) -> Result<Vec<T>, BasisError> {
+        match &self.functions {
+            Functions::Compact(compact) if range.start <= range.end && range.end <= self.count() => {
+                compact.lift_rows(range)
+            }
+            _ => {
+                let (n, k) = (self.vertices(), range.len());
+                let modes = self.lift::<T>(range)?;
+                let mut rows = vec![T::default(); n * k];
+                // Some rows at a time, so that what is written stays in the cache.
+                rows.par_chunks_mut((k * ROWS_PER_TASK).max(1)).enumerate().for_each(|(task, rows)| {
+                    for column in 0..k {
+                        let values = &modes[column * n + task * ROWS_PER_TASK..][..rows.len() / k];
+                        rows.iter_mut().skip(column).step_by(k).zip(values).for_each(|(row, value)| *row = *value);
+                    }
+                });
+                Ok(rows)
+            }
+        }
+    }
+
     /// `Φ v` for coefficients `v`, `m × k`, in the eigenbasis: `n × k`.
     ///
     /// # Errors
@@ -197,6 +222,25 @@ impl Compact {
                 lifter.lift(&rows, group, &mut panel);
                 for (k, mode) in modes.iter_mut().enumerate() {
                     mode.iter_mut().zip(&panel).for_each(|(value, row)| *value = T::narrow(row[k]));
+                }
+            }
+        });
+        Ok(lifted)
+    }
+
+    fn lift_rows<T: Real>(&self, range: Range<usize>) -> Result<Vec<T>, BasisError> {
+        let (n, k) = (self.space.rows(), range.len());
+        let wanted = self.coefficients.slice_columns(range);
+        let lifter = RowLifter::new(&self.space, &wanted).ok_or(BasisError::Inconsistent)?;
+        let mut lifted = vec![T::default(); n * k];
+        lifted.par_chunks_mut((k * ROWS_PER_TASK).max(1)).enumerate().for_each(|(task, lifted)| {
+            let from = task * ROWS_PER_TASK;
+            let rows: Vec<u32> = (from..n.min(from + ROWS_PER_TASK)).map(|row| row as u32).collect();
+            let mut panel = vec![[0.0; LIFT_WIDTH]; rows.len()];
+            for group in 0..k.div_ceil(LIFT_WIDTH) {
+                lifter.lift(&rows, group, &mut panel);
+                for (row, values) in lifted.chunks_exact_mut(k).zip(&panel) {
+                    row[group * LIFT_WIDTH..].iter_mut().zip(values).for_each(|(to, value)| *to = T::narrow(*value));
                 }
             }
         });

@@ -41,7 +41,7 @@ pub fn write<W: Write>(basis: &Basis, out: W) -> Result<(), FormatError> {
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(true);
     let m = basis.eigenvalues.len();
     match &basis.functions {
-        Functions::Compact(Compact { space, coefficients }) => {
+        Functions::Compact(Compact { space, coefficients, .. }) => {
             archive.start_file("space.mtx", options)?;
             coordinates(space, &mut archive)?;
             archive.start_file("coefficients.mtx", options)?;

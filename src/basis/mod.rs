@@ -22,6 +22,8 @@ pub use field_space::{FieldSpace, SpaceError};
 pub use npz::{DenseLayout, FormatError};
 pub use product::{Product, ProductKind, Summary};
 
+use std::sync::{Arc, OnceLock};
+
 use crate::algebra::{DenseMatrix, MassMatrix, SparseMatrix};
 
 /// A basis of `m` eigenfunctions on `n` vertices, `M`-orthonormal in the units of the input.
@@ -56,6 +58,48 @@ pub struct Compact {
     pub space: SparseMatrix<f32>,
     /// `φ̄`, `d × m`, one column per eigenfunction.
     pub coefficients: DenseMatrix,
+    /// What sums of squares need to know of `space`, from the first of them on.
+    pairs: Kept<squares::Pairs>,
+}
+
+/// Something that follows from the rest of a value, and is kept from when it is first needed. It makes no difference between values.
+#[derive(Debug)]
+struct Kept<T>(OnceLock<Arc<T>>);
+
+impl<T> Clone for Kept<T> {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+}
+
+impl<T> Kept<T> {
+    /// What is kept, or what is made now. Nobody waits for another to make it: who waits in a pool of threads may be given work that needs the same.
+    fn get_or(&self, make: impl FnOnce() -> T) -> Arc<T> {
+        if let Some(kept) = self.0.get() {
+            return kept.clone();
+        }
+        let made = Arc::new(make());
+        self.0.get_or_init(|| made).clone()
+    }
+}
+
+impl<T> Default for Kept<T> {
+    fn default() -> Self {
+        Self(OnceLock::new())
+    }
+}
+
+impl<T> PartialEq for Kept<T> {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl Compact {
+    /// Functions from their factors, `n × d` and `d × m`.
+    pub fn new(space: SparseMatrix<f32>, coefficients: DenseMatrix) -> Self {
+        Self { space, coefficients, pairs: Kept::default() }
+    }
 }
 
 impl Basis {
@@ -89,12 +133,17 @@ impl Basis {
     /// `U`, four for each row offset, eight for each coefficient and eigenvalue.
     pub fn stored_bytes(&self) -> u64 {
         let functions = match &self.functions {
-            Functions::Compact(Compact { space, coefficients }) => {
+            Functions::Compact(Compact { space, coefficients, .. }) => {
                 (8 * space.entries() + 4 * (space.rows() + 1) + 8 * coefficients.values().len()) as u64
             }
             Functions::Dense(dense) => dense.bytes(),
         };
         functions + 8 * self.eigenvalues.len() as u64
+    }
+
+    /// The bytes that the basis may come to hold in memory besides what is stored, once it is used: tables of a compact one.
+    pub fn derived_bytes(&self) -> u64 {
+        self.compact().map_or(0, |compact| squares::Pairs::bytes(&compact.space))
     }
 
     /// The bytes that the `n × m` lifted eigenfunctions and the eigenvalues would take in double precision.
@@ -116,10 +165,10 @@ pub(crate) mod tests {
             MassMatrix::Diagonal(vec![0.5, 0.25, 0.25])
         };
         Basis {
-            functions: Functions::Compact(Compact {
-                space: SparseMatrix::new(3, 2, vec![0, 1, 3, 4], vec![0, 0, 1, 1], vec![1.0, 0.25, 0.75, 1.0]).unwrap(),
-                coefficients: DenseMatrix::from_columns(2, 2, vec![1.0, 1.0, 0.1, -1.0 / 3.0]).unwrap(),
-            }),
+            functions: Functions::Compact(Compact::new(
+                SparseMatrix::new(3, 2, vec![0, 1, 3, 4], vec![0, 0, 1, 1], vec![1.0, 0.25, 0.75, 1.0]).unwrap(),
+                DenseMatrix::from_columns(2, 2, vec![1.0, 1.0, 0.1, -1.0 / 3.0]).unwrap(),
+            )),
             eigenvalues: vec![0.0, 3.25],
             mass,
             certificate: Certificate {

@@ -199,6 +199,14 @@ impl Product {
         }
     }
 
+    /// The bytes that the product may come to hold in memory besides what is stored, once it is used.
+    pub fn derived_bytes(&self) -> u64 {
+        match self {
+            Self::Eigenbasis(basis) => basis.derived_bytes(),
+            _ => 0,
+        }
+    }
+
     /// Writes the product as an NPZ file. Equal products give equal bytes.
     ///
     /// # Errors

@@ -133,7 +133,7 @@ fn compact_to_bytes(basis: &Basis, compact: &Compact) -> Result<Vec<u8>, FormatE
         member: "safetensors".to_owned(),
         reason: error.to_string(),
     };
-    let Compact { space, coefficients } = compact;
+    let Compact { space, coefficients, .. } = compact;
     let (d, m) = (coefficients.rows(), coefficients.columns());
     let mut by_rows = vec![0.0; d * m];
     for column in 0..m {
@@ -168,7 +168,7 @@ mod tests {
     #[test]
     fn tensors_are_found_under_their_names_with_their_shapes() {
         let basis = small_basis(true);
-        let Compact { space, coefficients: dense } = basis.compact().unwrap();
+        let Compact { space, coefficients: dense, .. } = basis.compact().unwrap();
         let bytes = to_bytes(&basis).unwrap();
         assert_eq!(bytes, to_bytes(&basis).unwrap());
         let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();

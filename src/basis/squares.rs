@@ -13,8 +13,17 @@ use crate::algebra::{
 /// The largest space whose pairs of columns are numbered in a table: `4 d²` bytes.
 const MOST_DIRECT: usize = 4096;
 
+/// The largest space for which that table is kept with the basis.
+const MOST_KEPT: usize = 2048;
+
+/// From so many rows on all of them go through the coefficients together.
+const MANY_ROWS: usize = 32;
+
 /// Rows that one task handles.
 const ROWS_PER_TASK: usize = 2048;
+
+/// A weight of this share of the largest is lost in rounding.
+const NOTHING: f64 = 1e-18;
 
 /// Numbers that are summed side by side.
 const LANES: usize = 8;
@@ -43,7 +52,19 @@ impl Basis {
             return Ok(values);
         }
         match &self.functions {
-            Functions::Compact(Compact { space, coefficients }) => {
+            Functions::Compact(Compact { space, coefficients, .. }) if vertices.len() >= MANY_ROWS => {
+                let lifter = RowLifter::new(space, &coefficients.slice_columns(0..modes));
+                let lifter = lifter.ok_or(BasisError::Inconsistent)?;
+                let groups = values.values_mut().par_chunks_mut(vertices.len() * LIFT_WIDTH);
+                groups.enumerate().for_each(|(group, columns)| {
+                    let mut panel = vec![[0.0; LIFT_WIDTH]; vertices.len()];
+                    lifter.lift(vertices, group, &mut panel);
+                    for (k, column) in columns.chunks_exact_mut(vertices.len()).enumerate() {
+                        column.iter_mut().zip(&panel).for_each(|(value, row)| *value = row[k]);
+                    }
+                });
+            }
+            Functions::Compact(Compact { space, coefficients, .. }) => {
                 let columns = values.values_mut().par_chunks_mut(vertices.len());
                 columns.enumerate().for_each(|(mode, column)| {
                     let mode = coefficients.column(mode);
@@ -94,7 +115,11 @@ impl Basis {
         }
         match &self.functions {
             Functions::Compact(compact) if compact.space.columns() <= MOST_DIRECT => {
-                Ok(Pairs::new(&compact.space).squares(compact, weights))
+                if compact.space.columns() > MOST_KEPT {
+                    return Ok(Pairs::new(&compact.space).squares(compact, weights));
+                }
+                let pairs = compact.pairs.get_or(|| Pairs::new(&compact.space));
+                Ok(pairs.squares(compact, weights))
             }
             Functions::Compact(compact) => lifted_squares(compact, weights),
             Functions::Dense(dense) => {
@@ -224,13 +249,20 @@ impl Block {
 }
 
 /// The pairs of columns of `U` that share a row, numbered from 1.
-struct Pairs {
+#[derive(Debug)]
+pub(super) struct Pairs {
     /// `d × d`: the number of the pair `(a, b)`, `a ≤ b`, at `a d + b`; 0 where there is no such pair.
     numbers: Vec<u32>,
     pairs: Vec<(u32, u32)>,
 }
 
 impl Pairs {
+    /// About the bytes that are kept with a space.
+    pub fn bytes(space: &SparseMatrix<f32>) -> u64 {
+        let d = space.columns() as u64;
+        if space.columns() > MOST_KEPT { 0 } else { 4 * d * d + 8 * (d * d).min(64 * d) }
+    }
+
     fn new(space: &SparseMatrix<f32>) -> Self {
         let (n, d) = (space.rows(), space.columns());
         let marks: Vec<AtomicU32> = (0..d * d).map(|_| AtomicU32::new(0)).collect();
@@ -304,8 +336,12 @@ impl Pairs {
         weights: &DenseMatrix,
         group: std::ops::Range<usize>,
     ) -> Vec<[f64; K]> {
-        // Weights of high modes are often nothing: heat has died down there.
-        let is_something = |mode: &usize| group.clone().any(|t| weights.column(t)[*mode] != 0.0);
+        // Weights of high modes are often nothing beside those of low ones: heat has died down there.
+        let least: Vec<f64> = group
+            .clone()
+            .map(|t| NOTHING * weights.column(t).iter().fold(0.0, |most: f64, weight| most.max(weight.abs())))
+            .collect();
+        let is_something = |mode: &usize| group.clone().zip(&least).any(|(t, &l)| weights.column(t)[*mode].abs() > l);
         let used = (0..weights.rows()).rev().find(is_something).map_or(0, |last| last + 1).div_ceil(LANES);
         let mut lanes = vec![[[0.0; LANES]; K]; used];
         for (t, column) in group.clone().enumerate() {
@@ -423,10 +459,10 @@ mod tests {
         }
         let coefficients = (0..d * m).map(|i| (i as f64 * 0.37).sin()).collect();
         Basis {
-            functions: Functions::Compact(Compact {
-                space: SparseMatrix::new(n, d, offsets, indices, values).unwrap(),
-                coefficients: DenseMatrix::from_columns(d, m, coefficients).unwrap(),
-            }),
+            functions: Functions::Compact(Compact::new(
+                SparseMatrix::new(n, d, offsets, indices, values).unwrap(),
+                DenseMatrix::from_columns(d, m, coefficients).unwrap(),
+            )),
             eigenvalues: (0..m).map(|k| k as f64).collect(),
             mass: MassMatrix::Diagonal(vec![1.0; n]),
             certificate: Certificate::default(),
@@ -480,6 +516,9 @@ mod tests {
                 }
             }
             assert_eq!(basis.first_at_vertices(&vertices, 20).unwrap(), values.slice_columns(0..20));
+            let many: Vec<u32> = (0..100).map(|k| vertices[k % 3]).collect();
+            let more = basis.first_at_vertices(&many, 20).unwrap();
+            assert!((0..20).all(|mode| (0..100).all(|k| more.column(mode)[k] == values.column(mode)[k % 3])));
             assert_eq!(basis.first_at_vertices(&vertices, 0).unwrap().columns(), 0);
             assert_eq!(basis.at_vertices(&[]).unwrap().rows(), 0);
             let n = basis.vertices();

@@ -56,7 +56,7 @@ pub struct FieldHeat {
 impl Default for FieldHeat {
     fn default() -> Self {
         let (time, threshold, degree) = (None, None, None);
-        Self { sigma: 8.0, steps: 2, time, margin: 2.5, threshold, tolerance: 2e-2, degree, least: 0.15 }
+        Self { sigma: 8.0, steps: 2, time, margin: 2.5, threshold, tolerance: 1.5e-2, degree, least: 0.15 }
     }
 }
 

@@ -154,7 +154,7 @@ pub fn approximate(
         None => space,
     };
     Ok(Basis {
-        functions: Functions::Compact(Compact { space, coefficients }),
+        functions: Functions::Compact(Compact::new(space, coefficients)),
         eigenvalues: pairs.values.into_iter().map(|value| value * value_scale).collect(),
         mass: operator.laplacian().mass.scaled(problem.area),
         certificate,

@@ -113,6 +113,7 @@ impl Store {
                     (basis.into(), bytes)
                 }
             };
+            let bytes = bytes + product.derived_bytes();
             Ok::<_, StoreError>(Weighed { value: product, bytes })
         });
         Ok(loaded.await?.value)
@@ -253,6 +254,7 @@ impl WrittenBasis {
             BasisStorage::Compact => self.bytes,
             BasisStorage::Dense(layout) => self.bytes - (layout.end - layout.start),
         };
+        let bytes = bytes + self.product.derived_bytes();
         store.inner.bases.insert(id, Weighed { value: self.product.clone(), bytes });
     }
 }

@@ -290,10 +290,10 @@ pub fn plain_basis(n: usize, parameters: Value) -> Basis {
         coefficients.column_mut(k)[k] = 1.0 / (*size as f64).sqrt();
     }
     Basis {
-        functions: Functions::Compact(Compact {
-            space: SparseMatrix::new(n, 3, (0..=n).collect(), columns, vec![1.0; n]).unwrap(),
+        functions: Functions::Compact(Compact::new(
+            SparseMatrix::new(n, 3, (0..=n).collect(), columns, vec![1.0; n]).unwrap(),
             coefficients,
-        }),
+        )),
         eigenvalues: vec![0.0, 1.0, 2.0],
         mass: MassMatrix::Diagonal(vec![1.0; n]),
         certificate: Certificate {

@@ -177,7 +177,7 @@ impl<W: Write + Seek> Members<W> {
 /// 2³¹ columns or more, [`FormatError::Functions`] where columns of a dense basis cannot be read.
 pub fn write<W: Write + Seek>(basis: &Basis, out: W) -> Result<(), FormatError> {
     let (space, dense) = match &basis.functions {
-        Functions::Compact(Compact { space, coefficients }) => (space, coefficients),
+        Functions::Compact(Compact { space, coefficients, .. }) => (space, coefficients),
         Functions::Dense(dense) => return write_dense(basis, dense.clone(), out).map(|_| ()),
     };
     let mut members = Members { archive: ZipWriter::new(out) };

@@ -219,7 +219,7 @@ impl<'a> Archive<'a> {
         }
         let coefficients = DenseMatrix::from_columns(d, m, coefficients.values("<f8")?)
             .ok_or_else(|| wrong("coefficients", "its values do not fill its shape"))?;
-        Ok(Compact { space, coefficients })
+        Ok(Compact::new(space, coefficients))
     }
 
     fn pairs(&mut self) -> Result<usize, FormatError> {

@@ -87,7 +87,7 @@ pub(super) fn project(
         errors.extend(found.ok_or_else(misfit)?);
         monitor.progress(0.6 + 0.4 * (panel + 1) as f64 / panels as f64);
     }
-    Ok(Projected { compact: Compact { space, coefficients }, errors, defect })
+    Ok(Projected { compact: Compact::new(space, coefficients), errors, defect })
 }
 
 fn columns_of(vectors: &PanelMatrix, range: std::ops::Range<usize>) -> DenseMatrix {
