@@ -35,6 +35,10 @@ use chladni::{
 };
 use divan::Bencher;
 
+/// What the server allocates with.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 fn main() {
     divan::main();
 }

@@ -16,13 +16,32 @@ pub fn space_times(space: &SparseMatrix<f32>, coefficients: &DenseMatrix) -> Opt
         return None;
     }
     let mut product = DenseMatrix::zeros(space.rows(), coefficients.columns());
-    each_group(coefficients.columns(), |group| match group.len() {
-        1 => expand::<1>(space, coefficients, group, &mut product),
-        2 => expand::<2>(space, coefficients, group, &mut product),
-        3 | 4 => expand::<4>(space, coefficients, group, &mut product),
-        _ => expand::<8>(space, coefficients, group, &mut product),
-    });
+    expanded(space, coefficients, product.values_mut(), |value| value);
     Some(product)
+}
+
+/// The same, each number rounded to single precision at the end: `k` columns of `n` numbers, one after the other.
+pub fn space_times_single(space: &SparseMatrix<f32>, coefficients: &DenseMatrix) -> Option<Vec<f32>> {
+    if coefficients.rows() != space.columns() {
+        return None;
+    }
+    let mut product = vec![0.0; space.rows() * coefficients.columns()];
+    expanded(space, coefficients, &mut product, |value| value as f32);
+    Some(product)
+}
+
+fn expanded<T: Send>(
+    space: &SparseMatrix<f32>,
+    coefficients: &DenseMatrix,
+    product: &mut [T],
+    narrow: impl Fn(f64) -> T + Sync,
+) {
+    each_group(coefficients.columns(), |group| match group.len() {
+        1 => expand::<1, T>(space, coefficients, group, product, &narrow),
+        2 => expand::<2, T>(space, coefficients, group, product, &narrow),
+        3 | 4 => expand::<4, T>(space, coefficients, group, product, &narrow),
+        _ => expand::<8, T>(space, coefficients, group, product, &narrow),
+    });
 }
 
 /// `Uᵀ M x` for a sparse `U`, `n × d`, a mass `M` and `x`, `n × k`: `d × k`. In f64, in parallel. `None` where sizes do not fit.
@@ -59,11 +78,12 @@ fn each_group(columns: usize, mut act: impl FnMut(std::ops::Range<usize>)) {
     }
 }
 
-fn expand<const K: usize>(
+fn expand<const K: usize, T: Send>(
     space: &SparseMatrix<f32>,
     coefficients: &DenseMatrix,
     group: std::ops::Range<usize>,
-    product: &mut DenseMatrix,
+    product: &mut [T],
+    narrow: &(impl Fn(f64) -> T + Sync),
 ) {
     let mut table = vec![[0.0; K]; space.columns()];
     for (k, column) in group.clone().enumerate() {
@@ -71,8 +91,8 @@ fn expand<const K: usize>(
     }
     // Each task owns some rows of every column: they are turned while they are in the cache.
     let n = space.rows();
-    let mut tasks: Vec<Vec<&mut [f64]>> = (0..n.div_ceil(LEAST_ROWS)).map(|_| Vec::with_capacity(K)).collect();
-    for column in product.values_mut()[group.start * n..group.end * n].chunks_mut(n.max(1)) {
+    let mut tasks: Vec<Vec<&mut [T]>> = (0..n.div_ceil(LEAST_ROWS)).map(|_| Vec::with_capacity(K)).collect();
+    for column in product[group.start * n..group.end * n].chunks_mut(n.max(1)) {
         for (task, part) in tasks.iter_mut().zip(column.chunks_mut(LEAST_ROWS)) {
             task.push(part);
         }
@@ -97,7 +117,7 @@ fn expand<const K: usize>(
             },
         );
         for (k, column) in columns.iter_mut().enumerate() {
-            column.iter_mut().zip(&panel).for_each(|(value, row)| *value = row[k]);
+            column.iter_mut().zip(&panel).for_each(|(value, row)| *value = narrow(row[k]));
         }
     });
 }

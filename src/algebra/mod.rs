@@ -29,7 +29,7 @@ pub use definite::{DefiniteError, DefiniteFactor, orthonormalise, solve_definite
 pub use dense::DenseMatrix;
 pub use eigen::{ComputedOn, CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};
 pub use factor::{Factor, FactorError, FactorNumbers, SymbolicFactor};
-pub use factored::{space_times, space_transposed_mass_times};
+pub use factored::{space_times, space_times_single, space_transposed_mass_times};
 pub use galerkin::{GalerkinError, galerkin};
 pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::MassMatrix;

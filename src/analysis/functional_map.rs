@@ -193,7 +193,7 @@ pub fn functional_map(source: &Basis, target: &Basis, request: &MapRequest) -> R
         map = map_of_points(&there, &here, &matches, size)?;
     }
     matches.iter_mut().for_each(|(item, _)| *item = samples[*item as usize]);
-    let samples = (!request.all_points).then_some((stand, here, matches));
+    let samples = (!request.all_points).then_some(Samples { vertices: stand, modes: here, matches });
     finish(&from, &to, map, samples, descriptor_residual)
 }
 
@@ -204,13 +204,21 @@ fn known_times(eigenvalues: &[f64]) -> Result<Vec<f64>, AnalysisError> {
     Ok(log_spaced(0.2 / last, 4.0 / eigenvalues[first], TIMES))
 }
 
-/// The last search for neighbours, and the figures. `samples`: the vertices of the target that are matched, the modes there, and what they were matched
-/// with before, in vertices; without them all vertices are.
+/// Vertices of the target that are matched.
+struct Samples {
+    vertices: Vec<u32>,
+    /// The modes of the target there.
+    modes: DenseMatrix,
+    /// The vertices of the source that they were matched with last, and the squared distances.
+    matches: Vec<(u32, f32)>,
+}
+
+/// The last search for neighbours, for some samples or else for all vertices, and the figures.
 fn finish(
     from: &Side,
     to: &Side,
     map: DenseMatrix,
-    samples: Option<(Vec<u32>, DenseMatrix, Vec<(u32, f32)>)>,
+    samples: Option<Samples>,
     descriptor_residual: f64,
 ) -> Result<FunctionalMap, AnalysisError> {
     let k = map.columns();
@@ -222,8 +230,8 @@ fn finish(
         points.extend(found.into_iter().map(|(point, _)| point));
     };
     let matched = match samples {
-        Some((vertices, here, before)) => {
-            take(nearest(&embedding, &here, &map, &before)?);
+        Some(Samples { vertices, modes, matches }) => {
+            take(nearest(&embedding, &modes, &map, &matches)?);
             Some(vertices)
         }
         None => {

@@ -21,7 +21,7 @@ use crate::mesh::TriangleMesh;
 pub const MOST_COLUMNS: usize = 64;
 
 /// Heat below this share of its largest value is not told from errors.
-const WARM: f64 = 1e-3;
+const WARM: f32 = 1e-3;
 
 /// The shortest time, over the inverse of the largest eigenvalue: by then the modes that the basis does not have are gone (`e^{−12}`).
 const SHORTEST: f64 = 12.0;
@@ -89,17 +89,24 @@ pub fn geodesic(
         let mut heat = DenseMatrix::zeros(basis.count(), batch.len() * times.len());
         for (place, source) in batch.clone().enumerate() {
             for (step, time) in times.iter().enumerate() {
-                let slots = heat.column_mut(place * times.len() + step).iter_mut().zip(&basis.eigenvalues).enumerate();
-                // Zero comes out of solvers with either sign.
-                slots.for_each(|(mode, (slot, value))| {
-                    *slot = (-value.max(0.0) * time).exp() * at_sources.column(mode)[source];
-                });
+                let column = heat.column_mut(place * times.len() + step);
+                let mut most = 0.0;
+                for (mode, (slot, value)) in column.iter_mut().zip(&basis.eigenvalues).enumerate() {
+                    let here = at_sources.column(mode)[source];
+                    // Zero comes out of solvers with either sign.
+                    *slot = (-value.max(0.0) * time).exp() * here;
+                    most += *slot * here;
+                }
+                // Only directions of gradients count. With 1 at the source single precision does in all units of length.
+                if most > 0.0 {
+                    column.iter_mut().for_each(|slot| *slot /= most);
+                }
             }
         }
-        let heat = basis.evaluate(&heat)?;
-        let steps = times.len();
-        let ladders: Vec<Vec<&[f64]>> =
-            (0..batch.len()).map(|place| (0..steps).map(|step| heat.column(place * steps + step)).collect()).collect();
+        // In single precision: u changes by some thousandth from vertex to vertex, and where it does not nothing is known of the distance.
+        let heat = basis.evaluate_single(&heat)?;
+        let (n, steps) = (basis.vertices(), times.len());
+        let ladders: Vec<Vec<&[f32]>> = heat.chunks(n * steps).map(|ladder| ladder.chunks(n).collect()).collect();
         let fields = unit_divergences(mesh, &ladders);
         batch.zip(&fields).for_each(|(column, field)| divergence.column_mut(column).copy_from_slice(field));
     }
@@ -181,10 +188,10 @@ impl Edges {
 
 /// The integrated divergence `∫ X · ∇λ_i` of `X = −∇u / |∇u|` at each vertex, for some ladders of heat: with the first `u` of the ladder from which on
 /// all corners of a face are warm, or the last. Faces without area, and those where `u` does not change, have none.
-fn unit_divergences(mesh: &TriangleMesh, ladders: &[Vec<&[f64]>]) -> Vec<Vec<f64>> {
+fn unit_divergences(mesh: &TriangleMesh, ladders: &[Vec<&[f32]>]) -> Vec<Vec<f64>> {
     // The ladders of a thread go through the faces together: what is known of a face serves them all.
     let each = ladders.len().div_ceil(rayon::current_num_threads()).max(1);
-    let some = |ladders: &[Vec<&[f64]>]| -> Vec<Vec<f64>> {
+    let some = |ladders: &[Vec<&[f32]>]| -> Vec<Vec<f64>> {
         let first: Vec<Vec<u8>> = ladders.iter().map(|ladder| first_warm(ladder)).collect();
         let mut divergences = vec![vec![0.0; mesh.positions.len()]; ladders.len()];
         let mut edges = Edges::new();
@@ -195,7 +202,7 @@ fn unit_divergences(mesh: &TriangleMesh, ladders: &[Vec<&[f64]>]) -> Vec<Vec<f64
                 for (face, (v, w)) in faces.iter().zip(v.iter_mut().zip(&mut w)) {
                     let [a, b, c] = face.map(|vertex| vertex as usize);
                     let u = ladder[usize::from(first[a].max(first[b]).max(first[c]))];
-                    (*v, *w) = (u[b] - u[a], u[c] - u[a]);
+                    (*v, *w) = (f64::from(u[b] - u[a]), f64::from(u[c] - u[a]));
                 }
                 let [second, third] = edges.divergence(&v, &w);
                 for (face, (second, third)) in faces.iter().zip(second.into_iter().zip(third)) {
@@ -212,7 +219,7 @@ fn unit_divergences(mesh: &TriangleMesh, ladders: &[Vec<&[f64]>]) -> Vec<Vec<f64
 }
 
 /// For each vertex the first heat of a ladder from which on it is warm in all but the last; the last where it is not in the one before.
-fn first_warm(ladder: &[&[f64]]) -> Vec<u8> {
+fn first_warm(ladder: &[&[f32]]) -> Vec<u8> {
     let Some((last, shorter)) = ladder.split_last() else { return Vec::new() };
     let mut first = vec![shorter.len() as u8; last.len()];
     for (step, u) in shorter.iter().enumerate().rev() {
@@ -232,13 +239,13 @@ fn first_warm(ladder: &[&[f64]]) -> Vec<u8> {
 }
 
 /// The largest of some values, or zero.
-fn largest(values: &[f64]) -> f64 {
+fn largest(values: &[f32]) -> f32 {
     let (groups, rest) = values.as_chunks::<16>();
-    let mut most = [0.0f64; 16];
+    let mut most = [0.0f32; 16];
     for group in groups {
         most.iter_mut().zip(group).for_each(|(most, &value)| *most = if value > *most { value } else { *most });
     }
-    most.iter().chain(rest).copied().fold(0.0, f64::max)
+    most.iter().chain(rest).copied().fold(0.0, f32::max)
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
@@ -296,7 +303,7 @@ mod tests {
             let here = basis.at_vertices(&[17]).unwrap();
             let weights =
                 (0..basis.count()).map(|k| (-basis.eigenvalues[k] * time).exp() * here.column(k)[0]).collect();
-            basis.evaluate(&DenseMatrix::from_columns(basis.count(), 1, weights).unwrap()).unwrap().column(0).to_vec()
+            basis.evaluate_single(&DenseMatrix::from_columns(basis.count(), 1, weights).unwrap()).unwrap()
         };
         let (short, long) = (u(times[0]), u(times[times.len() - 1]));
         let ladders = [vec![&short[..], &long], vec![&short], vec![&long]];
@@ -314,14 +321,16 @@ mod tests {
     #[test]
     fn distances_scale_with_the_mesh() {
         let (mesh, basis) = sphere(60);
-        let mut large = mesh.clone();
-        large.positions.iter_mut().flatten().for_each(|x| *x *= 1e3);
-        let parameters = EigenbasisParameters::parse(&serde_json::json!({"count": 60})).unwrap();
-        let wide = parameters.run(&large, &Unwatched).unwrap();
         let small = geodesic(&basis, &mesh, &[5], false, Some(0.5)).unwrap();
-        let large = geodesic(&wide, &large, &[5], false, Some(0.5e6)).unwrap();
-        let close = |(a, b): (&f64, &f64)| (1e3 * a - b).abs() < 1.0;
-        assert!(small.values().iter().zip(large.values()).all(close));
+        for scale in [1e3, 1e-20, 1e20] {
+            let mut other = mesh.clone();
+            other.positions.iter_mut().flatten().for_each(|x| *x *= scale);
+            let parameters = EigenbasisParameters::parse(&serde_json::json!({"count": 60})).unwrap();
+            let basis = parameters.run(&other, &Unwatched).unwrap();
+            let distances = geodesic(&basis, &other, &[5], false, Some(0.5 * scale * scale)).unwrap();
+            let close = |(a, b): (&f64, &f64)| (a - b / scale).abs() < 1e-3;
+            assert!(small.values().iter().zip(distances.values()).all(close), "{scale}");
+        }
     }
 
     #[test]

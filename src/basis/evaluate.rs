@@ -7,7 +7,9 @@ use rayon::prelude::*;
 
 use super::dense::{Real, Visit};
 use super::{Basis, ColumnError, Compact, DenseFunctions, Functions};
-use crate::algebra::{DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, space_times, space_transposed_mass_times};
+use crate::algebra::{
+    DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, space_times, space_times_single, space_transposed_mass_times,
+};
 
 /// Why something cannot be evaluated in a basis.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -111,6 +113,20 @@ impl Basis {
                 dense.each_chunk(|range, chunk| chunk.visit(Add { v, range, sum: &mut sum }))?;
                 Ok(sum)
             }
+        }
+    }
+
+    /// The same, each value rounded to single precision at the end: `k` columns of `n` values, one after the other.
+    ///
+    /// # Errors
+    /// As [`evaluate`](Self::evaluate).
+    pub fn evaluate_single(&self, v: &DenseMatrix) -> Result<Vec<f32>, BasisError> {
+        match &self.functions {
+            Functions::Compact(Compact { space, coefficients, .. }) if v.rows() == self.count() => {
+                let reduced = coefficients.times(v).ok_or(BasisError::Inconsistent)?;
+                space_times_single(space, &reduced).ok_or(BasisError::Inconsistent)
+            }
+            _ => Ok(self.evaluate(v)?.values().iter().map(|&value| value as f32).collect()),
         }
     }
 
