@@ -4,7 +4,7 @@
 //! else that a client may want to mend. What cannot be used is refused with a [`MeshError`].
 
 use super::TriangleMesh;
-use super::read::RawMesh;
+use super::read::{RawMesh, ReadLimits};
 pub use super::repair::DROPPED;
 use super::repair::{Faces, compact, equal_positions};
 use super::report::Tally;
@@ -43,7 +43,7 @@ pub struct CheckOptions {
     /// How often every face is divided into four, after the repairs. Eigenvalues of the finer mesh are nearer to those of the surface: what
     /// piecewise linear functions lose falls to a quarter each time.
     pub subdivisions: u8,
-    /// The most faces that a mesh may have after it was divided.
+    /// The most faces that a mesh may have after it was divided; by default as many as a file may hold.
     pub most_faces: usize,
 }
 
@@ -54,7 +54,7 @@ impl Default for CheckOptions {
             largest_coordinate: 1e30,
             smallest_extent: 1e-30,
             subdivisions: 0,
-            most_faces: MOST_FACES,
+            most_faces: ReadLimits::default().faces,
         }
     }
 }

@@ -2,11 +2,12 @@
 //!
 //! The spaces themselves and their eigenpairs lie in the cache of the store.
 
+use std::any::Any;
 use std::sync::Arc;
 
 use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
 
-use crate::field::{Alignment, DesignModel, FieldSurface, Prescription, WeightedModel};
+use crate::field::FieldSurface;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::mesh::nearest::FaceTree;
@@ -23,14 +24,7 @@ pub struct Surface {
 /// About the bytes that a face of a surface takes: corners and positions, neighbours, edges, lengths, and frames.
 const BYTES_PER_FACE: u64 = 24 + 48 + 112;
 
-#[derive(Clone)]
-enum Kept {
-    Surface(Arc<Surface>),
-    Alignment(Arc<Alignment>),
-    Prescription(Arc<Prescription>),
-    Weighted(Arc<WeightedModel>),
-    Model(DesignModel),
-}
+type Kept = Arc<dyn Any + Send + Sync>;
 
 #[derive(Debug, Clone, Copy)]
 struct ByBytes;
@@ -57,17 +51,39 @@ impl FieldCache {
         Self(options.ok().map(|options| Cache::with_options(options, ByBytes, Default::default(), Default::default())))
     }
 
-    async fn get(
+    /// What lies at a key, or what is made now, with the bytes that it takes. One key, one type.
+    async fn get<T: Any + Send + Sync>(
         &self,
         key: String,
-        make: impl Future<Output = Result<(Kept, u64), Problem>>,
-    ) -> Result<Kept, Problem> {
-        let Some(cache) = &self.0 else { return Ok(make.await?.0) };
-        if let Some((found, _)) = cache.get(&key) {
-            return Ok(found);
-        }
-        Ok(cache.get_or_insert_async(&key, make).await?.0)
+        make: impl Future<Output = Result<(T, u64), Problem>>,
+    ) -> Result<Arc<T>, Problem> {
+        let made = async {
+            let (value, bytes) = make.await?;
+            Ok::<_, Problem>((Arc::new(value) as Kept, bytes))
+        };
+        let found = match &self.0 {
+            None => made.await?.0,
+            Some(cache) => match cache.get(&key) {
+                Some((found, _)) => found,
+                None => cache.get_or_insert_async(&key, made).await?.0,
+            },
+        };
+        found.downcast().map_err(|_| Problem::internal(format!("the cache holds something else as {key}")))
     }
+}
+
+/// Something by its key, made by `make` on the pool of solves with the bytes that it takes. `stage` names the time that it takes to those who ask, and
+/// keeps kinds apart: one stage, one type.
+///
+/// # Errors
+/// Whatever `make` answers.
+pub async fn kept<T: Any + Send + Sync>(
+    state: &AppState,
+    stage: &'static str,
+    key: &str,
+    make: impl FnOnce() -> Result<(T, u64), Problem> + Send + 'static,
+) -> Result<Arc<T>, Problem> {
+    state.fields.get(format!("{stage} {key}"), state.solve(stage, make)).await
 }
 
 /// The surface of a mesh.
@@ -76,94 +92,14 @@ impl FieldCache {
 /// `unknown-mesh`; `no-field-surface` names the edge, vertex or faces where it is no oriented manifold.
 pub async fn surface(state: &AppState, mesh: &str) -> Result<Arc<Surface>, Problem> {
     let make = async {
-        let mesh = state.store.load_mesh(mesh).await?;
+        let content = state.store.load_mesh(mesh).await?;
         let made = state.solve("surface", move || {
-            let tree = FaceTree::new(&mesh);
-            let surface = FieldSurface::new(mesh.as_ref().clone())?;
-            Ok(Arc::new(Surface { surface, tree }))
+            let tree = FaceTree::new(&content);
+            let surface = FieldSurface::new(content.as_ref().clone())?;
+            let bytes = BYTES_PER_FACE * surface.faces() as u64 + tree.bytes();
+            Ok((Surface { surface, tree }, bytes))
         });
-        let made = made.await?;
-        let bytes = BYTES_PER_FACE * made.surface.faces() as u64 + made.tree.bytes();
-        Ok((Kept::Surface(made), bytes))
+        made.await
     };
-    match state.fields.get(format!("surface {mesh}"), make).await? {
-        Kept::Surface(surface) => Ok(surface),
-        _ => Err(Problem::internal("the cache holds something else than a surface")),
-    }
-}
-
-/// An alignment by its key, made by `make` on the pool of solves, with the bytes that it takes.
-///
-/// # Errors
-/// Whatever `make` answers.
-pub async fn alignment(
-    state: &AppState,
-    key: String,
-    make: impl FnOnce() -> Result<(Alignment, u64), Problem> + Send + 'static,
-) -> Result<Arc<Alignment>, Problem> {
-    let made = async {
-        let (alignment, bytes) = state.solve("alignment", make).await?;
-        Ok((Kept::Alignment(Arc::new(alignment)), bytes))
-    };
-    match state.fields.get(format!("alignment {key}"), made).await? {
-        Kept::Alignment(alignment) => Ok(alignment),
-        _ => Err(Problem::internal("the cache holds something else than an alignment")),
-    }
-}
-
-/// A prescription of singularities by its key, made by `make` on the pool of solves, with the bytes that it takes.
-///
-/// # Errors
-/// Whatever `make` answers.
-pub async fn prescription(
-    state: &AppState,
-    key: String,
-    make: impl FnOnce() -> Result<(Prescription, u64), Problem> + Send + 'static,
-) -> Result<Arc<Prescription>, Problem> {
-    let made = async {
-        let (prescription, bytes) = state.solve("singularities", make).await?;
-        Ok((Kept::Prescription(Arc::new(prescription)), bytes))
-    };
-    match state.fields.get(format!("prescription {key}"), made).await? {
-        Kept::Prescription(prescription) => Ok(prescription),
-        _ => Err(Problem::internal("the cache holds something else than a prescription")),
-    }
-}
-
-/// A weighted model by its key, made by `make` on the pool of solves, with the bytes that it takes.
-///
-/// # Errors
-/// Whatever `make` answers.
-pub async fn weighted(
-    state: &AppState,
-    key: String,
-    make: impl FnOnce() -> Result<(WeightedModel, u64), Problem> + Send + 'static,
-) -> Result<Arc<WeightedModel>, Problem> {
-    let made = async {
-        let (model, bytes) = state.solve("weights", make).await?;
-        Ok((Kept::Weighted(Arc::new(model)), bytes))
-    };
-    match state.fields.get(format!("weighted {key}"), made).await? {
-        Kept::Weighted(model) => Ok(model),
-        _ => Err(Problem::internal("the cache holds something else than a model")),
-    }
-}
-
-/// A model that is not the stored one by its key, made by `make` on the pool of solves, with the bytes that it takes.
-///
-/// # Errors
-/// Whatever `make` answers.
-pub async fn model(
-    state: &AppState,
-    key: String,
-    make: impl FnOnce() -> Result<(DesignModel, u64), Problem> + Send + 'static,
-) -> Result<DesignModel, Problem> {
-    let made = async {
-        let (model, bytes) = state.solve("energy", make).await?;
-        Ok((Kept::Model(model), bytes))
-    };
-    match state.fields.get(format!("model {key}"), made).await? {
-        Kept::Model(model) => Ok(model),
-        _ => Err(Problem::internal("the cache holds something else than a model")),
-    }
+    state.fields.get(format!("surface {mesh}"), make).await
 }

@@ -107,7 +107,7 @@ pub async fn design(state: &AppState, ready: &Ready, request: &DesignRequest) ->
             let bytes = weighted.bytes();
             Ok((weighted, bytes))
         };
-        cache::weighted(state, key, make).await?
+        cache::kept(state, "weights", &key, make).await?
     } else {
         // Without weights per face everything is diagonal: nothing is worth keeping.
         Arc::new(model.weighted_with(weights, alignment.into_iter().collect(), prescription)?)
@@ -138,7 +138,8 @@ async fn literal_model(state: &AppState, ready: &Ready) -> Result<DesignModel, P
         let bytes = 12 * (energy.entries() + basis.stiffness.entries() + basis.mass.entries()) as u64;
         Ok((own.model()?.with_biharmonic(basis, energy)?, bytes))
     };
-    cache::model(state, format!("{} literal", ready.id), make).await
+    let model: Arc<DesignModel> = cache::kept(state, "energy", &ready.id, make).await?;
+    Ok(model.as_ref().clone())
 }
 
 /// What a request wants to be close to.
@@ -177,7 +178,7 @@ async fn towards(
                 let field = target(&ready, &own)?;
                 made(&ready, &model, &field.target, own.per_face.is_some().then_some(&field.weights))
             };
-            let alignment = cache::alignment(state, towards.key.clone(), make).await?;
+            let alignment = cache::kept(state, "alignment", &towards.key, make).await?;
             towards.alignment = Some((alignment, wanted.weight));
             towards.per_face = wanted.per_face.is_some();
         }
@@ -191,7 +192,7 @@ async fn towards(
                 let bytes = 16 * surface.faces() as u64 + 64 * model.dimension() as u64;
                 Ok((model.prescription(&ready.fields.basis, surface, field)?, bytes))
             };
-            let prescription = cache::prescription(state, towards.key.clone(), make).await?;
+            let prescription = cache::kept(state, "singularities", &towards.key, make).await?;
             towards.prescription = Some((prescription, wanted.weight));
         }
     }
