@@ -301,30 +301,32 @@ impl Pairs {
         let rows = padded_rows(&compact.coefficients);
         let groups: Vec<Vec<[f64; K]>> =
             (0..t).step_by(K).map(|from| self.forms(&rows, weights, from..t.min(from + K))).collect();
-        let mut values = vec![[0.0; K]; n * groups.len()];
-        values.par_chunks_mut((ROWS_PER_TASK * groups.len()).max(1)).enumerate().for_each(|(task, out)| {
+        let mut sums = DenseMatrix::zeros(n, t);
+        // Each task owns some rows of every column.
+        let mut tasks: Vec<Vec<&mut [f64]>> = (0..n.div_ceil(ROWS_PER_TASK)).map(|_| Vec::with_capacity(t)).collect();
+        for column in sums.values_mut().chunks_mut(n.max(1)) {
+            for (task, part) in tasks.iter_mut().zip(column.chunks_mut(ROWS_PER_TASK)) {
+                task.push(part);
+            }
+        }
+        tasks.into_par_iter().enumerate().for_each(|(task, mut columns)| {
             let mut block = Block::new(&compact.space);
-            let (first, count) = (task * ROWS_PER_TASK, out.len() / groups.len());
+            let (first, count) = (task * ROWS_PER_TASK, columns.first().map_or(0, |column| column.len()));
             let mut row = 0;
             while row < count {
                 let taken = block.fill(&compact.space, first + row, first + count);
-                for (group, forms) in groups.iter().enumerate() {
+                for (forms, columns) in groups.iter().zip(columns.chunks_mut(K)) {
                     let sums = vectorized(
                         (&block, &forms[..]),
                         #[inline(always)]
                         |(block, forms)| self.quadratic::<K>(block, forms, compact.space.columns()),
                     );
-                    for lane in 0..taken {
-                        out[(row + lane) * groups.len() + group] = sums.map(|sums| sums[lane]);
+                    for (column, sums) in columns.iter_mut().zip(&sums) {
+                        column[row..row + taken].copy_from_slice(&sums[..taken]);
                     }
                 }
                 row += taken;
             }
-        });
-        let mut sums = DenseMatrix::zeros(n, t);
-        sums.values_mut().par_chunks_mut(n.max(1)).enumerate().for_each(|(column, sums)| {
-            let values = values.iter().skip(column / K).step_by(groups.len());
-            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum = value[column % K]);
         });
         sums
     }

@@ -42,7 +42,7 @@ pub struct FieldHeat {
     pub time: Option<f64>,
     /// A column may spread beyond its bump by this multiple of `√(steps · time / N)`.
     pub margin: f64,
-    /// Blocks of at most this magnitude become zero; by default .0055 for vector fields and .004 for others: some fifteen blocks stay for each face.
+    /// Blocks of at most this magnitude become zero; by default .0056 for vector fields and .004 for others: some fifteen blocks stay for each face.
     pub threshold: Option<f64>,
     /// Relative residual at which the solve of a heat step ends.
     pub tolerance: f64,
@@ -69,7 +69,7 @@ impl FieldHeat {
     /// The time, the threshold and the degree for a kind of field.
     fn for_kind(&self, kind: FieldKind) -> (f64, f64, usize) {
         let (time, threshold, degree) =
-            if kind == (FieldKind::Vector {}) { (0.09, 0.0055, 6) } else { (0.08, 0.004, 4) };
+            if kind == (FieldKind::Vector {}) { (0.09, 0.0056, 6) } else { (0.08, 0.004, 4) };
         (self.time.unwrap_or(time), self.threshold.unwrap_or(threshold), self.degree.unwrap_or(degree))
     }
 
