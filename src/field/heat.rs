@@ -66,8 +66,14 @@ impl FieldHeat {
         Self { sigma: 10.0, steps: 4, time: Some(0.04), threshold: Some(0.002), tolerance: 1e-3, ..Self::default() }
     }
 
+    /// The same with every number that is left open as it is by default for a kind of field.
+    pub fn for_kind(self, kind: FieldKind) -> Self {
+        let (time, threshold, degree) = self.numbers(kind);
+        Self { time: Some(time), threshold: Some(threshold), degree: Some(degree), ..self }
+    }
+
     /// The time, the threshold and the degree for a kind of field.
-    fn for_kind(&self, kind: FieldKind) -> (f64, f64, usize) {
+    fn numbers(&self, kind: FieldKind) -> (f64, f64, usize) {
         let (time, threshold, degree) =
             if kind == (FieldKind::Vector {}) { (0.09, 0.0056, 6) } else { (0.08, 0.004, 4) };
         (self.time.unwrap_or(time), self.threshold.unwrap_or(threshold), self.degree.unwrap_or(degree))
@@ -103,7 +109,7 @@ pub(super) fn columns<const B: usize>(
     monitor.stage("hierarchy");
     let levels = hierarchy(operator, dual, frames, NODES_PER_SAMPLE * samples.len(), monitor)?;
     monitor.stage("columns");
-    let (time, threshold, degree) = parameters.for_kind(operator.kind);
+    let (time, threshold, degree) = parameters.numbers(operator.kind);
     let time = time / count;
     let wanted = (parameters.sigma / (std::f64::consts::PI * count)).sqrt();
     // Weights may have drawn samples so far apart that bumps have to be larger to meet.

@@ -75,7 +75,7 @@ impl FieldBasisParameters {
             }
         }
         let mut made = FieldParameters::new(field, dimension);
-        made.construction = construction(&request)?;
+        made.construction = construction(&request, field)?;
         made.boundary = request.boundary.unwrap_or_default();
         made.harmonic_fields = request.harmonic_fields.unwrap_or(true);
         made.seed = request.seed.unwrap_or(0);
@@ -103,7 +103,7 @@ impl FieldBasisParameters {
 }
 
 /// The construction with every detail.
-fn construction(request: &Request) -> Result<Construction, ParameterError> {
+fn construction(request: &Request, field: FieldKind) -> Result<Construction, ParameterError> {
     let belongs = |name, owner: &str| Err(value(name, format!("belongs to the construction \"{owner}\"")));
     let made = match request.construction {
         FieldConstruction::Heat => {
@@ -115,7 +115,7 @@ fn construction(request: &Request) -> Result<Construction, ParameterError> {
                 Accuracy::Accurate => FieldHeat::accurate(),
             });
             heat.sigma = request.sigma.unwrap_or(heat.sigma);
-            Construction::Heat(heat)
+            Construction::Heat(heat.for_kind(field))
         }
         FieldConstruction::LocalEigenfields => {
             if request.heat.is_some() {
@@ -269,7 +269,13 @@ mod tests {
             let canonical = parsed(parameters).unwrap();
             assert_eq!(parsed(canonical.clone()).unwrap(), canonical);
         }
-        assert_eq!(parsed(json!({"field": "n_vector"})).unwrap()["n"], 4);
+        let four = parsed(json!({"field": "n_vector"})).unwrap();
+        assert_eq!((&four["n"], &four["heat"]["degree"]), (&json!(4), &json!(4)));
+        let own = parsed(json!({"heat": {"degree": 3, "time": 0.1}})).unwrap();
+        assert_eq!(
+            (&own["heat"]["degree"], &own["heat"]["time"], &own["heat"]["threshold"]),
+            (&json!(3), &json!(0.1), &json!(0.0056))
+        );
         assert_eq!(parsed(json!({"sigma": 12.0})).unwrap()["heat"]["sigma"], 12.0);
     }
 
