@@ -91,3 +91,15 @@ fn product(left: MatRef<'_, f64>, right: MatRef<'_, f64>) -> DenseMatrix {
     matmul(into, Accum::Replace, left, right, 1.0, par);
     product
 }
+
+/// The columns of a matrix of so many rows, cut into parts of `each` rows: for each part its piece of every column. What tasks write that own some rows.
+pub fn row_parts<T>(values: &mut [T], rows: usize, each: usize) -> Vec<Vec<&mut [T]>> {
+    let columns = values.len() / rows.max(1);
+    let mut parts: Vec<Vec<&mut [T]>> = (0..rows.div_ceil(each)).map(|_| Vec::with_capacity(columns)).collect();
+    for column in values.chunks_mut(rows.max(1)) {
+        for (part, piece) in parts.iter_mut().zip(column.chunks_mut(each)) {
+            part.push(piece);
+        }
+    }
+    parts
+}

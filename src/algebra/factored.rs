@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{DenseMatrix, MassMatrix, SparseMatrix, vectorized};
+use super::{DenseMatrix, MassMatrix, SparseMatrix, row_parts, vectorized};
 
 /// Rows that one task handles, at least.
 const LEAST_ROWS: usize = 4096;
@@ -91,12 +91,7 @@ fn expand<const K: usize, T: Send>(
     }
     // Each task owns some rows of every column: they are turned while they are in the cache.
     let n = space.rows();
-    let mut tasks: Vec<Vec<&mut [T]>> = (0..n.div_ceil(LEAST_ROWS)).map(|_| Vec::with_capacity(K)).collect();
-    for column in product[group.start * n..group.end * n].chunks_mut(n.max(1)) {
-        for (task, part) in tasks.iter_mut().zip(column.chunks_mut(LEAST_ROWS)) {
-            task.push(part);
-        }
-    }
+    let tasks = row_parts(&mut product[group.start * n..group.end * n], n, LEAST_ROWS);
     tasks.into_par_iter().enumerate().for_each(|(task, mut columns)| {
         let mut panel = vec![[0.0; K]; columns.first().map_or(0, |column| column.len())];
         vectorized(

@@ -26,7 +26,7 @@ mod tridiagonal;
 pub use block_matrix::{Block, BlockMatrix, add_product, inverse_positive, transposed};
 pub use blocks::compact_order;
 pub use definite::{DefiniteError, DefiniteFactor, orthonormalise, solve_definite};
-pub use dense::DenseMatrix;
+pub use dense::{DenseMatrix, row_parts};
 pub use eigen::{ComputedOn, CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};
 pub use factor::{Factor, FactorError, FactorNumbers, SymbolicFactor};
 pub use factored::{space_times, space_times_single, space_transposed_mass_times};

@@ -8,7 +8,8 @@ use rayon::prelude::*;
 use super::dense::{Real, Visit};
 use super::{Basis, ColumnError, Compact, DenseFunctions, Functions};
 use crate::algebra::{
-    DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, space_times, space_times_single, space_transposed_mass_times,
+    DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, row_parts, space_times, space_times_single,
+    space_transposed_mass_times,
 };
 
 /// Why something cannot be evaluated in a basis.
@@ -223,13 +224,7 @@ impl Compact {
         let count = wanted.columns();
         let lifter = RowLifter::new(&self.space, &wanted).ok_or(BasisError::Inconsistent)?;
         let mut lifted = vec![T::default(); n * count];
-        // Each task owns some rows of every mode.
-        let mut tasks: Vec<Vec<&mut [T]>> = (0..n.div_ceil(ROWS_PER_TASK)).map(|_| Vec::with_capacity(count)).collect();
-        for mode in lifted.chunks_mut(n.max(1)) {
-            for (task, part) in tasks.iter_mut().zip(mode.chunks_mut(ROWS_PER_TASK)) {
-                task.push(part);
-            }
-        }
+        let tasks = row_parts(&mut lifted, n, ROWS_PER_TASK);
         tasks.into_par_iter().enumerate().for_each(|(task, mut modes)| {
             let from = task * ROWS_PER_TASK;
             let rows: Vec<u32> = (from..n.min(from + ROWS_PER_TASK)).map(|row| row as u32).collect();
@@ -394,6 +389,22 @@ mod tests {
         let values = basis.evaluate(&v).unwrap();
         for (row, value) in values.column(0).iter().enumerate() {
             assert!((value - 2.0 * modes[0][row] + 3.0 * modes[1][row]).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn rows_of_modes_and_values_in_single_precision_are_the_same_numbers() {
+        for basis in [small_basis(false), dense_basis(Precision::F64, 70)] {
+            let (n, m) = (basis.vertices(), basis.count());
+            let (modes, rows): (Vec<f64>, Vec<f64>) = (basis.lift(1..m).unwrap(), basis.lift_rows(1..m).unwrap());
+            assert_eq!(rows.len(), modes.len());
+            assert!((0..n).all(|v| (0..m - 1).all(|k| rows[v * (m - 1) + k] == modes[k * n + v])));
+            assert!(basis.lift_rows::<f64>(m..m).unwrap().is_empty());
+            assert!(basis.lift_rows::<f64>(0..m + 1).is_err());
+            let v = DenseMatrix::from_columns(m, 2, (0..2 * m).map(|k| (k as f64).cos()).collect()).unwrap();
+            let expected: Vec<f32> = basis.evaluate(&v).unwrap().values().iter().map(|&x| x as f32).collect();
+            assert_eq!(basis.evaluate_single(&v).unwrap(), expected);
+            assert!(basis.evaluate_single(&DenseMatrix::zeros(m + 1, 1)).is_err());
         }
     }
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::dense::{Real, Visit};
 use super::{Basis, BasisError, Compact, Functions};
 use crate::algebra::{
-    DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, SparseMatrix, space_transposed_mass_times, vectorized,
+    DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, SparseMatrix, row_parts, space_transposed_mass_times, vectorized,
 };
 
 /// The largest space whose pairs of columns are numbered in a table: `4 d²` bytes.
@@ -302,13 +302,7 @@ impl Pairs {
         let groups: Vec<Vec<[f64; K]>> =
             (0..t).step_by(K).map(|from| self.forms(&rows, weights, from..t.min(from + K))).collect();
         let mut sums = DenseMatrix::zeros(n, t);
-        // Each task owns some rows of every column.
-        let mut tasks: Vec<Vec<&mut [f64]>> = (0..n.div_ceil(ROWS_PER_TASK)).map(|_| Vec::with_capacity(t)).collect();
-        for column in sums.values_mut().chunks_mut(n.max(1)) {
-            for (task, part) in tasks.iter_mut().zip(column.chunks_mut(ROWS_PER_TASK)) {
-                task.push(part);
-            }
-        }
+        let tasks = row_parts(sums.values_mut(), n, ROWS_PER_TASK);
         tasks.into_par_iter().enumerate().for_each(|(task, mut columns)| {
             let mut block = Block::new(&compact.space);
             let (first, count) = (task * ROWS_PER_TASK, columns.first().map_or(0, |column| column.len()));
