@@ -282,7 +282,7 @@ fn condense(
                         }
                         let path = distances[v as usize] + length + distances[w];
                         let share = if path > 0.0 { length / path } else { 1.0 };
-                        let weight = (STRAIGHTENING * fine.weights[edge] * share).max(0.0);
+                        let weight = f64::from((STRAIGHTENING * fine.weights[edge] * share).max(0.0));
                         match row.iter().position(|link| link.other == cells[w]) {
                             Some(place) if place < triangulated => {}
                             Some(place) => {
@@ -298,11 +298,11 @@ fn condense(
                 for link in &row {
                     diagonal += link.weight;
                     level.neighbours.push(link.other);
-                    level.weights.push(link.weight);
+                    level.weights.push(link.weight as f32);
                     level.lengths.push(link.length);
                 }
                 level.offsets.push(level.neighbours.len() as u32);
-                level.diagonal.push(diagonal);
+                level.diagonal.push(diagonal as f32);
                 level.mass.push(mass);
             }
             Ok(level)
@@ -314,28 +314,51 @@ fn condense(
 /// An entry of a row under construction.
 struct Link {
     other: u32,
-    weight: f32,
+    weight: f64,
     length: f32,
 }
 
-/// Adds the linear element's half cotangents to the row of `cell`, one of the corners. A triangle without area only links.
+/// The least area of a triangle, as a share of its longest edge squared. A flatter one acts with this area, so that its
+/// weights stay below 25.
+const LEAST_AREA: f64 = 0.01;
+
+/// The weights of a linear element, `−e_i · e_j / 4A` for the two edges at each corner: weight `k` belongs to the edge opposite corner `k`.
+///
+/// One area serves all three, at least [`LEAST_AREA`] of the longest edge squared, so the element matrix is `E Eᵀ / 4A`, `E` the three
+/// edges: semi-definite whatever the triangle. Three cotangents that are rounded or cut off one by one are not: heat steps
+/// amplify then.
+pub(super) fn element_weights(corners: [[f32; 3]; 3]) -> [f64; 3] {
+    let [p, q, r] = corners.map(|corner| corner.map(f64::from));
+    let minus = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let edges = [minus(r, q), minus(p, r), minus(q, p)];
+    let longest = edges.iter().map(|&edge| dot(edge, edge)).fold(0.0, f64::max);
+    if !(longest > 0.0) {
+        return [0.0; 3];
+    }
+    let (uu, uv, vv) = (dot(edges[0], edges[0]), dot(edges[0], edges[1]), dot(edges[1], edges[1]));
+    let area = (0.5 * (uu * vv - uv * uv).max(0.0).sqrt()).max(LEAST_AREA * longest);
+    [0, 1, 2].map(|k| -dot(edges[(k + 1) % 3], edges[(k + 2) % 3]) / (4.0 * area))
+}
+
+/// Adds the linear element's weights to the row of `cell`, one of the corners.
 fn add_triangle(cell: u32, coarse: Surface, triangle: [u32; 3], row: &mut Vec<Link>) {
+    let corners = triangle.map(|v| coarse.positions[v as usize]);
+    let weights = element_weights(corners);
     for k in 0..3 {
-        if triangle[k] == cell {
+        let (one, other) = (triangle[(k + 1) % 3], triangle[(k + 2) % 3]);
+        let other = if one == cell {
+            other
+        } else if other == cell {
+            one
+        } else {
             continue;
-        }
-        let other = triangle[k];
-        let third = triangle[0] ^ triangle[1] ^ triangle[2] ^ cell ^ other;
-        let [p, q, r] = [cell, other, third].map(|v| coarse.positions[v as usize]);
-        let (u, v) = (minus(p, r), minus(q, r));
-        let (uu, uv, vv) = (dot(u, u), dot(u, v), dot(v, v));
-        let square = uu * vv - uv * uv;
-        let weight = if square > 1e-6 * uu * vv { 0.5 * uv / square.sqrt() } else { 0.0 };
+        };
         match row.iter_mut().find(|link| link.other == other) {
-            Some(link) => link.weight += weight,
+            Some(link) => link.weight += weights[k],
             None => {
-                let edge = minus(p, q);
-                row.push(Link { other, weight, length: dot(edge, edge).sqrt() });
+                let edge = minus(corners[(k + 1) % 3], corners[(k + 2) % 3]);
+                row.push(Link { other, weight: weights[k], length: dot(edge, edge).sqrt() });
             }
         }
     }
