@@ -14,6 +14,7 @@ mod galerkin;
 pub mod gpu;
 mod lift;
 mod mass;
+mod multigrid;
 mod ordering;
 mod panel_products;
 mod panels;
@@ -33,6 +34,7 @@ pub use factored::{space_times, space_times_single, space_transposed_mass_times}
 pub use galerkin::{GalerkinError, galerkin};
 pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::MassMatrix;
+pub use multigrid::{CYCLE_WIDTH, CycleRow, CycleWorkspace, Multigrid, MultigridError};
 pub use ordering::{Ordering, fill_reducing_order};
 pub use panel_products::{
     ColumnSums, Weight, apply_mass, gram, inner_products, mass_times_panel, prolong, residual_panel, residual_sums,

@@ -9,7 +9,13 @@ use crate::spectrum::heat::HeatParameters;
 use crate::spectrum::{ApproximationParameters, Space};
 
 fn space(dimension: usize) -> ApproximationParameters {
-    ApproximationParameters { count: dimension, dimension, space: Space::Heat(HeatParameters::default()), seed: 0 }
+    ApproximationParameters {
+        count: dimension,
+        dimension,
+        space: Space::Heat(HeatParameters::default()),
+        goal: None,
+        seed: 0,
+    }
 }
 
 fn restricted(mesh: &TriangleMesh, dimension: usize) -> FamilyBasis {

@@ -9,6 +9,12 @@ pub struct Certificate {
     pub residuals: Vec<f64>,
     /// Per pair an a-posteriori bound: some exact eigenvalue lies within `[θ − bound, θ + bound]`, in 1/length² of the input.
     pub bounds: Vec<f64>,
+    /// Per pair an estimate of the error of the eigenvalue, in 1/length² of the input; empty where there is none.
+    #[serde(default)]
+    pub estimates: Vec<f64>,
+    /// How near an approximation came to what was asked for; `None` for methods with a tolerance.
+    #[serde(default)]
+    pub accuracy: Option<AccuracyReport>,
     /// The largest entry of `|ΦᵀMΦ − I|`.
     pub orthonormality_defect: f64,
     /// Whether inertia counts prove that no eigenvalue below the last was skipped; `None`: not counted.
@@ -29,6 +35,23 @@ pub struct Certificate {
     /// The largest of them.
     #[serde(default)]
     pub largest_projection_error: Option<f64>,
+}
+
+/// How near an approximation came to what was asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct AccuracyReport {
+    /// The largest relative error of an eigenvalue that is good enough.
+    pub goal: f64,
+    /// The largest estimated relative error, the kernel apart.
+    pub largest_estimate: f64,
+    /// Whether that is at most the goal.
+    pub reached: bool,
+    /// How often columns were added where residuals sat.
+    pub rounds: usize,
+    /// The dimension of the space in the end.
+    pub dimension: usize,
+    /// How many of its columns are hat functions of single vertices.
+    pub hats: usize,
 }
 
 /// An inertia count (Sylvester): how many eigenvalues lie below a shift.

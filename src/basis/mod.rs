@@ -14,7 +14,7 @@ mod product;
 pub mod safetensors;
 mod squares;
 
-pub use certificate::{Certificate, InertiaCount, LevelReport, completeness};
+pub use certificate::{AccuracyReport, Certificate, InertiaCount, LevelReport, completeness};
 pub use dense::{CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Precision, Real};
 pub use evaluate::BasisError;
 pub use field::{FieldBasis, RitzFields, StoredFields};

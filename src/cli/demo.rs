@@ -2,7 +2,7 @@
 
 use super::client::{Client, text};
 use super::serve::{Running, Signals, bind, runtime, start_on};
-use super::solve::eigenvalue_table;
+use super::solve::{eigenvalue_table, storage};
 use super::{CliError, StageBars, Table, bytes, grouped};
 use crate::config::{Config, LogFormat, LogSettings};
 use crate::mesh::shape::{self, Shape};
@@ -187,15 +187,11 @@ fn report(basis: &Value, known: bool, elapsed: f64, url: &str) -> Result<String,
     out += &eigenvalue_table(
         &numbers("/eigenvalues"),
         &numbers("/certificate/residuals"),
+        &numbers("/certificate/estimates"),
         &numbers("/certificate/bounds"),
     );
     let (compact, dense) = (basis["bytes"].as_u64().unwrap_or(0), basis["dense_bytes"].as_u64().unwrap_or(0));
-    out += &format!(
-        "\n{} stored, {:.0} % of the {} of a dense basis\n\n",
-        bytes(compact),
-        100.0 * compact as f64 / dense.max(1) as f64,
-        bytes(dense)
-    );
+    out += &format!("\n{}\n\n", storage(compact, dense));
     let (itself, content) = (text(basis, "/links/self")?, text(basis, "/links/content")?);
     out += &format!("  see it   {url}/#mesh={}&basis={}\n", text(basis, "/mesh")?, text(basis, "/id")?);
     for (what, path) in [("docs", "/docs"), ("basis", itself), ("as NPZ", content), ("metrics", "/metrics")] {

@@ -67,6 +67,7 @@ impl Work for OperatorFamilyParameters {
             count: self.dimension,
             dimension: self.dimension,
             space: Space::Heat(HeatParameters::default()),
+            goal: None,
             seed: self.seed,
         };
         let mut family = restrict_family(mesh, &operators, &parameters, monitor)?;

@@ -175,6 +175,8 @@ pub struct MeshOperator {
     pub problem: EigenProblem,
     /// The Laplacian with all vertices as unknowns; `None` where `problem` is that.
     base: Option<EigenProblem>,
+    /// A lower bound on the eigenvalues of the problem, on unit area: the least value of a potential that is negative somewhere, else 0.
+    pub floor: f64,
     /// What was chosen, and why.
     pub report: OperatorReport,
 }
@@ -262,6 +264,12 @@ pub fn assemble(
             Some(hamiltonian::add_potential(&laplacian, faces, shapes, &potential)?)
         }
     };
+    let floor = match &parameters.operator {
+        OperatorKind::Hamiltonian { potential: Potential::Values(values) } => {
+            laplacian.area * values.iter().copied().fold(0.0, f64::min)
+        }
+        _ => 0.0,
+    };
     let whole = stiffness.map(|stiffness| EigenProblem {
         stiffness,
         mass: laplacian.mass.clone(),
@@ -270,13 +278,13 @@ pub fn assemble(
     });
     if !dirichlet {
         return Ok(match whole {
-            Some(problem) => MeshOperator { problem, base: Some(laplacian), report },
-            None => MeshOperator { problem: laplacian, base: None, report },
+            Some(problem) => MeshOperator { problem, base: Some(laplacian), floor, report },
+            None => MeshOperator { problem: laplacian, base: None, floor, report },
         });
     }
     report.removed_vertices = topology.boundary.len();
     let problem = boundary::without(whole.as_ref().unwrap_or(&laplacian), &topology.boundary)?;
-    Ok(MeshOperator { problem, base: Some(laplacian), report })
+    Ok(MeshOperator { problem, base: Some(laplacian), floor, report })
 }
 
 /// Which Laplacian to take.

@@ -1,11 +1,13 @@
 //! The fast approximation of eigenproblems (thesis, chapter 2): Ritz pairs in a subspace of locally supported functions.
 
-use super::certificate::{CertificateError, certify};
+use super::certificate::{CertificateError, KERNEL, certify};
+use super::energy::Energy;
 use super::envelope::{envelop, on_all_vertices};
+use super::hats;
 use super::heat::{self, HeatError, HeatParameters};
 use super::radial::{self, Profile, RadialError, RadialParameters};
 use crate::algebra::{EigenError, EigenPairs, GalerkinError, SparseMatrix, SymmetricDefiniteSolver, galerkin, gpu};
-use crate::basis::{Basis, Compact, Functions};
+use crate::basis::{AccuracyReport, Basis, Certificate, Compact, Functions};
 use crate::mesh::TriangleMesh;
 use crate::mesh::connectivity::Connectivity;
 use crate::mesh::distance::DistanceKind;
@@ -33,7 +35,7 @@ pub enum Space {
 }
 
 /// What is to be approximated, and how.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ApproximationParameters {
     /// The number `m` of eigenpairs.
     pub count: usize,
@@ -42,6 +44,9 @@ pub struct ApproximationParameters {
     pub dimension: usize,
     /// How the subspace is built.
     pub space: Space,
+    /// The largest relative error of an eigenvalue, as estimated, that is good enough; where it is exceeded, columns are added a few times.
+    /// `None`: the space is taken as it is.
+    pub goal: Option<f64>,
     /// Seeds everything that is drawn at random.
     pub seed: u64,
 }
@@ -124,11 +129,26 @@ impl ApproximationError {
     }
 }
 
+/// The mean of the estimated errors is to be at most this share of the goal, which is for the largest.
+const MEAN_SHARE: f64 = 0.25;
+
+/// Columns are added to a space at most so often.
+const MOST_ROUNDS: usize = 3;
+
+/// A space that is too coarse everywhere grows by this factor.
+const GROWTH: f64 = 1.6;
+
+/// A space grows to no more than this share of the unknowns: beyond it columns have too few vertices to be smooth.
+const LARGEST_SHARE: f64 = 0.25;
+
 /// Computes the lowest `m` Ritz pairs of an operator in a subspace of `d` locally supported functions.
 ///
-/// Stages: `sampling`, `basis`, `reduce`, `eigen`, `bounds`. Eigenvalues ascend, are upper bounds of the exact ones,
-/// and are in 1/length² of the input; eigenfunctions are orthonormal for the mass of the input. The metadata are left empty. The
-/// same input and seed give the same answer, up to rounding in the dense eigenproblem where the number of threads differs.
+/// Where the estimated error of a pair exceeds the goal, columns are added and the pairs computed again, at most three times: hat functions
+/// where the residuals sit, if that is at few vertices, else a larger `d`. The certificate tells what came of it.
+///
+/// Stages: `sampling`, `basis`, `reduce`, `eigen`, `bounds`; the last three, or all, once more for each round. Eigenvalues ascend, are upper
+/// bounds of the exact ones, and are in 1/length² of the input; eigenfunctions are orthonormal for the mass of the input. The metadata are left
+/// empty. The same input and seed give the same answer, up to rounding in the dense eigenproblem where the number of threads differs.
 ///
 /// # Errors
 /// [`ApproximationError`]: a mesh without area, more pairs than vertices, a restricted problem that is not definite,
@@ -140,26 +160,126 @@ pub fn approximate(
     monitor: &dyn Monitor,
 ) -> Result<Basis, ApproximationError> {
     let problem = &operator.problem;
-    let Ritz { space, mass, mut pairs } = ritz(mesh, operator, parameters, parameters.count, monitor)?;
-
+    let mut parameters = *parameters;
+    let mut attempt = Attempt::new(ritz(mesh, operator, &parameters, parameters.count, monitor)?);
     monitor.stage("bounds");
-    let certificate = certify(problem, &space, &mass, &mut pairs.vectors, &pairs.values, monitor)?;
+    let energy = Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?;
+    attempt.judge(&energy, problem, parameters.goal, monitor)?;
+    let mut rounds = 0;
+    while let Some(goal) = parameters.goal
+        && attempt.excess(goal) > 1.0
+        && rounds < MOST_ROUNDS
+    {
+        let Some(space) = attempt.finer_space(mesh, operator, &mut parameters, goal, monitor)? else { break };
+        rounds += 1;
+        let mut next = Attempt::new(reduce(problem, space, parameters.count, monitor)?);
+        monitor.stage("bounds");
+        next.judge(&energy, problem, Some(goal), monitor)?;
+        if next.excess(goal) < attempt.excess(goal) {
+            attempt = next;
+        }
+    }
+    let Attempt { ritz: Ritz { space, mut pairs, .. }, mut certificate, largest_estimate, .. } = attempt;
+    certificate.accuracy = parameters.goal.map(|goal| AccuracyReport {
+        goal,
+        largest_estimate,
+        reached: largest_estimate <= goal,
+        rounds,
+        dimension: space.columns(),
+        hats: hats::count(&space),
+    });
 
     // From the mesh of unit area back to the units of the input.
     let (value_scale, vector_scale) = (problem.area.recip(), problem.area.sqrt().recip());
-    let mut coefficients = pairs.vectors;
-    coefficients.values_mut().iter_mut().for_each(|value| *value *= vector_scale);
+    pairs.vectors.values_mut().iter_mut().for_each(|value| *value *= vector_scale);
     let space = match &problem.unknowns {
         Some(unknowns) => on_all_vertices(space, unknowns, mesh.positions.len()),
         None => space,
     };
     Ok(Basis {
-        functions: Functions::Compact(Compact::new(space, coefficients)),
+        functions: Functions::Compact(Compact::new(space, pairs.vectors)),
         eigenvalues: pairs.values.into_iter().map(|value| value * value_scale).collect(),
         mass: operator.laplacian().mass.scaled(problem.area),
         certificate,
         metadata: serde_json::Value::Object(serde_json::Map::new()),
     })
+}
+
+/// Pairs in one space, and how good they are.
+struct Attempt {
+    ritz: Ritz,
+    certificate: Certificate,
+    /// The largest estimated relative error, the kernel apart.
+    largest_estimate: f64,
+    /// The mean of them.
+    mean_estimate: f64,
+    /// Where the energy sits that the pairs miss whose error is beyond what the mean may be.
+    density: Option<Vec<f64>>,
+}
+
+impl Attempt {
+    fn new(ritz: Ritz) -> Self {
+        Self { ritz, certificate: Certificate::default(), largest_estimate: 0.0, mean_estimate: 0.0, density: None }
+    }
+
+    fn judge(
+        &mut self,
+        energy: &Energy,
+        problem: &EigenProblem,
+        goal: Option<f64>,
+        monitor: &dyn Monitor,
+    ) -> Result<(), ApproximationError> {
+        let Ritz { space, mass, pairs } = &mut self.ritz;
+        let good = goal.map(|goal| MEAN_SHARE * goal);
+        (self.certificate, self.density) =
+            certify(energy, problem, space, mass, &mut pairs.vectors, &pairs.values, good, monitor)?;
+        let errors: Vec<f64> = self
+            .certificate
+            .estimates
+            .iter()
+            .zip(&pairs.values)
+            .filter(|(_, value)| value.abs() > KERNEL)
+            .map(|(error, value)| error * problem.area / value.abs())
+            .collect();
+        self.largest_estimate = errors.iter().copied().fold(0.0, f64::max);
+        self.mean_estimate = errors.iter().sum::<f64>() / errors.len().max(1) as f64;
+        Ok(())
+    }
+
+    /// How many times as large as they may be the errors are, as estimated.
+    fn excess(&self, goal: f64) -> f64 {
+        (self.largest_estimate / goal).max(self.mean_estimate / (MEAN_SHARE * goal))
+    }
+
+    /// A space that holds what this one misses; `None` where the mesh has no room for one.
+    fn finer_space(
+        &self,
+        mesh: &TriangleMesh,
+        operator: &MeshOperator,
+        parameters: &mut ApproximationParameters,
+        goal: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<SparseMatrix<f32>>, ApproximationError> {
+        let problem = &operator.problem;
+        let (n, space) = (problem.size(), &self.ritz.space);
+        if space.columns() >= n {
+            return Ok(None);
+        }
+        // Errors add up over what is left, here and at other pairs: aim at half of the goal.
+        let left = (0.5 / self.excess(goal)).clamp(0.02, 0.3);
+        let room = space.columns().min(n / 2);
+        if let Some(density) = &self.density
+            && let Some(rows) = hats::where_it_sits(density, &problem.stiffness, left, room)
+        {
+            return Ok(Some(hats::with_hats(space, &rows)));
+        }
+        let wanted = (GROWTH * parameters.dimension.max(parameters.count) as f64).ceil();
+        if wanted > LARGEST_SHARE * n as f64 {
+            return Ok(None);
+        }
+        parameters.dimension = wanted as usize;
+        Ok(Some(initial_space(mesh, operator, parameters, monitor)?))
+    }
 }
 
 /// Ritz pairs in the space, on unit area.
@@ -184,16 +304,70 @@ pub(super) fn ritz(
     if count > problem.size() {
         return Err(ApproximationError::Count { count, unknowns: problem.size() });
     }
-    let space = subspace(mesh, operator, parameters, monitor)?;
-
-    monitor.stage("reduce");
-    let (stiffness, mass) = galerkin(&space, &problem.stiffness, &problem.mass, monitor)?;
-
-    monitor.stage("eigen");
+    let space = initial_space(mesh, operator, parameters, monitor)?;
     // Guards may be more than the space has.
     let count = count.min(space.columns().max(parameters.count));
-    let pairs = gpu::accelerator().lowest(stiffness.to_dense(), mass.to_dense(), count, monitor)?;
-    Ok(Ritz { space, mass, pairs })
+    reduce(problem, space, count, monitor)
+}
+
+/// The lowest `count` Ritz pairs in a space. Columns that depend on others are dropped.
+fn reduce(
+    problem: &EigenProblem,
+    mut space: SparseMatrix<f32>,
+    count: usize,
+    monitor: &dyn Monitor,
+) -> Result<Ritz, ApproximationError> {
+    let mut repaired = false;
+    loop {
+        monitor.stage("reduce");
+        let (stiffness, mass) = galerkin(&space, &problem.stiffness, &problem.mass, monitor)?;
+        monitor.stage("eigen");
+        match gpu::accelerator().lowest(stiffness.to_dense(), mass.to_dense(), count, monitor) {
+            Ok(pairs) => return Ok(Ritz { space, mass, pairs }),
+            Err(EigenError::NotPositiveDefinite { .. }) if !repaired => {
+                repaired = true;
+                let kept = hats::independent(&space, &mass);
+                // Too few are left: the error of the solver says why.
+                if kept.columns() == space.columns() || kept.columns() < count {
+                    return Err(gpu::accelerator()
+                        .lowest(stiffness.to_dense(), mass.to_dense(), count, monitor)
+                        .err()
+                        .unwrap_or(EigenError::NoConvergence)
+                        .into());
+                }
+                space = kept;
+            }
+            Err(error) => return Err(error.into()),
+        }
+    }
+}
+
+/// The space that the approximation begins with: local functions, and hat functions where those are too coarse.
+fn initial_space(
+    mesh: &TriangleMesh,
+    operator: &MeshOperator,
+    parameters: &ApproximationParameters,
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix<f32>, ApproximationError> {
+    let space = subspace(mesh, operator, parameters, monitor)?;
+    let n = operator.problem.size();
+    if !matches!(parameters.space, Space::Heat(_)) || space.columns() >= n {
+        return Ok(space);
+    }
+    let d = parameters.dimension.max(parameters.count);
+    let rows = hats::too_coarse(mesh, operator.laplacian(), d, d);
+    let rows = match &operator.problem.unknowns {
+        Some(unknowns) => unknowns.iter().map(|&v| rows[v as usize]).collect(),
+        None => rows,
+    };
+    let chosen = rows.iter().filter(|&&chosen| chosen).count();
+    if chosen == 0 {
+        return Ok(space);
+    }
+    if (n as f64) < EXACT_RATIO * (d + chosen) as f64 && n <= 2 * d {
+        return Ok(identity(n));
+    }
+    Ok(hats::with_hats(&space, &rows))
 }
 
 /// The space `U` of about `dimension` locally supported functions on the unknowns: its rows have the sum 1, or that of the envelope. A mesh of

@@ -11,8 +11,13 @@ fn operator(mesh: &TriangleMesh, operator: OperatorKind, mass: MassKind, boundar
 }
 
 fn solve(mesh: &TriangleMesh, operator: &MeshOperator, count: usize, dimension: usize) -> Basis {
-    let parameters =
-        ApproximationParameters { count, dimension, space: Space::Heat(HeatParameters::default()), seed: 0 };
+    let parameters = ApproximationParameters {
+        count,
+        dimension,
+        space: Space::Heat(HeatParameters::default()),
+        goal: None,
+        seed: 0,
+    };
     approximate(mesh, operator, &parameters, &Unwatched).unwrap()
 }
 
@@ -140,8 +145,13 @@ fn surfaces_that_meet_in_an_edge_or_a_point_have_spectra() {
 fn more_pairs_than_unknowns_are_refused() {
     let mesh = grid(5);
     let made = operator(&mesh, OperatorKind::Auto, MassKind::default(), Boundary::Dirichlet);
-    let parameters =
-        ApproximationParameters { count: 10, dimension: 20, space: Space::Heat(HeatParameters::default()), seed: 0 };
+    let parameters = ApproximationParameters {
+        count: 10,
+        dimension: 20,
+        space: Space::Heat(HeatParameters::default()),
+        goal: None,
+        seed: 0,
+    };
     let refused = approximate(&mesh, &made, &parameters, &Unwatched);
     assert!(matches!(refused, Err(ApproximationError::Count { count: 10, unknowns: 9 })));
     assert_eq!(solve(&mesh, &made, 9, 20).count(), 9);

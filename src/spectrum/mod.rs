@@ -2,8 +2,10 @@
 
 mod approximate;
 pub mod certificate;
+pub mod energy;
 pub mod envelope;
 pub mod family;
+mod hats;
 pub mod heat;
 pub mod hodge;
 pub mod hsim;

@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-pub use report::eigenvalue_table;
 pub(super) use report::peak_rss_bytes;
+pub use report::{eigenvalue_table, storage};
 
 /// Compute the lowest eigenpairs of a mesh, without a server
 #[derive(Debug, clap::Args)]
@@ -48,8 +48,9 @@ pub struct SolveArguments {
     #[arg(long, value_name = "KIND", help_heading = "Problem", value_parser = ["barycentric", "voronoi", "consistent"])]
     mass: Option<String>,
 
-    /// How eigenpairs are computed: approximate is fast; hsim goes to any tolerance and proves that none is missing; sim is a baseline
-    #[arg(long, value_name = "METHOD", help_heading = "Method", value_parser = ["approximate", "hsim", "sim"], default_value = "approximate")]
+    /// How eigenpairs are computed: approximate is fast on large meshes and says how far it is off; hsim goes to any tolerance and proves
+    /// that none is missing; sim is a baseline; auto takes hsim where that needs about a second, and approximate elsewhere
+    #[arg(long, value_name = "METHOD", help_heading = "Method", value_parser = ["auto", "approximate", "hsim", "sim"], default_value = "auto")]
     method: String,
 
     /// Largest residual of a pair (hsim, sim); 1e-2 where it is not given
@@ -72,11 +73,11 @@ pub struct SolveArguments {
     #[arg(long, value_name = "NAME", help_heading = "Method", value_parser = ["heat", "radial"])]
     construction: Option<String>,
 
-    /// How far the heat construction goes
+    /// How accurate eigenvalues are to be (approximate): no error above 1 % or .3 %, as estimated; any other goal by -p accuracy.goal=0.005
     #[arg(long, value_name = "LEVEL", help_heading = "Method", value_parser = ["standard", "accurate"])]
     accuracy: Option<String>,
 
-    /// Dimension of the subspace; twice the count where it is not given
+    /// Dimension of the subspace; twice the count, and at least the count and 150, where it is not given
     #[arg(long, short = 'd', value_name = "D", help_heading = "Method")]
     dimension: Option<usize>,
 
@@ -375,7 +376,8 @@ mod tests {
                 assert!(Harness::try_parse_from(["solve", "a.ply", name, value]).is_err(), "{name} {value}");
             }
         }
-        assert!(job(&["--below", "1"]).unwrap_err().to_string().contains("hsim"));
+        assert_eq!(job(&["--below", "1"]).unwrap(), job(&["--method", "hsim", "--below", "1"]).unwrap());
+        assert!(job(&["--method", "approximate", "--below", "1"]).unwrap_err().to_string().contains("hsim"));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::SolveArguments;
-use crate::basis::Basis;
+use crate::basis::{Basis, Certificate};
 use crate::cli::{Table, bytes, grouped, memory, number};
 use crate::job::{JobParameters, SOLVER_VERSION, abbreviate};
 
@@ -23,8 +23,12 @@ pub(super) struct Run {
 impl Run {
     /// One object with what was computed and what it cost.
     pub fn json(&self, job: &JobParameters, threads: usize) -> Value {
-        let stages: Map<String, Value> =
-            self.stages.iter().map(|&(name, seconds)| (name.to_owned(), json!(seconds))).collect();
+        // A stage that came more than once counts whole.
+        let mut stages: Map<String, Value> = Map::new();
+        for &(name, seconds) in &self.stages {
+            let before = stages.get(name).and_then(Value::as_f64).unwrap_or(0.0);
+            stages.insert(name.to_owned(), json!(before + seconds));
+        }
         let mut line = json!({
             "vertices": self.vertices,
             "faces": self.faces,
@@ -36,10 +40,12 @@ impl Run {
             "eigenvalues": self.basis.eigenvalues,
             "residuals": self.basis.certificate.residuals,
             "bounds": self.basis.certificate.bounds,
+            "estimates": self.basis.certificate.estimates,
             "orthonormality_defect": self.basis.certificate.orthonormality_defect,
             "iterations": self.basis.certificate.levels.iter().map(|level| level.iterations).collect::<Vec<_>>(),
             "certificate": self.certificate(),
             "operator_report": self.basis.metadata["operator"],
+            "method_used": self.basis.metadata["method"],
             "basis_bytes": self.basis.stored_bytes(),
             "dense_bytes": self.basis.dense_bytes(),
         });
@@ -61,6 +67,7 @@ impl Run {
         if let Value::Object(members) = &mut certificate {
             members.remove("residuals");
             members.remove("bounds");
+            members.remove("estimates");
         }
         certificate
     }
@@ -77,21 +84,23 @@ impl Run {
         );
         let certificate = &self.basis.certificate;
         let pairs = grouped(self.basis.eigenvalues.len());
-        text += &match (self.basis.dimension(), certificate.tolerance) {
-            (Some(dimension), None) => format!(
-                "{pairs} eigenpairs from a subspace of dimension {} ({}, {}, {})\n\n",
-                grouped(dimension),
-                word("method"),
-                word("construction"),
-                word("accuracy"),
+        let method = self.basis.metadata["method"].as_str().unwrap_or_default();
+        let details: Vec<String> = ["construction", "variant", "start"]
+            .into_iter()
+            .map(word)
+            .filter(|word| !word.is_empty())
+            .fold(vec![method.to_owned()], |mut details, word| {
+                details.push(word);
+                details
+            });
+        let details = details.join(", ");
+        text += &match (certificate.tolerance, certificate.accuracy) {
+            (Some(tolerance), _) => format!("{pairs} eigenpairs to a tolerance of {tolerance:e} ({details})\n\n"),
+            (None, Some(accuracy)) => format!(
+                "{pairs} eigenpairs from a subspace of dimension {} ({details})\n\n",
+                grouped(accuracy.dimension)
             ),
-            (_, tolerance) => format!(
-                "{pairs} eigenpairs to a tolerance of {:e} ({}, {}{})\n\n",
-                tolerance.unwrap_or_default(),
-                word("method"),
-                word("variant"),
-                word("start"),
-            ),
+            (None, None) => format!("{pairs} eigenpairs ({details})\n\n"),
         };
         let mut stages = Table::new(&["stage", "seconds"]);
         for (name, seconds) in &self.stages {
@@ -108,7 +117,20 @@ impl Run {
             }
             text += &format!("{levels}\n");
         }
-        text += &eigenvalue_table(&self.basis.eigenvalues, &certificate.residuals, &certificate.bounds);
+        let Certificate { residuals, estimates, bounds, .. } = certificate;
+        text += &eigenvalue_table(&self.basis.eigenvalues, residuals, estimates, bounds);
+        if let Some(accuracy) = certificate.accuracy {
+            text += &format!(
+                "\nestimated error: {:.2} % at most; the goal is {} %{}\n",
+                100.0 * accuracy.largest_estimate,
+                number(100.0 * accuracy.goal),
+                match (accuracy.reached, accuracy.rounds) {
+                    (true, 0) => String::new(),
+                    (true, rounds) => format!(", reached after columns were added {rounds} times"),
+                    (false, _) => ". NOT REACHED: take --method hsim, or a larger --dimension".to_owned(),
+                }
+            );
+        }
         text += match certificate.complete {
             Some(true) => "\ncomplete: inertia counts prove that no eigenvalue was skipped\n",
             Some(false) => "\nNOT complete: inertia counts contradict the pairs, or do not reach the last\n",
@@ -118,12 +140,7 @@ impl Run {
             text += &format!("compact storage: eigenfunctions are off by {largest:.2e} of their norm at most\n");
         }
         let (stored, dense) = (self.basis.stored_bytes(), self.basis.dense_bytes());
-        text += &format!(
-            "\n{}, {:.0} % of the {} of a dense basis in double precision\n",
-            bytes(stored),
-            100.0 * stored as f64 / dense.max(1) as f64,
-            bytes(dense)
-        );
+        text += &format!("\n{}\n", storage(stored, dense));
         if let (Some(path), Some(seconds)) = (&arguments.output, self.write) {
             text += &format!("written to {} in {seconds:.3} s\n", path.display());
         }
@@ -131,16 +148,41 @@ impl Run {
     }
 }
 
-/// The first eigenvalues with residuals and bounds, and the last one.
-pub fn eigenvalue_table(eigenvalues: &[f64], residuals: &[f64], bounds: &[f64]) -> String {
-    let mut table = Table::new(&["pair", "eigenvalue", "residual", "bound ±"]);
+/// What a basis takes, and how that compares to all its numbers in double precision where it is less.
+pub fn storage(stored: u64, dense: u64) -> String {
+    if stored >= dense {
+        return format!("{} stored", bytes(stored));
+    }
+    let share = 100.0 * stored as f64 / dense as f64;
+    format!("{} stored, {share:.0} % of the {} of a dense basis in double precision", bytes(stored), bytes(dense))
+}
+
+/// The first eigenvalues and the last, with what is known of their errors in percent: estimates and bounds where there are estimates,
+/// residuals and bounds elsewhere.
+pub fn eigenvalue_table(eigenvalues: &[f64], residuals: &[f64], estimates: &[f64], bounds: &[f64]) -> String {
+    let estimated = !estimates.is_empty();
+    let mut table = Table::new(&["pair", "eigenvalue", if estimated { "error, est." } else { "residual" }, "bound"]);
     let mut listed: Vec<usize> = (0..eigenvalues.len().min(LISTED_PAIRS)).collect();
     if eigenvalues.len() > LISTED_PAIRS {
         listed.push(eigenvalues.len() - 1);
     }
-    let cell = |values: &[f64], index: usize| values.get(index).map_or_else(|| "–".into(), |&value| number(value));
+    // What counts as zero has no relative error.
+    let kernel = 1e-6 * eigenvalues.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    let percent = |values: &[f64], index: usize| match values.get(index) {
+        None => "–".to_owned(),
+        Some(_) if eigenvalues[index].abs() <= kernel => "kernel".to_owned(),
+        Some(value) => {
+            let share = 100.0 * value / eigenvalues[index].abs();
+            if share >= 0.01 { format!("{share:.2} %") } else { format!("{share:.0e} %") }
+        }
+    };
     for index in listed {
-        table.row([(index + 1).to_string(), cell(eigenvalues, index), cell(residuals, index), cell(bounds, index)]);
+        let second = if estimated {
+            percent(estimates, index)
+        } else {
+            residuals.get(index).map_or_else(|| "–".into(), |&value| number(value))
+        };
+        table.row([(index + 1).to_string(), number(eigenvalues[index]), second, percent(bounds, index)]);
     }
     table.to_string()
 }
@@ -153,6 +195,16 @@ pub(in crate::cli) fn peak_rss_bytes() -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn errors_are_told_in_percent_and_nothing_larger_than_dense_is_praised() {
+        let table = eigenvalue_table(&[1e-14, 2.0], &[0.0, 0.5], &[0.0, 0.01], &[0.0, 0.1]);
+        assert!(table.contains("0.50 %") && table.contains("5.00 %") && table.contains("kernel"), "{table}");
+        let table = eigenvalue_table(&[1e-14, 2.0], &[0.0, 0.5], &[], &[0.0, 0.1]);
+        assert!(table.contains("residual") && table.contains("5.00 %"), "{table}");
+        assert_eq!(storage(2000, 1000), "2.0 kB stored");
+        assert!(storage(500, 1000).contains("50 % of the 1.0 kB"));
+    }
 
     #[test]
     fn peak_memory_is_told_on_linux() {

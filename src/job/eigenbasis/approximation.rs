@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::request::Request;
 use super::{LARGEST_DIMENSION, value};
+use crate::algebra::gpu;
 use crate::basis::{Basis, Certificate, DenseFunctions, Functions, Precision};
 use crate::job::{JobError, ParameterError};
 use crate::mesh::TriangleMesh;
@@ -27,15 +28,35 @@ pub enum Construction {
     Radial,
 }
 
-/// How far the heat construction goes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+/// How accurate eigenvalues are to be. In JSON: `"standard"`, `"accurate"`, `{"goal": 0.005}`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Accuracy {
-    /// Two heat steps: mean error of the eigenvalues about 0.2 % at d = 2m.
+    /// A goal of 1 % for the largest relative error.
     #[default]
     Standard,
-    /// Four heat steps in a space of d = 3m: mean error about 0.05 %.
+    /// Wider columns in a space of d = 3m, and a goal of 0.3 %.
     Accurate,
+    /// The largest relative error of an eigenvalue, as estimated, that is good enough: 1e-4 to 0.5. Where it is exceeded, columns are
+    /// added a few times.
+    Goal(f64),
+}
+
+/// The goals that may be asked for.
+const GOALS: (f64, f64) = (1e-4, 0.5);
+
+/// A space of fewer columns than the pairs and this is too coarse for the lowest of them; more cost next to nothing.
+const LEAST_EXTRA: usize = 150;
+
+impl Accuracy {
+    /// The largest relative error that is good enough.
+    pub fn goal(self) -> f64 {
+        match self {
+            Self::Standard => 0.01,
+            Self::Accurate => 0.003,
+            Self::Goal(goal) => goal,
+        }
+    }
 }
 
 /// What is approximated, and how.
@@ -60,9 +81,14 @@ impl Approximate {
     /// [`ParameterError::Value`] names the first that is out of its range.
     pub fn from_request(request: &Request, count: usize) -> Result<Self, ParameterError> {
         let accuracy = request.accuracy.unwrap_or_default();
+        if let Accuracy::Goal(goal) = accuracy
+            && !(GOALS.0..=GOALS.1).contains(&goal)
+        {
+            return Err(value("accuracy.goal", format!("must lie between {} and {}, not be {goal}", GOALS.0, GOALS.1)));
+        }
         let dimension = request.dimension.unwrap_or(match accuracy {
-            Accuracy::Standard => 2 * count,
-            Accuracy::Accurate => 3 * count,
+            Accuracy::Standard | Accuracy::Goal(_) => (2 * count).max(count + LEAST_EXTRA),
+            Accuracy::Accurate => (3 * count).max(count + LEAST_EXTRA),
         });
         if !(count..=LARGEST_DIMENSION).contains(&dimension) {
             let reason = format!("must lie between the count, {count}, and {LARGEST_DIMENSION}, not be {dimension}");
@@ -97,9 +123,9 @@ impl Approximate {
         monitor: &dyn Monitor,
     ) -> Result<Basis, JobError> {
         let Self { count, dimension, space, .. } = *self;
-        let parameters = ApproximationParameters { count, dimension, space, seed };
+        let parameters = ApproximationParameters { count, dimension, space, goal: Some(self.accuracy.goal()), seed };
         let Some((refinement, precision)) = self.refinement else {
-            return Ok(approximate(mesh, operator, &parameters, monitor)?);
+            return dense_where_smaller(approximate(mesh, operator, &parameters, monitor)?, monitor);
         };
         let pairs = approximate_refined(mesh, operator, &parameters, refinement, monitor)?;
         Ok(Basis {
@@ -146,12 +172,25 @@ impl Approximate {
     }
 }
 
+/// A compact basis, unless its eigenfunctions themselves take less: few vertices for the dimension.
+fn dense_where_smaller(mut basis: Basis, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+    if let Functions::Compact(compact) = &basis.functions
+        && basis.stored_bytes() > basis.dense_bytes()
+    {
+        let vectors = gpu::accelerator()
+            .lift(&compact.space, &compact.coefficients, monitor)
+            .map_err(ApproximationError::from)?;
+        basis.functions = Functions::Dense(DenseFunctions::from_panels(vectors, Precision::F32));
+    }
+    Ok(basis)
+}
+
 fn heat(request: &Request, accuracy: Accuracy) -> Result<HeatParameters, ParameterError> {
     if request.radial.is_some() {
         return Err(value("radial", "these details need the construction \"radial\"".to_owned()));
     }
     let usual = match accuracy {
-        Accuracy::Standard => HeatParameters::default(),
+        Accuracy::Standard | Accuracy::Goal(_) => HeatParameters::default(),
         Accuracy::Accurate => HeatParameters::accurate(),
     };
     let Some(heat) = request.heat else { return Ok(usual) };

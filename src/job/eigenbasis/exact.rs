@@ -184,6 +184,7 @@ impl Exact {
                     count: count.min(problem.size()),
                     dimension: compact_dimension(count, problem.size()),
                     space: Space::Heat(HeatParameters::default()),
+                    goal: None,
                     seed,
                 };
                 let space = subspace(mesh, operator, &functions, monitor)?;

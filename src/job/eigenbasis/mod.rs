@@ -1,6 +1,7 @@
 //! The job `eigenbasis`: the lowest eigenpairs of an operator, approximated in a compact basis or computed to a tolerance.
 
 mod approximation;
+mod auto;
 mod compact;
 mod exact;
 mod hodge;
@@ -9,6 +10,7 @@ mod request;
 use serde_json::Value;
 
 pub use approximation::{Accuracy, Approximate, Construction};
+pub use auto::Auto;
 pub use exact::{Exact, Start, StorageKind};
 pub use request::{HsimVariant, MethodName};
 
@@ -45,6 +47,8 @@ pub struct EigenbasisParameters {
 /// How eigenpairs are computed.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Method {
+    /// Whichever of the others the mesh calls for.
+    Auto(Auto),
     /// The fast approximation.
     Approximate(Approximate),
     /// Subspace iteration to a tolerance, on a hierarchy or plain.
@@ -76,6 +80,7 @@ impl EigenbasisParameters {
             return Err(value("count", format!("must lie between 1 and {LARGEST_COUNT}, not be {count}")));
         }
         let method = match request.method {
+            MethodName::Auto => Method::Auto(Auto::from_request(&request, count)?),
             MethodName::Approximate => Method::Approximate(Approximate::from_request(&request, count)?),
             MethodName::Hsim | MethodName::Sim => Method::Exact(Exact::from_request(&request, count)?),
         };
@@ -108,6 +113,7 @@ impl EigenbasisParameters {
             ..Request::default()
         };
         match &self.method {
+            Method::Auto(auto) => request.count = Some(auto.approximate.count),
             Method::Approximate(approximate) => approximate.fill(&mut request),
             Method::Exact(exact) => exact.fill(&mut request),
         }
@@ -118,6 +124,7 @@ impl EigenbasisParameters {
     fn method_name(&self) -> MethodName {
         use crate::spectrum::hsim::Variant;
         match &self.method {
+            Method::Auto(_) => MethodName::Auto,
             Method::Approximate(_) => MethodName::Approximate,
             Method::Exact(exact) => match exact.solver.variant {
                 Variant::Sliced | Variant::Published => MethodName::Hsim,
@@ -129,6 +136,7 @@ impl EigenbasisParameters {
     /// The most pairs that may come out.
     pub fn most_pairs(&self) -> usize {
         match &self.method {
+            Method::Auto(auto) => auto.approximate.count,
             Method::Approximate(approximate) => approximate.count,
             Method::Exact(exact) => exact.most_pairs(),
         }
@@ -142,7 +150,7 @@ impl EigenbasisParameters {
     pub fn check_mesh(&self, vertices: usize) -> Result<(), ParameterError> {
         self.operator.check_mesh(vertices)?;
         let bounded = match &self.method {
-            Method::Approximate(_) => false,
+            Method::Auto(_) | Method::Approximate(_) => false,
             Method::Exact(exact) => matches!(exact.solver.wanted, crate::spectrum::hsim::Wanted::Below { .. }),
         };
         let count = self.most_pairs();
@@ -167,6 +175,9 @@ impl EigenbasisParameters {
         let mesh = 24 * n + 12 * f;
         let operator = n * (7 * 12 + 8 + 8) + n * (6 * 12 + 8) + f * 12;
         let method = match &self.method {
+            // What misses its goal is computed exactly after all.
+            Method::Auto(auto) if auto.is_exact(vertices) => operator + auto.exact.memory_bytes(n),
+            Method::Auto(auto) => auto.approximate.memory_bytes(n).max(operator + auto.exact.memory_bytes(n)),
             Method::Approximate(approximate) => approximate.memory_bytes(n),
             Method::Exact(exact) if self.is_hodge() => hodge::memory_bytes(exact, n, f),
             // The problem is kept a second time, renumbered.
@@ -184,11 +195,14 @@ impl EigenbasisParameters {
             return hodge::run(exact, mesh, self.seed, monitor);
         }
         let operator = operator::assemble(mesh, &self.operator, monitor)?;
-        let mut basis = match &self.method {
-            Method::Approximate(approximate) => approximate.run(mesh, &operator, self.seed, monitor)?,
-            Method::Exact(exact) => exact.run(mesh, &operator, self.seed, monitor)?,
+        let (mut basis, method) = match &self.method {
+            Method::Auto(auto) => auto.run(mesh, &operator, self.seed, monitor)?,
+            Method::Approximate(approximate) => {
+                (approximate.run(mesh, &operator, self.seed, monitor)?, self.method_name().name())
+            }
+            Method::Exact(exact) => (exact.run(mesh, &operator, self.seed, monitor)?, self.method_name().name()),
         };
-        basis.metadata = serde_json::json!({"operator": operator.report});
+        basis.metadata = serde_json::json!({"operator": operator.report, "method": method});
         Ok(basis)
     }
 }
@@ -225,15 +239,17 @@ mod tests {
     fn absent_parameters_take_their_defaults() {
         let parameters = EigenbasisParameters::parse(&serde_json::Value::Null).unwrap();
         assert_eq!(parameters, EigenbasisParameters::parse(&json!({})).unwrap());
-        assert_eq!(parameters.canonical()["method"], "approximate");
-        assert_eq!((parameters.most_pairs(), parameters.canonical()["dimension"].as_u64()), (100, Some(200)));
+        assert_eq!(parameters.canonical()["method"], "auto");
+        assert_eq!((parameters.most_pairs(), parameters.canonical()["count"].as_u64()), (100, Some(100)));
+        let approximate = EigenbasisParameters::parse(&json!({"method": "approximate"})).unwrap();
+        assert_eq!(approximate.canonical()["dimension"].as_u64(), Some(250));
     }
 
     #[test]
     fn a_default_that_is_spelled_out_is_equal_work() {
-        let silent = EigenbasisParameters::parse(&json!({"count": 50})).unwrap();
+        let silent = EigenbasisParameters::parse(&json!({"method": "approximate", "count": 50})).unwrap();
         let spelled =
-            EigenbasisParameters::parse(&json!({"count": 50, "dimension": 100, "construction": "heat"})).unwrap();
+            EigenbasisParameters::parse(&json!({"count": 50, "dimension": 200, "construction": "heat"})).unwrap();
         assert_eq!(silent.canonical(), spelled.canonical());
     }
 
@@ -254,11 +270,16 @@ mod tests {
             (json!({"radial": {}}), "radial"),
             (json!({"construction": "radial", "radial": {"sigma": 0.5}}), "0.5"),
             (json!({"construction": "radial", "radial": {"distance": {"stvd": {"window": 0}}}}), "window"),
-            (json!({"precision": "f64"}), "precision"),
+            (json!({"method": "approximate", "precision": "f64"}), "precision"),
+            (json!({"accuracy": {"goal": 0}}), "accuracy.goal"),
             (json!({"refinement": {"chebyshev": {"degree": 0}}}), "refinement.chebyshev.degree"),
             (json!({"refinement": {"chebyshev": {"degree": 9}}, "mass": "consistent"}), "lumped"),
             (json!({"method": "hsim", "refinement": "inverse_iteration"}), "refinement"),
-            (json!({"levels": 2}), "\"levels\": belongs to the method \"hsim\", not to \"approximate\""),
+            (
+                json!({"method": "approximate", "levels": 2}),
+                "\"levels\": belongs to the method \"hsim\", not to \"approximate\"",
+            ),
+            (json!({"dimension": 400, "levels": 2}), "levels"),
             (json!({"method": "sim", "levels": 2}), "levels"),
             (json!({"method": "sim", "variant": "sliced"}), "variant"),
             (json!({"method": "sim", "below": 2.0}), "below"),
@@ -280,7 +301,7 @@ mod tests {
             (json!({"method": "hsim", "storage": "compact", "precision": "f64"}), "precision"),
             (json!({"method": "hsim", "precision": "f16"}), "f16"),
             (json!({"operator": {"extrinsic": {"t": 2}}}), "operator.extrinsic.t"),
-            (json!({"operator": "hodge"}), "method"),
+            (json!({"operator": "hodge", "method": "approximate"}), "method"),
             (json!({"operator": "hodge", "method": "hsim", "below": 2.0}), "below"),
             (json!({"operator": "hodge", "method": "hsim", "mass": "voronoi"}), "mass"),
             (json!({"operator": "hodge", "method": "hsim", "boundary": "dirichlet"}), "boundary"),
@@ -306,6 +327,8 @@ mod tests {
     fn canonical_parameters_read_back_as_themselves() {
         for parameters in [
             json!({}),
+            json!({"method": "approximate"}),
+            json!({"accuracy": {"goal": 0.005}}),
             json!({"accuracy": "accurate", "count": 7}),
             json!({"construction": "radial", "mass": "voronoi", "seed": 3}),
             json!({"refinement": "inverse_iteration", "precision": "f64"}),

@@ -14,8 +14,10 @@ use crate::spectrum::radial::RadialParameters;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MethodName {
-    /// The fast approximation: Ritz pairs in a subspace of locally supported functions.
+    /// What is cheaper for the mesh and the count: the exact method where it takes about a second or less, else the approximation.
     #[default]
+    Auto,
+    /// The fast approximation: Ritz pairs in a subspace of locally supported functions.
     Approximate,
     /// The hierarchical subspace iteration method: pairs to a tolerance, proven complete.
     Hsim,
@@ -27,6 +29,7 @@ impl MethodName {
     /// The name on the wire.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Auto => "auto",
             Self::Approximate => "approximate",
             Self::Hsim => "hsim",
             Self::Sim => "sim",
@@ -134,8 +137,11 @@ impl Request {
             serde_json::Value::Object(members) => members,
             _ => return Err(form("a JSON object is expected".to_owned())),
         };
-        let request: Self = serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string()))?;
+        let mut request: Self = serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string()))?;
         let given = |name: &str| members.get(name).is_some_and(|value| !value.is_null());
+        if request.method == MethodName::Auto {
+            request.method = request.method_of_members(given);
+        }
         for (name, methods) in BELONGINGS {
             if given(name) && !methods.contains(&request.method) {
                 let owners: Vec<String> = methods.iter().map(|method| format!("\"{}\"", method.name())).collect();
@@ -145,6 +151,26 @@ impl Request {
             }
         }
         Ok(request)
+    }
+}
+
+impl Request {
+    /// The method that a request leaves open, where its members leave it open too: one that a single method takes names that method.
+    fn method_of_members(&self, given: impl Fn(&str) -> bool) -> MethodName {
+        let any_of = |group: &[MethodName]| BELONGINGS.iter().any(|(name, methods)| *methods == group && given(name));
+        if any_of(APPROXIMATE) {
+            MethodName::Approximate
+        } else if any_of(HSIM)
+            || any_of(EXACT)
+            || self.precision.is_some()
+            || self.operator == Some(OperatorKind::Hodge)
+        {
+            MethodName::Hsim
+        } else if any_of(SIM) {
+            MethodName::Sim
+        } else {
+            MethodName::Auto
+        }
     }
 }
 

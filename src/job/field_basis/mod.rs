@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 
 pub use self::request::{FieldConstruction, FieldName};
 
-use self::request::Request;
-use super::{Accuracy, JobError, MeshSize, ParameterError, Work};
+use self::request::{FieldAccuracy, Request};
+use super::{JobError, MeshSize, ParameterError, Work};
 use crate::basis::{Product, StoredFields};
 use crate::field::{
     Construction, DesignError, DesignModel, FieldError, FieldHeat, FieldParameters, FieldSurface, MOST_DIMENSIONS,
@@ -111,8 +111,8 @@ fn construction(request: &Request, field: FieldKind) -> Result<Construction, Par
                 return belongs("local_eigenfields", "local_eigenfields");
             }
             let mut heat = request.heat.unwrap_or(match request.accuracy.unwrap_or_default() {
-                Accuracy::Standard => FieldHeat::default(),
-                Accuracy::Accurate => FieldHeat::accurate(),
+                FieldAccuracy::Standard => FieldHeat::default(),
+                FieldAccuracy::Accurate => FieldHeat::accurate(),
             });
             heat.sigma = request.sigma.unwrap_or(heat.sigma);
             Construction::Heat(heat.for_kind(field))

@@ -4,8 +4,19 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::field::{FieldHeat, LocalEigenfields};
-use crate::job::{Accuracy, ParameterError};
+use crate::job::ParameterError;
 use crate::operator::hodge::FieldBoundary;
+
+/// How far the heat construction of fields goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FieldAccuracy {
+    /// Two heat steps.
+    #[default]
+    Standard,
+    /// Four shorter ones, and less shrinking.
+    Accurate,
+}
 
 /// What is stored in a face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -46,7 +57,7 @@ pub struct Request {
     pub construction: FieldConstruction,
     /// How far the heat construction goes.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub accuracy: Option<Accuracy>,
+    pub accuracy: Option<FieldAccuracy>,
     /// The radius of bumps or disks, in the place of the `sigma` of `heat` or `local_eigenfields`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sigma: Option<f64>,

@@ -3,8 +3,12 @@
 use rayon::prelude::*;
 
 use super::HeatError;
+use super::coarsen::{Surface, element_weights};
 use crate::mesh::connectivity::Connectivity;
 use crate::operator::{EigenProblem, MassMatrix};
+
+/// Weights on fair triangles are about 1; one of this size leaves no digit of a mass of 1e-6 in single precision.
+const STIFF: f32 = 1e4;
 
 /// A weighted graph: the finest one holds the mesh, coarser ones its aggregates.
 ///
@@ -82,6 +86,35 @@ impl Level {
     #[inline]
     pub fn edges(&self, vertex: usize) -> std::ops::Range<usize> {
         self.offsets[vertex] as usize..self.offsets[vertex + 1] as usize
+    }
+
+    /// Whether some weight is so large that single precision cannot tell the mass of its vertices beside it.
+    pub fn is_stiff(&self) -> bool {
+        self.weights.iter().any(|weight| weight.abs() > STIFF)
+    }
+
+    /// Takes the weights of the triangles of `surface` in place of its own, with an area for flat ones that keeps weights below
+    /// 25: functions are only smoothed with them. Edges of no triangle keep what they have, up to that.
+    pub fn take_weights(&mut self, surface: Surface) {
+        let mut sums: Vec<Option<f64>> = vec![None; self.weights.len()];
+        for &triangle in surface.triangles {
+            let weights = element_weights(triangle.map(|v| surface.positions[v as usize]));
+            for k in 0..3 {
+                let (a, b) = (triangle[(k + 1) % 3], triangle[(k + 2) % 3]);
+                for (from, to) in [(a, b), (b, a)] {
+                    let edges = self.edges(from as usize);
+                    if let Ok(at) = self.neighbours[edges.clone()].binary_search(&to) {
+                        *sums[edges.start + at].get_or_insert(0.0) += weights[k];
+                    }
+                }
+            }
+        }
+        for (weight, sum) in self.weights.iter_mut().zip(sums) {
+            *weight = sum.map_or(weight.clamp(0.0, 25.0), |sum| sum as f32);
+        }
+        for v in 0..self.vertices() {
+            self.diagonal[v] = self.edges(v).map(|edge| f64::from(self.weights[edge])).sum::<f64>() as f32;
+        }
     }
 
     /// A run of rows of the finest level.

@@ -1,7 +1,7 @@
 //! What heat smoothing promises, on generated surfaces.
 
 use super::*;
-use crate::algebra::{CpuSolver, SymmetricDefiniteSolver, galerkin};
+use crate::algebra::{CpuSolver, DenseMatrix, SymmetricDefiniteSolver, galerkin};
 use crate::mesh::distance::DistanceKind;
 use crate::mesh::sample::well_spread_points;
 use crate::mesh::shape::{Shape, generate, noisy};
@@ -250,6 +250,86 @@ fn coarse_levels_keep_mass_and_interpolate_linear_functions() {
         far += usize::from((back - position[0]).abs() > 1e-5);
     }
     assert!(far * 4 < positions.len(), "{far} of {} vertices are off", positions.len());
+}
+
+/// The least eigenvalue of a level's stiffness over its largest.
+fn least_over_largest(level: &Level) -> f64 {
+    let n = level.vertices();
+    let mut matrix = DenseMatrix::zeros(n, n);
+    for v in 0..n {
+        matrix.column_mut(v)[v] += f64::from(level.diagonal[v]);
+        for edge in level.edges(v) {
+            matrix.column_mut(v)[level.neighbours[edge] as usize] -= f64::from(level.weights[edge]);
+        }
+    }
+    // Rounded to single precision, row and column may differ in the last bit.
+    let mut symmetric = matrix.clone();
+    for v in 0..n {
+        for w in 0..n {
+            symmetric.column_mut(v)[w] = 0.5 * (matrix.column(v)[w] + matrix.column(w)[v]);
+        }
+    }
+    let mut identity = DenseMatrix::zeros(n, n);
+    (0..n).for_each(|v| identity.column_mut(v)[v] = 1.0);
+    let values = CpuSolver.lowest(symmetric, identity, n, &Unwatched).unwrap().values;
+    values[0] / values[n - 1]
+}
+
+#[test]
+fn weights_of_every_triangle_are_semi_definite() {
+    for height in [1.0, 1e-1, 1e-2, 1e-3, 1e-5, 1e-9, 0.0] {
+        for foot in [0.5, 0.1, 1e-3, 0.0, -0.7] {
+            let [a, b, c] = coarsen::element_weights([[0.0; 3], [1.0, 0.0, 0.0], [foot, height, 0.2 * height]]);
+            // Of the matrix with these three weights, the sums of eigenvalues and of their products.
+            let (trace, minors) = (2.0 * (a + b + c), 3.0 * (a * b + b * c + c * a));
+            assert!(trace > 0.0 && minors > -1e-12 * trace * trace, "{height} {foot}: {a} {b} {c}");
+            assert!(a.abs().max(b.abs()).max(c.abs()) <= 25.0 * 3.0, "{height} {foot}: {a} {b} {c}");
+        }
+    }
+}
+
+#[test]
+fn every_level_is_semi_definite_on_meshes_of_thin_triangles() {
+    for (shape, squeeze) in [(Shape::Sphere, 1.0), (Shape::Torus, 0.02), (Shape::Sphere, 0.005)] {
+        let mut mesh = noisy(&generate(shape, 3000).unwrap(), 0.35, 5).unwrap();
+        mesh.positions.iter_mut().for_each(|p| p[2] *= squeeze);
+        let start = Start::new(mesh, 20);
+        let peaks = peaks(&start.columns).unwrap();
+        let level = Level::finest(&start.problem, &start.connectivity).unwrap();
+        let unit = 1.0 / start.problem.area.sqrt();
+        let positions: Vec<[f32; 3]> = start.mesh.positions.iter().map(|p| p.map(|x| (x * unit) as f32)).collect();
+        let surface = Surface { positions: &positions, triangles: &start.mesh.faces };
+        let hierarchy = coarsen(&level, surface, &peaks, 20, &Unwatched).unwrap();
+        assert!(!hierarchy.is_empty());
+        for coarsening in &hierarchy {
+            let least = least_over_largest(&coarsening.level);
+            assert!(least > -1e-5, "squeezed to {squeeze}: {least}");
+        }
+    }
+}
+
+#[test]
+fn diffused_columns_obey_the_maximum_principle_beside_needles() {
+    for height in [1e-5, 1e-9, 1e-13] {
+        let mut mesh = generate(Shape::Sphere, 2500).unwrap();
+        let face = mesh.faces[777];
+        let [p, q, r] = face.map(|v| mesh.positions[v as usize]);
+        mesh.positions[face[0] as usize] =
+            std::array::from_fn(|k| (1.0 - height) * 0.5 * (q[k] + r[k]) + height * p[k]);
+        let start = Start::new(mesh, 40);
+        let mut level = Level::finest(&start.problem, &start.connectivity).unwrap();
+        if level.is_stiff() {
+            let unit = 1.0 / start.problem.area.sqrt();
+            let positions: Vec<[f32; 3]> = start.mesh.positions.iter().map(|p| p.map(|x| (x * unit) as f32)).collect();
+            level.take_weights(Surface { positions: &positions, triangles: &start.mesh.faces });
+        }
+        let heat = panel::Heat { steps: 4, time: 0.05 / 40.0, margin: 1.0, drop: 1e-4, tolerance: 3e-3 };
+        let tops = peaks(&start.columns).unwrap();
+        let spread = panel::diffuse(&level, &start.columns, &tops, &heat, &Unwatched).unwrap();
+        let highest = |columns: &SparseMatrix<f32>| columns.values().iter().copied().fold(0.0, f32::max);
+        let (before, after) = (highest(&start.columns), highest(&spread));
+        assert!(after <= 1.02 * before, "height {height:e}: {before} became {after}");
+    }
 }
 
 #[test]

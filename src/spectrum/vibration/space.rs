@@ -46,8 +46,13 @@ fn on_surface(
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, VibrationError> {
     let operator = assemble(mesh, &OperatorParameters::default(), monitor)?;
-    let parameters =
-        ApproximationParameters { count: dimension, dimension, space: Space::Heat(HeatParameters::default()), seed };
+    let parameters = ApproximationParameters {
+        count: dimension,
+        dimension,
+        space: Space::Heat(HeatParameters::default()),
+        goal: None,
+        seed,
+    };
     Ok(subspace(mesh, &operator, &parameters, monitor)?)
 }
 
