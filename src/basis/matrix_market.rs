@@ -60,6 +60,7 @@ pub fn write<W: Write>(basis: &Basis, out: W) -> Result<(), FormatError> {
         ("eigenvalues.mtx", &basis.eigenvalues),
         ("residuals.mtx", &basis.certificate.residuals),
         ("bounds.mtx", &basis.certificate.bounds),
+        ("estimates.mtx", &basis.certificate.estimates),
     ] {
         archive.start_file(name, options)?;
         array(if name == "eigenvalues.mtx" { m } else { values.len() }, 1, values, &mut archive)?;

@@ -100,6 +100,7 @@ fn common<'a>(basis: &'a Basis, mass_offsets: &'a [i64]) -> Vec<Tensor<'a>> {
         ("eigenvalues", Dtype::F64, vec![basis.count()], bytemuck::cast_slice(&basis.eigenvalues)),
         ("residuals", Dtype::F64, vec![certificate.residuals.len()], bytemuck::cast_slice(&certificate.residuals)),
         ("bounds", Dtype::F64, vec![certificate.bounds.len()], bytemuck::cast_slice(&certificate.bounds)),
+        ("estimates", Dtype::F64, vec![certificate.estimates.len()], bytemuck::cast_slice(&certificate.estimates)),
     ];
     match &basis.mass {
         MassMatrix::Diagonal(diagonal) => {

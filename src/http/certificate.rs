@@ -11,6 +11,10 @@ pub struct CertificateSchema {
     residuals: Vec<f64>,
     /// Per pair: some exact eigenvalue lies within this of the eigenvalue.
     bounds: Vec<f64>,
+    /// Per pair an estimate of the error of the eigenvalue, in 1/length² of the mesh; empty for methods with a tolerance.
+    estimates: Vec<f64>,
+    /// How near an approximation came to its goal; null for methods with a tolerance.
+    accuracy: Option<AccuracySchema>,
     /// The largest entry of |ΦᵀMΦ − I|.
     orthonormality_defect: f64,
     /// Whether inertia counts prove that no eigenvalue below the last was skipped; null: not counted.
@@ -26,6 +30,25 @@ pub struct CertificateSchema {
     projection_errors: Vec<f64>,
     /// The largest of them.
     largest_projection_error: Option<f64>,
+}
+
+/// How near an approximation came to what was asked for.
+#[derive(ToSchema)]
+#[schema(as = AccuracyReport)]
+#[allow(dead_code)]
+pub struct AccuracySchema {
+    /// The largest relative error of an eigenvalue that is good enough.
+    goal: f64,
+    /// The largest estimated relative error, the kernel apart.
+    largest_estimate: f64,
+    /// Whether that is at most the goal.
+    reached: bool,
+    /// How often columns were added where residuals sat.
+    rounds: u64,
+    /// The dimension of the space in the end.
+    dimension: u64,
+    /// How many of its columns are hat functions of single vertices.
+    hats: u64,
 }
 
 /// How many eigenvalues lie below a shift.

@@ -107,9 +107,13 @@ pub struct JobRequest {
     /// `{"hamiltonian": {"potential": {"values": [one for each vertex]}}}`), `mass` (`barycentric`, `voronoi`, `consistent`), `boundary`
     /// (`neumann`, `dirichlet`), `seed`.
     ///
-    /// `method: approximate`, the default: `dimension` (of the subspace, default twice the count), `construction` (`heat`, `radial`)
-    /// with details in `heat` and `radial`, `accuracy` (`standard`, `accurate`), `refinement` (`inverse_iteration`,
-    /// `{"chebyshev": {"degree": 20}}`: the basis is dense then, with a `precision`).
+    /// `method: auto`, the default: `hsim` where that is expected to take about a second or less, else `approximate`, and `hsim` after all where
+    /// that misses its goal. A parameter that one method alone takes chooses that method.
+    ///
+    /// `method: approximate`: `dimension` (of the subspace, default twice the count and at least the count and 150), `construction` (`heat`,
+    /// `radial`) with details in `heat` and `radial`, `accuracy` (`standard`, `accurate`, `{"goal": 0.005}`: the largest relative error of an
+    /// eigenvalue that is good enough, as estimated; columns are added until it is reached, at most three times), `refinement`
+    /// (`inverse_iteration`, `{"chebyshev": {"degree": 20}}`: the basis is dense then, with a `precision`).
     ///
     /// `method: hsim`, pairs to a tolerance, proven complete: `tolerance` (largest residual, default 1e-2), `below` (all pairs below this
     /// eigenvalue, instead of a count) with `at_most` (so many of them, default 1000), `variant` (`sliced`, `published`), `levels`,

@@ -72,6 +72,8 @@ export interface Job {
 export interface Certificate {
   residuals: number[];
   bounds: number[];
+  estimates: number[];
+  accuracy: { goal: number; largest_estimate: number; reached: boolean; rounds: number } | null;
   orthonormality_defect: number;
   complete: boolean | null;
   inertia: { shift: number; below: number }[];

@@ -127,6 +127,9 @@ impl<W: Write + Seek> Members<W> {
         self.floats("eigenvalues", &basis.eigenvalues)?;
         self.floats("residuals", &basis.certificate.residuals)?;
         self.floats("bounds", &basis.certificate.bounds)?;
+        if !basis.certificate.estimates.is_empty() {
+            self.floats("estimates", &basis.certificate.estimates)?;
+        }
         match &basis.mass {
             MassMatrix::Diagonal(diagonal) => self.floats("mass", diagonal)?,
             MassMatrix::Sparse(matrix) => {
@@ -288,6 +291,7 @@ pub(super) fn certificate_text(certificate: &Certificate) -> String {
     if let Some(object) = value.as_object_mut() {
         object.remove("residuals");
         object.remove("bounds");
+        object.remove("estimates");
     }
     value.to_string()
 }

@@ -237,6 +237,7 @@ impl<'a> Archive<'a> {
         };
         let residuals: Vec<f64> = self.member("residuals")?.vector("<f8", m)?;
         let bounds: Vec<f64> = self.member("bounds")?.vector("<f8", m)?;
+        let estimates = if self.has("estimates") { self.member("estimates")?.vector("<f8", m)? } else { Vec::new() };
         let mut certificate = self.member("certificate")?.json()?;
         if let Some(object) = certificate.as_object_mut() {
             object.insert("residuals".to_owned(), Vec::<f64>::new().into());
@@ -249,7 +250,7 @@ impl<'a> Archive<'a> {
             functions,
             eigenvalues,
             mass,
-            certificate: Certificate { residuals, bounds, ..certificate },
+            certificate: Certificate { residuals, bounds, estimates, ..certificate },
             metadata,
         })
     }

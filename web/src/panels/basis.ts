@@ -39,7 +39,7 @@ export function basisHead(app: App, kind: string, name: string, form: HTMLElemen
 /** The form of an eigenbasis. */
 export function eigenForm(app: App): HTMLElement {
   const count = h("input", { type: "number", min: "1", max: "5000", value: "200", "aria-label": "Eigenpairs" });
-  const method = choice([["approximate", "approximate, fast"], ["hsim", "exact and proven"]], "approximate", () => update());
+  const method = choice([["auto", "whichever suits"], ["approximate", "approximate, fast"], ["hsim", "exact and proven"]], "auto", () => update());
   const tolerance = choice([["1e-2", "1e-2"], ["1e-4", "1e-4"], ["1e-6", "1e-6"], ["1e-9", "1e-9"]], "1e-2", () => {});
   const operator = choice([["auto", "Laplace–Beltrami"], ["laplace", "cotangents"], ["robust", "robust Laplacian"],
     ["extrinsic", "extrinsic"], ["hamiltonian", "Hamiltonian"]], "auto", () => update());
@@ -73,8 +73,15 @@ export function certificate(basis: Basis): HTMLElement {
   const percent = (value: number) => (value < 1e-6 ? `${brief(value)} of it` : `${brief(100 * value)} %`);
   const sentences: HTMLElement[] = [
     h("p", {}, `${grouped(eigenvalues.length)} eigenpairs of ${laplacian}${reason}.`),
-    h("p", {}, `Every pair has a residual of at most ${brief(worst)}${proof.tolerance ? ` (asked: ${brief(proof.tolerance)})` : ""}.`),
   ];
+  if (proof.accuracy) {
+    const { goal, largest_estimate, reached } = proof.accuracy;
+    sentences.push(reached
+      ? h("p", {}, `Values are estimated to be off by ${percent(largest_estimate)} at most; the goal was ${percent(goal)}.`)
+      : h("p", { class: "unproven" }, `Values are estimated to be off by up to ${percent(largest_estimate)}, more than the goal of ${percent(goal)}.`));
+  } else {
+    sentences.push(h("p", {}, `Every pair has a residual of at most ${brief(worst)}${proof.tolerance ? ` (asked: ${brief(proof.tolerance)})` : ""}.`));
+  }
   if (relative.length) {
     sentences.push(h("p", {}, `For each value an exact eigenvalue of the discrete problem lies within its bound: ${percent(relative[relative.length >> 1])} in the median, ${percent(relative[relative.length - 1])} at worst.`));
   }

@@ -60,8 +60,12 @@ export function modesPanel(app: App, look: Look): Panel {
     const k = Math.min(Math.max(wanted, 0), basis.count - 1);
     app.go({ mode: k });
     mode.set(k);
-    const { residuals, bounds } = basis.certificate;
-    facts.replaceChildren(h("b", {}, `λ = ${brief(basis.eigenvalues[k])}`), ` ± ${brief(bounds[k])}`, h("span", { class: "dim" }, `residual ${brief(residuals[k])}`));
+    const { residuals, bounds, estimates } = basis.certificate;
+    const value = basis.eigenvalues[k];
+    const zero = Math.abs(value) <= 1e-6 * Math.abs(basis.eigenvalues[basis.count - 1]);
+    const percent = (error: number) => (zero ? brief(error) : `${brief((100 * error) / Math.abs(value))} %`);
+    facts.replaceChildren(h("b", {}, `λ = ${brief(value)}`), estimates?.length ? ` error about ${percent(estimates[k])}, within ${percent(bounds[k])}` : ` ± ${percent(bounds[k])}`,
+      h("span", { class: "dim" }, estimates?.length ? "" : `residual ${brief(residuals[k])}`));
     plot.draw();
     request({ basis, mode: k });
   };
@@ -87,7 +91,7 @@ export function modesPanel(app: App, look: Look): Panel {
 
   // --- spectrum ---------------------------------------------------------------------------------------------------------
 
-  const plot = new Plot(190, "The spectrum: eigenvalues with bounds above, residuals below. Click to choose a mode.", (frame) => app.basis && spectrum(frame, app.basis, app.place.mode));
+  const plot = new Plot(190, "The spectrum: eigenvalues with bounds above, below them estimated errors or residuals. Click to choose a mode.", (frame) => app.basis && spectrum(frame, app.basis, app.place.mode));
   const under = (event: PointerEvent) => {
     const basis = app.basis;
     if (!basis) return;
@@ -135,9 +139,9 @@ export function modesPanel(app: App, look: Look): Panel {
 
 const LEFT = 46, RIGHT = 8;
 
-/** Eigenvalues with their bounds, and residuals on a logarithmic scale under them. */
+/** Eigenvalues with their bounds, and estimated errors or residuals on a logarithmic scale under them. */
 function spectrum({ context: c, width, height, ink, write, faint, accent, second }: Frame, basis: Basis, mode: number) {
-  const { eigenvalues, certificate: { bounds, residuals } } = basis;
+  const { eigenvalues, certificate: { bounds, estimates, residuals } } = basis;
   const m = eigenvalues.length;
   const split = Math.round(height * 0.64);
   const x = (k: number) => LEFT + ((width - LEFT - RIGHT) * k) / Math.max(m - 1, 1);
@@ -171,8 +175,9 @@ function spectrum({ context: c, width, height, ink, write, faint, accent, second
   }
   c.textAlign = "right";
   write("λ, and its bound", width - RIGHT, bottom - 8);
-  // Residuals.
-  const shown = residuals.map((value) => Math.log10(Math.max(value, 1e-16)));
+  // Errors or residuals.
+  const below = estimates?.length ? estimates.map((error, k) => error / Math.max(Math.abs(eigenvalues[k]), 1e-300)) : residuals;
+  const shown = below.map((value) => Math.log10(Math.min(Math.max(value, 1e-16), 10)));
   const rest = shown.slice(Math.min(1, m - 1));
   const low = Math.floor(Math.min(...rest)), high = Math.max(Math.ceil(Math.max(...rest)), low + 1);
   const base = height - 6;
@@ -191,7 +196,7 @@ function spectrum({ context: c, width, height, ink, write, faint, accent, second
   c.fillStyle = second;
   for (let k = 0; k < m; k++) c.fillRect(x(k) - size / 2, z(shown[k]) - size / 2, size + 0.6, size + 0.6);
   c.textAlign = "right";
-  write("residual", width - RIGHT, split + 8);
+  write(estimates?.length ? "relative error, estimated" : "residual", width - RIGHT, split + 8);
   // The mode that is shown.
   c.strokeStyle = c.fillStyle = ink;
   c.beginPath();
