@@ -44,12 +44,23 @@ pub struct ApproximationParameters {
     pub dimension: usize,
     /// How the subspace is built.
     pub space: Space,
-    /// The largest relative error of an eigenvalue, as estimated, that is good enough; where it is exceeded, columns are added a few times.
-    /// `None`: the space is taken as it is.
-    pub goal: Option<f64>,
+    /// How accurate the pairs are to be; `None`: the space is taken as it is, and nothing is said.
+    pub goal: Option<Goal>,
     /// Seeds everything that is drawn at random.
     pub seed: u64,
 }
+
+/// What is good enough.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Goal {
+    /// The largest relative error of an eigenvalue, as estimated. The mean is to be at most a quarter of it.
+    pub error: f64,
+    /// How often columns may be added where it is exceeded: [`MOST_ROUNDS`], or 0 to take the space as it is and say whether it will do.
+    pub rounds: usize,
+}
+
+/// Columns are added to a space at most so often: each round takes as long as the dense eigenproblem and the bounds.
+pub const MOST_ROUNDS: usize = 5;
 
 /// Why an approximation failed.
 #[derive(Debug, thiserror::Error)]
@@ -132,9 +143,6 @@ impl ApproximationError {
 /// The mean of the estimated errors is to be at most this share of the goal, which is for the largest.
 const MEAN_SHARE: f64 = 0.25;
 
-/// Columns are added to a space at most so often.
-const MOST_ROUNDS: usize = 3;
-
 /// A space that is too coarse everywhere grows by this factor.
 const GROWTH: f64 = 1.6;
 
@@ -143,7 +151,7 @@ const LARGEST_SHARE: f64 = 0.25;
 
 /// Computes the lowest `m` Ritz pairs of an operator in a subspace of `d` locally supported functions.
 ///
-/// Where the estimated error of a pair exceeds the goal, columns are added and the pairs computed again, at most three times: hat functions
+/// Where the estimated error of a pair exceeds the goal, columns are added and the pairs computed again, as often as the goal allows: hat functions
 /// where the residuals sit, if that is at few vertices, else a larger `d`. The certificate tells what came of it.
 ///
 /// Stages: `sampling`, `basis`, `reduce`, `eigen`, `bounds`; the last three, or all, once more for each round. Eigenvalues ascend, are upper
@@ -161,18 +169,21 @@ pub fn approximate(
 ) -> Result<Basis, ApproximationError> {
     let problem = &operator.problem;
     let mut parameters = *parameters;
-    let mut attempt = Attempt::new(ritz(mesh, operator, &parameters, parameters.count, monitor)?);
+    let (count, goal) = (parameters.count, parameters.goal.map(|goal| goal.error));
+    let columns = (count + guards(count)).min(parameters.dimension.max(count)).min(problem.size()).max(count);
+    let mut attempt = Attempt::new(ritz(mesh, operator, &parameters, columns, monitor)?, count);
     monitor.stage("bounds");
     let energy = Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?;
-    attempt.judge(&energy, problem, parameters.goal, monitor)?;
+    attempt.judge(&energy, problem, goal, monitor)?;
     let mut rounds = 0;
-    while let Some(goal) = parameters.goal
+    while let Some(goal) = goal
         && attempt.excess(goal) > 1.0
-        && rounds < MOST_ROUNDS
+        && rounds < parameters.goal.map_or(0, |goal| goal.rounds)
     {
         let Some(space) = attempt.finer_space(mesh, operator, &mut parameters, goal, monitor)? else { break };
         rounds += 1;
-        let mut next = Attempt::new(reduce(problem, space, parameters.count, monitor)?);
+        let columns = columns.min(space.columns()).max(count);
+        let mut next = Attempt::new(reduce(problem, space, columns, monitor)?, count);
         monitor.stage("bounds");
         next.judge(&energy, problem, Some(goal), monitor)?;
         if next.excess(goal) < attempt.excess(goal) {
@@ -180,7 +191,12 @@ pub fn approximate(
         }
     }
     let Attempt { ritz: Ritz { space, mut pairs, .. }, mut certificate, largest_estimate, .. } = attempt;
-    certificate.accuracy = parameters.goal.map(|goal| AccuracyReport {
+    pairs.values.truncate(count);
+    pairs.vectors = pairs.vectors.slice_columns(0..count);
+    for list in [&mut certificate.residuals, &mut certificate.estimates, &mut certificate.bounds] {
+        list.truncate(count);
+    }
+    certificate.accuracy = goal.map(|goal| AccuracyReport {
         goal,
         largest_estimate,
         reached: largest_estimate <= goal,
@@ -205,11 +221,19 @@ pub fn approximate(
     })
 }
 
-/// Pairs in one space, and how good they are.
+/// Pairs that are computed and judged beyond those that are delivered. An eigenfunction that the space holds badly has its Ritz value among them,
+/// and all pairs between lie one place too low.
+fn guards(count: usize) -> usize {
+    count / 10 + 4
+}
+
+/// Pairs in one space, guards included, and how good they are.
 struct Attempt {
     ritz: Ritz,
+    /// The pairs without guards.
+    count: usize,
     certificate: Certificate,
-    /// The largest estimated relative error, the kernel apart.
+    /// The largest estimated relative error, the kernel apart; of a guard only where its exact value may lie among those of the pairs.
     largest_estimate: f64,
     /// The mean of them.
     mean_estimate: f64,
@@ -218,8 +242,15 @@ struct Attempt {
 }
 
 impl Attempt {
-    fn new(ritz: Ritz) -> Self {
-        Self { ritz, certificate: Certificate::default(), largest_estimate: 0.0, mean_estimate: 0.0, density: None }
+    fn new(ritz: Ritz, count: usize) -> Self {
+        Self {
+            ritz,
+            count,
+            certificate: Certificate::default(),
+            largest_estimate: 0.0,
+            mean_estimate: 0.0,
+            density: None,
+        }
     }
 
     fn judge(
@@ -233,16 +264,21 @@ impl Attempt {
         let good = goal.map(|goal| MEAN_SHARE * goal);
         (self.certificate, self.density) =
             certify(energy, problem, space, mass, &mut pairs.vectors, &pairs.values, good, monitor)?;
-        let errors: Vec<f64> = self
-            .certificate
-            .estimates
-            .iter()
-            .zip(&pairs.values)
-            .filter(|(_, value)| value.abs() > KERNEL)
-            .map(|(error, value)| error * problem.area / value.abs())
-            .collect();
-        self.largest_estimate = errors.iter().copied().fold(0.0, f64::max);
-        self.mean_estimate = errors.iter().sum::<f64>() / errors.len().max(1) as f64;
+        let last = self.count.checked_sub(1).and_then(|k| pairs.values.get(k)).copied().unwrap_or(f64::NEG_INFINITY);
+        let (mut sum, mut summed) = (0.0, 0usize);
+        self.largest_estimate = 0.0;
+        for (k, (error, &value)) in self.certificate.estimates.iter().zip(&pairs.values).enumerate() {
+            let error = error * problem.area;
+            let relative = error / value.abs();
+            if value.abs() > KERNEL && (k < self.count || value - error < last) {
+                self.largest_estimate = self.largest_estimate.max(relative);
+            }
+            if value.abs() > KERNEL && k < self.count {
+                sum += relative;
+                summed += 1;
+            }
+        }
+        self.mean_estimate = sum / summed.max(1) as f64;
         Ok(())
     }
 

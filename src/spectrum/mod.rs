@@ -14,5 +14,5 @@ pub mod radial;
 mod refine;
 pub mod vibration;
 
-pub use approximate::{ApproximationError, ApproximationParameters, Space, approximate, subspace};
+pub use approximate::{ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Space, approximate, subspace};
 pub use refine::{Refinement, approximate_refined};

@@ -14,7 +14,7 @@ use crate::operator::{MassKind, MeshOperator};
 use crate::spectrum::heat::HeatParameters;
 use crate::spectrum::radial::RadialParameters;
 use crate::spectrum::{
-    ApproximationError, ApproximationParameters, Refinement, Space, approximate, approximate_refined,
+    ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Refinement, Space, approximate, approximate_refined,
 };
 
 /// How the subspace is built.
@@ -123,7 +123,7 @@ impl Approximate {
         monitor: &dyn Monitor,
     ) -> Result<Basis, JobError> {
         let Self { count, dimension, space, .. } = *self;
-        let parameters = ApproximationParameters { count, dimension, space, goal: Some(self.accuracy.goal()), seed };
+        let parameters = ApproximationParameters { count, dimension, space, goal: Some(self.goal()), seed };
         let Some((refinement, precision)) = self.refinement else {
             return dense_where_smaller(approximate(mesh, operator, &parameters, monitor)?, monitor);
         };
@@ -140,6 +140,12 @@ impl Approximate {
             },
             metadata: serde_json::json!({}),
         })
+    }
+
+    /// The goal. The thesis' construction is taken as it is, and judged, unless a goal is asked for in so many words.
+    fn goal(&self) -> Goal {
+        let as_it_is = matches!(self.space, Space::Radial(_)) && !matches!(self.accuracy, Accuracy::Goal(_));
+        Goal { error: self.accuracy.goal(), rounds: if as_it_is { 0 } else { MOST_ROUNDS } }
     }
 
     /// Writes every member of the method.
