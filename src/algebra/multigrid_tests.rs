@@ -101,5 +101,7 @@ fn rows_without_connections_and_many_components_are_no_obstacle() {
     let mut workspace = multigrid.workspace();
     let found = multigrid.cycle(1.0, &right, &mut workspace);
     assert!(found.as_flattened().iter().all(|x| x.is_finite()));
-    assert!((found[n - 1][3] - right[n - 1][3]).abs() < 0.05 * right[n - 1][3].abs(), "{:?}", found[n - 1]);
+    // Two smoothers of degree 2 leave at most .446² of what they damp.
+    let left = (found[n - 1][3] - right[n - 1][3]).abs() / right[n - 1][3].abs();
+    assert!(left < 0.21, "{left}");
 }

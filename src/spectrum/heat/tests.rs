@@ -8,6 +8,7 @@ use crate::mesh::shape::{Shape, generate, noisy};
 use crate::monitor::Unwatched;
 use crate::operator::MassKind;
 use crate::operator::laplace::assemble;
+use crate::spectrum::hsim::{self, HsimParameters, Wanted};
 use crate::spectrum::radial::{self, Profile};
 
 /// A mesh with radial columns on it.
@@ -64,11 +65,11 @@ fn rows_stay_a_partition_of_unity_with_and_without_coarse_levels() {
 }
 
 #[test]
-fn rows_hold_sixteen_entries_at_most_on_average() {
+fn rows_hold_twenty_two_entries_at_most_on_average() {
     let start = Start::new(noisy(&generate(Shape::Genus(3), 20_000).unwrap(), 0.2, 1).unwrap(), 300);
     let space = start.smooth(&HeatParameters::default()).unwrap();
     let mean = space.entries() as f64 / space.rows() as f64;
-    assert!((10.0..16.0).contains(&mean), "{mean} entries a row");
+    assert!((10.0..22.0).contains(&mean), "{mean} entries a row");
 }
 
 /// Solves `A x = b` by elimination; `a` is row after row.
@@ -123,37 +124,43 @@ fn heat_steps_agree_with_a_dense_solve() {
     }
 }
 
-/// Mean and largest relative error of the Ritz values of the unit-area sphere, `4π l(l + 1)` with multiplicity `2l + 1`.
-fn sphere_errors(space: &SparseMatrix<f32>, problem: &EigenProblem, degrees: usize) -> (f64, f64) {
+/// The lowest `count` eigenvalues of the mesh itself. Those of the sphere differ by up to .6 % at 10,000 vertices, more than what is tested.
+fn exact(start: &Start, count: usize) -> Vec<f64> {
+    let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance: 1e-4, ..Default::default() };
+    let pairs = hsim::solve(&start.mesh, &start.problem, &parameters, false, &Unwatched).unwrap();
+    pairs.values.iter().map(|value| value * start.problem.area).collect()
+}
+
+/// Mean and largest relative error of the Ritz values but the first.
+fn errors(space: &SparseMatrix<f32>, problem: &EigenProblem, exact: &[f64]) -> (f64, f64) {
     let (stiffness, mass) = galerkin(space, &problem.stiffness, &problem.mass, &Unwatched).unwrap();
-    let count = degrees * degrees;
-    let pairs = CpuSolver.lowest(stiffness.to_dense(), mass.to_dense(), count, &Unwatched).unwrap();
-    let exact =
-        (1..degrees).flat_map(|l| std::iter::repeat_n(4.0 * std::f64::consts::PI * (l * (l + 1)) as f64, 2 * l + 1));
+    let pairs = CpuSolver.lowest(stiffness.to_dense(), mass.to_dense(), exact.len(), &Unwatched).unwrap();
     let errors: Vec<f64> =
-        pairs.values[1..].iter().zip(exact).map(|(&value, exact)| (value / exact - 1.0).abs()).collect();
+        pairs.values[1..].iter().zip(&exact[1..]).map(|(&value, exact)| (value / exact - 1.0).abs()).collect();
     (errors.iter().sum::<f64>() / errors.len() as f64, errors.into_iter().fold(0.0, f64::max))
 }
 
 #[test]
 fn ritz_values_of_the_sphere_are_within_half_a_percent() {
-    // Without coarse levels, with one, and with two. The error of the mesh itself is below 0.1 % throughout.
+    // Without coarse levels, with one, and with two.
     for vertices in [10_000, 30_000, 100_000] {
         let start = Start::sphere(vertices, 162);
+        let exact = exact(&start, 81);
         let space = start.smooth(&HeatParameters::default()).unwrap();
-        let (mean, largest) = sphere_errors(&space, &start.problem, 9);
-        assert!(mean < 0.003 && largest < 0.008, "{vertices} vertices: mean {mean}, largest {largest}");
-        let (rough, _) = sphere_errors(&start.columns, &start.problem, 9);
-        assert!(mean < 0.5 * rough, "{vertices} vertices: smoothed {mean}, radial {rough}");
+        let (mean, largest) = errors(&space, &start.problem, &exact);
+        assert!(mean < 0.002 && largest < 0.005, "{vertices} vertices: mean {mean}, largest {largest}");
+        let (rough, _) = errors(&start.columns, &start.problem, &exact);
+        assert!(mean < 0.2 * rough, "{vertices} vertices: smoothed {mean}, radial {rough}");
     }
 }
 
 #[test]
 fn the_accurate_option_is_more_accurate() {
     let start = Start::sphere(30_000, 243);
+    let exact = exact(&start, 81);
     let space = start.smooth(&HeatParameters::accurate()).unwrap();
-    let (mean, largest) = sphere_errors(&space, &start.problem, 9);
-    assert!(mean < 0.001 && largest < 0.002, "mean {mean}, largest {largest}");
+    let (mean, largest) = errors(&space, &start.problem, &exact);
+    assert!(mean < 0.0005 && largest < 0.001, "mean {mean}, largest {largest}");
 }
 
 #[test]
