@@ -308,3 +308,37 @@ fn a_panel_of_another_size_is_left_alone() {
         assert!(panel.iter().all(|&x| x == 1.0));
     }
 }
+
+#[test]
+fn a_count_is_off_by_no_more_than_its_uncertainty_lets_it() {
+    // A grid that is clamped around it: with a shift next to four, every diagonal entry nearly vanishes.
+    let (width, height) = (20, 21);
+    let mut entries = BTreeMap::new();
+    for at in 0..width * height {
+        entries.insert((at as u32, at as u32), 4.0);
+        for (inside, other) in [((at + 1) % width != 0, at + 1), (at + width < width * height, at + width)] {
+            if inside {
+                entries.insert((at as u32, other as u32), -1.0);
+                entries.insert((other as u32, at as u32), -1.0);
+            }
+        }
+    }
+    let a = sparse(width * height, &entries);
+    let order = fill_reducing_order(&a, Ordering::Amd).unwrap();
+    let (a, mass) = (reordered(&a, &order), MassMatrix::Diagonal(vec![1.0; width * height]));
+    let wave = |k: usize, n: usize| 2.0 * (k as f64 * std::f64::consts::PI / (n + 1) as f64).cos();
+    let mut values: Vec<f64> =
+        (1..=width).flat_map(|i| (1..=height).map(move |j| 4.0 - wave(i, width) - wave(j, height))).collect();
+    values.sort_by(f64::total_cmp);
+    let below = |at: f64| values.partition_point(|&value| value < at);
+    let symbolic = SymbolicFactor::new(&a, &mass).unwrap();
+    let mut certain = 0;
+    let shifts = (0..64).map(|k| 4.0 + 1e-9 * (f64::from(k) - 31.5) / 32.0).chain((1..80).map(|k| 0.1 * f64::from(k)));
+    for shift in shifts {
+        let Ok(factor) = symbolic.factor(&a, &mass, shift) else { continue };
+        let (count, radius) = (factor.eigenvalues_below(), factor.uncertainty(&a, &mass, shift));
+        assert!(below(shift - radius) <= count && count <= below(shift + radius), "{shift}: {count} ± {radius:e}");
+        certain += usize::from(radius < 1e-8);
+    }
+    assert!(certain > 60, "{certain}");
+}

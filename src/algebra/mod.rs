@@ -8,6 +8,7 @@ mod definite;
 mod dense;
 mod eigen;
 mod factor;
+mod factor_error;
 mod factor_solve;
 mod factored;
 mod galerkin;
@@ -19,6 +20,7 @@ mod ordering;
 mod panel_products;
 mod panels;
 mod product;
+mod residual_gram;
 mod simd;
 mod sparse;
 mod symmetric;
@@ -36,12 +38,14 @@ pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::MassMatrix;
 pub use multigrid::{CYCLE_WIDTH, CycleRow, CycleWorkspace, Multigrid, MultigridError};
 pub use ordering::{Ordering, fill_reducing_order};
+use panel_products::residual_panel_rows;
 pub use panel_products::{
     ColumnSums, Weight, apply_mass, gram, inner_products, mass_times_panel, prolong, residual_panel, residual_sums,
     restrict, rotate, subtract_combinations,
 };
 pub use panels::{PANEL_WIDTH, PanelMatrix};
 pub use product::{Panel, Scalar};
+pub use residual_gram::{Magnitudes, residual_gram, residual_magnitudes};
 pub use simd::vectorized;
 pub use sparse::{SparseError, SparseMatrix};
 pub use symmetric::lowest_symmetric;

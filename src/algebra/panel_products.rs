@@ -382,17 +382,29 @@ pub fn subtract_combinations(
 /// `A x − θ M x` for one panel of 32 columns, into `out`.
 pub fn residual_panel(a: &SparseMatrix, mass: &MassMatrix, x: &[f64], values: &[f64], out: &mut [f64]) {
     let (x, out) = (rows_of(x), rows_of_mut(out));
+    for (chunk, out) in out.chunks_mut(ROWS).enumerate() {
+        residual_panel_rows(a, mass, x, values, chunk * ROWS..chunk * ROWS + out.len(), out);
+    }
+}
+
+/// The same for some rows, at most a few hundred.
+pub(super) fn residual_panel_rows(
+    a: &SparseMatrix,
+    mass: &MassMatrix,
+    x: &[PanelRow],
+    values: &[f64],
+    rows: std::ops::Range<usize>,
+    out: &mut [PanelRow],
+) {
     let mut theta = [0.0; PANEL_WIDTH];
     theta.iter_mut().zip(values).for_each(|(theta, value)| *theta = *value);
-    let mut scratch = vec![[0.0; PANEL_WIDTH]; ROWS];
-    for (chunk, out) in out.chunks_mut(ROWS).enumerate() {
-        let rows = chunk * ROWS..chunk * ROWS + out.len();
-        multiply_rows(a, rows.clone(), x, out);
-        mass_rows(mass, rows, x, &mut scratch[..out.len()]);
-        for (out, mx) in out.iter_mut().zip(&scratch) {
-            for k in 0..PANEL_WIDTH {
-                out[k] -= theta[k] * mx[k];
-            }
+    let mut scratch = [[0.0; PANEL_WIDTH]; ROWS];
+    let scratch = &mut scratch[..rows.len().min(ROWS)];
+    multiply_rows(a, rows.clone(), x, out);
+    mass_rows(mass, rows, x, scratch);
+    for (out, mx) in out.iter_mut().zip(scratch) {
+        for k in 0..PANEL_WIDTH {
+            out[k] -= theta[k] * mx[k];
         }
     }
 }

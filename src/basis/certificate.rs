@@ -5,9 +5,10 @@ use serde::{Deserialize, Serialize};
 /// What is proven about a basis.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Certificate {
-    /// Per pair `‖S x − θ M x‖ / ‖S x‖` (thesis, eq. 4.6); for the kernel `‖S x‖ / (‖S‖ ‖x‖)`.
+    /// Per pair `‖S x − θ M x‖ / ‖S x‖` (thesis, eq. 4.6), of the columns as they are stored; for the kernel `‖S x‖ / (‖S‖ ‖x‖)`.
     pub residuals: Vec<f64>,
-    /// Per pair an a-posteriori bound: some exact eigenvalue lies within `[θ − bound, θ + bound]`, in 1/length² of the input.
+    /// Per pair an a-posteriori bound, in 1/length² of the input. Where `complete` is true, the exact eigenvalue of the same index lies within
+    /// `[θ − bound, θ + bound]`, rounding errors included; otherwise some exact eigenvalue does.
     pub bounds: Vec<f64>,
     /// Per pair an estimate of the error of the eigenvalue, in 1/length² of the input; empty where there is none.
     #[serde(default)]

@@ -14,7 +14,7 @@ use crate::monitor::Monitor;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum OperatorKind {
-    /// Laplace–Beltrami: by cotangents where the mesh is manifold and its triangles are fair, the robust one otherwise.
+    /// Laplace–Beltrami: by cotangents where the mesh is manifold, next to none of its triangles thin and none a needle; the robust one otherwise.
     #[default]
     Auto,
     /// Laplace–Beltrami by the cotangents of the triangles as they are.
@@ -139,6 +139,8 @@ pub enum Reason {
     NonManifold,
     /// More than one face in a thousand is thin.
     ThinFaces,
+    /// Some face is so thin that by cotangents it would spoil the result by itself: its longest edge is over a million times its height.
+    Needle,
 }
 
 /// What was chosen and come across when an operator was made.
@@ -305,6 +307,8 @@ fn choose(
                 (Laplacian::Robust, Reason::NonManifold)
             } else if 1000 * measured.thin_faces > THIN_PER_MILLE * mesh.faces.len() {
                 (Laplacian::Robust, Reason::ThinFaces)
+            } else if measured.needles > 0 {
+                (Laplacian::Robust, Reason::Needle)
             } else {
                 (Laplacian::Cotangent, Reason::FairMesh)
             }

@@ -21,6 +21,10 @@ use crate::mesh::intrinsic::TriangleShape;
 /// A face is thin when the cotangent of one of its angles is larger than this: 0.06 degrees, or 179.94.
 pub(super) const THIN: f64 = 1e3;
 
+/// A face is a needle when its longest edge is so many times its height: by cotangents, its weights are then so large that what rounding leaves of
+/// their sums is felt by the lowest eigenpairs, even if there is only one such face.
+pub(super) const NEEDLE: f64 = 1e6;
+
 /// What assembly came across.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct AssemblyReport {
@@ -66,6 +70,8 @@ pub(super) struct Measured {
     pub zero_area_faces: usize,
     /// Those without area included.
     pub thin_faces: usize,
+    /// Faces with an area, but next to none.
+    pub needles: usize,
 }
 
 /// Measures every face.
@@ -79,8 +85,8 @@ pub(super) fn measure(mesh: &TriangleMesh) -> Result<Measured, OperatorError> {
     if !(sums.area.is_finite() && sums.area > 0.0) {
         return Err(OperatorError::NoArea);
     }
-    let Sums { area, zero_area: zero_area_faces, thin: thin_faces } = sums;
-    Ok(Measured { scale, corners, shapes, area, zero_area_faces, thin_faces })
+    let Sums { area, zero_area: zero_area_faces, thin: thin_faces, needles } = sums;
+    Ok(Measured { scale, corners, shapes, area, zero_area_faces, thin_faces, needles })
 }
 
 /// The problem that follows from the cotangents of the faces as they are, and the number of vertices without mass.
@@ -123,6 +129,7 @@ struct Sums {
     area: f64,
     zero_area: usize,
     thin: usize,
+    needles: usize,
 }
 
 fn face_shapes(mesh: &TriangleMesh, scale: f64) -> (Vec<TriangleShape>, Sums) {
@@ -136,9 +143,13 @@ fn face_shapes(mesh: &TriangleMesh, scale: f64) -> (Vec<TriangleShape>, Sums) {
             for (shape, face) in shapes.iter_mut().zip(faces) {
                 *shape = TriangleShape::of_corners(face.map(|v| mesh.positions[v as usize].map(|c| c * scale)));
                 let steepest = shape.half_cotangents.iter().fold(0.0f64, |most, c| most.max(c.abs()));
+                // The two angles at an edge have cotangents that sum to its length over the height on it.
+                let [a, b, c] = shape.half_cotangents;
+                let longest = 2.0 * (a + b).max(b + c).max(c + a);
                 sums.area += shape.area;
                 sums.zero_area += usize::from(shape.area == 0.0);
                 sums.thin += usize::from(shape.area == 0.0 || steepest > 0.5 * THIN);
+                sums.needles += usize::from(shape.area > 0.0 && longest > NEEDLE);
             }
             sums
         })
@@ -148,6 +159,7 @@ fn face_shapes(mesh: &TriangleMesh, scale: f64) -> (Vec<TriangleShape>, Sums) {
         total.area += part.area;
         total.zero_area += part.zero_area;
         total.thin += part.thin;
+        total.needles += part.needles;
     }
     (shapes, total)
 }

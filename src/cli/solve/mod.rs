@@ -28,7 +28,8 @@ pub struct SolveArguments {
     count: Option<usize>,
 
     /// All eigenpairs below this eigenvalue, in 1/length² of the mesh, instead of a count (hsim)
-    #[arg(long, value_name = "VALUE", help_heading = "Problem", allow_negative_numbers = true, value_parser = finite)]
+    // Negative numbers with an exponent, too, which are no numbers to the parser of arguments.
+    #[arg(long, value_name = "VALUE", help_heading = "Problem", allow_hyphen_values = true, value_parser = finite)]
     below: Option<f64>,
 
     /// The most eigenpairs that --below may deliver
@@ -371,6 +372,10 @@ mod tests {
         let same = json!({"method": "hsim", "below": 2.5, "at_most": 30});
         assert_eq!(bounded, JobParameters::parse("eigenbasis", &same).unwrap());
         assert!(Harness::try_parse_from(["solve", "a.ply", "--below", "1", "-n", "3"]).is_err());
+        let negative = job(&["--method", "hsim", "--below", "-3.1e-05"]).unwrap();
+        let same = json!({"method": "hsim", "below": -3.1e-5});
+        assert_eq!(negative, JobParameters::parse("eigenbasis", &same).unwrap());
+        assert!(Harness::try_parse_from(["solve", "a.ply", "--below", "-n", "3"]).is_err());
         for name in ["--below", "--tolerance"] {
             for value in ["nan", "inf", "x"] {
                 assert!(Harness::try_parse_from(["solve", "a.ply", name, value]).is_err(), "{name} {value}");

@@ -5,12 +5,12 @@ use serde::{Deserialize, Serialize};
 use super::compact::{all_functions, project};
 use super::request::{HsimVariant, MethodName, Request};
 use super::{LARGEST_COUNT, value};
-use crate::algebra::MassMatrix;
+use crate::algebra::{MassMatrix, PANEL_WIDTH, PanelMatrix, residual_sums};
 use crate::basis::{Basis, Certificate, DenseFunctions, Functions, Precision, completeness};
 use crate::job::{JobError, ParameterError};
 use crate::mesh::TriangleMesh;
 use crate::monitor::Monitor;
-use crate::operator::MeshOperator;
+use crate::operator::{EigenProblem, MeshOperator};
 use crate::spectrum::heat::HeatParameters;
 use crate::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Variant, Wanted};
 use crate::spectrum::{ApproximationParameters, Space, subspace};
@@ -39,6 +39,9 @@ pub enum Start {
 
 /// The pairs delivered where a bound is given and no number: storage has to be planned before the spectrum is known.
 const AT_MOST: usize = 1000;
+
+/// Pairs to a smaller tolerance than this are stored in double precision, unless another is asked for: single precision would not keep it.
+const SINGLE: f64 = 1e-4;
 
 /// What is solved, how well, and how it is stored.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,7 +106,8 @@ impl Exact {
             subspace_factor: request.subspace_factor,
             seed: 0,
         };
-        Ok(Self { solver, storage, precision: request.precision.unwrap_or_default() })
+        let precision = request.precision.unwrap_or(if tolerance < SINGLE { Precision::F64 } else { Precision::F32 });
+        Ok(Self { solver, storage, precision })
     }
 
     /// Writes every member of the method.
@@ -166,7 +170,7 @@ impl Exact {
     /// Solves and stores.
     ///
     /// # Errors
-    /// [`JobError`]: pairs that do not converge or stay missing, a space that does not hold them, cancellation.
+    /// [`JobError`]: pairs that do not converge, stay missing or cannot be proven, a space that does not hold them, cancellation.
     pub fn run(
         &self,
         mesh: &TriangleMesh,
@@ -193,13 +197,26 @@ impl Exact {
             _ => hsim::solve(mesh, problem, &parameters, compact, monitor)?,
         };
         let mass = operator.laplacian().mass.scaled(operator.laplacian().area);
-        self.basis(pairs, mass, monitor)
+        let stored = match (self.storage, self.precision) {
+            (StorageKind::Dense, Precision::F32) => Some(residuals_as_stored(&pairs, problem, monitor)?),
+            _ => None,
+        };
+        let mut basis = self.basis(pairs, mass, monitor)?;
+        if let Some(residuals) = stored {
+            basis.certificate.residuals = residuals;
+        }
+        Ok(basis)
     }
 
     /// The basis of what the solver found. `mass` is that of all vertices in the units of the input.
     fn basis(&self, pairs: Eigenpairs, mass: MassMatrix, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+        let complete = completeness(&pairs.values, &pairs.inertia);
+        if complete != Some(true) {
+            let reason = "the inertia counts do not cover the pairs".to_owned();
+            return Err(HsimError::Unproven { reason }.into());
+        }
         let mut certificate = Certificate {
-            complete: completeness(&pairs.values, &pairs.inertia),
+            complete,
             residuals: pairs.residuals,
             bounds: pairs.bounds,
             orthonormality_defect: pairs.orthonormality_defect,
@@ -224,6 +241,39 @@ impl Exact {
         };
         Ok(Basis { functions, eigenvalues: pairs.values, mass, certificate, metadata: serde_json::json!({}) })
     }
+}
+
+/// The residuals (4.6) of columns that are rounded to single precision; those of a kernel remain what they are in double precision.
+fn residuals_as_stored(
+    pairs: &Eigenpairs,
+    problem: &EigenProblem,
+    monitor: &dyn Monitor,
+) -> Result<Vec<f64>, JobError> {
+    let m = pairs.values.len();
+    let mut residuals = pairs.residuals.clone();
+    let values: Vec<f64> = pairs.values.iter().map(|value| value * problem.area).collect();
+    for start in (0..m).step_by(PANEL_WIDTH) {
+        let width = PANEL_WIDTH.min(m - start);
+        let Some(panel) = pairs.vectors.panels().get(start / PANEL_WIDTH) else { break };
+        let rounded =
+            |row: usize| panel[row * PANEL_WIDTH..(row + 1) * PANEL_WIDTH].iter().map(|&x| f64::from(x as f32));
+        let mut block = PanelMatrix::zeros(problem.size(), width);
+        if let Some(into) = block.panels_mut().first_mut() {
+            for (row, into) in into.as_chunks_mut::<PANEL_WIDTH>().0.iter_mut().enumerate() {
+                let vertex = problem.unknowns.as_ref().map_or(row, |unknowns| unknowns[row] as usize);
+                into.iter_mut().zip(rounded(vertex)).for_each(|(into, x)| *into = x);
+            }
+        }
+        let values = &values[start..start + width];
+        let sums =
+            residual_sums(&problem.stiffness, &problem.mass, &block, values, monitor).map_err(HsimError::from)?;
+        for ((residual, sums), &value) in residuals[start..].iter_mut().zip(&sums).zip(values) {
+            if value != 0.0 && sums.residual > 0.0 {
+                *residual = (sums.residual / sums.stiffness).sqrt();
+            }
+        }
+    }
+    Ok(residuals)
 }
 
 /// The dimension of the space that eigenfunctions are stored in: six for each, as long as there are some vertices to a dimension.

@@ -2,7 +2,7 @@
 
 use super::iterate::{Iteration, Plan};
 use super::kernel::Kernel;
-use super::level::{Level, coarsened, space};
+use super::level::{Level, NO_KERNEL, coarsened, space};
 use super::ritz::ritz;
 use super::{HsimError, LevelReport};
 use crate::algebra::{DenseMatrix, MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, prolong};
@@ -83,13 +83,12 @@ pub(super) fn start(
     let count = levels.len();
     for (k, level) in levels.iter().enumerate().rev() {
         monitor.detail(&format!("level {} of {}, dimension {}", count - k, count + 1, level.size()));
-        let kernel = Kernel::new(level);
         if k + 1 == count {
-            let (stiffness, mass) = dense(level);
-            (values, vectors) = densely(stiffness, mass, kernel.dimension(), q, monitor)?;
+            (values, vectors) = densely(level, q, monitor)?;
             reports.push(LevelReport { dimension: level.size(), iterations: 0, shifts: 0 });
             continue;
         }
+        let kernel = Kernel::new(level);
         let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass)?;
         let vectors_here = prolong(&spaces[k + 1], &vectors);
         let mut iteration = Iteration::new(level, &symbolic, &kernel, vectors_here, values, monitor);
@@ -126,26 +125,34 @@ fn peaks(space: &SparseMatrix<f32>) -> Vec<u32> {
 /// The residual (4.6) up to which levels between the coarsest and the mesh are solved: what is left, the mesh removes.
 const MIDDLE_TOLERANCE: f64 = 0.1;
 
-/// The lowest `q` pairs of a dense pencil beside its kernel.
-pub(super) fn densely(
-    stiffness: DenseMatrix,
-    mass: DenseMatrix,
-    kernel: usize,
-    q: usize,
-    monitor: &dyn Monitor,
-) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
-    let count = (kernel + q).min(stiffness.rows());
-    let (mut values, vectors) = ritz(stiffness, mass, count, monitor)?;
-    // What is nearest to zero is the kernel; a potential can have eigenvalues below it.
-    let kernel = kernel.min(values.len());
-    let negative = values.partition_point(|&value| value < 0.0);
-    let near = |from: usize| values[from].abs().max(values[from + kernel - 1].abs());
-    let places = negative.saturating_sub(kernel)..=negative.min(values.len() - kernel);
-    let first = if kernel == 0 { None } else { places.min_by(|&a, &b| near(a).total_cmp(&near(b))) };
-    let first = first.unwrap_or(0);
-    let kept: Vec<usize> = (0..first).chain(first + kernel..values.len()).collect();
-    values.drain(first..first + kernel);
-    Ok((values, PanelMatrix::from_dense(&vectors).select(&kept)))
+/// The lowest `q` pairs of a level beside its kernel, by a dense solve.
+pub(super) fn densely(level: &Level, q: usize, monitor: &dyn Monitor) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
+    let (mut stiffness, mass) = dense(level);
+    // The kernel is moved above all other eigenvalues, where it cannot be taken for one of them.
+    let lumped = level.mass.lumped();
+    let sum = |row: usize| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
+    let height = 8.0 * (0..level.size()).map(|row| sum(row) / lumped[row].abs()).fold(0.0, f64::max);
+    let mut rows: Vec<Vec<usize>> = Vec::new();
+    for (row, &component) in level.component.iter().enumerate() {
+        if component != NO_KERNEL {
+            let component = component as usize;
+            if rows.len() <= component {
+                rows.resize(component + 1, Vec::new());
+            }
+            rows[component].push(row);
+        }
+    }
+    for rows in &rows {
+        let total: f64 = rows.iter().map(|&row| lumped[row]).sum();
+        for &column in rows {
+            let factor = height * lumped[column] / total;
+            let entries = stiffness.column_mut(column);
+            rows.iter().for_each(|&row| entries[row] += factor * lumped[row]);
+        }
+    }
+    let count = q.min(level.size() - rows.len());
+    let (values, vectors) = ritz(stiffness, mass, count, monitor)?;
+    Ok((values, PanelMatrix::from_dense(&vectors)))
 }
 
 /// The pencil of a level as dense matrices.

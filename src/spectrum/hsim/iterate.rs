@@ -11,14 +11,16 @@
 use rayon::prelude::*;
 
 use super::HsimError;
+use super::columns::{defect, lengths, normalise};
+use super::judge::{Count, NULL, Units};
 use super::kernel::Kernel;
 use super::level::Level;
 use super::ritz::ritz;
+use super::shifts::{Group, LOWEST, factor_near, groups, shift};
 use crate::algebra::{
-    ColumnSums, DenseMatrix, Factor, FactorError, MassMatrix, PANEL_WIDTH, PanelMatrix, SymbolicFactor, Weight,
-    apply_mass, gpu, inner_products, residual_panel, residual_sums, restrict, rotate, subtract_combinations,
+    ColumnSums, DenseMatrix, Factor, PANEL_WIDTH, PanelMatrix, SymbolicFactor, Weight, apply_mass, gpu, inner_products,
+    residual_magnitudes, residual_panel, residual_sums, restrict, rotate, subtract_combinations,
 };
-use crate::mesh::random::SplitMix64;
 use crate::monitor::Monitor;
 
 /// How the columns of one level are iterated.
@@ -36,15 +38,18 @@ pub(super) struct Plan {
     pub most_passes: usize,
 }
 
-/// Up to this value (unit area) a pair counts as one of the kernel, whose relative residual would compare rounding errors.
-pub(super) const KERNEL: f64 = 1e-6;
-
 /// Where more than this share of the columns has to be improved, all are replaced at once.
 const REPLACE_SHARE: f64 = 0.4;
 
 /// A step that leaves the worst residual above this share of what it was has stalled; the next one is made with this share of the tolerance.
 const STALLED: f64 = 0.6;
 const STRICT: f64 = 0.01;
+
+/// So many such steps in a row are the end of it.
+const MOST_STALLED: usize = 4;
+
+/// Residuals up to this times what rounding may leave are as small as they get: solves lose digits as well.
+const ABOVE_FLOOR: f64 = 100.0;
 
 /// A coupling of a new direction with an old column counts from this share of what the tolerance allows.
 const COUPLED: f64 = 0.1;
@@ -65,8 +70,8 @@ pub(super) struct Iteration<'a> {
     pub values: Vec<f64>,
     /// What the residual of each column sums up to.
     pub sums: Vec<ColumnSums>,
-    /// Shifts that were factored, and how many eigenvalues lie below each.
-    pub inertia: Vec<(f64, usize)>,
+    /// The counts at the shifts that were factored.
+    pub inertia: Vec<Count>,
     /// Factors that there was room to keep, with their shifts.
     kept: Vec<(f64, Factor<'a>)>,
     /// Memory of factors that were not kept.
@@ -74,6 +79,8 @@ pub(super) struct Iteration<'a> {
     /// Rayleigh–Ritz steps so far.
     pub passes: usize,
     norm: f64,
+    /// About the largest eigenvalue, or more: the largest row sum of the stiffness over the lumped mass.
+    pub spread: f64,
 }
 
 impl<'a> Iteration<'a> {
@@ -86,9 +93,10 @@ impl<'a> Iteration<'a> {
         values: Vec<f64>,
         monitor: &'a dyn Monitor,
     ) -> Self {
-        let norm = (0..level.size())
-            .map(|row| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum())
-            .fold(0.0, f64::max);
+        let sums: Vec<f64> =
+            (0..level.size()).map(|row| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum()).collect();
+        let norm = sums.iter().copied().fold(0.0, f64::max);
+        let spread = sums.iter().zip(level.mass.lumped()).map(|(sum, mass)| sum / mass).fold(0.0, f64::max);
         kernel.remove(&mut vectors);
         Self {
             level,
@@ -103,7 +111,32 @@ impl<'a> Iteration<'a> {
             storage: Vec::new(),
             passes: 0,
             norm,
+            spread,
         }
+    }
+
+    /// The values of the columns and those of the kernel, ascending.
+    pub fn all_values(&self) -> Vec<f64> {
+        let mut values = vec![0.0; self.kernel.dimension()];
+        values.extend_from_slice(&self.values);
+        values.sort_by(f64::total_cmp);
+        values
+    }
+
+    /// How many of the values below a shift are those of the kernel.
+    pub fn kernel_below(&self, shift: f64) -> usize {
+        if shift > 0.0 { self.kernel.dimension() } else { 0 }
+    }
+
+    /// Counts the eigenvalues below a shift.
+    pub fn count(&mut self, shift: f64) -> Result<Count, HsimError> {
+        let storage = self.storage();
+        let (shift, factor) = factor_near(self.level, self.symbolic, shift, self.spread, storage)?;
+        let radius = factor.uncertainty(&self.level.stiffness, &self.level.mass, shift);
+        let count = Count { shift, below: factor.eigenvalues_below(), radius };
+        self.inertia.push(count);
+        self.storage.push(factor.into_storage());
+        Ok(count)
     }
 
     /// The columns by ascending value.
@@ -115,11 +148,11 @@ impl<'a> Iteration<'a> {
 
     /// The residual (4.6) of a column; one for a column that was not solved yet.
     pub fn residual(&self, column: usize) -> f64 {
-        self.sums.get(column).map_or(1.0, |sums| self.residual_of(sums, self.values[column]))
+        self.sums.get(column).map_or(1.0, |sums| self.residual_of(sums))
     }
 
-    fn residual_of(&self, sums: &ColumnSums, value: f64) -> f64 {
-        let (part, whole) = if value.abs() <= KERNEL {
+    fn residual_of(&self, sums: &ColumnSums) -> f64 {
+        let (part, whole) = if sums.stiffness <= (NULL * self.norm).powi(2) * sums.square {
             (sums.stiffness, self.norm * self.norm * sums.square)
         } else {
             (sums.residual, sums.stiffness)
@@ -137,7 +170,7 @@ impl<'a> Iteration<'a> {
 
     /// Iterates until the wanted pairs have converged or the steps are used up.
     pub fn run(&mut self, plan: &Plan) -> Result<(), HsimError> {
-        let mut last = f64::INFINITY;
+        let (mut last, mut least, mut vain) = (f64::INFINITY, (usize::MAX, f64::INFINITY), 0);
         while self.passes < plan.most_passes {
             let pending = self.unconverged(plan);
             if pending.is_empty() {
@@ -153,6 +186,11 @@ impl<'a> Iteration<'a> {
                 let worst = pending.iter().map(|&column| self.residual(column)).fold(0.0, f64::max);
                 let stalled = worst > STALLED * last;
                 last = worst;
+                vain = if pending.len() < least.0 || worst < STALLED * least.1 { 0 } else { vain + 1 };
+                if vain == MOST_STALLED {
+                    return Ok(());
+                }
+                least = (least.0.min(pending.len()), least.1.min(worst));
                 if stalled {
                     // What was left out as too weak a coupling, or a shift too far away, is what keeps the rest from converging.
                     self.release();
@@ -210,16 +248,17 @@ impl<'a> Iteration<'a> {
         );
         self.solve_residuals(&values, &mut directions)?;
         normalise(&mut directions);
-        // Twice is enough.
-        for _ in 0..2 {
-            let products = inner_products(&self.vectors, Weight::Mass(&level.mass), &directions, monitor)?;
-            subtract_combinations(&mut directions, &self.vectors, &products, monitor)?;
-            normalise(&mut directions);
+        self.project(&mut directions)?;
+        normalise(&mut directions);
+        let count = directions.columns();
+        if count == 0 {
+            // Rounding has made the directions dependent on the columns.
+            return self.orthonormalise();
         }
-        let count = pending.len();
         let mut both = block;
-        both.widen(2 * count);
-        both.assign(&(count..2 * count).collect::<Vec<_>>(), &directions);
+        let pairs = pending.len();
+        both.widen(pairs + count);
+        both.assign(&(pairs..pairs + count).collect::<Vec<_>>(), &directions);
         // The pencil in old and new directions, of which the old ones are orthonormal and nearly Ritz vectors.
         let (stiffness, gram) = restrict(&level.stiffness, &level.mass, &directions, monitor)?;
         let coupling = inner_products(&self.vectors, Weight::Stiffness(&level.stiffness), &both, monitor)?;
@@ -232,8 +271,8 @@ impl<'a> Iteration<'a> {
             pencil.0.column_mut(k)[k] = self.values[column];
             pencil.1.column_mut(k)[k] = 1.0;
         }
-        for j in 0..2 * count {
-            let to = if j < count { place[pending[j]] } else { old + j - count };
+        for j in 0..pairs + count {
+            let to = if j < pairs { place[pending[j]] } else { old + j - pairs };
             for (k, &column) in active.iter().enumerate() {
                 let value = coupling.column(j)[column];
                 pencil.0.column_mut(k)[to] = value;
@@ -251,14 +290,15 @@ impl<'a> Iteration<'a> {
             return self.orthonormalise();
         }
         // What comes out below the top of the block beside the old columns was missing from it.
-        let mut kept = values.partition_point(|&value| value < top).max(old).min(values.len());
+        let room = level.size().saturating_sub(self.kernel.dimension() + self.values.len());
+        let mut kept = values.partition_point(|&value| value < top).max(old).min(values.len()).min(old + room);
         let mut both = self.vectors.select(&active);
         both.widen(old + count);
         both.assign(&(old..old + count).collect::<Vec<_>>(), &directions);
         drop(directions);
         rotate(&mut both, &rotation.slice_columns(0..kept), monitor)?;
         let sums = residual_sums(&level.stiffness, &level.mass, &both, &values[..kept], monitor)?;
-        while kept > old && !(self.residual_of(&sums[kept - 1], values[kept - 1]) <= LARGEST_FOUND) {
+        while kept > old && !(self.residual_of(&sums[kept - 1]) <= LARGEST_FOUND) {
             kept -= 1;
         }
         both.keep_columns(kept);
@@ -281,8 +321,8 @@ impl<'a> Iteration<'a> {
         if !self.kept.iter().any(|kept| kept.0 == shift) {
             self.release();
             let storage = self.storage();
-            let factor = factor_near(level, self.symbolic, shift, storage)?;
-            self.inertia.push((shift, factor.eigenvalues_below()));
+            let (at, factor) = factor_near(level, self.symbolic, shift, self.spread, storage)?;
+            self.inertia.push(self.count_of(at, &factor));
             self.kept.push((shift, factor));
         }
         let moving: Vec<usize> = (done..self.vectors.columns()).collect();
@@ -357,23 +397,82 @@ impl<'a> Iteration<'a> {
         }
         let worst = failed.iter().map(|&column| self.residual(column)).fold(0.0, f64::max);
         let (tolerance, iterations) = (plan.tolerance, self.passes);
+        // Where rounding allows no less than what is left of a pair, no iteration helps.
+        let floors = self.floors(&failed)?;
+        let reached =
+            |(floor, &column): (&f64, &usize)| *floor > tolerance && self.residual(column) <= ABOVE_FLOOR * floor;
+        if floors.iter().zip(&failed).any(reached) {
+            return Err(HsimError::Floor { tolerance, floor: floors.iter().copied().fold(0.0, f64::max) });
+        }
         Err(HsimError::NotConverged { count: failed.len(), tolerance, iterations, worst })
     }
 
-    /// The counts that were made up to a shift and that the values agree with, ascending; the last is that of the shift itself.
-    pub fn counts(&self, shift: f64, below: usize) -> Vec<(f64, usize)> {
-        let mut values = self.values.clone();
-        values.sort_by(f64::total_cmp);
-        let kernel = self.kernel.dimension();
-        let agrees = |&(at, below): &(f64, usize)| {
-            let known = if at > 0.0 { kernel } else { 0 };
-            at < shift && values.partition_point(|&value| value < at) + known == below
+    fn count_of(&self, shift: f64, factor: &Factor<'_>) -> Count {
+        let radius = factor.uncertainty(&self.level.stiffness, &self.level.mass, shift);
+        Count { shift, below: factor.eigenvalues_below(), radius }
+    }
+
+    /// The residual (4.6) that rounding may leave to some columns.
+    fn floors(&self, columns: &[usize]) -> Result<Vec<f64>, HsimError> {
+        let level = self.level;
+        let (block, values) = (self.vectors.select(columns), columns.iter().map(|&column| self.values[column]));
+        let values: Vec<f64> = values.collect();
+        let magnitudes = residual_magnitudes(&level.stiffness, &level.mass, &block, &values, 0.0, self.monitor)?;
+        let unit = Units::new(level).row;
+        let floors = magnitudes.iter().zip(columns);
+        Ok(floors.map(|(sums, &column)| unit * (sums.square / self.sums[column].stiffness).sqrt()).collect())
+    }
+
+    /// Takes the kernel and the block off some columns and drops those of which next to nothing is left: where the block holds all there is, that is
+    /// rounding errors, which look like vectors too.
+    pub fn project(&self, columns: &mut PanelMatrix) -> Result<(), HsimError> {
+        let (mass, monitor) = (&self.level.mass, self.monitor);
+        let before = lengths(mass, columns);
+        for _ in 0..2 {
+            self.kernel.remove(columns);
+            let products = inner_products(&self.vectors, Weight::Mass(mass), columns, monitor)?;
+            subtract_combinations(columns, &self.vectors, &products, monitor)?;
+        }
+        let after = lengths(mass, columns);
+        let kept: Vec<usize> = (0..before.len()).filter(|&k| after[k] > LOST * before[k]).collect();
+        if kept.len() < before.len() {
+            *columns = columns.select(&kept);
+        }
+        Ok(())
+    }
+
+    /// The counts below another one that can be trusted and that the values agree with, ascending; the last is that one. The kernel is among the
+    /// columns, which ascend.
+    pub fn counts(&self, last: Count) -> Vec<Count> {
+        let values = &self.values;
+        let agrees = |count: &Count| {
+            count.shift < last.shift
+                && count.is_clear_of(values)
+                && values.partition_point(|&value| value < count.shift) == count.below
         };
-        let mut counts: Vec<(f64, usize)> = self.inertia.iter().copied().filter(agrees).collect();
-        counts.push((shift, below));
-        counts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut counts: Vec<Count> = self.inertia.iter().copied().filter(agrees).collect();
+        counts.push(last);
+        counts.sort_by(|a, b| a.shift.total_cmp(&b.shift));
         counts.dedup();
         counts
+    }
+
+    /// Takes off the columns what rounding left of the kernel in them.
+    pub fn clear_of_kernel(&mut self) {
+        self.kernel.remove(&mut self.vectors);
+    }
+
+    /// Puts the kernel, or `known` functions of it, among the columns, which ascend by value; gives where. Negative eigenvalues, which a potential can have,
+    /// come before it.
+    pub fn insert_kernel(&mut self, known: usize) -> Result<std::ops::Range<usize>, HsimError> {
+        let columns = self.values.len();
+        let negative = self.values.partition_point(|&value| value < 0.0);
+        if known > 0 {
+            let basis = self.kernel.basis(known);
+            self.append(&basis, &vec![0.0; known])?;
+            self.keep((0..negative).chain(columns..columns + known).chain(negative..columns).collect());
+        }
+        Ok(negative..negative + known)
     }
 
     /// Makes the columns orthonormal Ritz vectors again, without solves.
@@ -384,11 +483,15 @@ impl<'a> Iteration<'a> {
 
     /// The pending columns, and those that a new direction is coupled to so strongly that leaving them alone would show in a residual.
     fn active(&self, pending: &[usize], coupling: &DenseMatrix, gram: &DenseMatrix, tolerance: f64) -> Vec<usize> {
-        let count = pending.len();
+        let (pairs, count) = (pending.len(), gram.columns());
         let mut chosen = vec![false; self.values.len()];
-        for j in 0..2 * count {
-            let length = if j < count { 1.0 } else { gram.column(j - count)[j - count].max(0.0).sqrt() };
-            let limit = COUPLED * tolerance * self.values[pending[j % count]].abs() * length;
+        for j in 0..pairs + count {
+            let (length, pair) = if j < pairs {
+                (1.0, j)
+            } else {
+                (gram.column(j - pairs)[j - pairs].max(0.0).sqrt(), (j - pairs).min(pairs - 1))
+            };
+            let limit = COUPLED * tolerance * self.values[pending[pair]].abs() * length;
             for (chosen, coupling) in chosen.iter_mut().zip(coupling.column(j)) {
                 *chosen |= !(coupling.abs() <= limit);
             }
@@ -426,16 +529,17 @@ impl<'a> Iteration<'a> {
         let width = self.batch();
         for batch in open.chunks_mut(width) {
             let storage: Vec<Vec<f64>> = batch.iter().map(|_| self.storage()).collect();
-            let (level, symbolic, monitor, kernel) = (self.level, self.symbolic, self.monitor, self.kernel);
+            let (level, symbolic, monitor, kernel, spread) =
+                (self.level, self.symbolic, self.monitor, self.kernel, self.spread);
             let factors: Vec<(f64, Factor<'a>)> = batch
                 .par_iter_mut()
                 .zip(storage)
                 .map(|((group, panel), storage)| {
                     monitor.checkpoint()?;
-                    let factor = factor_near(level, symbolic, group.shift, storage)?;
+                    let (at, factor) = factor_near(level, symbolic, group.shift, spread, storage)?;
                     factor.solve_panel(panel);
                     kernel.remove_from_panel(panel);
-                    Ok((group.shift, factor))
+                    Ok((at, factor))
                 })
                 .collect::<Result<_, HsimError>>()?;
             self.note(factors);
@@ -446,6 +550,7 @@ impl<'a> Iteration<'a> {
     /// Inverse iterations for the panels of each group with its shift.
     fn solve(&mut self, groups: &[Group], columns: &mut PanelMatrix, iterations: usize) -> Result<(), HsimError> {
         let (level, symbolic, monitor, kernel) = (self.level, self.symbolic, self.monitor, self.kernel);
+        let spread = self.spread;
         self.release();
         let (width, size, pass) = (self.batch(), level.size(), self.passes + 1);
         for (k, batch) in groups.chunks(width).enumerate() {
@@ -457,7 +562,7 @@ impl<'a> Iteration<'a> {
                 .zip(storage)
                 .map(|(group, storage)| {
                     monitor.checkpoint()?;
-                    Ok((group.shift, factor_near(level, symbolic, group.shift, storage)?))
+                    factor_near(level, symbolic, group.shift, spread, storage)
                 })
                 .collect::<Result<_, HsimError>>()?;
             let range = batch[0].panels.start..batch[batch.len() - 1].panels.end;
@@ -484,7 +589,7 @@ impl<'a> Iteration<'a> {
     fn note(&mut self, factors: Vec<(f64, Factor<'a>)>) {
         let room = self.level.size() * self.values.len();
         for (shift, factor) in factors {
-            self.inertia.push((shift, factor.eigenvalues_below()));
+            self.inertia.push(self.count_of(shift, &factor));
             if (self.kept.len() + 1) * self.symbolic.entries() <= room {
                 self.kept.push((shift, factor));
             } else {
@@ -519,99 +624,5 @@ const NEAR: f64 = 0.3;
 /// Columns that are farther from orthonormal are made so again.
 const LARGEST_DEFECT: f64 = 1e-10;
 
-/// An estimate of `‖XᵀMX − I‖` in the Frobenius norm, from the images of random vectors.
-fn defect(vectors: &PanelMatrix, mass: &MassMatrix, monitor: &dyn Monitor) -> Result<f64, HsimError> {
-    let q = vectors.columns();
-    let mut random = SplitMix64::new(0x5eed);
-    let mut weights = DenseMatrix::zeros(q, PROBES);
-    weights.values_mut().iter_mut().for_each(|w| *w = random.signed_unit() * 3f64.sqrt());
-    let mut images = PanelMatrix::zeros(vectors.rows(), PROBES);
-    subtract_combinations(&mut images, vectors, &weights, monitor)?;
-    let back = inner_products(vectors, Weight::Mass(mass), &images, monitor)?;
-    let square: f64 = back.values().iter().zip(weights.values()).map(|(b, w)| (b + w).powi(2)).sum();
-    Ok((square / PROBES as f64).sqrt())
-}
-
-/// Random vectors for an estimate.
-const PROBES: usize = 8;
-
-/// Brings every column to a largest entry of about one.
-pub(super) fn normalise(columns: &mut PanelMatrix) {
-    columns.panels_mut().par_iter_mut().for_each(|panel| {
-        let mut largest = [0f64; PANEL_WIDTH];
-        for row in panel.as_chunks::<PANEL_WIDTH>().0 {
-            for k in 0..PANEL_WIDTH {
-                largest[k] = largest[k].max(row[k].abs());
-            }
-        }
-        let scales = largest.map(|most| if most > 0.0 { most.recip() } else { 0.0 });
-        for row in panel.as_chunks_mut::<PANEL_WIDTH>().0 {
-            for k in 0..PANEL_WIDTH {
-                row[k] *= scales[k];
-            }
-        }
-    });
-}
-
-/// Consecutive panels with one shift.
-#[derive(Debug, Clone)]
-struct Group {
-    panels: std::ops::Range<usize>,
-    shift: f64,
-}
-
-/// Groups of panels for ascending values. The first panel has a low shift of its own: relative to their eigenvalues, the lowest
-/// columns need the most of a solve.
-fn groups(values: &[f64], plan: &Plan) -> Vec<Group> {
-    let panels = values.len().div_ceil(PANEL_WIDTH);
-    let lowest = shift(&values[..values.len().min(LOWEST)]);
-    let mut groups = vec![Group { panels: 0..1.min(panels), shift: lowest }];
-    let count = (panels - 1).div_ceil(plan.panels_per_shift);
-    groups.extend((0..count).map(|k| {
-        let range = 1 + k * (panels - 1) / count..1 + (k + 1) * (panels - 1) / count;
-        let (from, to) = (range.start * PANEL_WIDTH, (range.end * PANEL_WIDTH).min(values.len()));
-        Group { panels: range, shift: shift(&values[from..to]) }
-    }));
-    groups
-}
-
-/// The shift of the first panel lies near the middle of so many values.
-const LOWEST: usize = 12;
-
-/// A shift near the middle of ascending values, in the widest gap there; just below them where they are as good as one.
-fn shift(values: &[f64]) -> f64 {
-    let (least, most) = (values[0], values[values.len() - 1]);
-    let (middle, reach) = (0.5 * (least + most), 0.12 * (most - least));
-    let gap = values
-        .windows(2)
-        .filter(|pair| (0.5 * (pair[0] + pair[1]) - middle).abs() <= reach)
-        .max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
-    match gap {
-        Some(pair) if pair[1] - pair[0] > CLUSTER * (1.0 + middle.abs()) => 0.5 * (pair[0] + pair[1]),
-        _ if reach > CLUSTER * (1.0 + middle.abs()) => middle,
-        _ => least - BESIDE * least.abs() - 0.5,
-    }
-}
-
-/// Values whose gaps are smaller than this, relative to themselves, are not told apart by a shift.
-const CLUSTER: f64 = 1e-3;
-
-/// How far below a cluster its shift lies, relative to it.
-const BESIDE: f64 = 3e-3;
-
-/// A factor at the shift, or beside it where it lies on an eigenvalue.
-pub(super) fn factor_near<'a>(
-    level: &Level,
-    symbolic: &'a SymbolicFactor,
-    shift: f64,
-    mut storage: Vec<f64>,
-) -> Result<Factor<'a>, HsimError> {
-    let mut attempt = 0;
-    loop {
-        let beside = shift + f64::from(attempt) * 1e-7 * (1.0 + shift.abs());
-        match symbolic.factor_in(&level.stiffness, &level.mass, beside, std::mem::take(&mut storage)) {
-            Err(FactorError::Singular { .. }) if attempt < 4 => attempt += 1,
-            result => return Ok(result?),
-        }
-    }
-}
+/// A column of which a projection leaves less than this share is lost in rounding errors.
+const LOST: f64 = 1e-10;

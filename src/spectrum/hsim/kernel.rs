@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::level::{Level, NO_KERNEL};
-use crate::algebra::{PANEL_WIDTH, PanelMatrix, SparseMatrix};
+use crate::algebra::{PANEL_WIDTH, PanelMatrix};
 
 /// The components on which the operator has constants in its kernel.
 #[derive(Debug, Clone)]
@@ -14,46 +14,6 @@ pub(super) struct Kernel<'a> {
     weights: Vec<f64>,
     /// The mass of each component.
     masses: Vec<f64>,
-}
-
-/// Rows of an operator with constants in its kernel sum to zero up to this share of their magnitudes.
-const BALANCE: f64 = 1e-12;
-
-/// Per row the number of its component in the graph of the matrix, if all rows of the component sum to zero; [`NO_KERNEL`] if not.
-pub(super) fn components(stiffness: &SparseMatrix) -> Vec<u32> {
-    let n = stiffness.rows();
-    let mut component = vec![NO_KERNEL; n];
-    let mut seen = vec![false; n];
-    let mut found: Vec<u32> = Vec::new();
-    let mut number = 0;
-    for start in 0..n {
-        if seen[start] {
-            continue;
-        }
-        seen[start] = true;
-        found.clear();
-        found.push(start as u32);
-        let (mut head, mut balanced) = (0, true);
-        while head < found.len() {
-            let (columns, values) = stiffness.row(found[head] as usize);
-            head += 1;
-            let (mut sum, mut size) = (0.0, 0.0);
-            for (&column, &value) in columns.iter().zip(values) {
-                sum += value;
-                size += value.abs();
-                if !seen[column as usize] {
-                    seen[column as usize] = true;
-                    found.push(column);
-                }
-            }
-            balanced &= sum.abs() <= BALANCE * size;
-        }
-        if balanced {
-            found.iter().for_each(|&row| component[row as usize] = number);
-            number += 1;
-        }
-    }
-    component
 }
 
 impl<'a> Kernel<'a> {

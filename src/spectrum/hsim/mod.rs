@@ -1,12 +1,17 @@
 //! HSIM, the hierarchical subspace iteration method (thesis, chapter 4): the lowest eigenpairs to any tolerance, proven complete.
 
 mod certify;
+mod columns;
+mod deliver;
 mod hierarchy;
 mod iterate;
+mod judge;
 mod kernel;
 mod level;
+mod offset;
 mod published;
 mod ritz;
+mod shifts;
 mod solve;
 
 use serde::{Deserialize, Serialize};
@@ -75,7 +80,7 @@ pub struct Eigenpairs {
     pub vectors: PanelMatrix,
     /// Per pair the residual (4.6).
     pub residuals: Vec<f64>,
-    /// Per pair a bound on the distance of an exact eigenvalue, in 1/length² of the input.
+    /// Per pair a bound on the distance of the exact eigenvalue of the same index, rounding errors included, in 1/length² of the input.
     pub bounds: Vec<f64>,
     /// The largest entry of `|XᵀMX − I|`.
     pub orthonormality_defect: f64,
@@ -126,6 +131,20 @@ pub enum HsimError {
         /// The largest residual.
         worst: f64,
     },
+    /// Rounding does not let pairs come as close as they were asked to.
+    #[error("a tolerance of {tolerance:e} is below what double precision allows on this mesh, {floor:e}")]
+    Floor {
+        /// The tolerance asked for.
+        tolerance: f64,
+        /// The least residual that can be relied on.
+        floor: f64,
+    },
+    /// Pairs were found, but nothing that counts as a proof that they are the ones asked for.
+    #[error("the pairs found could not be proven: {reason}")]
+    Unproven {
+        /// What the proof lacks.
+        reason: String,
+    },
     /// The inertia proves that pairs are missing, and they could not be found.
     #[error("{missing} eigenpairs below {shift} are missing")]
     Incomplete {
@@ -145,7 +164,14 @@ impl HsimError {
             Self::Numerical(_) => "eigenproblem-failed",
             Self::NotConverged { .. } => "not-converged",
             Self::Incomplete { .. } => "incomplete",
+            Self::Floor { .. } => "tolerance-below-rounding",
+            Self::Unproven { .. } => "unproven",
         }
+    }
+
+    /// Whether another start, or a longer iteration, may end better.
+    fn is_of_the_iteration(&self) -> bool {
+        matches!(self, Self::NotConverged { .. } | Self::Incomplete { .. } | Self::Unproven { .. } | Self::Numerical(_))
     }
 }
 

@@ -3,8 +3,8 @@
 //! One reading differs: (4.9) takes the `T`-th root for the growth between `T` levels, of which there are `T − 1` steps; the `(T − 1)`-th root makes
 //! the finest level the mesh.
 
-use super::hierarchy::{dense, densely};
-use super::iterate::{Iteration, KERNEL};
+use super::hierarchy::densely;
+use super::iterate::Iteration;
 use super::kernel::Kernel;
 use super::level::{Level, NO_KERNEL, coarsened};
 use super::{HsimError, HsimParameters, LevelReport, Variant};
@@ -94,13 +94,12 @@ pub(super) fn start(
     let (mut values, mut vectors, mut reports) = (Vec::new(), PanelMatrix::default(), Vec::new());
     for (k, level) in levels.iter().enumerate().rev() {
         monitor.detail(&format!("level {} of {}, dimension {}", count - k, count + 1, level.size()));
-        let kernel = Kernel::new(level);
         if k + 1 == count {
-            let (stiffness, mass) = dense(level);
-            (values, vectors) = densely(stiffness, mass, kernel.dimension(), q, monitor)?;
+            (values, vectors) = densely(level, q, monitor)?;
             reports.push(LevelReport { dimension: level.size(), iterations: 0, shifts: 0 });
             continue;
         }
+        let kernel = Kernel::new(level);
         let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass)?;
         let shift = shift(&values, wanted, parameters.shift_ratio);
         let mut iteration =
@@ -143,7 +142,7 @@ pub(super) fn shift(values: &[f64], wanted: usize, ratio: f64) -> f64 {
     let clear = |k: usize| values[k] - values[k - 1] > 1e-3 * values[k].abs();
     (1..=at.min(values.len().saturating_sub(1)))
         .rev()
-        .find(|&k| values[k - 1] > KERNEL && clear(k))
+        .find(|&k| values[k - 1] > 0.0 && clear(k))
         .map_or(BELOW_ZERO, |k| 0.5 * (values[k - 1] + values[k]))
 }
 
