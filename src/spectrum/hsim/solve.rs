@@ -36,7 +36,7 @@ pub fn solve(
     keep_space: bool,
     monitor: &dyn Monitor,
 ) -> Result<Eigenpairs, HsimError> {
-    climb_and_solve(mesh, problem, parameters, keep_space, None, monitor)
+    climb_and_solve(mesh, problem, parameters, keep_space, Given::Nothing, monitor)
 }
 
 /// The same with a given finest nested space, `n × d` with a row for each unknown, which is kept beside the pairs; the published
@@ -55,7 +55,48 @@ pub fn solve_with_space(
         let reason = format!("a space with {} rows is not of a problem with {} unknowns", space.rows(), problem.size());
         return Err(HsimError::Parameter { name: "space", reason });
     }
-    climb_and_solve(mesh, problem, parameters, true, Some(space), monitor)
+    climb_and_solve(mesh, problem, parameters, true, Given::Space(space), monitor)
+}
+
+/// Whether the lowest `count` pairs of a problem of a size are taken from one dense eigenproblem, without a start.
+pub fn is_dense(size: usize, count: usize) -> bool {
+    hierarchy::sizes(size, columns(size, count), None).is_empty()
+}
+
+/// The columns that are iterated on for so many pairs of a problem of a size: so many a start should have.
+pub fn columns(size: usize, count: usize) -> usize {
+    hierarchy::columns(count, size)
+}
+
+/// Iterates from given Ritz pairs on the unknowns: `M`-orthonormal columns with their values, ascending. Nothing is taken for a kernel. Meant for
+/// operators whose unknowns are no values at vertices, so that no hierarchy can be built on them; the variant must be ours and the pairs be
+/// wanted by number.
+///
+/// # Errors
+/// As for [`solve`], and a start that does not fit.
+pub fn solve_from(
+    mesh: &TriangleMesh,
+    problem: &EigenProblem,
+    parameters: &HsimParameters,
+    (vectors, values): (PanelMatrix, Vec<f64>),
+    monitor: &dyn Monitor,
+) -> Result<Eigenpairs, HsimError> {
+    let few = matches!(parameters.wanted, Wanted::Count(count) if count > vectors.columns());
+    if vectors.rows() != problem.size() || vectors.columns() != values.len() || few {
+        let (rows, columns) = (vectors.rows(), vectors.columns());
+        let reason = format!("{columns} columns with {rows} rows are no start for these pairs");
+        return Err(HsimError::Parameter { name: "start", reason });
+    }
+    climb_and_solve(mesh, problem, parameters, false, Given::Start(vectors, values), monitor)
+}
+
+/// What a caller brings along.
+enum Given<'a> {
+    Nothing,
+    /// The finest nested space.
+    Space(&'a SparseMatrix<f32>),
+    /// Ritz pairs on the unknowns.
+    Start(PanelMatrix, Vec<f64>),
 }
 
 fn climb_and_solve(
@@ -63,12 +104,20 @@ fn climb_and_solve(
     problem: &EigenProblem,
     parameters: &HsimParameters,
     keep_space: bool,
-    given: Option<&SparseMatrix<f32>>,
+    given: Given<'_>,
     monitor: &dyn Monitor,
 ) -> Result<Eigenpairs, HsimError> {
     parameters.check()?;
-    let base = base_level(mesh, problem)?;
+    let mut base = base_level(mesh, problem)?;
     let n = base.size();
+    let (given, begun) = match given {
+        Given::Nothing => (None, None),
+        Given::Space(space) => (Some(space), None),
+        Given::Start(vectors, values) => {
+            base.component.fill(NO_KERNEL);
+            (None, Some((vectors, values)))
+        }
+    };
     if let Wanted::Count(count) = parameters.wanted
         && count > n
     {
@@ -85,7 +134,7 @@ fn climb_and_solve(
     let sigma = parameters.sigma.unwrap_or(hierarchy::SIGMA);
     let climb = |q: usize| {
         let mut sizes = hierarchy::sizes(n, q, parameters.levels);
-        if sizes.is_empty() || !sliced {
+        if sizes.is_empty() || !sliced || begun.is_some() {
             return Ok(None);
         }
         if let Some(given) = given {
@@ -131,6 +180,11 @@ fn climb_and_solve(
         iteration.measure()
     };
     let (vectors, values, plain) = match (parameters.variant, start) {
+        _ if begun.is_some() => {
+            let (vectors, values) = begun.unwrap_or_default();
+            let places = super::level::inverse(&finest.order);
+            (vectors.spread(n, &places, &vec![1.0; values.len()]), values, None)
+        }
         (Variant::Sliced, Some(start)) => {
             reports = start.reports;
             let vectors = prolong(&rows_in_order(&start.space, &finest.order), &start.vectors);

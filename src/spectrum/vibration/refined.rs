@@ -4,7 +4,7 @@
 use super::approximate::{Ritz, threefold};
 use super::exact::apart_from_rigid;
 use super::{ElasticProblem, Found, FoundFunctions, Monitor, RigidMotions, VibrationError};
-use crate::algebra::{DenseMatrix, SparseMatrix, SymmetricDefiniteSolver, gpu};
+use crate::algebra::{DenseMatrix, PanelMatrix, SparseMatrix, SymmetricDefiniteSolver, gpu};
 use crate::monitor::Quiet;
 use crate::spectrum::refine::inverse_iterations;
 
@@ -22,6 +22,24 @@ pub(super) fn modes(
     iterations: usize,
     monitor: &dyn Monitor,
 ) -> Result<Found, VibrationError> {
+    let (values, vectors) = pairs(elastic, rigid, (space, ritz), wanted, iterations, monitor)?;
+    Ok(Found {
+        rigid: DenseMatrix::zeros(rigid.motions.len(), values.len()),
+        values,
+        functions: FoundFunctions::Dense(vectors),
+        certificate: serde_json::Value::Null,
+    })
+}
+
+/// The same as values and columns, orthonormal and orthogonal to the rigid motions; at most `wanted`.
+pub(super) fn pairs(
+    elastic: &ElasticProblem,
+    rigid: &RigidMotions,
+    (space, ritz): (&SparseMatrix<f32>, Ritz),
+    wanted: usize,
+    iterations: usize,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<f64>, PanelMatrix), VibrationError> {
     monitor.stage("refine");
     let problem = &elastic.problem;
     let accelerator = gpu::accelerator();
@@ -35,10 +53,5 @@ pub(super) fn modes(
     let (stiffness, gram, resident) = accelerator.restrict(&problem.stiffness, &problem.mass, &vectors, monitor)?;
     let pairs = accelerator.lowest(stiffness, gram, count, &Quiet(monitor))?;
     accelerator.rotate(&mut vectors, resident, &pairs.vectors, monitor)?;
-    Ok(Found {
-        rigid: DenseMatrix::zeros(rigid.motions.len(), count),
-        values: pairs.values,
-        functions: FoundFunctions::Dense(vectors),
-        certificate: serde_json::Value::Null,
-    })
+    Ok((pairs.values, vectors))
 }

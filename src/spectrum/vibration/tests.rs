@@ -1,8 +1,9 @@
 use super::*;
+use crate::algebra::{CpuSolver, SymmetricDefiniteSolver};
 use crate::mesh::TriangleMesh;
 use crate::mesh::shape::{Shape, generate};
 use crate::monitor::Unwatched;
-use crate::operator::elastic::tests::bar;
+use crate::operator::elastic::tests::{bar, plate};
 
 const MATERIAL: Material = Material { young: 1.0, poisson: 0.3, density: 1.0 };
 const HSIM: VibrationMethod = VibrationMethod::Hsim { tolerance: 1e-4 };
@@ -126,6 +127,81 @@ fn clamped_vertices_stay_and_take_rigid_motions_away() {
     for (clamped, rigid) in [(vec![0], 3), (vec![0, 12], 1), (vec![0, 12, 14], 0)] {
         assert_eq!(modes(body, 8, clamped, HSIM).rigid, rigid);
     }
+}
+
+/// The lowest values of the whole problem, by the dense solver.
+fn dense_values(body: ElasticBody<'_>, count: usize, clamped: &[u32]) -> Vec<f64> {
+    let elastic = elastic::assemble(body, &MATERIAL, clamped, &Unwatched).unwrap();
+    let size = elastic.problem.size();
+    let mut mass = DenseMatrix::zeros(size, size);
+    elastic.problem.mass.lumped().iter().enumerate().for_each(|(k, &m)| mass.column_mut(k)[k] = m);
+    let pairs = CpuSolver.lowest(elastic.problem.stiffness.to_dense(), mass, count, &Unwatched).unwrap();
+    pairs.values.into_iter().map(|value| value * elastic.eigenvalue_scale).collect()
+}
+
+fn assert_dense(name: &str, body: ElasticBody<'_>, clamped: &[u32], counts: &[usize]) {
+    let expected = dense_values(body, *counts.last().unwrap(), clamped);
+    for &count in counts {
+        let found = modes(body, count, clamped.to_vec(), HSIM);
+        assert_eq!(found.eigenvalues.len(), count, "{name}");
+        for (k, (value, expected)) in found.eigenvalues.iter().zip(&expected).enumerate() {
+            if k < found.rigid {
+                assert!(
+                    *value == 0.0 && *expected < 1e-6 * found.eigenvalues[found.rigid],
+                    "{name}, {count}: {expected}"
+                );
+            } else {
+                assert!((value / expected - 1.0).abs() < 1e-6, "{name}, {count}, {k}: {value} is not {expected}");
+            }
+        }
+    }
+}
+
+/// Around the size at which an object is no longer solved densely, with few and with many of its vertices held.
+#[test]
+fn hsim_has_the_values_of_a_dense_solver_whatever_the_size_and_the_clamps() {
+    for (i, j) in [(12, 12), (20, 20), (40, 10), (60, 6), (30, 15), (23, 21)] {
+        let mesh = plate(i as f64 / j as f64, 1.0, i, j);
+        let body = ElasticBody::Shell { mesh: &mesh, thickness: 0.02 };
+        let n = mesh.positions.len() as u32;
+        let (row, width) = (i as u32 + 1, i as u32 + 1);
+        let left = (0..n).filter(|v| v % width == 0).collect();
+        let rim =
+            (0..n).filter(|v| [0, i as u32].contains(&(v % width)) || [0, j as u32].contains(&(v / width))).collect();
+        let clamps: [(&str, Vec<u32>); 5] = [
+            ("free", Vec::new()),
+            ("a row", (0..row).collect()),
+            ("a column", left),
+            ("the rim", rim),
+            ("a third", (0..n / 3).collect()),
+        ];
+        for (name, clamped) in &clamps {
+            assert_dense(&format!("{i} × {j}, {name}"), body, clamped, &[20, 60]);
+        }
+    }
+}
+
+#[test]
+fn hsim_has_the_values_of_a_dense_solver_for_cantilevers() {
+    for cells in [[12, 5, 5], [16, 5, 5], [9, 4, 4], [20, 6, 3]] {
+        let mesh = bar(cells.map(|c| c as f64), cells);
+        let body = ElasticBody::Solid { mesh: &mesh };
+        for held in [0.0, 0.4] {
+            let most = held * cells[0] as f64;
+            let wall: Vec<u32> =
+                (0..mesh.positions.len() as u32).filter(|&v| mesh.positions[v as usize][0] <= most).collect();
+            assert_dense(&format!("{cells:?}, {held}"), body, &wall, &[10, 40]);
+        }
+    }
+}
+
+#[test]
+fn two_hundred_modes_of_a_plate_are_those_of_a_dense_solver() {
+    let mesh = plate(1.0, 1.0, 31, 31);
+    let body = ElasticBody::Shell { mesh: &mesh, thickness: 0.02 };
+    let rim = (0..1024u32).filter(|v| [0, 31].contains(&(v % 32)) || [0, 31].contains(&(v / 32))).collect::<Vec<_>>();
+    assert_dense("the rim", body, &rim, &[200]);
+    assert_dense("a row", body, &(0..32).collect::<Vec<_>>(), &[200]);
 }
 
 #[test]
