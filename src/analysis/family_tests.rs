@@ -5,15 +5,9 @@ use crate::mesh::shape::{Shape, generate};
 use crate::operator::family::family;
 use crate::operator::{OperatorKind, OperatorParameters, Potential, assemble};
 use crate::spectrum::family::restrict_family;
-use crate::spectrum::heat::HeatParameters;
-use crate::spectrum::{ApproximationParameters, Space};
-
-fn space(dimension: usize) -> ApproximationParameters {
-    ApproximationParameters { count: dimension, dimension, space: Space::Heat(HeatParameters::default()), seed: 0 }
-}
 
 fn restricted(mesh: &TriangleMesh, dimension: usize) -> FamilyBasis {
-    restrict_family(mesh, &family(mesh, &Unwatched).unwrap(), &space(dimension), &Unwatched).unwrap()
+    restrict_family(mesh, &family(mesh, &Unwatched).unwrap(), dimension, 0, &Unwatched).unwrap()
 }
 
 /// The Laplacian, which is not solved for, fits its neighbours.
@@ -69,7 +63,7 @@ fn eigenfunctions_are_orthonormal_and_the_approximation_is_close_to_a_finer_one(
     for (a, b) in low.eigenvalues.iter().zip(&high.eigenvalues) {
         assert!(*a > 0.999 * b && *a < 1.02 * b, "{a} {b}");
     }
-    let lifted = crate::algebra::space_times(&coarse.space, &low.coefficients).unwrap();
+    let lifted = coarse.lift(&low.coefficients).unwrap();
     let weighted: Vec<Vec<f64>> = (0..40).map(|k| coarse.mass.multiply(lifted.column(k)).unwrap()).collect();
     for i in 0..40 {
         for j in 0..40 {

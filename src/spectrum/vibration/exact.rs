@@ -8,7 +8,8 @@ use std::iter;
 
 use super::approximate::modes as approximate;
 use super::{
-    ElasticBody, ElasticProblem, Found, FoundFunctions, Monitor, RigidMotions, VibrationError, refined, space,
+    ElasticBody, ElasticProblem, Found, FoundFunctions, Iterations, Monitor, RigidMotions, VibrationError, refined,
+    space,
 };
 use crate::algebra::{
     DenseMatrix, MassMatrix, PanelMatrix, SparseMatrix, Weight, inner_products, subtract_combinations,
@@ -53,13 +54,13 @@ pub(super) fn modes(
     let dimension = columns.max(LEAST_DIMENSION).min(elastic.moving.len() / 2);
     let space = space::functions(body, elastic, dimension, true, seed, monitor)?;
     let ritz = approximate(elastic, rigid, &space, columns - free, monitor)?;
-    let (values, vectors) = refined::pairs(elastic, rigid, (&space, ritz), columns - free, START_ITERATIONS, monitor)?;
+    let start = refined::modes(elastic, rigid, (&space, ritz), columns - free, START_ITERATIONS, monitor)?;
     drop(space);
-    let unit = unit(values.first());
+    let unit = unit(start.values.first());
     let problem = shifted(&elastic.problem, unit);
-    let values = iter::repeat_n(1.0, free).chain(values.iter().map(|value| 1.0 + value / unit)).collect();
-    let pairs =
-        hsim::solve_from(&places, &problem, &parameters, (after_rigid(elastic, rigid, &vectors), values), monitor)?;
+    let values = iter::repeat_n(1.0, free).chain(start.values.iter().map(|value| 1.0 + value / unit)).collect();
+    let vectors = after_rigid(elastic, rigid, &start.vectors);
+    let pairs = hsim::solve_from(&places, &problem, &parameters, (vectors, values), monitor)?;
     beside_rigid(elastic, rigid, pairs, unit, monitor)
 }
 
@@ -67,7 +68,7 @@ pub(super) fn modes(
 const LEAST_DIMENSION: usize = 150;
 
 /// Inverse iterations of a start: without them what the space locks lies so high that the first shifts would be far from everything wanted.
-const START_ITERATIONS: usize = 2;
+const START_ITERATIONS: Iterations = Iterations::Exactly(2);
 
 /// What eigenvalues are measured in.
 fn unit(lowest: Option<&f64>) -> f64 {

@@ -14,10 +14,11 @@ fn modes(body: ElasticBody<'_>, count: usize, clamped: Vec<u32>, method: Vibrati
 }
 
 fn local(dimension: usize) -> VibrationMethod {
-    VibrationMethod::Approximate { dimension, local_coordinates: true, inverse_iterations: 0 }
+    refined(dimension, 0)
 }
 
 fn refined(dimension: usize, inverse_iterations: usize) -> VibrationMethod {
+    let inverse_iterations = Iterations::Exactly(inverse_iterations);
     VibrationMethod::Approximate { dimension, local_coordinates: true, inverse_iterations }
 }
 
@@ -52,7 +53,11 @@ fn six_modes_of_a_free_object_are_rigid_and_the_others_are_not() {
         for method in [
             HSIM,
             local(120),
-            VibrationMethod::Approximate { dimension: 80, local_coordinates: false, inverse_iterations: 0 },
+            VibrationMethod::Approximate {
+                dimension: 80,
+                local_coordinates: false,
+                inverse_iterations: Iterations::Exactly(0),
+            },
             refined(80, 1),
         ] {
             let basis = modes(body, 20, Vec::new(), method);
