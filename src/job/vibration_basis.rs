@@ -254,6 +254,14 @@ mod tests {
         let given = json!({"method": "approximate", "count": 20, "thickness": 0.01, "clamped": [5, 3, 5]});
         let parameters = VibrationBasisParameters::parse(&given).unwrap();
         assert_eq!((&parameters.clamped, parameters.dimension), (&vec![3, 5], Some(60)));
+        let method = |parameters: &VibrationBasisParameters| parameters.vibration().method;
+        let iterations = |method| match method {
+            VibrationMethod::Approximate { inverse_iterations, .. } => Some(inverse_iterations),
+            VibrationMethod::Hsim { .. } => None,
+        };
+        assert_eq!(iterations(method(&parameters)), Some(Iterations::Until(ERROR)));
+        let none = VibrationBasisParameters::parse(&json!({"method": "approximate", "inverse_iterations": 0})).unwrap();
+        assert_eq!(iterations(method(&none)), Some(Iterations::Exactly(0)));
         assert_eq!(VibrationBasisParameters::parse(&parameters.canonical()).unwrap(), parameters);
         let hsim = VibrationBasisParameters::parse(&Value::Null).unwrap();
         assert_eq!(VibrationBasisParameters::parse(&hsim.canonical()).unwrap(), hsim);

@@ -2,20 +2,24 @@
 //! local functions, stretching where it should bend, are high modes; an inverse iteration damps them by the ratio of eigenvalues.
 //!
 //! How far a frequency still is from that of the mesh is estimated from its last change. An iteration multiplies what a mode holds of others by
-//! `(λ + σ) / (μ + σ)` at most, where `μ` is the highest value of the columns, and so the error of its eigenvalue by the square `ρ` of that: after a change
-//! of `δ` about `δ ρ / (1 − ρ)` is left.
+//! `(λ + σ) / (μ + σ)` at most, where `μ` is the highest value that the columns hold, and so the error of its eigenvalue by the square `ρ` of that: after
+//! a change of `δ` about `δ ρ / (1 − ρ)` is left. The highest guards are far too high themselves, so `μ` is taken from the middle of the guards.
 
 use super::approximate::{Ritz, threefold};
 use super::exact::apart_from_rigid;
 use super::{ElasticProblem, Found, FoundFunctions, Iterations, Monitor, RigidMotions, VibrationError};
 use crate::algebra::{DenseMatrix, PanelMatrix, SparseMatrix, SymmetricDefiniteSolver, gpu};
+use crate::mesh::random::SplitMix64;
 use crate::monitor::Quiet;
 use crate::spectrum::refine::inverse_iterations_until;
 
 /// Columns beyond the wanted ones that are refined with them.
 pub(super) fn guards(wanted: usize) -> usize {
-    8 + wanted / 4
+    8 + wanted / 2
 }
+
+/// Random columns beside those of the space: a mode that the space lacks altogether is in them.
+const RANDOM: usize = 8;
 
 /// The most iterations where an error has to be reached.
 const MOST_ITERATIONS: usize = 10;
@@ -66,8 +70,11 @@ pub(super) fn modes(
     let problem = &elastic.problem;
     let accelerator = gpu::accelerator();
     let mut vectors = accelerator.lift(&threefold(space), &ritz.coefficients, monitor)?;
-    apart_from_rigid(elastic, rigid, &mut vectors, monitor)?;
     let count = wanted.min(vectors.columns());
+    if count > 0 && count + RANDOM <= problem.size() / 2 {
+        add_random(&mut vectors);
+    }
+    apart_from_rigid(elastic, rigid, &mut vectors, monitor)?;
     let mut refined =
         Refined { values: ritz.values, vectors: PanelMatrix::default(), errors: Vec::new(), iterations: 0 };
     if count > 0 {
@@ -79,7 +86,7 @@ pub(super) fn modes(
             let columns = vectors.columns();
             let pairs = accelerator.lowest(stiffness, gram, columns, &Quiet(monitor))?;
             accelerator.rotate(&mut vectors, resident, &pairs.vectors, monitor)?;
-            let highest = pairs.values[columns - 1] + shift;
+            let highest = pairs.values[(count + columns - 1 - RANDOM.min(columns - count)) / 2] + shift;
             let error = |k: usize| {
                 let damping = ((pairs.values[k] + shift) / highest).powi(2).max(LEAST_DAMPING);
                 let change = (refined.values[k] - pairs.values[k]).max(0.0);
@@ -99,4 +106,13 @@ pub(super) fn modes(
     refined.values.truncate(count);
     refined.vectors = vectors;
     Ok(refined)
+}
+
+/// Appends [`RANDOM`] columns of random numbers.
+fn add_random(vectors: &mut PanelMatrix) {
+    let (mut random, first) = (SplitMix64::new(0x5eed), vectors.columns());
+    vectors.widen(first + RANDOM);
+    let mut columns = DenseMatrix::zeros(vectors.rows(), RANDOM);
+    columns.values_mut().iter_mut().for_each(|x| *x = random.signed_unit());
+    vectors.assign(&(first..first + RANDOM).collect::<Vec<_>>(), &PanelMatrix::from_dense(&columns));
 }

@@ -113,6 +113,29 @@ fn approximate_values_lie_above_those_of_hsim_and_come_down_with_the_dimension()
 }
 
 #[test]
+fn iterations_go_on_until_the_estimate_allows_the_error_and_the_estimate_can_be_trusted() {
+    let mesh = generate(Shape::Knot, 1500).unwrap();
+    let body = ElasticBody::Shell { mesh: &mesh, thickness: 0.05 };
+    let exact = modes(body, 40, Vec::new(), HSIM).frequencies();
+    let mut last = 0;
+    for most in [0.05, 0.01, 1e-4] {
+        let inverse_iterations = Iterations::Until(most);
+        let method = VibrationMethod::Approximate { dimension: 80, local_coordinates: true, inverse_iterations };
+        let basis = modes(body, 40, Vec::new(), method);
+        let certificate = &basis.metadata["certificate"];
+        assert_eq!(certificate["complete"], false);
+        assert!(certificate["estimated_error"].as_f64().unwrap() <= most);
+        let made = certificate["inverse_iterations"].as_u64().unwrap();
+        assert!(made >= last && made <= 10, "{most}: {made}");
+        last = made;
+        for (k, (found, exact)) in basis.frequencies().iter().zip(&exact).enumerate().skip(6) {
+            assert!(found / exact - 1.0 < most, "{most}, {k}: {}", found / exact - 1.0);
+        }
+    }
+    assert!(last > 1);
+}
+
+#[test]
 fn clamped_vertices_stay_and_take_rigid_motions_away() {
     let mesh = bar([4.0, 1.0, 1.0], [12, 3, 3]);
     let all = 0..mesh.positions.len() as u32;
