@@ -212,7 +212,7 @@ impl Work for VibrationBasisParameters {
                 let refined = match self.inverse_iterations {
                     Some(0) => 0,
                     // The problem once more, a factor, three blocks of columns.
-                    _ => operator + 16 * self.fill(n) + 24 * 3 * n * (m + m / 4 + 40) + 12 * n * m,
+                    _ => operator + 16 * self.fill(n) + 24 * 3 * n * (m + m / 2 + 48) + 12 * n * m,
                 };
                 2500 * n + 32 * d * d + 8 * d * m + refined
             }

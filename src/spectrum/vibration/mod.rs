@@ -48,7 +48,7 @@ pub enum VibrationMethod {
 pub enum Iterations {
     /// So many.
     Exactly(usize),
-    /// At least one, and more until the estimated relative error of every frequency is at most this, or ten were made.
+    /// Three, and more until the estimated relative error of every frequency is at most this, or ten were made.
     Until(f64),
 }
 

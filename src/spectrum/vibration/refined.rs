@@ -21,7 +21,8 @@ pub(super) fn guards(wanted: usize) -> usize {
 /// Random columns beside those of the space: a mode that the space lacks altogether is in them.
 const RANDOM: usize = 8;
 
-/// The most iterations where an error has to be reached.
+/// The fewest and the most iterations where an error has to be reached: what only the random columns hold takes three to show in the values.
+const FEWEST_ITERATIONS: usize = 3;
 const MOST_ITERATIONS: usize = 10;
 
 /// An iteration counts as damping an error by this factor at best: what its columns lack altogether, no ratio of their values tells of.
@@ -97,7 +98,10 @@ pub(super) fn modes(
             (refined.values, refined.iterations) = (pairs.values, done);
             let enough = match iterations {
                 Iterations::Exactly(most) => done >= most,
-                Iterations::Until(most) => done == MOST_ITERATIONS || refined.errors.iter().all(|&error| error <= most),
+                Iterations::Until(most) => {
+                    done == MOST_ITERATIONS
+                        || done >= FEWEST_ITERATIONS && refined.errors.iter().all(|&error| error <= most)
+                }
             };
             Ok::<_, VibrationError>((vectors, enough))
         })?;
