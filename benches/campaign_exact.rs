@@ -1,7 +1,7 @@
 //! Random solves of the exact methods on small hard meshes, judged against dense solves:
 //! `cargo bench --bench campaign_exact -- --solves 1000 --seed 1 [--verbose]`. Fails where an answer that is called complete is not.
 
-mod campaign;
+mod exact_cases;
 
 use std::process::ExitCode;
 
@@ -14,7 +14,7 @@ fn main() -> ExitCode {
     let (solves, seed) = (number("--solves", 400) as usize, number("--seed", 1));
     let verbose = arguments.iter().any(|argument| argument == "--verbose");
     let started = std::time::Instant::now();
-    let summary = campaign::run(solves, seed, verbose, |line| println!("{line}"));
+    let summary = exact_cases::run(solves, seed, verbose, |line| println!("{line}"));
     println!("\n{} solves from seed {seed} in {:.0} s", summary.solves, started.elapsed().as_secs_f64());
     println!("{:>8} complete", summary.complete);
     println!("{:>8} of them false", summary.false_complete);

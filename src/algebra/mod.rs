@@ -13,6 +13,7 @@ mod factor_solve;
 mod factored;
 mod galerkin;
 pub mod gpu;
+mod independent;
 mod lift;
 mod mass;
 mod multigrid;
@@ -34,6 +35,7 @@ pub use eigen::{ComputedOn, CpuSolver, EigenError, EigenPairs, SymmetricDefinite
 pub use factor::{Factor, FactorError, FactorNumbers, SymbolicFactor};
 pub use factored::{space_times, space_times_single, space_transposed_mass_times};
 pub use galerkin::{GalerkinError, galerkin};
+pub use independent::independent_columns;
 pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::MassMatrix;
 pub use multigrid::{CYCLE_WIDTH, CycleRow, CycleWorkspace, Multigrid, MultigridError};

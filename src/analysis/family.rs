@@ -1,6 +1,6 @@
 //! A family of operators in one subspace (thesis, §2.6): the lowest pairs of any of them at interactive rates.
 //!
-//! With the columns of `U` fixed, every operator `(1 − t) S + t A + v V` restricts to `(1 − t) S̄ + t Ā + v V̄`. The family is kept in the Ritz
+//! In a fixed space every operator `(1 − t) S + t A + v V` restricts to `(1 − t) S̄ + t Ā + v V̄`. The family is kept in the Ritz
 //! coordinates of the Laplacian, in which `M̄` is the identity and `S̄` diagonal. Then a query is one standard symmetric eigenproblem of size
 //! `d`, of which only the lowest pairs are wanted.
 
@@ -38,7 +38,7 @@ pub enum FamilyError {
 pub struct Spectrum {
     /// Ascending, in 1/length² of the input.
     pub eigenvalues: Vec<f64>,
-    /// `d × m`: eigenfunctions are `U` times these, orthonormal for the mass of the input.
+    /// `d × m`: eigenfunctions are the functions of the family times these, orthonormal for the mass of the input.
     pub coefficients: DenseMatrix,
 }
 
@@ -74,12 +74,13 @@ pub fn spectrum(family: &FamilyBasis, member: Member, count: usize) -> Result<Sp
     if member == Member::default() {
         // The Laplacian: its pairs are the coordinates.
         let eigenvalues = family.eigenvalues[..count].to_vec();
-        return Ok(Spectrum { eigenvalues, coefficients: family.coefficients.slice_columns(0..count) });
+        let mut coefficients = DenseMatrix::zeros(d, count);
+        (0..count).for_each(|k| coefficients.column_mut(k)[k] = 1.0);
+        return Ok(Spectrum { eigenvalues, coefficients });
     }
     let matrix = family.combined(1.0 - member.extrinsic, member.extrinsic, member.curvature);
     let pairs = lowest_symmetric(matrix, count, &Unwatched)?;
-    let coefficients = family.coefficients.times(&pairs.vectors).unwrap_or_default();
-    Ok(Spectrum { eigenvalues: pairs.values, coefficients })
+    Ok(Spectrum { eigenvalues: pairs.values, coefficients: pairs.vectors })
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use crate::mesh::TriangleMesh;
 use crate::mesh::shape::{Shape, generate};
 use crate::monitor::Unwatched;
 use crate::operator::elastic::{ElasticBody, Material};
-use crate::spectrum::vibration::{VibrationMethod, VibrationParameters, vibration_modes};
+use crate::spectrum::vibration::{Iterations, VibrationMethod, VibrationParameters, vibration_modes};
 
 fn modes(mesh: &TriangleMesh, count: usize, method: VibrationMethod) -> ModalBasis {
     let material = Material { young: 1e9, poisson: 0.3, density: 1000.0 };
@@ -115,7 +115,7 @@ fn a_simulation_with_approximate_modes_is_close_to_one_with_exact_modes() {
     let method = |dimension, inverse_iterations| VibrationMethod::Approximate {
         dimension,
         local_coordinates: true,
-        inverse_iterations,
+        inverse_iterations: Iterations::Exactly(inverse_iterations),
     };
     let [positions, displacements] = simulation_errors(&exact, &modes(&mesh, 60, method(480, 0)), &mesh.positions);
     assert!(positions < 0.01 && displacements > positions, "{positions} {displacements}");

@@ -2,20 +2,18 @@
 
 use rayon::prelude::*;
 
-use crate::algebra::{DenseMatrix, MassMatrix, SparseMatrix};
+use crate::algebra::{DenseMatrix, MassMatrix, row_parts};
 
 /// `S`, `A` and the curvature potential `V` in one space of `d` functions on `n` vertices, in the Ritz coordinates of `S`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FamilyBasis {
-    /// `U`, `n × d`.
-    pub space: SparseMatrix<f32>,
-    /// `d × d`: the Ritz vectors `W` of the Laplacian in the space; `WᵀM̄W = I` for the mass of the input.
-    pub coefficients: DenseMatrix,
-    /// `d` Ritz values of the Laplacian, ascending, in 1/length² of the input: the diagonal of `WᵀS̄W`.
+    /// `W`, `n × d`, one column after the other: the Ritz vectors of the Laplacian in the space; `WᵀMW = I` for the mass of the input.
+    pub functions: Vec<f32>,
+    /// `d` Ritz values of the Laplacian, ascending, in 1/length² of the input: the diagonal of `WᵀSW`.
     pub eigenvalues: Vec<f64>,
-    /// `WᵀĀW`, `d × d`, symmetric.
+    /// `WᵀAW`, `d × d`, symmetric.
     pub extrinsic: DenseMatrix,
-    /// `WᵀV̄W`, `d × d`, symmetric, with `V = κ₁² + κ₂²`.
+    /// `WᵀVW`, `d × d`, symmetric, with `V = κ₁² + κ₂²`.
     pub curvature: DenseMatrix,
     /// The mass of the input, `n × n`.
     pub mass: MassMatrix,
@@ -31,7 +29,7 @@ impl FamilyBasis {
 
     /// `n`.
     pub fn vertices(&self) -> usize {
-        self.space.rows()
+        self.mass.size()
     }
 
     /// `s S + a A + v V` in Ritz coordinates, `d × d`.
@@ -48,9 +46,34 @@ impl FamilyBasis {
         matrix
     }
 
+    /// `W c` for coefficients `c`, `d × m`: `n × m`. In f64, in parallel. `None` where sizes do not fit.
+    pub fn lift(&self, coefficients: &DenseMatrix) -> Option<DenseMatrix> {
+        let (n, d, m) = (self.vertices(), self.dimension(), coefficients.columns());
+        if coefficients.rows() != d || self.functions.len() != n * d {
+            return None;
+        }
+        let mut lifted = DenseMatrix::zeros(n, m);
+        let tasks = row_parts(lifted.values_mut(), n, ROWS_PER_TASK);
+        tasks.into_par_iter().enumerate().for_each(|(task, mut columns)| {
+            let (from, rows) = (task * ROWS_PER_TASK, columns.first().map_or(0, |column| column.len()));
+            let mut block = DenseMatrix::zeros(rows, d);
+            for (to, function) in block.values_mut().chunks_exact_mut(rows.max(1)).zip(self.functions.chunks_exact(n)) {
+                to.iter_mut().zip(&function[from..]).for_each(|(to, &value)| *to = f64::from(value));
+            }
+            let product = block.times(coefficients).unwrap_or_default();
+            for (mode, out) in columns.iter_mut().enumerate().take(product.columns()) {
+                out.copy_from_slice(product.column(mode));
+            }
+        });
+        Some(lifted)
+    }
+
     /// About the bytes that the family takes as stored.
     pub fn stored_bytes(&self) -> u64 {
         let (n, d) = (self.vertices() as u64, self.dimension() as u64);
-        8 * self.space.entries() as u64 + 12 * n + 8 * d + 24 * d * d
+        4 * n * d + 8 * n + 8 * d + 16 * d * d
     }
 }
+
+/// Rows that one task widens to double precision at a time.
+const ROWS_PER_TASK: usize = 512;

@@ -149,9 +149,9 @@ impl Product {
                 rows: family.vertices(),
                 dimension: Some(family.dimension()),
                 count: family.dimension(),
-                nonzeros: Some(family.space.entries()),
                 eigenvalues: family.eigenvalues.clone(),
                 operator: family.metadata["operator"].clone(),
+                details: json!({"anchors": family.metadata["anchors"]}),
                 dense_bytes: 8 * (family.vertices() * family.dimension()) as u64,
                 ..Summary::default()
             },
@@ -291,8 +291,7 @@ mod tests {
         let square = |seed: f64| crate::algebra::DenseMatrix::from_columns(2, 2, vec![seed, 0.5, 0.5, 1.0]).unwrap();
         let basis = small_basis(false);
         FamilyBasis {
-            space: basis.compact().unwrap().space.clone(),
-            coefficients: square(1.0),
+            functions: (0..6).map(|k| k as f32).collect(),
             eigenvalues: vec![0.0, 2.0],
             extrinsic: square(3.0),
             curvature: square(4.0),

@@ -66,7 +66,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
         ("below" = (summary = "All pairs below an eigenvalue, at most 400, stored compactly", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"method": "hsim", "below": 900.0, "at_most": 400, "storage": "compact"}}))),
         ("fields" = (summary = "A space of 4-fields of 2,000 dimensions", value = json!({"kind": "field_basis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"field": "n_vector", "n": 4, "dimension": 2000}}))),
         ("vibration" = (summary = "60 vibration modes of a steel shell of a millimetre, in metres", value = json!({"kind": "vibration_basis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"count": 60, "thickness": 0.001}}))),
-        ("family" = (summary = "A family of operators", value = json!({"kind": "operator_family", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"dimension": 1000}}))),
+        ("family" = (summary = "A family of operators", value = json!({"kind": "operator_family", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"dimension": 780}}))),
         ("operator" = (summary = "A Hamiltonian with functions that vanish on the boundary", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"count": 100, "operator": {"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}, "boundary": "dirichlet"}}))),
     )),
     responses(

@@ -124,7 +124,7 @@ pub struct JobRequest {
     ///
     /// A parameter of another method is refused by name.
     ///
-    /// `operator_family`: `dimension` (of the subspace, default 1000), `seed`.
+    /// `operator_family`: `dimension` (of the subspace, default 780), `seed`.
     ///
     /// `vibration_basis`: `count` (modes, rigid motions included), `thickness` (of a shell; without it the tetrahedra of a solid vibrate),
     /// `material` (`{"young": 2e11, "poisson": 0.3, "density": 7800}`), `clamped` (vertices), `method` (`hsim`, the default, with

@@ -8,9 +8,7 @@ use crate::basis::Product;
 use crate::mesh::TriangleMesh;
 use crate::monitor::Monitor;
 use crate::operator::family::family;
-use crate::spectrum::family::restrict_family;
-use crate::spectrum::heat::HeatParameters;
-use crate::spectrum::{ApproximationParameters, Space};
+use crate::spectrum::family::{ANCHORS, restrict_family};
 
 /// The largest subspace of a family: every spectrum of it takes a dense matrix of that size.
 pub const LARGEST_DIMENSION: usize = 4000;
@@ -19,7 +17,8 @@ pub const LARGEST_DIMENSION: usize = 4000;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OperatorFamilyParameters {
-    /// The dimension of the subspace, 10 to 4000.
+    /// The most functions of the subspace, 10 to 4000. An equal share of them are eigenfunctions of each anchor; spectra are accurate up to about three
+    /// quarters of that many pairs.
     pub dimension: usize,
     /// Seeds everything that is drawn at random.
     pub seed: u64,
@@ -27,7 +26,7 @@ pub struct OperatorFamilyParameters {
 
 impl Default for OperatorFamilyParameters {
     fn default() -> Self {
-        Self { dimension: 1000, seed: 0 }
+        Self { dimension: 780, seed: 0 }
     }
 }
 
@@ -56,21 +55,18 @@ impl Work for OperatorFamilyParameters {
     }
 
     fn memory_bytes(&self, mesh: MeshSize) -> u64 {
-        let (n, d) = (mesh.vertices as u64, (self.dimension as u64 * 3 / 2).min(mesh.vertices as u64));
-        // Mesh and operators, the space and what makes it, and seven dense matrices.
-        24 * n + 12 * mesh.faces as u64 + 400 * n + 700 * n + 56 * d * d + (64 << 20)
+        let (n, most) = (mesh.vertices as u64, (self.dimension as u64 * 3 / 2).min(mesh.vertices as u64));
+        let d = if n < 3 * self.dimension as u64 / 2 { most } else { self.dimension as u64 };
+        let (stacked, pairs) = (d * 11 / 10 + 32, d / ANCHORS.len() as u64 + 64);
+        // Mesh and operators; the columns of all anchors beside those of one solve with its factors, or their selection; dense matrices.
+        let solve = 24 * n * pairs + 16 * 60 * n * (n.max(2).ilog2() as u64);
+        let columns = 8 * n * stacked + solve.max(8 * n * stacked).max(4 * n * d);
+        24 * n + 12 * mesh.faces as u64 + 700 * n + columns + 56 * d * d + (64 << 20)
     }
 
     fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {
         let operators = family(mesh, monitor)?;
-        let parameters = ApproximationParameters {
-            count: self.dimension,
-            dimension: self.dimension,
-            space: Space::Heat(HeatParameters::default()),
-            goal: None,
-            seed: self.seed,
-        };
-        let mut family = restrict_family(mesh, &operators, &parameters, monitor)?;
+        let mut family = restrict_family(mesh, &operators, self.dimension, self.seed, monitor)?;
         family.metadata["operator"] = serde_json::to_value(&operators.laplacian.report).unwrap_or_default();
         Ok(family.into())
     }

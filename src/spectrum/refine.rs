@@ -14,7 +14,7 @@ use crate::algebra::{
     fill_reducing_order, gpu, mass_times_panel, residual_panel, residual_sums,
 };
 use crate::mesh::TriangleMesh;
-use crate::monitor::{Monitor, Quiet};
+use crate::monitor::{Cancelled, Monitor, Quiet};
 use crate::operator::{EigenProblem, MeshOperator};
 
 /// How approximate eigenfunctions are filtered. In JSON: `"inverse_iteration"` or `{"chebyshev": {"degree": 12}}`.
@@ -96,13 +96,25 @@ pub fn approximate_refined(
 /// `((K + σM)⁻¹ M)ᵏ X` for `k` iterations; `values` are the Ritz values of the columns, ascending.
 pub(super) fn inverse_iterations(
     problem: &EigenProblem,
-    mut vectors: PanelMatrix,
+    vectors: PanelMatrix,
     values: &[f64],
     iterations: usize,
     monitor: &dyn Monitor,
 ) -> Result<PanelMatrix, ApproximationError> {
+    inverse_iterations_until(problem, vectors, values, monitor, |done, vectors, _| Ok((vectors, done >= iterations)))
+}
+
+/// Inverse iterations `X ← (K + σM)⁻¹ M X`, of which there is one at least. After each of them `after` is given their number, the columns, and the shift
+/// `σ > 0`; it gives columns to go on with, and whether they are enough.
+pub(super) fn inverse_iterations_until<E: From<ApproximationError> + From<Cancelled> + Send>(
+    problem: &EigenProblem,
+    mut vectors: PanelMatrix,
+    values: &[f64],
+    monitor: &dyn Monitor,
+    mut after: impl FnMut(usize, PanelMatrix, f64) -> Result<(PanelMatrix, bool), E>,
+) -> Result<PanelMatrix, E> {
     let (lowest, highest) = (values[0], values[values.len() - 1]);
-    let shift = -(SHIFT * highest.abs().max(1.0) + (-1.1 * lowest).max(0.0));
+    let shift = SHIFT * highest.abs().max(1.0) + (-1.1 * lowest).max(0.0);
     let ordering = if problem.size() > 100_000 { Ordering::NestedDissection } else { Ordering::Amd };
     let failed = |error: crate::algebra::FactorError| ApproximationError::Factor(error.to_string());
     let order = fill_reducing_order(&problem.stiffness, ordering).map_err(failed)?;
@@ -113,25 +125,29 @@ pub(super) fn inverse_iterations(
         MassMatrix::Sparse(mass) => MassMatrix::Sparse(mass.reordered(&order)),
     };
     let symbolic = SymbolicFactor::new(&stiffness, &mass).map_err(failed)?;
-    let factor = symbolic.factor(&stiffness, &mass, shift).map_err(failed)?;
+    let factor = symbolic.factor(&stiffness, &mass, -shift).map_err(failed)?;
     monitor.checkpoint()?;
-    let total = vectors.panels().len();
-    let done = std::sync::atomic::AtomicUsize::new(0);
-    vectors.panels_mut().par_iter_mut().try_for_each(|panel| {
-        monitor.checkpoint()?;
-        let mut own = vec![0.0; panel.len()];
-        gather(panel, &order, &mut own);
-        for _ in 0..iterations {
+    for iteration in 1.. {
+        let total = vectors.panels().len();
+        let done = std::sync::atomic::AtomicUsize::new(0);
+        vectors.panels_mut().par_iter_mut().try_for_each(|panel| {
             monitor.checkpoint()?;
+            let mut own = vec![0.0; panel.len()];
+            gather(panel, &order, &mut own);
             mass_times_panel(&mass, &own, panel);
             factor.solve_panel(panel);
             own.copy_from_slice(panel);
+            scatter(&own, &order, panel);
+            let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
+            monitor.progress(done as f64 / total as f64);
+            Ok::<(), Cancelled>(())
+        })?;
+        let (kept, enough) = after(iteration, vectors, shift)?;
+        vectors = kept;
+        if enough {
+            break;
         }
-        scatter(&own, &order, panel);
-        let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-        monitor.progress(done as f64 / total as f64);
-        Ok::<(), ApproximationError>(())
-    })?;
+    }
     Ok(vectors)
 }
 

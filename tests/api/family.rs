@@ -31,7 +31,10 @@ fn numbers(value: &Value) -> Vec<f64> {
 async fn spectra_of_a_family_follow_its_parameters() {
     let (app, basis, n) = family().await;
     let shown: Value = app.get(&format!("/v1/bases/{basis}")).send().await.unwrap().json().await.unwrap();
-    assert_eq!((&shown["kind"], &shown["dimension"]), (&json!("operator_family"), &json!(150)));
+    assert_eq!(shown["kind"], "operator_family");
+    // At most as many as were asked for: functions of one anchor may depend on those of the others.
+    let dimension = shown["dimension"].as_u64().unwrap() as usize;
+    assert!((100..=150).contains(&dimension), "{dimension}");
     let url = format!("/v1/bases/{basis}/spectrum");
     let ask = async |body: Value| -> Value { app.post(&url).json(&body).send().await.unwrap().json().await.unwrap() };
     let laplacian = ask(json!({"count": 20})).await;
@@ -62,13 +65,13 @@ async fn spectra_of_a_family_follow_its_parameters() {
     // Equal content is one download.
     let content = app.get(&format!("/v1/bases/{basis}/content")).send().await.unwrap();
     let content = content.bytes().await.unwrap();
-    assert_eq!(chladni::basis::npz::read_family(&content).unwrap().dimension(), 150);
+    assert_eq!(chladni::basis::npz::read_family(&content).unwrap().dimension(), dimension);
 
     for (body, name) in [
         (json!({"extrinsic": 1.5}), "extrinsic"),
         (json!({"curvature": -1.0}), "curvature"),
         (json!({"count": 0}), "count"),
-        (json!({"count": 151}), "count"),
+        (json!({"count": dimension + 1}), "count"),
     ] {
         let refused = app.post(&url).json(&body).send().await.unwrap();
         assert_eq!(problem(refused, 422, &format!("invalid-spectrum/{name}")).await["parameter"], name);

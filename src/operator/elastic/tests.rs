@@ -5,7 +5,7 @@ use crate::mesh::shape::{Shape, generate};
 use crate::monitor::Unwatched;
 
 /// A rectangle of `a × b` in the plane z = 0, with `nx × ny` cells whose diagonals alternate from row to row.
-fn plate(a: f64, b: f64, nx: usize, ny: usize) -> TriangleMesh {
+pub(crate) fn plate(a: f64, b: f64, nx: usize, ny: usize) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for j in 0..=ny {
         for i in 0..=nx {

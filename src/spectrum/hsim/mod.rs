@@ -175,6 +175,7 @@ impl HsimError {
     }
 }
 
+pub(in crate::spectrum) use solve::{columns, is_dense, solve_from};
 pub use solve::{solve, solve_with_space};
 
 impl HsimParameters {

@@ -40,7 +40,7 @@ pub fn solve(
     keep_space: bool,
     monitor: &dyn Monitor,
 ) -> Result<Eigenpairs, HsimError> {
-    climb_and_solve(mesh, problem, parameters, keep_space, None, monitor)
+    climb_and_solve(mesh, problem, parameters, keep_space, Given::Nothing, monitor)
 }
 
 /// The same with a given finest nested space, `n × d` with a row for each unknown, which is kept beside the pairs; the published
@@ -59,7 +59,48 @@ pub fn solve_with_space(
         let reason = format!("a space with {} rows is not of a problem with {} unknowns", space.rows(), problem.size());
         return Err(HsimError::Parameter { name: "space", reason });
     }
-    climb_and_solve(mesh, problem, parameters, true, Some(space), monitor)
+    climb_and_solve(mesh, problem, parameters, true, Given::Space(space), monitor)
+}
+
+/// Whether the lowest `count` pairs of a problem of a size are taken from one dense eigenproblem, without a start.
+pub fn is_dense(size: usize, count: usize) -> bool {
+    hierarchy::sizes(size, columns(size, count), None).is_empty()
+}
+
+/// The columns that are iterated on for so many pairs of a problem of a size: so many a start should have.
+pub fn columns(size: usize, count: usize) -> usize {
+    hierarchy::columns(count, size)
+}
+
+/// Iterates from given Ritz pairs on the unknowns: `M`-orthonormal columns with their values, ascending. Nothing is taken for a kernel. Meant for
+/// operators whose unknowns are no values at vertices, so that no hierarchy can be built on them; the variant must be ours and the pairs be
+/// wanted by number.
+///
+/// # Errors
+/// As for [`solve`], and a start that does not fit.
+pub fn solve_from(
+    mesh: &TriangleMesh,
+    problem: &EigenProblem,
+    parameters: &HsimParameters,
+    (vectors, values): (PanelMatrix, Vec<f64>),
+    monitor: &dyn Monitor,
+) -> Result<Eigenpairs, HsimError> {
+    let few = matches!(parameters.wanted, Wanted::Count(count) if count > vectors.columns());
+    if vectors.rows() != problem.size() || vectors.columns() != values.len() || few {
+        let (rows, columns) = (vectors.rows(), vectors.columns());
+        let reason = format!("{columns} columns with {rows} rows are no start for these pairs");
+        return Err(HsimError::Parameter { name: "start", reason });
+    }
+    climb_and_solve(mesh, problem, parameters, false, Given::Start(vectors, values), monitor)
+}
+
+/// What a caller brings along.
+enum Given<'a> {
+    Nothing,
+    /// The finest nested space.
+    Space(&'a SparseMatrix<f32>),
+    /// Ritz pairs on the unknowns.
+    Start(PanelMatrix, Vec<f64>),
 }
 
 fn climb_and_solve(
@@ -67,12 +108,20 @@ fn climb_and_solve(
     problem: &EigenProblem,
     parameters: &HsimParameters,
     keep_space: bool,
-    given: Option<&SparseMatrix<f32>>,
+    given: Given<'_>,
     monitor: &dyn Monitor,
 ) -> Result<Eigenpairs, HsimError> {
     parameters.check()?;
-    let (base, offset) = base_level(mesh, problem)?;
+    let (mut base, offset) = base_level(mesh, problem, !matches!(given, Given::Start(..)))?;
     let n = base.size();
+    let (given, begun) = match given {
+        Given::Nothing => (None, None),
+        Given::Space(space) => (Some(space), None),
+        Given::Start(vectors, values) => {
+            base.component.fill(NO_KERNEL);
+            (None, Some((vectors, values)))
+        }
+    };
     if let Wanted::Count(count) = parameters.wanted
         && count > n
     {
@@ -89,7 +138,7 @@ fn climb_and_solve(
     let sigma = parameters.sigma.unwrap_or(hierarchy::SIGMA);
     let climb = |q: usize| {
         let mut sizes = hierarchy::sizes(n, q, parameters.levels);
-        if sizes.is_empty() || !sliced {
+        if sizes.is_empty() || !sliced || begun.is_some() {
             return Ok(None);
         }
         if let Some(given) = given {
@@ -136,6 +185,11 @@ fn climb_and_solve(
     let mut reports = Vec::new();
     let mut space = None;
     let (vectors, values, plain) = match (parameters.variant, start) {
+        _ if begun.is_some() => {
+            let (vectors, values) = begun.unwrap_or_default();
+            let places = super::level::inverse(&finest.order);
+            (vectors.spread(n, &places, &vec![1.0; values.len()]), values, None)
+        }
         (Variant::Sliced, Some(start)) => {
             reports = start.reports;
             let vectors = prolong(&rows_in_order(&start.space, &finest.order), &start.vectors);
@@ -288,8 +342,8 @@ const LARGE: usize = 1_000_000;
 /// Above this size a factor costs more than the solves of a few panels.
 const MANY_VERTICES: usize = 60_000;
 
-/// The problem as a level, rows in their own order; and what was taken off its eigenvalues.
-fn base_level(mesh: &TriangleMesh, problem: &EigenProblem) -> Result<(Level, f64), HsimError> {
+/// The problem as a level, rows in their own order; and what was taken off its eigenvalues, which is nothing where that is not wanted.
+fn base_level(mesh: &TriangleMesh, problem: &EigenProblem, shiftable: bool) -> Result<(Level, f64), HsimError> {
     let n = problem.size();
     let vertices = problem.unknowns.as_ref().map_or(mesh.positions.len(), Vec::len);
     if vertices != n || problem.mass.size() != n {
@@ -304,7 +358,9 @@ fn base_level(mesh: &TriangleMesh, problem: &EigenProblem) -> Result<(Level, f64
         None => (0..n).map(scaled).collect(),
         Some(unknowns) => unknowns.iter().map(|&vertex| scaled(vertex as usize)).collect(),
     };
-    let (mut stiffness, mut offset) = offset::taken_off(&problem.stiffness, &problem.mass);
+    // Who gives vectors to start from has shifted the problem on purpose, and gives values that belong to it.
+    let (mut stiffness, mut offset) =
+        if shiftable { offset::taken_off(&problem.stiffness, &problem.mass) } else { (problem.stiffness.clone(), 0.0) };
     let mut component = offset::components(&stiffness, &problem.mass, offset);
     if offset != 0.0 && component.last().is_some_and(|&last| last as usize + 1 == n) {
         // Nothing but a kernel would be left to iterate on.

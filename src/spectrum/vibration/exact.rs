@@ -4,14 +4,19 @@
 //! eigenvalue, in units of it: rigid motions are then modes like others, with the value 1, and every residual is relative. What comes out
 //! for them is replaced by what is known exactly.
 
-use super::approximate::{modes as approximate, threefold};
-use super::{ElasticBody, ElasticProblem, Found, FoundFunctions, Monitor, RigidMotions, VibrationError, space};
+use std::iter;
+
+use super::approximate::modes as approximate;
+use super::{
+    ElasticBody, ElasticProblem, Found, FoundFunctions, Iterations, Monitor, RigidMotions, VibrationError, refined,
+    space,
+};
 use crate::algebra::{
     DenseMatrix, MassMatrix, PanelMatrix, SparseMatrix, Weight, inner_products, subtract_combinations,
 };
 use crate::mesh::TriangleMesh;
 use crate::operator::EigenProblem;
-use crate::spectrum::hsim::{Eigenpairs, HsimParameters, Wanted, solve_with_space};
+use crate::spectrum::hsim::{self, Eigenpairs, HsimParameters, Wanted};
 
 pub(super) fn modes(
     body: ElasticBody<'_>,
@@ -33,24 +38,54 @@ pub(super) fn modes(
             certificate: serde_json::Value::Null,
         });
     }
-    let space = space::functions(body, elastic, dimension(count), false, seed, monitor)?;
-    let lowest = approximate(elastic, rigid, &space, 1, monitor)?.values.first().copied().unwrap_or(1.0);
-    let unit = if lowest > 0.0 && lowest.is_finite() { lowest } else { 1.0 };
-    let problem = shifted(&elastic.problem, unit);
-    let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance, seed, ..HsimParameters::default() };
+    let size = elastic.problem.size();
     // HSIM asks where the unknowns are, and how many.
     let places =
         TriangleMesh { positions: elastic.positions.iter().flat_map(|&p| [p; 3]).collect(), faces: Vec::new() };
-    let pairs = solve_with_space(&places, &problem, &parameters, &threefold(&space), monitor)?;
+    let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance, seed, ..HsimParameters::default() };
+    if hsim::is_dense(size, count) {
+        let space = space::functions(body, elastic, elastic.moving.len(), false, seed, monitor)?;
+        let unit = unit(approximate(elastic, rigid, &space, 1, monitor)?.values.first());
+        let pairs = hsim::solve(&places, &shifted(&elastic.problem, unit), &parameters, false, monitor)?;
+        return beside_rigid(elastic, rigid, pairs, unit, monitor);
+    }
+    let columns = hsim::columns(size, count);
+    // Three times as many functions as an iteration has columns, and at most half of all.
+    let dimension = columns.max(LEAST_DIMENSION).min(elastic.moving.len() / 2);
+    let space = space::functions(body, elastic, dimension, true, seed, monitor)?;
+    let ritz = approximate(elastic, rigid, &space, columns - free, monitor)?;
+    let start = refined::modes(elastic, rigid, (&space, ritz), columns - free, START_ITERATIONS, monitor)?;
     drop(space);
+    let unit = unit(start.values.first());
+    let problem = shifted(&elastic.problem, unit);
+    let values = iter::repeat_n(1.0, free).chain(start.values.iter().map(|value| 1.0 + value / unit)).collect();
+    let vectors = after_rigid(elastic, rigid, &start.vectors);
+    let pairs = hsim::solve_from(&places, &problem, &parameters, (vectors, values), monitor)?;
     beside_rigid(elastic, rigid, pairs, unit, monitor)
 }
 
-/// Scalar functions of the space that HSIM starts from: as many as its coarsest level, which is solved densely, can take.
-fn dimension(count: usize) -> usize {
-    let columns = (count + (count / 32).max(14)).next_multiple_of(32);
-    let coarsest = (4 * columns).clamp(400, 1000).max(columns + columns.min(1000) * 4 / 5);
-    (2 * coarsest - 1) / 3
+/// Scalar functions of a start, at least.
+const LEAST_DIMENSION: usize = 150;
+
+/// Inverse iterations of a start: without them what the space locks lies so high that the first shifts would be far from everything wanted.
+const START_ITERATIONS: Iterations = Iterations::Exactly(2);
+
+/// What eigenvalues are measured in.
+fn unit(lowest: Option<&f64>) -> f64 {
+    lowest.copied().filter(|lowest| *lowest > 0.0 && lowest.is_finite()).unwrap_or(1.0)
+}
+
+/// Columns with the rigid motions before them.
+fn after_rigid(elastic: &ElasticProblem, rigid: &RigidMotions, vectors: &PanelMatrix) -> PanelMatrix {
+    let free = rigid.motions.len();
+    let mut all = PanelMatrix::zeros(vectors.rows(), 0);
+    all.widen(free + vectors.columns());
+    let motions: Vec<f64> = rigid.motions.iter().flat_map(|motion| rigid.displacement(elastic, motion)).collect();
+    if let Some(motions) = DenseMatrix::from_columns(vectors.rows(), free, motions) {
+        all.assign(&(0..free).collect::<Vec<_>>(), &PanelMatrix::from_dense(&motions));
+    }
+    all.assign(&(free..free + vectors.columns()).collect::<Vec<_>>(), vectors);
+    all
 }
 
 /// `K / unit + M`.

@@ -34,13 +34,22 @@ pub enum VibrationMethod {
         /// a third or a quarter as many patches.
         local_coordinates: bool,
         /// Inverse iterations on the mesh afterwards: none keeps the modes compact, with one or more they are dense and far more accurate.
-        inverse_iterations: usize,
+        inverse_iterations: Iterations,
     },
     /// HSIM, to a residual, proven complete.
     Hsim {
         /// Largest `‖(K + σM) x − θ M x‖ / ‖(K + σM) x‖`, where `σ` is about the lowest eigenvalue that is not zero.
         tolerance: f64,
     },
+}
+
+/// How many inverse iterations are made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Iterations {
+    /// So many.
+    Exactly(usize),
+    /// Three, and more until the estimated relative error of every frequency is at most this, or ten were made.
+    Until(f64),
 }
 
 /// What is to be computed.
@@ -159,12 +168,13 @@ pub fn vibration_modes(
     let found = match parameters.method {
         VibrationMethod::Approximate { dimension, local_coordinates, inverse_iterations } => {
             let space = space::functions(body, &elastic, dimension, local_coordinates, parameters.seed, monitor)?;
-            if inverse_iterations == 0 {
+            if inverse_iterations == Iterations::Exactly(0) {
                 approximate::modes(&elastic, &rigid, &space, wanted, monitor)?.into_found(space)
             } else {
                 let columns = (wanted + refined::guards(wanted)).min(unknowns - rigid.motions.len().min(unknowns));
                 let ritz = approximate::modes(&elastic, &rigid, &space, columns, monitor)?;
                 refined::modes(&elastic, &rigid, (&space, ritz), wanted, inverse_iterations, monitor)?
+                    .into_found(&rigid)
             }
         }
         VibrationMethod::Hsim { tolerance } => {

@@ -1,8 +1,9 @@
 use super::*;
+use crate::algebra::{CpuSolver, SymmetricDefiniteSolver};
 use crate::mesh::TriangleMesh;
 use crate::mesh::shape::{Shape, generate};
 use crate::monitor::Unwatched;
-use crate::operator::elastic::tests::bar;
+use crate::operator::elastic::tests::{bar, plate};
 
 const MATERIAL: Material = Material { young: 1.0, poisson: 0.3, density: 1.0 };
 const HSIM: VibrationMethod = VibrationMethod::Hsim { tolerance: 1e-4 };
@@ -13,10 +14,11 @@ fn modes(body: ElasticBody<'_>, count: usize, clamped: Vec<u32>, method: Vibrati
 }
 
 fn local(dimension: usize) -> VibrationMethod {
-    VibrationMethod::Approximate { dimension, local_coordinates: true, inverse_iterations: 0 }
+    refined(dimension, 0)
 }
 
 fn refined(dimension: usize, inverse_iterations: usize) -> VibrationMethod {
+    let inverse_iterations = Iterations::Exactly(inverse_iterations);
     VibrationMethod::Approximate { dimension, local_coordinates: true, inverse_iterations }
 }
 
@@ -51,7 +53,11 @@ fn six_modes_of_a_free_object_are_rigid_and_the_others_are_not() {
         for method in [
             HSIM,
             local(120),
-            VibrationMethod::Approximate { dimension: 80, local_coordinates: false, inverse_iterations: 0 },
+            VibrationMethod::Approximate {
+                dimension: 80,
+                local_coordinates: false,
+                inverse_iterations: Iterations::Exactly(0),
+            },
             refined(80, 1),
         ] {
             let basis = modes(body, 20, Vec::new(), method);
@@ -107,6 +113,29 @@ fn approximate_values_lie_above_those_of_hsim_and_come_down_with_the_dimension()
 }
 
 #[test]
+fn iterations_go_on_until_the_estimate_allows_the_error_and_the_estimate_can_be_trusted() {
+    let mesh = generate(Shape::Knot, 1500).unwrap();
+    let body = ElasticBody::Shell { mesh: &mesh, thickness: 0.05 };
+    let exact = modes(body, 40, Vec::new(), HSIM).frequencies();
+    let mut last = 0;
+    for most in [0.05, 0.01, 1e-4] {
+        let inverse_iterations = Iterations::Until(most);
+        let method = VibrationMethod::Approximate { dimension: 80, local_coordinates: true, inverse_iterations };
+        let basis = modes(body, 40, Vec::new(), method);
+        let certificate = &basis.metadata["certificate"];
+        assert_eq!(certificate["complete"], false);
+        assert!(certificate["estimated_error"].as_f64().unwrap() <= most);
+        let made = certificate["inverse_iterations"].as_u64().unwrap();
+        assert!(made >= last && made <= 10, "{most}: {made}");
+        last = made;
+        for (k, (found, exact)) in basis.frequencies().iter().zip(&exact).enumerate().skip(6) {
+            assert!(found / exact - 1.0 < most, "{most}, {k}: {}", found / exact - 1.0);
+        }
+    }
+    assert!(last > 1);
+}
+
+#[test]
 fn clamped_vertices_stay_and_take_rigid_motions_away() {
     let mesh = bar([4.0, 1.0, 1.0], [12, 3, 3]);
     let all = 0..mesh.positions.len() as u32;
@@ -126,6 +155,81 @@ fn clamped_vertices_stay_and_take_rigid_motions_away() {
     for (clamped, rigid) in [(vec![0], 3), (vec![0, 12], 1), (vec![0, 12, 14], 0)] {
         assert_eq!(modes(body, 8, clamped, HSIM).rigid, rigid);
     }
+}
+
+/// The lowest values of the whole problem, by the dense solver.
+fn dense_values(body: ElasticBody<'_>, count: usize, clamped: &[u32]) -> Vec<f64> {
+    let elastic = elastic::assemble(body, &MATERIAL, clamped, &Unwatched).unwrap();
+    let size = elastic.problem.size();
+    let mut mass = DenseMatrix::zeros(size, size);
+    elastic.problem.mass.lumped().iter().enumerate().for_each(|(k, &m)| mass.column_mut(k)[k] = m);
+    let pairs = CpuSolver.lowest(elastic.problem.stiffness.to_dense(), mass, count, &Unwatched).unwrap();
+    pairs.values.into_iter().map(|value| value * elastic.eigenvalue_scale).collect()
+}
+
+fn assert_dense(name: &str, body: ElasticBody<'_>, clamped: &[u32], counts: &[usize]) {
+    let expected = dense_values(body, *counts.last().unwrap(), clamped);
+    for &count in counts {
+        let found = modes(body, count, clamped.to_vec(), HSIM);
+        assert_eq!(found.eigenvalues.len(), count, "{name}");
+        for (k, (value, expected)) in found.eigenvalues.iter().zip(&expected).enumerate() {
+            if k < found.rigid {
+                assert!(
+                    *value == 0.0 && *expected < 1e-6 * found.eigenvalues[found.rigid],
+                    "{name}, {count}: {expected}"
+                );
+            } else {
+                assert!((value / expected - 1.0).abs() < 1e-6, "{name}, {count}, {k}: {value} is not {expected}");
+            }
+        }
+    }
+}
+
+/// Around the size at which an object is no longer solved densely, with few and with many of its vertices held.
+#[test]
+fn hsim_has_the_values_of_a_dense_solver_whatever_the_size_and_the_clamps() {
+    for (i, j) in [(12, 12), (20, 20), (40, 10), (60, 6), (30, 15), (23, 21)] {
+        let mesh = plate(i as f64 / j as f64, 1.0, i, j);
+        let body = ElasticBody::Shell { mesh: &mesh, thickness: 0.02 };
+        let n = mesh.positions.len() as u32;
+        let (row, width) = (i as u32 + 1, i as u32 + 1);
+        let left = (0..n).filter(|v| v % width == 0).collect();
+        let rim =
+            (0..n).filter(|v| [0, i as u32].contains(&(v % width)) || [0, j as u32].contains(&(v / width))).collect();
+        let clamps: [(&str, Vec<u32>); 5] = [
+            ("free", Vec::new()),
+            ("a row", (0..row).collect()),
+            ("a column", left),
+            ("the rim", rim),
+            ("a third", (0..n / 3).collect()),
+        ];
+        for (name, clamped) in &clamps {
+            assert_dense(&format!("{i} × {j}, {name}"), body, clamped, &[20, 60]);
+        }
+    }
+}
+
+#[test]
+fn hsim_has_the_values_of_a_dense_solver_for_cantilevers() {
+    for cells in [[12, 5, 5], [16, 5, 5], [9, 4, 4], [20, 6, 3]] {
+        let mesh = bar(cells.map(|c| c as f64), cells);
+        let body = ElasticBody::Solid { mesh: &mesh };
+        for held in [0.0, 0.4] {
+            let most = held * cells[0] as f64;
+            let wall: Vec<u32> =
+                (0..mesh.positions.len() as u32).filter(|&v| mesh.positions[v as usize][0] <= most).collect();
+            assert_dense(&format!("{cells:?}, {held}"), body, &wall, &[10, 40]);
+        }
+    }
+}
+
+#[test]
+fn two_hundred_modes_of_a_plate_are_those_of_a_dense_solver() {
+    let mesh = plate(1.0, 1.0, 31, 31);
+    let body = ElasticBody::Shell { mesh: &mesh, thickness: 0.02 };
+    let rim = (0..1024u32).filter(|v| [0, 31].contains(&(v % 32)) || [0, 31].contains(&(v / 32))).collect::<Vec<_>>();
+    assert_dense("the rim", body, &rim, &[200]);
+    assert_dense("a row", body, &(0..32).collect::<Vec<_>>(), &[200]);
 }
 
 #[test]

@@ -1,11 +1,11 @@
 //! A short run of the campaign on small hard meshes: nothing that is called complete is false, and every value lies within its bound.
 
-#[path = "../benches/campaign/mod.rs"]
-mod campaign;
+#[path = "../benches/exact_cases/mod.rs"]
+mod exact_cases;
 
 #[test]
 fn answers_that_are_called_complete_are_complete() {
-    let summary = campaign::run(120, 1, false, |_| {});
+    let summary = exact_cases::run(120, 1, false, |_| {});
     assert!(summary.lines.is_empty(), "{}", summary.lines.join("\n"));
     assert_eq!((summary.false_complete, summary.missed), (0, 0));
     // What fails says why; nearly all are hairs and needles.
