@@ -54,6 +54,9 @@ pub(super) fn finish(
     order.truncate(count.below.saturating_sub(known));
     iteration.keep(order);
     iteration.clear_of_kernel();
+    if !iteration.ritz {
+        iteration.orthonormalise()?;
+    }
     let mut again = true;
     let (verdict, wanted) = loop {
         let kernel = iteration.insert_kernel(known)?;
@@ -83,7 +86,7 @@ pub(super) fn finish(
             Err(error) => {
                 let columns = iteration.values.len();
                 iteration.keep((0..kernel.start).chain(kernel.end..columns).collect());
-                // Columns of refining steps are orthonormal up to the tolerance alone, and coupled to each other.
+                // Columns that were added one after the other may be less orthonormal than has to be.
                 if !(std::mem::take(&mut again) && matches!(error, HsimError::Unproven { .. })) {
                     return Err(error);
                 }

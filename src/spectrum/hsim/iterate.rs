@@ -79,6 +79,8 @@ pub(super) struct Iteration<'a> {
     /// Rayleigh–Ritz steps so far.
     pub passes: usize,
     norm: f64,
+    /// Whether the columns are the Ritz vectors of their span, which those of a refining step are only up to its tolerance.
+    pub ritz: bool,
     /// About the largest eigenvalue, or more: the largest row sum of the stiffness over the lumped mass.
     pub spread: f64,
 }
@@ -111,6 +113,7 @@ impl<'a> Iteration<'a> {
             storage: Vec::new(),
             passes: 0,
             norm,
+            ritz: false,
             spread,
         }
     }
@@ -233,7 +236,7 @@ impl<'a> Iteration<'a> {
             }
         }
         self.sums = residual_sums(&level.stiffness, &level.mass, &vectors, &values, monitor)?;
-        (self.vectors, self.values) = (vectors, values);
+        (self.vectors, self.values, self.ritz) = (vectors, values, true);
         Ok(())
     }
 
@@ -302,6 +305,7 @@ impl<'a> Iteration<'a> {
             kept -= 1;
         }
         both.keep_columns(kept);
+        self.ritz = false;
         let before = self.values.len();
         let places: Vec<usize> = active.iter().copied().chain(before..before + kept - old).collect();
         self.vectors.widen(before + kept - old);
