@@ -170,7 +170,10 @@ pub fn approximate(
     let problem = &operator.problem;
     let mut parameters = *parameters;
     let (count, goal) = (parameters.count, parameters.goal.map(|goal| goal.error));
-    let columns = (count + guards(count)).min(parameters.dimension.max(count)).min(problem.size()).max(count);
+    let columns = (count + guards(count, problem.size() / parameters.dimension.max(1)))
+        .min(parameters.dimension.max(count))
+        .min(problem.size())
+        .max(count);
     let mut attempt = Attempt::new(ritz(mesh, operator, &parameters, columns, monitor)?, count);
     monitor.stage("bounds");
     let energy = Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?;
@@ -222,10 +225,13 @@ pub fn approximate(
 }
 
 /// Pairs that are computed and judged beyond those that are delivered. An eigenfunction that the space holds badly has its Ritz value among them,
-/// and all pairs between lie one place too low.
-fn guards(count: usize) -> usize {
-    count / 10 + 4
+/// and all pairs between lie one place too low. Where columns have few vertices it may lie a third too high: on a limb of needles.
+fn guards(count: usize, vertices_per_column: usize) -> usize {
+    if vertices_per_column < FEW_VERTICES { count / 3 + 8 } else { count / 10 + 4 }
 }
+
+/// Columns of fewer vertices than this may be too coarse for a limb.
+const FEW_VERTICES: usize = 60;
 
 /// Pairs in one space, guards included, and how good they are.
 struct Attempt {
