@@ -224,7 +224,7 @@ fn heat_is_within_its_promised_error_on_real_meshes() {
         let mesh = load(&folder.join(name));
         let (exact, area) = (reference(name), area(&mesh));
         for (accuracy, mean_bound, largest_bound, row_bound) in
-            [("standard", 0.08, 0.25, 22.0), ("accurate", 0.03, 0.08, 40.0)]
+            [("standard", 0.08, 0.25, 22.0), ("accurate", 0.06, 0.11, 24.0)]
         {
             let basis = solve(&mesh, &json!({"count": 500, "accuracy": accuracy}));
             let values: Vec<f64> = basis.eigenvalues.iter().map(|value| value * area).collect();
@@ -350,10 +350,11 @@ fn other_operators_keep_their_measured_errors_on_real_meshes() {
 #[test]
 fn a_refinement_keeps_its_measured_gain_on_real_meshes() {
     let Some(folder) = meshes() else { return };
-    for (name, operator, file) in [
-        ("armadillo.obj", json!("auto"), "armadillo.obj"),
-        ("bunny.obj", json!("auto"), "bunny.obj"),
-        ("rocker-arm.off", json!({"extrinsic": {"t": 0.5}}), "rocker-arm.off.extrinsic-0.5"),
+    // The last figure is the mean error, in percent, that an inverse iteration leaves at most.
+    for (name, operator, file, least) in [
+        ("armadillo.obj", json!("auto"), "armadillo.obj", 0.006),
+        ("bunny.obj", json!("auto"), "bunny.obj", 0.003),
+        ("rocker-arm.off", json!({"extrinsic": {"t": 0.5}}), "rocker-arm.off.extrinsic-0.5", 0.06),
     ] {
         let mesh = load(&folder.join(name));
         let (exact, area) = (reference(file), area(&mesh));
@@ -363,7 +364,7 @@ fn a_refinement_keeps_its_measured_gain_on_real_meshes() {
             (json!({"chebyshev": {"degree": 10}}), 1.5),
             (json!({"chebyshev": {"degree": 20}}), 2.5),
             (json!({"chebyshev": {"degree": 40}}), 5.0),
-            (json!("inverse_iteration"), 5.0),
+            (json!("inverse_iteration"), 0.0),
         ] {
             let basis = solve(&mesh, &json!({"count": 100, "operator": operator, "refinement": refinement}));
             let values: Vec<f64> = basis.eigenvalues.iter().map(|value| value * area).collect();
@@ -377,6 +378,9 @@ fn a_refinement_keeps_its_measured_gain_on_real_meshes() {
             );
             if refinement.is_null() {
                 before = mean;
+            }
+            if gain == 0.0 {
+                assert!(mean <= least, "{file} {refinement}: {mean} %");
             }
             assert!(mean * gain <= before, "{file} {refinement}: {mean} % after {before} %");
             assert!(basis.certificate.orthonormality_defect < 1e-9);

@@ -41,6 +41,8 @@ fn solve_prints_one_line_of_json_with_everything_measured() {
         mesh.to_str().unwrap(),
         "-n",
         "20",
+        "--method",
+        "approximate",
         "--json",
         "--threads",
         "1",
@@ -51,10 +53,10 @@ fn solve_prints_one_line_of_json_with_everything_measured() {
     let text = String::from_utf8(output.stdout).unwrap();
     assert_eq!(text.lines().count(), 1);
     let line: Value = serde_json::from_str(&text).unwrap();
-    for list in ["eigenvalues", "residuals", "bounds"] {
+    for list in ["eigenvalues", "residuals", "bounds", "estimates"] {
         assert_eq!(line[list].as_array().map(Vec::len), Some(20), "{list}");
     }
-    assert_eq!((&line["count"], &line["subspace"], &line["method"]), (&20.into(), &40.into(), &"approximate".into()));
+    assert_eq!((&line["count"], &line["subspace"], &line["method"]), (&20.into(), &170.into(), &"approximate".into()));
     for number in ["vertices", "faces", "peak_rss_bytes", "basis_bytes", "dense_bytes", "threads"] {
         assert!(line[number].as_u64().is_some_and(|number| number > 0), "{number}: {}", line[number]);
     }

@@ -159,7 +159,8 @@ async fn parameters_of_another_method_are_refused_by_name() {
     let app = TestApp::start();
     let (mesh, n) = app.sphere().await;
     for (parameters, name) in [
-        (json!({"levels": 3}), "levels"),
+        (json!({"method": "approximate", "levels": 3}), "levels"),
+        (json!({"dimension": 30, "levels": 3}), "levels"),
         (json!({"method": "hsim", "dimension": 30}), "dimension"),
         (json!({"method": "hsim", "tolerance": 0.9}), "tolerance"),
         (json!({"method": "sim", "variant": "sliced"}), "variant"),

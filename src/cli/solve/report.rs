@@ -123,7 +123,7 @@ impl Run {
             text += &format!(
                 "\nestimated error: {:.2} % at most; the goal is {} %{}\n",
                 100.0 * accuracy.largest_estimate,
-                number(100.0 * accuracy.goal),
+                (1e6 * accuracy.goal).round() / 1e4,
                 match (accuracy.reached, accuracy.rounds) {
                     (true, 0) => String::new(),
                     (true, rounds) => format!(", reached after columns were added {rounds} times"),

@@ -35,7 +35,7 @@ pub enum Accuracy {
     /// A goal of 1 % for the largest relative error.
     #[default]
     Standard,
-    /// Wider columns in a space of d = 3m, and a goal of 0.3 %.
+    /// A space of d = 3m with less thinning, and a goal of 0.3 %.
     Accurate,
     /// The largest relative error of an eigenvalue, as estimated, that is good enough: 1e-4 to 0.5. Where it is exceeded, columns are
     /// added a few times.
