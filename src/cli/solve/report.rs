@@ -32,7 +32,7 @@ impl Run {
         let mut line = json!({
             "vertices": self.vertices,
             "faces": self.faces,
-            "subspace": self.basis.dimension(),
+            "subspace": self.basis.certificate.accuracy.map(|accuracy| accuracy.dimension).or(self.basis.dimension()),
             "seconds": {"total": self.total, "stages": stages, "write": self.write},
             "threads": threads,
             "solver_version": SOLVER_VERSION,
