@@ -167,7 +167,10 @@ impl Approximate {
     /// dimension.
     pub fn memory_bytes(&self, vertices: u64) -> u64 {
         let (d, m) = ((self.dimension as u64).min(vertices), self.count as u64);
-        let compact = vertices * 25 * 2 * 8 + vertices * 16 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
+        let compact = vertices * 25 * 2 * 8 + vertices * 22 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
+        // Bounds: the pencil once more and its hierarchy, and on each thread a panel of 32 pairs with what a cycle needs.
+        let panels = (m / 32 + 1).min(rayon::current_num_threads() as u64);
+        let compact = compact + vertices * (260 + 720 * panels);
         // Columns with their guards, what is stored of them, and a factor of about 60 entries a row with its matrix.
         let columns = (m + m / 10 + 40) * vertices * 8;
         match self.refinement {
