@@ -54,18 +54,25 @@ impl FamilyBasis {
         }
         let mut lifted = DenseMatrix::zeros(n, m);
         let tasks = row_parts(lifted.values_mut(), n, ROWS_PER_TASK);
-        tasks.into_par_iter().enumerate().for_each(|(task, mut columns)| {
-            let (from, rows) = (task * ROWS_PER_TASK, columns.first().map_or(0, |column| column.len()));
-            let mut block = DenseMatrix::zeros(rows, d);
-            for (to, function) in block.values_mut().chunks_exact_mut(rows.max(1)).zip(self.functions.chunks_exact(n)) {
-                to.iter_mut().zip(&function[from..]).for_each(|(to, &value)| *to = f64::from(value));
-            }
-            let product = block.times(coefficients).unwrap_or_default();
-            for (mode, out) in columns.iter_mut().enumerate().take(product.columns()) {
-                out.copy_from_slice(product.column(mode));
-            }
-        });
-        Some(lifted)
+        let done: Option<()> = tasks
+            .into_par_iter()
+            .enumerate()
+            .map(|(task, mut columns)| {
+                let (from, rows) = (task * ROWS_PER_TASK, columns.first().map_or(0, |column| column.len()));
+                let mut block = DenseMatrix::zeros(rows, d);
+                for (to, function) in
+                    block.values_mut().chunks_exact_mut(rows.max(1)).zip(self.functions.chunks_exact(n))
+                {
+                    to.iter_mut().zip(&function[from..]).for_each(|(to, &value)| *to = f64::from(value));
+                }
+                let product = block.times(coefficients)?;
+                for (mode, out) in columns.iter_mut().enumerate() {
+                    out.copy_from_slice(product.column(mode));
+                }
+                Some(())
+            })
+            .collect();
+        done.map(|()| lifted)
     }
 
     /// About the bytes that the family takes as stored.

@@ -183,14 +183,20 @@ pub fn approximate(
         && attempt.excess(goal) > 1.0
         && rounds < parameters.goal.map_or(0, |goal| goal.rounds)
     {
-        let Some(space) = attempt.finer_space(mesh, operator, &mut parameters, goal, monitor)? else { break };
+        let before = parameters.dimension;
+        let finer = attempt.finer_space(mesh, operator, &mut parameters, goal, monitor)?;
+        // A space that lost more columns than it was given would lose the pairs as well.
+        let Some(space) = finer.filter(|space| space.columns() >= count) else { break };
         rounds += 1;
-        let columns = columns.min(space.columns()).max(count);
+        let columns = columns.min(space.columns());
         let mut next = Attempt::new(reduce(problem, space, columns, monitor)?, count);
         monitor.stage("bounds");
         next.judge(&energy, problem, Some(goal), monitor)?;
         if next.excess(goal) < attempt.excess(goal) {
             attempt = next;
+        } else if parameters.dimension == before {
+            // The same residuals would ask for the same columns again.
+            break;
         }
     }
     let Attempt { ritz: Ritz { space, mut pairs, .. }, mut certificate, largest_estimate, .. } = attempt;
@@ -366,16 +372,11 @@ fn reduce(
         monitor.stage("eigen");
         match gpu::accelerator().lowest(stiffness.to_dense(), mass.to_dense(), count, monitor) {
             Ok(pairs) => return Ok(Ritz { space, mass, pairs }),
-            Err(EigenError::NotPositiveDefinite { .. }) if !repaired => {
+            Err(error @ EigenError::NotPositiveDefinite { .. }) if !repaired => {
                 repaired = true;
                 let kept = hats::independent(&space, &mass);
-                // Too few are left: the error of the solver says why.
                 if kept.columns() == space.columns() || kept.columns() < count {
-                    return Err(gpu::accelerator()
-                        .lowest(stiffness.to_dense(), mass.to_dense(), count, monitor)
-                        .err()
-                        .unwrap_or(EigenError::NoConvergence)
-                        .into());
+                    return Err(error.into());
                 }
                 space = kept;
             }
