@@ -110,7 +110,7 @@ pub struct JobRequest {
     /// `method: auto`, the default: `hsim` where that is expected to take about a second or less, else `approximate`, and `hsim` after all where
     /// that misses its goal. A parameter that one method alone takes chooses that method.
     ///
-    /// `method: approximate`: `dimension` (of the subspace, default twice the count and at least the count and 150), `construction` (`heat`,
+    /// `method: approximate`: `dimension` (of the subspace, default twice the count and at least the count plus 150), `construction` (`heat`,
     /// `radial`) with details in `heat` and `radial`, `accuracy` (`standard`, `accurate`, `{"goal": 0.005}`: the largest relative error of an
     /// eigenvalue that is good enough, as estimated; columns are added until it is reached, at most five times), `refinement`
     /// (`inverse_iteration`, `{"chebyshev": {"degree": 20}}`: the basis is dense then, with a `precision`).

@@ -78,7 +78,7 @@ pub struct SolveArguments {
     #[arg(long, value_name = "LEVEL", help_heading = "Method", value_parser = ["standard", "accurate"])]
     accuracy: Option<String>,
 
-    /// Dimension of the subspace; twice the count, and at least the count and 150, where it is not given
+    /// Dimension of the subspace; twice the count, and at least the count plus 150, where it is not given
     #[arg(long, short = 'd', value_name = "D", help_heading = "Method")]
     dimension: Option<usize>,
 
