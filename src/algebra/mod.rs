@@ -20,6 +20,7 @@ mod multigrid;
 mod ordering;
 mod panel_products;
 mod panels;
+mod patches;
 mod product;
 mod residual_gram;
 mod simd;
@@ -46,6 +47,7 @@ pub use panel_products::{
     restrict, rotate, subtract_combinations,
 };
 pub use panels::{PANEL_WIDTH, PanelMatrix};
+pub use patches::{PATCH_ROWS, Patch};
 pub use product::{Panel, Scalar};
 pub use residual_gram::{Magnitudes, residual_gram, residual_magnitudes};
 pub use simd::vectorized;

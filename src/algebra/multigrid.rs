@@ -5,9 +5,15 @@
 //! smoother is a Chebyshev polynomial of the matrix scaled by its absolute row sums, which bound its spectrum whatever the mesh. The
 //! coarsest level is diagonalised once, so that σ may differ from call to call. The cycle is symmetric and positive definite: fit to
 //! precondition conjugate gradients.
+//!
+//! On the finest level a panel exceeds the cache, and time is memory traffic: each patch of rows is taken through all smoothing steps at once, with
+//! rings of neighbours around it.
 
+use std::ops::Range;
+
+use super::patches::{RINGS, SparseRows, patches};
 use super::{CpuSolver, DenseMatrix, EigenError, GalerkinError, MassMatrix, SparseMatrix, SymmetricDefiniteSolver};
-use super::{galerkin, vectorized};
+use super::{Patch, galerkin, vectorized};
 use crate::monitor::{Cancelled, Monitor};
 
 /// Right-hand sides of a panel.
@@ -43,26 +49,37 @@ const LAST_DEGREE: usize = 8;
 /// The hierarchy for one pencil `(S, M)`.
 #[derive(Debug)]
 pub struct Multigrid {
+    patches: Vec<Patch>,
+    /// From what is solved by levels to the matrix itself; none where the matrix itself is.
+    finest: Option<Finest>,
     levels: Vec<Level>,
     coarsest: Option<Coarsest>,
 }
 
+/// The matrix itself, whose panels exceed the cache: it is smoothed patch by patch.
+#[derive(Debug)]
+struct Finest {
+    diagonal: Diagonal,
+    prolongation: SparseRows,
+}
+
 #[derive(Debug)]
 struct Level {
-    matrix: Rows,
-    /// The absolute row sums of `S`.
+    matrix: SparseRows,
+    diagonal: Diagonal,
+    /// From the next level to this one; none on the last.
+    prolongation: Option<SparseRows>,
+}
+
+/// What smoothing needs to know of a row.
+#[derive(Debug)]
+struct Diagonal {
+    /// The absolute row sums of `S + cM`.
     sums: Vec<f32>,
     /// The lumped mass.
     mass: Vec<f32>,
-    /// From the next level to this one; none on the last.
-    prolongation: Option<Rows>,
-}
-
-/// Rows of a sparse matrix, in single precision.
-#[derive(Debug)]
-struct Rows {
-    offsets: Vec<u32>,
-    entries: Vec<(u32, f32)>,
+    /// The share of the mass that `sums` holds and the matrix does not.
+    floor: f32,
 }
 
 /// `S = Wᵀ Λ W`, `M = WᵀW`: `values` are Λ, `vectors` the columns of `W⁻¹`, row after row.
@@ -75,15 +92,27 @@ struct Coarsest {
 /// What one panel needs on every level; one for each thread.
 #[derive(Debug)]
 pub struct CycleWorkspace {
+    /// The smoothed panel on the finest level.
+    smoothed: Vec<CycleRow>,
+    /// A patch with its rings.
+    patch: Buffers,
     levels: Vec<Buffers>,
     reduced: Vec<CycleRow>,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Buffers {
     right: Vec<CycleRow>,
     x: Vec<CycleRow>,
     before: Vec<CycleRow>,
+    factors: Vec<Factors>,
+}
+
+/// What a row is scaled by in the smoother, one over the absolute sum of `S + σM`, and its own multiple of `M`.
+#[derive(Debug, Clone, Copy, Default)]
+struct Factors {
+    scale: f32,
+    mass: f32,
 }
 
 /// Why there is no hierarchy.
@@ -119,114 +148,246 @@ impl From<EigenError> for MultigridError {
 }
 
 impl Multigrid {
-    /// The hierarchy of a positive semi-definite `stiffness`, `n × n`, and `n` positive lumped `masses`.
+    /// The hierarchy of `S + cM`, `n × n` and positive semi-definite; `S` is `stiffness`, its rows in a compact order
+    /// ([`compact_order`](super::compact_order) with [`PATCH_ROWS`](super::PATCH_ROWS)), `c` is `floor`, `M` the lumped `mass`, positive.
     ///
     /// # Errors
     /// [`MultigridError`]: masses that are not positive, or cancellation.
     ///
     /// # Panics
-    /// Where `masses` has another length than the matrix rows.
-    pub fn new(stiffness: &SparseMatrix, masses: &[f64], monitor: &dyn Monitor) -> Result<Self, MultigridError> {
-        assert_eq!(stiffness.rows(), masses.len(), "a mass for each row");
-        let mut levels = vec![Level::new(stiffness, masses)];
-        let mut fine = (stiffness.clone(), masses.to_vec());
-        while fine.1.len() > COARSEST && levels.len() < MOST_LEVELS {
+    /// Where `mass` has another size than `stiffness`.
+    pub fn new(
+        stiffness: &SparseMatrix,
+        mass: &MassMatrix,
+        floor: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, MultigridError> {
+        let lumped = mass.lumped();
+        assert_eq!(stiffness.rows(), lumped.len(), "a mass for each row");
+        let mut level = (if floor > 0.0 { plus_mass(stiffness, &lumped, floor) } else { stiffness.clone() }, lumped);
+        let mut finest = None;
+        let mut levels: Vec<Level> = Vec::new();
+        for number in 0.. {
             monitor.checkpoint()?;
-            let prolongation = prolongation(&fine.0);
-            if 4 * prolongation.columns() > 3 * fine.1.len() || prolongation.columns() == 0 {
+            let prolongation = prolongation(&level.0);
+            let last = level.1.len() <= COARSEST
+                || number + 1 == MOST_LEVELS
+                || 4 * prolongation.columns() > 3 * level.1.len()
+                || prolongation.columns() == 0;
+            let rows = (!last).then(|| SparseRows::of(&prolongation));
+            if number == 0 && !last {
+                let diagonal = Diagonal::of(&level.0, &level.1, floor);
+                finest = rows.map(|prolongation| Finest { diagonal, prolongation });
+            } else {
+                let (matrix, diagonal) = (SparseRows::of(&level.0), Diagonal::of(&level.0, &level.1, 0.0));
+                levels.push(Level { matrix, diagonal, prolongation: rows });
+            }
+            if last {
                 break;
             }
-            let (coarse, mass) = galerkin(&prolongation, &fine.0, &MassMatrix::Diagonal(fine.1), monitor)?;
-            let mass = MassMatrix::Sparse(mass).lumped();
-            if let Some(level) = levels.last_mut() {
-                level.prolongation = Some(Rows::of(&prolongation));
-            }
-            levels.push(Level::new(&coarse, &mass));
-            fine = (coarse, mass);
+            let (coarse, mass) = galerkin(&prolongation, &level.0, &MassMatrix::Diagonal(level.1), monitor)?;
+            level = (coarse, MassMatrix::Sparse(mass).lumped());
         }
-        let coarsest = if fine.1.len() <= COARSEST { Some(Coarsest::new(&fine.0, fine.1, monitor)?) } else { None };
-        Ok(Self { levels, coarsest })
+        let coarsest = if level.1.len() <= COARSEST { Some(Coarsest::new(&level.0, level.1, monitor)?) } else { None };
+        Ok(Self { patches: patches(stiffness, mass), finest, levels, coarsest })
+    }
+
+    /// The matrix in patches.
+    pub fn patches(&self) -> &[Patch] {
+        &self.patches
     }
 
     /// Unknowns of each level, the finest first.
     pub fn sizes(&self) -> Vec<usize> {
-        self.levels.iter().map(|level| level.mass.len()).collect()
+        let finest = self.finest.iter().map(|finest| finest.diagonal.mass.len());
+        finest.chain(self.levels.iter().map(|level| level.diagonal.mass.len())).collect()
     }
 
     /// Memory for one panel at a time.
     pub fn workspace(&self) -> CycleWorkspace {
+        let zeros = |n| vec![[0.0; CYCLE_WIDTH]; n];
         let buffers = |level: &Level| {
-            let zeros = || vec![[0.0; CYCLE_WIDTH]; level.mass.len()];
-            Buffers { right: zeros(), x: zeros(), before: zeros() }
+            let n = level.diagonal.mass.len();
+            let factors = vec![Factors::default(); n];
+            Buffers { right: zeros(n), x: zeros(n), before: zeros(n), factors }
         };
-        let reduced = vec![[0.0; CYCLE_WIDTH]; self.coarsest.as_ref().map_or(0, |coarsest| coarsest.values.len())];
-        CycleWorkspace { levels: self.levels.iter().map(buffers).collect(), reduced }
+        CycleWorkspace {
+            smoothed: zeros(self.finest.as_ref().map_or(0, |finest| finest.diagonal.mass.len())),
+            patch: Buffers::default(),
+            levels: self.levels.iter().map(buffers).collect(),
+            reduced: zeros(self.coarsest.as_ref().map_or(0, |coarsest| coarsest.values.len())),
+        }
     }
 
-    /// An approximation of `(S + σM)⁻¹ b`, one V-cycle from zero: `n` rows. `sigma` is positive.
+    /// `y`, an approximation of `(S + (c + σ) M)⁻¹ b`: one V-cycle from zero. `sigma` is positive, `right` holds `b`. Calls `visit` for each patch in
+    /// turn with `y` on the patch and its first ring.
     ///
     /// # Panics
     /// Where `right` has another number of rows than the matrix.
-    pub fn cycle<'w>(&self, sigma: f32, right: &[CycleRow], workspace: &'w mut CycleWorkspace) -> &'w [CycleRow] {
-        workspace.levels[0].right.copy_from_slice(right);
-        self.descend(0, sigma, &mut workspace.levels, &mut workspace.reduced);
-        &workspace.levels[0].x
+    pub fn cycle(
+        &self,
+        sigma: f32,
+        right: &[CycleRow],
+        workspace: &mut CycleWorkspace,
+        mut visit: impl FnMut(&Patch, &[CycleRow]),
+    ) {
+        let CycleWorkspace { smoothed, patch: local, levels, reduced } = workspace;
+        assert_eq!(right.len(), self.patches.last().map_or(0, |patch| patch.rows().end), "a row for each unknown");
+        let Some(finest) = &self.finest else {
+            levels[0].right.copy_from_slice(right);
+            self.descend(0, sigma, levels, reduced);
+            for patch in &self.patches {
+                local.gather(patch, 1, &levels[0].x);
+                visit(patch, &local.x);
+            }
+            return;
+        };
+        levels[0].right.fill([0.0; CYCLE_WIDTH]);
+        for patch in &self.patches {
+            finest.down(patch, sigma, right, local, smoothed, &mut levels[0].right);
+        }
+        self.descend(0, sigma, levels, reduced);
+        for patch in &self.patches {
+            finest.up(patch, sigma, right, local, smoothed, &levels[0].x);
+            visit(patch, &local.x[..patch.vertices(1).len()]);
+        }
     }
 
     /// Solves level `at` approximately, from `right` into `x`.
     fn descend(&self, at: usize, sigma: f32, buffers: &mut [Buffers], reduced: &mut [CycleRow]) {
         let level = &self.levels[at];
+        let n = level.diagonal.mass.len();
         let Some((own, rest)) = buffers.split_first_mut() else { return };
+        for (row, factors) in own.factors.iter_mut().enumerate() {
+            *factors = level.diagonal.factors(row, sigma);
+        }
         let Some(prolongation) = &level.prolongation else {
             match &self.coarsest {
                 Some(coarsest) => coarsest.solve(sigma, &own.right, reduced, &mut own.x),
                 None => {
-                    level.first_step(sigma, own);
-                    level.steps(sigma, 1..LAST_DEGREE, own);
+                    own.first_step(n);
+                    own.steps(&level.matrix, 1..LAST_DEGREE, |_| n);
                 }
             }
             return;
         };
-        level.first_step(sigma, own);
-        level.steps(sigma, 1..DEGREE, own);
+        own.first_step(n);
+        own.steps(&level.matrix, 1..DEGREE, |_| n);
         rest[0].right.fill([0.0; CYCLE_WIDTH]);
-        level.restrict_residual(sigma, prolongation, own, &mut rest[0].right);
+        own.restrict_residual(&level.matrix, prolongation, 0..n, &mut rest[0].right);
         self.descend(at + 1, sigma, rest, reduced);
-        prolongation.add_product(&rest[0].x, &mut own.x);
-        level.steps(sigma, 0..DEGREE, own);
+        vectorized(
+            &mut own.x,
+            #[inline(always)]
+            |x: &mut Vec<CycleRow>| {
+                for (row, x) in x.iter_mut().enumerate() {
+                    add_product(prolongation.row(row), &rest[0].x, x);
+                }
+            },
+        );
+        own.steps(&level.matrix, 0..DEGREE, |_| n);
     }
 }
 
-impl Level {
-    fn new(stiffness: &SparseMatrix, masses: &[f64]) -> Self {
-        let sum = |row: usize| stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>() as f32;
+impl Finest {
+    /// Smooths from zero on a patch, and adds what remains to the right-hand side of the level below.
+    fn down(
+        &self,
+        patch: &Patch,
+        sigma: f32,
+        right: &[CycleRow],
+        local: &mut Buffers,
+        smoothed: &mut [CycleRow],
+        coarse: &mut [CycleRow],
+    ) {
+        let ends: [usize; DEGREE + 1] = std::array::from_fn(|rings| patch.vertices(rings).len());
+        local.prepare(patch, DEGREE, sigma, &self.diagonal, right);
+        local.x.resize(ends[DEGREE], [0.0; CYCLE_WIDTH]);
+        local.before.resize(ends[DEGREE], [0.0; CYCLE_WIDTH]);
+        local.first_step(ends[DEGREE]);
+        local.steps(patch.matrix(), 1..DEGREE, |step| ends[DEGREE - step]);
+        let rows = patch.rows();
+        smoothed[rows.clone()].copy_from_slice(&local.x[..rows.len()]);
+        local.restrict_residual(patch.matrix(), &self.prolongation, rows, coarse);
+    }
+
+    /// Adds the coarse correction on a patch and smooths: the result, in `local.x`, holds on the patch and its first ring.
+    fn up(
+        &self,
+        patch: &Patch,
+        sigma: f32,
+        right: &[CycleRow],
+        local: &mut Buffers,
+        smoothed: &[CycleRow],
+        coarse: &[CycleRow],
+    ) {
+        let ends: [usize; DEGREE + 1] = std::array::from_fn(|rings| patch.vertices(rings).len());
+        local.prepare(patch, DEGREE, sigma, &self.diagonal, right);
+        local.gather(patch, RINGS, smoothed);
+        local.before.resize(local.x.len(), [0.0; CYCLE_WIDTH]);
+        vectorized(
+            &mut local.x,
+            #[inline(always)]
+            |x: &mut Vec<CycleRow>| {
+                for (&vertex, x) in patch.vertices(RINGS).iter().zip(x) {
+                    add_product(self.prolongation.row(vertex as usize), coarse, x);
+                }
+            },
+        );
+        local.steps(patch.matrix(), 0..DEGREE, |step| ends[DEGREE - step]);
+    }
+}
+
+/// The last step of a smoother of this degree that begins on all rings leaves one.
+const _: () = assert!(DEGREE + 1 == RINGS);
+
+impl Diagonal {
+    fn of(matrix: &SparseMatrix, masses: &[f64], floor: f64) -> Self {
+        let sum = |row: usize| matrix.row(row).1.iter().map(|value| value.abs()).sum::<f64>() as f32;
         Self {
-            matrix: Rows::of(stiffness),
             sums: (0..masses.len()).map(sum).collect(),
             mass: masses.iter().map(|&mass| mass as f32).collect(),
-            prolongation: None,
+            floor: floor as f32,
         }
     }
 
-    /// One over the absolute sum of a row of `S + σM`.
     #[inline(always)]
-    fn scale(&self, row: usize, sigma: f32) -> f32 {
+    fn factors(&self, row: usize, sigma: f32) -> Factors {
         let size = self.sums[row] + sigma * self.mass[row];
-        if size > 0.0 { 1.0 / size } else { 0.0 }
+        let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
+        Factors { scale, mass: (sigma + self.floor) * self.mass[row] }
+    }
+}
+
+impl Buffers {
+    /// Right-hand sides and factors of a patch and its first `rings` rings.
+    fn prepare(&mut self, patch: &Patch, rings: usize, sigma: f32, diagonal: &Diagonal, right: &[CycleRow]) {
+        let vertices = patch.vertices(rings);
+        self.right.clear();
+        self.right.extend_from_slice(&right[patch.rows()]);
+        self.right.extend(vertices[patch.rows().len()..].iter().map(|&vertex| right[vertex as usize]));
+        self.factors.clear();
+        self.factors.extend(vertices.iter().map(|&vertex| diagonal.factors(vertex as usize, sigma)));
     }
 
-    /// The first step of the smoother from zero.
-    fn first_step(&self, sigma: f32, buffers: &mut Buffers) {
-        let Buffers { right, x, .. } = buffers;
-        for (row, (x, b)) in x.iter_mut().zip(right.iter()).enumerate() {
-            let scale = self.scale(row, sigma) / MIDDLE;
+    /// `x` on a patch and its first `rings` rings.
+    fn gather(&mut self, patch: &Patch, rings: usize, x: &[CycleRow]) {
+        self.x.clear();
+        self.x.extend_from_slice(&x[patch.rows()]);
+        self.x.extend(patch.vertices(rings)[patch.rows().len()..].iter().map(|&vertex| x[vertex as usize]));
+    }
+
+    /// The first step of the smoother from zero, on the first `rows` rows.
+    fn first_step(&mut self, rows: usize) {
+        for ((x, b), factors) in self.x[..rows].iter_mut().zip(&self.right).zip(&self.factors) {
+            let scale = factors.scale / MIDDLE;
             *x = b.map(|b| scale * b);
         }
     }
 
-    /// Steps of the Chebyshev iteration from `x`: `x ← x + β (x − before) + γ D⁻¹ (b − A x)`, one pass each. Step 0 looks at no `before`; where the
-    /// iteration began with [`first_step`](Self::first_step), that was zero at step 1.
-    fn steps(&self, sigma: f32, range: std::ops::Range<usize>, buffers: &mut Buffers) {
+    /// Steps of the Chebyshev iteration from `x`: `x ← x + β (x − before) + γ D⁻¹ (b − A x)`, one pass over the first `rows(step)` rows each. Step 0
+    /// looks at no `before`; where the iteration began with [`first_step`](Self::first_step), that was zero at step 1.
+    fn steps(&mut self, matrix: &SparseRows, range: Range<usize>, rows: impl Fn(usize) -> usize) {
         let mut rho = HALF / MIDDLE;
         let first = range.start;
         for step in 0..range.end {
@@ -241,53 +402,45 @@ impl Level {
             if step < first {
                 continue;
             }
-            let Buffers { right, x, before } = &mut *buffers;
-            let from_zero = step == 1 && first == 1;
-            let fresh = step == 0 || from_zero;
-            vectorized(
-                &mut *before,
-                #[inline(always)]
-                |before: &mut Vec<CycleRow>| {
-                    for (row, before) in before.iter_mut().enumerate() {
-                        let image = self.image(row, sigma, x);
-                        let (own, b, scale) = (&x[row], &right[row], gamma * self.scale(row, sigma));
-                        for k in 0..CYCLE_WIDTH {
-                            let old = if fresh { 0.0 } else { beta * before[k] };
-                            let kept = own[k] + beta * own[k] - old;
-                            before[k] = scale.mul_add(b[k] - image[k], kept);
-                        }
-                    }
-                },
-            );
+            let Self { right, x, before, factors } = &mut *self;
+            let fresh = step == 0 || (step == 1 && first == 1);
+            let count = rows(step);
+            let sweep = Sweep { matrix, right, factors, x, beta, gamma };
+            let out = &mut before[..count];
+            if fresh {
+                vectorized(
+                    out,
+                    #[inline(always)]
+                    |out| sweep.run::<true>(out),
+                );
+            } else {
+                vectorized(
+                    out,
+                    #[inline(always)]
+                    |out| sweep.run::<false>(out),
+                );
+            }
             std::mem::swap(x, before);
         }
     }
 
-    /// Row `row` of `(S + σM) x`.
-    #[inline(always)]
-    fn image(&self, row: usize, sigma: f32, x: &[CycleRow]) -> CycleRow {
-        let (own, mass) = (&x[row], sigma * self.mass[row]);
-        let mut sum: CycleRow = std::array::from_fn(|k| mass * own[k]);
-        for &(column, value) in self.matrix.row(row) {
-            let x = &x[column as usize];
-            for k in 0..CYCLE_WIDTH {
-                sum[k] = value.mul_add(x[k], sum[k]);
-            }
-        }
-        sum
-    }
-
-    /// Adds `Pᵀ (b − A x)` to `out`.
-    fn restrict_residual(&self, sigma: f32, prolongation: &Rows, buffers: &Buffers, out: &mut [CycleRow]) {
-        let Buffers { right, x, .. } = buffers;
+    /// Adds `Pᵀ (b − A x)` to `out`, for the rows that come first here and are `rows` of the prolongation.
+    fn restrict_residual(
+        &self,
+        matrix: &SparseRows,
+        prolongation: &SparseRows,
+        rows: Range<usize>,
+        out: &mut [CycleRow],
+    ) {
+        let Self { right, x, factors, .. } = self;
         vectorized(
             out,
             #[inline(always)]
             |out| {
-                for (row, b) in right.iter().enumerate() {
-                    let image = self.image(row, sigma, x);
+                for (row, global) in rows.clone().enumerate() {
+                    let (b, image) = (&right[row], image(matrix.row(row), factors[row].mass, &x[row], x));
                     let residual: CycleRow = std::array::from_fn(|k| b[k] - image[k]);
-                    for &(column, value) in prolongation.row(row) {
+                    for &(column, value) in prolongation.row(global) {
                         let out = &mut out[column as usize];
                         for k in 0..CYCLE_WIDTH {
                             out[k] = value.mul_add(residual[k], out[k]);
@@ -299,41 +452,78 @@ impl Level {
     }
 }
 
-impl Rows {
-    fn of<T: Copy + Into<f64>>(matrix: &SparseMatrix<T>) -> Self {
-        Self {
-            offsets: matrix.offsets().iter().map(|&offset| offset as u32).collect(),
-            entries: matrix
-                .indices()
-                .iter()
-                .zip(matrix.values())
-                .map(|(&column, &value)| (column, value.into() as f32))
-                .collect(),
+/// One step of the Chebyshev iteration.
+struct Sweep<'a> {
+    matrix: &'a SparseRows,
+    right: &'a [CycleRow],
+    factors: &'a [Factors],
+    x: &'a [CycleRow],
+    beta: f32,
+    gamma: f32,
+}
+
+impl Sweep<'_> {
+    /// Puts the new iterate in the place of the one before, which is not looked at if `FRESH`.
+    #[inline(always)]
+    fn run<const FRESH: bool>(&self, before: &mut [CycleRow]) {
+        let Self { matrix, right, factors, x, beta, gamma } = *self;
+        for (row, ((before, b), factors)) in before.iter_mut().zip(right).zip(factors).enumerate() {
+            let own = x[row];
+            let image = image(matrix.row(row), factors.mass, &own, x);
+            let scale = gamma * factors.scale;
+            // Whole rows, not lane by lane in place: the compiler keeps each in one register.
+            let mut new = [0.0; CYCLE_WIDTH];
+            if FRESH {
+                for k in 0..CYCLE_WIDTH {
+                    new[k] = scale.mul_add(b[k] - image[k], (1.0 + beta) * own[k]);
+                }
+            } else {
+                let old = *before;
+                for k in 0..CYCLE_WIDTH {
+                    let kept = (1.0 + beta) * own[k] - beta * old[k];
+                    new[k] = scale.mul_add(b[k] - image[k], kept);
+                }
+            }
+            *before = new;
         }
     }
+}
 
-    #[inline(always)]
-    fn row(&self, row: usize) -> &[(u32, f32)] {
-        &self.entries[self.offsets[row] as usize..self.offsets[row + 1] as usize]
-    }
+/// A row of `(S + σM) x`.
+#[inline(always)]
+fn image(entries: &[(u32, f32)], mass: f32, own: &CycleRow, x: &[CycleRow]) -> CycleRow {
+    let mut sum: CycleRow = std::array::from_fn(|k| mass * own[k]);
+    add_product(entries, x, &mut sum);
+    sum
+}
 
-    /// `out += A x`.
-    fn add_product(&self, x: &[CycleRow], out: &mut [CycleRow]) {
-        vectorized(
-            out,
-            #[inline(always)]
-            |out| {
-                for (row, out) in out.iter_mut().enumerate() {
-                    for &(column, value) in self.row(row) {
-                        let x = &x[column as usize];
-                        for k in 0..CYCLE_WIDTH {
-                            out[k] = value.mul_add(x[k], out[k]);
-                        }
-                    }
-                }
-            },
-        );
+/// `out += (row of A) x`.
+#[inline(always)]
+fn add_product(entries: &[(u32, f32)], x: &[CycleRow], out: &mut CycleRow) {
+    for &(column, value) in entries {
+        let x = &x[column as usize];
+        for k in 0..CYCLE_WIDTH {
+            out[k] = value.mul_add(x[k], out[k]);
+        }
     }
+}
+
+/// `S + cM`, `M` lumped.
+fn plus_mass(stiffness: &SparseMatrix, lumped: &[f64], shift: f64) -> SparseMatrix {
+    let mut values = stiffness.values().to_vec();
+    for (row, mass) in lumped.iter().enumerate() {
+        let start = stiffness.offsets()[row];
+        if let Ok(at) = stiffness.row(row).0.binary_search(&(row as u32)) {
+            values[start + at] += shift * mass;
+        }
+    }
+    SparseMatrix::from_sorted_parts(
+        stiffness.rows(),
+        stiffness.columns(),
+        stiffness.offsets().to_vec(),
+        stiffness.indices().to_vec(),
+        values,
+    )
 }
 
 impl Coarsest {

@@ -113,6 +113,23 @@ impl<T> SparseMatrix<T> {
     }
 }
 
+impl<T: Copy> SparseMatrix<T> {
+    /// The matrix whose row `k` is row `rows[k]` of this one.
+    pub fn select_rows(&self, rows: &[u32]) -> Self {
+        let entries = rows.iter().map(|&row| self.row(row as usize).0.len()).sum();
+        let mut offsets = Vec::with_capacity(rows.len() + 1);
+        let (mut indices, mut values) = (Vec::with_capacity(entries), Vec::with_capacity(entries));
+        offsets.push(0);
+        for &row in rows {
+            let (i, x) = self.row(row as usize);
+            indices.extend_from_slice(i);
+            values.extend_from_slice(x);
+            offsets.push(indices.len());
+        }
+        Self::from_sorted_parts(rows.len(), self.columns, offsets, indices, values)
+    }
+}
+
 impl SparseMatrix {
     /// The square matrix with its rows and columns in another order: row and column `k` are those that were `order[k]`, a permutation.
     pub fn reordered(&self, order: &[u32]) -> Self {

@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use super::energy::{Density, Energy};
-use crate::algebra::{DenseMatrix, MultigridError, RowLifter, SparseMatrix};
+use crate::algebra::{DenseMatrix, MultigridError, SparseMatrix};
 use crate::basis::Certificate;
 use crate::monitor::{Cancelled, Monitor};
 use crate::operator::EigenProblem;
@@ -92,8 +92,10 @@ pub fn certify(
         && coefficients.rows() == d
         && ritz.len() == m
         && (reduced_mass.rows(), reduced_mass.columns()) == (d, d);
-    let lifter = RowLifter::new(space, coefficients).filter(|_| fits).ok_or_else(|| misfit.clone())?;
-    let (measures, density) = energy.measure(&lifter, ritz, d, KERNEL, goal, monitor)?;
+    if !fits {
+        return Err(misfit);
+    }
+    let (measures, density) = energy.measure(space, coefficients, ritz, KERNEL, goal, monitor)?;
     let stiffness_norm = infinity_norm(&problem.stiffness);
     let mut certificate = Certificate::default();
     for (k, (measure, &theta)) in measures.iter().zip(ritz).enumerate() {

@@ -22,22 +22,25 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use crate::algebra::{
-    CYCLE_WIDTH, CycleRow, CycleWorkspace, LIFT_WIDTH, MassMatrix, Multigrid, MultigridError, RowLifter, SparseMatrix,
-    compact_order, vectorized,
+    CYCLE_WIDTH, CycleRow, CycleWorkspace, DenseMatrix, LIFT_WIDTH, MassMatrix, Multigrid, MultigridError, PATCH_ROWS,
+    Patch, RowLifter, SparseMatrix, compact_order, vectorized,
 };
 use crate::monitor::{Cancelled, Monitor};
 use crate::operator::EigenProblem;
 
-/// σ as a share of the lowest value of a panel that is not zero. A smaller one makes the bound closer by up to a tenth and `y` harder to find.
-const SHIFT: f64 = 0.3;
+/// σ as a share of the lowest value of a panel that is not zero. Measured on igea, armadillo and rolling-stage with 500 pairs: 0.7 takes 40, 85 and
+/// 131 cycles (the last two in three rounds) where 0.3 takes 56, 104 and 152, for bounds of the same width, and estimates are closer; with 2
+/// estimates fall below the errors.
+const SHIFT: f64 = 0.7;
 
-/// The square of the upper end may exceed that of the lower one by so many times before another cycle is taken; cycles at most. Measured on
-/// armadillo: 0.35 takes 1.7 times as long as 4 and brings bounds of 4.1 % of the value down to 2.7 %.
+/// Another cycle is taken where the square of the upper end exceeds that of the lower one by more than `SLACK` times and the bound is above `CLOSE` of
+/// the value; cycles at most.
 const SLACK: f64 = 3.0;
+const CLOSE: f64 = 0.08;
 const MOST_STEPS: usize = 4;
 
-/// Rows of a compact block: neighbours in the mesh lie close to each other in memory.
-const ROWS_PER_BLOCK: usize = 512;
+/// Halves of a panel that is lifted.
+const HALVES: usize = LIFT_WIDTH / CYCLE_WIDTH;
 
 /// `A⁻¹` takes the place of `(S − λM)⁻¹` in the estimate; on what the space does not hold the two differ by at most about this.
 const MOST_AMPLIFIED: f64 = 2.0;
@@ -98,7 +101,6 @@ pub type Density = Option<Vec<f64>>;
 /// A pencil prepared for measuring: rows in a compact order, and the hierarchy.
 pub struct Energy {
     order: Vec<u32>,
-    stiffness: SparseMatrix,
     mass: MassMatrix,
     lumped: Vec<f64>,
     /// `Σ_j weights[j] x_j²` bounds the square of what rounding changes in `S x`, in the inverse lumped mass.
@@ -114,7 +116,7 @@ impl Energy {
     /// # Errors
     /// [`MultigridError`]: a vertex without mass, or cancellation.
     pub fn new(problem: &EigenProblem, floor: f64, monitor: &dyn Monitor) -> Result<Self, MultigridError> {
-        let order = compact_order(&problem.stiffness, ROWS_PER_BLOCK);
+        let order = compact_order(&problem.stiffness, PATCH_ROWS);
         let stiffness = problem.stiffness.reordered(&order);
         let mass = match &problem.mass {
             MassMatrix::Diagonal(mass) => MassMatrix::Diagonal(order.iter().map(|&row| mass[row as usize]).collect()),
@@ -122,33 +124,42 @@ impl Energy {
         };
         let lumped = mass.lumped();
         let floor = (-floor).max(0.0);
-        let hierarchy = if floor > 0.0 {
-            Multigrid::new(&plus_mass(&stiffness, &lumped, floor), &lumped, monitor)?
-        } else {
-            Multigrid::new(&stiffness, &lumped, monitor)?
-        };
+        let hierarchy = Multigrid::new(&stiffness, &mass, floor, monitor)?;
         let rounding = rounding_weights(&stiffness, &lumped);
-        Ok(Self { order, stiffness, mass, lumped, rounding, floor, hierarchy })
+        Ok(Self { order, mass, lumped, rounding, floor, hierarchy })
     }
 
-    /// Measures the pairs with Ritz values `ritz`, ascending, whose vectors `lifter` lifts from a space of dimension `dimension`. With a
-    /// `goal`, also where pairs miss energy whose estimated relative error exceeds it. Values up to `kernel` count as zero.
+    /// Measures the pairs with Ritz values `ritz`, ascending, and vectors `space · coefficients`. With a `goal`, also where pairs miss energy whose
+    /// estimated relative error exceeds it. Values up to `kernel` count as zero.
     ///
     /// # Errors
     /// [`Cancelled`], when asked to stop.
+    ///
+    /// # Panics
+    /// Where sizes do not fit: `space` is `n × d`, `coefficients` `d × m`, and there are `m` Ritz values.
     pub fn measure(
         &self,
-        lifter: &RowLifter<'_>,
+        space: &SparseMatrix<f32>,
+        coefficients: &DenseMatrix,
         ritz: &[f64],
-        dimension: usize,
         kernel: f64,
         goal: Option<f64>,
         monitor: &dyn Monitor,
     ) -> Result<(Vec<Measure>, Density), Cancelled> {
         let n = self.order.len();
+        assert_eq!(
+            (space.rows(), coefficients.columns()),
+            (n, ritz.len()),
+            "a row for each unknown, a column for each value"
+        );
+        // In the order of the patches: rows all over the memory take three times as long to lift.
+        let space = space.select_rows(&self.order);
+        let Some(lifter) = RowLifter::new(&space, coefficients) else {
+            panic!("{} coefficients for {} columns", coefficients.rows(), space.columns())
+        };
         // By Weyl's law.
         let highest = ritz.last().map_or(0.0, |theta| theta + self.floor);
-        let cutoff = highest * (dimension as f64 / ritz.len().max(1) as f64);
+        let cutoff = highest * (space.columns() as f64 / ritz.len().max(1) as f64);
         let wanted = Wanted { kernel, cutoff, goal };
         let panels = ritz.len().div_ceil(LIFT_WIDTH);
         let done = AtomicUsize::new(0);
@@ -161,16 +172,13 @@ impl Energy {
                 let left = idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
                 let mut own = left.unwrap_or_else(|| Workspace::new(n, &self.hierarchy));
                 let workspace = &mut own;
-                lifter.lift(&self.order, panel, &mut workspace.x);
+                let theta = &ritz[panel * LIFT_WIDTH..ritz.len().min((panel + 1) * LIFT_WIDTH)];
+                let residuals = self.residuals(&lifter, panel, theta, workspace);
                 let mut measures = Vec::with_capacity(LIFT_WIDTH);
                 let mut density = None;
-                for half in 0..LIFT_WIDTH / CYCLE_WIDTH {
-                    let from = panel * LIFT_WIDTH + half * CYCLE_WIDTH;
-                    if from < ritz.len() {
-                        monitor.checkpoint()?;
-                        let theta = &ritz[from..ritz.len().min(from + CYCLE_WIDTH)];
-                        measures.extend(self.half(workspace, half, theta, wanted, &mut density));
-                    }
+                for (half, theta) in theta.chunks(CYCLE_WIDTH).enumerate() {
+                    monitor.checkpoint()?;
+                    measures.extend(self.half(workspace, half, theta, &residuals[half], wanted, &mut density));
                 }
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 monitor.progress(done as f64 / panels as f64);
@@ -195,63 +203,56 @@ impl Energy {
         self.order.len()
     }
 
-    /// Sixteen columns of a panel.
+    /// Sixteen columns of a panel, whose residuals are known.
     fn half(
         &self,
         workspace: &mut Workspace,
         half: usize,
         ritz: &[f64],
+        residuals: &Residuals,
         wanted: Wanted,
         density: &mut Density,
     ) -> Vec<Measure> {
         let Wanted { kernel, cutoff, goal } = wanted;
-        let mut theta = [0.0; CYCLE_WIDTH];
-        theta[..ritz.len()].copy_from_slice(ritz);
         let positive = ritz.iter().map(|theta| theta + self.floor).find(|&theta| theta > kernel);
         let sigma = SHIFT * positive.unwrap_or(1.0);
-        let residuals = self.residuals(workspace, half, &theta);
-        let mut enclosed = Enclosure::default();
-        for step in 0..MOST_STEPS {
-            let Workspace { right, y, rest, cycle, .. } = workspace;
-            if step == 0 {
-                y.copy_from_slice(self.hierarchy.cycle(sigma as f32, right, cycle));
-            } else {
-                let correction = self.hierarchy.cycle(sigma as f32, rest, cycle);
-                y.as_flattened_mut().iter_mut().zip(correction.as_flattened()).for_each(|(y, c)| *y += c);
+        let mut enclosed = self.step(workspace, half, sigma, Step { first: true, keep: workspace.keep });
+        let mut kept = workspace.keep;
+        let keep = |workspace: &mut Workspace, kept: &mut bool| {
+            if !*kept {
+                self.step(workspace, half, sigma, Step { first: true, keep: true });
             }
-            enclosed = self.enclose(workspace, sigma);
-            if (0..ritz.len()).all(|k| enclosed.excess[k] <= SLACK * sigma * enclosed.below[k]) {
-                break;
-            }
+            *kept = true;
+        };
+        let mut steps = 1;
+        let close = |enclosed: &Enclosure| {
+            (0..ritz.len()).all(|k| {
+                enclosed.excess[k] <= SLACK * sigma * enclosed.below[k]
+                    || self.conclude(residuals, enclosed, k, ritz[k], wanted, sigma).bound
+                        <= CLOSE * (ritz[k] + self.floor)
+            })
+        };
+        while steps < MOST_STEPS && !close(&enclosed) {
+            keep(workspace, &mut kept);
+            enclosed = self.step(workspace, half, sigma, Step { first: false, keep: true });
+            steps += 1;
         }
-        let mut measures = Vec::with_capacity(ritz.len());
+        // The next panel has much the same needs.
+        workspace.keep = steps > 1;
+        let conclude = |k: usize| self.conclude(residuals, &enclosed, k, ritz[k], wanted, sigma);
+        let measures: Vec<Measure> = (0..ritz.len()).map(conclude).collect();
+        let Some(goal) = goal else { return measures };
         let mut weights = [0.0; CYCLE_WIDTH];
-        for k in 0..ritz.len() {
-            let Residuals { sums, rounding, .. } = &residuals;
-            let below = enclosed.below[k].max(0.0);
-            // A consistent mass is at least a quarter of the lumped one.
-            let factor = if matches!(self.mass, MassMatrix::Diagonal(_)) { 1.0 } else { 2.0 };
-            let of_y =
-                enclosed.rounding[k].sqrt() + MASS_ROUNDING * (sigma + self.floor) * enclosed.mass[k].max(0.0).sqrt();
-            let excess =
-                factor * ((1.0 + MASS_ROUNDING) * enclosed.excess[k].sqrt() + of_y + rounding[k]) / sigma.sqrt();
-            let above = (below + 1e-12 * enclosed.size[k] + excess * excess).sqrt();
-            let above_dual = factor * (sums[k].dual.sqrt() + rounding[k]);
-            let mut measure = Measure { sigma, below: below.sqrt(), above, above_dual, ..sums[k] };
-            let value = ritz[k] + self.floor;
-            measure.bound = measure.distance(ritz[k], self.floor);
-            measure.estimate = measure.error(value, cutoff).min(measure.bound);
-            if let Some(goal) = goal
-                && value > kernel
-                && measure.estimate > goal * value
-            {
-                weights[k] = 1.0 / value;
+        for ((weight, measure), theta) in weights.iter_mut().zip(&measures).zip(ritz) {
+            let value = theta + self.floor;
+            if value > kernel && measure.estimate > goal * value {
+                *weight = 1.0 / value;
             }
-            measures.push(measure);
         }
         if weights.iter().any(|&w| w > 0.0) {
+            keep(workspace, &mut kept);
             let density = density.get_or_insert_with(|| vec![0.0; self.order.len()]);
-            for ((sum, y), r) in density.iter_mut().zip(&workspace.y).zip(&workspace.right) {
+            for ((sum, y), r) in density.iter_mut().zip(&workspace.y).zip(&workspace.right[half]) {
                 let share: f64 = (0..CYCLE_WIDTH).map(|k| weights[k] * f64::from(y[k]) * f64::from(r[k])).sum();
                 *sum += share;
             }
@@ -259,44 +260,119 @@ impl Energy {
         measures
     }
 
-    /// `r = S x − θ M x` into `right`, in single precision, with the sums that it enters.
-    fn residuals(&self, workspace: &mut Workspace, half: usize, theta: &[f64; CYCLE_WIDTH]) -> Residuals {
-        let mut found = Residuals::default();
-        let x = &workspace.x;
-        let lanes = half * CYCLE_WIDTH..(half + 1) * CYCLE_WIDTH;
+    /// What the enclosure says of pair `k` of a half.
+    fn conclude(
+        &self,
+        residuals: &Residuals,
+        enclosed: &Enclosure,
+        k: usize,
+        ritz: f64,
+        wanted: Wanted,
+        sigma: f64,
+    ) -> Measure {
+        let Residuals { sums, rounding, .. } = residuals;
+        let below = enclosed.below[k].max(0.0);
+        // A consistent mass is at least a quarter of the lumped one.
+        let factor = if matches!(self.mass, MassMatrix::Diagonal(_)) { 1.0 } else { 2.0 };
+        let of_y =
+            enclosed.rounding[k].sqrt() + MASS_ROUNDING * (sigma + self.floor) * enclosed.mass[k].max(0.0).sqrt();
+        let excess = factor * ((1.0 + MASS_ROUNDING) * enclosed.excess[k].sqrt() + of_y + rounding[k]) / sigma.sqrt();
+        let above = (below + 1e-12 * enclosed.size[k] + excess * excess).sqrt();
+        let above_dual = factor * (sums[k].dual.sqrt() + rounding[k]);
+        let mut measure = Measure { sigma, below: below.sqrt(), above, above_dual, ..sums[k] };
+        measure.bound = measure.distance(ritz, self.floor);
+        measure.estimate = measure.error(ritz + self.floor, wanted.cutoff).min(measure.bound);
+        measure
+    }
+
+    /// `r = S x − θ M x` of the panel into `right`, in single precision, with the sums that it enters. `x` is lifted patch by patch and never
+    /// stored.
+    fn residuals(
+        &self,
+        lifter: &RowLifter<'_>,
+        panel: usize,
+        ritz: &[f64],
+        workspace: &mut Workspace,
+    ) -> [Residuals; HALVES] {
+        let mut theta = [0.0; LIFT_WIDTH];
+        theta[..ritz.len()].copy_from_slice(ritz);
+        let Workspace { x, right, .. } = workspace;
+        let mut totals = [[[0.0; CYCLE_WIDTH]; 7]; HALVES];
+        let mut found: [Residuals; HALVES] = Default::default();
+        for patch in self.hierarchy.patches() {
+            let vertices = patch.vertices(1);
+            x.resize(vertices.len(), [0.0; LIFT_WIDTH]);
+            lifter.lift(vertices, panel, x);
+            for half in 0..ritz.len().div_ceil(CYCLE_WIDTH) {
+                let theta: [f64; CYCLE_WIDTH] = std::array::from_fn(|k| theta[half * CYCLE_WIDTH + k]);
+                let (totals, right) = (&mut totals[half], &mut right[half][patch.rows()]);
+                self.patch_residuals(patch, x, half, &theta, totals, &mut found[half], right);
+            }
+        }
+        for (half, (found, totals)) in found.iter_mut().zip(&totals).enumerate() {
+            for k in 0..CYCLE_WIDTH {
+                found.sums[k] = Measure {
+                    residual: totals[0][k],
+                    dual: totals[1][k],
+                    stiffness: totals[2][k],
+                    square: totals[3][k],
+                    mass: totals[4][k],
+                    energy: totals[5][k],
+                    lowest: found.lowest[k],
+                    highest: found.highest[k],
+                    ..Measure::default()
+                };
+                found.rounding[k] = totals[6][k].sqrt()
+                    + MASS_ROUNDING * theta[half * CYCLE_WIDTH + k].abs() * totals[4][k].sqrt()
+                    + SINGLE * totals[1][k].sqrt();
+            }
+        }
+        found
+    }
+
+    /// The rows of a patch of one half of [`residuals`](Self::residuals); `x` holds the patch and its first ring.
+    #[expect(clippy::too_many_arguments, reason = "what one patch needs and what it adds to")]
+    fn patch_residuals(
+        &self,
+        patch: &Patch,
+        x: &[[f64; LIFT_WIDTH]],
+        half: usize,
+        theta: &[f64; CYCLE_WIDTH],
+        totals: &mut [[f64; CYCLE_WIDTH]; 7],
+        found: &mut Residuals,
+        right: &mut [CycleRow],
+    ) {
         vectorized(
-            (&mut found, &mut workspace.right),
+            (totals, found, right),
             #[inline(always)]
-            |(found, right)| {
-                let mut totals = [[0.0; CYCLE_WIDTH]; 7];
-                for (row, right) in right.iter_mut().enumerate() {
-                    let own = lanes_of(&x[row], lanes.start);
-                    let (columns, values) = self.stiffness.row(row);
+            |(totals, found, right)| {
+                for (row, (right, global)) in right.iter_mut().zip(patch.rows()).enumerate() {
+                    let own = lanes_of(&x[row], half);
+                    let (columns, values) = patch.exact(row);
                     let mut sx = [0.0; CYCLE_WIDTH];
-                    for (&column, &value) in columns.iter().zip(values) {
-                        let x = lanes_of(&x[column as usize], lanes.start);
+                    for (&(column, _), &value) in columns.iter().zip(values) {
+                        let x = lanes_of(&x[column as usize], half);
                         for k in 0..CYCLE_WIDTH {
                             sx[k] = value.mul_add(x[k], sx[k]);
                         }
                     }
                     let mut mx = [0.0; CYCLE_WIDTH];
-                    match &self.mass {
-                        MassMatrix::Diagonal(mass) => {
-                            for k in 0..CYCLE_WIDTH {
-                                mx[k] = mass[row] * own[k];
-                            }
-                        }
-                        MassMatrix::Sparse(mass) => {
-                            let (columns, values) = mass.row(row);
-                            for (&column, &value) in columns.iter().zip(values) {
-                                let x = lanes_of(&x[column as usize], lanes.start);
+                    match (&self.mass, patch.consistent_mass(row)) {
+                        (MassMatrix::Sparse(_), Some((columns, values))) => {
+                            for (&(column, _), &value) in columns.iter().zip(values) {
+                                let x = lanes_of(&x[column as usize], half);
                                 for k in 0..CYCLE_WIDTH {
                                     mx[k] = value.mul_add(x[k], mx[k]);
                                 }
                             }
                         }
+                        _ => {
+                            for k in 0..CYCLE_WIDTH {
+                                mx[k] = self.lumped[global] * own[k];
+                            }
+                        }
                     }
-                    let (inverse, weight) = (1.0 / self.lumped[row], self.rounding[row]);
+                    let (inverse, weight) = (1.0 / self.lumped[global], self.rounding[global]);
                     for k in 0..CYCLE_WIDTH {
                         let r = sx[k] - theta[k] * mx[k];
                         right[k] = r as f32;
@@ -311,79 +387,116 @@ impl Energy {
                         found.highest[k] = if own[k] > found.highest[k] { own[k] } else { found.highest[k] };
                     }
                 }
-                for k in 0..CYCLE_WIDTH {
-                    found.sums[k] = Measure {
-                        residual: totals[0][k],
-                        dual: totals[1][k],
-                        stiffness: totals[2][k],
-                        square: totals[3][k],
-                        mass: totals[4][k],
-                        energy: totals[5][k],
-                        lowest: found.lowest[k],
-                        highest: found.highest[k],
-                        ..Measure::default()
-                    };
-                    found.rounding[k] = totals[6][k].sqrt()
-                        + MASS_ROUNDING * theta[k].abs() * totals[4][k].sqrt()
-                        + SINGLE * totals[1][k].sqrt();
-                }
             },
         );
+    }
+
+    /// A cycle from zero, or one that improves the `y` that was kept, and the terms of the enclosure for the `y` found. Keeps `y` and `r − Ay`
+    /// if asked to.
+    fn step(&self, workspace: &mut Workspace, half: usize, sigma: f64, step: Step) -> Enclosure {
+        let Workspace { right, y, rest, next_y, next_rest, total, cycle, .. } = workspace;
+        let right = &right[half];
+        let mut found = Enclosure::default();
+        if step.keep {
+            next_y.resize(right.len(), [0.0; CYCLE_WIDTH]);
+            next_rest.resize(right.len(), [0.0; CYCLE_WIDTH]);
+        }
+        let source: &[CycleRow] = if step.first { right } else { rest };
+        self.hierarchy.cycle(sigma as f32, source, cycle, |patch, correction| {
+            let rows = patch.rows();
+            let improved = if step.first {
+                correction
+            } else {
+                total.clear();
+                total.extend(correction.iter().zip(patch.vertices(1)).map(|(correction, &vertex)| {
+                    let y = &y[vertex as usize];
+                    std::array::from_fn(|k| y[k] + correction[k])
+                }));
+                &*total
+            };
+            let kept = if step.keep {
+                next_y[rows.clone()].copy_from_slice(&improved[..rows.len()]);
+                &mut next_rest[rows]
+            } else {
+                &mut []
+            };
+            self.enclose(patch, improved, &right[patch.rows()], sigma, &mut found, kept);
+        });
+        if step.keep {
+            std::mem::swap(y, next_y);
+            std::mem::swap(rest, next_rest);
+        }
         found
     }
 
-    /// The terms of the enclosure for the `y` that was found, in double precision.
-    fn enclose(&self, workspace: &mut Workspace, sigma: f64) -> Enclosure {
-        let Workspace { right, y, rest: rests, .. } = workspace;
-        let (right, y) = (&*right, &*y);
+    /// Adds the terms of the enclosure on a patch, in double precision; `y` holds the patch and its first ring. `rests`, if there are as many, become
+    /// `r − Ay`.
+    fn enclose(
+        &self,
+        patch: &Patch,
+        y: &[CycleRow],
+        right: &[CycleRow],
+        sigma: f64,
+        found: &mut Enclosure,
+        rests: &mut [CycleRow],
+    ) {
         let shift = sigma + self.floor;
-        let mut found = Enclosure::default();
         vectorized(
-            (&mut found, rests),
+            (found, rests),
             #[inline(always)]
             |(found, rests)| {
-                for (row, ((r, own), rests)) in right.iter().zip(y).zip(rests.iter_mut()).enumerate() {
-                    let (columns, values) = self.stiffness.row(row);
+                for (row, (r, global)) in right.iter().zip(patch.rows()).enumerate() {
+                    let own = &y[row];
+                    let (columns, values) = patch.exact(row);
                     let mut ay = [0.0; CYCLE_WIDTH];
-                    for (&column, &value) in columns.iter().zip(values) {
+                    for (&(column, _), &value) in columns.iter().zip(values) {
                         let y = &y[column as usize];
                         for k in 0..CYCLE_WIDTH {
                             ay[k] = value.mul_add(f64::from(y[k]), ay[k]);
                         }
                     }
                     let mut mass_y = [0.0; CYCLE_WIDTH];
-                    match &self.mass {
-                        MassMatrix::Diagonal(mass) => {
-                            for k in 0..CYCLE_WIDTH {
-                                mass_y[k] = mass[row] * f64::from(own[k]);
-                            }
-                        }
-                        MassMatrix::Sparse(mass) => {
-                            let (columns, values) = mass.row(row);
-                            for (&column, &value) in columns.iter().zip(values) {
+                    match (&self.mass, patch.consistent_mass(row)) {
+                        (MassMatrix::Sparse(_), Some((columns, values))) => {
+                            for (&(column, _), &value) in columns.iter().zip(values) {
                                 let y = &y[column as usize];
                                 for k in 0..CYCLE_WIDTH {
                                     mass_y[k] = value.mul_add(f64::from(y[k]), mass_y[k]);
                                 }
                             }
                         }
+                        _ => {
+                            for k in 0..CYCLE_WIDTH {
+                                mass_y[k] = self.lumped[global] * f64::from(own[k]);
+                            }
+                        }
                     }
-                    let (inverse, weight) = (1.0 / self.lumped[row], self.rounding[row]);
+                    let (inverse, weight) = (1.0 / self.lumped[global], self.rounding[global]);
+                    let mut rests = rests.get_mut(row);
                     for k in 0..CYCLE_WIDTH {
                         let (r, y) = (f64::from(r[k]), f64::from(own[k]));
                         let rest = r - ay[k] - shift * mass_y[k];
-                        rests[k] = rest as f32;
+                        ay[k] = rest;
                         found.below[k] += y * (r + rest);
                         found.size[k] += (y * r).abs() + (y * rest).abs();
                         found.excess[k] += rest * rest * inverse;
                         found.rounding[k] += weight * y * y;
                         found.mass[k] += y * mass_y[k];
                     }
+                    if let Some(rests) = &mut rests {
+                        rests.iter_mut().zip(&ay).for_each(|(to, &rest)| *to = rest as f32);
+                    }
                 }
             },
         );
-        found
     }
+}
+
+/// How a cycle is taken.
+#[derive(Clone, Copy)]
+struct Step {
+    first: bool,
+    keep: bool,
 }
 
 impl Measure {
@@ -416,9 +529,9 @@ impl Measure {
 }
 
 #[inline(always)]
-fn lanes_of(row: &[f64; LIFT_WIDTH], from: usize) -> &[f64; CYCLE_WIDTH] {
+fn lanes_of(row: &[f64; LIFT_WIDTH], half: usize) -> &[f64; CYCLE_WIDTH] {
     let (halves, _) = row.as_chunks::<CYCLE_WIDTH>();
-    &halves[from / CYCLE_WIDTH]
+    &halves[half]
 }
 
 /// For each `j` the weight `w_j` with `Σ_i γ_i² (Σ_j |S_ij| |x_j|)² / m_i ≤ Σ_j w_j x_j²`, by Cauchy and Schwarz row by row: γ_i bounds the
@@ -436,37 +549,35 @@ fn rounding_weights(stiffness: &SparseMatrix, lumped: &[f64]) -> Vec<f64> {
     weights
 }
 
-/// `S + cM`, `M` lumped.
-fn plus_mass(stiffness: &SparseMatrix, lumped: &[f64], shift: f64) -> SparseMatrix {
-    let mut values = stiffness.values().to_vec();
-    for (row, mass) in lumped.iter().enumerate() {
-        let start = stiffness.offsets()[row];
-        if let Ok(at) = stiffness.row(row).0.binary_search(&(row as u32)) {
-            values[start + at] += shift * mass;
-        }
-    }
-    SparseMatrix::from_sorted_parts(
-        stiffness.rows(),
-        stiffness.columns(),
-        stiffness.offsets().to_vec(),
-        stiffness.indices().to_vec(),
-        values,
-    )
-}
-
 /// What one thread needs for a panel.
 struct Workspace {
+    /// The panel on a patch and its first ring.
     x: Vec<[f64; LIFT_WIDTH]>,
-    right: Vec<CycleRow>,
+    right: [Vec<CycleRow>; HALVES],
+    /// Whether the first cycle keeps what a second one begins with.
+    keep: bool,
     y: Vec<CycleRow>,
     rest: Vec<CycleRow>,
+    next_y: Vec<CycleRow>,
+    next_rest: Vec<CycleRow>,
+    /// `y` on a patch and its first ring.
+    total: Vec<CycleRow>,
     cycle: CycleWorkspace,
 }
 
 impl Workspace {
     fn new(n: usize, hierarchy: &Multigrid) -> Self {
-        let zeros = || vec![[0.0; CYCLE_WIDTH]; n];
-        Self { x: vec![[0.0; LIFT_WIDTH]; n], right: zeros(), y: zeros(), rest: zeros(), cycle: hierarchy.workspace() }
+        Self {
+            x: Vec::new(),
+            right: std::array::from_fn(|_| vec![[0.0; CYCLE_WIDTH]; n]),
+            keep: false,
+            y: Vec::new(),
+            rest: Vec::new(),
+            next_y: Vec::new(),
+            next_rest: Vec::new(),
+            total: Vec::new(),
+            cycle: hierarchy.workspace(),
+        }
     }
 }
 

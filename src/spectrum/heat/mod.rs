@@ -195,7 +195,7 @@ pub fn smooth(
     for coarsening in &hierarchy {
         tops.iter_mut().for_each(|v| *v = coarsening.cells[*v as usize]);
     }
-    let initial = select_rows(columns, &vertices);
+    let initial = columns.select_rows(&vertices);
     let coarse_drop = (COARSE_DROP * parameters.threshold).max(parameters.drop) as f32;
     let heat = panel::Heat { drop: coarse_drop, ..heat };
     let mut spread = panel::diffuse(&coarsest.level, &initial, &tops, &heat, monitor)?;
@@ -240,20 +240,6 @@ fn coarsen(
         forced.iter_mut().for_each(|v| *v = coarsening.cells[*v as usize]);
         hierarchy.push(coarsening);
     }
-}
-
-/// The given rows of a matrix.
-fn select_rows(matrix: &SparseMatrix<f32>, rows: &[u32]) -> SparseMatrix<f32> {
-    let mut offsets = Vec::with_capacity(rows.len() + 1);
-    let (mut indices, mut values) = (Vec::new(), Vec::new());
-    offsets.push(0);
-    for &row in rows {
-        let (i, x) = matrix.row(row as usize);
-        indices.extend_from_slice(i);
-        values.extend_from_slice(x);
-        offsets.push(indices.len());
-    }
-    SparseMatrix::from_sorted_parts(rows.len(), matrix.columns(), offsets, indices, values)
 }
 
 /// The vertex of the largest entry of every column (the first of equals).

@@ -1,0 +1,273 @@
+//! A sparse symmetric matrix cut into patches of rows that fit the cache, each with rings of neighbours around it: several products in a row
+//! need one pass over memory, at the price of computing the rings twice.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::{MassMatrix, SparseMatrix};
+
+/// Rows of a patch, but for the last: with sixteen single-precision lanes, three rings and the matrix, less than a megabyte.
+pub const PATCH_ROWS: usize = 2560;
+
+/// Rings around a patch.
+pub const RINGS: usize = 3;
+
+/// Where patches with their rings hold more rows than this many times the matrix (a hub whose neighbours are everywhere), patches grow.
+const MOST_OVERLAP: usize = 2;
+
+/// Consecutive rows of a matrix, with what [`RINGS`] products in a row reach from there. Numbers of rows are local: first the rows of the patch, then
+/// ring after ring.
+#[derive(Debug)]
+pub struct Patch {
+    rows: Range<usize>,
+    vertices: Vec<u32>,
+    ends: [usize; RINGS + 1],
+    matrix: SparseRows,
+    /// The entries of the patch's own rows in double precision.
+    values: Vec<f64>,
+    mass: Option<(SparseRows, Vec<f64>)>,
+}
+
+/// Rows of a sparse matrix, in single precision.
+#[derive(Debug, Default)]
+pub struct SparseRows {
+    offsets: Vec<u32>,
+    entries: Vec<(u32, f32)>,
+}
+
+impl SparseRows {
+    /// All rows of `matrix`.
+    pub fn of<T: Copy + Into<f64>>(matrix: &SparseMatrix<T>) -> Self {
+        let entries = matrix.indices().iter().zip(matrix.values());
+        Self {
+            offsets: matrix.offsets().iter().map(|&offset| offset as u32).collect(),
+            entries: entries.map(|(&column, &value)| (column, value.into() as f32)).collect(),
+        }
+    }
+
+    /// Columns and values of a row.
+    #[inline(always)]
+    pub fn row(&self, row: usize) -> &[(u32, f32)] {
+        &self.entries[self.range(row)]
+    }
+
+    #[inline(always)]
+    fn range(&self, row: usize) -> Range<usize> {
+        self.offsets[row] as usize..self.offsets[row + 1] as usize
+    }
+
+    fn local(matrix: &SparseMatrix, rows: &[u32], numbers: &[u32]) -> Self {
+        let mut offsets = Vec::with_capacity(rows.len() + 1);
+        let mut entries = Vec::with_capacity(7 * rows.len());
+        offsets.push(0);
+        for &row in rows {
+            let (columns, values) = matrix.row(row as usize);
+            entries.extend(columns.iter().zip(values).map(|(&c, &value)| (numbers[c as usize], value as f32)));
+            offsets.push(entries.len() as u32);
+        }
+        Self { offsets, entries }
+    }
+}
+
+impl Patch {
+    /// The rows of the matrix that are this patch's own.
+    pub fn rows(&self) -> Range<usize> {
+        self.rows.clone()
+    }
+
+    /// Row numbers in the whole matrix of the patch and its first `rings` rings.
+    ///
+    /// # Panics
+    /// For more than [`RINGS`] rings.
+    pub fn vertices(&self, rings: usize) -> &[u32] {
+        &self.vertices[..self.ends[rings]]
+    }
+
+    /// The matrix in single precision, on the patch and all but its last ring.
+    pub fn matrix(&self) -> &SparseRows {
+        &self.matrix
+    }
+
+    /// An own row of the matrix in double precision: columns (the second number is to be ignored) and values.
+    #[inline(always)]
+    pub fn exact(&self, row: usize) -> (&[(u32, f32)], &[f64]) {
+        let range = self.matrix.range(row);
+        (&self.matrix.entries[range.clone()], &self.values[range])
+    }
+
+    /// An own row of a mass matrix that is not diagonal, like [`exact`](Self::exact).
+    #[inline(always)]
+    pub fn consistent_mass(&self, row: usize) -> Option<(&[(u32, f32)], &[f64])> {
+        let (rows, values) = self.mass.as_ref()?;
+        let range = rows.range(row);
+        Some((&rows.entries[range.clone()], &values[range]))
+    }
+}
+
+/// Patches of a symmetric matrix whose rows are in a compact order ([`compact_order`](super::compact_order) with [`PATCH_ROWS`]).
+///
+/// # Panics
+/// Where the mass matrix has another size than the matrix.
+pub fn patches(matrix: &SparseMatrix, mass: &MassMatrix) -> Vec<Patch> {
+    let n = matrix.rows();
+    let consistent = match mass {
+        MassMatrix::Diagonal(mass) => {
+            assert_eq!(mass.len(), n, "a mass for each row");
+            None
+        }
+        MassMatrix::Sparse(mass) => {
+            assert_eq!(mass.rows(), n, "a row of masses for each row");
+            Some(mass)
+        }
+    };
+    let mut size = PATCH_ROWS;
+    loop {
+        // Counting ends as soon as it is too much.
+        let mut left = MOST_OVERLAP * n;
+        let mut numbers = vec![u32::MAX; n];
+        let fits = size >= n
+            || (0..n).step_by(size).all(|from| {
+                let rows = from..n.min(from + size);
+                match grow(matrix, consistent, rows, left, &mut numbers) {
+                    Some((vertices, _)) => {
+                        left -= vertices.len();
+                        vertices.iter().for_each(|&v| numbers[v as usize] = u32::MAX);
+                        true
+                    }
+                    None => false,
+                }
+            });
+        if fits {
+            break;
+        }
+        size *= 4;
+    }
+    let size = size.min(n.max(1));
+    (0..n.div_ceil(size))
+        .into_par_iter()
+        .map_init(
+            || vec![u32::MAX; n],
+            |numbers, patch| {
+                let rows = patch * size..n.min((patch + 1) * size);
+                let (vertices, ends) = grow(matrix, consistent, rows.clone(), usize::MAX, numbers).unwrap_or_default();
+                let local = SparseRows::local(matrix, &vertices[..ends[RINGS - 1]], numbers);
+                let values = matrix.values()[matrix.offsets()[rows.start]..matrix.offsets()[rows.end]].to_vec();
+                let mass = consistent.map(|mass| {
+                    let values = mass.values()[mass.offsets()[rows.start]..mass.offsets()[rows.end]].to_vec();
+                    (SparseRows::local(mass, &vertices[..rows.len()], numbers), values)
+                });
+                vertices.iter().for_each(|&v| numbers[v as usize] = u32::MAX);
+                Patch { rows, vertices, ends, matrix: local, values, mass }
+            },
+        )
+        .collect()
+}
+
+/// The rows and ring after ring around them, with where each ring ends, and their local numbers left in `numbers`; nothing, and `numbers` as before,
+/// where they would be more than `most`.
+fn grow(
+    matrix: &SparseMatrix,
+    mass: Option<&SparseMatrix>,
+    rows: Range<usize>,
+    most: usize,
+    numbers: &mut [u32],
+) -> Option<(Vec<u32>, [usize; RINGS + 1])> {
+    let mut vertices: Vec<u32> = rows.clone().map(|row| row as u32).collect();
+    vertices.iter().enumerate().for_each(|(number, &v)| numbers[v as usize] = number as u32);
+    let mut ends = [vertices.len(); RINGS + 1];
+    let mut begin = 0;
+    for ring in 0..RINGS {
+        let end = vertices.len();
+        for k in begin..end {
+            let row = vertices[k] as usize;
+            let also = mass.map_or(&[][..], |mass| mass.row(row).0);
+            for &other in matrix.row(row).0.iter().chain(also) {
+                if numbers[other as usize] == u32::MAX {
+                    numbers[other as usize] = vertices.len() as u32;
+                    vertices.push(other);
+                }
+            }
+            if vertices.len() > most {
+                vertices.iter().for_each(|&v| numbers[v as usize] = u32::MAX);
+                return None;
+            }
+        }
+        begin = end;
+        ends[ring + 1] = vertices.len();
+    }
+    Some((vertices, ends))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A ring of `n` rows; with `hub`, row 0 is connected to all.
+    fn ring(n: usize, hub: bool) -> SparseMatrix {
+        let (mut offsets, mut indices, mut values) = (vec![0], Vec::new(), Vec::new());
+        for row in 0..n {
+            let mut columns = vec![(row + n - 1) % n, row, (row + 1) % n];
+            if hub {
+                columns.extend(if row == 0 { 0..n } else { 0..1 });
+            }
+            columns.sort_unstable();
+            columns.dedup();
+            values.extend(columns.iter().map(|&c| if c == row { 2.0 + row as f64 } else { -1.0 - (c * row) as f64 }));
+            indices.extend(columns.iter().map(|&c| c as u32));
+            offsets.push(indices.len());
+        }
+        SparseMatrix::new(n, n, offsets, indices, values).unwrap()
+    }
+
+    #[test]
+    fn patches_hold_each_row_once_and_products_on_rings_are_those_of_the_matrix() {
+        let n = 3 * PATCH_ROWS - 100;
+        for (matrix, count) in [(ring(n, false), 3), (ring(n, true), 1), (ring(7, false), 1)] {
+            let n = matrix.rows();
+            let masses = MassMatrix::Diagonal(vec![1.0; n]);
+            let patches = patches(&matrix, &masses);
+            assert_eq!(patches.len(), count);
+            let owned: Vec<usize> = patches.iter().flat_map(Patch::rows).collect();
+            assert_eq!(owned, (0..n).collect::<Vec<_>>());
+            for patch in &patches {
+                for (row, global) in patch.rows().enumerate() {
+                    let (columns, values) = patch.exact(row);
+                    let back: Vec<(u32, f64)> = columns
+                        .iter()
+                        .zip(values)
+                        .map(|(&(column, single), &value)| {
+                            assert_eq!(single, value as f32);
+                            (patch.vertices(1)[column as usize], value)
+                        })
+                        .collect();
+                    let (columns, values) = matrix.row(global);
+                    assert_eq!(back, columns.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>());
+                    assert!(patch.consistent_mass(row).is_none());
+                }
+                let with_rows = patch.vertices(RINGS - 1);
+                for (row, &global) in with_rows.iter().enumerate() {
+                    let columns: Vec<u32> =
+                        patch.matrix().row(row).iter().map(|&(c, _)| patch.vertices(RINGS)[c as usize]).collect();
+                    assert_eq!(columns, matrix.row(global as usize).0);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_consistent_mass_is_in_the_rings() {
+        let n = PATCH_ROWS + 100;
+        let matrix = ring(n, false);
+        let identity = SparseMatrix::new(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0; n]).unwrap();
+        let patches = patches(&identity, &MassMatrix::Sparse(matrix.clone()));
+        for patch in &patches {
+            assert_eq!(patch.vertices(1).len(), patch.rows().len() + 2);
+            for (row, global) in patch.rows().enumerate() {
+                let (columns, values) = patch.consistent_mass(row).unwrap();
+                let back: Vec<u32> = columns.iter().map(|&(c, _)| patch.vertices(1)[c as usize]).collect();
+                assert_eq!((back.as_slice(), values), matrix.row(global));
+            }
+        }
+    }
+}
