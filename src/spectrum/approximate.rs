@@ -5,6 +5,7 @@ use super::energy::Energy;
 use super::envelope::{envelop, on_all_vertices};
 use super::hats;
 use super::heat::{self, HeatError, HeatParameters};
+use super::hidden;
 use super::radial::{self, Profile, RadialError, RadialParameters};
 use crate::algebra::{EigenError, EigenPairs, GalerkinError, SparseMatrix, SymmetricDefiniteSolver, galerkin, gpu};
 use crate::basis::{AccuracyReport, Basis, Certificate, Compact, Functions};
@@ -178,6 +179,7 @@ pub fn approximate(
     monitor.stage("bounds");
     let energy = Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?;
     attempt.judge(&energy, problem, goal, monitor)?;
+    attempt.look_for_hidden(operator, goal, monitor)?;
     let mut rounds = 0;
     while let Some(goal) = goal
         && attempt.excess(goal) > 1.0
@@ -189,9 +191,15 @@ pub fn approximate(
         let Some(space) = finer.filter(|space| space.columns() >= count) else { break };
         rounds += 1;
         let columns = columns.min(space.columns());
-        let mut next = Attempt::new(reduce(problem, space, columns, monitor)?, count);
+        let mut next = match reduce(problem, space, columns, monitor) {
+            Ok(ritz) => Attempt::new(ritz, count),
+            // What was found before is good enough to be judged, and says how good.
+            Err(ApproximationError::Eigen(EigenError::NotPositiveDefinite { .. })) => break,
+            Err(error) => return Err(error),
+        };
         monitor.stage("bounds");
         next.judge(&energy, problem, Some(goal), monitor)?;
+        next.look_for_hidden(operator, Some(goal), monitor)?;
         if next.excess(goal) < attempt.excess(goal) {
             attempt = next;
         } else if parameters.dimension == before {
@@ -199,7 +207,7 @@ pub fn approximate(
             break;
         }
     }
-    let Attempt { ritz: Ritz { space, mut pairs, .. }, mut certificate, largest_estimate, .. } = attempt;
+    let Attempt { ritz: Ritz { space, mut pairs, .. }, mut certificate, largest_estimate, hidden, .. } = attempt;
     pairs.values.truncate(count);
     pairs.vectors = pairs.vectors.slice_columns(0..count);
     for list in [&mut certificate.residuals, &mut certificate.estimates, &mut certificate.bounds] {
@@ -208,7 +216,7 @@ pub fn approximate(
     certificate.accuracy = goal.map(|goal| AccuracyReport {
         goal,
         largest_estimate,
-        reached: largest_estimate <= goal,
+        reached: largest_estimate <= goal && hidden == 0,
         rounds,
         dimension: space.columns(),
         hats: hats::count(&space),
@@ -249,6 +257,8 @@ struct Attempt {
     largest_estimate: f64,
     /// The mean of them.
     mean_estimate: f64,
+    /// Eigenvalues below the last pair's that no pair stands for.
+    hidden: usize,
     /// Where the energy sits that the pairs miss whose error is beyond what the mean may be.
     density: Option<Vec<f64>>,
 }
@@ -261,6 +271,7 @@ impl Attempt {
             certificate: Certificate::default(),
             largest_estimate: 0.0,
             mean_estimate: 0.0,
+            hidden: 0,
             density: None,
         }
     }
@@ -294,9 +305,36 @@ impl Attempt {
         Ok(())
     }
 
+    /// Where columns may be too coarse for a limb and all seems well: whether there are eigenfunctions that the space does not know of.
+    fn look_for_hidden(
+        &mut self,
+        operator: &MeshOperator,
+        goal: Option<f64>,
+        monitor: &dyn Monitor,
+    ) -> Result<(), ApproximationError> {
+        let Ritz { space, mass, pairs } = &self.ritz;
+        let problem = &operator.problem;
+        let coarse = space.rows() / space.columns().max(1) < FEW_VERTICES;
+        if !coarse || goal.is_none_or(|goal| self.excess(goal) > 1.0) {
+            return Ok(());
+        }
+        let errors: Vec<f64> = self.certificate.estimates.iter().map(|error| error * problem.area).collect();
+        let of = (problem, operator.floor);
+        if let Some(hidden) = hidden::hidden(of, space, mass, (&pairs.values, &errors), self.count, monitor)? {
+            self.hidden = hidden.count;
+            self.density = Some(hidden.density);
+            // The last pairs stand so many places too low.
+            let last = self.count.min(pairs.values.len()).saturating_sub(1);
+            let (value, lower) = (pairs.values[last], pairs.values[last.saturating_sub(hidden.count)]);
+            self.largest_estimate = self.largest_estimate.max((value - lower) / value.abs().max(KERNEL));
+        }
+        Ok(())
+    }
+
     /// How many times as large as they may be the errors are, as estimated.
     fn excess(&self, goal: f64) -> f64 {
-        (self.largest_estimate / goal).max(self.mean_estimate / (MEAN_SHARE * goal))
+        let estimated = (self.largest_estimate / goal).max(self.mean_estimate / (MEAN_SHARE * goal));
+        if self.hidden > 0 { estimated.max(1.0 + self.hidden as f64) } else { estimated }
     }
 
     /// A space that holds what this one misses; `None` where the mesh has no room for one.
@@ -358,6 +396,9 @@ pub(super) fn ritz(
     reduce(problem, space, count, monitor)
 }
 
+/// Where the mass of a space is not definite in double precision, columns this close to a combination of others are dropped, one bound after the other.
+const DEPENDENT: [f64; 3] = [1e-5, 1e-4, 1e-3];
+
 /// The lowest `count` Ritz pairs in a space. Columns that depend on others are dropped.
 fn reduce(
     problem: &EigenProblem,
@@ -365,20 +406,22 @@ fn reduce(
     count: usize,
     monitor: &dyn Monitor,
 ) -> Result<Ritz, ApproximationError> {
-    let mut repaired = false;
+    let mut tries = DEPENDENT.iter();
     loop {
         monitor.stage("reduce");
         let (stiffness, mass) = galerkin(&space, &problem.stiffness, &problem.mass, monitor)?;
         monitor.stage("eigen");
         match gpu::accelerator().lowest(stiffness.to_dense(), mass.to_dense(), count, monitor) {
             Ok(pairs) => return Ok(Ritz { space, mass, pairs }),
-            Err(error @ EigenError::NotPositiveDefinite { .. }) if !repaired => {
-                repaired = true;
-                let kept = hats::independent(&space, &mass);
-                if kept.columns() == space.columns() || kept.columns() < count {
-                    return Err(error.into());
+            Err(error @ EigenError::NotPositiveDefinite { .. }) => {
+                let smaller = tries.find_map(|&least| {
+                    let kept = hats::independent(&space, &mass, least);
+                    (kept.columns() < space.columns()).then_some(kept)
+                });
+                match smaller {
+                    Some(smaller) if smaller.columns() >= count => space = smaller,
+                    _ => return Err(error.into()),
                 }
-                space = kept;
             }
             Err(error) => return Err(error.into()),
         }

@@ -3,7 +3,7 @@
 //! Smooth columns need some ten vertices in a cell. A tail of long thin triangles has one to three there: columns stay steps, and more of
 //! them make it worse. A hat function for each such vertex is exact, has one entry, and costs one column.
 
-use crate::algebra::SparseMatrix;
+use crate::algebra::{SparseMatrix, independent_columns};
 use crate::mesh::TriangleMesh;
 use crate::operator::EigenProblem;
 
@@ -131,47 +131,12 @@ pub(super) fn count(space: &SparseMatrix<f32>) -> usize {
         .count()
 }
 
-/// Pivots of a mass scaled to unit diagonal that are below this are those of a dependent column.
-const DEPENDENT: f64 = 1e-9;
-
-/// `space` without columns that are combinations of those before them, for the mass `mass` of its columns, `d × d`.
-pub(super) fn independent(space: &SparseMatrix<f32>, mass: &SparseMatrix) -> SparseMatrix<f32> {
-    let d = mass.rows();
-    let dense = mass.to_dense();
-    let scale: Vec<f64> = (0..d)
-        .map(|k| {
-            let m = dense.column(k)[k];
-            if m > 0.0 { m.sqrt().recip() } else { 0.0 }
-        })
-        .collect();
-    // Rows of the Cholesky factor; a dependent column has none.
-    let mut factor: Vec<Vec<f64>> = Vec::with_capacity(d);
-    let mut kept = vec![false; d];
-    for row in 0..d {
-        let mut own = vec![0.0; row + 1];
-        for column in 0..row {
-            if kept[column] {
-                let entry = dense.column(row)[column] * scale[row] * scale[column];
-                let other = &factor[column];
-                let product: f64 = own[..column].iter().zip(&other[..column]).map(|(a, b)| a * b).sum();
-                own[column] = (entry - product) / other[column];
-            }
-        }
-        let pivot = 1.0 - own[..row].iter().map(|x| x * x).sum::<f64>();
-        kept[row] = scale[row] > 0.0 && pivot > DEPENDENT;
-        own[row] = pivot.max(0.0).sqrt();
-        factor.push(own);
-    }
-    let mut next = 0u32;
-    let names: Vec<Option<u32>> = kept
-        .iter()
-        .map(|&kept| {
-            kept.then(|| {
-                next += 1;
-                next - 1
-            })
-        })
-        .collect();
+/// `space` without columns that are closer than `least` times their own length to a combination of the others; `mass` is that of its columns,
+/// `d × d`.
+pub(super) fn independent(space: &SparseMatrix<f32>, mass: &SparseMatrix, least: f64) -> SparseMatrix<f32> {
+    let kept = independent_columns(&mass.to_dense(), least);
+    let mut names: Vec<Option<u32>> = vec![None; space.columns()];
+    kept.iter().enumerate().for_each(|(name, &column)| names[column] = Some(name as u32));
     let mut offsets = vec![0];
     let (mut indices, mut values) = (Vec::new(), Vec::new());
     for row in 0..space.rows() {
@@ -184,7 +149,7 @@ pub(super) fn independent(space: &SparseMatrix<f32>, mass: &SparseMatrix) -> Spa
         }
         offsets.push(indices.len());
     }
-    SparseMatrix::from_sorted_parts(space.rows(), next as usize, offsets, indices, values)
+    SparseMatrix::from_sorted_parts(space.rows(), kept.len(), offsets, indices, values)
 }
 
 #[cfg(test)]

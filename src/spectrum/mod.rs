@@ -7,6 +7,7 @@ pub mod envelope;
 pub mod family;
 mod hats;
 pub mod heat;
+mod hidden;
 pub mod hodge;
 pub mod hsim;
 mod local;
