@@ -12,18 +12,9 @@
 //! `mesh` to `job` are a pure numerical library: no async runtime, no SQL, no HTTP, no environment, no printing. Long work
 //! reports to a [`monitor::Monitor`].
 
-pub mod algebra;
-pub mod analysis;
-pub mod basis;
 pub mod cli;
 pub mod config;
-pub mod field;
 pub mod http;
-pub mod job;
-pub mod mesh;
-pub mod monitor;
-pub mod operator;
 pub mod queue;
-pub mod spectrum;
 pub mod store;
 pub mod telemetry;

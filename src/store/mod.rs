@@ -44,10 +44,8 @@ use sqlx::migrate::Migrator;
 use tokio::sync::{Notify, RwLock, broadcast};
 use uuid::Uuid;
 
-use crate::{
-    basis::{ColumnChunk, Product},
-    mesh::TriangleMesh,
-};
+use chladni_mesh::TriangleMesh;
+use chladni_spectral::basis::{ColumnChunk, Product};
 use database::{Database, DatabaseSettings};
 use folder::DataFolder;
 
