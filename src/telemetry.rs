@@ -3,6 +3,8 @@
 //! Log lines are structured: identifiers are fields (`job`, `mesh`, `basis`, `request`), and a field that measures something
 //! carries its unit in its name (`run_seconds`, `basis_bytes`). Metrics are in base units and begin with `chladni_`.
 
+mod process;
+
 use crate::config::{LogFormat, LogSettings};
 use prometheus::{
     HistogramOpts, HistogramVec, IntCounter, IntCounterVec, IntGauge, IntGaugeVec, Opts, Registry, TextEncoder,
@@ -86,7 +88,7 @@ impl Metrics {
     pub fn new() -> Result<Self, TelemetryError> {
         let registry = Registry::new();
         let kept = Keeper(&registry);
-        registry.register(Box::new(prometheus::process_collector::ProcessCollector::for_self()))?;
+        registry.register(Box::new(process::ProcessCollector::new()?))?;
         let build = IntGaugeVec::new(Opts::new("chladni_build_info", "1, labelled with the version"), &["version"])?;
         build.with_label_values(&[env!("CARGO_PKG_VERSION")]).set(1);
         kept.keep(build)?;

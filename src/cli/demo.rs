@@ -109,7 +109,7 @@ async fn start(arguments: &DemoArguments) -> Result<Running, CliError> {
 
 /// Upload, job, result: everything through the API.
 async fn show(running: &Running, arguments: &DemoArguments, source: Source) -> Result<(), CliError> {
-    let client = Client::new(running.url())?;
+    let client = Client::new(running.address);
     let began = Instant::now();
     let size = source.content.len() as u64;
     let mesh = client.upload(&source.name, source.format.as_deref(), source.content).await?;

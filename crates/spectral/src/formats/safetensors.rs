@@ -1,9 +1,6 @@
 //! A basis as a safetensors file.
 
-use std::collections::HashMap;
-
 use chladni_algebra::MassMatrix;
-use safetensors::tensor::{Dtype, TensorView, serialize};
 
 use super::npz::FormatError;
 use crate::basis::{Basis, Compact, Functions, Precision};
@@ -14,10 +11,10 @@ use crate::basis::{Basis, Compact, Functions, Precision};
 /// the shape of `U`, the certificate and how the basis was made.
 ///
 /// # Errors
-/// [`FormatError::Member`] where the library refuses a tensor; [`FormatError::Functions`] where columns cannot be read.
+/// [`FormatError::Functions`] where columns cannot be read.
 pub fn to_bytes(basis: &Basis) -> Result<Vec<u8>, FormatError> {
     match &basis.functions {
-        Functions::Compact(compact) => compact_to_bytes(basis, compact),
+        Functions::Compact(compact) => Ok(compact_to_bytes(basis, compact)),
         Functions::Dense(dense) => {
             let mut bytes = dense_head(basis)?;
             bytes.reserve_exact(dense.bytes() as usize);
@@ -39,49 +36,99 @@ pub fn dense_head(basis: &Basis) -> Result<Vec<u8>, FormatError> {
         return Err(FormatError::TooLarge { what: "a basis that is not dense" });
     };
     let mass_offsets = mass_offsets(&basis.mass);
-    let tensors = common(basis, &mass_offsets);
-    let mut header = serde_json::Map::new();
-    header.insert("__metadata__".to_owned(), serde_json::json!({"chladni": about(basis).to_string()}));
-    let mut at = 0u64;
-    let mut place = |name: &str, dtype: &str, shape: &[usize], bytes: u64| {
-        let entry = serde_json::json!({"dtype": dtype, "shape": shape, "data_offsets": [at, at + bytes]});
-        header.insert(name.to_owned(), entry);
-        at += bytes;
-    };
-    // Numbers of eight bytes first, so that each lies at a multiple of its size.
-    let mut data = Vec::new();
-    for wide in [true, false] {
-        for (name, dtype, shape, bytes) in tensors.iter().filter(|(_, dtype, ..)| (*dtype != Dtype::I32) == wide) {
-            let dtype = match dtype {
-                Dtype::I32 => "I32",
-                Dtype::I64 => "I64",
-                _ => "F64",
-            };
-            place(name, dtype, shape, bytes.len() as u64);
-            data.extend_from_slice(bytes);
-        }
-    }
+    let mut file = File::new(about(basis));
+    file.take_all(&common(basis, &mass_offsets));
     // An odd number of four-byte indices would put numbers of eight bytes askew.
-    if data.len() % 8 != 0 {
-        place("padding", "U8", &[4], 4);
-        data.extend_from_slice(&[0; 4]);
+    if file.data.len() % 8 != 0 {
+        file.take("padding", "U8", &[4], &[0; 4]);
     }
     let dtype = match dense.precision() {
-        Precision::F32 => "F32",
-        Precision::F64 => "F64",
+        Precision::F32 => Dtype::F32,
+        Precision::F64 => Dtype::F64,
     };
-    place("functions", dtype, &[dense.columns(), dense.rows()], dense.bytes());
-    let mut text = serde_json::Value::Object(header).to_string();
-    // The library aligns the data to eight bytes with spaces.
-    text.extend(std::iter::repeat_n(' ', (8 - text.len() % 8) % 8));
-    let mut head = Vec::with_capacity(8 + text.len() + data.len());
-    head.extend((text.len() as u64).to_le_bytes());
-    head.extend(text.as_bytes());
-    head.extend(data);
-    Ok(head)
+    file.place("functions", dtype.name(), &[dense.columns(), dense.rows()], dense.bytes());
+    Ok(file.into_bytes())
 }
 
+/// The types of numbers that a basis is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Dtype {
+    I32,
+    I64,
+    F32,
+    F64,
+}
+
+impl Dtype {
+    fn name(self) -> &'static str {
+        match self {
+            Self::I32 => "I32",
+            Self::I64 => "I64",
+            Self::F32 => "F32",
+            Self::F64 => "F64",
+        }
+    }
+
+    fn bytes(self) -> usize {
+        match self {
+            Self::I32 | Self::F32 => 4,
+            Self::I64 | Self::F64 => 8,
+        }
+    }
+}
+
+/// A tensor: its name, type, shape and bytes, rows first.
 type Tensor<'a> = (&'static str, Dtype, Vec<usize>, &'a [u8]);
+
+/// A file in the making: the length of the header in eight bytes, a JSON object that says where each tensor lies, the tensors.
+struct File {
+    header: serde_json::Map<String, serde_json::Value>,
+    data: Vec<u8>,
+    /// Bytes of all tensors that the header names.
+    end: u64,
+}
+
+impl File {
+    fn new(about: serde_json::Value) -> Self {
+        let mut header = serde_json::Map::new();
+        header.insert("__metadata__".to_owned(), serde_json::json!({"chladni": about.to_string()}));
+        Self { header, data: Vec::new(), end: 0 }
+    }
+
+    /// Names a tensor whose bytes come next.
+    fn place(&mut self, name: &str, dtype: &str, shape: &[usize], bytes: u64) {
+        let end = self.end + bytes;
+        let entry = serde_json::json!({"dtype": dtype, "shape": shape, "data_offsets": [self.end, end]});
+        self.header.insert(name.to_owned(), entry);
+        self.end = end;
+    }
+
+    fn take(&mut self, name: &str, dtype: &str, shape: &[usize], bytes: &[u8]) {
+        self.place(name, dtype, shape, bytes.len() as u64);
+        self.data.extend_from_slice(bytes);
+    }
+
+    /// Takes tensors, numbers of eight bytes first, so that each lies at a multiple of its size.
+    fn take_all(&mut self, tensors: &[Tensor<'_>]) {
+        self.data.reserve_exact(tensors.iter().map(|(.., bytes)| bytes.len()).sum());
+        for wide in [true, false] {
+            for (name, dtype, shape, bytes) in tensors.iter().filter(|(_, dtype, ..)| (dtype.bytes() == 8) == wide) {
+                self.take(name, dtype.name(), shape, bytes);
+            }
+        }
+    }
+
+    fn into_bytes(self) -> Vec<u8> {
+        let mut text = serde_json::Value::Object(self.header).to_string();
+        // Spaces align the data to eight bytes.
+        text.extend(std::iter::repeat_n(' ', text.len().next_multiple_of(8) - text.len()));
+        let mut bytes = Vec::with_capacity(8 + text.len() + self.data.len());
+        bytes.extend((text.len() as u64).to_le_bytes());
+        bytes.extend(text.as_bytes());
+        bytes.extend(self.data);
+        bytes
+    }
+}
 
 fn offsets(offsets: &[usize]) -> Vec<i64> {
     offsets.iter().map(|&offset| offset as i64).collect()
@@ -130,11 +177,7 @@ fn about(basis: &Basis) -> serde_json::Value {
     }
 }
 
-fn compact_to_bytes(basis: &Basis, compact: &Compact) -> Result<Vec<u8>, FormatError> {
-    let refused = |error: safetensors::SafeTensorError| FormatError::Member {
-        member: "safetensors".to_owned(),
-        reason: error.to_string(),
-    };
+fn compact_to_bytes(basis: &Basis, compact: &Compact) -> Vec<u8> {
     let Compact { space, coefficients, .. } = compact;
     let (d, m) = (coefficients.rows(), coefficients.columns());
     let mut by_rows = vec![0.0; d * m];
@@ -151,14 +194,9 @@ fn compact_to_bytes(basis: &Basis, compact: &Compact) -> Result<Vec<u8>, FormatE
         ("coefficients", Dtype::F64, vec![d, m], bytemuck::cast_slice(&by_rows)),
     ];
     tensors.extend(common(basis, &mass_offsets));
-    let views = tensors
-        .into_iter()
-        .map(|(name, dtype, shape, data)| Ok((name, TensorView::new(dtype, shape, data)?)))
-        .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
-        .map_err(refused)?;
-    // One entry only: the library writes several in the order of a hash map, and equal bases must give equal bytes.
-    let metadata = HashMap::from([("chladni".to_owned(), about(basis).to_string())]);
-    serialize(views, Some(metadata)).map_err(refused)
+    let mut file = File::new(about(basis));
+    file.take_all(&tensors);
+    file.into_bytes()
 }
 
 #[cfg(test)]
@@ -191,7 +229,7 @@ mod tests {
             let bytes = to_bytes(&basis).unwrap();
             let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
             let functions = tensors.tensor("functions").unwrap();
-            assert_eq!((functions.shape(), functions.dtype()), (&[42, 3][..], Dtype::F64));
+            assert_eq!((functions.shape(), functions.dtype()), (&[42, 3][..], safetensors::Dtype::F64));
             let values: Vec<f64> = functions.data().as_chunks::<8>().0.iter().map(|&b| f64::from_le_bytes(b)).collect();
             assert_eq!(values, basis.lift::<f64>(0..42).unwrap());
             let head = dense_head(&basis).unwrap();
