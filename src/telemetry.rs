@@ -27,10 +27,14 @@ pub enum TelemetryError {
     Metric(#[from] prometheus::Error),
 }
 
+/// What the libraries of the graphics card say is not for the operator of a server: on a machine without a card they call that an error. What matters
+/// of it, the accelerator tells. Directives of the operator come behind these and win.
+const GPU_LIBRARIES: &str = "wgpu_core=off,wgpu_hal=off,naga=off";
+
 /// Sends log lines to standard error from now on. A second call in one process changes nothing.
 pub fn start_logs(settings: &LogSettings) -> Result<(), TelemetryError> {
     use std::io::IsTerminal;
-    let filter = tracing_subscriber::EnvFilter::try_new(&settings.log_level)
+    let filter = tracing_subscriber::EnvFilter::try_new(format!("{GPU_LIBRARIES},{}", settings.log_level))
         .map_err(|error| TelemetryError::Level { level: settings.log_level.clone(), reason: error.to_string() })?;
     let builder = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
     // The only failure is that another subscriber is installed, as when two servers live in one test process.

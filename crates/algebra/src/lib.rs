@@ -1,4 +1,4 @@
-//! Sparse and dense matrices and the dense symmetric-definite eigenproblem. The only room that names faer or wgpu.
+//! Sparse and dense matrices and the dense symmetric-definite eigenproblem. The only crate that names faer, METIS or wgpu.
 
 mod bisection;
 mod block_matrix;

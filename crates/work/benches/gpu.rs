@@ -2,11 +2,11 @@
 //! there, cuSOLVER; then a whole approximation of a large mesh:
 //!
 //! ```sh
-//! cargo bench --features gpu --bench gpu                              # the first card, d = 1000, 2000, 5000, 10000, the lowest half; then
+//! cargo bench --bench gpu                              # the first card, d = 1000, 2000, 5000, 10000, the lowest half; then
 //!                                                                     # 5,000 pairs of a million vertices
-//! cargo bench --features gpu --bench gpu -- --card llvmpipe 300 600   # another card, other sizes, no mesh
-//! cargo bench --features gpu --bench gpu -- --job 20000 100 300       # another mesh and other sizes
-//! cargo bench --features gpu --bench gpu -- --all --no-cpu 5000       # all pairs; the CPU is not measured
+//! cargo bench --bench gpu -- --card llvmpipe 300 600   # another card, other sizes, no mesh
+//! cargo bench --bench gpu -- --job 20000 100 300       # another mesh and other sizes
+//! cargo bench --bench gpu -- --all --no-cpu 5000       # all pairs; the CPU is not measured
 //! ```
 //!
 //! `CHLADNI_PYTHON` names the Python; `CHLADNI_THREADS` the threads of the CPU. The first solve on a card is not measured: it compiles kernels.

@@ -39,7 +39,7 @@ pub fn dense_head(basis: &Basis) -> Result<Vec<u8>, FormatError> {
     let mut file = File::new(about(basis));
     file.take_all(&common(basis, &mass_offsets));
     // An odd number of four-byte indices would put numbers of eight bytes askew.
-    if file.data.len() % 8 != 0 {
+    if !file.data.len().is_multiple_of(8) {
         file.take("padding", "U8", &[4], &[0; 4]);
     }
     let dtype = match dense.precision() {

@@ -136,6 +136,6 @@ if __name__ == "__main__":
         stiffness, mass = problem(operator, *clean(*read(os.path.join(folder, name))))
         count = 105 if operator else 505
         values = np.sort(sl.eigsh(stiffness.tocsc(), k=count, M=mass, sigma=-0.01, tol=1e-8, return_eigenvectors=False))
-        header = f"{count} lowest eigenvalues, unit area, barycentric mass: tests/data/reference.py {argument}"
+        header = f"{count} lowest eigenvalues, unit area, barycentric mass: crates/spectral/tests/data/reference.py {argument}"
         file = os.path.basename(name) + ("." + operator if operator else "") + ".txt"
         np.savetxt(os.path.join(here, "reference", file), values, fmt="%.10g", header=header)
