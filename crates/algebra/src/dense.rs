@@ -23,31 +23,37 @@ impl DenseMatrix {
     }
 
     /// The number of rows.
+    #[inline]
     pub fn rows(&self) -> usize {
         self.rows
     }
 
     /// The number of columns.
+    #[inline]
     pub fn columns(&self) -> usize {
         self.columns
     }
 
     /// One column.
+    #[inline]
     pub fn column(&self, column: usize) -> &[f64] {
         &self.values[column * self.rows..(column + 1) * self.rows]
     }
 
     /// One column, to write to.
+    #[inline]
     pub fn column_mut(&mut self, column: usize) -> &mut [f64] {
         &mut self.values[column * self.rows..(column + 1) * self.rows]
     }
 
     /// All values, column after column.
+    #[inline]
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 
     /// All values, column after column, to write to.
+    #[inline]
     pub fn values_mut(&mut self) -> &mut [f64] {
         &mut self.values
     }

@@ -13,6 +13,7 @@ pub enum MassMatrix {
 
 impl MassMatrix {
     /// The number `n` of rows.
+    #[inline]
     pub fn size(&self) -> usize {
         match self {
             Self::Diagonal(diagonal) => diagonal.len(),

@@ -66,21 +66,25 @@ impl PanelMatrix {
     }
 
     /// The number of rows.
+    #[inline]
     pub fn rows(&self) -> usize {
         self.rows
     }
 
     /// The number of columns.
+    #[inline]
     pub fn columns(&self) -> usize {
         self.columns
     }
 
     /// The panels: `rows · 32` values each, row after row.
+    #[inline]
     pub fn panels(&self) -> &[Vec<f64>] {
         &self.panels
     }
 
     /// The panels, to write to. Their lengths must stay as they are, and the unused columns of the last must stay zero.
+    #[inline]
     pub fn panels_mut(&mut self) -> &mut [Vec<f64>] {
         &mut self.panels
     }
@@ -91,6 +95,7 @@ impl PanelMatrix {
     }
 
     /// One entry.
+    #[inline]
     pub fn get(&self, row: usize, column: usize) -> f64 {
         self.panels[column / PANEL_WIDTH][row * PANEL_WIDTH + column % PANEL_WIDTH]
     }

@@ -8,11 +8,13 @@ pub struct SplitMix64 {
 
 impl SplitMix64 {
     /// A generator of the sequence that belongs to a seed.
+    #[inline]
     pub fn new(seed: u64) -> Self {
         Self { state: seed }
     }
 
     /// The next 64 bits.
+    #[inline]
     pub fn next_u64(&mut self) -> u64 {
         self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.state;
@@ -22,16 +24,19 @@ impl SplitMix64 {
     }
 
     /// Uniform in `-1..1`.
+    #[inline]
     pub fn signed_unit(&mut self) -> f64 {
         (self.next_u64() >> 11) as f64 * (2.0 / (1u64 << 53) as f64) - 1.0
     }
 
     /// Uniform in `0..1`.
+    #[inline]
     pub fn unit(&mut self) -> f64 {
         (self.next_u64() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// Uniform in `0..bound`, up to a bias of `bound / 2^64`.
+    #[inline]
     pub fn below(&mut self, bound: usize) -> usize {
         ((u128::from(self.next_u64()) * bound as u128) >> 64) as usize
     }

@@ -55,28 +55,33 @@ impl Connectivity {
     }
 
     /// The number of vertices.
+    #[inline]
     pub fn vertices(&self) -> usize {
         self.vertex_offsets.len() - 1
     }
 
     /// The neighbours of a vertex, ascending, and the lengths of the edges to them.
+    #[inline]
     pub fn neighbours(&self, vertex: u32) -> (&[u32], &[f64]) {
         let range = self.vertex_offsets[vertex as usize] as usize..self.vertex_offsets[vertex as usize + 1] as usize;
         (&self.neighbours[range.clone()], &self.lengths[range])
     }
 
     /// The faces around a vertex, ascending.
+    #[inline]
     pub fn faces_around(&self, vertex: u32) -> &[u32] {
         &self.faces_around[self.face_offsets[vertex as usize] as usize..self.face_offsets[vertex as usize + 1] as usize]
     }
 
     /// Where the edges of a vertex lie in [`all_neighbours`](Self::all_neighbours) and
     /// [`scaled_lengths`](Self::scaled_lengths).
+    #[inline]
     pub fn edge_range(&self, vertex: u32) -> std::ops::Range<usize> {
         self.vertex_offsets[vertex as usize] as usize..self.vertex_offsets[vertex as usize + 1] as usize
     }
 
     /// The neighbours of all vertices, one vertex after another.
+    #[inline]
     pub fn all_neighbours(&self) -> &[u32] {
         &self.neighbours
     }
@@ -89,6 +94,7 @@ impl Connectivity {
     }
 
     /// Where the faces of a vertex lie in the list of all vertices' faces, which has three entries per face.
+    #[inline]
     pub fn face_range(&self, vertex: u32) -> std::ops::Range<usize> {
         self.face_offsets[vertex as usize] as usize..self.face_offsets[vertex as usize + 1] as usize
     }

@@ -8,6 +8,7 @@ use super::TriangleMesh;
 const CHUNK: usize = 1 << 13;
 
 /// The area of one face, in squared units of the mesh. Zero for a degenerate face.
+#[inline]
 pub fn face_area(mesh: &TriangleMesh, face: &[u32; 3]) -> f64 {
     let [a, b, c] = face.map(|v| mesh.positions[v as usize]);
     let (u, v) = ([b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]]);

@@ -96,11 +96,13 @@ impl DiskGrower {
     }
 
     /// The faces of the last disk and their distances, nearest first.
+    #[inline]
     pub fn disk(&self) -> &[(u32, f32)] {
         &self.settled
     }
 
     /// The place of a face in the last disk.
+    #[inline]
     pub fn place(&self, face: u32) -> Option<usize> {
         let f = face as usize;
         (self.reached_in.get(f) == Some(&self.disk) && self.places[f] != u32::MAX).then(|| self.places[f] as usize)

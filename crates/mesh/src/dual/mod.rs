@@ -226,11 +226,13 @@ impl DualGraph {
     }
 
     /// The number of faces.
+    #[inline]
     pub fn faces(&self) -> usize {
         self.neighbours.len()
     }
 
     /// The number of vertices of the mesh.
+    #[inline]
     pub fn vertices(&self) -> usize {
         self.vertices
     }
@@ -241,21 +243,25 @@ impl DualGraph {
     }
 
     /// The faces across the three edges of a face, [`NO_FACE`] at a boundary.
+    #[inline]
     pub fn neighbours(&self, face: usize) -> [u32; 3] {
         self.neighbours[face]
     }
 
     /// The numbers of the three edges of a face.
+    #[inline]
     pub fn edges(&self, face: usize) -> [u32; 3] {
         self.edges[face]
     }
 
     /// The faces of each edge, ascending; the second is [`NO_FACE`] at a boundary.
+    #[inline]
     pub fn edge_faces(&self) -> &[[u32; 2]] {
         &self.edge_faces
     }
 
     /// The lengths of the dual edges from a face to its neighbours, in units of the square root of the surface's area.
+    #[inline]
     pub fn lengths(&self, face: usize) -> [f32; 3] {
         self.lengths[face]
     }

@@ -31,11 +31,13 @@ pub struct IntrinsicTriangulation {
 
 impl IntrinsicTriangulation {
     /// The corners of each triangle.
+    #[inline]
     pub fn faces(&self) -> &[[u32; 3]] {
         &self.faces
     }
 
     /// The shape of each triangle.
+    #[inline]
     pub fn shapes(&self) -> &[TriangleShape] {
         &self.shapes
     }
