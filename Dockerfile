@@ -8,15 +8,21 @@ RUN apt-get update \
     && apt-get install -y --no-install-recommends build-essential nodejs npm \
     && rm -rf /var/lib/apt/lists/*
 WORKDIR /build
-# The dependencies alone first (an empty build.rs in place of ours): this layer is built again only when the manifest changes.
+# The dependencies alone first (empty sources in place of ours): this layer is built again only when a manifest changes.
 COPY Cargo.toml Cargo.lock ./
-RUN mkdir -p src benches \
-    && echo 'fn main() {}' > src/main.rs \
-    && : > src/lib.rs \
-    && echo 'fn main() {}' > build.rs \
-    && sed -n '/^\[\[bench\]\]/,/^$/s/^name = "\(.*\)"/\1/p' Cargo.toml | while read -r name; do echo 'fn main() {}' > "benches/$name.rs"; done \
+COPY crates/algebra/Cargo.toml crates/algebra/
+COPY crates/base/Cargo.toml crates/base/
+COPY crates/mesh/Cargo.toml crates/mesh/
+COPY crates/spectral/Cargo.toml crates/spectral/
+COPY crates/work/Cargo.toml crates/work/
+RUN for folder in . crates/*; do \
+        mkdir -p "$folder/src" "$folder/benches" && : > "$folder/src/lib.rs" \
+        && sed -n '/^\[\[bench\]\]/,/^$/s/^name = "\(.*\)"/\1/p' "$folder/Cargo.toml" \
+        | while read -r name; do echo 'fn main() {}' > "$folder/benches/$name.rs"; done; \
+    done \
+    && echo 'fn main() {}' | tee src/main.rs > build.rs \
     && cargo build --release --locked --bin chladni \
-    && rm -rf src benches
+    && rm -rf src benches crates/*/src crates/*/benches
 COPY README.md ./
 COPY migrations migrations
 COPY openapi openapi
@@ -24,15 +30,16 @@ COPY benches benches
 # The build script makes the web page and embeds it; an image without it would be a surprise.
 COPY build.rs ./
 COPY web web
+COPY crates crates
 COPY src src
 # Cargo looks at times of change, and those of a copied file may lie before the placeholder's.
-RUN find src build.rs -name '*.rs' -exec touch {} + \
+RUN find src crates build.rs -name '*.rs' -exec touch {} + \
     && CHLADNI_WEB=required cargo build --release --locked --bin chladni \
     && strip target/release/chladni
 
 FROM debian:trixie-slim
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends curl \
+    && apt-get install -y --no-install-recommends curl libvulkan1 \
     && rm -rf /var/lib/apt/lists/* \
     && useradd --uid 10001 --user-group --no-create-home --home-dir /data --shell /usr/sbin/nologin chladni \
     && install -d -o chladni -g chladni /data
@@ -43,6 +50,8 @@ WORKDIR /data
 ENV CHLADNI_DATA=/data \
     CHLADNI_LISTEN=0.0.0.0:8080 \
     CHLADNI_LOG_FORMAT=json
+# Of a card that `docker run --gpus` hands over, the Vulkan driver too: docs/gpu.md.
+ENV NVIDIA_DRIVER_CAPABILITIES=compute,graphics,utility
 VOLUME /data
 EXPOSE 8080
 # SIGTERM drains: running jobs get CHLADNI_DRAIN_SECONDS, so give `docker stop` a little more.

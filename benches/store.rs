@@ -8,12 +8,10 @@ use std::{
     time::Duration,
 };
 
-use chladni::{
-    algebra::{DenseMatrix, MassMatrix, SparseMatrix},
-    basis::{Basis, Certificate, Compact, Functions},
-    mesh::TriangleMesh,
-    store::{CompleteAnswer, JobProblem, NewJob, NewMesh, Store, StoreOptions},
-};
+use chladni::store::{CompleteAnswer, JobProblem, NewJob, NewMesh, Store, StoreOptions};
+use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix};
+use chladni_mesh::TriangleMesh;
+use chladni_spectral::basis::{Basis, Certificate, Compact, Functions};
 use divan::{Bencher, counter::BytesCount};
 use serde_json::json;
 use tempfile::TempDir;

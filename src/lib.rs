@@ -1,29 +1,17 @@
 //! Chladni: spectral geometry as a service.
 //!
-//! A mesh comes in, an eigenproblem is solved on it, and a compact, certified basis goes out. The rooms, in the order in
-//! which they may use each other:
+//! A mesh comes in, an eigenproblem is solved on it, and a compact, certified basis goes out. The numerics are crates of their own, which know
+//! nothing of this one:
 //!
 //! ```text
-//! bytes → mesh → operator → spectrum → basis → analysis
-//!                               ↑         ↓
-//!             job (what to run)   http · store · queue
+//! chladni_base ← chladni_mesh, chladni_algebra ← chladni_spectral ← chladni_work ← chladni
 //! ```
 //!
-//! `mesh` to `job` are a pure numerical library: no async runtime, no SQL, no HTTP, no environment, no printing. Long work
-//! reports to a [`monitor::Monitor`].
+//! The rooms here: [`store`] keeps meshes, jobs and bases, [`queue`] runs jobs, [`http`] is the API, [`cli`] the command line.
 
-pub mod algebra;
-pub mod analysis;
-pub mod basis;
 pub mod cli;
 pub mod config;
-pub mod field;
 pub mod http;
-pub mod job;
-pub mod mesh;
-pub mod monitor;
-pub mod operator;
 pub mod queue;
-pub mod spectrum;
 pub mod store;
 pub mod telemetry;

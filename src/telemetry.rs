@@ -3,6 +3,8 @@
 //! Log lines are structured: identifiers are fields (`job`, `mesh`, `basis`, `request`), and a field that measures something
 //! carries its unit in its name (`run_seconds`, `basis_bytes`). Metrics are in base units and begin with `chladni_`.
 
+mod process;
+
 use crate::config::{LogFormat, LogSettings};
 use prometheus::{
     HistogramOpts, HistogramVec, IntCounter, IntCounterVec, IntGauge, IntGaugeVec, Opts, Registry, TextEncoder,
@@ -25,10 +27,14 @@ pub enum TelemetryError {
     Metric(#[from] prometheus::Error),
 }
 
+/// What the libraries of the graphics card say is not for the operator of a server: on a machine without a card they call that an error. What matters
+/// of it, the accelerator tells. Directives of the operator come behind these and win.
+const GPU_LIBRARIES: &str = "wgpu_core=off,wgpu_hal=off,naga=off";
+
 /// Sends log lines to standard error from now on. A second call in one process changes nothing.
 pub fn start_logs(settings: &LogSettings) -> Result<(), TelemetryError> {
     use std::io::IsTerminal;
-    let filter = tracing_subscriber::EnvFilter::try_new(&settings.log_level)
+    let filter = tracing_subscriber::EnvFilter::try_new(format!("{GPU_LIBRARIES},{}", settings.log_level))
         .map_err(|error| TelemetryError::Level { level: settings.log_level.clone(), reason: error.to_string() })?;
     let builder = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
     // The only failure is that another subscriber is installed, as when two servers live in one test process.
@@ -86,7 +92,7 @@ impl Metrics {
     pub fn new() -> Result<Self, TelemetryError> {
         let registry = Registry::new();
         let kept = Keeper(&registry);
-        registry.register(Box::new(prometheus::process_collector::ProcessCollector::for_self()))?;
+        registry.register(Box::new(process::ProcessCollector::new()?))?;
         let build = IntGaugeVec::new(Opts::new("chladni_build_info", "1, labelled with the version"), &["version"])?;
         build.with_label_values(&[env!("CARGO_PKG_VERSION")]).set(1);
         kept.keep(build)?;

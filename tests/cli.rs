@@ -1,7 +1,7 @@
 //! The binary as a user meets it: exit codes, sentences, JSON, files, signals.
 
-use chladni::mesh::shape::{Shape, generate};
-use chladni::mesh::write::write_ply;
+use chladni_mesh::shape::{Shape, generate};
+use chladni_mesh::write::write_ply;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -67,7 +67,7 @@ fn solve_prints_one_line_of_json_with_everything_measured() {
     let sum: f64 = stages.values().filter_map(Value::as_f64).sum();
     assert!(line["seconds"]["total"].as_f64().is_some_and(|total| total >= 0.9 * sum));
 
-    let stored = chladni::basis::npz::read(&std::fs::read(&basis).unwrap()).unwrap();
+    let stored = chladni_spectral::formats::npz::read(&std::fs::read(&basis).unwrap()).unwrap();
     let eigenvalues = serde_json::to_string(&stored.eigenvalues).unwrap();
     assert!(text.contains(&eigenvalues), "line and file tell the same eigenvalues, to the last digit");
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
@@ -94,7 +94,7 @@ fn solve_by_hsim_tells_iterations_and_what_is_proven() {
     assert_eq!((&certificate["complete"], &certificate["tolerance"]), (&true.into(), &1e-6.into()));
     assert!(exact["residuals"].as_array().unwrap().iter().all(|residual| residual.as_f64().unwrap() <= 1e-6));
     assert_eq!(exact["operator_report"]["laplacian"], "cotangent");
-    let stored = chladni::basis::npz::read(&std::fs::read(&basis).unwrap()).unwrap();
+    let stored = chladni_spectral::formats::npz::read(&std::fs::read(&basis).unwrap()).unwrap();
     assert_eq!((stored.count(), stored.certificate.complete), (40, Some(true)));
 
     // All below the middle between two eigenvalues are as many as lie there.

@@ -1,6 +1,6 @@
 //! Coordinates compressed to coefficients: what they cost, and what they look like.
 
-use chladni::analysis::compression::{compress, decompress};
+use chladni_spectral::analysis::compression::{compress, decompress};
 
 use crate::paint::{Sheet, View, plain};
 use crate::{Failure, scene};

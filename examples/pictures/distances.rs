@@ -1,13 +1,13 @@
 //! Distances from a point: diffusion for three times, biharmonic, commute-time, geodesic; their errors against exact pairs and known
 //! distances.
 
-use chladni::analysis::distance::SpectralDistance;
-use chladni::analysis::geodesic::geodesic;
-use chladni::basis::Basis;
-use chladni::mesh::TriangleMesh;
-use chladni::mesh::connectivity::Connectivity;
-use chladni::mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
-use chladni::mesh::shape::{Shape, generate};
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::connectivity::Connectivity;
+use chladni_mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
+use chladni_mesh::shape::{Shape, generate};
+use chladni_spectral::analysis::distance::SpectralDistance;
+use chladni_spectral::analysis::geodesic::geodesic;
+use chladni_spectral::basis::Basis;
 use serde_json::json;
 
 use crate::paint::{Sheet, View, isolines};

@@ -1,7 +1,7 @@
 //! A surface filtered in a basis, and how near filters in an approximate basis come to those in an exact one.
 
-use chladni::analysis::filter::{Transfer, filter};
-use chladni::analysis::projection::project;
+use chladni_spectral::analysis::filter::{Transfer, filter};
+use chladni_spectral::analysis::projection::project;
 use serde_json::json;
 
 use crate::paint::{Sheet, View, plain};
@@ -58,9 +58,9 @@ pub fn draw() -> Result<(), Failure> {
 
 /// The relative error of coordinates, all three together, around their mean.
 fn error(
-    basis: &chladni::basis::Basis,
-    found: &chladni::algebra::DenseMatrix,
-    expected: &chladni::algebra::DenseMatrix,
+    basis: &chladni_spectral::basis::Basis,
+    found: &chladni_algebra::DenseMatrix,
+    expected: &chladni_algebra::DenseMatrix,
 ) -> f64 {
     let masses = basis.mass.lumped();
     let total: f64 = masses.iter().sum();

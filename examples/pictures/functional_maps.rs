@@ -3,12 +3,12 @@
 
 use std::path::Path;
 
-use chladni::analysis::functional_map::{MapRequest, functional_map};
-use chladni::basis::Basis;
-use chladni::mesh::TriangleMesh;
-use chladni::mesh::connectivity::Connectivity;
-use chladni::mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
-use chladni::mesh::measure::surface_area;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::connectivity::Connectivity;
+use chladni_mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
+use chladni_mesh::measure::surface_area;
+use chladni_spectral::analysis::functional_map::{MapRequest, functional_map};
+use chladni_spectral::basis::Basis;
 
 use crate::paint::{Sheet, View, isolines};
 use crate::{Failure, scene};

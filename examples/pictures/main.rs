@@ -59,7 +59,7 @@ fn main() -> ExitCode {
 
 /// Four eigenfunctions of a knot: the picture that needs no files.
 fn modes() -> Result<(), Failure> {
-    use chladni::mesh::shape::{Shape, generate};
+    use chladni_mesh::shape::{Shape, generate};
     let mesh = generate(Shape::Knot, 20_000)?;
     let basis = scene::eigenbasis(&mesh, 60)?;
     let mut sheet = paint::Sheet::new(4, 200, 200);

@@ -4,10 +4,10 @@
 use std::path::Path;
 use std::time::Instant;
 
-use chladni::analysis::family::{Member, spectrum};
-use chladni::monitor::Unwatched;
-use chladni::operator::family::family;
-use chladni::spectrum::family::restrict_family;
+use chladni_base::Unwatched;
+use chladni_spectral::analysis::family::{Member, spectrum};
+use chladni_spectral::operator::family::family;
+use chladni_spectral::spectrum::family::restrict_family;
 use serde_json::json;
 
 use crate::paint::{Sheet, View, diverging};

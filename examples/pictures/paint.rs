@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use chladni::mesh::TriangleMesh;
+use chladni_mesh::TriangleMesh;
 
 /// Steps of brightness.
 const SHADES: f64 = 7.0;

@@ -3,13 +3,13 @@
 
 use std::path::{Path, PathBuf};
 
-use chladni::algebra::DenseMatrix;
-use chladni::basis::Basis;
-use chladni::job::EigenbasisParameters;
-use chladni::mesh::TriangleMesh;
-use chladni::mesh::check::{CheckOptions, check};
-use chladni::mesh::read::{MeshFormat, ReadLimits, read};
-use chladni::monitor::Unwatched;
+use chladni_algebra::DenseMatrix;
+use chladni_base::Unwatched;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::check::{CheckOptions, check};
+use chladni_mesh::read::{MeshFormat, ReadLimits, read};
+use chladni_spectral::basis::Basis;
+use chladni_work::EigenbasisParameters;
 use serde_json::{Value, json};
 
 use crate::Failure;

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use chladni::algebra::DenseMatrix;
-use chladni::analysis::scatter;
-use chladni::analysis::shape_dna::{Compared, Comparison, Scale, Spectrum, Weighting, compare};
-use chladni::basis::Basis;
-use chladni::mesh::TriangleMesh;
+use chladni_algebra::DenseMatrix;
+use chladni_mesh::TriangleMesh;
+use chladni_spectral::analysis::scatter;
+use chladni_spectral::analysis::shape_dna::{Compared, Comparison, Scale, Spectrum, Weighting, compare};
+use chladni_spectral::basis::Basis;
 use serde_json::json;
 
 use crate::{Failure, scene};
@@ -84,7 +84,7 @@ pub fn draw() -> Result<(), Failure> {
 }
 
 fn spectrum(mesh: &TriangleMesh, basis: Basis) -> Spectrum {
-    Spectrum { eigenvalues: basis.eigenvalues, area: chladni::mesh::measure::surface_area(mesh) }
+    Spectrum { eigenvalues: basis.eigenvalues, area: chladni_mesh::measure::surface_area(mesh) }
 }
 
 /// The distance of two descriptors relative to their size.

@@ -2,15 +2,15 @@
 
 use std::time::Instant;
 
-use chladni::analysis::vibration::{Damping, Load, Motion};
-use chladni::basis::modal::ModalBasis;
-use chladni::mesh::TriangleMesh;
-use chladni::mesh::check::CheckOptions;
-use chladni::mesh::read::{MeshFormat, ReadLimits, read};
-use chladni::mesh::solid::check_body;
-use chladni::monitor::Unwatched;
-use chladni::operator::elastic::{ElasticBody, Material};
-use chladni::spectrum::vibration::{Iterations, VibrationMethod, VibrationParameters, vibration_modes};
+use chladni_base::Unwatched;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::check::CheckOptions;
+use chladni_mesh::read::{MeshFormat, ReadLimits, read};
+use chladni_mesh::solid::check_body;
+use chladni_spectral::analysis::vibration::{Damping, Load, Motion};
+use chladni_spectral::basis::modal::ModalBasis;
+use chladni_spectral::operator::elastic::{ElasticBody, Material};
+use chladni_spectral::spectrum::vibration::{Iterations, VibrationMethod, VibrationParameters, vibration_modes};
 
 use crate::paint::{Sheet, View, sequential};
 use crate::{Failure, scene};

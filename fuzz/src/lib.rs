@@ -1,6 +1,6 @@
 //! What every reader promises about every input.
 
-use chladni::mesh::read::{MeshFormat, ReadLimits, read};
+use chladni_mesh::read::{MeshFormat, ReadLimits, read};
 
 /// Reads under small limits, so that a slow input is a finding rather than a large mesh, and checks what comes out.
 pub fn answer(bytes: &[u8], format: MeshFormat) {

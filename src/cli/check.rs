@@ -1,7 +1,8 @@
 //! `check`: the report of a mesh.
 
+use chladni_mesh::check::{Element, MeshError, MeshReport, inspect};
+
 use super::{CliError, MeshInput, Table, grouped, number};
-use crate::mesh::check::{Element, MeshError, MeshReport, inspect};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::process::ExitCode;
@@ -103,8 +104,8 @@ fn page(report: &MeshReport, refusal: Option<&MeshError>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::check::CheckOptions;
-    use crate::mesh::read::RawMesh;
+    use chladni_mesh::check::CheckOptions;
+    use chladni_mesh::read::RawMesh;
 
     fn square(height: f64) -> (MeshReport, Option<MeshError>) {
         let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, height], [0.0, 1.0, 0.0], [7.0; 3]];

@@ -1,52 +1,58 @@
 //! A small client of our own API, for `demo`.
 
 use super::CliError;
+use bytes::Bytes;
 use futures_util::StreamExt;
-use reqwest::{RequestBuilder, header};
+use http_body_util::{BodyExt, Full};
+use hyper::body::Incoming;
+use hyper::client::conn::http1;
+use hyper::{Request, Response, header};
+use hyper_util::rt::TokioIo;
 use serde_json::{Value, json};
+use std::net::SocketAddr;
 use std::time::Duration;
+use tokio::net::TcpStream;
 
 /// How long a look at a job waits when its event stream has ended early.
 const WAIT: &str = "10s";
 
-/// A client of one server.
+/// How long the server may take to accept a connection; it is this very process.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// A client of one server: a connection for each request.
 pub struct Client {
-    base: String,
-    http: reqwest::Client,
+    server: SocketAddr,
 }
 
 impl Client {
-    /// A client of the server at `base`, such as `http://127.0.0.1:8080`.
-    pub fn new(base: String) -> Result<Self, CliError> {
-        // The server is this very process: a proxy of the environment must not come between.
-        let http = reqwest::Client::builder().no_proxy().connect_timeout(Duration::from_secs(5)).build();
-        Ok(Self { base, http: http.map_err(|error| failed("the client", &error))? })
+    /// A client of the server that listens at `server`.
+    pub fn new(server: SocketAddr) -> Self {
+        Self { server }
     }
 
     /// Uploads a mesh file, as it is or compressed by gzip; answers with the stored mesh.
     pub async fn upload(&self, name: &str, format: Option<&str>, content: Vec<u8>) -> Result<Value, CliError> {
-        let mut query = vec![("name", name)];
-        query.extend(format.map(|format| ("format", format)));
-        let mut request = self
-            .http
-            .post(format!("{}/v1/meshes", self.base))
-            .query(&query)
+        let mut query = form_urlencoded::Serializer::new(String::new());
+        query.append_pair("name", name);
+        query.extend_pairs(format.map(|format| ("format", format)));
+        let mut request = Request::post(format!("/v1/meshes?{}", query.finish()))
             .header(header::CONTENT_TYPE, "application/octet-stream");
         if content.starts_with(&[0x1f, 0x8b]) {
             request = request.header(header::CONTENT_ENCODING, "gzip");
         }
-        answer(request.body(content)).await
+        self.answer(request.body(content.into())).await
     }
 
     /// Submits a job; answers with the job, which may be done already.
     pub async fn submit(&self, kind: &str, mesh: &str, parameters: &Value) -> Result<Value, CliError> {
         let body = json!({"kind": kind, "mesh": mesh, "parameters": parameters});
-        answer(self.http.post(format!("{}/v1/jobs", self.base)).json(&body)).await
+        let request = Request::post("/v1/jobs").header(header::CONTENT_TYPE, "application/json");
+        self.answer(request.body(body.to_string().into())).await
     }
 
     /// What is found at a path, which begins with a slash.
     pub async fn get(&self, path: &str) -> Result<Value, CliError> {
-        answer(self.http.get(format!("{}{path}", self.base))).await
+        self.answer(Request::get(path).body(Full::default())).await
     }
 
     /// Follows a job to its end; tells each change, and answers with the last.
@@ -56,9 +62,8 @@ impl Client {
         if is_finished(job) {
             return Ok(job.clone());
         }
-        let request = self.http.get(format!("{}{}", self.base, text(job, "/links/events")?));
-        let response = request.send().await.map_err(|error| failed("GET events", &error))?;
-        let mut stream = response.bytes_stream();
+        let request = Request::get(text(job, "/links/events")?).body(Full::default());
+        let mut stream = self.send(request).await?.into_body().into_data_stream();
         let mut events = Events::default();
         while let Some(Ok(piece)) = stream.next().await {
             for state in events.take(&piece) {
@@ -77,6 +82,39 @@ impl Client {
             }
         }
     }
+
+    /// Sends a request over a connection of its own, and gives the answer once its header is there.
+    async fn send(
+        &self,
+        request: Result<Request<Full<Bytes>>, hyper::http::Error>,
+    ) -> Result<Response<Incoming>, CliError> {
+        let mut request = request.map_err(|error| failed("a request", &error))?;
+        let host =
+            header::HeaderValue::try_from(self.server.to_string()).map_err(|error| failed("a request", &error))?;
+        request.headers_mut().insert(header::HOST, host);
+        let stream = tokio::time::timeout(PATIENCE, TcpStream::connect(self.server))
+            .await
+            .map_err(|error| failed("the connection", &error))?
+            .map_err(|error| failed("the connection", &error))?;
+        let (mut sender, connection) =
+            http1::handshake(TokioIo::new(stream)).await.map_err(|error| failed("the connection", &error))?;
+        // It ends with the body of the answer; what goes wrong on it shows there.
+        tokio::spawn(connection);
+        sender.send_request(request).await.map_err(|error| failed("a request", &error))
+    }
+
+    async fn answer(&self, request: Result<Request<Full<Bytes>>, hyper::http::Error>) -> Result<Value, CliError> {
+        let response = self.send(request).await?;
+        let status = response.status();
+        let body = response.into_body().collect().await.map_err(|error| failed("an answer", &error))?.to_bytes();
+        let body: Value = serde_json::from_slice(&body).map_err(|error| failed("an answer", &error))?;
+        if status.is_success() {
+            return Ok(body);
+        }
+        let part = |name: &str| body[name].as_str().map(str::to_owned);
+        let reason = part("detail").or_else(|| part("title")).unwrap_or_else(|| status.to_string());
+        Err(CliError::Refused(reason))
+    }
 }
 
 /// The text at a JSON pointer of an answer.
@@ -91,22 +129,10 @@ fn is_finished(job: &Value) -> bool {
     !matches!(job["status"].as_str(), Some("enqueued" | "processing"))
 }
 
-async fn answer(request: RequestBuilder) -> Result<Value, CliError> {
-    let response = request.send().await.map_err(|error| failed("a request", &error))?;
-    let status = response.status();
-    let body: Value = response.json().await.map_err(|error| failed("an answer", &error))?;
-    if status.is_success() {
-        return Ok(body);
-    }
-    let part = |name: &str| body[name].as_str().map(str::to_owned);
-    let reason = part("detail").or_else(|| part("title")).unwrap_or_else(|| status.to_string());
-    Err(CliError::Refused(reason))
-}
-
 /// A failure of the connection, with its causes.
-fn failed(what: &str, error: &reqwest::Error) -> CliError {
+fn failed(what: &str, error: &dyn std::error::Error) -> CliError {
     let mut reason = error.to_string();
-    let mut cause = std::error::Error::source(error);
+    let mut cause = error.source();
     while let Some(inner) = cause {
         reason = format!("{reason}: {inner}");
         cause = inner.source();

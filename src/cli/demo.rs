@@ -1,12 +1,13 @@
 //! `demo`: the whole service in one go, through its own API.
 
+use chladni_mesh::shape::{self, Shape};
+use chladni_mesh::write::write_ply;
+
 use super::client::{Client, text};
 use super::serve::{Running, Signals, bind, runtime, start_on};
 use super::solve::{eigenvalue_table, storage};
 use super::{CliError, StageBars, Table, bytes, grouped};
 use crate::config::{Config, LogFormat, LogSettings};
-use crate::mesh::shape::{self, Shape};
-use crate::mesh::write::write_ply;
 use crate::telemetry::start_logs;
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -108,7 +109,7 @@ async fn start(arguments: &DemoArguments) -> Result<Running, CliError> {
 
 /// Upload, job, result: everything through the API.
 async fn show(running: &Running, arguments: &DemoArguments, source: Source) -> Result<(), CliError> {
-    let client = Client::new(running.url())?;
+    let client = Client::new(running.address);
     let began = Instant::now();
     let size = source.content.len() as u64;
     let mesh = client.upload(&source.name, source.format.as_deref(), source.content).await?;

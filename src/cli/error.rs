@@ -1,6 +1,8 @@
 //! Why a command failed, in one sentence, and the exit code that says so to a script.
 
-use crate::{config::ConfigError, job::JobError, job::ParameterError, telemetry::TelemetryError};
+use chladni_work::{JobError, ParameterError};
+
+use crate::{config::ConfigError, telemetry::TelemetryError};
 use std::{io, path::Path, path::PathBuf, process::ExitCode};
 
 /// A command failed.

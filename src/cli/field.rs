@@ -1,8 +1,9 @@
 //! `field`: one basis of tangential fields, without a server.
 
+use chladni_work::{JobParameters, SOLVER_VERSION, abbreviate};
+
 use super::solve::{OutputFile, peak_rss_bytes};
 use super::{CliError, MeshInput, StageBars, bytes, grouped, memory};
-use crate::job::{JobParameters, SOLVER_VERSION, abbreviate};
 use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::PathBuf;

@@ -1,9 +1,10 @@
 //! Mesh files from the local disk.
 
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge, check};
+use chladni_mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
+
 use super::CliError;
-use crate::mesh::TriangleMesh;
-use crate::mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge, check};
-use crate::mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 

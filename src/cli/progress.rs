@@ -1,6 +1,6 @@
 //! One progress bar per stage, on a terminal; nothing elsewhere.
 
-use crate::monitor::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};

@@ -1,9 +1,10 @@
 //! `sample`: a generated mesh.
 
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::shape::{Shape, ShapeError, generate, noisy, renumbered};
+use chladni_mesh::write::{write_obj, write_ply};
+
 use super::{CliError, grouped};
-use crate::mesh::TriangleMesh;
-use crate::mesh::shape::{Shape, ShapeError, generate, noisy, renumbered};
-use crate::mesh::write::{write_obj, write_ply};
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -86,7 +87,7 @@ fn shape(name: &str) -> Result<Shape, ShapeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::read::{MeshFormat, ReadLimits, read};
+    use chladni_mesh::read::{MeshFormat, ReadLimits, read};
 
     #[test]
     fn what_is_written_reads_back_the_same() {

@@ -1,7 +1,8 @@
 //! `serve`: the store, the workers and the API, wired together, and their end in order.
 
+use chladni_algebra::gpu;
+
 use super::{CliError, memory};
-use crate::algebra::gpu;
 use crate::config::Config;
 use crate::http::{self, AppState};
 use crate::queue::{QueueObserver, Solver, WorkerOptions, WorkerPool};

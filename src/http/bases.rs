@@ -6,6 +6,7 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use chladni_spectral::basis::{Basis, ProductKind};
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -17,7 +18,6 @@ use super::extract::{PathOf, QueryOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
 use super::wire::{BasisResource, BasisSummary, PageOf};
-use crate::basis::{Basis, ProductKind};
 use crate::store::{BasisFilter, BasisRecord, StoreError};
 
 /// The routes of bases as resources.

@@ -1,10 +1,10 @@
 //! Per-vertex functions and coefficients as numbers on the wire: raw little-endian, row after row, or JSON.
 
+use chladni_algebra::DenseMatrix;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::problem::{self, Problem};
-use crate::algebra::DenseMatrix;
 
 /// The most functions of one request.
 pub const MOST_COLUMNS: usize = 256;

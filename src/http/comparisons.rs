@@ -4,6 +4,10 @@ use std::time::Instant;
 
 use axum::extract::State;
 use axum::http::HeaderMap;
+use chladni_spectral::analysis::scatter;
+use chladni_spectral::analysis::shape_dna::{Comparison, MOST_SHAPES, Scale, Spectrum, Weighting, compare};
+use chladni_spectral::analysis::signature::nearest_items;
+use chladni_spectral::basis::ProductKind;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
@@ -18,10 +22,6 @@ use super::exchange::{self, Answer, OCTETS};
 use super::extract::{self, QueryOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
-use crate::analysis::scatter;
-use crate::analysis::shape_dna::{Comparison, MOST_SHAPES, Scale, Spectrum, Weighting, compare};
-use crate::analysis::signature::nearest_items;
-use crate::basis::ProductKind;
 
 const SVG: &str = "image/svg+xml";
 

@@ -5,6 +5,7 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
+use chladni_spectral::analysis::compression::{compress, decompress};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -19,7 +20,6 @@ use super::extract::{self, PathOf, QueryOf};
 use super::problem::{self, Problem};
 use super::solves::{Functions, PLY, Source, ply};
 use super::state::AppState;
-use crate::analysis::compression::{compress, decompress};
 
 /// The most bytes of compressed functions.
 const MOST_BYTES: u64 = 64 << 20;

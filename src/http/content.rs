@@ -7,6 +7,8 @@ use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
+use chladni_spectral::basis::{Basis, ProductKind};
+use chladni_spectral::formats::{self, FormatError};
 use futures_util::{StreamExt, stream};
 use serde::Deserialize;
 use tokio::sync::mpsc;
@@ -19,7 +21,6 @@ use super::conditional;
 use super::extract::{self, PathOf, QueryOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
-use crate::basis::{self, Basis, FormatError, ProductKind};
 use crate::store::BasisStorage;
 
 /// The routes of content of bases.
@@ -211,8 +212,8 @@ async fn basis_content(
                 }
             };
         }
-        Format::Safetensors => basis::safetensors::to_bytes,
-        Format::MatrixMarket => basis::matrix_market::to_bytes,
+        Format::Safetensors => formats::safetensors::to_bytes,
+        Format::MatrixMarket => formats::matrix_market::to_bytes,
     };
     if record.kind != ProductKind::Eigenbasis.name() {
         let detail = format!("A basis of the kind {} comes as {NPZ}.", record.kind);
@@ -222,7 +223,7 @@ async fn basis_content(
     if let BasisStorage::Dense(layout) = &record.storage {
         let (hash, columns) = (&record.content_hash, layout.start..layout.end);
         if format == Format::Safetensors {
-            let head = state.take_in(move || Ok(Bytes::from(basis::safetensors::dense_head(&basis)?))).await?;
+            let head = state.take_in(move || Ok(Bytes::from(formats::safetensors::dense_head(&basis)?))).await?;
             let length = head.len() as u64 + (columns.end - columns.start);
             let whole = immutable("-safetensors", "safetensors", length);
             return Ok(match whole.wanted(&headers)? {
@@ -275,7 +276,7 @@ fn matrix_market_stream(
     let (sender, mut pieces) = mpsc::channel(PIECES);
     tokio::task::spawn_blocking(move || {
         let mut out = Pieces(sender.clone());
-        if let Err(error) = basis::matrix_market::write(&basis, &mut out) {
+        if let Err(error) = formats::matrix_market::write(&basis, &mut out) {
             // A client that went away hears nothing; any other sees the answer end early.
             let _gone = sender.blocking_send(Err(std::io::Error::other(error)));
         }

@@ -1,14 +1,15 @@
 //! Errors of other rooms as problems.
 
+use chladni_mesh::check::MeshError;
+use chladni_mesh::read::ReadError;
+use chladni_spectral::analysis::AnalysisError;
+use chladni_spectral::analysis::family::FamilyError;
+use chladni_spectral::analysis::filter::FilterError;
+use chladni_spectral::analysis::vibration::SimulationError;
+use chladni_spectral::basis::{BasisError, ColumnError};
+use chladni_work::ParameterError;
+
 use super::problem::{self, Problem};
-use crate::analysis::AnalysisError;
-use crate::analysis::family::FamilyError;
-use crate::analysis::filter::FilterError;
-use crate::analysis::vibration::SimulationError;
-use crate::basis::{BasisError, ColumnError};
-use crate::job::ParameterError;
-use crate::mesh::check::MeshError;
-use crate::mesh::read::ReadError;
 use crate::store::StoreError;
 
 impl From<StoreError> for Problem {

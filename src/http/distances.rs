@@ -6,6 +6,13 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
+use chladni_algebra::DenseMatrix;
+use chladni_mesh::TriangleMesh;
+use chladni_spectral::analysis::AnalysisError;
+use chladni_spectral::analysis::distance::{SpectralDistance, nearest};
+use chladni_spectral::analysis::geodesic::geodesic;
+use chladni_spectral::analysis::spectrum::kernel_size;
+use chladni_spectral::basis::Basis;
 use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -17,13 +24,6 @@ use super::exchange::{self, Answer};
 use super::extract::{PathOf, QueryOf};
 use super::problem::Problem;
 use super::state::AppState;
-use crate::algebra::DenseMatrix;
-use crate::analysis::AnalysisError;
-use crate::analysis::distance::{SpectralDistance, nearest};
-use crate::analysis::geodesic::geodesic;
-use crate::analysis::spectrum::kernel_size;
-use crate::basis::Basis;
-use crate::mesh::TriangleMesh;
 
 /// The routes of distances.
 pub fn routes() -> OpenApiRouter<AppState> {

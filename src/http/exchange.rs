@@ -6,6 +6,7 @@ use axum::body::Body;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
+use chladni_algebra::DenseMatrix;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -14,7 +15,6 @@ use super::body::{self, WholeBody};
 use super::extract;
 use super::problem::{self, Problem};
 use super::state::AppState;
-use crate::algebra::DenseMatrix;
 
 /// The media type of raw numbers.
 pub const OCTETS: &str = "application/octet-stream";

@@ -5,6 +5,8 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
+use chladni_algebra::DenseMatrix;
+use chladni_spectral::analysis::family::{Member, spectrum};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
@@ -17,8 +19,6 @@ use super::exchange::{self, Answer};
 use super::extract::{self, PathOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
-use crate::algebra::DenseMatrix;
-use crate::analysis::family::{Member, spectrum};
 
 /// The routes of families.
 pub fn routes() -> OpenApiRouter<AppState> {

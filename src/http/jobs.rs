@@ -9,6 +9,7 @@ use axum::extract::{Extension, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
+use chladni_work::{JobParameters, MeshSize, SOLVER_VERSION};
 use futures_util::{Stream, stream};
 use serde::Deserialize;
 use tokio::sync::broadcast::{Receiver, error::RecvError};
@@ -23,7 +24,6 @@ use super::problem::{self, Problem};
 use super::state::AppState;
 use super::wire::{JobRequest, JobResource, PageOf, Status};
 use super::{body, conditional};
-use crate::job::{JobParameters, MeshSize, SOLVER_VERSION};
 use crate::store::{
     EnqueueOutcome, IdempotencyKey, JobEvent, JobFilter, JobRecord, JobStatus, NewJob, PageRequest, StoreError,
 };

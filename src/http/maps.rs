@@ -5,6 +5,7 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
+use chladni_spectral::analysis::functional_map::{MapRequest, functional_map};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -16,7 +17,6 @@ use super::exchange::{self, Answer, OCTETS};
 use super::extract::QueryOf;
 use super::problem::Problem;
 use super::state::AppState;
-use crate::analysis::functional_map::{MapRequest, functional_map};
 
 /// The route of functional maps.
 pub fn routes() -> OpenApiRouter<AppState> {

@@ -9,6 +9,11 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge};
+use chladni_mesh::read::{MeshFormat, ReadLimits, read};
+use chladni_mesh::solid::check_body;
+use chladni_mesh::write::{write_obj, write_ply};
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -20,11 +25,6 @@ use super::problem::{self, Problem};
 use super::state::AppState;
 use super::wire::{MeshResource, PageOf};
 use super::{body, conditional};
-use crate::mesh::TriangleMesh;
-use crate::mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge};
-use crate::mesh::read::{MeshFormat, ReadLimits, read};
-use crate::mesh::solid::check_body;
-use crate::mesh::write::{write_obj, write_ply};
 use crate::store::NewMesh;
 
 /// The longest name of a mesh, in characters.

@@ -8,6 +8,10 @@ use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
+use chladni_mesh::read::MeshFormat;
+use chladni_mesh::write::write_ply;
+use chladni_spectral::basis::{Basis, ProductKind};
+use chladni_spectral::formats::npz;
 use futures_util::{StreamExt, stream};
 use serde::Deserialize;
 use utoipa::IntoParams;
@@ -21,9 +25,6 @@ use super::content::Immutable;
 use super::extract::{self, PathOf, QueryOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
-use crate::basis::{Basis, ProductKind, npz};
-use crate::mesh::read::MeshFormat;
-use crate::mesh::write::write_ply;
 
 /// Bytes of one panel of a streamed answer: large enough to be worth a task, small enough to hold many.
 const PANEL_BYTES: usize = 4 << 20;

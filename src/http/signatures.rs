@@ -5,6 +5,10 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
+use chladni_algebra::DenseMatrix;
+use chladni_spectral::analysis::AnalysisError;
+use chladni_spectral::analysis::signature::{Signature, nearest_items};
+use chladni_spectral::basis::Basis;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -16,10 +20,6 @@ use super::exchange::{self, Answer};
 use super::extract::{PathOf, QueryOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
-use crate::algebra::DenseMatrix;
-use crate::analysis::AnalysisError;
-use crate::analysis::signature::{Signature, nearest_items};
-use crate::basis::Basis;
 
 /// The most points of a list of similar ones.
 const MOST_SIMILAR: usize = 100_000;

@@ -6,6 +6,12 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
+use chladni_algebra::DenseMatrix;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::write::{PlyPrecision, write_ply_with};
+use chladni_spectral::analysis::filter::{Transfer, filter};
+use chladni_spectral::analysis::projection::project;
+use chladni_spectral::basis::Basis;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -18,12 +24,6 @@ use super::exchange::{Answer, OCTETS, Sent, answer_type, raw_answer, read};
 use super::extract::{PathOf, QueryOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
-use crate::algebra::DenseMatrix;
-use crate::analysis::filter::{Transfer, filter};
-use crate::analysis::projection::project;
-use crate::basis::Basis;
-use crate::mesh::TriangleMesh;
-use crate::mesh::write::{PlyPrecision, write_ply_with};
 
 /// The routes of synchronous solves.
 pub fn routes() -> OpenApiRouter<AppState> {

@@ -114,7 +114,7 @@ async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
     let metrics = &state.metrics;
     match state.store.job_counts().await {
         Ok(counts) => {
-            let mut kinds: Vec<&str> = crate::job::KINDS.to_vec();
+            let mut kinds: Vec<&str> = chladni_work::KINDS.to_vec();
             kinds.extend(counts.iter().map(|(kind, ..)| kind.as_str()));
             for kind in kinds {
                 for status in JobStatus::ALL {
@@ -133,7 +133,7 @@ async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
     metrics.basis_cache_bytes.set(cache.bytes as i64);
     catch_up(&state.counted.hits, cache.hits, |n| metrics.basis_cache_hits.inc_by(n));
     catch_up(&state.counted.misses, cache.misses, |n| metrics.basis_cache_misses.inc_by(n));
-    let accelerator = crate::algebra::gpu::accelerator();
+    let accelerator = chladni_algebra::gpu::accelerator();
     metrics.gpu_available.set(i64::from(accelerator.available()));
     catch_up(&state.counted.gpu_fallbacks, accelerator.fallbacks(), |n| metrics.gpu_fallbacks.inc_by(n));
     let text = metrics.render();

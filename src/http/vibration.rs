@@ -6,6 +6,10 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
+use chladni_mesh::TriangleMesh;
+use chladni_spectral::analysis::sound::{Listening, listen};
+use chladni_spectral::analysis::vibration::{Damping, Load, Motion, check_times};
+use chladni_spectral::basis::modal::ModalBasis;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
@@ -17,10 +21,6 @@ use super::exchange::{self, Answer, OCTETS};
 use super::extract::{self, PathOf};
 use super::problem::{self, Problem};
 use super::state::AppState;
-use crate::analysis::sound::{Listening, listen};
-use crate::analysis::vibration::{Damping, Load, Motion, check_times};
-use crate::basis::modal::ModalBasis;
-use crate::mesh::TriangleMesh;
 
 /// The media type of sounds.
 const WAV: &str = "audio/wav";

@@ -2,13 +2,13 @@
 //!
 //! Times are milliseconds since 1970-01-01 UTC; lengths are in the units of the uploaded mesh.
 
+use chladni_spectral::basis::ProductKind;
+use chladni_work::abbreviate;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::certificate::CertificateSchema;
-use crate::basis::ProductKind;
-use crate::job::abbreviate;
 use crate::store::{BasisRecord, BasisStorage, JobRecord, JobStatus, MeshRecord, Page};
 
 /// A page of a list, newest first.

@@ -8,12 +8,11 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::{
-    monitor::{Cancelled, Monitor},
-    store::{
-        Progress,
-        fault::{FailPoint, Faults},
-    },
+use chladni_base::{Cancelled, Monitor};
+
+use crate::store::{
+    Progress,
+    fault::{FailPoint, Faults},
 };
 
 /// Characters of a detail that are kept.

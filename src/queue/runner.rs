@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::{
-    basis::Product,
-    mesh::{TetMesh, TriangleMesh},
-    monitor::{Cancelled, Monitor},
-    store::{JobRecord, JobStatus},
-};
+use chladni_base::{Cancelled, Monitor};
+use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::basis::Product;
+
+use crate::store::{JobRecord, JobStatus};
 
 /// Does the work of a job: a pure function of the job and its mesh.
 pub trait Runner: Send + Sync + 'static {

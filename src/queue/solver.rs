@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
+use chladni_base::Monitor;
+use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_work::{JobError, JobParameters};
+
 use super::{JobFailure, Outcome, Runner};
-use crate::{
-    job::{JobError, JobParameters},
-    mesh::{TetMesh, TriangleMesh},
-    monitor::Monitor,
-    store::JobRecord,
-};
+use crate::store::JobRecord;
 
 /// Runs every kind of job that the room `job` knows.
 #[derive(Debug, Clone, Copy, Default)]

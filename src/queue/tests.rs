@@ -8,6 +8,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
 use tempfile::TempDir;
 use uuid::Uuid;
 
@@ -15,13 +17,9 @@ use super::{
     fault::{FailPoint, FaultAction, Faults},
     *,
 };
-use crate::{
-    mesh::TriangleMesh,
-    monitor::Monitor,
-    store::{
-        JobRecord, JobStatus, Store, StoreOptions,
-        tests::{basis, mesh, new_job, options},
-    },
+use crate::store::{
+    JobRecord, JobStatus, Store, StoreOptions,
+    tests::{basis, mesh, new_job, options},
 };
 
 /// A runner made of a function.

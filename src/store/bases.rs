@@ -3,6 +3,10 @@
 use std::{io::Cursor, sync::Arc};
 
 use bytes::Bytes;
+use chladni_spectral::basis::family::FamilyBasis;
+use chladni_spectral::basis::modal::ModalBasis;
+use chladni_spectral::basis::{Basis, Product, ProductKind, StoredFields, Summary};
+use chladni_spectral::formats::FormatError;
 use sqlx::{QueryBuilder, Row, sqlite::SqliteRow};
 use uuid::Uuid;
 
@@ -14,9 +18,6 @@ use super::{
     meshes::push_filter,
     to_json,
 };
-use crate::basis::family::FamilyBasis;
-use crate::basis::modal::ModalBasis;
-use crate::basis::{Basis, FormatError, Product, ProductKind, StoredFields, Summary};
 
 impl Store {
     /// A basis by its identifier.

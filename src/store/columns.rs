@@ -2,13 +2,14 @@
 
 use std::sync::{Arc, Weak};
 
+use chladni_spectral::basis::{
+    Basis, CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Functions,
+};
+use chladni_spectral::formats::{DenseLayout, npz};
 use tokio::runtime::Handle;
 use uuid::Uuid;
 
 use super::{BasisRecord, Inner, Store, StoreError, Weighed, blobs};
-use crate::basis::{
-    Basis, CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, DenseLayout, Functions, npz,
-};
 
 /// A dense basis whose content is stored.
 pub(super) struct WrittenDense {

@@ -1,13 +1,13 @@
 //! What the store promises of dense bases.
 
+use chladni_algebra::DenseMatrix;
+use chladni_spectral::basis::{Basis, BasisError, Certificate, DenseFunctions, Functions, Precision};
+use chladni_spectral::formats::npz;
+
 use super::super::{
     fault::{FailPoint, FaultAction, Faults},
     tests::{LEASE, basis, mesh, new_job, options, store},
     *,
-};
-use crate::{
-    algebra::DenseMatrix,
-    basis::{Basis, BasisError, Certificate, DenseFunctions, Functions, Precision, npz},
 };
 
 /// A dense basis of so many columns.

@@ -1,8 +1,7 @@
 //! Why the store could not do what it was asked to.
 
+use chladni_spectral::basis::ProductKind;
 use uuid::Uuid;
-
-use crate::basis::ProductKind;
 
 /// Why the store could not do what it was asked to. Nothing of a failed call is visible afterwards.
 #[derive(Debug, thiserror::Error)]

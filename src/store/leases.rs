@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use chladni_spectral::basis::Product;
 use sqlx::{QueryBuilder, Sqlite};
 use uuid::Uuid;
 
@@ -10,7 +11,6 @@ use super::{
     JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions, bases::WrittenBasis, database::WriteTransaction,
     detached, fault::FailPoint, jobs::job_from_row, to_json,
 };
-use crate::basis::Product;
 
 /// A job and the lease on it.
 #[derive(Debug, Clone, PartialEq)]

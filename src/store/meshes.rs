@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use bytes::Bytes;
+use chladni_mesh::{TetMesh, TriangleMesh};
 use sqlx::{QueryBuilder, Row, Sqlite, sqlite::SqliteRow};
 
 use super::{
     JobRecord, MeshRecord, NewMesh, Page, PageRequest, Store, StoreError, Stored, Weighed, blobs, detached, from_json,
     jobs::job_from_row, to_json,
 };
-use crate::mesh::{TetMesh, TriangleMesh};
 
 /// The head of a mesh's canonical content; the counts of vertices and faces follow, u64 little-endian, then positions as
 /// f64 and faces as u32, all little-endian.

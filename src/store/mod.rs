@@ -24,6 +24,7 @@ mod folder;
 mod jobs;
 mod leases;
 mod meshes;
+mod migrations;
 mod page;
 mod records;
 #[cfg(test)]
@@ -40,14 +41,11 @@ use std::{
 };
 
 use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
-use sqlx::migrate::Migrator;
 use tokio::sync::{Notify, RwLock, broadcast};
 use uuid::Uuid;
 
-use crate::{
-    basis::{ColumnChunk, Product},
-    mesh::TriangleMesh,
-};
+use chladni_mesh::TriangleMesh;
+use chladni_spectral::basis::{ColumnChunk, Product};
 use database::{Database, DatabaseSettings};
 use folder::DataFolder;
 
@@ -59,9 +57,6 @@ pub use records::{
     BasisFilter, BasisRecord, BasisStorage, CacheStatistics, EnqueueOutcome, Enqueued, IdempotencyKey, JobEvent,
     JobFilter, JobProblem, JobRecord, JobStatus, MeshRecord, NewJob, NewMesh, StoreHealth, Stored, UnknownStatus,
 };
-
-static META_MIGRATIONS: Migrator = sqlx::migrate!("migrations/meta");
-static BLOB_MIGRATIONS: Migrator = sqlx::migrate!("migrations/blobs");
 
 /// Job events that a slow listener may fall behind by.
 const EVENTS_KEPT: usize = 1024;
@@ -173,9 +168,9 @@ impl Store {
             most_pages: limit.map(|bytes| (bytes / u64::from(page_bytes)).max(1)),
             readers,
         };
-        let meta = Database::open(&folder.file("meta.db"), settings(4096, None, 4), &META_MIGRATIONS).await?;
+        let meta = Database::open(&folder.file("meta.db"), settings(4096, None, 4), &migrations::meta()).await?;
         let blob_settings = settings(blobs::PAGE_BYTES, options.blob_bytes_limit, 4);
-        let blobs = Database::open(&folder.file("blobs.db"), blob_settings, &BLOB_MIGRATIONS).await?;
+        let blobs = Database::open(&folder.file("blobs.db"), blob_settings, &migrations::blobs()).await?;
         let quarter = options.cache_bytes / 4;
         let store = Self {
             inner: Arc::new(Inner {

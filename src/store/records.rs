@@ -2,14 +2,11 @@
 
 use std::{fmt, str::FromStr, sync::Arc};
 
+use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::formats::DenseLayout;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use uuid::Uuid;
-
-use crate::{
-    basis::DenseLayout,
-    mesh::{TetMesh, TriangleMesh},
-};
 
 /// A mesh to be stored.
 #[derive(Debug, Clone)]

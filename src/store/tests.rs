@@ -10,15 +10,13 @@ use std::{
 };
 
 use bytes::Bytes;
+use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix};
+use chladni_spectral::basis::{Basis, Certificate, Compact, Functions};
 use futures_util::StreamExt;
 use serde_json::json;
 use tempfile::TempDir;
 
 use super::{fault::Faults, *};
-use crate::{
-    algebra::{DenseMatrix, MassMatrix, SparseMatrix},
-    basis::{Basis, Certificate, Compact, Functions},
-};
 
 pub(super) const LEASE: Duration = Duration::from_secs(30);
 

@@ -61,7 +61,7 @@ async fn content_is_immutable_and_comes_in_three_formats_and_in_ranges() {
     }
     problem(app.get(&url).header("accept", "image/png").send().await.unwrap(), 406, "not-acceptable").await;
     let npz = app.get(&url).send().await.unwrap().bytes().await.unwrap();
-    let read = chladni::basis::npz::read(&npz).unwrap();
+    let read = chladni_spectral::formats::npz::read(&npz).unwrap();
     assert_eq!(read.eigenvalues, [0.0, 1.0, 2.0]);
 }
 

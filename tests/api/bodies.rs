@@ -150,9 +150,9 @@ async fn a_client_that_takes_no_answer_is_let_go() {
     builder.config.max_connections = 1;
     builder.config.body_seconds = Duration::from_millis(500);
     let app = builder.start();
-    let sphere = chladni::mesh::shape::generate(chladni::mesh::shape::Shape::Sphere, 300_000).unwrap();
+    let sphere = chladni_mesh::shape::generate(chladni_mesh::shape::Shape::Sphere, 300_000).unwrap();
     let mut ply = Vec::new();
-    chladni::mesh::write::write_ply(&sphere, None, &mut ply).unwrap();
+    chladni_mesh::write::write_ply(&sphere, None, &mut ply).unwrap();
     let client = reqwest::Client::builder().pool_max_idle_per_host(0).build().unwrap();
     let upload = client.post(app.url("/v1/meshes?format=ply")).body(ply).send().await.unwrap();
     let mesh = crate::common::text(&upload.json::<Value>().await.unwrap()["id"]);

@@ -113,7 +113,7 @@ async fn a_dense_basis_is_downloaded_in_three_formats() {
             assert_eq!(part.bytes().await.unwrap(), whole.slice(from..to), "{format} {from}..{to}");
         }
         if format == "npz" {
-            let read = chladni::basis::npz::read(&whole).unwrap();
+            let read = chladni_spectral::formats::npz::read(&whole).unwrap();
             assert_eq!(read.lift::<f32>(0..100).unwrap(), units(0..100, n));
         } else {
             let tensors = safetensors::SafeTensors::deserialize(&whole).unwrap();

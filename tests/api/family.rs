@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
-use chladni::mesh::shape::{Shape, generate};
-use chladni::mesh::write::write_ply;
 use chladni::queue::Solver;
+use chladni_mesh::shape::{Shape, generate};
+use chladni_mesh::write::write_ply;
 use serde_json::{Value, json};
 
 use crate::common::{TestApp, problem, text};
@@ -65,7 +65,7 @@ async fn spectra_of_a_family_follow_its_parameters() {
     // Equal content is one download.
     let content = app.get(&format!("/v1/bases/{basis}/content")).send().await.unwrap();
     let content = content.bytes().await.unwrap();
-    assert_eq!(chladni::basis::npz::read_family(&content).unwrap().dimension(), dimension);
+    assert_eq!(chladni_spectral::formats::npz::read_family(&content).unwrap().dimension(), dimension);
 
     for (body, name) in [
         (json!({"extrinsic": 1.5}), "extrinsic"),

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use chladni::basis::npz;
-use chladni::mesh::check::{CheckOptions, check};
-use chladni::mesh::read::{MeshFormat, ReadLimits, read};
-use chladni::mesh::shape::{Shape, generate};
-use chladni::mesh::subdivide::subdivided;
-use chladni::mesh::write::write_ply;
 use chladni::queue::Solver;
+use chladni_mesh::check::{CheckOptions, check};
+use chladni_mesh::read::{MeshFormat, ReadLimits, read};
+use chladni_mesh::shape::{Shape, generate};
+use chladni_mesh::subdivide::subdivided;
+use chladni_mesh::write::write_ply;
+use chladni_spectral::formats::npz;
 use reqwest::StatusCode;
 use serde_json::{Value, json};
 

@@ -5,8 +5,8 @@ use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use chladni::mesh::shape::{Shape, generate};
-use chladni::mesh::write::write_ply;
+use chladni_mesh::shape::{Shape, generate};
+use chladni_mesh::write::write_ply;
 use serde_json::{Value, json};
 
 use crate::common::text;

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use chladni::mesh::TriangleMesh;
-use chladni::mesh::shape::{Shape, generate};
-use chladni::mesh::write::write_ply;
-use chladni::monitor::Monitor;
 use chladni::queue::{JobFailure, Outcome, Runner, Solver};
 use chladni::store::JobRecord;
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::shape::{Shape, generate};
+use chladni_mesh::write::write_ply;
 use serde_json::{Value, json};
 
 use crate::common::{Scripted, TestApp, meshes, text};
@@ -57,7 +57,7 @@ async fn a_sphere_sounds_as_it_should() {
         .fold(0.0, f64::max);
     assert!(worst < 0.02, "{worst}");
     let npz = app.get(&text(&basis["links"]["content"])).send().await.unwrap().bytes().await.unwrap();
-    let read = chladni::basis::npz::read(&npz).unwrap();
+    let read = chladni_spectral::formats::npz::read(&npz).unwrap();
     // Reading a number from JSON may miss its last digit.
     let agree = |(one, other): (&f64, &f64)| (one - other).abs() <= 4.0 * f64::EPSILON * one.abs();
     assert!(read.eigenvalues.len() == values.len() && read.eigenvalues.iter().zip(&values).all(agree));

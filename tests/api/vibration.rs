@@ -1,9 +1,9 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
-use chladni::mesh::shape::{Shape, generate};
-use chladni::mesh::write::write_ply;
 use chladni::queue::Solver;
+use chladni_mesh::shape::{Shape, generate};
+use chladni_mesh::write::write_ply;
 use serde_json::{Value, json};
 
 use crate::common::{TestApp, problem, text};
@@ -92,7 +92,7 @@ async fn a_shell_vibrates_is_struck_and_heard() {
     let wav = wav.bytes().await.unwrap();
     assert_eq!((&wav[..4], wav.len()), (&b"RIFF"[..], 44 + 4000));
     let content = app.get(&text(&shown["links"]["content"])).send().await.unwrap().bytes().await.unwrap();
-    assert_eq!(chladni::basis::npz::read_modes(&content).unwrap().count(), 20);
+    assert_eq!(chladni_spectral::formats::npz::read_modes(&content).unwrap().count(), 20);
 
     for (body, within) in [
         (json!({"loads": [{"impulse": {"vertex": n, "momentum": [0, 0, 1]}}]}), "vertex-out-of-range"),

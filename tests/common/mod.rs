@@ -8,17 +8,19 @@ use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use chladni::algebra::{DenseMatrix, MassMatrix, SparseMatrix};
-use chladni::basis::{Basis, Certificate, Compact, DenseFunctions, Functions, InertiaCount, LevelReport, Precision};
 use chladni::config::Config;
 use chladni::http::{self, AppState};
-use chladni::mesh::TriangleMesh;
-use chladni::mesh::shape::{Shape, generate};
-use chladni::mesh::write::write_ply;
-use chladni::monitor::Monitor;
 use chladni::queue::{JobFailure, Outcome, Runner, Unobserved, WorkerOptions, WorkerPool};
 use chladni::store::{JobRecord, Store, StoreOptions};
 use chladni::telemetry::Metrics;
+use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix};
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::shape::{Shape, generate};
+use chladni_mesh::write::write_ply;
+use chladni_spectral::basis::{
+    Basis, Certificate, Compact, DenseFunctions, Functions, InertiaCount, LevelReport, Precision,
+};
 use serde_json::{Value, json};
 use tokio::sync::oneshot;
 

@@ -2,11 +2,12 @@
 
 mod report;
 
+use chladni_algebra::gpu::{self, GpuChoice};
+use chladni_spectral::formats::{FormatError, npz};
+use chladni_work::JobParameters;
+
 use self::report::Run;
 use super::{CliError, MeshInput, StageBars, memory};
-use crate::algebra::gpu::{self, GpuChoice};
-use crate::basis::{FormatError, npz};
-use crate::job::JobParameters;
 use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -1,11 +1,11 @@
 //! What a solve tells: one object, or a few lines to read.
 
+use chladni_spectral::basis::{Basis, Certificate};
+use chladni_work::{JobParameters, SOLVER_VERSION, abbreviate};
 use serde_json::{Map, Value, json};
 
 use super::SolveArguments;
-use crate::basis::{Basis, Certificate};
 use crate::cli::{Table, bytes, grouped, memory, number};
-use crate::job::{JobParameters, SOLVER_VERSION, abbreviate};
 
 /// Rows of the printed table of eigenvalues.
 const LISTED_PAIRS: usize = 12;

@@ -5,6 +5,9 @@ use std::time::{Duration, Instant};
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
+use chladni_base::{Cancelled, Monitor};
+use chladni_spectral::field::{Camera, HatchingParameters, Streamline, fur, streamlines, svg, tensor_deviator};
+use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
@@ -14,15 +17,12 @@ use super::design::read;
 use super::forms;
 use super::request::{DesignRequest, refused};
 use super::solve::{self, Ready};
-use crate::field::{Camera, HatchingParameters, Streamline, fur, streamlines, svg, tensor_deviator};
 use crate::http::binary::Table;
 use crate::http::docs::{Binary, ProblemSchema};
 use crate::http::exchange::{Answer, JSON, OCTETS};
 use crate::http::extract::{self, PathOf};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::monitor::{Cancelled, Monitor};
-use crate::operator::transport::FieldKind;
 
 /// The routes of applications.
 pub fn routes() -> OpenApiRouter<AppState> {

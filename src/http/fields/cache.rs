@@ -5,12 +5,12 @@
 use std::any::Any;
 use std::sync::Arc;
 
+use chladni_mesh::nearest::FaceTree;
+use chladni_spectral::field::FieldSurface;
 use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
 
-use crate::field::FieldSurface;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::mesh::nearest::FaceTree;
 
 /// A surface that fields are designed on, with what finds a face by a point.
 #[derive(Debug)]

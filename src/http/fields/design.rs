@@ -6,6 +6,7 @@ use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
 use bytes::Bytes;
+use chladni_spectral::field::singularities;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -14,7 +15,6 @@ use utoipa_axum::routes;
 use super::forms::{self, Form};
 use super::request::{DesignRequest, SingularVertex};
 use super::solve::{self, Ready};
-use crate::field::singularities;
 use crate::http::body;
 use crate::http::docs::{Binary, ProblemSchema};
 use crate::http::exchange::{Answer, OCTETS, answer_type};
@@ -177,7 +177,7 @@ pub fn described(
     bytes: impl Into<Bytes>,
     faces: usize,
     form: Form,
-    kind: crate::operator::transport::FieldKind,
+    kind: chladni_spectral::operator::transport::FieldKind,
     begin: Instant,
 ) -> Answer {
     Answer::new(bytes, OCTETS, begin)

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use axum::extract::State;
 use axum::http::HeaderMap;
+use chladni_spectral::formats::npz;
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -11,7 +12,6 @@ use utoipa_axum::routes;
 
 use super::forms::{self, Form};
 use super::solve::Ready;
-use crate::basis::npz;
 use crate::http::docs::{Binary, ProblemSchema};
 use crate::http::exchange::{Answer, OCTETS};
 use crate::http::extract::{self, PathOf, QueryOf};

@@ -1,13 +1,12 @@
 //! Stored numbers of a field as a client reads them, face after face.
 
 use bytes::Bytes;
+use chladni_spectral::field::{roots, tensor_axes};
+use chladni_spectral::operator::frames::FaceFrames;
+use chladni_spectral::operator::transport::FieldKind;
 use rayon::prelude::*;
 use serde::Deserialize;
 use utoipa::ToSchema;
-
-use crate::field::{roots, tensor_axes};
-use crate::operator::frames::FaceFrames;
-use crate::operator::transport::FieldKind;
 
 /// How a field is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, ToSchema)]
@@ -140,7 +139,7 @@ pub fn to_bytes(numbers: Vec<f32>) -> Bytes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::shape::{Shape, generate};
+    use chladni_mesh::shape::{Shape, generate};
 
     #[test]
     fn every_form_of_every_kind_has_its_numbers() {

@@ -19,11 +19,11 @@ mod solve;
 
 pub use cache::FieldCache;
 
+use chladni_spectral::field::{DesignError, FieldError, PrescribedError, StreamlineError};
 use utoipa_axum::router::OpenApiRouter;
 
 use super::problem::{self, Problem};
 use super::state::AppState;
-use crate::field::{DesignError, FieldError, PrescribedError, StreamlineError};
 
 /// The routes of fields.
 pub fn routes() -> OpenApiRouter<AppState> {

@@ -1,14 +1,14 @@
 //! What a design is asked for with, and the constraints that it means.
 
+use chladni_spectral::field::{Constraint, direction_in_frame};
+use chladni_spectral::operator::frames::power;
+use chladni_spectral::operator::transport::FieldKind;
 use serde::Deserialize;
 use utoipa::ToSchema;
 
 use super::cache::Surface;
-use crate::field::{Constraint, direction_in_frame};
 use crate::http::binary::Table;
 use crate::http::problem::{self, Problem};
-use crate::operator::frames::power;
-use crate::operator::transport::FieldKind;
 
 /// The most constraints of one design: they make a dense system of their own size.
 pub const MOST_CONSTRAINTS: usize = 2000;

@@ -2,24 +2,24 @@
 
 use std::sync::Arc;
 
+use chladni_base::Unwatched;
+use chladni_spectral::basis::ProductKind;
+use chladni_spectral::basis::StoredFields;
+use chladni_spectral::field::{
+    Alignment, Constraint, Design, DesignError, DesignModel, DirectionField, EnergyWeights, Prescribed,
+    PrescribedField, Prescription, curvature_tensors, direction_in_frame, literal_biharmonic, principal_directions,
+};
+use chladni_spectral::operator::hodge::FieldBoundary;
+use chladni_spectral::operator::transport::FieldKind;
 use serde::Deserialize;
 
 use super::cache::{self, Surface};
 use super::request::{
     AlignmentRequest, DesignRequest, NamedTarget, NamedWeights, PerFace, SingularVertex, Target, refused,
 };
-use crate::basis::ProductKind;
-use crate::basis::StoredFields;
-use crate::field::{
-    Alignment, Constraint, Design, DesignError, DesignModel, DirectionField, EnergyWeights, Prescribed,
-    PrescribedField, Prescription, curvature_tensors, direction_in_frame, literal_biharmonic, principal_directions,
-};
 use crate::http::bases::{basis_id, find_kind};
 use crate::http::problem::{self, Problem};
 use crate::http::state::AppState;
-use crate::monitor::Unwatched;
-use crate::operator::hodge::FieldBoundary;
-use crate::operator::transport::FieldKind;
 
 /// A field basis at hand, with the surface it lives on.
 #[derive(Clone)]

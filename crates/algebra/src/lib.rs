@@ -1,0 +1,55 @@
+//! Sparse and dense matrices and the dense symmetric-definite eigenproblem. The only crate that names faer, METIS or wgpu.
+
+mod bisection;
+mod block_matrix;
+mod blocks;
+mod column_products;
+mod definite;
+mod dense;
+mod eigen;
+mod factor;
+mod factor_error;
+mod factor_solve;
+mod factored;
+mod galerkin;
+pub mod gpu;
+mod independent;
+mod lift;
+mod mass;
+mod multigrid;
+mod ordering;
+mod panel_products;
+mod panels;
+mod patches;
+mod product;
+mod residual_gram;
+pub mod simd;
+mod sparse;
+mod symmetric;
+mod tridiagonal;
+
+pub use block_matrix::{Block, BlockMatrix, add_product, inverse_positive, transposed};
+pub use blocks::compact_order;
+pub use definite::{DefiniteError, DefiniteFactor, orthonormalise, solve_definite};
+pub use dense::{DenseMatrix, row_parts};
+pub use eigen::{ComputedOn, CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};
+pub use factor::{Factor, FactorError, FactorNumbers, SymbolicFactor};
+pub use factored::{space_times, space_times_single, space_transposed_mass_times};
+pub use galerkin::{GalerkinError, galerkin};
+pub use independent::independent_columns;
+pub use lift::{LIFT_WIDTH, RowLifter};
+pub use mass::MassMatrix;
+pub use multigrid::{CYCLE_WIDTH, CycleRow, CycleWorkspace, Multigrid, MultigridError};
+pub use ordering::{Ordering, fill_reducing_order};
+use panel_products::residual_panel_rows;
+pub use panel_products::{
+    ColumnSums, Weight, apply_mass, gram, inner_products, mass_times_panel, prolong, residual_panel, residual_sums,
+    restrict, rotate, subtract_combinations,
+};
+pub use panels::{PANEL_WIDTH, PanelMatrix};
+pub use patches::{PATCH_ROWS, Patch};
+pub use product::{Panel, Scalar};
+pub use residual_gram::{Magnitudes, residual_gram, residual_magnitudes};
+pub use simd::vectorized;
+pub use sparse::{SparseError, SparseMatrix};
+pub use symmetric::lowest_symmetric;

@@ -1,0 +1,182 @@
+//! Dense matrices with many rows, kept as panels of 32 columns: what block eigensolvers work on.
+
+use rayon::prelude::*;
+
+use super::DenseMatrix;
+
+/// Columns of one panel: a row of it is four cache lines, and four rows of accumulators fill the registers of a core.
+pub const PANEL_WIDTH: usize = 32;
+
+/// One row of a panel.
+pub(super) type PanelRow = [f64; PANEL_WIDTH];
+
+/// A dense `rows × columns` matrix of f64 in panels of [`PANEL_WIDTH`] columns, each stored row after row. Unused columns of
+/// the last panel are zero.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PanelMatrix {
+    rows: usize,
+    columns: usize,
+    panels: Vec<Vec<f64>>,
+}
+
+impl PanelMatrix {
+    /// A matrix of zeros.
+    pub fn zeros(rows: usize, columns: usize) -> Self {
+        let panels = (0..columns.div_ceil(PANEL_WIDTH)).map(|_| vec![0.0; rows * PANEL_WIDTH]).collect();
+        Self { rows, columns, panels }
+    }
+
+    /// A dense matrix in panels.
+    pub fn from_dense(matrix: &DenseMatrix) -> Self {
+        let mut panels = Self::zeros(matrix.rows(), matrix.columns());
+        for column in 0..matrix.columns() {
+            let panel = &mut panels.panels[column / PANEL_WIDTH];
+            let entries = panel.iter_mut().skip(column % PANEL_WIDTH).step_by(PANEL_WIDTH);
+            entries.zip(matrix.column(column)).for_each(|(entry, &value)| *entry = value);
+        }
+        panels
+    }
+
+    /// The matrix with `rows` rows of which row `places[i]` is row `i` of this one times a factor for each column; the others are zero. Each panel
+    /// is given back before the next is taken, so that there is never a second copy of the whole.
+    pub fn spread(self, rows: usize, places: &[u32], factors: &[f64]) -> Self {
+        let columns = self.columns;
+        // The memory of each panel serves for the next.
+        let mut spare: Vec<f64> = Vec::new();
+        let mut panels = Vec::with_capacity(self.panels.len());
+        for (k, panel) in self.panels.into_iter().enumerate() {
+            let mut scales = [0.0; PANEL_WIDTH];
+            scales.iter_mut().zip(factors.iter().skip(k * PANEL_WIDTH)).for_each(|(scale, factor)| *scale = *factor);
+            let mut spread = std::mem::take(&mut spare);
+            if spread.capacity() < rows * PANEL_WIDTH || rows > self.rows {
+                spread = vec![0.0; rows * PANEL_WIDTH];
+            } else {
+                spread.resize(rows * PANEL_WIDTH, 0.0);
+            }
+            let to = spread.as_chunks_mut::<PANEL_WIDTH>().0;
+            for (row, &place) in panel.as_chunks::<PANEL_WIDTH>().0.iter().zip(places) {
+                if let Some(to) = to.get_mut(place as usize) {
+                    *to = std::array::from_fn(|k| row[k] * scales[k]);
+                }
+            }
+            spare = panel;
+            panels.push(spread);
+        }
+        Self { rows, columns, panels }
+    }
+
+    /// The number of rows.
+    #[inline]
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// The number of columns.
+    #[inline]
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// The panels: `rows · 32` values each, row after row.
+    #[inline]
+    pub fn panels(&self) -> &[Vec<f64>] {
+        &self.panels
+    }
+
+    /// The panels, to write to. Their lengths must stay as they are, and the unused columns of the last must stay zero.
+    #[inline]
+    pub fn panels_mut(&mut self) -> &mut [Vec<f64>] {
+        &mut self.panels
+    }
+
+    /// The panels, given away: a caller that converts them one by one needs no second copy of the whole.
+    pub fn into_panels(self) -> Vec<Vec<f64>> {
+        self.panels
+    }
+
+    /// One entry.
+    #[inline]
+    pub fn get(&self, row: usize, column: usize) -> f64 {
+        self.panels[column / PANEL_WIDTH][row * PANEL_WIDTH + column % PANEL_WIDTH]
+    }
+
+    /// A copy of one column.
+    pub fn column(&self, column: usize) -> Vec<f64> {
+        let panel = &self.panels[column / PANEL_WIDTH];
+        panel.iter().skip(column % PANEL_WIDTH).step_by(PANEL_WIDTH).copied().collect()
+    }
+
+    /// Some columns, in the given order, as a matrix of their own.
+    pub fn select(&self, columns: &[usize]) -> Self {
+        let mut selected = Self::zeros(self.rows, columns.len());
+        selected.panels.par_iter_mut().zip(columns.par_chunks(PANEL_WIDTH)).for_each(|(panel, columns)| {
+            for run in runs(columns) {
+                let source = &self.panels[run.panel];
+                for (to, from) in panel.chunks_exact_mut(PANEL_WIDTH).zip(source.chunks_exact(PANEL_WIDTH)) {
+                    to[run.place..run.place + run.length].copy_from_slice(&from[run.first..run.first + run.length]);
+                }
+            }
+        });
+        selected
+    }
+
+    /// Puts the columns of `source` into the given columns, one after the other.
+    pub fn assign(&mut self, columns: &[usize], source: &Self) {
+        for (panel, columns) in source.panels.iter().zip(columns.chunks(PANEL_WIDTH)) {
+            for run in runs(columns) {
+                let target = &mut self.panels[run.panel];
+                for (to, from) in target.chunks_exact_mut(PANEL_WIDTH).zip(panel.chunks_exact(PANEL_WIDTH)) {
+                    to[run.first..run.first + run.length].copy_from_slice(&from[run.place..run.place + run.length]);
+                }
+            }
+        }
+    }
+
+    /// Adds columns of zeros until there are so many.
+    pub fn widen(&mut self, columns: usize) {
+        if columns > self.columns {
+            let rows = self.rows;
+            self.panels.resize_with(columns.div_ceil(PANEL_WIDTH), || vec![0.0; rows * PANEL_WIDTH]);
+            self.columns = columns;
+        }
+    }
+
+    /// Drops all columns from `columns` on.
+    pub fn keep_columns(&mut self, columns: usize) {
+        if columns >= self.columns {
+            return;
+        }
+        self.columns = columns;
+        self.panels.truncate(columns.div_ceil(PANEL_WIDTH));
+        let used = columns % PANEL_WIDTH;
+        if used > 0
+            && let Some(last) = self.panels.last_mut()
+        {
+            last.chunks_exact_mut(PANEL_WIDTH).for_each(|row| row[used..].fill(0.0));
+        }
+    }
+}
+
+/// Consecutive columns of one panel that go to consecutive places of another.
+struct Run {
+    panel: usize,
+    first: usize,
+    place: usize,
+    length: usize,
+}
+
+fn runs(columns: &[usize]) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    for (place, &column) in columns.iter().enumerate() {
+        let (panel, first) = (column / PANEL_WIDTH, column % PANEL_WIDTH);
+        match runs.last_mut() {
+            Some(run) if run.panel == panel && run.first + run.length == first => run.length += 1,
+            _ => runs.push(Run { panel, first, place, length: 1 }),
+        }
+    }
+    runs
+}
+
+#[cfg(test)]
+#[path = "panel_tests.rs"]
+mod tests;

@@ -1,0 +1,93 @@
+//! What stiffness and mass need of a triangle, from its corners or from its lengths alone. No angle is formed.
+
+/// Half cotangents of a triangle's three angles, and its area; zeros where it has no area to speak of.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct TriangleShape {
+    /// Of the angle at each corner.
+    pub half_cotangents: [f64; 3],
+    /// In squared units of the lengths.
+    pub area: f64,
+}
+
+impl TriangleShape {
+    /// The shape of the triangle with these corners.
+    pub fn of_corners(p: [[f64; 3]; 3]) -> Self {
+        let between = |a: [f64; 3], b: [f64; 3]| [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        // Edge k is opposite to corner k.
+        let e = [between(p[1], p[2]), between(p[2], p[0]), between(p[0], p[1])];
+        let (a, b) = (e[1], e[2]);
+        let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let doubled = dot(cross, cross).sqrt();
+        let longest = dot(e[0], e[0]).max(dot(a, a)).max(dot(b, b));
+        // The cross product carries rounding errors of this size: below it there is no area to speak of.
+        if doubled <= 4.0 * f64::EPSILON * longest {
+            return Self::default();
+        }
+        let half_inverse = 0.5 / doubled;
+        Self {
+            half_cotangents: [
+                -dot(e[1], e[2]) * half_inverse,
+                -dot(e[2], e[0]) * half_inverse,
+                -dot(e[0], e[1]) * half_inverse,
+            ],
+            area: 0.5 * doubled,
+        }
+    }
+
+    /// The shape of the triangle whose edge from corner `c` to the next one has the length `lengths[c]`.
+    pub fn of_lengths(lengths: [f64; 3]) -> Self {
+        let area = area(lengths);
+        let squares = lengths.map(|l| l * l);
+        let total = squares[0] + squares[1] + squares[2];
+        if !(area > 4.0 * f64::EPSILON * total) {
+            return Self::default();
+        }
+        // The edge opposite to corner k begins at corner k + 1.
+        let half = |k: usize| (squares[k] + squares[(k + 2) % 3] - squares[(k + 1) % 3]) / (8.0 * area);
+        Self { half_cotangents: [half(0), half(1), half(2)], area }
+    }
+}
+
+/// The area of a triangle of these lengths, by the formula of Heron that Kahan made stable for needles; 0 where they do not close.
+fn area(mut l: [f64; 3]) -> f64 {
+    l.sort_unstable_by(|a, b| b.total_cmp(a));
+    let [a, b, c] = l;
+    let squared = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c));
+    if squared > 0.0 { 0.25 * squared.sqrt() } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_and_corners_give_the_same_shape() {
+        let mut random = chladni_base::SplitMix64::new(5);
+        for _ in 0..1000 {
+            let p: [[f64; 3]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| random.unit()));
+            let length = |a: usize, b: usize| (0..3).map(|k| (p[a][k] - p[b][k]).powi(2)).sum::<f64>().sqrt();
+            let from_lengths = TriangleShape::of_lengths([length(0, 1), length(1, 2), length(2, 0)]);
+            let from_corners = TriangleShape::of_corners(p);
+            let size = from_corners.half_cotangents.iter().fold(1.0f64, |m, c| m.max(c.abs()));
+            assert!((from_lengths.area / from_corners.area - 1.0).abs() < 1e-11 * size * size);
+            for k in 0..3 {
+                let difference = from_lengths.half_cotangents[k] - from_corners.half_cotangents[k];
+                assert!(difference.abs() < 1e-11 * size * size * size);
+            }
+        }
+    }
+
+    #[test]
+    fn what_does_not_close_has_no_area() {
+        for lengths in [[1.0, 1.0, 2.0], [1.0, 1.0, 3.0], [0.0, 0.0, 0.0], [0.0, 1.0, 1.0], [f64::NAN, 1.0, 1.0]] {
+            assert_eq!(TriangleShape::of_lengths(lengths), TriangleShape::default(), "{lengths:?}");
+        }
+    }
+
+    #[test]
+    fn a_needle_keeps_its_area() {
+        let shape = TriangleShape::of_lengths([1e-9, 1.0, 1.0]);
+        assert!((shape.area / 5e-10 - 1.0).abs() < 1e-9);
+    }
+}

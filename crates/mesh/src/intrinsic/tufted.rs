@@ -1,0 +1,234 @@
+//! The tufted cover: two copies of every face, back to back, glued to the neighbours that they face. Whatever the mesh, each edge
+//! of the cover has two sides, and it has no boundary (Sharp and Crane 2020, section 3).
+
+use rayon::prelude::*;
+
+use super::{CoverError, IntrinsicTriangulation, Rim, TriangleShape, distance, proper_faces};
+use crate::TriangleMesh;
+use crate::topology::{EdgeTable, MOST_FACES, apex, half_edge, runs_down};
+
+/// Lengths are made to miss a degenerate triangle by this share of the mean length (Sharp and Crane 2020, section 4.5).
+const MARGIN: f64 = 1e-5;
+
+impl IntrinsicTriangulation {
+    /// The tufted cover of a mesh, with mollified lengths, in units of which `scale` make one of the mesh.
+    ///
+    /// All indices must be in range and all coordinates finite. A closed, manifold and consistently oriented mesh is covered by itself:
+    /// its two sheets would be alike.
+    ///
+    /// # Errors
+    /// [`CoverError`]: a mesh without proper faces or without lengths, or with too many faces to count.
+    pub fn tufted_cover(mesh: &TriangleMesh, scale: f64, rim: Rim) -> Result<Self, CoverError> {
+        if mesh.faces.len() > MOST_FACES / 2 {
+            return Err(CoverError::TooManyFaces { faces: mesh.faces.len() });
+        }
+        let mut faces = proper_faces(mesh);
+        let single = faces.len();
+        let table = EdgeTable::new(mesh.positions.len(), &faces);
+        let mut lengths = lengths(mesh, &faces, scale);
+        let mollification = mollify(&table, &mut lengths)?;
+
+        let mut simple = true;
+        table.for_each_edge(|_, _, records| {
+            simple &= records.len() == 2 && runs_down(records[0]) != runs_down(records[1]);
+        });
+        let sheets = if simple { 1 } else { 2 };
+        let mut twins = vec![0; 3 * single * sheets];
+        let mut fixed = Vec::new();
+        let mut glue = |a: u32, b: u32| {
+            twins[a as usize] = b;
+            twins[b as usize] = a;
+        };
+        if simple {
+            table.for_each_edge(|_, _, records| glue(half_edge(records[0]), half_edge(records[1])));
+        } else {
+            // The back of half-edge 3f + c runs the other way.
+            let back = |h: u32| 3 * (single as u32 + h / 3) + 2 - h % 3;
+            // The sides that look along increasing and decreasing angles around the edge from its lower to its higher vertex.
+            let ahead = |r: u64| if runs_down(r) { back(half_edge(r)) } else { half_edge(r) };
+            let behind = |r: u64| if runs_down(r) { half_edge(r) } else { back(half_edge(r)) };
+            let mut around = Vec::new();
+            table.for_each_edge(|low, high, records| {
+                around.clear();
+                around.extend(records.iter().map(|&record| (0.0, record)));
+                if records.len() > 2 {
+                    let apexes = records.iter().map(|&r| mesh.positions[apex(&faces, half_edge(r)) as usize]);
+                    let angles = angles(mesh.positions[low as usize], mesh.positions[high as usize], apexes);
+                    around.iter_mut().zip(angles).for_each(|(entry, angle)| entry.0 = angle);
+                    around.sort_by(|a: &(f64, u64), b| a.0.total_cmp(&b.0));
+                }
+                for (k, &(_, record)) in around.iter().enumerate() {
+                    glue(ahead(record), behind(around[(k + 1) % around.len()].1));
+                }
+                if records.len() == 1 && rim == Rim::Fixed {
+                    fixed.resize(6 * single, false);
+                    fixed[ahead(records[0]) as usize] = true;
+                    fixed[behind(records[0]) as usize] = true;
+                }
+            });
+            faces.extend_from_within(..);
+            lengths.extend_from_within(..);
+            faces[single..].par_iter_mut().for_each(|face| *face = [face[0], face[2], face[1]]);
+            lengths[single..].par_iter_mut().for_each(|l| *l = [l[2], l[1], l[0]]);
+        }
+        let shapes = lengths.par_iter().map(|&l| TriangleShape::of_lengths(l)).collect();
+        Ok(Self { faces, lengths, twins, shapes, fixed, sheets, mollification })
+    }
+}
+
+fn lengths(mesh: &TriangleMesh, faces: &[[u32; 3]], scale: f64) -> Vec<[f64; 3]> {
+    let at = |v: u32| mesh.positions[v as usize].map(|x| x * scale);
+    faces
+        .par_iter()
+        .map(|&face| {
+            let [p, q, r] = face.map(at);
+            [distance(p, q), distance(q, r), distance(r, p)]
+        })
+        .collect()
+}
+
+/// Adds the least length to every edge that lets all triangles close with a margin; gives its share of the mean length.
+fn mollify(table: &EdgeTable, lengths: &mut [[f64; 3]]) -> Result<f64, CoverError> {
+    let (mut sum, mut edges) = (0.0, 0usize);
+    table.for_each_edge(|_, _, records| {
+        let h = half_edge(records[0]) as usize;
+        sum += lengths[h / 3][h % 3];
+        edges += 1;
+    });
+    let mean = sum / edges as f64;
+    if !(mean > 0.0 && mean.is_finite()) {
+        return Err(CoverError::Empty);
+    }
+    let margin = MARGIN * mean;
+    let missing = lengths
+        .par_iter()
+        .map(|&[a, b, c]| (a - b - c).max(b - c - a).max(c - a - b) + margin)
+        .reduce(|| 0.0, f64::max);
+    if missing > 0.0 {
+        lengths.par_iter_mut().for_each(|l| *l = l.map(|l| l + missing));
+    }
+    Ok(missing / mean)
+}
+
+/// Numbers that grow with the angles of `points` around the axis from `low` to `high`, seen from its end, starting at the first; zeros
+/// where there is no axis.
+fn angles(low: [f64; 3], high: [f64; 3], points: impl Iterator<Item = [f64; 3]>) -> Vec<f64> {
+    let minus = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let axis = minus(high, low);
+    let length = dot(axis, axis);
+    let axis = axis.map(|x| if length > 0.0 { x / length.sqrt() } else { 0.0 });
+    let mut first: Option<[[f64; 3]; 2]> = None;
+    points
+        .map(|point| {
+            let d = minus(point, low);
+            let along = dot(d, axis);
+            let d = minus(d, axis.map(|x| x * along));
+            let [x, y] = *first.get_or_insert_with(|| {
+                let turned =
+                    [axis[1] * d[2] - axis[2] * d[1], axis[2] * d[0] - axis[0] * d[2], axis[0] * d[1] - axis[1] * d[0]];
+                [d, turned]
+            });
+            pseudo_angle(dot(d, x), dot(d, y))
+        })
+        .collect()
+}
+
+/// A number from 0 to 4 that grows with the angle of (x, y), from the positive x-axis on.
+fn pseudo_angle(x: f64, y: f64) -> f64 {
+    let size = x.abs() + y.abs();
+    if !(size > 0.0) {
+        return 0.0;
+    }
+    match (x >= 0.0, y >= 0.0) {
+        (true, true) => y / size,
+        (false, true) => 1.0 - x / size,
+        (false, false) => 2.0 - y / size,
+        (true, false) => 3.0 + x / size,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{grid, sphere};
+
+    /// Each half-edge is glued to one that runs the other way and is as long.
+    fn assert_glued(cover: &IntrinsicTriangulation) {
+        for h in 0..cover.twins.len() as u32 {
+            let twin = cover.twins[h as usize];
+            assert_eq!(cover.twins[twin as usize], h);
+            assert_ne!(twin, h);
+            let ends = |h: u32| {
+                (cover.faces[h as usize / 3][h as usize % 3], cover.faces[h as usize / 3][(h as usize + 1) % 3])
+            };
+            assert_eq!(ends(h), (ends(twin).1, ends(twin).0));
+            assert_eq!(cover.half_edge_length(h), cover.half_edge_length(twin));
+        }
+    }
+
+    fn cover(mesh: &TriangleMesh) -> IntrinsicTriangulation {
+        IntrinsicTriangulation::tufted_cover(mesh, 1.0, Rim::Free).unwrap()
+    }
+
+    #[test]
+    fn a_closed_surface_covers_itself() {
+        let mesh = sphere(7);
+        let cover = cover(&mesh);
+        assert_eq!((cover.sheets(), cover.faces(), cover.mollification()), (1, &mesh.faces[..], 0.0));
+        assert_glued(&cover);
+    }
+
+    #[test]
+    fn a_surface_with_boundary_or_of_mixed_orientation_is_covered_twice() {
+        let mut turned = sphere(5);
+        turned.faces[3].swap(0, 1);
+        for mesh in [grid(4), turned] {
+            let cover = cover(&mesh);
+            assert_eq!((cover.sheets(), cover.faces().len()), (2, 2 * mesh.faces.len()));
+            assert_glued(&cover);
+        }
+    }
+
+    #[test]
+    fn pages_of_a_book_are_glued_to_the_next_page_whichever_way_they_run() {
+        // Five pages around the z-axis at known angles, in mixed order and orientation.
+        let mut mesh = TriangleMesh { positions: vec![[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], faces: vec![] };
+        let order = [3, 0, 4, 1, 2];
+        for (k, &place) in order.iter().enumerate() {
+            let t = 1.2 * f64::from(place);
+            mesh.positions.push([t.cos(), t.sin(), 0.3 + 0.1 * f64::from(place)]);
+            let v = 2 + k as u32;
+            mesh.faces.push(if k % 2 == 0 { [0, 1, v] } else { [1, 0, v] });
+        }
+        let cover = cover(&mesh);
+        assert_glued(&cover);
+        // From each page the upward side leads to the page at the next angle.
+        for h in 0..cover.twins.len() as u32 {
+            let face = cover.faces[h as usize / 3];
+            if (face[h as usize % 3], face[(h as usize + 1) % 3]) == (0, 1) {
+                let place = |f: u32| order[f as usize % 5];
+                assert_eq!(place(cover.twins[h as usize] / 3), (place(h / 3) + 1) % 5);
+            }
+        }
+    }
+
+    #[test]
+    fn flat_and_repeating_faces_do_no_harm() {
+        let mut mesh = grid(3);
+        // No area; repeats a vertex; names vertices at one position.
+        mesh.positions.push(mesh.positions[4]);
+        mesh.faces.extend([[0, 1, 2], [5, 5, 1], [4, 9, 3]]);
+        let cover = cover(&mesh);
+        assert_glued(&cover);
+        assert_eq!(cover.faces().len(), 2 * (8 + 2));
+        assert!(cover.mollification() > 0.0 && cover.mollification() < 1.1e-5);
+        assert!(cover.shapes().iter().all(|shape| shape.area > 0.0));
+        let flat = TriangleMesh { positions: vec![[1.0; 3]; 3], faces: vec![[0, 1, 2]] };
+        assert_eq!(IntrinsicTriangulation::tufted_cover(&flat, 1.0, Rim::Free), Err(CoverError::Empty));
+        assert_eq!(
+            IntrinsicTriangulation::tufted_cover(&TriangleMesh::default(), 1.0, Rim::Free),
+            Err(CoverError::Empty)
+        );
+    }
+}

@@ -1,0 +1,40 @@
+//! Surfaces and solids: reading, writing, checking and repairing, connectivity, distances, sampling, generated shapes.
+
+pub mod check;
+pub mod connectivity;
+pub mod distance;
+pub mod dual;
+pub mod fixtures;
+pub mod intrinsic;
+pub mod measure;
+pub mod nearest;
+pub mod read;
+mod repair;
+mod report;
+pub mod sample;
+pub mod shape;
+pub mod solid;
+pub mod subdivide;
+mod topology;
+pub mod write;
+
+/// A triangle mesh: positions in the units of the input, faces as counter-clockwise triples of vertex indices.
+///
+/// Meshes that come out of [`check`](self) satisfy: every index is in range, every coordinate is finite, no face repeats a
+/// vertex.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TriangleMesh {
+    /// `n` vertex positions.
+    pub positions: Vec<[f64; 3]>,
+    /// `f` faces.
+    pub faces: Vec<[u32; 3]>,
+}
+
+/// A tetrahedral mesh; tetrahedra are positively oriented quadruples of vertex indices.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TetMesh {
+    /// `n` vertex positions.
+    pub positions: Vec<[f64; 3]>,
+    /// `t` tetrahedra.
+    pub tetrahedra: Vec<[u32; 4]>,
+}

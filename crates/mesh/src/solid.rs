@@ -1,0 +1,292 @@
+//! Solids: tetrahedra checked, and the surface that they have.
+
+use serde::{Deserialize, Serialize};
+
+use super::check::{CheckOptions, CheckedMesh, DROPPED, Merge, MeshError, check};
+use super::read::RawMesh;
+use super::{TetMesh, TriangleMesh};
+
+/// What is known about the tetrahedra of a solid after they were checked.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct SolidReport {
+    /// Vertices, those of the surface first.
+    pub vertices: usize,
+    /// Tetrahedra.
+    pub tetrahedra: usize,
+    /// Volume, in cubed units of the input.
+    pub volume: f64,
+    /// Tetrahedra that were given inside out, and turned.
+    pub inverted: usize,
+    /// Tetrahedra too flat to have a volume; they are kept, since dropping them would open a hole, and resist nothing.
+    pub flat: usize,
+    /// Tetrahedra that repeat a vertex, or equal an earlier one; they were dropped.
+    pub dropped: usize,
+    /// Triangles that more than two tetrahedra share.
+    pub overfull_triangles: usize,
+    /// Triangles of the file; the surface is that of the tetrahedra instead.
+    pub given_triangles: usize,
+}
+
+/// A mesh that can be used, and its inside if it has one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CheckedBody {
+    /// The surface, its report (with that of the solid) and where the vertices of the input went: for a solid, numbers in `solid`.
+    pub surface: CheckedMesh,
+    /// The solid, positively oriented; vertices of the surface come first and have the same numbers there.
+    pub solid: Option<TetMesh>,
+}
+
+/// The share of the cube over its longest edge below which a tetrahedron counts as flat.
+const FLAT: f64 = 1e-9;
+
+/// Checks a mesh; where it has tetrahedra, as a solid: the surface is where they have no neighbour.
+///
+/// Tetrahedra that repeat a vertex or equal an earlier one are dropped, those given inside out are turned. Linear in the size of the
+/// mesh up to sorting.
+///
+/// # Errors
+/// [`MeshError`], as [`check`]; a solid none of whose tetrahedra has a volume, or with a vertex that is not finite.
+pub fn check_body(raw: RawMesh, options: &CheckOptions) -> Result<CheckedBody, MeshError> {
+    if raw.tetrahedra.is_empty() {
+        return Ok(CheckedBody { surface: check(raw, options)?, solid: None });
+    }
+    let RawMesh { positions, faces, tetrahedra, .. } = raw;
+    if options.subdivisions > 0 {
+        return Err(MeshError::SubdividedSolid { tetrahedra: tetrahedra.len() });
+    }
+    let n = positions.len();
+    if n >= DROPPED as usize {
+        return Err(MeshError::TooLarge { elements: "vertices", count: n, most: DROPPED as usize - 1 });
+    }
+    if tetrahedra.len() > MOST_TETRAHEDRA {
+        return Err(MeshError::TooLarge { elements: "tetrahedra", count: tetrahedra.len(), most: MOST_TETRAHEDRA });
+    }
+    let mut report = SolidReport { given_triangles: faces.len(), ..SolidReport::default() };
+    drop(faces);
+    let tetrahedra = sound(&positions, tetrahedra, options, &mut report)?;
+    if !(report.volume > 0.0) {
+        return Err(MeshError::NoVolume { tetrahedra: tetrahedra.len() });
+    }
+    let triangles = boundary(&tetrahedra, &mut report);
+
+    // The vertices of the surface come first; both kinds keep their order.
+    let mut numbers = vec![DROPPED; n];
+    let mut count = 0;
+    let mut number = |v: u32| {
+        if numbers[v as usize] == DROPPED {
+            numbers[v as usize] = count;
+            count += 1;
+        }
+    };
+    let mut used: Vec<u32> = triangles.as_flattened().to_vec();
+    used.sort_unstable();
+    used.iter().for_each(|&v| number(v));
+    let mut inner: Vec<u32> = tetrahedra.as_flattened().to_vec();
+    inner.sort_unstable();
+    inner.dedup();
+    inner.iter().for_each(|&v| number(v));
+    let mut ordered = vec![[0.0; 3]; count as usize];
+    for (v, &place) in numbers.iter().enumerate().filter(|(_, place)| **place != DROPPED) {
+        ordered[place as usize] = positions[v];
+    }
+    let renumbered = |v: u32| numbers[v as usize];
+    let tetrahedra: Vec<[u32; 4]> = tetrahedra.into_iter().map(|corners| corners.map(renumbered)).collect();
+    let triangles: Vec<[u32; 3]> = triangles.into_iter().map(|corners| corners.map(renumbered)).collect();
+    used.dedup();
+    report.vertices = ordered.len();
+    report.tetrahedra = tetrahedra.len();
+
+    let outside = RawMesh { positions: ordered[..used.len()].to_vec(), faces: triangles, ..RawMesh::default() };
+    let mut surface = check(outside, &CheckOptions { merge: Merge::Never, ..*options })?;
+    debug_assert!(surface.vertex_map.is_none(), "every vertex of the surface has a triangle");
+    surface.vertex_map = numbers.iter().enumerate().any(|(v, &place)| v as u32 != place).then_some(numbers);
+    surface.report.solid = Some(report);
+    Ok(CheckedBody { surface, solid: Some(TetMesh { positions: ordered, tetrahedra }) })
+}
+
+/// As many tetrahedra as can be numbered with their triangles.
+const MOST_TETRAHEDRA: usize = u32::MAX as usize / 4;
+
+fn sound(
+    positions: &[[f64; 3]],
+    tetrahedra: Vec<[u32; 4]>,
+    options: &CheckOptions,
+    report: &mut SolidReport,
+) -> Result<Vec<[u32; 4]>, MeshError> {
+    let largest = options.largest_coordinate;
+    let mut seen: Vec<([u32; 4], u32)> = Vec::with_capacity(tetrahedra.len());
+    let mut kept = Vec::with_capacity(tetrahedra.len());
+    for (t, mut corners) in tetrahedra.into_iter().enumerate() {
+        for &vertex in &corners {
+            let Some(position) = positions.get(vertex as usize) else {
+                return Err(MeshError::TetrahedronOutOfRange { tetrahedron: t, vertex, vertices: positions.len() });
+            };
+            if !position.iter().all(|x| x.abs() <= largest) {
+                return Err(MeshError::TetrahedronFar { tetrahedron: t, vertex, largest });
+            }
+        }
+        let mut sorted = corners;
+        sorted.sort_unstable();
+        if sorted.windows(2).any(|pair| pair[0] == pair[1]) {
+            report.dropped += 1;
+            continue;
+        }
+        let (volume, flat) = volume(positions, &corners);
+        if volume < 0.0 && !flat {
+            corners.swap(2, 3);
+            report.inverted += 1;
+        }
+        report.flat += usize::from(flat);
+        if !flat {
+            report.volume += volume.abs();
+        }
+        seen.push((sorted, kept.len() as u32));
+        kept.push(corners);
+    }
+    // Of equal ones the first is kept.
+    seen.sort_unstable();
+    let mut doubles: Vec<u32> = seen.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| pair[1].1).collect();
+    if !doubles.is_empty() {
+        doubles.sort_unstable();
+        report.dropped += doubles.len();
+        for &double in &doubles {
+            let (volume, flat) = volume(positions, &kept[double as usize]);
+            if !flat {
+                report.volume -= volume.abs();
+            }
+            report.flat -= usize::from(flat);
+        }
+        let mut index = 0;
+        kept.retain(|_| {
+            index += 1;
+            doubles.binary_search(&(index - 1)).is_err()
+        });
+    }
+    Ok(kept)
+}
+
+/// The signed volume, and whether it cannot be told from zero.
+fn volume(positions: &[[f64; 3]], corners: &[u32; 4]) -> (f64, bool) {
+    let [a, b, c, d] = corners.map(|v| positions[v as usize]);
+    let minus = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
+    let (u, v, w) = (minus(b, a), minus(c, a), minus(d, a));
+    let cross = [v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]];
+    let volume = (u[0] * cross[0] + u[1] * cross[1] + u[2] * cross[2]) / 6.0;
+    let square = |e: [f64; 3]| e[0] * e[0] + e[1] * e[1] + e[2] * e[2];
+    let edges = [u, v, w, minus(c, b), minus(d, b), minus(d, c)];
+    let longest = edges.into_iter().map(square).fold(0.0, f64::max);
+    (volume, !(volume.abs() > FLAT * longest * longest.sqrt()))
+}
+
+/// Triangles of one tetrahedron alone, counter-clockwise seen from outside, in the order of the tetrahedra.
+fn boundary(tetrahedra: &[[u32; 4]], report: &mut SolidReport) -> Vec<[u32; 3]> {
+    // Opposite to each corner of a positively oriented tetrahedron.
+    const SIDES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+    let mut sides: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * tetrahedra.len());
+    for (t, corners) in tetrahedra.iter().enumerate() {
+        for (k, side) in SIDES.iter().enumerate() {
+            let mut sorted = side.map(|i| corners[i]);
+            sorted.sort_unstable();
+            sides.push((sorted, (4 * t + k) as u32));
+        }
+    }
+    use rayon::prelude::*;
+    sides.par_sort_unstable();
+    let mut single: Vec<u32> = Vec::new();
+    for same in sides.chunk_by(|a, b| a.0 == b.0) {
+        match same {
+            [one] => single.push(one.1),
+            [_, _] => {}
+            _ => report.overfull_triangles += 1,
+        }
+    }
+    single.sort_unstable();
+    let corners = |&place: &u32| SIDES[place as usize % 4].map(|i| tetrahedra[place as usize / 4][i]);
+    single.iter().map(corners).collect()
+}
+
+/// The surface of a solid that was checked, for callers that have the solid alone.
+pub fn surface(solid: &TetMesh) -> TriangleMesh {
+    let faces = boundary(&solid.tetrahedra, &mut SolidReport::default());
+    TriangleMesh { positions: solid.positions.clone(), faces }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn raw(positions: &[[f64; 3]], tetrahedra: &[[u32; 4]]) -> RawMesh {
+        RawMesh { positions: positions.to_vec(), tetrahedra: tetrahedra.to_vec(), ..RawMesh::default() }
+    }
+
+    const CORNERS: [[f64; 3]; 5] =
+        [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.25, 0.25, 0.25]];
+
+    /// A tetrahedron cut into four around a point inside it, which comes first; one of them inside out.
+    fn cut() -> RawMesh {
+        let positions: Vec<[f64; 3]> = [[0.2, 0.2, 0.2]].into_iter().chain(CORNERS[..4].iter().copied()).collect();
+        raw(&positions, &[[0, 2, 3, 4], [1, 0, 3, 4], [1, 2, 0, 4], [2, 1, 3, 0]])
+    }
+
+    #[test]
+    fn the_surface_is_closed_looks_outside_and_its_vertices_come_first() {
+        let body = check_body(cut(), &CheckOptions::default()).unwrap();
+        let solid = body.solid.unwrap();
+        let report = body.surface.report.solid.clone().unwrap();
+        assert_eq!((report.vertices, report.tetrahedra, report.inverted, report.dropped), (5, 4, 1, 0));
+        assert!((report.volume - 1.0 / 6.0).abs() < 1e-15);
+        let mesh = &body.surface.mesh;
+        assert_eq!((mesh.positions.len(), mesh.faces.len(), body.surface.report.genus), (4, 4, Some(0)));
+        assert_eq!(mesh.positions[..], solid.positions[..4]);
+        assert_eq!(body.surface.vertex_map, Some(vec![4, 0, 1, 2, 3]));
+        let middle = [0.25; 3];
+        for face in &mesh.faces {
+            let [a, b, c] = face.map(|v| mesh.positions[v as usize]);
+            let [u, v, w]: [[f64; 3]; 3] = [b, c, middle].map(|p| std::array::from_fn(|k| p[k] - a[k]));
+            let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+            assert!((0..3).map(|k| cross[k] * w[k]).sum::<f64>() < 0.0, "{face:?}");
+        }
+        assert!(solid.tetrahedra.iter().all(|corners| volume(&solid.positions, corners).0 > 0.0));
+        assert_eq!(surface(&solid).faces.len(), 4);
+    }
+
+    #[test]
+    fn what_is_wrong_with_tetrahedra_is_counted_or_refused() {
+        let options = CheckOptions::default();
+        let twice = raw(&CORNERS, &[[0, 1, 2, 3], [1, 0, 3, 2], [0, 0, 1, 2], [3, 1, 2, 0]]);
+        let report = check_body(twice, &options).unwrap().surface.report.solid.unwrap();
+        assert_eq!((report.tetrahedra, report.dropped, report.inverted), (1, 3, 1));
+        assert!((report.volume - 1.0 / 6.0).abs() < 1e-15);
+        let flat = raw(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]], &[[0, 1, 2, 3]]);
+        assert_eq!(check_body(flat, &options), Err(MeshError::NoVolume { tetrahedra: 1 }));
+        let error = check_body(raw(&CORNERS, &[[0, 1, 2, 9]]), &options).unwrap_err();
+        assert_eq!(error.to_string(), "tetrahedron 0 refers to vertex 9 of 5");
+        let mut far = CORNERS;
+        far[3][1] = f64::NAN;
+        let error = check_body(raw(&far, &[[0, 1, 2, 3]]), &options).unwrap_err();
+        assert_eq!(error.kind(), "coordinate-out-of-range");
+        let three = raw(
+            &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.1, 0.1, 2.0], [0.1, 0.1, -1.0]],
+            &[[0, 1, 2, 3], [0, 1, 2, 4], [0, 2, 1, 5]],
+        );
+        let report = check_body(three, &options).unwrap().surface.report.solid.unwrap();
+        assert_eq!(report.overfull_triangles, 1);
+    }
+
+    #[test]
+    fn real_solids_have_closed_surfaces() {
+        let Some(folder) = std::env::var_os("CHLADNI_MESHES") else {
+            eprintln!("skipped: CHLADNI_MESHES is not set");
+            return;
+        };
+        for name in ["bunny-tet", "hand-tet", "octopus-tet"] {
+            let bytes = std::fs::read(std::path::Path::new(&folder).join(format!("{name}.mesh"))).unwrap();
+            let raw = crate::read::read(&bytes, crate::read::MeshFormat::Medit, &Default::default()).unwrap();
+            let body = check_body(raw, &CheckOptions::default()).unwrap();
+            let report = &body.surface.report;
+            let solid = report.solid.as_ref().unwrap();
+            assert!(report.closed && solid.volume > 0.0 && solid.overfull_triangles == 0, "{name}: {report:?}");
+            assert!(solid.vertices >= report.vertices);
+        }
+    }
+}

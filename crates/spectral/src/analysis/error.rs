@@ -1,0 +1,106 @@
+//! Why something was not computed in a basis.
+
+use chladni_algebra::{DefiniteError, EigenError};
+
+use crate::basis::BasisError;
+
+/// Why something was not computed in a basis.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum AnalysisError {
+    /// A parameter is out of its range.
+    #[error("{parameter} is {value}, where {expected} is due")]
+    Parameter {
+        /// Its name.
+        parameter: &'static str,
+        /// What it is.
+        value: f64,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// There are too few or too many of something.
+    #[error("{what}: {found}, where {least} to {most} are due")]
+    Count {
+        /// Of what.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// The fewest.
+        least: usize,
+        /// The most.
+        most: usize,
+    },
+    /// Something refers to a vertex that there is not.
+    #[error("{what} {place} is vertex {vertex} of {vertices}")]
+    Vertex {
+        /// A source, a landmark.
+        what: &'static str,
+        /// Which of them, from 0.
+        place: usize,
+        /// The vertex.
+        vertex: u32,
+        /// The number of vertices.
+        vertices: usize,
+    },
+    /// An eigenvalue is below zero, where a distance needs none to be.
+    #[error("eigenvalue {index} is {value}, and this needs a spectrum without negative values")]
+    Negative {
+        /// Its number, from 0.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// All eigenvalues are zero.
+    #[error("the basis has no eigenvalue above zero")]
+    OnlyKernel,
+    /// The basis and the mesh have different numbers of vertices.
+    #[error("the basis has {basis} vertices and the mesh {mesh}")]
+    Mesh {
+        /// Vertices of the basis.
+        basis: usize,
+        /// Vertices of the mesh.
+        mesh: usize,
+    },
+    /// Bytes are no compressed functions, or not those of this basis.
+    #[error("byte {at} of the compressed functions: {reason}")]
+    Stream {
+        /// Where it was noticed.
+        at: usize,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// A dense eigenproblem failed.
+    #[error("a small eigenproblem was not solved: {0}")]
+    Eigen(#[from] EigenError),
+    /// A least-squares problem failed.
+    #[error("a small system was not solved: {0}")]
+    System(#[from] DefiniteError),
+    /// The basis cannot be evaluated.
+    #[error(transparent)]
+    Basis(#[from] BasisError),
+}
+
+impl AnalysisError {
+    /// Names what kind of vertex it is that a basis does not have.
+    pub(super) fn vertices(what: &'static str) -> impl Fn(BasisError) -> Self {
+        move |error| match error {
+            BasisError::Vertex { place, vertex, vertices } => Self::Vertex { what, place, vertex, vertices },
+            other => Self::Basis(other),
+        }
+    }
+}
+
+/// Checks that a parameter is finite and above zero.
+pub(super) fn positive(parameter: &'static str, value: f64) -> Result<(), AnalysisError> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    Err(AnalysisError::Parameter { parameter, value, expected: "a finite number above zero" })
+}
+
+/// Checks a number of things.
+pub(super) fn count(what: &'static str, found: usize, least: usize, most: usize) -> Result<(), AnalysisError> {
+    if (least..=most).contains(&found) {
+        return Ok(());
+    }
+    Err(AnalysisError::Count { what, found, least, most })
+}

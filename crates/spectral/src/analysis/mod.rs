@@ -1,0 +1,22 @@
+//! What a basis is good for: shape comparisons, distances, signatures, filters, projections, compression, functional maps.
+
+pub mod compression;
+pub mod distance;
+mod error;
+pub mod family;
+pub mod filter;
+pub mod functional_map;
+pub mod geodesic;
+pub mod kd_tree;
+pub mod projection;
+pub mod scatter;
+pub mod shape_dna;
+pub mod signature;
+pub mod sound;
+pub mod spectrum;
+pub mod vibration;
+
+pub use error::AnalysisError;
+
+#[cfg(test)]
+pub(crate) mod fixtures;

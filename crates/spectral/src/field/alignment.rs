@@ -1,0 +1,140 @@
+//! Fields that a design is to stay close to, and fields with prescribed singularities, projected to a space once.
+
+use std::sync::Arc;
+
+use chladni_algebra::{GalerkinError, SparseMatrix};
+use chladni_base::Unwatched;
+
+use crate::basis::FieldBasis;
+use crate::operator::frames::{Planar, normalise};
+use crate::operator::transport::FieldKind;
+
+use super::basis::{FieldSurface, restricted};
+use super::design::{Constraint, DesignError, DesignModel, length};
+use super::pencil::Pencil;
+use super::prescribed::PrescribedField;
+use super::reading::tensor_deviator;
+
+/// A field to stay close to, projected once: `Σ_f a_f w_f |u_f − target_f|²` with areas `a` and weights `w` per face.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Alignment {
+    /// `Uᵀ M W target`.
+    pub(super) reduced: Vec<f64>,
+    /// `Xᵀ Uᵀ M W target`; empty in spaces without Ritz coordinates.
+    pub(super) projected: Vec<f64>,
+    /// `Uᵀ M W U` where there are weights per face, `M̄` where there are none.
+    pub(super) gram: Option<SparseMatrix>,
+    /// The restricted matrices, which go with it in the sum.
+    pub(super) pencil: Option<Arc<Pencil>>,
+    /// `targetᵀ M W target`.
+    pub(super) constant: f64,
+}
+
+impl Alignment {
+    /// About the bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        let matrices = |m: &SparseMatrix| 12 * m.entries() as u64;
+        let pencil = self.pencil.as_ref().map_or(0, |p| matrices(&p.stiffness) + matrices(&p.mass));
+        8 * (self.reduced.len() + self.projected.len()) as u64 + self.gram.as_ref().map_or(0, matrices) + pencil
+    }
+}
+
+impl DesignModel {
+    /// A field to stay close to: `block` numbers per face in the frames, and optionally a weight per face.
+    ///
+    /// `areas` are those of the faces, on unit area, as [`crate::operator::frames::FaceFrames::areas`] gives them. Without weights this is one pass over
+    /// the space; with weights per face it forms `UᵀMWU`, sparse like `M̄`, once, and every choice of weights after it takes a sparse factorisation, since
+    /// the sum is not diagonal in Ritz coordinates.
+    ///
+    /// # Errors
+    /// [`DesignError`]: lengths that do not fit, numbers that are not finite, negative weights.
+    pub fn alignment(
+        &self,
+        basis: &FieldBasis,
+        areas: &[f64],
+        target: &[f64],
+        weights: Option<&[f64]>,
+    ) -> Result<Alignment, DesignError> {
+        let (b, faces) = (basis.space.block(), basis.space.faces());
+        length("the space", basis.space.dimension(), self.dimension())?;
+        length("areas", areas.len(), faces)?;
+        length("the field to align to", target.len(), b * faces)?;
+        length("weights per face", weights.map_or(faces, <[f64]>::len), faces)?;
+        if let Some(&value) = target.iter().find(|v| !v.is_finite()) {
+            return Err(DesignError::Weight { name: "alignment field", value });
+        }
+        if let Some(&value) = weights.and_then(|w| w.iter().find(|w| !(**w >= 0.0 && w.is_finite()))) {
+            return Err(DesignError::Weight { name: "alignment per face", value });
+        }
+        let weight = |face: usize| areas[face] * weights.map_or(1.0, |w| w[face]);
+        let weighted: Vec<f64> = target.iter().enumerate().map(|(i, v)| weight(i / b) * v).collect();
+        let constant = weighted.iter().zip(target).map(|(a, b)| a * b).sum();
+        let reduced = basis.space.transposed_times(&weighted).unwrap_or_default();
+        let gram = match weights {
+            Some(_) => {
+                let masses: Vec<f64> = (0..faces).map(weight).collect();
+                Some(restricted(&basis.space, &masses, &Unwatched).map_err(|error| match error {
+                    GalerkinError::Cancelled(cancelled) => DesignError::Cancelled(cancelled),
+                    other => DesignError::Products(other),
+                })?)
+            }
+            None => None,
+        };
+        let new = || Arc::new(Pencil::new(basis));
+        let pencil = gram.is_some().then(|| self.pencil.clone().unwrap_or_else(new));
+        let projected = if self.has_ritz() { self.project(&reduced) } else { Vec::new() };
+        Ok(Alignment { reduced, projected, gram, pencil, constant })
+    }
+
+    /// A field with prescribed singularities, to be designed with.
+    ///
+    /// # Errors
+    /// [`DesignError`]: the field is of another kind or on other faces than the space.
+    pub fn prescription(
+        &self,
+        basis: &FieldBasis,
+        surface: &FieldSurface,
+        field: PrescribedField,
+    ) -> Result<Prescription, DesignError> {
+        if field.kind().block() != basis.space.block() || field.kind().order() != basis.kind.order() {
+            return Err(DesignError::Kind);
+        }
+        length("the prescribed field", field.faces(), basis.space.faces())?;
+        let areas = surface.frames().areas();
+        let along = self.alignment(basis, areas, &field.target([1.0, 0.0]), None)?;
+        let across = self.alignment(basis, areas, &field.target([0.0, 1.0]), None)?;
+        Ok(Prescription { field, along, across })
+    }
+}
+
+/// A [`PrescribedField`] projected to a space: the part of a design that gives it its singularities. Turned as a whole to fit the constraints.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prescription {
+    pub(super) field: PrescribedField,
+    /// The field, and the field turned by 90° as stored numbers turn.
+    pub(super) along: Alignment,
+    pub(super) across: Alignment,
+}
+
+impl Prescription {
+    /// The field.
+    pub fn field(&self) -> &PrescribedField {
+        &self.field
+    }
+
+    /// The turn that brings the field closest to constraints.
+    pub(super) fn turn(&self, constraints: &[Constraint]) -> Planar {
+        let mut sum = [0.0; 2];
+        for c in constraints {
+            let planar = |value: [f64; 3]| match self.field.kind() {
+                FieldKind::Tensor {} => tensor_deviator(value),
+                _ => [value[0], value[1]],
+            };
+            let (wanted, own) = (planar(c.value), planar(self.field.value(c.face as usize, [1.0, 0.0])));
+            let weight = c.weight.unwrap_or(1e6);
+            sum[0] += weight * (wanted[0] * own[0] + wanted[1] * own[1]);
+            sum[1] += weight * (wanted[1] * own[0] - wanted[0] * own[1]);
+        }
+        normalise(sum)
+    }
+}

@@ -1,0 +1,292 @@
+//! Designing fields in a reduced space: weighted harmonic and biharmonic energies, soft and hard constraints, alignment to a field
+//! (thesis, eqs. 3.8 to 3.11).
+//!
+//! In spaces of up to [`MOST_DIMENSIONS`] dimensions one dense eigenproblem at set-up makes both energies diagonal: `Λ` and `Λ²` in Ritz coordinates `z`,
+//! `x = X z`. The biharmonic energy is thereby
+//! `B̃ = S̄ M̄⁻¹ S̄`, that of the projected Laplacian; `UᵀSM⁻¹SU` would see the noise of the basis at the spacing of the samples, and its
+//! minimisers are useless. New weights then cost nothing and `k` constraints a system of their own size:
+//! `z = z₀ + K⁻¹Cᵀ (W⁻¹ + C K⁻¹ Cᵀ)⁻¹ (c − C z₀)`, where hard constraints have `W⁻¹ = 0` (the Schur complement).
+//!
+//! In larger spaces, for alignments with weights per face and for the literal biharmonic energy `K⁻¹` is a sparse factor (see [`super::pencil`]), made once
+//! for given weights.
+
+use std::sync::Arc;
+
+use chladni_algebra::{
+    CpuSolver, DefiniteError, EigenError, FactorError, GalerkinError, SparseMatrix, SymmetricDefiniteSolver, vectorized,
+};
+use chladni_base::{Cancelled, Monitor};
+use rayon::prelude::*;
+
+use crate::basis::{FieldBasis, RitzFields};
+use crate::operator::frames::Planar;
+use crate::operator::transport::FieldKind;
+
+use super::pencil::Pencil;
+
+/// The largest dimension that gets Ritz coordinates: the eigenproblem of the set-up is dense, `O(d³)`.
+pub const MOST_DIMENSIONS: usize = 8192;
+
+/// Why there is no design.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum DesignError {
+    /// The space is too large.
+    #[error("a space of {dimension} dimensions is too large to design in so; the most is {most}")]
+    Dimension {
+        /// Its dimension.
+        dimension: usize,
+        /// The most.
+        most: usize,
+    },
+    /// The eigenproblem of the set-up failed.
+    #[error(transparent)]
+    Eigen(#[from] EigenError),
+    /// A weight is negative or not finite.
+    #[error("the weight {name} is {value}; it must be a number from 0")]
+    Weight {
+        /// Which.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// Both energies have no weight and there is no alignment.
+    #[error("neither an energy nor an alignment has a weight: nothing says what the field is between the constraints")]
+    NoEnergy,
+    /// There is neither a constraint nor an alignment.
+    #[error("there is neither a constraint nor an alignment: every field without energy would do")]
+    NoData,
+    /// A constraint refers to a face that is not there.
+    #[error("constraint {constraint} refers to face {face} of {faces}")]
+    Face {
+        /// The constraint, soft ones first.
+        constraint: usize,
+        /// The face.
+        face: u32,
+        /// The number of faces.
+        faces: usize,
+    },
+    /// A constraint gives no direction, or a value that is not finite.
+    #[error("constraint {constraint} on face {face} gives no direction")]
+    Direction {
+        /// The constraint, soft ones first.
+        constraint: usize,
+        /// The face.
+        face: u32,
+    },
+    /// Two hard constraints want different values on one face.
+    #[error("two hard constraints want different values on face {face}")]
+    Contradiction {
+        /// The face.
+        face: u32,
+    },
+    /// Hard constraints leave the space no freedom to meet this one.
+    #[error("the space cannot meet the hard constraint on face {face} besides the others")]
+    Dependent {
+        /// The face.
+        face: u32,
+    },
+    /// A field or weights do not fit the faces.
+    #[error("{what}: {got} numbers where {wanted} are wanted")]
+    Length {
+        /// What does not fit.
+        what: &'static str,
+        /// How many there are.
+        got: usize,
+        /// How many are wanted.
+        wanted: usize,
+    },
+    /// There is not enough memory, or the numbers are beyond what can be factored.
+    #[error(transparent)]
+    Factor(DefiniteError),
+    /// The sparse system of the restricted matrices was not factored.
+    #[error(transparent)]
+    Sparse(#[from] FactorError),
+    /// The products of the space that weights per face ask for were not formed.
+    #[error(transparent)]
+    Products(GalerkinError),
+    /// A prescription is of another kind of field.
+    #[error("the prescribed field holds other numbers per face than the space")]
+    Kind,
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// A space made ready for design. Cheap to clone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DesignModel {
+    pub(super) kind: FieldKind,
+    dimension: usize,
+    /// Empty in spaces without Ritz coordinates.
+    pub(super) ritz: Arc<RitzFields>,
+    /// The restricted matrices, where they are known.
+    pub(super) pencil: Option<Arc<Pencil>>,
+}
+
+/// What a face should carry.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Constraint {
+    /// The face.
+    pub face: u32,
+    /// The numbers in its frame, as they are stored for the kind of field: two or three.
+    pub value: [f64; 3],
+    /// Weight of the squared deviation; `None` for a constraint that has to be met exactly.
+    pub weight: Option<f64>,
+}
+
+/// Weights of the energies, on the surface of unit area.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EnergyWeights {
+    /// Of the harmonic energy.
+    pub harmonic: f64,
+    /// Of the biharmonic energy.
+    pub biharmonic: f64,
+}
+
+/// A designed field.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Design {
+    /// Coefficients in the space, to be lifted by [`super::FieldSpace::lift`].
+    pub coefficients: Vec<f32>,
+    /// The same in Ritz coordinates; empty in spaces without.
+    pub ritz: Vec<f64>,
+    /// `xᵀ S̄ x`.
+    pub harmonic_energy: f64,
+    /// `xᵀ B̃ x`.
+    pub biharmonic_energy: f64,
+    /// The deviation from the fields to stay close to, `Σ a w |u − target|²`, added up; a prescribed field is one of them.
+    pub alignment_energy: Option<f64>,
+    /// For each constraint the length of `u − value`.
+    pub residuals: Vec<f64>,
+    /// The unit number that a prescribed field was turned by, to fit the constraints.
+    pub turn: Option<Planar>,
+}
+
+impl DesignModel {
+    /// Solves the dense eigenproblem of the space.
+    ///
+    /// # Errors
+    /// [`DesignError`]: the space has more than [`MOST_DIMENSIONS`] or is degenerate, or the work was cancelled.
+    pub fn new(basis: &FieldBasis, monitor: &dyn Monitor) -> Result<Self, DesignError> {
+        let d = basis.stiffness.rows();
+        if d > MOST_DIMENSIONS {
+            return Err(DesignError::Dimension { dimension: d, most: MOST_DIMENSIONS });
+        }
+        monitor.stage("ritz");
+        let pairs = CpuSolver.lowest(basis.stiffness.to_dense(), basis.mass.to_dense(), d, monitor)?;
+        let mut rows = vec![0f32; d * d];
+        for (at, row) in rows.chunks_exact_mut(d.max(1)).enumerate() {
+            for (k, value) in row.iter_mut().enumerate() {
+                *value = pairs.vectors.values()[k * d + at] as f32;
+            }
+        }
+        let values = pairs.values.into_iter().map(|v| v.max(0.0)).collect();
+        let ritz = Arc::new(RitzFields { values, vectors: rows });
+        Ok(Self { kind: basis.kind, dimension: d, ritz, pencil: None })
+    }
+
+    /// A model without Ritz coordinates, for spaces of any size: ready at once, but every choice of weights takes a sparse factorisation.
+    pub fn sparse(basis: &FieldBasis) -> Self {
+        let d = basis.stiffness.rows();
+        let ritz = Arc::new(RitzFields { values: Vec::new(), vectors: Vec::new() });
+        Self { kind: basis.kind, dimension: d, ritz, pencil: Some(Arc::new(Pencil::new(basis))) }
+    }
+
+    /// A model from eigenpairs that were computed before. `None` unless they are `d × d`.
+    pub fn from_ritz(kind: FieldKind, ritz: Arc<RitzFields>) -> Option<Self> {
+        let d = ritz.values.len();
+        let square = d.checked_mul(d) == Some(ritz.vectors.len());
+        square.then_some(Self { kind, dimension: d, ritz, pencil: None })
+    }
+
+    /// The eigenpairs that the model is made of; none in a space without Ritz coordinates.
+    pub fn ritz(&self) -> &Arc<RitzFields> {
+        &self.ritz
+    }
+
+    /// The same space with the biharmonic energy of a given matrix, `d × d`, in the place of `B̃ = S̄ M̄⁻¹ S̄`: for comparison, with
+    /// `B̄ = UᵀSM⁻¹SU` of [`super::literal_biharmonic`]. Weights then take a sparse factorisation.
+    ///
+    /// # Errors
+    /// [`DesignError::Length`]: a basis or a matrix of another size.
+    pub fn with_biharmonic(self, basis: &FieldBasis, energy: SparseMatrix) -> Result<Self, DesignError> {
+        length("the space", basis.stiffness.rows(), self.dimension)?;
+        length("the biharmonic energy", energy.rows().max(energy.columns()), self.dimension)?;
+        Ok(Self { pencil: Some(Arc::new(Pencil::new(basis).with_literal(energy))), ..self })
+    }
+
+    /// The Ritz values, ascending, on the surface of unit area: approximate eigenvalues of the field's Laplacian.
+    pub fn values(&self) -> &[f64] {
+        &self.ritz.values
+    }
+
+    /// The dimension, `d`.
+    pub fn dimension(&self) -> usize {
+        self.dimension
+    }
+
+    /// The coefficients of the `k`-th approximate eigenfield, of unit norm on unit area; zeros beyond the last, and without Ritz coordinates.
+    pub fn eigenfield(&self, k: usize) -> Vec<f32> {
+        if !self.has_ritz() {
+            return vec![0.0; self.dimension];
+        }
+        let rows = self.ritz.vectors.chunks_exact(self.dimension.max(1));
+        rows.map(|row| row.get(k).copied().unwrap_or(0.0)).collect()
+    }
+
+    pub(super) fn has_ritz(&self) -> bool {
+        self.ritz.values.len() == self.dimension
+    }
+
+    /// `x = X z`.
+    pub(super) fn expand(&self, z: &[f64]) -> Vec<f32> {
+        let single: Vec<f32> = z.iter().map(|&v| v as f32).collect();
+        let d = self.dimension().max(1);
+        let mut x = vec![0f32; self.dimension()];
+        x.par_iter_mut().with_min_len(128).zip(self.ritz.vectors.par_chunks_exact(d)).for_each(|(x, row)| {
+            *x = vectorized(
+                row,
+                #[inline(always)]
+                |row| {
+                    let mut sums = [0f32; 16];
+                    let (a, b) = (row.as_chunks::<16>(), single.as_chunks::<16>());
+                    for (a, b) in a.0.iter().zip(b.0) {
+                        for i in 0..16 {
+                            sums[i] += a[i] * b[i];
+                        }
+                    }
+                    sums.iter().sum::<f32>() + a.1.iter().zip(b.1).map(|(a, b)| a * b).sum::<f32>()
+                },
+            );
+        });
+        x
+    }
+
+    /// `Xᵀ y`.
+    pub(super) fn project(&self, y: &[f64]) -> Vec<f64> {
+        let d = self.dimension();
+        let mut z = vec![0.0; d];
+        for (row, &y) in self.ritz.vectors.chunks_exact(d.max(1)).zip(y) {
+            add_row(&mut z, row, y);
+        }
+        z
+    }
+}
+
+/// `into += factor · row`.
+pub(super) fn add_row(into: &mut [f64], row: &[f32], factor: f64) {
+    vectorized(
+        into,
+        #[inline(always)]
+        |into| into.iter_mut().zip(row).for_each(|(z, &x)| *z += factor * f64::from(x)),
+    );
+}
+
+pub(super) fn length(what: &'static str, got: usize, wanted: usize) -> Result<(), DesignError> {
+    if got == wanted { Ok(()) } else { Err(DesignError::Length { what, got, wanted }) }
+}
+
+#[cfg(test)]
+#[path = "design_tests.rs"]
+mod tests;

@@ -1,0 +1,279 @@
+//! The restricted matrices, factored for any weights: what designs in spaces too large for a dense eigenproblem, and wherever a sum is not diagonal in
+//! Ritz coordinates.
+//!
+//! `K = A + μ S̄ M̄⁻¹ S̄` is never formed: its second part is dense. With `y = √μ M̄⁻¹ S̄ x` the system `K x = f` becomes
+//! `[A, √μ S̄; √μ S̄, −M̄] (x, y) = (f, 0)`, which is sparse, and quasi-definite if `A` is definite: `LDLᵀ` exists in every order (Vanderbei 1995).
+
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use chladni_algebra::{
+    FactorError, FactorNumbers, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order,
+};
+
+use crate::basis::FieldBasis;
+
+/// What is added to make `A` definite, as a weight of `M̄`: far below the lowest positive eigenvalue of a surface of unit area.
+const FLOOR: f64 = 1e-6;
+
+/// From so many unknowns on, an order by nested dissection saves more than it costs.
+const LARGE: usize = 6000;
+
+/// `S̄`, `M̄`, and `B̄` where the biharmonic energy is the literal one.
+#[derive(Debug, Clone)]
+pub(super) struct Pencil {
+    block: usize,
+    groups: usize,
+    pub stiffness: SparseMatrix,
+    pub mass: SparseMatrix,
+    pub literal: Option<SparseMatrix>,
+    structure: OnceLock<Result<Arc<Structure>, FactorError>>,
+}
+
+/// The order of the unknowns and the pattern that every sum of the matrices lies in.
+#[derive(Debug)]
+struct Structure {
+    /// Where the unknowns of each node begin in the system.
+    places: Vec<u32>,
+    /// The nodes in their order, with the neighbours of each, itself included, in that order.
+    nodes: Vec<(u32, Vec<u32>)>,
+    offsets: Vec<usize>,
+    indices: Vec<u32>,
+    symbolic: SymbolicFactor,
+}
+
+impl PartialEq for Pencil {
+    fn eq(&self, other: &Self) -> bool {
+        (self.block, self.groups, &self.stiffness, &self.mass, &self.literal)
+            == (other.block, other.groups, &other.stiffness, &other.mass, &other.literal)
+    }
+}
+
+/// What is added up: `A = harmonic S̄ + biharmonic B̄ + Σ weight G`, besides `biharmonic S̄ M̄⁻¹ S̄` without a literal `B̄`.
+pub(super) struct Sum<'a> {
+    pub harmonic: f64,
+    pub biharmonic: f64,
+    pub uniform: f64,
+    pub grams: Vec<(&'a SparseMatrix, f64)>,
+}
+
+impl Pencil {
+    /// The matrices of a basis: groups of columns, and dense columns after them.
+    pub fn new(basis: &FieldBasis) -> Self {
+        let (block, groups) = (basis.space.block(), basis.space.groups());
+        let (stiffness, mass) = (basis.stiffness.clone(), basis.mass.clone());
+        Self { block, groups, stiffness, mass, literal: None, structure: OnceLock::new() }
+    }
+
+    /// The same with a biharmonic energy of its own.
+    pub fn with_literal(self, literal: SparseMatrix) -> Self {
+        Self { literal: Some(literal), structure: OnceLock::new(), ..self }
+    }
+
+    pub fn size(&self) -> usize {
+        self.stiffness.rows()
+    }
+
+    /// A node is a group of columns, or one dense column.
+    fn node(&self, column: usize) -> usize {
+        let local = self.block * self.groups;
+        if column < local { column / self.block } else { self.groups + column - local }
+    }
+
+    fn columns(&self, node: usize) -> std::ops::Range<usize> {
+        if node < self.groups {
+            return node * self.block..(node + 1) * self.block;
+        }
+        let column = self.block * self.groups + node - self.groups;
+        column..column + 1
+    }
+
+    /// Unknowns of the system for each column: `x` and `y`, or `x` alone.
+    fn copies(&self) -> usize {
+        if self.literal.is_some() { 1 } else { 2 }
+    }
+
+    fn structure(&self) -> Result<Arc<Structure>, FactorError> {
+        self.structure.get_or_init(|| self.analyse().map(Arc::new)).clone()
+    }
+
+    fn analyse(&self) -> Result<Structure, FactorError> {
+        let nodes = self.node(self.size());
+        let matrices = [Some(&self.stiffness), Some(&self.mass), self.literal.as_ref()];
+        let (mut offsets, mut indices, mut row) = (vec![0usize], Vec::new(), Vec::new());
+        for node in 0..nodes {
+            row.clear();
+            row.push(node as u32);
+            for column in self.columns(node) {
+                for matrix in matrices.into_iter().flatten() {
+                    row.extend(matrix.row(column).0.iter().map(|&c| self.node(c as usize) as u32));
+                }
+            }
+            row.sort_unstable();
+            row.dedup();
+            indices.extend_from_slice(&row);
+            offsets.push(indices.len());
+        }
+        let values = vec![1.0; indices.len()];
+        let graph = SparseMatrix::from_sorted_parts(nodes, nodes, offsets, indices, values);
+        let ordering = if nodes > LARGE { Ordering::NestedDissection } else { Ordering::Amd };
+        let order = fill_reducing_order(&graph, ordering)?;
+        let mut position = vec![0u32; nodes];
+        let mut places = vec![0u32; nodes];
+        let mut next = 0;
+        for (at, &node) in order.iter().enumerate() {
+            position[node as usize] = at as u32;
+            places[node as usize] = next;
+            next += (self.copies() * self.columns(node as usize).len()) as u32;
+        }
+        let ordered: Vec<(u32, Vec<u32>)> = order
+            .iter()
+            .map(|&node| {
+                let mut neighbours = graph.row(node as usize).0.to_vec();
+                neighbours.sort_unstable_by_key(|&n| position[n as usize]);
+                (node, neighbours)
+            })
+            .collect();
+        let (mut offsets, mut indices) = (vec![0usize], Vec::new());
+        for (node, neighbours) in &ordered {
+            for _ in 0..self.copies() * self.columns(*node as usize).len() {
+                for &other in neighbours {
+                    let place = places[other as usize];
+                    indices.extend(place..place + (self.copies() * self.columns(other as usize).len()) as u32);
+                }
+                offsets.push(indices.len());
+            }
+        }
+        let size = offsets.len() - 1;
+        let values = vec![1.0; indices.len()];
+        let pattern = SparseMatrix::from_sorted_parts(size, size, offsets.clone(), indices.clone(), values);
+        let symbolic = SymbolicFactor::new(&pattern, &MassMatrix::Diagonal(vec![0.0; size]))?;
+        Ok(Structure { places, nodes: ordered, offsets, indices, symbolic })
+    }
+
+    /// The system for some weights. Matrices of `sum` that reach beyond the pattern of the pencil lose what lies outside.
+    fn assemble(&self, structure: &Structure, sum: &Sum<'_>) -> SparseMatrix {
+        let size = structure.offsets.len() - 1;
+        let mut values = vec![0.0; structure.indices.len()];
+        let root = sum.biharmonic.sqrt();
+        let floor = FLOOR * (sum.harmonic + sum.biharmonic);
+        let mut slots = vec![u32::MAX; self.node(self.size())];
+        for (node, neighbours) in &structure.nodes {
+            let own = self.columns(*node as usize);
+            let mut slot = 0;
+            for &other in neighbours {
+                slots[other as usize] = slot;
+                slot += (self.copies() * self.columns(other as usize).len()) as u32;
+            }
+            for (i, column) in own.clone().enumerate() {
+                let first = structure.places[*node as usize] as usize + i;
+                let mut add = |copy: (usize, usize), matrix: &SparseMatrix, factor: f64| {
+                    let start = structure.offsets[first + copy.0 * own.len()];
+                    let (columns, numbers) = matrix.row(column);
+                    for (&c, &value) in columns.iter().zip(numbers) {
+                        let other = self.node(c as usize);
+                        if slots[other] != u32::MAX {
+                            let there = self.columns(other);
+                            let at = slots[other] as usize + copy.1 * there.len() + (c as usize - there.start);
+                            values[start + at] += factor * value;
+                        }
+                    }
+                };
+                add((0, 0), &self.stiffness, sum.harmonic);
+                add((0, 0), &self.mass, sum.uniform + floor);
+                for &(gram, weight) in &sum.grams {
+                    add((0, 0), gram, weight);
+                }
+                match &self.literal {
+                    Some(literal) => add((0, 0), literal, sum.biharmonic),
+                    None => {
+                        add((0, 1), &self.stiffness, root);
+                        add((1, 0), &self.stiffness, root);
+                        add((1, 1), &self.mass, -1.0);
+                    }
+                }
+            }
+            neighbours.iter().for_each(|&other| slots[other as usize] = u32::MAX);
+        }
+        SparseMatrix::from_sorted_parts(size, size, structure.offsets.clone(), structure.indices.clone(), values)
+    }
+
+    /// Factors the system for some weights.
+    pub fn factor(&self, sum: &Sum<'_>) -> Result<SparseInverse, FactorError> {
+        let structure = self.structure()?;
+        let matrix = self.assemble(&structure, sum);
+        let factor = structure.symbolic.factor(&matrix, &MassMatrix::Diagonal(vec![0.0; matrix.rows()]), 0.0)?;
+        let place = |column: usize| {
+            let node = self.node(column);
+            let own = self.columns(node);
+            let x = structure.places[node] + (column - own.start) as u32;
+            (x, if self.copies() == 2 { x + own.len() as u32 } else { u32::MAX })
+        };
+        let root = if self.copies() == 2 { sum.biharmonic.sqrt() } else { 0.0 };
+        let numbers = Mutex::new(Some(factor.into_numbers()));
+        let places = (0..self.size()).map(place).collect();
+        Ok(SparseInverse { structure: structure.clone(), numbers, rows: matrix.rows(), places, root })
+    }
+}
+
+/// `K⁻¹`.
+pub(super) struct SparseInverse {
+    structure: Arc<Structure>,
+    /// Taken out for the length of a solve, for which they need the structure beside them.
+    numbers: Mutex<Option<FactorNumbers>>,
+    rows: usize,
+    /// Where `x` and `y` of each column are in the system; `u32::MAX` where there is no `y`.
+    places: Vec<(u32, u32)>,
+    root: f64,
+}
+
+impl SparseInverse {
+    fn solve(&self, panel: &mut [f64]) {
+        let mut numbers = self.numbers.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(factor) = numbers.take().and_then(|numbers| self.structure.symbolic.with_numbers(numbers)) {
+            factor.solve_panel(panel);
+            *numbers = Some(factor.into_numbers());
+        }
+    }
+
+    /// About the bytes that the factor takes.
+    pub fn bytes(&self) -> u64 {
+        8 * self.structure.symbolic.entries() as u64 + 16 * self.places.len() as u64
+    }
+
+    /// `X ← K⁻¹ X` for `d × k` numbers, column after column.
+    pub fn apply(&self, vectors: &mut [f64]) {
+        let d = self.places.len();
+        for columns in vectors.chunks_mut(d.max(1) * PANEL_WIDTH) {
+            let mut panel = vec![0.0; self.rows * PANEL_WIDTH];
+            for (k, column) in columns.chunks_exact(d).enumerate() {
+                for (&value, &(x, _)) in column.iter().zip(&self.places) {
+                    panel[x as usize * PANEL_WIDTH + k] = value;
+                }
+            }
+            self.solve(&mut panel);
+            for (k, column) in columns.chunks_exact_mut(d).enumerate() {
+                for (value, &(x, _)) in column.iter_mut().zip(&self.places) {
+                    *value = panel[x as usize * PANEL_WIDTH + k];
+                }
+            }
+        }
+    }
+
+    /// `M̄⁻¹ S̄ x` for `x = K⁻¹ f`, whose `S̄ x` is `image`; `None` for a literal biharmonic energy, whose system does not hold it.
+    pub fn laplacian(&self, f: &[f64], image: &[f64]) -> Option<Vec<f64>> {
+        let mut panel = vec![0.0; self.rows * PANEL_WIDTH];
+        for (at, &(x, y)) in self.places.iter().enumerate() {
+            if y == u32::MAX {
+                return None;
+            }
+            if self.root > 0.0 {
+                panel[x as usize * PANEL_WIDTH] = f[at];
+            } else {
+                panel[y as usize * PANEL_WIDTH] = -image[at];
+            }
+        }
+        self.solve(&mut panel);
+        let scale = if self.root > 0.0 { 1.0 / self.root } else { 1.0 };
+        Some(self.places.iter().map(|&(_, y)| scale * panel[y as usize * PANEL_WIDTH]).collect())
+    }
+}

@@ -1,0 +1,79 @@
+//! Poisson problems on the vertices of a surface, by a sparse factor.
+
+use chladni_algebra::{
+    FactorError, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SparseMatrix, SymbolicFactor, fill_reducing_order,
+};
+use chladni_base::{Cancelled, Monitor};
+use rayon::prelude::*;
+
+use super::basis::FieldSurface;
+
+/// From so many unknowns on, an order by nested dissection saves more than it costs.
+const LARGE: usize = 60_000;
+
+/// Why a Poisson problem was not solved.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PoissonError {
+    /// The matrix was not factored.
+    #[error("a Poisson problem on the vertices could not be solved: {0}")]
+    Factor(#[from] FactorError),
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// A weighted graph Laplacian from entries `(row, column, value)` in any order, those of one place added up.
+pub(super) fn assemble(size: usize, mut entries: Vec<(u32, u32, f64)>) -> SparseMatrix {
+    entries.par_sort_by_key(|e| (e.0, e.1));
+    let mut offsets = vec![0usize; size + 1];
+    let (mut indices, mut values) = (Vec::new(), Vec::new());
+    for same in entries.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        offsets[same[0].0 as usize + 1] += 1;
+        indices.push(same[0].1);
+        values.push(same.iter().map(|e| e.2).sum());
+    }
+    for v in 0..size {
+        offsets[v + 1] += offsets[v];
+    }
+    SparseMatrix::from_sorted_parts(size, size, offsets, indices, values)
+}
+
+/// Makes a Laplacian definite: a vertex of each component is tied to zero where none is fixed, as are vertices without a face.
+pub(super) fn ground(surface: &FieldSurface, fixed: impl Fn(u32) -> bool, entries: &mut Vec<(u32, u32, f64)>) {
+    let mesh = surface.mesh();
+    let (components, count) = surface.dual().components();
+    let (mut seen, mut tied, mut held) = (vec![false; mesh.positions.len()], vec![None; count], vec![false; count]);
+    for (face, corners) in mesh.faces.iter().enumerate() {
+        let component = components[face] as usize;
+        tied[component].get_or_insert(corners[0]);
+        held[component] |= corners.iter().any(|&v| fixed(v));
+        corners.iter().for_each(|&v| seen[v as usize] = true);
+    }
+    let lone = (0..mesh.positions.len() as u32).filter(|&v| !seen[v as usize]);
+    let tied = tied.into_iter().zip(held).filter_map(|(vertex, held)| vertex.filter(|_| !held));
+    entries.extend(tied.chain(lone).map(|v| (v, v, 1.0)));
+}
+
+/// `X ← A⁻¹ X` for a symmetric positive definite matrix: what is singular has to be grounded before.
+pub(super) fn solve(matrix: &SparseMatrix, x: &mut PanelMatrix, monitor: &dyn Monitor) -> Result<(), PoissonError> {
+    let n = matrix.rows();
+    let ordering = if n > LARGE { Ordering::NestedDissection } else { Ordering::Amd };
+    let order = fill_reducing_order(matrix, ordering)?;
+    monitor.checkpoint()?;
+    let sorted = matrix.reordered(&order);
+    let mass = MassMatrix::Diagonal(vec![0.0; n]);
+    let symbolic = SymbolicFactor::new(&sorted, &mass)?;
+    monitor.checkpoint()?;
+    let factor = symbolic.factor(&sorted, &mass, 0.0)?;
+    x.panels_mut().par_iter_mut().try_for_each(|panel| {
+        monitor.checkpoint()?;
+        let rows =
+            |panel: &[f64], row: usize| -> [f64; PANEL_WIDTH] { std::array::from_fn(|k| panel[row * PANEL_WIDTH + k]) };
+        let mut sorted: Vec<f64> = order.iter().flat_map(|&row| rows(panel, row as usize)).collect();
+        factor.solve_panel(&mut sorted);
+        for (row, &to) in sorted.chunks_exact(PANEL_WIDTH).zip(&order) {
+            panel[to as usize * PANEL_WIDTH..(to as usize + 1) * PANEL_WIDTH].copy_from_slice(row);
+        }
+        Ok(())
+    })
+}

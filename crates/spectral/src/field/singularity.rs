@@ -1,0 +1,135 @@
+//! Where a field has no direction: the index of each vertex, from the rotation of the field around it.
+//!
+//! Between neighbouring faces an n-field turns by the least angle `r_e` that carries the representation of one into that of the other. Around a
+//! vertex these angles and `n` times the angle defect `K` add up to a multiple of 360°, and the index is that multiple over `n`. As each `r_e` is
+//! computed once and seen from both ends with opposite signs, the indices of a closed surface add up to its Euler characteristic exactly.
+
+use crate::operator::frames::{Planar, conjugate, multiply};
+use crate::operator::transport::{FieldKind, turn};
+
+use super::basis::FieldSurface;
+use super::reading::tensor_deviator;
+
+/// A vertex at which a field is singular.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Singularity {
+    /// The vertex.
+    pub vertex: u32,
+    /// `n` times its index: the index of an n-field is a multiple of `1/n`.
+    pub numerator: i32,
+    /// `n`; for tensors 2, the eigendirections being a 2-field.
+    pub order: u32,
+}
+
+impl Singularity {
+    /// The index.
+    pub fn index(&self) -> f64 {
+        f64::from(self.numerator) / f64::from(self.order.max(1))
+    }
+}
+
+/// The singular vertices of a field of `block` numbers per face, ascending; `None` unless it fits. Vertices at a boundary have no index.
+pub fn singularities(surface: &FieldSurface, kind: FieldKind, field: &[f32]) -> Option<Vec<Singularity>> {
+    let (b, order) = (kind.block(), kind.order());
+    if field.len() != b * surface.faces() {
+        return None;
+    }
+    let (dual, frames, mesh) = (surface.dual(), surface.frames(), surface.mesh());
+    let value = |face: usize| -> Planar {
+        let own = &field[b * face..b * (face + 1)];
+        match kind {
+            FieldKind::Tensor {} => tensor_deviator([0, 1, 2].map(|i| f64::from(own[i]))),
+            _ => [f64::from(own[0]), f64::from(own[1])],
+        }
+    };
+    // From the lower face of each edge to the upper one.
+    let angles: Vec<f64> = dual
+        .edge_faces()
+        .iter()
+        .enumerate()
+        .map(|(edge, &[low, high])| {
+            let Some(k) = dual.edges(low as usize).iter().position(|&e| e as usize == edge) else { return 0.0 };
+            // The turn carries the upper face's numbers into the lower one.
+            let Some(carried) = turn(kind, dual, frames, low as usize, k) else { return 0.0 };
+            let there = multiply(carried, value(high as usize));
+            let step = multiply(there, conjugate(value(low as usize)));
+            step[1].atan2(step[0])
+        })
+        .collect();
+    let mut corners = Vec::new();
+    let mut found = Vec::new();
+    for vertex in 0..mesh.positions.len() as u32 {
+        if !dual.fan(mesh, vertex, &mut corners) {
+            continue;
+        }
+        let (mut rotation, mut defect) = (0.0, std::f64::consts::TAU);
+        for &corner in &corners {
+            let (face, k) = (corner as usize / 3, corner as usize % 3);
+            let edges = frames.edges(face);
+            let (a, b) = (edges[(k + 2) % 3], edges[(k + 1) % 3]);
+            defect -= (-(a[0] * b[1] - a[1] * b[0])).abs().atan2(-(a[0] * b[0] + a[1] * b[1]));
+            // Counter-clockwise the next face lies across the edge opposite to corner k + 1.
+            let across = (k + 1) % 3;
+            let edge = dual.edges(face)[across] as usize;
+            let forward = dual.edge_faces()[edge][0] as usize == face;
+            rotation += if forward { angles[edge] } else { -angles[edge] };
+        }
+        let turns = (rotation + f64::from(order) * defect) / std::f64::consts::TAU;
+        let numerator = turns.round() as i32;
+        if numerator != 0 {
+            found.push(Singularity { vertex, numerator, order });
+        }
+    }
+    Some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::{FieldParameters, field_basis};
+    use chladni_base::Unwatched;
+    use chladni_mesh::shape::{Shape, generate, noisy};
+
+    fn sum(found: &[Singularity]) -> i32 {
+        found.iter().map(|s| s.numerator).sum()
+    }
+
+    #[test]
+    fn indices_add_up_to_the_euler_characteristic_whatever_the_field() {
+        for (shape, vertices) in [(Shape::Sphere, 162), (Shape::Torus, 200), (Shape::Genus(2), 1200)] {
+            let surface = FieldSurface::new(noisy(&generate(shape, vertices).unwrap(), 0.2, 1).unwrap()).unwrap();
+            let characteristic = surface.dual().euler_characteristic() as i32;
+            for kind in [FieldKind::Vector {}, FieldKind::NVector { n: 4 }, FieldKind::Tensor {}] {
+                let b = kind.block();
+                let field: Vec<f32> = (0..b * surface.faces()).map(|i| ((i * i) as f32 * 0.37).sin()).collect();
+                let found = singularities(&surface, kind, &field).unwrap();
+                assert_eq!(sum(&found), kind.order() as i32 * characteristic, "{shape} {kind:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn smooth_fields_have_few_singularities() {
+        let surface = FieldSurface::new(generate(Shape::Sphere, 2562).unwrap()).unwrap();
+        // The field of a rotation about z has two of index 1, at the poles.
+        let field: Vec<f32> = (0..surface.faces())
+            .flat_map(|f| {
+                let centre = [0, 1, 2].map(|i| {
+                    surface.mesh().faces[f].iter().map(|&v| surface.mesh().positions[v as usize][i]).sum::<f64>()
+                });
+                surface.frames().from_world(f, [-centre[1], centre[0], 0.0]).map(|x| x as f32)
+            })
+            .collect();
+        let found = singularities(&surface, FieldKind::Vector {}, &field).unwrap();
+        assert!(found.len() == 2 && found.iter().all(|s| s.index() == 1.0), "{found:?}");
+        // The smoothest 4-field has the eight of a cube, each of index 1/4.
+        let kind = FieldKind::NVector { n: 4 };
+        let basis = field_basis(&surface, &FieldParameters::new(kind, 200), &Unwatched).unwrap();
+        let model = crate::field::DesignModel::new(&basis, &Unwatched).unwrap();
+        let lowest = basis.space.lift(&model.eigenfield(0)).unwrap();
+        let found = singularities(&surface, kind, &lowest).unwrap();
+        assert_eq!(sum(&found), 8);
+        assert!(found.len() <= 12, "{}", found.len());
+        assert_eq!(singularities(&surface, kind, &lowest[1..]), None);
+    }
+}

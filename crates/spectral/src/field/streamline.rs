@@ -1,0 +1,494 @@
+//! Evenly spaced streamlines of n-fields on a surface (Jobard and Lefer 1997): the strokes of a hatching.
+
+use std::collections::HashMap;
+
+use chladni_base::{Cancelled, Monitor};
+use chladni_mesh::dual::NO_FACE;
+
+use crate::operator::frames::{Planar, multiply};
+
+use super::basis::FieldSurface;
+
+/// Lines are sampled at this share of the spacing.
+const SAMPLE_SHARE: f64 = 0.25;
+
+/// A line is given up where it crosses so many edges between two samples: it goes round in circles.
+const MOST_IDLE_CROSSINGS: usize = 2000;
+
+/// A line ends after so many times the square root of the area, whatever its way.
+const LONGEST: f64 = 100.0;
+
+/// A line ends where another is closer than this share of the spacing.
+const TEST_SHARE: f64 = 0.6;
+
+/// How lines are laid.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HatchingParameters {
+    /// The distance between lines, in units of the square root of the surface's area.
+    pub spacing: f64,
+    /// Shorter lines are left out, in multiples of the spacing.
+    pub least_length: f64,
+    /// Lines at most.
+    pub most_lines: usize,
+}
+
+impl Default for HatchingParameters {
+    fn default() -> Self {
+        Self { spacing: 0.01, least_length: 2.0, most_lines: 100_000 }
+    }
+}
+
+/// A line on the surface.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Streamline {
+    /// Its points, in the units of the input: one for each edge that it crosses, and its ends.
+    pub points: Vec<[f64; 3]>,
+    /// The face that each piece lies in: one fewer than points.
+    pub faces: Vec<u32>,
+}
+
+/// Why there are no lines.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum StreamlineError {
+    /// A parameter is out of its range.
+    #[error("parameter {name} is {value}, which is out of range")]
+    Parameter {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// The field does not fit.
+    #[error("the field has {got} numbers, not two for each of {faces} faces")]
+    Length {
+        /// How many there are.
+        got: usize,
+        /// The number of faces.
+        faces: usize,
+    },
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// Evenly spaced lines that follow one of the `n` directions of a field of representation vectors, two numbers per face. Seeds lie beside lines that
+/// are there, then in faces that no line comes near; the same field gives the same lines.
+///
+/// # Errors
+/// [`StreamlineError`]: parameters out of range, a field that does not fit, or the work was cancelled.
+pub fn streamlines(
+    surface: &FieldSurface,
+    n: u32,
+    field: &[f32],
+    parameters: &HatchingParameters,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Streamline>, StreamlineError> {
+    let faces = surface.faces();
+    if field.len() != 2 * faces {
+        return Err(StreamlineError::Length { got: field.len(), faces });
+    }
+    if n == 0 {
+        return Err(StreamlineError::Parameter { name: "n", value: 0.0 });
+    }
+    if !(parameters.spacing > 1e-5 && parameters.spacing <= 10.0) {
+        return Err(StreamlineError::Parameter { name: "spacing", value: parameters.spacing });
+    }
+    if !(parameters.least_length >= 0.0 && parameters.least_length.is_finite()) {
+        return Err(StreamlineError::Parameter { name: "least_length", value: parameters.least_length });
+    }
+    monitor.stage("streamlines");
+    let mut hatching =
+        Hatching { surface, n, field, spacing: parameters.spacing, cells: HashMap::new(), lines: Vec::new() };
+    let mut seeds = std::collections::VecDeque::new();
+    let mut next_face = 0;
+    while hatching.lines.len() < parameters.most_lines {
+        let Some(seed) = seeds.pop_front().or_else(|| {
+            let seed = (next_face < faces).then(|| Place { face: next_face as u32, at: [1.0 / 3.0; 3] });
+            next_face += 1;
+            seed
+        }) else {
+            break;
+        };
+        if next_face.is_multiple_of(256) || seeds.len().is_multiple_of(64) {
+            monitor.checkpoint()?;
+            monitor.progress(next_face as f64 / faces as f64);
+        }
+        if hatching.is_near(&seed, hatching.spacing, None) {
+            continue;
+        }
+        if let Some(line) = hatching.lay(&seed, parameters.least_length * parameters.spacing) {
+            seeds.extend(hatching.beside(&line));
+        }
+    }
+    Ok(hatching.lines)
+}
+
+/// A point of the surface.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    face: u32,
+    /// Weights of its corners.
+    at: [f64; 3],
+}
+
+/// A point of a line, in units of the square root of the area, with what it takes to compare it with others.
+struct Sample {
+    point: [f64; 3],
+    normal: [f64; 3],
+    line: u32,
+    /// Arc length along its line.
+    along: f64,
+}
+
+struct Hatching<'a> {
+    surface: &'a FieldSurface,
+    n: u32,
+    field: &'a [f32],
+    spacing: f64,
+    cells: HashMap<[i32; 3], Vec<Sample>>,
+    lines: Vec<Streamline>,
+}
+
+/// One way from a seed.
+#[derive(Default)]
+struct Half {
+    places: Vec<Place>,
+    length: f64,
+}
+
+impl Hatching<'_> {
+    /// The positions of the corners of a face in its frame, the first at the origin; unit area.
+    fn corners(&self, face: u32) -> [Planar; 3] {
+        let e = self.surface.frames().edges(face as usize);
+        [[0.0, 0.0], e[2], [-e[1][0], -e[1][1]]]
+    }
+
+    /// A place in space, in units of the square root of the area.
+    fn point(&self, place: &Place) -> [f64; 3] {
+        let scale = 1.0 / self.surface.frames().area().sqrt();
+        self.position(place).map(|x| x * scale)
+    }
+
+    fn position(&self, place: &Place) -> [f64; 3] {
+        let mesh = self.surface.mesh();
+        let face = mesh.faces[place.face as usize];
+        [0, 1, 2].map(|i| (0..3).map(|k| place.at[k] * mesh.positions[face[k] as usize][i]).sum())
+    }
+
+    /// The direction of the field in a face nearest to `towards`, of unit length; `None` where the field is zero. With a sign of −1 lines run against the
+    /// field, which for even `n` is the same.
+    fn direction(&self, face: u32, towards: Planar, sign: f64) -> Option<Planar> {
+        let [x, y] = [0, 1].map(|i| f64::from(self.field[2 * face as usize + i]));
+        if !(x.hypot(y) > 1e-30 && x.is_finite() && y.is_finite()) {
+            return None;
+        }
+        let n = f64::from(self.n);
+        let own = y.atan2(x) / n;
+        let wanted = (sign * towards[1]).atan2(sign * towards[0]);
+        let turn = std::f64::consts::TAU / n;
+        let (sine, cosine) = (own + turn * ((wanted - own) / turn).round()).sin_cos();
+        Some([sign * cosine, sign * sine])
+    }
+
+    /// Goes straight from a place in a face: the weights where its edge is reached, the edge, and how far that is.
+    fn exit(&self, place: &Place, direction: Planar) -> Option<(usize, [f64; 3], f64)> {
+        let c = self.corners(place.face);
+        let p = [0, 1].map(|i| (0..3).map(|k| place.at[k] * c[k][i]).sum::<f64>());
+        let mut best: Option<(usize, [f64; 3], f64)> = None;
+        for k in 0..3 {
+            let (a, b) = (c[(k + 1) % 3], c[(k + 2) % 3]);
+            let e = [b[0] - a[0], b[1] - a[1]];
+            // Outwards through edge k is to its right.
+            let speed = direction[0] * e[1] - direction[1] * e[0];
+            if speed <= 1e-14 {
+                continue;
+            }
+            let t = (((a[0] - p[0]) * e[1] - (a[1] - p[1]) * e[0]) / speed).max(0.0);
+            if best.is_some_and(|b| b.2 <= t) {
+                continue;
+            }
+            let q = [p[0] + t * direction[0] - a[0], p[1] + t * direction[1] - a[1]];
+            let s = ((q[0] * e[0] + q[1] * e[1]) / (e[0] * e[0] + e[1] * e[1])).clamp(1e-9, 1.0 - 1e-9);
+            let mut at = [0.0; 3];
+            at[(k + 1) % 3] = 1.0 - s;
+            at[(k + 2) % 3] = s;
+            best = Some((k, at, t));
+        }
+        best.filter(|b| b.2.is_finite())
+    }
+
+    /// The same place and direction seen from the face across edge `k`.
+    fn cross(&self, face: u32, k: usize, at: [f64; 3], direction: Planar) -> Option<(Place, Planar)> {
+        let dual = self.surface.dual();
+        let next = dual.neighbours(face as usize)[k];
+        if next == NO_FACE {
+            return None;
+        }
+        let j = dual.slot(next, dual.edges(face as usize)[k]);
+        let mut there = [0.0; 3];
+        there[(j + 1) % 3] = at[(k + 2) % 3];
+        there[(j + 2) % 3] = at[(k + 1) % 3];
+        let turn = self.surface.frames().rotation(dual, next as usize, j)?;
+        Some((Place { face: next, at: there }, multiply(turn, direction)))
+    }
+
+    /// Follows the field, or with a sign of −1 goes against it, until it ends, comes near a line, or returns.
+    fn follow(
+        &self,
+        seed: &Place,
+        start: Planar,
+        line: u32,
+        own: &mut HashMap<[i32; 3], Vec<Sample>>,
+        sign: f64,
+    ) -> Half {
+        let mut half = Half::default();
+        let (mut here, mut direction) = (*seed, start);
+        let step = SAMPLE_SHARE * self.spacing;
+        // Where the line was sampled last, and the crossings since.
+        let (mut sampled, mut idle) = (0.0, 0);
+        while idle < MOST_IDLE_CROSSINGS && half.length < LONGEST {
+            idle += 1;
+            let Some((k, at, distance)) = self.exit(&here, direction) else { break };
+            let end = half.length + distance;
+            let mut stopped = false;
+            while sampled + step <= end {
+                sampled += step;
+                idle = 0;
+                let s = ((sampled - half.length) / distance).clamp(0.0, 1.0);
+                let place = Place { face: here.face, at: [0, 1, 2].map(|i| (1.0 - s) * here.at[i] + s * at[i]) };
+                let own_place = Some((line, sign * sampled));
+                stopped = self.near_in(own, &place, TEST_SHARE * self.spacing, own_place)
+                    || self.is_near(&place, TEST_SHARE * self.spacing, None);
+                if stopped {
+                    break;
+                }
+                self.insert(own, &place, line, sign * sampled);
+            }
+            if stopped {
+                break;
+            }
+            half.places.push(Place { face: here.face, at });
+            half.length = end;
+            let Some((place, carried)) = self.cross(here.face, k, at, direction) else { break };
+            let Some(next) = self.direction(place.face, carried, sign) else { break };
+            // A field that points back out at once would go to and fro.
+            if next[0] * carried[0] + next[1] * carried[1] <= 0.0 {
+                break;
+            }
+            (here, direction) = (place, next);
+        }
+        half
+    }
+
+    /// Lays the line through a seed; `None` where it is too short.
+    fn lay(&mut self, seed: &Place, least: f64) -> Option<Streamline> {
+        let start = self.direction(seed.face, [1.0, 0.0], 1.0)?;
+        let line = self.lines.len() as u32;
+        let mut own = HashMap::new();
+        self.insert(&mut own, seed, line, 0.0);
+        let forward = self.follow(seed, start, line, &mut own, 1.0);
+        let backward = self.follow(seed, [-start[0], -start[1]], line, &mut own, -1.0);
+        if forward.length + backward.length < least || forward.places.len() + backward.places.len() == 0 {
+            return None;
+        }
+        let mut laid = Streamline::default();
+        for place in backward.places.iter().rev() {
+            laid.points.push(self.position(place));
+            laid.faces.push(place.face);
+        }
+        laid.points.push(self.position(seed));
+        for place in &forward.places {
+            laid.points.push(self.position(place));
+            laid.faces.push(place.face);
+        }
+        for (cell, samples) in own {
+            self.cells.entry(cell).or_default().extend(samples);
+        }
+        self.lines.push(laid.clone());
+        Some(laid)
+    }
+
+    /// Seeds on either side of a line, a spacing away.
+    fn beside(&self, line: &Streamline) -> Vec<Place> {
+        let frames = self.surface.frames();
+        let scale = 1.0 / frames.area().sqrt();
+        let mut seeds = Vec::new();
+        let mut since = self.spacing;
+        for (pair, &face) in line.points.windows(2).zip(&line.faces) {
+            let piece = [0, 1, 2].map(|i| (pair[1][i] - pair[0][i]) * scale);
+            since += piece.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if since < self.spacing {
+                continue;
+            }
+            since = 0.0;
+            let along = frames.from_world(face as usize, piece);
+            let size = along[0].hypot(along[1]);
+            if !(size > 0.0) {
+                continue;
+            }
+            let middle = [0, 1, 2].map(|i| 0.5 * (pair[0][i] + pair[1][i]));
+            let Some(place) = self.place_of(face, middle) else { continue };
+            for side in [1.0, -1.0] {
+                let across = [-side * along[1] / size, side * along[0] / size];
+                seeds.extend(self.walk(place, across, 1.02 * self.spacing));
+            }
+        }
+        seeds
+    }
+
+    /// The weights of a point in the plane of a face.
+    fn place_of(&self, face: u32, position: [f64; 3]) -> Option<Place> {
+        let frames = self.surface.frames();
+        let scale = 1.0 / frames.area().sqrt();
+        let origin = self.surface.mesh().positions[self.surface.mesh().faces[face as usize][0] as usize];
+        let p = frames.from_world(face as usize, [0, 1, 2].map(|i| (position[i] - origin[i]) * scale));
+        let [_, b, c] = self.corners(face);
+        let whole = b[0] * c[1] - b[1] * c[0];
+        let (v, w) = ((p[0] * c[1] - p[1] * c[0]) / whole, (b[0] * p[1] - b[1] * p[0]) / whole);
+        let at = [1.0 - v - w, v, w].map(|x: f64| x.clamp(0.0, 1.0));
+        let sum: f64 = at.iter().sum();
+        (sum > 0.5 && sum.is_finite()).then(|| Place { face, at: at.map(|x| x / sum) })
+    }
+
+    /// Straight ahead for a distance; `None` at a boundary.
+    fn walk(&self, from: Place, direction: Planar, distance: f64) -> Option<Place> {
+        let (mut here, mut direction, mut rest) = (from, direction, distance);
+        for _ in 0..10_000 {
+            let (k, at, reach) = self.exit(&here, direction)?;
+            if reach >= rest {
+                let s = if reach > 0.0 { rest / reach } else { 0.0 };
+                return Some(Place { face: here.face, at: [0, 1, 2].map(|i| (1.0 - s) * here.at[i] + s * at[i]) });
+            }
+            rest -= reach;
+            (here, direction) = self.cross(here.face, k, at, direction)?;
+        }
+        None
+    }
+
+    fn cell(&self, point: [f64; 3]) -> [i32; 3] {
+        point.map(|x| (x / self.spacing).floor() as i32)
+    }
+
+    fn insert(&self, cells: &mut HashMap<[i32; 3], Vec<Sample>>, place: &Place, line: u32, along: f64) {
+        let point = self.point(place);
+        let normal = self.surface.frames().normal(place.face as usize);
+        cells.entry(self.cell(point)).or_default().push(Sample { point, normal, line, along });
+    }
+
+    fn is_near(&self, place: &Place, distance: f64, own: Option<(u32, f64)>) -> bool {
+        self.near_in(&self.cells, place, distance, own)
+    }
+
+    /// Whether a sample lies within a distance, on the same side of the surface. Of the line `own` only what is far along it counts.
+    fn near_in(
+        &self,
+        cells: &HashMap<[i32; 3], Vec<Sample>>,
+        place: &Place,
+        distance: f64,
+        own: Option<(u32, f64)>,
+    ) -> bool {
+        let point = self.point(place);
+        let normal = self.surface.frames().normal(place.face as usize);
+        let [x, y, z] = self.cell(point);
+        for i in -1..=1 {
+            for j in -1..=1 {
+                for k in -1..=1 {
+                    let Some(samples) = cells.get(&[x + i, y + j, z + k]) else { continue };
+                    let near = samples.iter().any(|s| {
+                        let apart: f64 = (0..3).map(|i| (s.point[i] - point[i]).powi(2)).sum();
+                        let facing: f64 = (0..3).map(|i| s.normal[i] * normal[i]).sum();
+                        let counts =
+                            own.is_none_or(|(line, along)| s.line != line || (s.along - along).abs() > 3.0 * distance);
+                        apart < distance * distance && facing > 0.0 && counts
+                    });
+                    if near {
+                        return true;
+                    }
+                }
+            }
+        }
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::operator::frames::power;
+    use chladni_base::Unwatched;
+    use chladni_mesh::shape::{Shape, generate};
+
+    fn along(surface: &FieldSurface, n: u32, direction: impl Fn([f64; 3]) -> [f64; 3]) -> Vec<f32> {
+        (0..surface.faces())
+            .flat_map(|f| {
+                let c = [0, 1, 2].map(|i| {
+                    surface.mesh().faces[f].iter().map(|&v| surface.mesh().positions[v as usize][i]).sum::<f64>() / 3.0
+                });
+                let v = surface.frames().from_world(f, direction(c));
+                let size = v[0].hypot(v[1]).max(1e-12);
+                power([v[0] / size, v[1] / size], n).map(|x| x as f32)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn lines_of_a_parallel_field_are_straight_and_evenly_spaced() {
+        let surface = FieldSurface::new(generate(Shape::Rectangle, 900).unwrap()).unwrap();
+        let field = along(&surface, 2, |_| [1.0, 0.0, 0.0]);
+        let parameters = HatchingParameters { spacing: 0.05, ..HatchingParameters::default() };
+        let lines = streamlines(&surface, 2, &field, &parameters, &Unwatched).unwrap();
+        let step = 0.05 * 1.6f64.sqrt();
+        let mut heights: Vec<f64> = lines.iter().map(|l| l.points[0][1]).collect();
+        heights.sort_by(f64::total_cmp);
+        for line in &lines {
+            assert!(line.points.iter().all(|p| (p[1] - line.points[0][1]).abs() < 1e-6));
+            assert_eq!(line.points.len(), line.faces.len() + 1);
+        }
+        assert!((10..=24).contains(&lines.len()), "{}", lines.len());
+        let gaps: Vec<f64> = heights.windows(2).map(|w| w[1] - w[0]).filter(|g| *g > 1e-6).collect();
+        assert!(gaps.iter().all(|g| *g > 0.55 * step && *g < 2.1 * step), "{gaps:?}");
+    }
+
+    #[test]
+    fn lines_around_a_sphere_stay_at_their_latitude_and_apart() {
+        let surface = FieldSurface::new(generate(Shape::Sphere, 2562).unwrap()).unwrap();
+        for n in [1, 2, 4] {
+            let field = along(&surface, n, |c| [-c[1], c[0], 0.0]);
+            let parameters = HatchingParameters { spacing: 0.03, ..HatchingParameters::default() };
+            let lines = streamlines(&surface, n, &field, &parameters, &Unwatched).unwrap();
+            assert!(lines.len() > 5);
+            if n <= 2 {
+                let spread = |l: &Streamline| {
+                    let z = l.points.iter().map(|p| p[2]);
+                    z.clone().fold(-2.0, f64::max) - z.fold(2.0, f64::min)
+                };
+                let mut spreads: Vec<f64> = lines.iter().map(spread).collect();
+                spreads.sort_by(f64::total_cmp);
+                assert!(spreads[spreads.len() / 2] < 0.05, "{spreads:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn strange_fields_and_parameters_end_or_are_refused() {
+        let surface = FieldSurface::new(generate(Shape::Torus, 200).unwrap()).unwrap();
+        let parameters = HatchingParameters { spacing: 0.05, ..HatchingParameters::default() };
+        let zero = vec![0f32; 2 * surface.faces()];
+        assert_eq!(streamlines(&surface, 2, &zero, &parameters, &Unwatched), Ok(Vec::new()));
+        let wild: Vec<f32> = (0..2 * surface.faces()).map(|i| ((i * i) as f32).sin()).collect();
+        for n in [1, 2, 6] {
+            assert!(streamlines(&surface, n, &wild, &parameters, &Unwatched).is_ok());
+        }
+        let mut broken = wild.clone();
+        broken[7] = f32::NAN;
+        assert!(streamlines(&surface, 2, &broken, &parameters, &Unwatched).is_ok());
+        let refuse = |n, field: &[f32], spacing| {
+            let parameters = HatchingParameters { spacing, ..HatchingParameters::default() };
+            streamlines(&surface, n, field, &parameters, &Unwatched).is_err()
+        };
+        assert!(
+            refuse(0, &wild, 0.1) && refuse(2, &wild[1..], 0.1) && refuse(2, &wild, 0.0) && refuse(2, &wild, f64::NAN)
+        );
+    }
+}

@@ -1,0 +1,551 @@
+//! Solving for fields: a model with weights, and what constraints add to it.
+
+use std::sync::Arc;
+
+use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, SparseMatrix, solve_definite};
+
+use crate::basis::FieldBasis;
+use crate::operator::frames::Planar;
+use crate::operator::transport::FieldKind;
+
+use super::alignment::{Alignment, Prescription};
+use super::design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, add_row, length};
+use super::pencil::{Pencil, SparseInverse, Sum};
+
+/// Ritz values below this share of the largest count as zero.
+const KERNEL: f64 = 1e-10;
+
+/// What hard constraints may give way, as a share of what a unit pull moves them by: what rounding needs and no more.
+const HARD: f64 = 1e-12;
+
+/// Steps that take that share back where it matters.
+const REFINEMENTS: usize = 2;
+
+/// The same for the faces around a prescribed singularity. A space is hardly able to give them all what they should have: forced to, it gets other
+/// singularities. Where a field does not have the singularity yet, its faces give way less.
+const AROUND: f64 = 1e-3;
+
+/// By what that share is divided, and how often at most.
+const HARDER: f64 = 10.0;
+const ROUNDS: usize = 7;
+
+/// The cosine of the largest angle between a field and what is prescribed around a singularity.
+const NEAR: f64 = 0.3;
+
+/// The least length of a field around a prescribed singularity, as a share of what it would have if it grew to 1 over the distance of two samples.
+const LEAST_GROWTH: f64 = 0.3;
+
+/// `K⁻¹` for one choice of weights: diagonal in Ritz coordinates, or a sparse factor. Keep it as long as weights do not change.
+pub struct WeightedModel {
+    model: DesignModel,
+    pencil: Option<Arc<Pencil>>,
+    weights: EnergyWeights,
+    alignments: Vec<(Arc<Alignment>, f64)>,
+    prescription: Option<(Arc<Prescription>, f64)>,
+    inverse: Inverse,
+    /// What alignments pull with, and where the field goes without constraints.
+    free: Pull,
+    /// The same for the prescribed field, and for it turned by 90°.
+    turned: Option<[Pull; 2]>,
+    /// Ritz coordinates of no energy.
+    kernel: Vec<usize>,
+}
+
+/// A right-hand side and its solution, in the coordinates of the inverse.
+#[derive(Clone)]
+struct Pull {
+    force: Vec<f64>,
+    field: Vec<f64>,
+}
+
+enum Inverse {
+    /// In Ritz coordinates; zero in the kernel.
+    Ritz(Vec<f64>),
+    /// In the coefficients of the space.
+    Sparse(SparseInverse),
+}
+
+/// What a face is to carry, and by how much it may deviate.
+struct Condition {
+    face: u32,
+    value: [f64; 3],
+    give: Give,
+}
+
+#[derive(Clone, Copy)]
+enum Give {
+    /// The inverse of a weight.
+    Weight(f64),
+    /// A share of what a unit pull moves.
+    Share(f64),
+}
+
+impl Condition {
+    fn harden(&mut self) {
+        if let Give::Share(share) = &mut self.give {
+            *share /= HARDER;
+        }
+    }
+}
+
+/// Whether a field has about the direction of a condition; `columns` are its rows.
+fn near(rows: &DenseMatrix, condition: &Condition, columns: std::ops::Range<usize>, field: &[f64]) -> bool {
+    let (mut product, mut own, mut wanted) = (0.0, 0.0, 0.0);
+    for (column, value) in columns.zip(condition.value) {
+        let u: f64 = rows.column(column).iter().zip(field).map(|(r, z)| r * z).sum();
+        product += u * value;
+        own += u * u;
+        wanted += value * value;
+    }
+    product > NEAR * (own * wanted).sqrt()
+}
+
+impl DesignModel {
+    /// Makes the model ready for some weights. Free of cost in Ritz coordinates; a sparse factorisation where the space has none, or the alignment has
+    /// weights per face.
+    ///
+    /// # Errors
+    /// [`DesignError`]: weights that are negative or all zero.
+    pub fn weighted(
+        &self,
+        weights: EnergyWeights,
+        alignment: Option<(Arc<Alignment>, f64)>,
+    ) -> Result<WeightedModel, DesignError> {
+        self.weighted_with(weights, alignment.into_iter().collect(), None)
+    }
+
+    /// The same with several fields to stay close to, and one with prescribed singularities. Its weight is that of [`Alignment`]s without weights per
+    /// face: the larger it is against the energies, the closer the design is to it, and the fewer other singularities it has.
+    ///
+    /// # Errors
+    /// As for [`weighted`](Self::weighted).
+    pub fn weighted_with(
+        &self,
+        weights: EnergyWeights,
+        mut alignments: Vec<(Arc<Alignment>, f64)>,
+        prescription: Option<(Arc<Prescription>, f64)>,
+    ) -> Result<WeightedModel, DesignError> {
+        let mut given = vec![("harmonic", weights.harmonic), ("biharmonic", weights.biharmonic)];
+        given.extend(alignments.iter().map(|a| ("alignment", a.1)));
+        given.extend(prescription.iter().map(|p| ("prescribed singularities", p.1)));
+        if let Some(&(name, value)) = given.iter().find(|w| !(w.1 >= 0.0 && w.1.is_finite())) {
+            return Err(DesignError::Weight { name, value });
+        }
+        if given.iter().all(|w| w.1 == 0.0) {
+            return Err(DesignError::NoEnergy);
+        }
+        alignments.retain(|a| a.1 > 0.0);
+        let prescription = prescription.filter(|p| p.1 > 0.0);
+        let uniform = alignments.iter().filter(|a| a.0.gram.is_none()).map(|a| a.1).sum::<f64>()
+            + prescription.as_ref().map_or(0.0, |p| p.1);
+        let mut kernel = Vec::new();
+        let literal = self.pencil.as_ref().is_some_and(|pencil| pencil.literal.is_some());
+        let diagonal = self.has_ritz() && !literal && alignments.iter().all(|a| a.0.gram.is_none());
+        let mut pencil = None;
+        let inverse = if diagonal {
+            let values = self.values();
+            let largest = values.last().copied().unwrap_or(0.0);
+            let one = |(i, &value): (usize, &f64)| {
+                if uniform == 0.0 && value <= KERNEL * largest {
+                    kernel.push(i);
+                    0.0
+                } else {
+                    1.0 / (weights.harmonic * value + weights.biharmonic * value * value + uniform)
+                }
+            };
+            Inverse::Ritz(values.iter().enumerate().map(one).collect())
+        } else {
+            let known = self.pencil.clone().or_else(|| alignments.iter().find_map(|a| a.0.pencil.clone()));
+            let missing = || DesignError::Dimension { dimension: self.dimension(), most: MOST_DIMENSIONS };
+            let known = known.ok_or_else(missing)?;
+            let grams = alignments.iter().filter_map(|a| a.0.gram.as_ref().map(|gram| (gram, a.1))).collect();
+            let sum = Sum { harmonic: weights.harmonic, biharmonic: weights.biharmonic, uniform, grams };
+            let inverse = Inverse::Sparse(known.factor(&sum)?);
+            pencil = Some(known);
+            inverse
+        };
+        let d = self.dimension();
+        let pull = |fields: &[(&Alignment, f64)]| {
+            let mut force = vec![0.0; d];
+            for (field, weight) in fields {
+                let own = if diagonal { &field.projected } else { &field.reduced };
+                force.iter_mut().zip(own).for_each(|(f, p)| *f += weight * p);
+            }
+            let mut field = force.clone();
+            if !fields.is_empty() {
+                inverse.apply(&mut field);
+            }
+            Pull { force, field }
+        };
+        let free = pull(&alignments.iter().map(|(field, weight)| (&**field, *weight)).collect::<Vec<_>>());
+        let turned =
+            prescription.as_ref().map(|(p, weight)| [pull(&[(&p.along, *weight)]), pull(&[(&p.across, *weight)])]);
+        let model = self.clone();
+        Ok(WeightedModel { model, pencil, weights, alignments, prescription, inverse, free, turned, kernel })
+    }
+}
+
+impl Inverse {
+    fn apply(&self, vectors: &mut [f64]) {
+        match self {
+            Self::Ritz(diagonal) => {
+                for vector in vectors.chunks_mut(diagonal.len().max(1)) {
+                    vector.iter_mut().zip(diagonal).for_each(|(x, d)| *x *= d);
+                }
+            }
+            Self::Sparse(inverse) => inverse.apply(vectors),
+        }
+    }
+}
+
+impl WeightedModel {
+    /// The field of least energy under the constraints. With prescribed singularities the faces around them are constrained too: to the direction
+    /// that they prescribe, and to the length that the field has there without.
+    ///
+    /// # Errors
+    /// [`DesignError`] names the constraint that cannot be used or met.
+    pub fn solve(&self, basis: &FieldBasis, constraints: &[Constraint]) -> Result<Design, DesignError> {
+        let b = basis.space.block();
+        length("the space", basis.space.dimension(), self.model.dimension())?;
+        self.check(basis, constraints)?;
+        let kept = without_repetitions(constraints);
+        if kept.is_empty() && self.alignments.is_empty() && self.prescription.is_none() {
+            return Err(DesignError::NoData);
+        }
+        let mut conditions: Vec<Condition> = kept
+            .iter()
+            .map(|&c| Condition {
+                face: constraints[c].face,
+                value: constraints[c].value,
+                give: constraints[c].weight.map_or(Give::Share(HARD), |w| Give::Weight(1.0 / w)),
+            })
+            .collect();
+        let turn = self.prescription.as_ref().map(|(p, _)| p.turn(constraints));
+        let start = match (turn, &self.turned) {
+            (Some(turn), Some([along, across])) => {
+                let mix = |free: &[f64], a: &[f64], b: &[f64]| -> Vec<f64> {
+                    free.iter().zip(a.iter().zip(b)).map(|(f, (a, b))| f + turn[0] * a + turn[1] * b).collect()
+                };
+                Pull {
+                    force: mix(&self.free.force, &along.force, &across.force),
+                    field: mix(&self.free.field, &along.field, &across.field),
+                }
+            }
+            _ => self.free.clone(),
+        };
+        let mut rows = self.rows(basis, &conditions);
+        let mut found = start.clone();
+        self.meet(&rows, &conditions, b, &mut found)?;
+        if let (Some(turn), Some((prescription, _))) = (turn, &self.prescription) {
+            let own = conditions.len();
+            conditions.extend(self.around(basis, prescription, turn, &found.field));
+            rows = self.rows(basis, &conditions);
+            for _ in 0..ROUNDS {
+                found = start.clone();
+                self.meet(&rows, &conditions, b, &mut found)?;
+                let mut at = own;
+                let mut met = true;
+                for fan in prescription.field.fans() {
+                    let range = at..at + fan.len();
+                    at = range.end;
+                    if !range.clone().all(|c| near(&rows, &conditions[c], b * c..b * (c + 1), &found.field)) {
+                        met = false;
+                        conditions[range].iter_mut().for_each(Condition::harden);
+                    }
+                }
+                if met {
+                    break;
+                }
+            }
+        }
+        self.finish(found, turn, &rows, &kept, constraints, b)
+    }
+
+    /// The rows of the space at conditions, in the coordinates of the inverse: `d × b k`.
+    fn rows(&self, basis: &FieldBasis, conditions: &[Condition]) -> DenseMatrix {
+        let (b, d) = (basis.space.block(), self.model.dimension());
+        let mut rows = DenseMatrix::zeros(d, b * conditions.len());
+        for (at, condition) in conditions.iter().enumerate() {
+            basis.space.row_entries(condition.face as usize, |column, u| {
+                for (i, &u) in u.iter().enumerate() {
+                    let into = rows.column_mut(b * at + i);
+                    match &self.inverse {
+                        Inverse::Ritz(_) => add_row(into, &self.model.ritz.vectors[d * column..d * (column + 1)], u),
+                        Inverse::Sparse(_) => into[column] += u,
+                    }
+                }
+            });
+        }
+        rows
+    }
+
+    /// The conditions around prescribed singularities, their lengths read from a field.
+    fn around(&self, basis: &FieldBasis, prescription: &Prescription, turn: Planar, field: &[f64]) -> Vec<Condition> {
+        let (b, target) = (basis.space.block(), &prescription.field);
+        let spacing = (basis.space.groups().max(1) as f64).sqrt();
+        let mut all = Vec::new();
+        for ((fan, distance), singularity) in target.fans().iter().zip(target.distances()).zip(target.prescribed()) {
+            let growth = (distance * spacing).min(1.0).powi(singularity.numerator.unsigned_abs() as i32);
+            let mut conditions: Vec<Condition> = fan
+                .iter()
+                .map(|&(face, size)| Condition {
+                    face,
+                    value: target.value(face as usize, turn).map(|v| v * size),
+                    give: Give::Share(AROUND),
+                })
+                .collect();
+            let rows = self.rows(basis, &conditions);
+            let (mut product, mut square) = (0.0, 0.0);
+            for (at, condition) in conditions.iter().enumerate() {
+                for i in 0..b {
+                    let own: f64 = rows.column(b * at + i).iter().zip(field).map(|(r, z)| r * z).sum();
+                    product += own * condition.value[i];
+                    square += condition.value[i] * condition.value[i];
+                }
+            }
+            let length = (product / square.max(f64::MIN_POSITIVE)).max(LEAST_GROWTH * growth);
+            conditions.iter_mut().for_each(|c| c.value = c.value.map(|v| v * length));
+            all.extend(conditions);
+        }
+        all
+    }
+
+    /// Changes a field so that it meets conditions.
+    fn meet(
+        &self,
+        rows: &DenseMatrix,
+        conditions: &[Condition],
+        b: usize,
+        found: &mut Pull,
+    ) -> Result<(), DesignError> {
+        if conditions.is_empty() {
+            return Ok(());
+        }
+        let mut solved = rows.clone();
+        self.inverse.apply(solved.values_mut());
+        let y = self.multipliers(rows, &solved, conditions, b, &mut found.field)?;
+        for (column, &y) in y.iter().enumerate() {
+            found.field.iter_mut().zip(solved.column(column)).for_each(|(z, s)| *z += y * s);
+            found.force.iter_mut().zip(rows.column(column)).for_each(|(f, r)| *f += y * r);
+        }
+        Ok(())
+    }
+
+    /// What pulls at each constrained number; puts the part of the solution that has no energy into `z`.
+    fn multipliers(
+        &self,
+        rows: &DenseMatrix,
+        solved: &DenseMatrix,
+        conditions: &[Condition],
+        b: usize,
+        z: &mut [f64],
+    ) -> Result<Vec<f64>, DesignError> {
+        let (d, k, free) = (rows.rows(), rows.columns(), self.kernel.len());
+        let misfit = || DesignError::Length { what: "constraints", got: k, wanted: d };
+        let mut system = match &self.inverse {
+            Inverse::Ritz(diagonal) => {
+                // Half of K⁻¹ on either side keeps the product symmetric.
+                let mut scaled = rows.clone();
+                for column in 0..k {
+                    scaled.column_mut(column).iter_mut().zip(diagonal).for_each(|(x, d)| *x *= d.sqrt());
+                }
+                scaled.transposed_times(&scaled).ok_or_else(misfit)?
+            }
+            Inverse::Sparse(_) => {
+                // Only the lower triangle is read.
+                rows.transposed_times(solved).ok_or_else(misfit)?
+            }
+        };
+        let mean = (0..k).map(|i| system.column(i)[i]).sum::<f64>() / k as f64;
+        for (at, condition) in conditions.iter().enumerate() {
+            for i in b * at..b * (at + 1) {
+                system.column_mut(i)[i] += match condition.give {
+                    Give::Weight(give) => give,
+                    Give::Share(share) => share * mean,
+                };
+            }
+        }
+        // Right-hand sides: what is missing, and the rows of the kernel.
+        let mut rhs = DenseMatrix::zeros(k, 1 + free);
+        for i in 0..k {
+            let reached: f64 = rows.column(i).iter().zip(z.iter()).map(|(r, z)| r * z).sum();
+            rhs.column_mut(0)[i] = conditions[i / b].value[i % b] - reached;
+            for (j, &at) in self.kernel.iter().enumerate() {
+                rhs.column_mut(1 + j)[i] = rows.column(i)[at];
+            }
+        }
+        let right = rhs.clone();
+        let factor = DefiniteFactor::new(system.clone()).map_err(|error| match error {
+            DefiniteError::NotPositiveDefinite { pivot } => {
+                DesignError::Dependent { face: conditions[(pivot / b).min(conditions.len() - 1)].face }
+            }
+            other => DesignError::Factor(other),
+        })?;
+        factor.solve(&mut rhs).map_err(DesignError::Factor)?;
+        let mut y = rhs.column(0).to_vec();
+        if matches!(self.inverse, Inverse::Sparse(_)) {
+            // There a pull moves what has nearly no energy so far that the share of it is much: without it, by refinement.
+            for _ in 0..REFINEMENTS {
+                let mut rest = DenseMatrix::zeros(k, 1);
+                for i in 0..k {
+                    let own: f64 = system.column(i).iter().zip(&y).map(|(s, y)| s * y).sum();
+                    let hard = matches!(conditions[i / b].give, Give::Share(share) if share == HARD);
+                    let given = if hard { HARD * mean * y[i] } else { 0.0 };
+                    rest.column_mut(0)[i] = right.column(0)[i] - own + given;
+                }
+                factor.solve(&mut rest).map_err(DesignError::Factor)?;
+                y.iter_mut().zip(rest.column(0)).for_each(|(y, r)| *y += r);
+            }
+        }
+        if free > 0 {
+            let products = right.transposed_times(&rhs).ok_or_else(misfit)?;
+            let mut square = DenseMatrix::zeros(free, free);
+            let mut known = DenseMatrix::zeros(free, 1);
+            let largest = (0..free).map(|j| products.column(1 + j)[1 + j]).fold(0.0, f64::max);
+            for j in 0..free {
+                square.column_mut(j).copy_from_slice(&products.column(1 + j)[1..]);
+                // Where constraints do not say how much of the kernel there is, as little as possible.
+                square.column_mut(j)[j] += 1e-9 * largest + f64::MIN_POSITIVE;
+                known.column_mut(0)[j] = products.column(0)[1 + j];
+            }
+            solve_definite(square, &mut known).map_err(DesignError::Factor)?;
+            for (j, &at) in self.kernel.iter().enumerate() {
+                let amount = known.column(0)[j];
+                z[at] += amount;
+                y.iter_mut().zip(rhs.column(1 + j)).for_each(|(y, t)| *y -= amount * t);
+            }
+        }
+        Ok(y)
+    }
+
+    fn finish(
+        &self,
+        found: Pull,
+        turn: Option<Planar>,
+        rows: &DenseMatrix,
+        kept: &[usize],
+        constraints: &[Constraint],
+        b: usize,
+    ) -> Result<Design, DesignError> {
+        let (model, own) = (&self.model, &found.field);
+        let product = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+        let residual = |c: usize| {
+            // Repeated hard constraints share the rows of the first.
+            let at = kept.iter().position(|&k| k == c || same(&constraints[k], &constraints[c]));
+            let deviation = |at: usize, i: usize| product(rows.column(b * at + i), own) - constraints[c].value[i];
+            at.map_or(0.0, |at| (0..b).map(|i| deviation(at, i).powi(2)).sum::<f64>().sqrt())
+        };
+        let residuals = (0..constraints.len()).map(residual).collect();
+        let deviation = self.deviation(own, turn);
+        let (coefficients, ritz, harmonic_energy, biharmonic_energy) = match &self.inverse {
+            Inverse::Ritz(_) => {
+                let sum = |power: i32| own.iter().zip(model.values()).map(|(z, v)| v.powi(power) * z * z).sum::<f64>();
+                (model.expand(own), own.clone(), sum(1), sum(2))
+            }
+            Inverse::Sparse(inverse) => {
+                let misfit = || DesignError::Length { what: "a field", got: own.len(), wanted: model.dimension() };
+                let pencil = self.pencil.as_ref().ok_or_else(misfit)?;
+                let image = pencil.stiffness.multiply(own).ok_or_else(misfit)?;
+                let ritz = if model.has_ritz() {
+                    model.project(&pencil.mass.multiply(own).ok_or_else(misfit)?)
+                } else {
+                    Vec::new()
+                };
+                let biharmonic = match &pencil.literal {
+                    Some(literal) => product(&literal.multiply(own).ok_or_else(misfit)?, own),
+                    None => inverse.laplacian(&found.force, &image).map_or(0.0, |y| product(&y, &image)),
+                };
+                (own.iter().map(|&v| v as f32).collect(), ritz, product(&image, own), biharmonic)
+            }
+        };
+        Ok(Design {
+            coefficients,
+            ritz,
+            harmonic_energy,
+            biharmonic_energy,
+            alignment_energy: deviation,
+            residuals,
+            turn,
+        })
+    }
+
+    /// How far a field is from those that it is to stay close to.
+    fn deviation(&self, own: &[f64], turn: Option<Planar>) -> Option<f64> {
+        let product = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+        let ritz = matches!(self.inverse, Inverse::Ritz(_));
+        let target = |field: &Alignment| product(own, if ritz { &field.projected } else { &field.reduced });
+        let square = |gram: Option<&SparseMatrix>| match gram {
+            None if ritz => product(own, own),
+            gram => {
+                let mass = gram.or(self.pencil.as_ref().map(|pencil| &pencil.mass));
+                mass.and_then(|mass| mass.multiply(own)).map_or(0.0, |image| product(&image, own))
+            }
+        };
+        let mut sum = None;
+        for (field, _) in &self.alignments {
+            let one = square(field.gram.as_ref()) - 2.0 * target(field) + field.constant;
+            sum = Some(sum.unwrap_or(0.0) + one.max(0.0));
+        }
+        if let (Some((p, _)), Some(turn)) = (&self.prescription, turn) {
+            let mixed = turn[0] * target(&p.along) + turn[1] * target(&p.across);
+            let one = square(None) - 2.0 * mixed + p.along.constant;
+            sum = Some(sum.unwrap_or(0.0) + one.max(0.0));
+        }
+        sum
+    }
+
+    /// About the bytes that it takes beside the model.
+    pub fn bytes(&self) -> u64 {
+        let inverse = match &self.inverse {
+            Inverse::Ritz(diagonal) => 8 * diagonal.len() as u64,
+            Inverse::Sparse(inverse) => inverse.bytes(),
+        };
+        inverse + 48 * self.model.dimension() as u64
+    }
+
+    /// The weights it was made for.
+    pub fn weights(&self) -> EnergyWeights {
+        self.weights
+    }
+
+    fn check(&self, basis: &FieldBasis, constraints: &[Constraint]) -> Result<(), DesignError> {
+        let (b, faces) = (basis.space.block(), basis.space.faces());
+        for (constraint, c) in constraints.iter().enumerate() {
+            if c.face as usize >= faces {
+                return Err(DesignError::Face { constraint, face: c.face, faces });
+            }
+            let value = &c.value[..b];
+            let nothing = self.model.kind != FieldKind::Tensor {} && value.iter().all(|&v| v == 0.0);
+            if nothing || !value.iter().all(|v| v.is_finite()) {
+                return Err(DesignError::Direction { constraint, face: c.face });
+            }
+            if let Some(value) = c.weight.filter(|w| !(*w > 0.0 && w.is_finite())) {
+                return Err(DesignError::Weight { name: "constraint", value });
+            }
+        }
+        let mut hard: Vec<&Constraint> = constraints.iter().filter(|c| c.weight.is_none()).collect();
+        hard.sort_by_key(|c| c.face);
+        match hard.windows(2).find(|w| w[0].face == w[1].face && !same(w[0], w[1])) {
+            Some(pair) => Err(DesignError::Contradiction { face: pair[0].face }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Two hard constraints that say the same.
+fn same(a: &Constraint, b: &Constraint) -> bool {
+    a.weight.is_none() && b.weight.is_none() && a.face == b.face && a.value == b.value
+}
+
+/// The constraints without hard ones that say again what an earlier one says.
+fn without_repetitions(constraints: &[Constraint]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..constraints.len()).collect();
+    order.sort_by_key(|&c| (constraints[c].face, constraints[c].weight.is_some(), c));
+    let mut kept: Vec<usize> = Vec::with_capacity(order.len());
+    for &c in &order {
+        if !kept.last().is_some_and(|&last| same(&constraints[last], &constraints[c])) {
+            kept.push(c);
+        }
+    }
+    kept
+}

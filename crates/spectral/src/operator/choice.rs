@@ -1,0 +1,317 @@
+//! What a client may ask for, the operator that is made of it, and why.
+
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::intrinsic::Rim;
+use serde::{Deserialize, Serialize};
+
+use super::curvature::Surface;
+use super::manifold::Topology;
+use super::{EigenProblem, MassKind, OperatorError, boundary, extrinsic, hamiltonian, laplace, robust};
+
+/// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"robust"`, `"hodge"`, `{"extrinsic": {"t": 0.5}}`,
+/// `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}`, `{"hamiltonian": {"potential": {"values": [0.0, …]}}}`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum OperatorKind {
+    /// Laplace–Beltrami: by cotangents where the mesh is manifold, next to none of its triangles thin and none a needle; the robust one otherwise.
+    #[default]
+    Auto,
+    /// Laplace–Beltrami by the cotangents of the triangles as they are.
+    Laplace,
+    /// The robust Laplacian (Sharp and Crane 2020).
+    Robust,
+    /// The extrinsic family (thesis, eq. 2.13): `(1 − t) S + t A`, on the Laplacian that `auto` chooses.
+    Extrinsic {
+        /// From 0, the Laplacian, to 1, the operator that also follows the normals.
+        t: f64,
+    },
+    /// The Hamiltonian: the Laplacian that `auto` chooses, plus a potential.
+    Hamiltonian {
+        /// The potential.
+        potential: Potential,
+    },
+    /// The Hodge–Laplacian of tangential fields, two numbers for each face: see [`super::hodge`]. It acts on no functions, and [`assemble`] refuses it.
+    Hodge,
+}
+
+/// The potential of a Hamiltonian.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Potential {
+    /// `V = t (κ₁² + κ₂²)` (thesis, appendix 4.C), with the curvatures of the vertices.
+    Curvature {
+        /// The weight, without unit, at least 0.
+        t: f64,
+    },
+    /// One value for each vertex, in 1/length² of the input.
+    Values(Vec<f64>),
+}
+
+/// What holds at the boundary of the surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Boundary {
+    /// Nothing is fixed; the normal derivative vanishes.
+    #[default]
+    Neumann,
+    /// Functions vanish on the boundary: its vertices are no unknowns.
+    Dirichlet,
+}
+
+/// The eigenproblem that is wanted.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OperatorParameters {
+    /// The operator.
+    pub operator: OperatorKind,
+    /// The mass matrix.
+    pub mass: MassKind,
+    /// The boundary condition.
+    pub boundary: Boundary,
+}
+
+impl OperatorParameters {
+    /// Checks what can be checked without a mesh.
+    ///
+    /// # Errors
+    /// [`OperatorError::Parameter`] names what is out of range.
+    pub fn check(&self) -> Result<(), OperatorError> {
+        let error = |name, reason| Err(OperatorError::Parameter { name, reason });
+        match &self.operator {
+            OperatorKind::Extrinsic { t } if !(0.0..=1.0).contains(t) => {
+                error("operator.extrinsic.t", format!("must lie between 0 and 1, not be {t}"))
+            }
+            OperatorKind::Hamiltonian { potential: Potential::Curvature { t } } if !(0.0..=1e6).contains(t) => {
+                error("operator.hamiltonian.potential.curvature.t", format!("must lie between 0 and 1e6, not be {t}"))
+            }
+            OperatorKind::Hamiltonian { potential: Potential::Values(values) } => {
+                match values.iter().position(|v| !v.is_finite()) {
+                    Some(vertex) => error(
+                        "operator.hamiltonian.potential.values",
+                        format!("the value of vertex {vertex} is not a finite number"),
+                    ),
+                    None => Ok(()),
+                }
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Checks the parameters against the number of vertices.
+    ///
+    /// # Errors
+    /// [`OperatorError::Parameter`] where a potential has another number of values.
+    pub fn check_mesh(&self, vertices: usize) -> Result<(), OperatorError> {
+        match &self.operator {
+            OperatorKind::Hamiltonian { potential: Potential::Values(values) } if values.len() != vertices => {
+                Err(OperatorError::Parameter {
+                    name: "operator.hamiltonian.potential.values",
+                    reason: format!("{} values were sent for {vertices} vertices", values.len()),
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// How the Laplacian is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Laplacian {
+    /// From the cotangents of the triangles as they are.
+    #[default]
+    Cotangent,
+    /// From an intrinsic Delaunay triangulation of the tufted cover (Sharp and Crane 2020).
+    Robust,
+}
+
+/// Why the Laplacian is made so.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// The client asked for it.
+    Requested,
+    /// The mesh is manifold and its triangles are fair.
+    #[default]
+    FairMesh,
+    /// Some edges or vertices are not manifold.
+    NonManifold,
+    /// More than one face in a thousand is thin.
+    ThinFaces,
+    /// Some face is so thin that by cotangents it would spoil the result by itself: its longest edge is over a million times its height.
+    Needle,
+}
+
+/// What was chosen and come across when an operator was made.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct OperatorReport {
+    /// How the Laplacian was made.
+    pub laplacian: Laplacian,
+    /// Why.
+    pub reason: Reason,
+    /// Edges with three or more faces.
+    pub non_manifold_edges: usize,
+    /// Vertices whose faces form several fans, though none of their edges has three or more faces.
+    pub non_manifold_vertices: usize,
+    /// Faces with an angle below 0.06 degrees or above 179.94, and those without area.
+    pub thin_faces: usize,
+    /// Faces without an area: by cotangents they contribute nothing.
+    pub zero_area_faces: usize,
+    /// Vertices on which nothing acts; their mass is negligible.
+    pub massless_vertices: usize,
+    /// What was added to the length of each edge before anything else, as a share of the mean length; 0 without the robust Laplacian.
+    pub mollification: f64,
+    /// Edges that were flipped on the tufted cover.
+    pub flips: usize,
+    /// Whether the flips came to an end, so that no weight of the stiffness is negative. Without the robust Laplacian nobody asked.
+    pub delaunay: bool,
+    /// Vertices that are no unknowns.
+    pub removed_vertices: usize,
+}
+
+/// An eigenproblem on a mesh, and the Laplacian it rests on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeshOperator {
+    /// The eigenproblem.
+    pub problem: EigenProblem,
+    /// The Laplacian with all vertices as unknowns; `None` where `problem` is that.
+    base: Option<EigenProblem>,
+    /// A lower bound on the eigenvalues of the problem, on unit area: the least value of a potential that is negative somewhere, else 0.
+    pub floor: f64,
+    /// What was chosen, and why.
+    pub report: OperatorReport,
+}
+
+impl MeshOperator {
+    /// Whether the problem is that of the Laplacian on all vertices.
+    pub fn is_laplacian(&self) -> bool {
+        self.base.is_none()
+    }
+
+    /// The Laplacian on all vertices, without boundary condition: what local functions are diffused with.
+    pub fn laplacian(&self) -> &EigenProblem {
+        self.base.as_ref().unwrap_or(&self.problem)
+    }
+}
+
+/// From this many faces in a thousand on, thin ones call for the robust Laplacian.
+const THIN_PER_MILLE: usize = 1;
+
+/// Makes the operator that is asked for. Announces the stage `operator`.
+///
+/// # Errors
+/// [`OperatorError`]: parameters out of range, a mesh without area or unknowns, cancellation.
+pub fn assemble(
+    mesh: &TriangleMesh,
+    parameters: &OperatorParameters,
+    monitor: &dyn Monitor,
+) -> Result<MeshOperator, OperatorError> {
+    monitor.stage("operator");
+    parameters.check()?;
+    parameters.check_mesh(mesh.positions.len())?;
+    if parameters.operator == OperatorKind::Hodge {
+        let reason = "\"hodge\" acts on tangential fields, not on functions".to_owned();
+        return Err(OperatorError::Parameter { name: "operator", reason });
+    }
+    let measured = laplace::measure(mesh)?;
+    let topology = Topology::new(mesh.positions.len(), &mesh.faces, &measured.corners);
+    monitor.checkpoint()?;
+
+    let (laplacian, reason) = choose(&parameters.operator, mesh, &measured, &topology);
+    let mut report = OperatorReport {
+        laplacian,
+        reason,
+        non_manifold_edges: topology.non_manifold_edges,
+        non_manifold_vertices: topology.non_manifold_vertices,
+        thin_faces: measured.thin_faces,
+        zero_area_faces: measured.zero_area_faces,
+        ..OperatorReport::default()
+    };
+    let dirichlet = parameters.boundary == Boundary::Dirichlet && !topology.boundary.is_empty();
+    let triangulation;
+    let (laplacian, faces, shapes) = match laplacian {
+        Laplacian::Cotangent => {
+            let (problem, massless) = laplace::cotangent(mesh, &measured, parameters.mass);
+            report.massless_vertices = massless;
+            (problem, &mesh.faces[..], &measured.shapes[..])
+        }
+        Laplacian::Robust => {
+            let rim = if dirichlet { Rim::Fixed } else { Rim::Free };
+            let found;
+            (triangulation, found) = robust::triangulate(mesh, &measured, rim, monitor)?;
+            let (problem, found) = robust::of_triangulation(mesh, &measured, &triangulation, found, parameters.mass)?;
+            report.mollification = found.mollification;
+            report.flips = found.flips;
+            report.delaunay = found.delaunay;
+            report.massless_vertices = found.massless_vertices;
+            (problem, triangulation.faces(), triangulation.shapes())
+        }
+    };
+    monitor.checkpoint()?;
+
+    let stiffness = match &parameters.operator {
+        OperatorKind::Auto | OperatorKind::Laplace | OperatorKind::Robust | OperatorKind::Hodge => None,
+        OperatorKind::Extrinsic { t } => {
+            let normals = Surface::new(mesh, &measured).normals(&measured.corners);
+            Some(extrinsic::blend(&laplacian.stiffness, &normals, *t))
+        }
+        OperatorKind::Hamiltonian { potential: Potential::Values(values) } => {
+            Some(hamiltonian::add_potential(&laplacian, faces, shapes, values)?)
+        }
+        OperatorKind::Hamiltonian { potential: Potential::Curvature { t } } => {
+            let squares = Surface::new(mesh, &measured).curvatures(&measured.corners).squares();
+            let most = hamiltonian::LARGEST / laplacian.area;
+            let potential: Vec<f64> = squares.iter().map(|square| (t * square).min(most)).collect();
+            Some(hamiltonian::add_potential(&laplacian, faces, shapes, &potential)?)
+        }
+    };
+    let floor = match &parameters.operator {
+        OperatorKind::Hamiltonian { potential: Potential::Values(values) } => {
+            laplacian.area * values.iter().copied().fold(0.0, f64::min)
+        }
+        _ => 0.0,
+    };
+    let whole = stiffness.map(|stiffness| EigenProblem {
+        stiffness,
+        mass: laplacian.mass.clone(),
+        area: laplacian.area,
+        unknowns: None,
+    });
+    if !dirichlet {
+        return Ok(match whole {
+            Some(problem) => MeshOperator { problem, base: Some(laplacian), floor, report },
+            None => MeshOperator { problem: laplacian, base: None, floor, report },
+        });
+    }
+    report.removed_vertices = topology.boundary.len();
+    let problem = boundary::without(whole.as_ref().unwrap_or(&laplacian), &topology.boundary)?;
+    Ok(MeshOperator { problem, base: Some(laplacian), floor, report })
+}
+
+/// Which Laplacian to take.
+fn choose(
+    wanted: &OperatorKind,
+    mesh: &TriangleMesh,
+    measured: &laplace::Measured,
+    topology: &Topology,
+) -> (Laplacian, Reason) {
+    match wanted {
+        OperatorKind::Laplace => (Laplacian::Cotangent, Reason::Requested),
+        OperatorKind::Robust => (Laplacian::Robust, Reason::Requested),
+        OperatorKind::Auto
+        | OperatorKind::Extrinsic { .. }
+        | OperatorKind::Hamiltonian { .. }
+        | OperatorKind::Hodge => {
+            if topology.non_manifold_edges + topology.non_manifold_vertices > 0 {
+                (Laplacian::Robust, Reason::NonManifold)
+            } else if 1000 * measured.thin_faces > THIN_PER_MILLE * mesh.faces.len() {
+                (Laplacian::Robust, Reason::ThinFaces)
+            } else if measured.needles > 0 {
+                (Laplacian::Robust, Reason::Needle)
+            } else {
+                (Laplacian::Cotangent, Reason::FairMesh)
+            }
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! Normals, shape operators and principal curvatures.
+//!
+//! The shape operator of a face comes from the normals at the middle of its edges (Grinspun et al. 2006):
+//! `T = Σ_k (q_i + q_j − q_k) / (8A²) t_k t_kᵀ` with `q_k = 2 (n_i − n_j) · e_k`, `t_k = e_k × n`, and `n_k` the unit sum of the normals of
+//! the two faces at edge `k`; an edge that has not two faces takes the normal of its own. That of a vertex is the mean over its faces,
+//! weighted by area, each turned into the plane of the vertex. A sphere with outward normals has positive curvatures.
+
+use chladni_mesh::TriangleMesh;
+use rayon::prelude::*;
+
+use super::corners::Corners;
+use super::{OperatorError, laplace};
+
+type Vector = [f64; 3];
+
+/// Principal curvatures and directions at every vertex.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Curvatures {
+    /// Unit normals.
+    pub normals: Vec<[f64; 3]>,
+    /// The larger principal curvature κ₁, in 1/length.
+    pub largest: Vec<f64>,
+    /// The smaller one, κ₂.
+    pub smallest: Vec<f64>,
+    /// The unit direction of κ₁ in the plane of the vertex; κ₂ belongs to `normal × direction`. At an umbilic any.
+    pub directions: Vec<[f64; 3]>,
+}
+
+impl Curvatures {
+    /// `κ₁² + κ₂²` of every vertex, in 1/length².
+    pub fn squares(&self) -> Vec<f64> {
+        self.largest.iter().zip(&self.smallest).map(|(a, b)| a * a + b * b).collect()
+    }
+}
+
+/// The curvatures of a mesh. Vertices that no face with an area touches have none.
+///
+/// # Errors
+/// [`OperatorError`] names a corner out of range or a coordinate that is not finite, or says that the mesh has no area.
+pub fn curvatures(mesh: &TriangleMesh) -> Result<Curvatures, OperatorError> {
+    let measured = laplace::measure(mesh)?;
+    Ok(Surface::new(mesh, &measured).curvatures(&measured.corners))
+}
+
+/// Unit normals of the vertices: those of the faces around each, added up by area. Where these cancel each other, the normal of
+/// the largest face; `[0, 0, 1]` where no face has an area.
+///
+/// # Errors
+/// As [`curvatures`].
+pub fn vertex_normals(mesh: &TriangleMesh) -> Result<Vec<[f64; 3]>, OperatorError> {
+    let measured = laplace::measure(mesh)?;
+    Ok(Surface::new(mesh, &measured).normals(&measured.corners))
+}
+
+/// A mesh with the normals and areas of its faces, scaled by a power of two.
+pub(super) struct Surface<'a> {
+    mesh: &'a TriangleMesh,
+    scale: f64,
+    /// Unit normal and area; zeros for faces without area.
+    faces: Vec<(Vector, f64)>,
+}
+
+fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: Vector, b: Vector) -> Vector {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn minus(a: Vector, b: Vector) -> Vector {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+fn unit(a: Vector) -> Option<Vector> {
+    let length = dot(a, a).sqrt();
+    (length > 0.0).then(|| a.map(|x| x / length))
+}
+
+impl<'a> Surface<'a> {
+    pub fn new(mesh: &'a TriangleMesh, measured: &laplace::Measured) -> Self {
+        let scale = measured.scale;
+        let at = |v: u32| mesh.positions[v as usize].map(|x| x * scale);
+        let faces = mesh
+            .faces
+            .par_iter()
+            .zip(&measured.shapes)
+            .map(|(&face, shape)| {
+                if shape.area == 0.0 {
+                    return ([0.0; 3], 0.0);
+                }
+                let [p, q, r] = face.map(at);
+                unit(cross(minus(q, p), minus(r, p))).map_or(([0.0; 3], 0.0), |normal| (normal, shape.area))
+            })
+            .collect();
+        Self { mesh, scale, faces }
+    }
+
+    /// As [`vertex_normals`].
+    pub fn normals(&self, corners: &Corners) -> Vec<Vector> {
+        (0..self.mesh.positions.len())
+            .into_par_iter()
+            .with_min_len(4096)
+            .map(|v| {
+                let (mut sum, mut total, mut largest) = ([0.0; 3], 0.0, ([0.0, 0.0, 1.0], 0.0));
+                for &corner in corners.on(v) {
+                    let (normal, area) = self.faces[corner as usize / 3];
+                    total += area;
+                    (0..3).for_each(|k| sum[k] += area * normal[k]);
+                    if area > largest.1 {
+                        largest = (normal, area);
+                    }
+                }
+                // Less than this is what rounding leaves of normals that cancel.
+                let telling = dot(sum, sum).sqrt() > 1e-9 * total;
+                unit(sum).filter(|_| telling).unwrap_or(largest.0)
+            })
+            .collect()
+    }
+
+    /// The shape operator of a face, in units of 1/length of the scaled mesh.
+    fn shape_operator(&self, face: usize, corners: &Corners) -> [[f64; 3]; 3] {
+        let (n, area) = self.faces[face];
+        let mut operator = [[0.0; 3]; 3];
+        if area == 0.0 {
+            return operator;
+        }
+        let [a, b, c] = self.mesh.faces[face];
+        let at = |v: u32| self.mesh.positions[v as usize].map(|x| x * self.scale);
+        let [p, q, r] = [a, b, c].map(at);
+        // Edge k is opposite to corner k.
+        let edges = [minus(r, q), minus(p, r), minus(q, p)];
+        let normals = [
+            self.middle_normal(face, b, c, corners),
+            self.middle_normal(face, c, a, corners),
+            self.middle_normal(face, a, b, corners),
+        ];
+        let q = [0, 1, 2].map(|k| 2.0 * dot(minus(normals[(k + 1) % 3], normals[(k + 2) % 3]), edges[k]));
+        for k in 0..3 {
+            let t = cross(edges[k], n);
+            let weight = (q[(k + 1) % 3] + q[(k + 2) % 3] - q[k]) / (8.0 * area * area);
+            for i in 0..3 {
+                for j in 0..3 {
+                    operator[i][j] += weight * t[i] * t[j];
+                }
+            }
+        }
+        operator
+    }
+
+    /// The normal at the middle of the edge from `from` to `to` of a face.
+    fn middle_normal(&self, face: usize, from: u32, to: u32, corners: &Corners) -> Vector {
+        let own = self.faces[face].0;
+        let mut other = None;
+        for &corner in corners.on(from as usize) {
+            let f = corner as usize / 3;
+            if f != face && self.mesh.faces[f].contains(&to) && self.faces[f].1 > 0.0 {
+                if other.is_some() {
+                    return own;
+                }
+                // A neighbour that runs along the edge in the same direction is seen from its back.
+                let there = self.mesh.faces[f];
+                let k = corner as usize % 3;
+                let sign = if there[(k + 1) % 3] == to { -1.0 } else { 1.0 };
+                other = Some(self.faces[f].0.map(|x| sign * x));
+            }
+        }
+        let Some(other) = other else { return own };
+        unit([own[0] + other[0], own[1] + other[1], own[2] + other[2]]).unwrap_or(own)
+    }
+
+    /// As [`curvatures`].
+    pub fn curvatures(&self, corners: &Corners) -> Curvatures {
+        let normals = self.normals(corners);
+        let operators: Vec<[[f64; 3]; 3]> =
+            (0..self.faces.len()).into_par_iter().with_min_len(1024).map(|f| self.shape_operator(f, corners)).collect();
+        let rows: Vec<(f64, f64, Vector)> = normals
+            .par_iter()
+            .enumerate()
+            .with_min_len(1024)
+            .map(|(v, &normal)| {
+                // Any two unit vectors of the plane.
+                let axis = if normal[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+                let x = unit(cross(axis, normal)).unwrap_or([1.0, 0.0, 0.0]);
+                let y = cross(normal, x);
+                let (mut sum, mut total) = ([0.0; 3], 0.0);
+                for &corner in corners.on(v) {
+                    let (face_normal, area) = self.faces[corner as usize / 3];
+                    if area == 0.0 {
+                        continue;
+                    }
+                    let operator = &operators[corner as usize / 3];
+                    // Seen from its front, wherever the normals of a vertex and its face agree.
+                    let sign = if dot(face_normal, normal) < 0.0 { -1.0 } else { 1.0 };
+                    let along = [x, y].map(|axis| turned(axis, normal, face_normal.map(|c| sign * c)));
+                    let applied = along.map(|a| [0, 1, 2].map(|i| dot(operator[i], a)));
+                    let weight = sign * area;
+                    sum[0] += weight * dot(along[0], applied[0]);
+                    sum[1] += weight * dot(along[0], applied[1]);
+                    sum[2] += weight * dot(along[1], applied[1]);
+                    total += area;
+                }
+                if total == 0.0 {
+                    return (0.0, 0.0, x);
+                }
+                let [xx, xy, yy] = sum.map(|s| s / total * self.scale);
+                let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+                let radius = half.hypot(xy);
+                // The eigenvector of mean + radius, from whichever row of T − κ₂ is larger.
+                let (s, t) = if half >= 0.0 { (half + radius, xy) } else { (xy, radius - half) };
+                let direction = unit([0, 1, 2].map(|k| s * x[k] + t * y[k])).unwrap_or(x);
+                (mean + radius, mean - radius, direction)
+            })
+            .collect();
+        Curvatures {
+            normals,
+            largest: rows.iter().map(|row| row.0).collect(),
+            smallest: rows.iter().map(|row| row.1).collect(),
+            directions: rows.iter().map(|row| row.2).collect(),
+        }
+    }
+}
+
+/// A vector of the plane with normal `from`, turned with it into `to` by the shortest rotation; the two are not opposite.
+fn turned(vector: Vector, from: Vector, to: Vector) -> Vector {
+    let axis = cross(from, to);
+    let cosine = dot(from, to);
+    let across = cross(axis, vector);
+    let along = dot(axis, vector) / (1.0 + cosine);
+    [0, 1, 2].map(|k| cosine * vector[k] + across[k] + along * axis[k])
+}

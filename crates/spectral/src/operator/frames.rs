@@ -1,0 +1,295 @@
+//! A frame in every face, and what it takes to compare numbers of neighbouring faces.
+//!
+//! The frame of a face: `x` its normalised first edge, from corner 0 to corner 1, and `y = n × x` (thesis, appendix 3.A). `J` turns by
+//! +90° in it. A vector field is two numbers per face, a symmetric tensor field three.
+
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::dual::{DualGraph, NO_FACE};
+use rayon::prelude::*;
+
+use super::OperatorError;
+
+/// A vector in the frame of a face, or a complex number.
+pub type Planar = [f64; 2];
+
+/// Faces below this share of the mean area count as having no area: they get this much.
+const LEAST_AREA: f64 = 1e-9;
+
+/// The product of two complex numbers.
+#[inline(always)]
+pub fn multiply(a: Planar, b: Planar) -> Planar {
+    [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
+}
+
+/// The complex conjugate.
+#[inline(always)]
+pub fn conjugate(a: Planar) -> Planar {
+    [a[0], -a[1]]
+}
+
+/// A complex number divided by its magnitude; 1 where it has none.
+#[inline(always)]
+pub fn normalise(a: Planar) -> Planar {
+    let length = a[0].hypot(a[1]);
+    if length > 1e-300 && length.is_finite() { [a[0] / length, a[1] / length] } else { [1.0, 0.0] }
+}
+
+/// A natural power of a complex number.
+pub fn power(a: Planar, n: u32) -> Planar {
+    let (mut result, mut square, mut rest) = ([1.0, 0.0], a, n);
+    while rest > 0 {
+        if rest & 1 == 1 {
+            result = multiply(result, square);
+        }
+        square = multiply(square, square);
+        rest >>= 1;
+    }
+    result
+}
+
+/// The frames of all faces, their edges in them, and areas; edges and areas on the surface scaled to unit area.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FaceFrames {
+    x: Vec<[f64; 3]>,
+    y: Vec<[f64; 3]>,
+    edges: Vec<[Planar; 3]>,
+    areas: Vec<f64>,
+    area: f64,
+    degenerate: usize,
+}
+
+impl FaceFrames {
+    /// Frames of a mesh whose faces refer to vertices that are there.
+    ///
+    /// A face without area takes the frame of its longest edge and any normal; its area counts as a billionth of the mean.
+    ///
+    /// # Errors
+    /// [`OperatorError`] names a corner out of range or a coordinate that is not finite, or says that the mesh has no area.
+    pub fn new(mesh: &TriangleMesh) -> Result<Self, OperatorError> {
+        let n = mesh.positions.len();
+        for (face, corners) in mesh.faces.iter().enumerate() {
+            if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= n) {
+                return Err(OperatorError::VertexOutOfRange { face, vertex, vertices: n });
+            }
+        }
+        if let Some(vertex) = mesh.positions.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
+            return Err(OperatorError::NotFinite { vertex });
+        }
+        let area = chladni_mesh::measure::surface_area(mesh);
+        if !(area > 0.0 && area.is_finite()) {
+            return Err(OperatorError::NoArea);
+        }
+        let unit = 1.0 / area.sqrt();
+        let least = LEAST_AREA / mesh.faces.len() as f64;
+        let per_face: Vec<Face> =
+            mesh.faces.par_iter().with_min_len(1 << 12).map(|face| Face::new(mesh, face, unit)).collect();
+        let mut frames = Self {
+            x: per_face.par_iter().with_min_len(1 << 14).map(|f| f.x).collect(),
+            y: per_face.par_iter().with_min_len(1 << 14).map(|f| f.y).collect(),
+            edges: per_face.par_iter().with_min_len(1 << 14).map(|f| f.edges).collect(),
+            areas: per_face.par_iter().with_min_len(1 << 14).map(|f| f.area).collect(),
+            area,
+            degenerate: 0,
+        };
+        for a in &mut frames.areas {
+            if *a < least {
+                *a = least;
+                frames.degenerate += 1;
+            }
+        }
+        Ok(frames)
+    }
+
+    /// The number of faces.
+    pub fn faces(&self) -> usize {
+        self.areas.len()
+    }
+
+    /// The first axes of all faces, unit vectors in ℝ³.
+    pub fn x_axes(&self) -> &[[f64; 3]] {
+        &self.x
+    }
+
+    /// The second axes of all faces, unit vectors in ℝ³.
+    pub fn y_axes(&self) -> &[[f64; 3]] {
+        &self.y
+    }
+
+    /// The unit normal of a face.
+    pub fn normal(&self, face: usize) -> [f64; 3] {
+        cross(self.x[face], self.y[face])
+    }
+
+    /// The areas of the faces; they add up to 1.
+    pub fn areas(&self) -> &[f64] {
+        &self.areas
+    }
+
+    /// The area of the mesh in the units of the input.
+    pub fn area(&self) -> f64 {
+        self.area
+    }
+
+    /// How many faces have no area to speak of.
+    pub fn degenerate_faces(&self) -> usize {
+        self.degenerate
+    }
+
+    /// The edges of a face in its frame, counter-clockwise, edge `k` opposite to corner `k`; unit area.
+    pub fn edges(&self, face: usize) -> [Planar; 3] {
+        self.edges[face]
+    }
+
+    /// The unit number that carries vectors of the neighbour across edge `k` into the frame of `face`: both see the shared edge, in
+    /// opposite directions. `None` at a boundary.
+    pub fn rotation(&self, dual: &DualGraph, face: usize, k: usize) -> Option<Planar> {
+        let neighbour = dual.neighbours(face)[k];
+        if neighbour == NO_FACE {
+            return None;
+        }
+        let j = dual.slot(neighbour, dual.edges(face)[k]);
+        let (own, other) = (self.edges[face][k], self.edges[neighbour as usize][j]);
+        Some(normalise(multiply([-own[0], -own[1]], conjugate(other))))
+    }
+
+    /// A vector of a frame in ℝ³.
+    pub fn to_world(&self, face: usize, v: Planar) -> [f64; 3] {
+        let (x, y) = (self.x[face], self.y[face]);
+        [0, 1, 2].map(|i| v[0] * x[i] + v[1] * y[i])
+    }
+
+    /// A vector in ℝ³ in a frame; its normal part is lost.
+    pub fn from_world(&self, face: usize, v: [f64; 3]) -> Planar {
+        [dot(v, self.x[face]), dot(v, self.y[face])]
+    }
+
+    /// The same frames, each turned by its own angle, given as unit numbers: what was `v` in the old frame is `v / turn` in the new
+    /// one. Nothing that matters may depend on the choice of frames.
+    pub fn turned(&self, turns: &[Planar]) -> Option<Self> {
+        if turns.len() != self.faces() {
+            return None;
+        }
+        let mut turned = self.clone();
+        for (face, &turn) in turns.iter().enumerate() {
+            let turn = normalise(turn);
+            turned.x[face] = self.to_world(face, turn);
+            turned.y[face] = self.to_world(face, [-turn[1], turn[0]]);
+            turned.edges[face] = self.edges[face].map(|e| multiply(e, conjugate(turn)));
+        }
+        Some(turned)
+    }
+}
+
+struct Face {
+    x: [f64; 3],
+    y: [f64; 3],
+    edges: [Planar; 3],
+    area: f64,
+}
+
+impl Face {
+    fn new(mesh: &TriangleMesh, face: &[u32; 3], unit: f64) -> Self {
+        let p = face.map(|v| mesh.positions[v as usize]);
+        let between = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|i| (b[i] - a[i]) * unit);
+        let e = [between(p[1], p[2]), between(p[2], p[0]), between(p[0], p[1])];
+        let normal = cross(e[2], e[0]);
+        let doubled = dot(normal, normal).sqrt();
+        // The first edge, unless it has no length.
+        let first = [e[2], e[0], e[1]].into_iter().find(|e| dot(*e, *e) > 1e-60).unwrap_or([1.0, 0.0, 0.0]);
+        let x = unit_vector(first);
+        let longest = e.iter().map(|e| dot(*e, *e)).fold(0.0, f64::max);
+        let y = if doubled > 4.0 * f64::EPSILON * longest {
+            unit_vector(cross(normal.map(|c| c / doubled), x))
+        } else {
+            let least = (0..3).min_by(|&i, &j| x[i].abs().total_cmp(&x[j].abs())).unwrap_or(0);
+            let mut axis = [0.0; 3];
+            axis[least] = 1.0;
+            unit_vector(cross(axis, x))
+        };
+        Self { x, y, edges: e.map(|e| [dot(e, x), dot(e, y)]), area: 0.5 * doubled }
+    }
+}
+
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub(crate) fn unit_vector(a: [f64; 3]) -> [f64; 3] {
+    let length = dot(a, a).sqrt();
+    if length > 0.0 { a.map(|c| c / length) } else { [1.0, 0.0, 0.0] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chladni_mesh::fixtures::sphere;
+
+    #[test]
+    fn frames_are_right_handed_and_hold_the_edges() {
+        let mesh = sphere(7);
+        let frames = FaceFrames::new(&mesh).unwrap();
+        let scale = 1.0 / frames.area().sqrt();
+        assert!((frames.areas().iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        for (f, face) in mesh.faces.iter().enumerate() {
+            let p = face.map(|v| mesh.positions[v as usize]);
+            let n = frames.normal(f);
+            assert!(dot(n, p[0]) > 0.9, "outwards");
+            for k in 0..3 {
+                let e = frames.to_world(f, frames.edges(f)[k]);
+                let expected = [0, 1, 2].map(|i| (p[(k + 2) % 3][i] - p[(k + 1) % 3][i]) * scale);
+                assert!((0..3).all(|i| (e[i] - expected[i]).abs() < 1e-14));
+                let back = frames.from_world(f, e);
+                assert!((back[0] - frames.edges(f)[k][0]).abs() < 1e-14);
+            }
+            assert!(frames.edges(f)[2][1].abs() < 1e-14 && frames.edges(f)[2][0] > 0.0, "x is the first edge");
+        }
+    }
+
+    #[test]
+    fn carrying_there_and_back_changes_nothing() {
+        let mesh = sphere(5);
+        let dual = DualGraph::new(&mesh).unwrap();
+        let frames = FaceFrames::new(&mesh).unwrap();
+        for f in 0..frames.faces() {
+            for k in 0..3 {
+                let g = dual.neighbours(f)[k];
+                let there = frames.rotation(&dual, f, k).unwrap();
+                let back = frames.rotation(&dual, g as usize, dual.slot(g, dual.edges(f)[k])).unwrap();
+                let both = multiply(there, back);
+                assert!((both[0] - 1.0).abs() < 1e-13 && both[1].abs() < 1e-13);
+            }
+        }
+    }
+
+    #[test]
+    fn faces_without_area_are_counted_and_get_a_frame() {
+        let mut mesh = sphere(3);
+        let at = mesh.positions[mesh.faces[0][0] as usize];
+        mesh.positions.push([at[0] * 2.0, 0.0, 0.0]);
+        mesh.positions.push([at[0] * 3.0, 0.0, 0.0]);
+        mesh.positions.push([at[0] * 4.0, 0.0, 0.0]);
+        let n = mesh.positions.len() as u32;
+        mesh.faces.push([n - 3, n - 2, n - 1]);
+        let frames = FaceFrames::new(&mesh).unwrap();
+        assert_eq!(frames.degenerate_faces(), 1);
+        let last = frames.faces() - 1;
+        assert!((dot(frames.normal(last), frames.normal(last)) - 1.0).abs() < 1e-12);
+        assert!(frames.areas().iter().all(|a| *a > 0.0));
+    }
+
+    #[test]
+    fn powers_are_repeated_products() {
+        let z = normalise([0.3, -0.8]);
+        let mut product = [1.0, 0.0];
+        for n in 0..9 {
+            let p = power(z, n);
+            assert!((p[0] - product[0]).abs() < 1e-14 && (p[1] - product[1]).abs() < 1e-14);
+            product = multiply(product, z);
+        }
+        assert_eq!(normalise([0.0, 0.0]), [1.0, 0.0]);
+    }
+}

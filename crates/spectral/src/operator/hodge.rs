@@ -1,0 +1,296 @@
+//! The Hodge–Laplacian of tangential vector fields (Brandt et al. 2017; thesis, eq. 3.1) and its parts: gradients, divergence, curl.
+//!
+//! Card. `S = M_F (G M_V⁻¹ Gᵀ − J G* M_E⁻¹ G*ᵀ J) M_F`: a divergence that is tested with hat functions and a curl that is tested with
+//! Crouzeix–Raviart functions, which is what makes gradients `G u` and co-gradients `J G* v` orthogonal and the kernel of a closed surface
+//! of genus `g` exactly `2g`-dimensional. Symmetric positive semi-definite; mass = face area; eigenvalues in 1/length². With both parts
+//! non-conforming it would be the connection Laplacian of [`super::transport`].
+//!
+//! At a boundary one of the two parts has to leave out its boundary functions, or the fields of the two decompose no longer. [`FieldBoundary`] says which.
+
+use chladni_algebra::{Block, BlockMatrix, MassMatrix, SparseMatrix};
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::dual::{DualGraph, NO_FACE};
+use rayon::prelude::*;
+
+use super::EigenProblem;
+use super::frames::FaceFrames;
+
+/// What fields of low energy do at a boundary.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FieldBoundary {
+    /// They run along it: hat functions of boundary vertices test the divergence, boundary edges do not test the curl. Spectrum: Neumann for the
+    /// gradients, Dirichlet for the co-gradients.
+    #[default]
+    Tangential,
+    /// They run across it: the other way round.
+    Normal,
+    /// They vanish there: both tests see the boundary (the formula of the thesis taken by the letter). Gradients and co-gradients are then no longer orthogonal.
+    Clamped,
+}
+
+impl FieldBoundary {
+    fn divergence_sees_it(self) -> bool {
+        self != Self::Normal
+    }
+
+    fn curl_sees_it(self) -> bool {
+        self != Self::Tangential
+    }
+}
+
+/// A vector turned by +90°: `J`.
+pub fn quarter_turn(field: &[f64]) -> Vec<f64> {
+    field.chunks_exact(2).flat_map(|v| [-v[1], v[0]]).collect()
+}
+
+/// The gradient of hat functions, `2F × V`: on a face, `∇λ_k = J e_k / (2A)` with `e_k` the edge opposite to corner `k`. Unit area.
+pub fn gradient(mesh: &TriangleMesh, frames: &FaceFrames) -> SparseMatrix {
+    let columns = |face: usize| mesh.faces[face];
+    face_gradients(mesh.positions.len(), frames, 0.5, columns)
+}
+
+/// The gradient of Crouzeix–Raviart functions, `2F × E`: `∇ψ_k = −J e_k / A`. Unit area.
+pub fn nonconforming_gradient(dual: &DualGraph, frames: &FaceFrames) -> SparseMatrix {
+    face_gradients(dual.edge_count(), frames, -1.0, |face| dual.edges(face))
+}
+
+fn face_gradients(
+    columns: usize,
+    frames: &FaceFrames,
+    factor: f64,
+    functions: impl Fn(usize) -> [u32; 3],
+) -> SparseMatrix {
+    let faces = frames.faces();
+    let (mut indices, mut values) = (Vec::with_capacity(6 * faces), Vec::with_capacity(6 * faces));
+    for face in 0..faces {
+        let edges = frames.edges(face);
+        let scale = factor / frames.areas()[face];
+        let mut order = [0, 1, 2];
+        let own = functions(face);
+        order.sort_unstable_by_key(|&k| own[k]);
+        for turned in [|e: [f64; 2]| -e[1], |e: [f64; 2]| e[0]] {
+            for k in order {
+                indices.push(own[k]);
+                values.push(scale * turned(edges[k]));
+            }
+        }
+    }
+    let offsets = (0..=2 * faces).map(|r| 3 * r).collect();
+    SparseMatrix::from_sorted_parts(2 * faces, columns, offsets, indices, values)
+}
+
+/// The lumped masses of hat functions: a third of the area around each vertex. Vertices without a face have none.
+pub fn vertex_masses(mesh: &TriangleMesh, frames: &FaceFrames) -> Vec<f64> {
+    let mut masses = vec![0.0; mesh.positions.len()];
+    for (face, &area) in mesh.faces.iter().zip(frames.areas()) {
+        face.iter().for_each(|&v| masses[v as usize] += area / 3.0);
+    }
+    masses
+}
+
+/// The masses of Crouzeix–Raviart functions: a third of the area of the faces at each edge.
+pub fn edge_masses(dual: &DualGraph, frames: &FaceFrames) -> Vec<f64> {
+    let area = |f: u32| frames.areas().get(f as usize).copied().unwrap_or(0.0);
+    dual.edge_faces().iter().map(|&[a, b]| (area(a) + area(b)) / 3.0).collect()
+}
+
+/// `div X = −M_V⁻¹ Gᵀ M_F X`: for each vertex the divergence of a field of two numbers per face. `None` unless the field fits.
+pub fn divergence(mesh: &TriangleMesh, frames: &FaceFrames, field: &[f64]) -> Option<Vec<f64>> {
+    if field.len() != 2 * frames.faces() || mesh.faces.len() != frames.faces() {
+        return None;
+    }
+    let masses = vertex_masses(mesh, frames);
+    let mut flow = vec![0.0; masses.len()];
+    for (face, x) in field.chunks_exact(2).enumerate() {
+        for (k, e) in frames.edges(face).into_iter().enumerate() {
+            flow[mesh.faces[face][k] as usize] -= 0.5 * (e[0] * x[1] - e[1] * x[0]);
+        }
+    }
+    flow.iter_mut().zip(&masses).for_each(|(f, &m)| *f = if m > 0.0 { *f / m } else { 0.0 });
+    Some(flow)
+}
+
+/// `curl* X = M_E⁻¹ G*ᵀ M_F J X`: for each edge the non-conforming curl, the jump of the tangential part. `None` unless the field fits.
+pub fn curl(dual: &DualGraph, frames: &FaceFrames, field: &[f64]) -> Option<Vec<f64>> {
+    if field.len() != 2 * frames.faces() || dual.faces() != frames.faces() {
+        return None;
+    }
+    let masses = edge_masses(dual, frames);
+    let mut curl = vec![0.0; masses.len()];
+    for (face, x) in field.chunks_exact(2).enumerate() {
+        for (k, e) in frames.edges(face).into_iter().enumerate() {
+            curl[dual.edges(face)[k] as usize] -= e[0] * x[0] + e[1] * x[1];
+        }
+    }
+    curl.iter_mut().zip(&masses).for_each(|(c, &m)| *c /= m);
+    Some(curl)
+}
+
+/// The eigenproblem of hat functions whose eigenfunctions have the gradients of the Hodge spectrum: cotangents and lumped masses, on unit area, a row
+/// for each vertex. Second is `None`, as every function is an unknown.
+pub fn conforming_problem(mesh: &TriangleMesh, frames: &FaceFrames) -> (EigenProblem, Option<Vec<u32>>) {
+    let masses = vertex_masses(mesh, frames);
+    let functions = |f: usize| mesh.faces[f];
+    let least = 1e-14 * masses.iter().sum::<f64>() / masses.len().max(1) as f64;
+    let stiffness = stiffness_of(masses.len(), frames, 0.25, functions);
+    // Vertices without a face have no mass; a little keeps the pencil definite.
+    let mass = MassMatrix::Diagonal(masses.into_iter().map(|m| m.max(least)).collect());
+    (EigenProblem { stiffness, mass, area: frames.area(), unknowns: None }, None)
+}
+
+/// The eigenproblem of Crouzeix–Raviart functions whose eigenfunctions have the co-gradients of the Hodge spectrum of fields that run along the boundary:
+/// boundary edges are no unknowns. Beside it the row of each edge (beyond all rows where it has none; `None` where row `i` is edge `i`), and before it the
+/// midpoints of the edges as the positions of a mesh, a face of which joins those of a face.
+#[allow(clippy::type_complexity)]
+pub fn nonconforming_problem(
+    mesh: &TriangleMesh,
+    dual: &DualGraph,
+    frames: &FaceFrames,
+) -> (TriangleMesh, (EigenProblem, Option<Vec<u32>>)) {
+    let (_, boundary) = boundary_of(mesh, dual);
+    let inner = boundary.iter().filter(|b| !**b).count();
+    let mut next = 0;
+    let row = |&boundary: &bool| {
+        next += u32::from(!boundary);
+        if boundary { u32::MAX } else { next - 1 }
+    };
+    let rows: Vec<u32> = boundary.iter().map(row).collect();
+    let functions = |f: usize| dual.edges(f).map(|e| rows[e as usize]);
+    let stiffness = stiffness_of(inner, frames, 1.0, functions);
+    let all = edge_masses(dual, frames);
+    let masses = all.into_iter().zip(&boundary).filter(|(_, b)| !**b).map(|(m, _)| m).collect();
+    let mut positions = vec![[0.0; 3]; inner];
+    for (f, corners) in mesh.faces.iter().enumerate() {
+        for (k, row) in functions(f).into_iter().enumerate() {
+            let [a, b] = [1, 2].map(|i| mesh.positions[corners[(k + i) % 3] as usize]);
+            if let Some(position) = positions.get_mut(row as usize) {
+                *position = [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]));
+            }
+        }
+    }
+    let inside = |face: &[u32; 3]| face.iter().all(|&row| (row as usize) < inner);
+    let faces = (0..mesh.faces.len()).map(functions).filter(inside).collect();
+    let problem = EigenProblem { stiffness, mass: MassMatrix::Diagonal(masses), area: frames.area(), unknowns: None };
+    (TriangleMesh { positions, faces }, (problem, (inner < boundary.len()).then_some(rows)))
+}
+
+/// `Σ_f factor ⟨e_i, e_j⟩ / A` for three functions a face, those beyond `size` left out.
+fn stiffness_of(size: usize, frames: &FaceFrames, factor: f64, functions: impl Fn(usize) -> [u32; 3]) -> SparseMatrix {
+    let mut entries: Vec<(u32, u32, f64)> = Vec::with_capacity(9 * frames.faces());
+    for f in 0..frames.faces() {
+        let (e, own) = (frames.edges(f), functions(f));
+        let scale = factor / frames.areas()[f];
+        for i in (0..3).filter(|&i| (own[i] as usize) < size) {
+            for j in (0..3).filter(|&j| (own[j] as usize) < size) {
+                entries.push((own[i], own[j], scale * (e[i][0] * e[j][0] + e[i][1] * e[j][1])));
+            }
+        }
+    }
+    entries.par_sort_by_key(|e| (e.0, e.1));
+    let mut offsets = vec![0usize; size + 1];
+    let (mut indices, mut values) = (Vec::new(), Vec::new());
+    for same in entries.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        offsets[same[0].0 as usize + 1] += 1;
+        indices.push(same[0].1);
+        values.push(same.iter().map(|e| e.2).sum());
+    }
+    for v in 0..size {
+        offsets[v + 1] += offsets[v];
+    }
+    SparseMatrix::from_sorted_parts(size, size, offsets, indices, values)
+}
+
+/// Which vertices and edges lie on the boundary.
+fn boundary_of(mesh: &TriangleMesh, dual: &DualGraph) -> (Vec<bool>, Vec<bool>) {
+    let edges: Vec<bool> = dual.edge_faces().iter().map(|f| f[1] == NO_FACE).collect();
+    let mut vertices = vec![false; mesh.positions.len()];
+    for (face, corners) in mesh.faces.iter().enumerate() {
+        for (k, edge) in dual.edges(face).into_iter().enumerate() {
+            if edges[edge as usize] {
+                vertices[corners[(k + 1) % 3] as usize] = true;
+                vertices[corners[(k + 2) % 3] as usize] = true;
+            }
+        }
+    }
+    (vertices, edges)
+}
+
+/// The stiffness of the Hodge–Laplacian, `F × F` blocks: about thirteen a row, the faces that share a vertex.
+pub fn hodge_stiffness(
+    mesh: &TriangleMesh,
+    dual: &DualGraph,
+    frames: &FaceFrames,
+    boundary: FieldBoundary,
+) -> BlockMatrix<2> {
+    let (on_boundary, boundary_edges) = boundary_of(mesh, dual);
+    let inverse = |mass: f64, left_out: bool| if left_out || !(mass > 0.0) { 0.0 } else { 1.0 / mass };
+    let vertex_weights: Vec<f64> = vertex_masses(mesh, frames)
+        .into_iter()
+        .zip(&on_boundary)
+        .map(|(mass, &b)| inverse(mass, b && !boundary.divergence_sees_it()))
+        .collect();
+    let edge_weights: Vec<f64> = edge_masses(dual, frames)
+        .into_iter()
+        .zip(&boundary_edges)
+        .map(|(mass, &b)| inverse(mass, b && !boundary.curl_sees_it()))
+        .collect();
+    let (offsets, around) = faces_around(mesh);
+    BlockMatrix::from_rows(dual.faces(), dual.faces(), |face, entries| {
+        let own = frames.edges(face);
+        for (k, &vertex) in mesh.faces[face].iter().enumerate() {
+            let v = vertex as usize;
+            let w = 0.25 * vertex_weights[v];
+            let g = [-own[k][1], own[k][0]];
+            for &other in &around[offsets[v] as usize..offsets[v + 1] as usize] {
+                let o = other as usize;
+                let Some(j) = mesh.faces[o].iter().position(|&x| x == vertex) else { continue };
+                let e = frames.edges(o)[j];
+                add_outer(entries, other, w, g, [-e[1], e[0]]);
+            }
+        }
+        for (k, &edge) in dual.edges(face).iter().enumerate() {
+            let w = edge_weights[edge as usize];
+            for other in dual.edge_faces()[edge as usize] {
+                if other != NO_FACE {
+                    let e = frames.edges(other as usize)[dual.slot(other, edge)];
+                    add_outer(entries, other, w, own[k], e);
+                }
+            }
+        }
+    })
+}
+
+fn add_outer(entries: &mut Vec<(u32, Block<2>)>, column: u32, w: f64, a: [f64; 2], b: [f64; 2]) {
+    let at = match entries.iter().position(|e| e.0 == column) {
+        Some(at) => at,
+        None => {
+            entries.push((column, [[0.0; 2]; 2]));
+            entries.len() - 1
+        }
+    };
+    for i in 0..2 {
+        for j in 0..2 {
+            entries[at].1[i][j] += w * (a[i] * b[j]);
+        }
+    }
+}
+
+/// The faces around each vertex.
+fn faces_around(mesh: &TriangleMesh) -> (Vec<u32>, Vec<u32>) {
+    let mut offsets = vec![0u32; mesh.positions.len() + 2];
+    for &v in mesh.faces.as_flattened() {
+        offsets[v as usize + 2] += 1;
+    }
+    for v in 2..offsets.len() {
+        offsets[v] += offsets[v - 1];
+    }
+    let mut around = vec![0u32; 3 * mesh.faces.len()];
+    for (corner, &v) in mesh.faces.as_flattened().iter().enumerate() {
+        let next = &mut offsets[v as usize + 1];
+        around[*next as usize] = (corner / 3) as u32;
+        *next += 1;
+    }
+    offsets.pop();
+    (offsets, around)
+}

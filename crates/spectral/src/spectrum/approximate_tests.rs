@@ -1,0 +1,159 @@
+//! The approximation of every operator: against analytic spectra, against exact solves, and on meshes that are no surfaces.
+
+use chladni_base::Unwatched;
+use chladni_mesh::fixtures::{grid, placed, union};
+use chladni_mesh::shape::{Shape, generate, noisy};
+
+use super::*;
+use crate::operator::{Boundary, MassKind, OperatorKind, OperatorParameters, Potential, assemble};
+
+fn operator(mesh: &TriangleMesh, operator: OperatorKind, mass: MassKind, boundary: Boundary) -> MeshOperator {
+    assemble(mesh, &OperatorParameters { operator, mass, boundary }, &Unwatched).unwrap()
+}
+
+fn solve(mesh: &TriangleMesh, operator: &MeshOperator, count: usize, dimension: usize) -> Basis {
+    let parameters = ApproximationParameters {
+        count,
+        dimension,
+        space: Space::Heat(HeatParameters::default()),
+        goal: None,
+        seed: 0,
+    };
+    approximate(mesh, operator, &parameters, &Unwatched).unwrap()
+}
+
+/// Mean relative error in percent.
+fn error(values: &[f64], exact: &[f64]) -> f64 {
+    let errors = values.iter().zip(exact).map(|(value, exact)| 100.0 * (value / exact - 1.0).abs());
+    errors.sum::<f64>() / values.len() as f64
+}
+
+fn curvature(t: f64) -> OperatorKind {
+    OperatorKind::Hamiltonian { potential: Potential::Curvature { t } }
+}
+
+#[test]
+fn clamped_functions_have_their_spectrum_and_vanish_on_the_boundary() {
+    let mesh = generate(Shape::Rectangle, 5_000).unwrap();
+    let pi = std::f64::consts::PI;
+    let mut exact: Vec<f64> = (1..30)
+        .flat_map(|a| (1..30).map(move |b| (f64::from(a) * pi / 1.6).powi(2) + (f64::from(b) * pi).powi(2)))
+        .collect();
+    exact.sort_by(f64::total_cmp);
+    for mass in [MassKind::Barycentric, MassKind::Consistent] {
+        let made = operator(&mesh, OperatorKind::Auto, mass, Boundary::Dirichlet);
+        let basis = solve(&mesh, &made, 50, 100);
+        let mean = error(&basis.eigenvalues, &exact);
+        assert!(mean < 1.5, "{mass:?}: {mean} %");
+        assert_eq!((basis.vertices(), basis.mass.size()), (mesh.positions.len(), mesh.positions.len()));
+        let modes: Vec<f64> = basis.lift(0..50).unwrap();
+        let on_the_rim = |p: &[f64; 3]| p[0] * (1.6 - p[0]) * p[1] * (1.0 - p[1]) < 1e-9;
+        let rim: Vec<usize> = (0..mesh.positions.len()).filter(|&v| on_the_rim(&mesh.positions[v])).collect();
+        assert_eq!(rim.len(), made.report.removed_vertices);
+        for k in 0..50 {
+            assert!(rim.iter().all(|&v| modes[k * mesh.positions.len() + v] == 0.0));
+        }
+        assert!(basis.certificate.orthonormality_defect < 1e-10);
+    }
+}
+
+#[test]
+fn ritz_values_of_every_operator_lie_above_exact_ones_and_bounds_enclose_one() {
+    let surface = noisy(&generate(Shape::Disk, 1_200).unwrap(), 0.2, 1).unwrap();
+    let bent = TriangleMesh {
+        positions: surface
+            .positions
+            .iter()
+            .map(|p| [p[0], p[1], 0.3 * (4.0 * p[0]).sin() * (3.0 * p[1]).cos()])
+            .collect(),
+        faces: surface.faces,
+    };
+    let wells: Vec<f64> = bent.positions.iter().map(|p| 20.0 * (5.0 * p[0]).sin() - 5.0).collect();
+    let values = OperatorKind::Hamiltonian { potential: Potential::Values(wells) };
+    let wanted = [OperatorKind::Robust, curvature(0.3), OperatorKind::Extrinsic { t: 0.6 }, values];
+    for (kind, mass, boundary) in [
+        (0, MassKind::Barycentric, Boundary::Dirichlet),
+        (1, MassKind::Consistent, Boundary::Dirichlet),
+        (1, MassKind::Barycentric, Boundary::Neumann),
+        (2, MassKind::Voronoi, Boundary::Neumann),
+        (3, MassKind::Consistent, Boundary::Neumann),
+        (3, MassKind::Barycentric, Boundary::Dirichlet),
+    ] {
+        let made = operator(&bent, wanted[kind].clone(), mass, boundary);
+        // A dimension near the number of vertices is the problem itself.
+        let exact = solve(&bent, &made, 200, 1_000).eigenvalues;
+        let basis = solve(&bent, &made, 40, 100);
+        for (k, (&ritz, &bound)) in basis.eigenvalues.iter().zip(&basis.certificate.bounds).enumerate() {
+            let name = format!("{:?} {mass:?} {boundary:?}, pair {k}", wanted[kind]);
+            assert!(ritz >= exact[k] - 1e-8 * exact[39], "{name}: {ritz} {}", exact[k]);
+            let nearest = exact.iter().map(|value| (value - ritz).abs()).fold(f64::INFINITY, f64::min);
+            assert!(nearest <= bound + 1e-9, "{name}: {ritz} ± {bound}, nearest at {nearest}");
+        }
+        let mean = error(&basis.eigenvalues[5..], &exact[5..40]);
+        assert!(mean < 2.0, "{:?} {mass:?} {boundary:?}: {mean} %", wanted[kind]);
+    }
+}
+
+#[test]
+fn a_constant_potential_shifts_what_the_laplacian_gives() {
+    let mesh = generate(Shape::Genus(2), 3_000).unwrap();
+    let plain = solve(&mesh, &operator(&mesh, OperatorKind::Auto, MassKind::default(), Boundary::Neumann), 30, 60);
+    for shift in [3.0, -2.0] {
+        let potential = Potential::Values(vec![shift; mesh.positions.len()]);
+        let kind = OperatorKind::Hamiltonian { potential };
+        let basis = solve(&mesh, &operator(&mesh, kind, MassKind::default(), Boundary::Neumann), 30, 60);
+        for (value, plain) in basis.eigenvalues.iter().zip(&plain.eigenvalues) {
+            assert!((value - plain - shift).abs() < 1e-4 * plain.abs().max(1.0), "{value} {plain} {shift}");
+        }
+    }
+}
+
+#[test]
+fn surfaces_that_meet_in_an_edge_or_a_point_have_spectra() {
+    // Three squares of 40 × 40 vertices along a common side; two cones at a common tip.
+    let side = 40;
+    let square = grid(side);
+    let mut pages = TriangleMesh::default();
+    for page in 0..3u32 {
+        let (sine, cosine) = (2.1 * f64::from(page)).sin_cos();
+        let base = pages.positions.len() as u32;
+        pages.positions.extend(square.positions.iter().map(|p| [p[0] * cosine, p[0] * sine, p[1]]));
+        // The side x = 0 is that of the first page.
+        let number = |v: u32| if v.is_multiple_of(side as u32) { v } else { base + v };
+        pages.faces.extend(square.faces.iter().map(|face| face.map(number)));
+    }
+    let mut cones = union(&[
+        generate(Shape::Sphere, 800).unwrap(),
+        placed(generate(Shape::Sphere, 800).unwrap(), 1.0, [2.0, 0.0, 0.0]),
+    ]);
+    let half = cones.positions.len() as u32 / 2;
+    cones.faces.iter_mut().flatten().for_each(|v| {
+        if *v == half {
+            *v = 0;
+        }
+    });
+    for (mesh, massless) in [(pages, 2 * side), (cones, 1)] {
+        let made = operator(&mesh, OperatorKind::Auto, MassKind::Barycentric, Boundary::Neumann);
+        assert_eq!(made.report.massless_vertices, massless);
+        assert!(made.report.non_manifold_edges + made.report.non_manifold_vertices > 0);
+        let basis = solve(&mesh, &made, 60, 150);
+        assert!(basis.eigenvalues.is_sorted() && basis.eigenvalues.iter().all(|value| value.is_finite()));
+        assert!(basis.certificate.orthonormality_defect < 1e-8);
+    }
+}
+
+#[test]
+fn more_pairs_than_unknowns_are_refused() {
+    let mesh = grid(5);
+    let made = operator(&mesh, OperatorKind::Auto, MassKind::default(), Boundary::Dirichlet);
+    let parameters = ApproximationParameters {
+        count: 10,
+        dimension: 20,
+        space: Space::Heat(HeatParameters::default()),
+        goal: None,
+        seed: 0,
+    };
+    let refused = approximate(&mesh, &made, &parameters, &Unwatched);
+    assert!(matches!(refused, Err(ApproximationError::Count { count: 10, unknowns: 9 })));
+    assert_eq!(solve(&mesh, &made, 9, 20).count(), 9);
+}

@@ -1,0 +1,145 @@
+//! What is proven about Ritz pairs: residuals, a-posteriori bounds, orthonormality on the fine mesh; and what is estimated.
+//!
+//! Bounds need no assumption: neither that θ is close to anything, nor that no eigenvalue was missed. They and the estimates measure
+//! residuals in the norm that belongs to them ([`energy`](super::energy)), rounding enclosed. Ritz values are besides upper bounds: the k-th exact
+//! eigenvalue is at most the k-th Ritz value.
+
+use rayon::prelude::*;
+
+use super::energy::{Density, Energy};
+use crate::basis::Certificate;
+use crate::operator::EigenProblem;
+use chladni_algebra::{DenseMatrix, MultigridError, SparseMatrix};
+use chladni_base::{Cancelled, Monitor};
+
+/// Why pairs were not certified.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum CertificateError {
+    /// Sizes do not fit each other.
+    #[error(
+        "{values} Ritz values, coefficients of {rows}×{columns}, a space of {vertices}×{dimension} and a problem of size {size} do \
+         not fit"
+    )]
+    Shape {
+        /// Ritz values.
+        values: usize,
+        /// Rows of the coefficients.
+        rows: usize,
+        /// Columns of the coefficients.
+        columns: usize,
+        /// Rows of the space.
+        vertices: usize,
+        /// Columns of the space.
+        dimension: usize,
+        /// Size of the problem.
+        size: usize,
+    },
+    /// The hierarchy that residuals are measured with could not be made.
+    #[error("the residuals could not be measured: {0}")]
+    Hierarchy(String),
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+impl From<MultigridError> for CertificateError {
+    fn from(error: MultigridError) -> Self {
+        match error {
+            MultigridError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Hierarchy(other.to_string()),
+        }
+    }
+}
+
+/// Up to this Ritz value (unit area) a pair counts as one of the kernel, whose relative residual (4.6) would compare rounding errors.
+pub const KERNEL: f64 = 1e-6;
+
+/// Certifies `m` Ritz pairs and turns each so that its lifted vector's entry of largest magnitude is positive.
+///
+/// `energy` is `problem`, prepared; `space` is `U`, `n × d`; `reduced_mass` is `UᵀMU`, `d × d`; `coefficients` are `φ̄`, `d × m`, orthonormal for it;
+/// `ritz` are the values on unit area, ascending. Everything is computed on the fine mesh, panel by panel, without ever lifting more than 32
+/// columns a thread. The orthonormality defect is the largest entry of `|φ̄ᵀ(UᵀMU)φ̄ − I|`, which is the fine mesh's inner
+/// product, and of `|xᵀMx − 1|` over the lifted vectors. Bounds and estimates are in the units of the input.
+///
+/// With a `goal`, what pairs miss whose estimated relative error exceeds it comes back as a density over the rows.
+///
+/// # Errors
+/// [`CertificateError`]: sizes that do not fit, or the work was cancelled.
+#[expect(clippy::too_many_arguments, reason = "a pencil, pairs in three parts, and what to do with them")]
+pub fn certify(
+    energy: &Energy,
+    problem: &EigenProblem,
+    space: &SparseMatrix<f32>,
+    reduced_mass: &SparseMatrix,
+    coefficients: &mut DenseMatrix,
+    ritz: &[f64],
+    goal: Option<f64>,
+    monitor: &dyn Monitor,
+) -> Result<(Certificate, Density), CertificateError> {
+    let (n, d, m) = (space.rows(), space.columns(), coefficients.columns());
+    let misfit = CertificateError::Shape {
+        values: ritz.len(),
+        rows: coefficients.rows(),
+        columns: m,
+        vertices: n,
+        dimension: d,
+        size: problem.stiffness.rows(),
+    };
+    let fits = problem.stiffness.rows() == n
+        && problem.stiffness.columns() == n
+        && problem.mass.size() == n
+        && energy.size() == n
+        && coefficients.rows() == d
+        && ritz.len() == m
+        && (reduced_mass.rows(), reduced_mass.columns()) == (d, d);
+    if !fits {
+        return Err(misfit);
+    }
+    let (measures, density) = energy.measure(space, coefficients, ritz, KERNEL, goal, monitor)?;
+    let stiffness_norm = infinity_norm(&problem.stiffness);
+    let mut certificate = Certificate::default();
+    for (k, (measure, &theta)) in measures.iter().zip(ritz).enumerate() {
+        certificate.residuals.push(if theta.abs() <= KERNEL {
+            ratio(measure.stiffness.sqrt(), stiffness_norm * measure.square.sqrt())
+        } else {
+            ratio(measure.residual.sqrt(), measure.stiffness.sqrt())
+        });
+        certificate.bounds.push(measure.bound / problem.area);
+        certificate.estimates.push(measure.estimate / problem.area);
+        if measure.lowest < -measure.highest {
+            coefficients.column_mut(k).iter_mut().for_each(|x| *x = -*x);
+        }
+    }
+    monitor.checkpoint()?;
+    let lifted = measures.iter().map(|measure| (measure.mass - 1.0).abs()).fold(0.0, f64::max);
+    certificate.orthonormality_defect = gram_defect(reduced_mass, coefficients).ok_or(misfit)?.max(lifted);
+    Ok((certificate, density))
+}
+
+/// A quotient of non-negative numbers; nothing over nothing is nothing.
+fn ratio(part: f64, whole: f64) -> f64 {
+    if part == 0.0 { 0.0 } else { part / whole }
+}
+
+fn infinity_norm(matrix: &SparseMatrix) -> f64 {
+    (0..matrix.rows())
+        .into_par_iter()
+        .map(|row| matrix.row(row).1.iter().map(|v| v.abs()).sum::<f64>())
+        .reduce(|| 0.0, f64::max)
+}
+
+/// The largest entry of `|φ̄ᵀ M̄ φ̄ − I|`; `None` where sizes do not fit.
+fn gram_defect(mass: &SparseMatrix, coefficients: &DenseMatrix) -> Option<f64> {
+    let gram = coefficients.transposed_times(&mass.multiply_dense(coefficients)?)?;
+    let mut worst = 0.0f64;
+    for j in 0..gram.columns() {
+        for (i, value) in gram.column(j).iter().enumerate() {
+            worst = worst.max((value - if i == j { 1.0 } else { 0.0 }).abs());
+        }
+    }
+    Some(worst)
+}
+
+#[cfg(test)]
+#[path = "certificate_tests.rs"]
+mod tests;

@@ -1,0 +1,232 @@
+use chladni_algebra::{CpuSolver, MassMatrix, SymmetricDefiniteSolver, compact_order, solve_definite};
+use chladni_base::Unwatched;
+use chladni_mesh::TriangleMesh;
+
+use super::*;
+use crate::operator::{MassKind, laplace};
+
+/// A bumpy torus of `k × 2k` vertices.
+fn torus(k: u32) -> TriangleMesh {
+    let mut mesh = TriangleMesh::default();
+    let (rows, columns) = (2 * k, k);
+    for i in 0..rows {
+        for j in 0..columns {
+            let (s, t) = (f64::from(i) / f64::from(rows), f64::from(j) / f64::from(columns));
+            let (s, t) = (s * std::f64::consts::TAU, t * std::f64::consts::TAU);
+            let r = 0.4 + 0.05 * (3.0 * s).sin();
+            mesh.positions.push([(1.0 + r * t.cos()) * s.cos(), (1.0 + r * t.cos()) * s.sin(), r * t.sin()]);
+            let v = |i: u32, j: u32| (i % rows) * columns + j % columns;
+            mesh.faces.push([v(i, j), v(i + 1, j), v(i + 1, j + 1)]);
+            mesh.faces.push([v(i, j), v(i + 1, j + 1), v(i, j + 1)]);
+        }
+    }
+    mesh
+}
+
+/// Piecewise constants on patches, smoothed twice by averaging: crude local functions, at most `d` of them.
+fn space(problem: &EigenProblem, d: usize) -> SparseMatrix<f32> {
+    let s = &problem.stiffness;
+    let n = s.rows();
+    let size = n.div_ceil(d);
+    let d = n.div_ceil(size);
+    let mut rows: Vec<Vec<f64>> = vec![vec![0.0; d]; n];
+    for (patch, members) in compact_order(s, size).chunks(size).enumerate() {
+        members.iter().for_each(|&row| rows[row as usize][patch] = 1.0);
+    }
+    for _ in 0..2 {
+        rows = (0..n)
+            .map(|row| {
+                let neighbours = s.row(row).0;
+                (0..d)
+                    .map(|c| neighbours.iter().map(|&v| rows[v as usize][c]).sum::<f64>() / neighbours.len() as f64)
+                    .collect()
+            })
+            .collect();
+    }
+    let (mut offsets, mut indices, mut values) = (vec![0], Vec::new(), Vec::new());
+    for row in &rows {
+        for (column, &value) in row.iter().enumerate().filter(|(_, v)| **v > 0.0) {
+            indices.push(column as u32);
+            values.push(value as f32);
+        }
+        offsets.push(indices.len());
+    }
+    SparseMatrix::new(n, d, offsets, indices, values).unwrap()
+}
+
+fn dense_mass(problem: &EigenProblem) -> DenseMatrix {
+    match &problem.mass {
+        MassMatrix::Sparse(m) => m.to_dense(),
+        MassMatrix::Diagonal(m) => {
+            let mut dense = DenseMatrix::zeros(m.len(), m.len());
+            m.iter().enumerate().for_each(|(k, m)| dense.column_mut(k)[k] = *m);
+            dense
+        }
+    }
+}
+
+struct Case {
+    problem: EigenProblem,
+    space: SparseMatrix<f32>,
+    mass: SparseMatrix,
+    ritz: Vec<f64>,
+    coefficients: DenseMatrix,
+}
+
+fn case(k: u32, d: usize, count: usize, kind: MassKind) -> Case {
+    let problem = laplace::assemble(&torus(k), kind).unwrap();
+    let space = space(&problem, d);
+    let (s, mass) = problem.restrict(&space, &Unwatched).unwrap();
+    let pairs = CpuSolver.lowest(s.to_dense(), mass.to_dense(), count, &Unwatched).unwrap();
+    Case { problem, space, mass, ritz: pairs.values, coefficients: pairs.vectors }
+}
+
+impl Case {
+    fn certify(&mut self) -> Certificate {
+        let energy = Energy::new(&self.problem, 0.0, &Unwatched).unwrap();
+        let Self { problem, space, mass, ritz, coefficients } = self;
+        certify(&energy, problem, space, mass, coefficients, ritz, None, &Unwatched).unwrap().0
+    }
+
+    /// All eigenvalues, by a dense solve.
+    fn exact(&self) -> Vec<f64> {
+        let n = self.problem.size();
+        CpuSolver.lowest(self.problem.stiffness.to_dense(), dense_mass(&self.problem), n, &Unwatched).unwrap().values
+    }
+}
+
+/// Row sums of absolute values of the lifted vectors, column by column.
+fn lifted(case: &Case) -> Vec<Vec<f64>> {
+    let product = case.space.multiply_dense(&case.coefficients).unwrap();
+    (0..product.columns()).map(|k| product.column(k).to_vec()).collect()
+}
+
+/// `‖r‖_{A⁻¹}` of a column, by a dense Cholesky factor.
+fn inverse_norm(problem: &EigenProblem, sigma: f64, r: &[f64]) -> f64 {
+    let mut matrix = problem.stiffness.to_dense();
+    let mass = dense_mass(problem);
+    matrix.values_mut().iter_mut().zip(mass.values()).for_each(|(a, m)| *a += sigma * m);
+    let mut solved = DenseMatrix::from_columns(r.len(), 1, r.to_vec()).unwrap();
+    solve_definite(matrix, &mut solved).unwrap();
+    solved.column(0).iter().zip(r).map(|(y, r)| y * r).sum::<f64>().sqrt()
+}
+
+#[test]
+fn residuals_are_those_of_the_definition_and_their_norms_are_enclosed() {
+    for kind in [MassKind::Barycentric, MassKind::Consistent] {
+        // More than one block of rows, more than one panel of columns.
+        let mut case = case(20, 60, 41, kind);
+        let original = case.coefficients.clone();
+        let certificate = case.certify();
+        let energy = Energy::new(&case.problem, 0.0, &Unwatched).unwrap();
+        let (measures, _) =
+            energy.measure(&case.space, &case.coefficients, &case.ritz, KERNEL, None, &Unwatched).unwrap();
+        for (k, x) in lifted(&case).iter().enumerate() {
+            let largest = x.iter().fold(0.0f64, |m, v| if v.abs() > m.abs() { *v } else { m });
+            assert!(largest > 0.0);
+            let same = case.coefficients.column(k) == original.column(k);
+            assert!(same || case.coefficients.column(k).iter().zip(original.column(k)).all(|(a, b)| *a == -b));
+            let sx = case.problem.stiffness.multiply(x).unwrap();
+            let mx = case.problem.mass.multiply(x).unwrap();
+            let r: Vec<f64> = sx.iter().zip(&mx).map(|(s, m)| s - case.ritz[k] * m).collect();
+            let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if k == 0 {
+                assert!(certificate.residuals[0] < 1e-6);
+                continue;
+            }
+            assert!((certificate.residuals[k] - norm(&r) / norm(&sx)).abs() < 1e-9);
+            let exact = inverse_norm(&case.problem, measures[k].sigma, &r);
+            let (below, above) = (measures[k].below, measures[k].above);
+            assert!(below <= exact * (1.0 + 1e-9) && exact <= above, "{kind:?} {k}: {below} {exact} {above}");
+            // An enclosure that says nothing would pass the test above.
+            assert!(below > 0.7 * exact && above < 3.0 * exact, "{kind:?} {k}: {below} {exact} {above}");
+        }
+        assert!(certificate.orthonormality_defect < 1e-10);
+    }
+}
+
+#[test]
+fn every_bound_encloses_an_exact_eigenvalue() {
+    for kind in [MassKind::Barycentric, MassKind::Consistent, MassKind::Voronoi] {
+        let mut case = case(12, 90, 30, kind);
+        let exact = case.exact();
+        let certificate = case.certify();
+        for (k, (theta, bound)) in case.ritz.iter().zip(&certificate.bounds).enumerate() {
+            let bound = bound * case.problem.area;
+            let nearest = exact.iter().map(|e| (e - theta).abs()).fold(f64::INFINITY, f64::min);
+            assert!(nearest <= bound, "{kind:?} {k}: {nearest} > {bound}");
+            assert!(exact[k] <= theta + 1e-9);
+            assert!(bound < 2.5 * theta.max(1.0), "{bound} of {theta}");
+        }
+    }
+}
+
+#[test]
+fn estimates_are_within_a_factor_of_three_of_the_errors() {
+    let mut case = case(16, 120, 40, MassKind::Barycentric);
+    let exact = case.exact();
+    let certificate = case.certify();
+    let ratios = (1..40).map(|k| certificate.estimates[k] * case.problem.area / (case.ritz[k] - exact[k]));
+    let good = ratios.filter(|ratio| (1.0 / 3.0..3.0).contains(ratio)).count();
+    assert!(good >= 37, "{good} of 39");
+}
+
+#[test]
+fn bounds_hold_for_what_are_no_ritz_pairs_and_for_negative_potentials() {
+    let mut case = case(10, 60, 12, MassKind::Barycentric);
+    // A well of depth 30 on half of the vertices, and vectors that do not belong to it.
+    let depth = 30.0;
+    let mut values = case.problem.stiffness.values().to_vec();
+    let mass = case.problem.mass.lumped();
+    for row in (0..mass.len()).step_by(2) {
+        let at = case.problem.stiffness.row(row).0.binary_search(&(row as u32)).unwrap();
+        values[case.problem.stiffness.offsets()[row] + at] -= depth * mass[row];
+    }
+    let s = &case.problem.stiffness;
+    case.problem.stiffness =
+        SparseMatrix::from_sorted_parts(s.rows(), s.columns(), s.offsets().to_vec(), s.indices().to_vec(), values);
+    case.ritz.iter_mut().for_each(|theta| *theta -= 0.5 * depth);
+    let energy = Energy::new(&case.problem, -depth, &Unwatched).unwrap();
+    let exact = case.exact();
+    let Case { problem, space, mass, ritz, coefficients } = &mut case;
+    let certificate = certify(&energy, problem, space, mass, coefficients, ritz, None, &Unwatched).unwrap().0;
+    for (theta, bound) in ritz.iter().zip(&certificate.bounds) {
+        let nearest = exact.iter().map(|e| (e - *theta).abs()).fold(f64::INFINITY, f64::min);
+        assert!(nearest <= bound * problem.area, "{nearest} > {bound}");
+    }
+}
+
+#[test]
+fn exact_pairs_have_no_residual() {
+    let problem = laplace::assemble(&torus(9), MassKind::Barycentric).unwrap();
+    let n = problem.stiffness.rows();
+    let all = SparseMatrix::new(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0f32; n]).unwrap();
+    let (s, mass) = problem.restrict(&all, &Unwatched).unwrap();
+    let mut pairs = CpuSolver.lowest(s.to_dense(), mass.to_dense(), 20, &Unwatched).unwrap();
+    let energy = Energy::new(&problem, 0.0, &Unwatched).unwrap();
+    let values = &pairs.values;
+    let certificate = certify(&energy, &problem, &all, &mass, &mut pairs.vectors, values, None, &Unwatched).unwrap().0;
+    assert!(certificate.residuals.iter().all(|r| *r < 1e-9), "{:?}", certificate.residuals);
+    assert!(certificate.bounds.iter().all(|b| *b < 1e-7));
+    assert!(certificate.orthonormality_defect < 1e-11);
+}
+
+#[test]
+fn a_basis_that_is_not_orthonormal_is_found_out() {
+    let mut case = case(9, 20, 8, MassKind::Barycentric);
+    case.coefficients.column_mut(3).iter_mut().for_each(|x| *x *= 1.5);
+    let certificate = case.certify();
+    assert!((certificate.orthonormality_defect - 1.25).abs() < 1e-9);
+}
+
+#[test]
+fn sizes_that_do_not_fit_are_refused_and_no_pairs_are_certified_at_once() {
+    let mut case = case(9, 20, 8, MassKind::Barycentric);
+    let energy = Energy::new(&case.problem, 0.0, &Unwatched).unwrap();
+    let Case { problem, space, mass, ritz, coefficients } = &mut case;
+    let found = certify(&energy, problem, space, mass, coefficients, &ritz[1..], None, &Unwatched);
+    assert!(found.unwrap_err().to_string().starts_with("7 Ritz values, coefficients of 18×8"));
+    let mut none = DenseMatrix::zeros(space.columns(), 0);
+    let (found, _) = certify(&energy, problem, space, mass, &mut none, &[], None, &Unwatched).unwrap();
+    assert_eq!(found, Certificate::default());
+}

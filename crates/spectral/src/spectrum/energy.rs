@@ -1,0 +1,597 @@
+//! Residuals in the norm that belongs to them: that of the inverse operator.
+//!
+//! `K = S + cM` is positive semi-definite (`c` is 0 but for negative potentials), `A = K + σM`, `r = S x − θ M x`. With `z = A^½ x` and `B = A^-½ M A^-½`,
+//! `A^-½ r = (1 − (θ + c + σ) B) z`, so some exact eigenvalue λ has
+//!
+//! ```text
+//! |λ − θ| ≤ η (λ + c + σ),   η = ‖r‖_{A⁻¹} / ‖x‖_A.
+//! ```
+//!
+//! Nothing is assumed of `x` and θ. The norm is enclosed without a factor of `A`: for every `y`
+//!
+//! ```text
+//! 2 yᵀr − yᵀAy  ≤  ‖r‖²_{A⁻¹}  ≤  2 yᵀr − yᵀAy + (r − Ay)ᵀ (σM)⁻¹ (r − Ay),
+//! ```
+//!
+//! and `y` comes from a multigrid cycle or two. The lower end, which the square of the distance to the eigenspace enters,
+//! estimates the error of a Ritz value. Rounding is part of the upper end: row by row, what the sums in double precision may err by, and
+//! what storing `r` in single precision changes.
+
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use crate::operator::EigenProblem;
+use chladni_algebra::{
+    CYCLE_WIDTH, CycleRow, CycleWorkspace, DenseMatrix, LIFT_WIDTH, MassMatrix, Multigrid, MultigridError, PATCH_ROWS,
+    Patch, RowLifter, SparseMatrix, compact_order, vectorized,
+};
+use chladni_base::{Cancelled, Monitor};
+
+/// σ as a share of the lowest value of a panel that is not zero. Measured on igea, armadillo and rolling-stage with 500 pairs: 0.7 takes 40, 85 and
+/// 131 cycles (the last two in three rounds) where 0.3 takes 56, 104 and 152, for bounds of the same width, and estimates are closer; with 2
+/// estimates fall below the errors.
+const SHIFT: f64 = 0.7;
+
+/// Another cycle is taken where the square of the upper end exceeds that of the lower one by more than `SLACK` times and the bound is above `CLOSE` of
+/// the value; cycles at most.
+const SLACK: f64 = 3.0;
+const CLOSE: f64 = 0.08;
+const MOST_STEPS: usize = 4;
+
+/// Halves of a panel that is lifted.
+const HALVES: usize = LIFT_WIDTH / CYCLE_WIDTH;
+
+/// A pair that misses what is not far above its value, or below, gains more than this many times `‖r‖²_{A⁻¹}`, and nobody knows how much.
+const MOST_AMPLIFIED: f64 = 6.0;
+
+/// One correction gains less than there is to gain: 9 % less in the median of 500 pairs on igea, armadillo, rolling-stage and bunny, 1 to 3 % for 50.
+const UNGAINED: f64 = 1.12;
+
+/// Relative rounding error of a product with the mass matrix: a consistent one has a few dozen entries in its longest rows.
+const MASS_ROUNDING: f64 = 100.0 * f64::EPSILON;
+
+/// Relative rounding error of storing a number in single precision.
+const SINGLE: f64 = 1.0 / 16_777_216.0;
+
+/// What is known of one pair on the mesh, on unit area.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Measure {
+    /// `‖S x − θ M x‖²`.
+    pub residual: f64,
+    /// The same in the inverse lumped mass.
+    pub dual: f64,
+    /// `‖S x‖²`
+    pub stiffness: f64,
+    /// `‖x‖²`
+    pub square: f64,
+    /// `xᵀ M x`
+    pub mass: f64,
+    /// `xᵀ S x`
+    pub energy: f64,
+    /// The least entry of `x`.
+    pub lowest: f64,
+    /// The greatest entry of `x`.
+    pub highest: f64,
+    /// σ.
+    pub sigma: f64,
+    /// `‖r‖_{A⁻¹}` from below.
+    pub below: f64,
+    /// `‖r‖_{A⁻¹}` from above.
+    pub above: f64,
+    /// `‖r‖_{M⁻¹}` from above.
+    pub above_dual: f64,
+    /// Some exact eigenvalue is nearer to the Ritz value than this.
+    pub bound: f64,
+    /// About how far the Ritz value lies above the exact one.
+    pub estimate: f64,
+}
+
+/// What is asked of a measurement.
+#[derive(Clone, Copy)]
+struct Wanted {
+    /// Values up to this count as zero.
+    kernel: f64,
+    /// The largest relative error that is good enough.
+    goal: Option<f64>,
+}
+
+/// Where the energy that the pairs miss sits: one number a row, or nothing where no pair misses enough.
+pub type Density = Option<Vec<f64>>;
+
+/// A pencil prepared for measuring: rows in a compact order, and the hierarchy.
+pub struct Energy {
+    order: Vec<u32>,
+    mass: MassMatrix,
+    lumped: Vec<f64>,
+    /// `Σ_j weights[j] x_j²` bounds the square of what rounding changes in `S x`, in the inverse lumped mass.
+    rounding: Vec<f64>,
+    /// `c`.
+    floor: f64,
+    hierarchy: Multigrid,
+}
+
+impl Energy {
+    /// Prepares the pencil of `problem`; `floor` is a lower bound on its eigenvalues, on unit area.
+    ///
+    /// # Errors
+    /// [`MultigridError`]: a vertex without mass, or cancellation.
+    pub fn new(problem: &EigenProblem, floor: f64, monitor: &dyn Monitor) -> Result<Self, MultigridError> {
+        let order = compact_order(&problem.stiffness, PATCH_ROWS);
+        let stiffness = problem.stiffness.reordered(&order);
+        let mass = match &problem.mass {
+            MassMatrix::Diagonal(mass) => MassMatrix::Diagonal(order.iter().map(|&row| mass[row as usize]).collect()),
+            MassMatrix::Sparse(mass) => MassMatrix::Sparse(mass.reordered(&order)),
+        };
+        let lumped = mass.lumped();
+        let floor = (-floor).max(0.0);
+        let hierarchy = Multigrid::new(&stiffness, &mass, floor, monitor)?;
+        let rounding = rounding_weights(&stiffness, &lumped);
+        Ok(Self { order, mass, lumped, rounding, floor, hierarchy })
+    }
+
+    /// Measures the pairs with Ritz values `ritz`, ascending, and vectors `space · coefficients`. With a `goal`, also where pairs miss energy whose
+    /// estimated relative error exceeds it. Values up to `kernel` count as zero.
+    ///
+    /// # Errors
+    /// [`Cancelled`], when asked to stop.
+    ///
+    /// # Panics
+    /// Where sizes do not fit: `space` is `n × d`, `coefficients` `d × m`, and there are `m` Ritz values.
+    pub fn measure(
+        &self,
+        space: &SparseMatrix<f32>,
+        coefficients: &DenseMatrix,
+        ritz: &[f64],
+        kernel: f64,
+        goal: Option<f64>,
+        monitor: &dyn Monitor,
+    ) -> Result<(Vec<Measure>, Density), Cancelled> {
+        let n = self.order.len();
+        assert_eq!(
+            (space.rows(), coefficients.columns()),
+            (n, ritz.len()),
+            "a row for each unknown, a column for each value"
+        );
+        // In the order of the patches: rows all over the memory take three times as long to lift.
+        let space = space.select_rows(&self.order);
+        let Some(lifter) = RowLifter::new(&space, coefficients) else {
+            panic!("{} coefficients for {} columns", coefficients.rows(), space.columns())
+        };
+        let wanted = Wanted { kernel, goal };
+        let panels = ritz.len().div_ceil(LIFT_WIDTH);
+        let done = AtomicUsize::new(0);
+        // A thread takes a workspace that another panel left: fresh memory costs as much as a cycle.
+        let idle: Mutex<Vec<Workspace>> = Mutex::new(Vec::new());
+        let parts: Vec<(Vec<Measure>, Density)> = (0..panels)
+            .into_par_iter()
+            .map(|panel| {
+                monitor.checkpoint()?;
+                let left = idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+                let mut own = left.unwrap_or_else(|| Workspace::new(n, &self.hierarchy));
+                let workspace = &mut own;
+                let theta = &ritz[panel * LIFT_WIDTH..ritz.len().min((panel + 1) * LIFT_WIDTH)];
+                let residuals = self.residuals(&lifter, panel, theta, workspace);
+                let mut measures = Vec::with_capacity(LIFT_WIDTH);
+                let mut density = None;
+                for (half, theta) in theta.chunks(CYCLE_WIDTH).enumerate() {
+                    monitor.checkpoint()?;
+                    measures.extend(self.half(workspace, half, theta, &residuals[half], wanted, &mut density));
+                }
+                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                monitor.progress(done as f64 / panels as f64);
+                idle.lock().unwrap_or_else(PoisonError::into_inner).push(own);
+                Ok((measures, density))
+            })
+            .collect::<Result<_, Cancelled>>()?;
+        let mut measures = Vec::with_capacity(ritz.len());
+        let mut density: Density = None;
+        for (part, own) in parts {
+            measures.extend(part);
+            if let Some(own) = own {
+                let sum = density.get_or_insert_with(|| vec![0.0; n]);
+                self.order.iter().zip(own).for_each(|(&row, value)| sum[row as usize] += value);
+            }
+        }
+        Ok((measures, density))
+    }
+
+    /// The number of unknowns.
+    pub fn size(&self) -> usize {
+        self.order.len()
+    }
+
+    /// Sixteen columns of a panel, whose residuals are known.
+    fn half(
+        &self,
+        workspace: &mut Workspace,
+        half: usize,
+        ritz: &[f64],
+        residuals: &Residuals,
+        wanted: Wanted,
+        density: &mut Density,
+    ) -> Vec<Measure> {
+        let Wanted { kernel, goal } = wanted;
+        let positive = ritz.iter().map(|theta| theta + self.floor).find(|&theta| theta > kernel);
+        let sigma = SHIFT * positive.unwrap_or(1.0);
+        let mut enclosed = self.step(workspace, half, sigma, Step { first: true, keep: workspace.keep });
+        let mut kept = workspace.keep;
+        let keep = |workspace: &mut Workspace, kept: &mut bool| {
+            if !*kept {
+                self.step(workspace, half, sigma, Step { first: true, keep: true });
+            }
+            *kept = true;
+        };
+        let mut steps = 1;
+        let close = |enclosed: &Enclosure| {
+            (0..ritz.len()).all(|k| {
+                enclosed.excess[k] <= SLACK * sigma * enclosed.below[k]
+                    || self.conclude(residuals, enclosed, k, ritz[k], sigma).bound <= CLOSE * (ritz[k] + self.floor)
+            })
+        };
+        while steps < MOST_STEPS && !close(&enclosed) {
+            keep(workspace, &mut kept);
+            enclosed = self.step(workspace, half, sigma, Step { first: false, keep: true });
+            steps += 1;
+        }
+        // The next panel has much the same needs.
+        workspace.keep = steps > 1;
+        let conclude = |k: usize| self.conclude(residuals, &enclosed, k, ritz[k], sigma);
+        let measures: Vec<Measure> = (0..ritz.len()).map(conclude).collect();
+        let Some(goal) = goal else { return measures };
+        let mut weights = [0.0; CYCLE_WIDTH];
+        for ((weight, measure), theta) in weights.iter_mut().zip(&measures).zip(ritz) {
+            let value = theta + self.floor;
+            if value > kernel && measure.estimate > goal * value {
+                *weight = 1.0 / value;
+            }
+        }
+        if weights.iter().any(|&w| w > 0.0) {
+            keep(workspace, &mut kept);
+            let density = density.get_or_insert_with(|| vec![0.0; self.order.len()]);
+            for ((sum, y), r) in density.iter_mut().zip(&workspace.y).zip(&workspace.right[half]) {
+                let share: f64 = (0..CYCLE_WIDTH).map(|k| weights[k] * f64::from(y[k]) * f64::from(r[k])).sum();
+                *sum += share;
+            }
+        }
+        measures
+    }
+
+    /// What the enclosure says of pair `k` of a half.
+    fn conclude(&self, residuals: &Residuals, enclosed: &Enclosure, k: usize, ritz: f64, sigma: f64) -> Measure {
+        let Residuals { sums, rounding, .. } = residuals;
+        let below = enclosed.below[k].max(0.0);
+        // A consistent mass is at least a quarter of the lumped one.
+        let factor = if matches!(self.mass, MassMatrix::Diagonal(_)) { 1.0 } else { 2.0 };
+        let of_y =
+            enclosed.rounding[k].sqrt() + MASS_ROUNDING * (sigma + self.floor) * enclosed.mass[k].max(0.0).sqrt();
+        let excess = factor * ((1.0 + MASS_ROUNDING) * enclosed.excess[k].sqrt() + of_y + rounding[k]) / sigma.sqrt();
+        let above = (below + 1e-12 * enclosed.size[k] + excess * excess).sqrt();
+        let above_dual = factor * (sums[k].dual.sqrt() + rounding[k]);
+        let mut measure = Measure { sigma, below: below.sqrt(), above, above_dual, ..sums[k] };
+        measure.bound = measure.distance(ritz, self.floor);
+        measure.estimate = measure.error(ritz + self.floor, enclosed.mass[k].max(0.0)).min(measure.bound);
+        measure
+    }
+
+    /// `r = S x − θ M x` of the panel into `right`, in single precision, with the sums that it enters. `x` is lifted patch by patch and never
+    /// stored.
+    fn residuals(
+        &self,
+        lifter: &RowLifter<'_>,
+        panel: usize,
+        ritz: &[f64],
+        workspace: &mut Workspace,
+    ) -> [Residuals; HALVES] {
+        let mut theta = [0.0; LIFT_WIDTH];
+        theta[..ritz.len()].copy_from_slice(ritz);
+        let Workspace { x, right, .. } = workspace;
+        let mut totals = [[[0.0; CYCLE_WIDTH]; 7]; HALVES];
+        let mut found: [Residuals; HALVES] = Default::default();
+        for patch in self.hierarchy.patches() {
+            let vertices = patch.vertices(1);
+            x.resize(vertices.len(), [0.0; LIFT_WIDTH]);
+            lifter.lift(vertices, panel, x);
+            for half in 0..ritz.len().div_ceil(CYCLE_WIDTH) {
+                let theta: [f64; CYCLE_WIDTH] = std::array::from_fn(|k| theta[half * CYCLE_WIDTH + k]);
+                let (totals, right) = (&mut totals[half], &mut right[half][patch.rows()]);
+                self.patch_residuals(patch, x, half, &theta, totals, &mut found[half], right);
+            }
+        }
+        for (half, (found, totals)) in found.iter_mut().zip(&totals).enumerate() {
+            for k in 0..CYCLE_WIDTH {
+                found.sums[k] = Measure {
+                    residual: totals[0][k],
+                    dual: totals[1][k],
+                    stiffness: totals[2][k],
+                    square: totals[3][k],
+                    mass: totals[4][k],
+                    energy: totals[5][k],
+                    lowest: found.lowest[k],
+                    highest: found.highest[k],
+                    ..Measure::default()
+                };
+                found.rounding[k] = totals[6][k].sqrt()
+                    + MASS_ROUNDING * theta[half * CYCLE_WIDTH + k].abs() * totals[4][k].sqrt()
+                    + SINGLE * totals[1][k].sqrt();
+            }
+        }
+        found
+    }
+
+    /// The rows of a patch of one half of [`residuals`](Self::residuals); `x` holds the patch and its first ring.
+    #[expect(clippy::too_many_arguments, reason = "what one patch needs and what it adds to")]
+    fn patch_residuals(
+        &self,
+        patch: &Patch,
+        x: &[[f64; LIFT_WIDTH]],
+        half: usize,
+        theta: &[f64; CYCLE_WIDTH],
+        totals: &mut [[f64; CYCLE_WIDTH]; 7],
+        found: &mut Residuals,
+        right: &mut [CycleRow],
+    ) {
+        vectorized(
+            (totals, found, right),
+            #[inline(always)]
+            |(totals, found, right)| {
+                for (row, (right, global)) in right.iter_mut().zip(patch.rows()).enumerate() {
+                    let own = lanes_of(&x[row], half);
+                    let (columns, values) = patch.exact(row);
+                    let mut sx = [0.0; CYCLE_WIDTH];
+                    for (&(column, _), &value) in columns.iter().zip(values) {
+                        let x = lanes_of(&x[column as usize], half);
+                        for k in 0..CYCLE_WIDTH {
+                            sx[k] = value.mul_add(x[k], sx[k]);
+                        }
+                    }
+                    let mut mx = [0.0; CYCLE_WIDTH];
+                    match (&self.mass, patch.consistent_mass(row)) {
+                        (MassMatrix::Sparse(_), Some((columns, values))) => {
+                            for (&(column, _), &value) in columns.iter().zip(values) {
+                                let x = lanes_of(&x[column as usize], half);
+                                for k in 0..CYCLE_WIDTH {
+                                    mx[k] = value.mul_add(x[k], mx[k]);
+                                }
+                            }
+                        }
+                        _ => {
+                            for k in 0..CYCLE_WIDTH {
+                                mx[k] = self.lumped[global] * own[k];
+                            }
+                        }
+                    }
+                    let (inverse, weight) = (1.0 / self.lumped[global], self.rounding[global]);
+                    for k in 0..CYCLE_WIDTH {
+                        let r = sx[k] - theta[k] * mx[k];
+                        right[k] = r as f32;
+                        totals[0][k] += r * r;
+                        totals[1][k] += r * r * inverse;
+                        totals[2][k] += sx[k] * sx[k];
+                        totals[3][k] += own[k] * own[k];
+                        totals[4][k] += own[k] * mx[k];
+                        totals[5][k] += own[k] * sx[k];
+                        totals[6][k] += weight * own[k] * own[k];
+                        found.lowest[k] = if own[k] < found.lowest[k] { own[k] } else { found.lowest[k] };
+                        found.highest[k] = if own[k] > found.highest[k] { own[k] } else { found.highest[k] };
+                    }
+                }
+            },
+        );
+    }
+
+    /// A cycle from zero, or one that improves the `y` that was kept, and the terms of the enclosure for the `y` found. Keeps `y` and `r − Ay`
+    /// if asked to.
+    fn step(&self, workspace: &mut Workspace, half: usize, sigma: f64, step: Step) -> Enclosure {
+        let Workspace { right, y, rest, next_y, next_rest, total, cycle, .. } = workspace;
+        let right = &right[half];
+        let mut found = Enclosure::default();
+        if step.keep {
+            next_y.resize(right.len(), [0.0; CYCLE_WIDTH]);
+            next_rest.resize(right.len(), [0.0; CYCLE_WIDTH]);
+        }
+        let source: &[CycleRow] = if step.first { right } else { rest };
+        self.hierarchy.cycle(sigma as f32, source, cycle, |patch, correction| {
+            let rows = patch.rows();
+            let improved = if step.first {
+                correction
+            } else {
+                total.clear();
+                total.extend(correction.iter().zip(patch.vertices(1)).map(|(correction, &vertex)| {
+                    let y = &y[vertex as usize];
+                    std::array::from_fn(|k| y[k] + correction[k])
+                }));
+                &*total
+            };
+            let kept = if step.keep {
+                next_y[rows.clone()].copy_from_slice(&improved[..rows.len()]);
+                &mut next_rest[rows]
+            } else {
+                &mut []
+            };
+            self.enclose(patch, improved, &right[patch.rows()], sigma, &mut found, kept);
+        });
+        if step.keep {
+            std::mem::swap(y, next_y);
+            std::mem::swap(rest, next_rest);
+        }
+        found
+    }
+
+    /// Adds the terms of the enclosure on a patch, in double precision; `y` holds the patch and its first ring. `rests`, if there are as many, become
+    /// `r − Ay`.
+    fn enclose(
+        &self,
+        patch: &Patch,
+        y: &[CycleRow],
+        right: &[CycleRow],
+        sigma: f64,
+        found: &mut Enclosure,
+        rests: &mut [CycleRow],
+    ) {
+        let shift = sigma + self.floor;
+        vectorized(
+            (found, rests),
+            #[inline(always)]
+            |(found, rests)| {
+                for (row, (r, global)) in right.iter().zip(patch.rows()).enumerate() {
+                    let own = &y[row];
+                    let (columns, values) = patch.exact(row);
+                    let mut ay = [0.0; CYCLE_WIDTH];
+                    for (&(column, _), &value) in columns.iter().zip(values) {
+                        let y = &y[column as usize];
+                        for k in 0..CYCLE_WIDTH {
+                            ay[k] = value.mul_add(f64::from(y[k]), ay[k]);
+                        }
+                    }
+                    let mut mass_y = [0.0; CYCLE_WIDTH];
+                    match (&self.mass, patch.consistent_mass(row)) {
+                        (MassMatrix::Sparse(_), Some((columns, values))) => {
+                            for (&(column, _), &value) in columns.iter().zip(values) {
+                                let y = &y[column as usize];
+                                for k in 0..CYCLE_WIDTH {
+                                    mass_y[k] = value.mul_add(f64::from(y[k]), mass_y[k]);
+                                }
+                            }
+                        }
+                        _ => {
+                            for k in 0..CYCLE_WIDTH {
+                                mass_y[k] = self.lumped[global] * f64::from(own[k]);
+                            }
+                        }
+                    }
+                    let (inverse, weight) = (1.0 / self.lumped[global], self.rounding[global]);
+                    let mut rests = rests.get_mut(row);
+                    for k in 0..CYCLE_WIDTH {
+                        let (r, y) = (f64::from(r[k]), f64::from(own[k]));
+                        let rest = r - ay[k] - shift * mass_y[k];
+                        ay[k] = rest;
+                        found.below[k] += y * (r + rest);
+                        found.size[k] += (y * r).abs() + (y * rest).abs();
+                        found.excess[k] += rest * rest * inverse;
+                        found.rounding[k] += weight * y * y;
+                        found.mass[k] += y * mass_y[k];
+                    }
+                    if let Some(rests) = &mut rests {
+                        rests.iter_mut().zip(&ay).for_each(|(to, &rest)| *to = rest as f32);
+                    }
+                }
+            },
+        );
+    }
+}
+
+/// How a cycle is taken.
+#[derive(Clone, Copy)]
+struct Step {
+    first: bool,
+    keep: bool,
+}
+
+impl Measure {
+    /// Some exact eigenvalue is nearer to the Ritz value than this, on unit area: `η (θ + c + σ) / (1 − η)`, or `‖r‖_{M⁻¹} / ‖x‖_M` where that is
+    /// less.
+    fn distance(&self, theta: f64, floor: f64) -> f64 {
+        let shifted = theta + floor + self.sigma;
+        // Sums of squares err by far less than this.
+        let exact = 1.0 - 1e-10;
+        let norm = (exact * (self.energy + (floor + self.sigma) * self.mass)).max(0.0).sqrt();
+        let eta = self.above / norm;
+        let energy = if eta < 1.0 { eta * shifted / (1.0 - eta) } else { f64::INFINITY };
+        let dual = self.above_dual / (exact * self.mass).max(0.0).sqrt();
+        // NaN, from a vector of zeros, bounds nothing.
+        if energy <= dual {
+            energy
+        } else if dual >= 0.0 {
+            dual
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// About how far the Ritz value lies above the exact one, on unit area: what is gained by the best multiple of `y ≈ A⁻¹r`, which is what the pair
+    /// misses, `(yᵀr)² / yᵀ(S − θM)y`. `mass_of_y` is `yᵀMy`.
+    fn error(&self, theta: f64, mass_of_y: f64) -> f64 {
+        let square = self.below * self.below;
+        let left = 1.0 - (theta + self.sigma) * mass_of_y / square.max(f64::MIN_POSITIVE);
+        UNGAINED * square / (left.max(1.0 / MOST_AMPLIFIED) * self.mass.max(f64::MIN_POSITIVE))
+    }
+}
+
+#[inline(always)]
+fn lanes_of(row: &[f64; LIFT_WIDTH], half: usize) -> &[f64; CYCLE_WIDTH] {
+    let (halves, _) = row.as_chunks::<CYCLE_WIDTH>();
+    &halves[half]
+}
+
+/// For each `j` the weight `w_j` with `Σ_i γ_i² (Σ_j |S_ij| |x_j|)² / m_i ≤ Σ_j w_j x_j²`, by Cauchy and Schwarz row by row: γ_i bounds the
+/// rounding errors of a sum as long as row `i`.
+fn rounding_weights(stiffness: &SparseMatrix, lumped: &[f64]) -> Vec<f64> {
+    let mut weights = vec![0.0; lumped.len()];
+    for (row, mass) in lumped.iter().enumerate() {
+        let (columns, values) = stiffness.row(row);
+        let unit = (columns.len() + 4) as f64 * f64::EPSILON;
+        let share = unit * unit * values.iter().map(|value| value.abs()).sum::<f64>() / mass;
+        for (&column, value) in columns.iter().zip(values) {
+            weights[column as usize] += share * value.abs();
+        }
+    }
+    weights
+}
+
+/// What one thread needs for a panel.
+struct Workspace {
+    /// The panel on a patch and its first ring.
+    x: Vec<[f64; LIFT_WIDTH]>,
+    right: [Vec<CycleRow>; HALVES],
+    /// Whether the first cycle keeps what a second one begins with.
+    keep: bool,
+    y: Vec<CycleRow>,
+    rest: Vec<CycleRow>,
+    next_y: Vec<CycleRow>,
+    next_rest: Vec<CycleRow>,
+    /// `y` on a patch and its first ring.
+    total: Vec<CycleRow>,
+    cycle: CycleWorkspace,
+}
+
+impl Workspace {
+    fn new(n: usize, hierarchy: &Multigrid) -> Self {
+        Self {
+            x: Vec::new(),
+            right: std::array::from_fn(|_| vec![[0.0; CYCLE_WIDTH]; n]),
+            keep: false,
+            y: Vec::new(),
+            rest: Vec::new(),
+            next_y: Vec::new(),
+            next_rest: Vec::new(),
+            total: Vec::new(),
+            cycle: hierarchy.workspace(),
+        }
+    }
+}
+
+/// Sums over the residuals of sixteen pairs.
+#[derive(Default)]
+struct Residuals {
+    sums: [Measure; CYCLE_WIDTH],
+    /// `‖δ‖²` in the inverse lumped mass, δ a bound on the rounding errors of each row.
+    rounding: [f64; CYCLE_WIDTH],
+    lowest: [f64; CYCLE_WIDTH],
+    highest: [f64; CYCLE_WIDTH],
+}
+
+/// The terms of the enclosure; those of `r − Ay` are in the inverse lumped mass.
+#[derive(Default)]
+struct Enclosure {
+    /// `2 yᵀr − yᵀAy`
+    below: [f64; CYCLE_WIDTH],
+    /// The sum of the magnitudes of its terms.
+    size: [f64; CYCLE_WIDTH],
+    /// `‖r − Ay‖²`
+    excess: [f64; CYCLE_WIDTH],
+    /// A bound on the square of `‖δ‖`, δ the rounding error of `S y`.
+    rounding: [f64; CYCLE_WIDTH],
+    /// `yᵀMy`
+    mass: [f64; CYCLE_WIDTH],
+}

@@ -1,0 +1,382 @@
+//! From a coarse level back to a finer one: linear interpolation and a smoother that removes its kinks.
+//!
+//! The smoother is a Chebyshev polynomial in the scaled stiffness, so that nothing global is needed: a block of vertices with a
+//! halo as wide as the polynomial's degree is smoothed by itself, for all columns that reach it, within the cache.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use chladni_algebra::simd::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+
+use super::coarsen::Coarsening;
+use super::level::Level;
+use super::shrink::push_row;
+use chladni_algebra::SparseMatrix;
+use chladni_base::{Cancelled, Monitor};
+
+/// Lanes are padded to a multiple of this.
+const WIDTH: usize = 16;
+
+type Lanes = [f32; WIDTH];
+
+/// Upper end of the spectrum of the scaled stiffness: its rows are scaled so that their absolute values sum to at most this.
+const GREATEST: f64 = 2.0;
+
+/// How to smooth.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Smoother {
+    /// The degree of the polynomial and the width of the halo.
+    pub degree: usize,
+    /// The lower end of what is damped, of a spectrum that reaches to 2.
+    pub least: f64,
+    /// Vertices of a block without its halo.
+    pub block: usize,
+}
+
+/// How rows leave: entries below `drop` are dropped, those below `threshold` shrunk away (see [`push_row`]).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Thinning {
+    pub drop: f32,
+    pub threshold: f32,
+}
+
+/// Brings `columns` from the coarse level of `coarsening` to `fine`, smooths and thins them out. Rows sum to 1.
+pub(super) fn prolong(
+    fine: &Level,
+    coarsening: &Coarsening,
+    columns: &SparseMatrix<f32>,
+    smoother: &Smoother,
+    thinning: &Thinning,
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix<f32>, Cancelled> {
+    let n = fine.vertices();
+    let blocks = blocks(coarsening, n, smoother.block);
+    // Where the fine mesh is no finer than the coarse one there is nothing to smooth: time steps are limited.
+    let limit = coarsening.reach * coarsening.reach / 16.0;
+    let scales: Vec<f32> = (0..n).into_par_iter().map(|v| scale(fine, v, limit)).collect();
+    let done = AtomicUsize::new(0);
+    let parts: Vec<Part> = blocks
+        .par_iter()
+        .map_init(
+            || Scratch {
+                local: vec![u32::MAX; n],
+                lanes: vec![u32::MAX; columns.columns()],
+                seen: vec![0; columns.rows()],
+                stamp: 0,
+            },
+            |scratch, block| {
+                monitor.checkpoint()?;
+                let part = smooth_block(fine, coarsening, columns, &scales, block, smoother, thinning, scratch);
+                let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
+                if finished.is_multiple_of(16) {
+                    monitor.progress(finished as f64 / blocks.len() as f64);
+                }
+                Ok(part)
+            },
+        )
+        .collect::<Result<_, Cancelled>>()?;
+    monitor.checkpoint()?;
+    Ok(assemble(n, columns.columns(), &blocks, &parts))
+}
+
+/// The factor of a row of the stiffness.
+fn scale(level: &Level, v: usize, limit: f32) -> f32 {
+    let off: f32 = level.edges(v).map(|edge| level.weights[edge].abs()).sum();
+    let size = 0.5 * (level.diagonal[v].abs() + off);
+    let slowest = level.mass[v] / limit;
+    let size = size.max(slowest);
+    if size > 0.0 && size.is_finite() { 1.0 / size } else { 0.0 }
+}
+
+/// Groups of whole cells with about `size` fine vertices, each grown breadth first over the coarse graph.
+fn blocks(coarsening: &Coarsening, n: usize, size: usize) -> Vec<Vec<u32>> {
+    let coarse = &coarsening.level;
+    let mut order: Vec<u32> = Vec::with_capacity(coarse.vertices());
+    let mut group = vec![u32::MAX; coarse.vertices()];
+    let mut members = vec![0u32; coarse.vertices()];
+    for &cell in &coarsening.cells {
+        members[cell as usize] += 1;
+    }
+    let mut groups = 0u32;
+    let mut count = 0usize;
+    let mut front: std::collections::VecDeque<u32> = std::collections::VecDeque::new();
+    let mut open: std::collections::VecDeque<u32> = std::collections::VecDeque::new();
+    let mut rest = 0usize;
+    loop {
+        // The next cell: breadth first from the start of this block; a new block starts beside old ones.
+        let next = loop {
+            if let Some(cell) = front.pop_front() {
+                if group[cell as usize] == u32::MAX {
+                    break Some(cell);
+                }
+                continue;
+            }
+            if let Some(cell) = open.pop_front() {
+                if group[cell as usize] == u32::MAX {
+                    break Some(cell);
+                }
+                continue;
+            }
+            while rest < group.len() && group[rest] != u32::MAX {
+                rest += 1;
+            }
+            break (rest < group.len()).then_some(rest as u32);
+        };
+        let Some(cell) = next else { break };
+        if count >= size {
+            groups += 1;
+            count = 0;
+            open.extend(front.drain(..));
+        }
+        group[cell as usize] = groups;
+        count += members[cell as usize] as usize;
+        order.push(cell);
+        front.extend(
+            coarse.edges(cell as usize).map(|e| coarse.neighbours[e]).filter(|&o| group[o as usize] == u32::MAX),
+        );
+    }
+    let mut blocks: Vec<Vec<u32>> = vec![Vec::new(); groups as usize + 1];
+    for v in 0..n {
+        blocks[group[coarsening.cells[v] as usize] as usize].push(v as u32);
+    }
+    blocks.retain(|block| !block.is_empty());
+    blocks
+}
+
+/// What a thread keeps between blocks.
+struct Scratch {
+    local: Vec<u32>,
+    lanes: Vec<u32>,
+    seen: Vec<u32>,
+    stamp: u32,
+}
+
+/// The rows of a block, in the order of its vertices.
+struct Part {
+    ends: Vec<u32>,
+    indices: Vec<u32>,
+    values: Vec<f32>,
+}
+
+#[expect(clippy::too_many_arguments, reason = "all of them are what one block needs")]
+fn smooth_block(
+    fine: &Level,
+    coarsening: &Coarsening,
+    columns: &SparseMatrix<f32>,
+    scales: &[f32],
+    block: &[u32],
+    smoother: &Smoother,
+    thinning: &Thinning,
+    scratch: &mut Scratch,
+) -> Part {
+    let Scratch { local, lanes, seen, stamp } = scratch;
+    *stamp += 1;
+    // The block, then ring after ring.
+    let mut vertices = block.to_vec();
+    for (k, &v) in vertices.iter().enumerate() {
+        local[v as usize] = k as u32;
+    }
+    let mut ends = vec![vertices.len()];
+    let mut begin = 0;
+    for _ in 0..smoother.degree {
+        let end = vertices.len();
+        for k in begin..end {
+            for edge in fine.edges(vertices[k] as usize) {
+                let other = fine.neighbours[edge];
+                if local[other as usize] == u32::MAX {
+                    local[other as usize] = vertices.len() as u32;
+                    vertices.push(other);
+                }
+            }
+        }
+        begin = end;
+        ends.push(vertices.len());
+    }
+    let n = vertices.len();
+    // The columns over the block and its halo.
+    let mut names: Vec<u32> = Vec::new();
+    for &v in &vertices {
+        let (corners, weights) = coarsening.corners[v as usize];
+        for (corner, weight) in corners.into_iter().zip(weights) {
+            if weight > 0.0 && seen[corner as usize] != *stamp {
+                seen[corner as usize] = *stamp;
+                for &column in columns.row(corner as usize).0 {
+                    if lanes[column as usize] == u32::MAX {
+                        lanes[column as usize] = 0;
+                        names.push(column);
+                    }
+                }
+            }
+        }
+    }
+    names.sort_unstable();
+    for (lane, &column) in names.iter().enumerate() {
+        lanes[column as usize] = lane as u32;
+    }
+    let chunks = names.len().div_ceil(WIDTH).max(1);
+    let mut x = vec![[0f32; WIDTH]; n * chunks];
+    for (k, &v) in vertices.iter().enumerate() {
+        let row = x[k * chunks..(k + 1) * chunks].as_flattened_mut();
+        let (corners, weights) = coarsening.corners[v as usize];
+        for (corner, weight) in corners.into_iter().zip(weights) {
+            if weight > 0.0 {
+                let (indices, values) = columns.row(corner as usize);
+                for (&column, &value) in indices.iter().zip(values) {
+                    row[lanes[column as usize] as usize] += weight * value;
+                }
+            }
+        }
+    }
+    // The scaled stiffness there; the outermost ring has no row.
+    let rows = ends[smoother.degree.saturating_sub(1)];
+    let mut matrix = Rows {
+        offsets: Vec::with_capacity(rows + 1),
+        entries: Vec::with_capacity(7 * rows),
+        diagonal: Vec::with_capacity(rows),
+    };
+    matrix.offsets.push(0);
+    for &v in &vertices[..rows] {
+        let factor = scales[v as usize];
+        for edge in fine.edges(v as usize) {
+            matrix.entries.push((local[fine.neighbours[edge] as usize], factor * fine.weights[edge]));
+        }
+        matrix.offsets.push(matrix.entries.len() as u32);
+        matrix.diagonal.push(factor * fine.diagonal[v as usize]);
+    }
+    for &v in &vertices {
+        local[v as usize] = u32::MAX;
+    }
+    for &column in &names {
+        lanes[column as usize] = u32::MAX;
+    }
+    // Chebyshev semi-iteration towards zero: x ← x + β(x − before) − γ B x.
+    let mut before = x.clone();
+    let (middle, half) = (0.5 * (GREATEST + smoother.least), 0.5 * (GREATEST - smoother.least));
+    let arch = Arch::new();
+    let mut rho = half / middle;
+    for step in 0..smoother.degree {
+        let (beta, gamma) = if step == 0 {
+            (0.0, 1.0 / middle)
+        } else {
+            let next = 1.0 / (2.0 * middle / half - rho);
+            let pair = (next * rho, 2.0 * next / half);
+            rho = next;
+            pair
+        };
+        let count = ends[smoother.degree - 1 - step];
+        let sweep = Sweep {
+            matrix: &matrix,
+            rows: count,
+            chunks,
+            beta: beta as f32,
+            gamma: gamma as f32,
+            x: &x,
+            before: &mut before,
+        };
+        arch.dispatch(sweep);
+        std::mem::swap(&mut x, &mut before);
+    }
+    let room = 20 * block.len();
+    let mut part = Part {
+        ends: Vec::with_capacity(block.len()),
+        indices: Vec::with_capacity(room),
+        values: Vec::with_capacity(room),
+    };
+    for k in 0..block.len() {
+        let row = &x[k * chunks..(k + 1) * chunks].as_flattened()[..names.len()];
+        push_row(&names, row, thinning.drop, thinning.threshold, &mut part.indices, &mut part.values);
+        part.ends.push(part.indices.len() as u32);
+    }
+    part
+}
+
+/// Rows of the scaled stiffness: off-diagonal entries negated.
+struct Rows {
+    offsets: Vec<u32>,
+    entries: Vec<(u32, f32)>,
+    diagonal: Vec<f32>,
+}
+
+/// One step of the iteration on the first `rows` rows; the result replaces `before`.
+struct Sweep<'a> {
+    matrix: &'a Rows,
+    rows: usize,
+    chunks: usize,
+    beta: f32,
+    gamma: f32,
+    x: &'a [Lanes],
+    before: &'a mut [Lanes],
+}
+
+impl WithSimd for Sweep<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { matrix, rows, chunks, beta, gamma, x, before } = self;
+        for k in 0..rows {
+            let entries = &matrix.entries[matrix.offsets[k] as usize..matrix.offsets[k + 1] as usize];
+            let own = 1.0 + beta - gamma * matrix.diagonal[k];
+            for c in 0..chunks {
+                let mut sum = [0f32; WIDTH];
+                for &(other, weight) in entries {
+                    let row = &x[other as usize * chunks + c];
+                    for l in 0..WIDTH {
+                        sum[l] = fma::<S>(weight, row[l], sum[l]);
+                    }
+                }
+                let (own_row, old) = (&x[k * chunks + c], &mut before[k * chunks + c]);
+                for l in 0..WIDTH {
+                    let kept = fma::<S>(own, own_row[l], -beta * old[l]);
+                    old[l] = fma::<S>(gamma, sum[l], kept);
+                }
+            }
+        }
+    }
+}
+
+/// `a·b + c`, fused where the vector unit fuses: without one `mul_add` would be a call.
+#[inline(always)]
+fn fma<S: Simd>(a: f32, b: f32, c: f32) -> f32 {
+    if S::F32_LANES >= 4 { a.mul_add(b, c) } else { a * b + c }
+}
+
+/// Puts the rows of the blocks in the order of the vertices.
+fn assemble(n: usize, d: usize, blocks: &[Vec<u32>], parts: &[Part]) -> SparseMatrix<f32> {
+    let mut places = vec![(0u32, 0u32); n];
+    let mut offsets = vec![0usize; n + 1];
+    for (b, (block, part)) in blocks.iter().zip(parts).enumerate() {
+        let mut begin = 0;
+        for (&v, &end) in block.iter().zip(&part.ends) {
+            places[v as usize] = (b as u32, begin);
+            offsets[v as usize + 1] = (end - begin) as usize;
+            begin = end;
+        }
+    }
+    for v in 0..n {
+        offsets[v + 1] += offsets[v];
+    }
+    let mut indices = vec![0u32; offsets[n]];
+    let mut values = vec![0f32; offsets[n]];
+    let rows_per_chunk = 8192;
+    let mut chunks = Vec::with_capacity(n.div_ceil(rows_per_chunk));
+    let (mut i, mut x) = (indices.as_mut_slice(), values.as_mut_slice());
+    for begin in (0..n).step_by(rows_per_chunk) {
+        let end = (begin + rows_per_chunk).min(n);
+        let (i_here, i_rest) = i.split_at_mut(offsets[end] - offsets[begin]);
+        let (x_here, x_rest) = x.split_at_mut(offsets[end] - offsets[begin]);
+        chunks.push((begin..end, i_here, x_here));
+        (i, x) = (i_rest, x_rest);
+    }
+    chunks.into_par_iter().for_each(|(rows, indices, values)| {
+        let base = offsets[rows.start];
+        for v in rows {
+            let (part, begin) = places[v];
+            let here = offsets[v] - base..offsets[v + 1] - base;
+            let there = begin as usize..begin as usize + here.len();
+            indices[here.clone()].copy_from_slice(&parts[part as usize].indices[there.clone()]);
+            values[here].copy_from_slice(&parts[part as usize].values[there]);
+        }
+    });
+    SparseMatrix::from_sorted_parts(n, d, offsets, indices, values)
+}

@@ -1,0 +1,243 @@
+//! The exact spectrum of the Hodge–Laplacian on tangential fields, by the scalar route.
+//!
+//! With a conforming divergence and a non-conforming curl the eigenfields are, and this is no approximation: the harmonic fields, at 0; the gradients
+//! `G u` of the hat-function eigenfunctions, at their eigenvalues; the co-gradients `J G* v` of the Crouzeix–Raviart eigenfunctions, at
+//! theirs (see [`crate::operator::hodge`]). Two scalar problems with three entries a row and more are solved instead of one of thirteen
+//! blocks a row, and their certificates prove the union complete.
+
+use chladni_algebra::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix};
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::dual::{DualGraph, NO_FACE};
+
+use crate::operator::EigenProblem;
+use crate::operator::frames::FaceFrames;
+use crate::operator::hodge::{conforming_problem, nonconforming_problem};
+
+use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, LevelReport, Wanted};
+
+/// Where an eigenfield comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FieldPart {
+    /// It has neither divergence nor curl.
+    Harmonic,
+    /// It is the gradient of a function.
+    Gradient,
+    /// It is the gradient of a function turned by 90°.
+    CoGradient,
+}
+
+/// Eigenfields, proven complete.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HodgeSpectrum {
+    /// `m` eigenvalues, ascending, in 1/length² of the input.
+    pub values: Vec<f64>,
+    /// `2F × m`, two numbers for each face in its frame, orthonormal for the face areas of the input.
+    pub fields: PanelMatrix,
+    /// Where each comes from.
+    pub parts: Vec<FieldPart>,
+    /// Per field `‖S x − θ M x‖ / ‖S x‖` for the Hodge–Laplacian; 0 for harmonic fields, whose `S x` vanishes but for rounding.
+    pub residuals: Vec<f64>,
+    /// Per field a bound on the distance of an exact eigenvalue, in 1/length² of the input.
+    pub bounds: Vec<f64>,
+    /// The largest entry of `|XᵀMX − I|` within gradients and within co-gradients; the two are orthogonal to each other but for rounding.
+    pub orthonormality_defect: f64,
+    /// Whether inertia counts prove both parts complete.
+    pub complete: bool,
+    /// The levels of both iterations.
+    pub levels: Vec<LevelReport>,
+}
+
+/// Computes the lowest `count` eigenfields of a surface whose fields run along its boundary, if it has one. `harmonic` are its harmonic fields, `2F`
+/// numbers each, orthonormal on unit area; they count among the eigenfields.
+///
+/// Tolerance and seed are those of `parameters`.
+///
+/// # Errors
+/// [`HsimError`]: more fields than there are, pairs that do not converge, cancellation.
+pub fn hodge_spectrum(
+    mesh: &TriangleMesh,
+    (dual, frames): (&DualGraph, &FaceFrames),
+    harmonic: &[Vec<f64>],
+    count: usize,
+    parameters: &HsimParameters,
+    monitor: &dyn Monitor,
+) -> Result<HodgeSpectrum, HsimError> {
+    let faces = mesh.faces.len();
+    if count > 2 * faces {
+        return Err(HsimError::Count { wanted: count, most: 2 * faces });
+    }
+    let (component_of, components) = dual.components();
+    let mut open = vec![false; components];
+    for &[face, other] in dual.edge_faces() {
+        open[component_of[face as usize] as usize] |= other == NO_FACE;
+    }
+    let gradients = Scalar::new(mesh, conforming_problem(mesh, frames), components);
+    let (middles, problem) = nonconforming_problem(mesh, dual, frames);
+    let co_gradients = Scalar::new(&middles, problem, open.iter().filter(|open| !**open).count());
+    let positive = count.saturating_sub(harmonic.len());
+    let (first, second) = merged(&gradients, &co_gradients, positive, parameters, monitor)?;
+    monitor.stage("fields");
+    let mut all: Vec<(f64, FieldPart, usize)> =
+        (0..harmonic.len().min(count)).map(|k| (0.0, FieldPart::Harmonic, k)).collect();
+    for (pairs, kernel, part) in
+        [(&first, gradients.kernel, FieldPart::Gradient), (&second, co_gradients.kernel, FieldPart::CoGradient)]
+    {
+        all.extend((kernel..pairs.values.len()).map(|k| (pairs.values[k], part, k)));
+    }
+    // The sort is stable: equal values keep the order of the parts.
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    all.truncate(count);
+    let area = frames.area();
+    let mut spectrum = HodgeSpectrum {
+        values: all.iter().map(|f| f.0).collect(),
+        fields: PanelMatrix::zeros(2 * faces, all.len()),
+        parts: all.iter().map(|f| f.1).collect(),
+        residuals: Vec::with_capacity(all.len()),
+        bounds: Vec::with_capacity(all.len()),
+        orthonormality_defect: first.orthonormality_defect.max(second.orthonormality_defect),
+        complete: gradients.proven(&first) && co_gradients.proven(&second),
+        levels: [first.levels.clone(), second.levels.clone()].concat(),
+    };
+    for (c, &(value, part, k)) in all.iter().enumerate() {
+        monitor.checkpoint()?;
+        let panel = &mut spectrum.fields.panels_mut()[c / PANEL_WIDTH];
+        let mut put = |at: usize, number: f64| panel[at * PANEL_WIDTH + c % PANEL_WIDTH] = number;
+        let (functions, pairs): (&dyn Fn(usize) -> [u32; 3], &Eigenpairs) = match part {
+            FieldPart::Harmonic => {
+                harmonic[k].iter().enumerate().for_each(|(at, number)| put(at, number / area.sqrt()));
+                spectrum.residuals.push(0.0);
+                spectrum.bounds.push(0.0);
+                continue;
+            }
+            FieldPart::Gradient => (&|f| mesh.faces[f], &first),
+            FieldPart::CoGradient => (&|f| dual.edges(f).map(|e| co_gradients_row(&co_gradients.rows, e)), &second),
+        };
+        let u = pairs.vectors.column(k);
+        // On unit area ∇λ = J e / 2A and J ∇ψ = e / A; the norm of a gradient is √λ, which does not depend on scale.
+        let scale = 1.0 / value.max(f64::MIN_POSITIVE).sqrt();
+        let gradient = |values: &[f64], f: usize| -> [f64; 2] {
+            let (e, own) = (frames.edges(f), functions(f));
+            let mut sum = [0.0; 2];
+            for i in 0..3 {
+                let Some(value) = values.get(own[i] as usize) else { continue };
+                match part {
+                    FieldPart::Gradient => {
+                        sum = [sum[0] - 0.5 * e[i][1] * value, sum[1] + 0.5 * e[i][0] * value];
+                    }
+                    _ => sum = [sum[0] + e[i][0] * value, sum[1] + e[i][1] * value],
+                }
+            }
+            let area = frames.areas()[f];
+            sum.map(|x| x / area)
+        };
+        for f in 0..faces {
+            // The frames are those of unit area, in which a gradient of the input is √area times as large.
+            let [x, y] = gradient(&u, f);
+            put(2 * f, scale * x / area.sqrt());
+            put(2 * f + 1, scale * y / area.sqrt());
+        }
+        let problem = if part == FieldPart::Gradient { &gradients.problem } else { &co_gradients.problem };
+        spectrum.residuals.push(residual(problem, &u, value * area, |values| {
+            (0..faces).map(|f| gradient(values, f).map(|x| x * x * frames.areas()[f].powi(2)).iter().sum::<f64>()).sum()
+        }));
+        spectrum.bounds.push(pairs.bounds[k]);
+    }
+    Ok(spectrum)
+}
+
+/// The row of an edge among the unknowns; beyond all rows where it is none.
+fn co_gradients_row(rows: &Option<Vec<u32>>, edge: u32) -> u32 {
+    rows.as_ref().map_or(edge, |rows| rows[edge as usize])
+}
+
+/// `‖S x − θ M x‖ / ‖S x‖` of the field of a function: with `S = M_F G M⁻¹ Gᵀ M_F` on gradients both are norms of `M_F G` times functions.
+fn residual(problem: &EigenProblem, u: &[f64], value: f64, norm: impl Fn(&[f64]) -> f64) -> f64 {
+    let (Some(image), MassMatrix::Diagonal(masses)) = (problem.stiffness.multiply(u), &problem.mass) else {
+        return f64::INFINITY;
+    };
+    let applied: Vec<f64> = image.iter().zip(masses).map(|(s, m)| s / m).collect();
+    let rest: Vec<f64> = applied.iter().zip(u).map(|(a, u)| a - value * u).collect();
+    (norm(&rest) / norm(&applied).max(f64::MIN_POSITIVE)).sqrt()
+}
+
+/// A scalar problem on points.
+struct Scalar {
+    mesh: TriangleMesh,
+    problem: EigenProblem,
+    /// How many eigenvalues are zero.
+    kernel: usize,
+    /// The row of each edge, where boundary edges are none.
+    rows: Option<Vec<u32>>,
+}
+
+impl Scalar {
+    fn new(mesh: &TriangleMesh, (problem, rows): (EigenProblem, Option<Vec<u32>>), kernel: usize) -> Self {
+        Self { mesh: mesh.clone(), problem, kernel, rows }
+    }
+
+    /// The lowest pairs, kernel included.
+    fn solve(&self, count: usize, parameters: &HsimParameters, monitor: &dyn Monitor) -> Result<Eigenpairs, HsimError> {
+        let wanted = Wanted::Count((count + self.kernel).clamp(1, self.problem.size()));
+        hsim::solve(&self.mesh, &self.problem, &HsimParameters { wanted, ..*parameters }, false, monitor)
+    }
+
+    fn proven(&self, pairs: &Eigenpairs) -> bool {
+        crate::basis::completeness(&pairs.values, &pairs.inertia) == Some(true)
+    }
+}
+
+/// The lowest pairs of both problems, of each at least as many as belong to the lowest `count` positive ones of both.
+fn merged(
+    first: &Scalar,
+    second: &Scalar,
+    count: usize,
+    parameters: &HsimParameters,
+    monitor: &dyn Monitor,
+) -> Result<(Eigenpairs, Eigenpairs), HsimError> {
+    // By Weyl's law half of them come from either.
+    let share = count.div_ceil(2) + count / 20 + 4;
+    let (mut a, mut b) = (first.solve(share, parameters, monitor)?, second.solve(share, parameters, monitor)?);
+    loop {
+        monitor.checkpoint()?;
+        let all = |pairs: &Eigenpairs, scalar: &Scalar| pairs.values.len() == scalar.problem.size();
+        let end = |pairs: &Eigenpairs, scalar: &Scalar| {
+            if all(pairs, scalar) { f64::INFINITY } else { pairs.values.last().copied().unwrap_or(0.0) }
+        };
+        let (end_a, end_b) = (end(&a, first), end(&b, second));
+        let reach = end_a.min(end_b);
+        let below = |pairs: &Eigenpairs, scalar: &Scalar| {
+            pairs.values.iter().skip(scalar.kernel).filter(|&&value| value <= reach).count()
+        };
+        let have = below(&a, first) + below(&b, second);
+        if have >= count || reach == f64::INFINITY {
+            return Ok((a, b));
+        }
+        let more = count - have + 8;
+        if end_a <= end_b {
+            a = first.solve(a.values.len() - first.kernel + more, parameters, monitor)?;
+        } else {
+            b = second.solve(b.values.len() - second.kernel + more, parameters, monitor)?;
+        }
+    }
+}
+
+/// The largest entry of `|XᵀMX − I|` of some fields, by multiplication; for tests and reports.
+pub fn defect(frames: &FaceFrames, fields: &PanelMatrix) -> f64 {
+    let (rows, columns) = (fields.rows(), fields.columns());
+    let values: Vec<f64> = (0..columns).flat_map(|c| fields.column(c)).collect();
+    let Some(x) = DenseMatrix::from_columns(rows, columns, values) else { return f64::INFINITY };
+    let mut weighted = x.clone();
+    for c in 0..columns {
+        let masses = frames.areas().iter().flat_map(|a| [a * frames.area(); 2]);
+        weighted.column_mut(c).iter_mut().zip(masses).for_each(|(x, m)| *x *= m);
+    }
+    let Some(gram) = x.transposed_times(&weighted) else { return f64::INFINITY };
+    let deviation = |j: usize, i: usize| (gram.column(j)[i] - f64::from(u8::from(i == j))).abs();
+    (0..columns).flat_map(|j| (0..columns).map(move |i| deviation(j, i))).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+#[path = "hodge_tests.rs"]
+mod tests;

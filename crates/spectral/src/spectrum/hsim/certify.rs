@@ -1,0 +1,218 @@
+//! Proof that nothing is missing: eigenvalues counted by inertia, and the search for what a count says is not there.
+
+use chladni_algebra::{PANEL_WIDTH, PanelMatrix, restrict, rotate};
+use chladni_base::SplitMix64;
+
+use super::HsimError;
+use super::iterate::{Iteration, Plan};
+use super::judge::Count;
+
+use super::ritz::ritz;
+use super::shifts::factor_near;
+
+/// Searches for missing pairs that may find none before the others are given up.
+const VAIN_ROUNDS: u64 = 4;
+
+/// The most steps that each round may take.
+const PASSES: usize = 24;
+
+/// Which pairs have to be there, the kernel included.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Goal {
+    /// The lowest so many; more are computed where the last lies in a cluster.
+    Count(usize),
+    /// All below a bound; more are computed where some lie so close above it that no count could tell.
+    Below(f64),
+}
+
+/// What one attempt at a count says.
+enum Outcome {
+    Proven(Count),
+    /// More pairs have to converge first: so many beside the kernel.
+    Wanted(usize),
+    /// So many are missing below a shift.
+    Missing(usize, f64),
+    /// No count could be trusted.
+    Doubtful(String),
+}
+
+/// Iterates until the goal is reached and proven; gives the count of all pairs that were found below its shift.
+pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, seed: u64) -> Result<Count, HsimError> {
+    let mut plan = *plan;
+    let (mut round, mut vain, mut least) = (0, 0, usize::MAX);
+    loop {
+        converge(iteration, &plan)?;
+        match attempt(iteration, goal, &plan)? {
+            Outcome::Proven(count) => return Ok(count),
+            Outcome::Wanted(wanted) => plan.wanted = wanted,
+            Outcome::Doubtful(reason) => return Err(HsimError::Unproven { reason }),
+            Outcome::Missing(missing, shift) => {
+                vain += u64::from(missing >= least);
+                least = least.min(missing);
+                if vain >= VAIN_ROUNDS {
+                    return Err(HsimError::Incomplete { missing, shift });
+                }
+                iteration.monitor.stage("repair");
+                if search(iteration, shift, seed.wrapping_add(round))? == 0 {
+                    vain += 1;
+                }
+                if matches!(goal, Goal::Below(_)) {
+                    plan.wanted = (plan.wanted + missing).min(iteration.values.len());
+                }
+                round += 1;
+            }
+        }
+        plan.most_passes = iteration.passes + PASSES;
+    }
+}
+
+/// Counts in one gap after the other until a count can be trusted.
+fn attempt(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Result<Outcome, HsimError> {
+    let values = iteration.all_values();
+    let (place, floor) = match goal {
+        Goal::Count(count) => (count.min(values.len()), f64::NEG_INFINITY),
+        Goal::Below(bound) => (values.partition_point(|&value| value < bound), bound),
+    };
+    let mut doubt = "there is no gap to count in".to_owned();
+    for (shift, found) in places(&values, place, floor, iteration.level.size(), iteration.spread) {
+        let columns = found - iteration.kernel_below(shift);
+        if columns > plan.wanted {
+            // The last wanted pair belongs to a cluster: what is counted with it has to converge with it.
+            let all = Plan { wanted: columns, ..*plan };
+            if !iteration.unconverged(&all).is_empty() {
+                return Ok(Outcome::Wanted(columns));
+            }
+        }
+        iteration.monitor.stage("certify");
+        iteration.monitor.checkpoint()?;
+        let count = iteration.count(shift)?;
+        if !count.is_clear_of(&values) {
+            doubt = format!("the count at {shift} is uncertain by {:e}", count.radius);
+        } else if count.below == found {
+            return Ok(Outcome::Proven(count));
+        } else if count.below > found {
+            return Ok(Outcome::Missing(count.below - found, shift));
+        } else {
+            doubt = format!("{found} pairs were found below {shift}, and {} counted", count.below);
+        }
+    }
+    Ok(Outcome::Doubtful(doubt))
+}
+
+fn converge(iteration: &mut Iteration<'_>, plan: &Plan) -> Result<(), HsimError> {
+    // First everything to a loose tolerance, which finds what the start did not contain; then the wanted one.
+    if plan.tolerance < LOOSE {
+        iteration.run(&Plan { tolerance: LOOSE, solves: 1, ..*plan })?;
+    }
+    iteration.run(plan)?;
+    iteration.take_quotients()?;
+    iteration.run(plan)?;
+    iteration.require(plan)
+}
+
+/// A tolerance at which everything is found before the wanted one is approached.
+const LOOSE: f64 = 1e-2;
+
+/// Shifts above the lowest `least` values and above `floor`, each with the number of values below it, the best first: in wide gaps, nearer to their
+/// lower ends since values that are still being iterated on are too large. `size` is the number of all pairs there are, `spread` at
+/// least about the largest eigenvalue.
+fn places(values: &[f64], least: usize, floor: f64, size: usize, spread: f64) -> Vec<(f64, usize)> {
+    let last = values.len();
+    let low = |at: usize| if at == 0 { floor } else { values[at - 1].max(floor) };
+    let relative = |at: usize| {
+        let (low, high) = (low(at), values[at]);
+        if low == f64::NEG_INFINITY { f64::INFINITY } else { (high - low) / high.abs().max(low.abs()) }
+    };
+    // Guards are less exact the higher they are.
+    let reach = last.saturating_sub(least).div_ceil(2).max(1);
+    let mut gaps: Vec<usize> = (least..(least + reach).min(last)).filter(|&at| relative(at) > NO_GAP).collect();
+    let wide = 0.2 / least.max(20) as f64;
+    let first = gaps.iter().copied().find(|&at| relative(at) > wide);
+    gaps.sort_by(|&a, &b| (Some(b) == first).cmp(&(Some(a) == first)).then(relative(b).total_cmp(&relative(a))));
+    gaps.truncate(GAPS);
+    let mut places = Vec::new();
+    for share in [0.4, 0.15, 0.7] {
+        places.extend(gaps.iter().map(|&at| match low(at) {
+            f64::NEG_INFINITY => (values[at] - values[at].abs().max(1e-9 * spread), at),
+            low => (low + share * (values[at] - low), at),
+        }));
+    }
+    // All of them belong to one cluster, which a count above it tells the size of; or these are all pairs there are.
+    let top = values.last().copied().unwrap_or(floor).max(floor);
+    let above = if last >= size { 0.01 * top.abs() + 0.01 * spread } else { ABOVE * top.abs() + 1e-9 * spread };
+    if last >= size && least >= last {
+        places.clear();
+    }
+    places.push((top + above, last));
+    places
+}
+
+/// Gaps that are tried.
+const GAPS: usize = 2;
+
+/// A relative gap that rounding could have made.
+const NO_GAP: f64 = 1e-7;
+
+/// How far above a cluster its members are counted, relative to it.
+const ABOVE: f64 = 1e-3;
+
+/// Looks for eigenvectors below `shift` that the columns do not contain, starting from random vectors where counts and values first disagree. Gives how
+/// many columns that added.
+fn search(iteration: &mut Iteration<'_>, shift: f64, seed: u64) -> Result<usize, HsimError> {
+    let (level, monitor) = (iteration.level, iteration.monitor);
+    let room = level.size().saturating_sub(iteration.kernel.dimension() + iteration.values.len());
+    if room == 0 {
+        return Ok(0);
+    }
+    let mut counts: Vec<Count> = iteration.inertia.iter().copied().filter(|count| count.shift <= shift).collect();
+    counts.sort_by(|a, b| a.shift.total_cmp(&b.shift));
+    let values = iteration.all_values();
+    let found = |at: f64| values.partition_point(|&value| value < at);
+    let deficient = counts.iter().position(|count| count.below > found(count.shift));
+    let high = deficient.map_or(shift, |k| counts[k].shift);
+    let least = values.first().copied().unwrap_or(shift);
+    let low = deficient.and_then(|k| counts[..k].last()).map_or(least, |count| count.shift).min(high);
+    // The widest gap inside the interval, but not its ends, where a search has already been.
+    let middle = 0.5 * (low + high);
+    let width = (high - low).max(f64::MIN_POSITIVE);
+    let gap = values[found(low)..found(high)].windows(2).max_by(|a, b| {
+        let inside = |pair: &[f64]| (pair[1] - pair[0]) / (1.0 + (0.5 * (pair[0] + pair[1]) - middle).abs() / width);
+        inside(a).total_cmp(&inside(b))
+    });
+    let at = gap.map_or(middle, |pair| pair[0] + 0.382 * (pair[1] - pair[0]));
+    let storage = iteration.storage();
+    let (at, factor) = factor_near(level, iteration.symbolic, at, iteration.spread, storage)?;
+    iteration.inertia.push(Count {
+        shift: at,
+        below: factor.eigenvalues_below(),
+        radius: factor.uncertainty(&level.stiffness, &level.mass, at),
+    });
+    let mut random = SplitMix64::new(seed ^ 0x6d15_5126);
+    let width = PANEL_WIDTH.min(room);
+    let mut columns = PanelMatrix::zeros(level.size(), width);
+    for row in columns.panels_mut()[0].as_chunks_mut::<PANEL_WIDTH>().0 {
+        row[..width].iter_mut().for_each(|x| *x = random.signed_unit());
+    }
+    for _ in 0..SEARCH_SOLVES {
+        monitor.checkpoint()?;
+        let mut products = vec![0.0; columns.panels()[0].len()];
+        chladni_algebra::mass_times_panel(&level.mass, &columns.panels()[0], &mut products);
+        factor.solve_panel(&mut products);
+        columns.panels_mut()[0] = products;
+        super::columns::normalise(&mut columns);
+        iteration.project(&mut columns)?;
+        if columns.columns() == 0 {
+            return Ok(0);
+        }
+    }
+    let (stiffness, gram) = restrict(&level.stiffness, &level.mass, &columns, monitor)?;
+    let (ritz_values, rotation) = ritz(stiffness, gram, columns.columns(), monitor)?;
+    let top = values.last().copied().unwrap_or(f64::NEG_INFINITY).max(shift);
+    let new = ritz_values.partition_point(|&value| value < top).max(1).min(ritz_values.len());
+    rotate(&mut columns, &rotation.slice_columns(0..new), monitor)?;
+    iteration.append(&columns, &ritz_values[..new])?;
+    Ok(new)
+}
+
+/// Solves with random vectors before a Rayleigh–Ritz.
+const SEARCH_SOLVES: usize = 3;

@@ -1,0 +1,131 @@
+//! From columns that were iterated on to pairs of the mesh, once they are judged.
+
+use chladni_algebra::PanelMatrix;
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+
+use super::certify::Goal;
+use super::iterate::Iteration;
+use super::judge::{Count, Found, Verdict, certify};
+use super::{Eigenpairs, HsimError, InertiaCount, LevelReport};
+use crate::operator::EigenProblem;
+
+/// What is delivered of the pairs found, and in which form.
+pub(super) struct Delivery<'a> {
+    pub mesh: &'a TriangleMesh,
+    pub problem: &'a EigenProblem,
+    /// The vertex of each row.
+    pub vertices: &'a [u32],
+    pub goal: Goal,
+    /// The largest residual (4.6).
+    pub tolerance: f64,
+    /// What was taken off the eigenvalues.
+    pub offset: f64,
+    /// Whether pairs of which it is not certain on which side of the bound they lie may be told apart by their values.
+    pub decide: bool,
+}
+
+/// The answer where no eigenvalue lies below the bound.
+pub(super) fn nothing(mesh: &TriangleMesh, problem: &EigenProblem, n: usize, count: Count, offset: f64) -> Eigenpairs {
+    Eigenpairs {
+        values: Vec::new(),
+        vectors: PanelMatrix::zeros(mesh.positions.len(), 0),
+        residuals: Vec::new(),
+        bounds: Vec::new(),
+        orthonormality_defect: 0.0,
+        inertia: vec![InertiaCount { shift: (count.shift + offset) / problem.area, below: count.below }],
+        levels: vec![LevelReport { dimension: n, iterations: 0, shifts: 1 }],
+        space: None,
+    }
+}
+
+/// Orders and judges what was found below the shift of a count, and scales it. Where the judgement is against them, the iteration is left with
+/// its columns below the shift; so it is where it has to go on to tell on which side of the bound a pair lies, which `None` says.
+///
+/// # Errors
+/// Those of the judgement: see [`certify`].
+pub(super) fn finish(
+    iteration: &mut Iteration<'_>,
+    count: Count,
+    delivery: &Delivery<'_>,
+    monitor: &dyn Monitor,
+) -> Result<Option<Eigenpairs>, HsimError> {
+    let known = iteration.kernel_below(count.shift);
+    let mut order = iteration.order();
+    order.truncate(count.below.saturating_sub(known));
+    iteration.keep(order);
+    iteration.clear_of_kernel();
+    if !iteration.ritz {
+        iteration.orthonormalise()?;
+    }
+    let mut again = true;
+    let (verdict, wanted) = loop {
+        let kernel = iteration.insert_kernel(known)?;
+        let wanted = match delivery.goal {
+            Goal::Count(wanted) => wanted,
+            Goal::Below(bound) => iteration.values.partition_point(|&value| value < bound),
+        };
+        let found = Found {
+            level: iteration.level,
+            vectors: &iteration.vectors,
+            values: &iteration.values,
+            kernel: &kernel,
+            count,
+            wanted,
+            tolerance: delivery.tolerance,
+            offset: delivery.offset,
+        };
+        match certify(&found, monitor) {
+            Ok(verdict) if delivery.decide || !is_open(delivery.goal, &iteration.values, &verdict) => {
+                break (verdict, wanted);
+            }
+            Ok(_) => {
+                let columns = iteration.values.len();
+                iteration.keep((0..kernel.start).chain(kernel.end..columns).collect());
+                return Ok(None);
+            }
+            Err(error) => {
+                let columns = iteration.values.len();
+                iteration.keep((0..kernel.start).chain(kernel.end..columns).collect());
+                // Columns that were added one after the other may be less orthonormal than has to be.
+                if !(std::mem::take(&mut again) && matches!(error, HsimError::Unproven { .. })) {
+                    return Err(error);
+                }
+                iteration.orthonormalise()?;
+            }
+        }
+    };
+    let counts = iteration.counts(count);
+    let Verdict { residuals, bounds, defect, sums, .. } = verdict;
+    let (area, offset) = (delivery.problem.area, delivery.offset);
+    let signs = sums.iter().map(|sums| if sums.lowest < -sums.highest { -1.0 } else { 1.0 });
+    let factors: Vec<f64> = signs.map(|sign| sign / area.sqrt()).take(wanted).collect();
+    let mut vectors = std::mem::take(&mut iteration.vectors);
+    vectors.keep_columns(wanted);
+    Ok(Some(Eigenpairs {
+        values: iteration.values.iter().take(wanted).map(|value| (value + offset) / area).collect(),
+        vectors: vectors.spread(delivery.mesh.positions.len(), delivery.vertices, &factors),
+        residuals,
+        bounds: bounds.into_iter().take(wanted).map(|bound| bound / area).collect(),
+        orthonormality_defect: defect,
+        inertia: counts
+            .into_iter()
+            .map(|count| InertiaCount { shift: (count.shift + offset) / area, below: count.below })
+            .collect(),
+        levels: Vec::new(),
+        space: None,
+    }))
+}
+
+/// Whether some pair above the bound may belong below it, and would tell if it were iterated on. Those whose values lie below it do so: Ritz values
+/// are no less than eigenvalues.
+fn is_open(goal: Goal, values: &[f64], verdict: &Verdict) -> bool {
+    let Goal::Below(bound) = goal else { return false };
+    let pairs = values.iter().zip(&verdict.bounds).zip(&verdict.errors);
+    pairs
+        .filter(|&((&value, _), _)| value >= bound)
+        .any(|((value, reach), error)| value - reach < bound && *reach > DECIDED * error)
+}
+
+/// Bounds up to this times their share of rounding errors are as close as they get.
+const DECIDED: f64 = 4.0;

@@ -1,0 +1,170 @@
+//! The start of the iteration on the mesh: approximate eigenvectors from smaller and smaller spaces of local functions.
+
+use chladni_algebra::{DenseMatrix, MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, prolong};
+use chladni_base::Monitor;
+
+use super::iterate::{Iteration, Plan};
+use super::kernel::Kernel;
+use super::level::{Level, NO_KERNEL, coarsened, space};
+use super::ritz::ritz;
+use super::{HsimError, LevelReport};
+
+/// Overlap of the supports of prolongation functions.
+pub(super) const SIGMA: f64 = 10.0;
+
+/// Where to start from.
+pub(super) struct Start {
+    /// The finest space, `n × d`, rows in the order of the level that it was made of.
+    pub space: SparseMatrix<f32>,
+    /// Columns in that space, `d × q`.
+    pub vectors: PanelMatrix,
+    /// Their Ritz values, ascending.
+    pub values: Vec<f64>,
+    /// The levels that were solved on the way, the coarsest first.
+    pub reports: Vec<LevelReport>,
+}
+
+/// Columns to iterate on for so many wanted pairs: guards, and whole panels.
+pub(super) fn columns(wanted: usize, size: usize) -> usize {
+    let guards = (wanted / 32).max(14);
+    (wanted + guards).next_multiple_of(chladni_algebra::PANEL_WIDTH).min(size)
+}
+
+/// The sizes of the levels above the mesh, the coarsest first, chosen by measurement: the coarsest is as large as a dense
+/// problem may be without being felt, the middle one so large that one step on the mesh suffices for most columns.
+/// None where the mesh itself is small enough to be solved densely.
+pub(super) fn sizes(n: usize, q: usize, levels: Option<usize>) -> Vec<usize> {
+    let coarsest = (4 * q).clamp(400, 1000).max(q + q.min(1000) * 4 / 5);
+    let middle = (1500 + 10 * q).max(2000);
+    if n < 2 * coarsest && (n < SMALL || 5 * n < 6 * coarsest) {
+        return Vec::new();
+    }
+    match levels {
+        None if n < FEW.max(4 * coarsest) => vec![coarsest],
+        None if n < 6 * middle => vec![coarsest, ((n as f64 * coarsest as f64).sqrt() as usize).max(coarsest * 3 / 2)],
+        None => vec![coarsest, middle],
+        Some(levels) => {
+            let above = levels.saturating_sub(1);
+            let growth = (n as f64 / coarsest as f64).powf(1.0 / above.max(1) as f64);
+            (0..above).map(|k| (coarsest as f64 * growth.powi(k as i32)) as usize).collect()
+        }
+    }
+}
+
+/// On meshes of fewer vertices a level between the coarsest and the mesh costs more than it saves.
+const FEW: usize = 12_000;
+
+/// Meshes of so few vertices are solved densely where that is not much larger than the coarsest level.
+const SMALL: usize = 3000;
+
+/// Solves on the levels above the mesh; `sizes` are theirs, the coarsest first and at least one. The finest may be `given`.
+pub(super) fn start(
+    fine: &Level,
+    sizes: &[usize],
+    q: usize,
+    sigma: f64,
+    seed: u64,
+    given: Option<&SparseMatrix<f32>>,
+    monitor: &dyn Monitor,
+) -> Result<Start, HsimError> {
+    let mut levels: Vec<Level> = Vec::new();
+    let mut spaces: Vec<SparseMatrix<f32>> = Vec::new();
+    for (k, &size) in sizes.iter().enumerate().rev() {
+        let level = levels.last().unwrap_or(fine);
+        let (functions, centres) = match given.filter(|_| levels.is_empty()) {
+            Some(given) => (given.clone(), peaks(given)),
+            None => space(level, size, sigma, seed.wrapping_add(k as u64), monitor)?,
+        };
+        let ordering = (k > 0).then_some(Ordering::Amd);
+        let (coarse, functions) = coarsened(level, &functions, &centres, ordering, monitor)?;
+        levels.push(coarse);
+        spaces.push(functions);
+    }
+    let (mut reports, mut values, mut vectors) = (Vec::new(), Vec::new(), PanelMatrix::default());
+    let count = levels.len();
+    for (k, level) in levels.iter().enumerate().rev() {
+        monitor.detail(&format!("level {} of {}, dimension {}", count - k, count + 1, level.size()));
+        if k + 1 == count {
+            (values, vectors) = densely(level, q, monitor)?;
+            reports.push(LevelReport { dimension: level.size(), iterations: 0, shifts: 0 });
+            continue;
+        }
+        let kernel = Kernel::new(level);
+        let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass)?;
+        let vectors_here = prolong(&spaces[k + 1], &vectors);
+        let mut iteration = Iteration::new(level, &symbolic, &kernel, vectors_here, values, monitor);
+        let wanted = q - (q / 8).min(16);
+        iteration.run(&Plan { wanted, tolerance: MIDDLE_TOLERANCE, panels_per_shift: 2, solves: 2, most_passes: 4 })?;
+        let mut order = iteration.order();
+        order.truncate(q);
+        reports.push(LevelReport {
+            dimension: level.size(),
+            iterations: iteration.passes,
+            shifts: iteration.inertia.len(),
+        });
+        values = order.iter().map(|&column| iteration.values[column]).collect();
+        vectors = iteration.vectors.select(&order);
+    }
+    let space = spaces.swap_remove(0);
+    Ok(Start { space, vectors, values, reports })
+}
+
+/// The row in which each column is largest.
+fn peaks(space: &SparseMatrix<f32>) -> Vec<u32> {
+    let mut peaks = vec![(0u32, 0f32); space.columns()];
+    for row in 0..space.rows() {
+        let (columns, values) = space.row(row);
+        for (&column, &value) in columns.iter().zip(values) {
+            if value > peaks[column as usize].1 {
+                peaks[column as usize] = (row as u32, value);
+            }
+        }
+    }
+    peaks.into_iter().map(|peak| peak.0).collect()
+}
+
+/// The residual (4.6) up to which levels between the coarsest and the mesh are solved: what is left, the mesh removes.
+const MIDDLE_TOLERANCE: f64 = 0.1;
+
+/// The lowest `q` pairs of a level beside its kernel, by a dense solve.
+pub(super) fn densely(level: &Level, q: usize, monitor: &dyn Monitor) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
+    let (mut stiffness, mass) = dense(level);
+    // The kernel is moved above all other eigenvalues, where it cannot be taken for one of them.
+    let lumped = level.mass.lumped();
+    let sum = |row: usize| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
+    let height = 8.0 * (0..level.size()).map(|row| sum(row) / lumped[row].abs()).fold(0.0, f64::max);
+    let mut rows: Vec<Vec<usize>> = Vec::new();
+    for (row, &component) in level.component.iter().enumerate() {
+        if component != NO_KERNEL {
+            let component = component as usize;
+            if rows.len() <= component {
+                rows.resize(component + 1, Vec::new());
+            }
+            rows[component].push(row);
+        }
+    }
+    for rows in &rows {
+        let total: f64 = rows.iter().map(|&row| lumped[row]).sum();
+        for &column in rows {
+            let factor = height * lumped[column] / total;
+            let entries = stiffness.column_mut(column);
+            rows.iter().for_each(|&row| entries[row] += factor * lumped[row]);
+        }
+    }
+    let count = q.min(level.size() - rows.len());
+    let (values, vectors) = ritz(stiffness, mass, count, monitor)?;
+    Ok((values, PanelMatrix::from_dense(&vectors)))
+}
+
+/// The pencil of a level as dense matrices.
+pub(super) fn dense(level: &Level) -> (DenseMatrix, DenseMatrix) {
+    let mass = match &level.mass {
+        MassMatrix::Sparse(mass) => mass.to_dense(),
+        MassMatrix::Diagonal(mass) => {
+            let mut dense = DenseMatrix::zeros(mass.len(), mass.len());
+            mass.iter().enumerate().for_each(|(k, &value)| dense.column_mut(k)[k] = value);
+            dense
+        }
+    };
+    (level.stiffness.to_dense(), mass)
+}

@@ -1,0 +1,632 @@
+//! Iterating a block of columns toward the lowest eigenvectors of one level.
+//!
+//! The first steps replace every column by its solve with the shifted matrix. A solve with the shift μ damps the part of a column that belongs
+//! to the eigenvalue λ by |θ − μ| / |λ − μ|, so a shift near its Ritz value θ leaves next to nothing of what is outside the subspace; what is
+//! inside, one Rayleigh–Ritz over all columns separates. Every group of columns therefore has its own shift, guards are needed
+//! at the upper end only, and no group has to be made orthogonal to another.
+//!
+//! What has not converged then is refined as in Davidson's method: solves with the residuals are new directions, and a Rayleigh–Ritz over old
+//! and new ones finds what the start did not contain.
+
+use chladni_algebra::{
+    ColumnSums, DenseMatrix, Factor, PANEL_WIDTH, PanelMatrix, SymbolicFactor, Weight, apply_mass, gpu, inner_products,
+    residual_magnitudes, residual_panel, residual_sums, restrict, rotate, subtract_combinations,
+};
+use chladni_base::Monitor;
+use rayon::prelude::*;
+
+use super::HsimError;
+use super::columns::{defect, lengths, normalise};
+use super::judge::{Count, NULL, Units};
+use super::kernel::Kernel;
+use super::level::Level;
+use super::ritz::ritz;
+use super::shifts::{Group, LOWEST, factor_near, groups, shift};
+
+/// How the columns of one level are iterated.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Plan {
+    /// The pairs that must converge.
+    pub wanted: usize,
+    /// Their residual (4.6).
+    pub tolerance: f64,
+    /// Panels of 32 columns that share a shift.
+    pub panels_per_shift: usize,
+    /// Solves before each Rayleigh–Ritz of a replacing step.
+    pub solves: usize,
+    /// The most Rayleigh–Ritz steps.
+    pub most_passes: usize,
+}
+
+/// Where more than this share of the columns has to be improved, all are replaced at once.
+const REPLACE_SHARE: f64 = 0.4;
+
+/// A step that leaves the worst residual above this share of what it was has stalled; the next one is made with this share of the tolerance.
+const STALLED: f64 = 0.6;
+const STRICT: f64 = 0.01;
+
+/// So many such steps in a row are the end of it.
+const MOST_STALLED: usize = 4;
+
+/// Residuals up to this times what rounding may leave are as small as they get: solves lose digits as well.
+const ABOVE_FLOOR: f64 = 100.0;
+
+/// A coupling of a new direction with an old column counts from this share of what the tolerance allows.
+const COUPLED: f64 = 0.1;
+
+/// A new Ritz vector joins the block if its residual (4.6) is at most this: rounding errors look like vectors too.
+const LARGEST_FOUND: f64 = 0.5;
+
+/// Columns that are being iterated on.
+pub(super) struct Iteration<'a> {
+    pub level: &'a Level,
+    pub symbolic: &'a SymbolicFactor,
+    /// What is known exactly and kept out of the columns.
+    pub kernel: &'a Kernel<'a>,
+    pub monitor: &'a dyn Monitor,
+    /// `n × q`, `M`-orthonormal after the first step; columns are in the order of their values only after a replacing step.
+    pub vectors: PanelMatrix,
+    /// The Ritz value of each column.
+    pub values: Vec<f64>,
+    /// What the residual of each column sums up to.
+    pub sums: Vec<ColumnSums>,
+    /// The counts at the shifts that were factored.
+    pub inertia: Vec<Count>,
+    /// Factors that there was room to keep, with their shifts.
+    kept: Vec<(f64, Factor<'a>)>,
+    /// Memory of factors that were not kept.
+    storage: Vec<Vec<f64>>,
+    /// Rayleigh–Ritz steps so far.
+    pub passes: usize,
+    norm: f64,
+    /// Whether the columns are the Ritz vectors of their span, which those of a refining step are only up to its tolerance.
+    pub ritz: bool,
+    /// About the largest eigenvalue, or more: the largest row sum of the stiffness over the lumped mass.
+    pub spread: f64,
+}
+
+impl<'a> Iteration<'a> {
+    /// Starts from columns and estimates of their values, ascending.
+    pub fn new(
+        level: &'a Level,
+        symbolic: &'a SymbolicFactor,
+        kernel: &'a Kernel<'a>,
+        mut vectors: PanelMatrix,
+        values: Vec<f64>,
+        monitor: &'a dyn Monitor,
+    ) -> Self {
+        let sums: Vec<f64> =
+            (0..level.size()).map(|row| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum()).collect();
+        let norm = sums.iter().copied().fold(0.0, f64::max);
+        let spread = sums.iter().zip(level.mass.lumped()).map(|(sum, mass)| sum / mass).fold(0.0, f64::max);
+        kernel.remove(&mut vectors);
+        Self {
+            level,
+            symbolic,
+            kernel,
+            monitor,
+            vectors,
+            values,
+            sums: Vec::new(),
+            inertia: Vec::new(),
+            kept: Vec::new(),
+            storage: Vec::new(),
+            passes: 0,
+            norm,
+            ritz: false,
+            spread,
+        }
+    }
+
+    /// The values of the columns and those of the kernel, ascending.
+    pub fn all_values(&self) -> Vec<f64> {
+        let mut values = vec![0.0; self.kernel.dimension()];
+        values.extend_from_slice(&self.values);
+        values.sort_by(f64::total_cmp);
+        values
+    }
+
+    /// How many of the values below a shift are those of the kernel.
+    pub fn kernel_below(&self, shift: f64) -> usize {
+        if shift > 0.0 { self.kernel.dimension() } else { 0 }
+    }
+
+    /// Counts the eigenvalues below a shift.
+    pub fn count(&mut self, shift: f64) -> Result<Count, HsimError> {
+        let storage = self.storage();
+        let (shift, factor) = factor_near(self.level, self.symbolic, shift, self.spread, storage)?;
+        let radius = factor.uncertainty(&self.level.stiffness, &self.level.mass, shift);
+        let count = Count { shift, below: factor.eigenvalues_below(), radius };
+        self.inertia.push(count);
+        self.storage.push(factor.into_storage());
+        Ok(count)
+    }
+
+    /// The columns by ascending value.
+    pub fn order(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.values.len()).collect();
+        order.sort_by(|&a, &b| self.values[a].total_cmp(&self.values[b]));
+        order
+    }
+
+    /// The residual (4.6) of a column; one for a column that was not solved yet.
+    pub fn residual(&self, column: usize) -> f64 {
+        self.sums.get(column).map_or(1.0, |sums| self.residual_of(sums))
+    }
+
+    fn residual_of(&self, sums: &ColumnSums) -> f64 {
+        let (part, whole) = if sums.stiffness <= (NULL * self.norm).powi(2) * sums.square {
+            (sums.stiffness, self.norm * self.norm * sums.square)
+        } else {
+            (sums.residual, sums.stiffness)
+        };
+        if part == 0.0 { 0.0 } else { (part / whole).sqrt() }
+    }
+
+    /// Those of the lowest columns that have not converged, by ascending value.
+    pub fn unconverged(&self, plan: &Plan) -> Vec<usize> {
+        let mut order = self.order();
+        order.truncate(plan.wanted);
+        order.retain(|&column| !(self.residual(column) <= plan.tolerance));
+        order
+    }
+
+    /// Iterates until the wanted pairs have converged or the steps are used up.
+    pub fn run(&mut self, plan: &Plan) -> Result<(), HsimError> {
+        let (mut last, mut least, mut vain) = (f64::INFINITY, (usize::MAX, f64::INFINITY), 0);
+        while self.passes < plan.most_passes {
+            let pending = self.unconverged(plan);
+            if pending.is_empty() {
+                return Ok(());
+            }
+            let (size, pass, open) = (self.level.size(), self.passes + 1, pending.len());
+            self.monitor
+                .detail(&format!("dimension {size}, iteration {pass}, {open} of {} pairs to converge", plan.wanted));
+            self.monitor.progress(1.0 - open as f64 / plan.wanted.max(1) as f64);
+            if self.sums.is_empty() || pending.len() as f64 > REPLACE_SHARE * self.values.len() as f64 {
+                self.replace(plan)?;
+            } else {
+                let worst = pending.iter().map(|&column| self.residual(column)).fold(0.0, f64::max);
+                let stalled = worst > STALLED * last;
+                last = worst;
+                vain = if pending.len() < least.0 || worst < STALLED * least.1 { 0 } else { vain + 1 };
+                if vain == MOST_STALLED {
+                    return Ok(());
+                }
+                least = (least.0.min(pending.len()), least.1.min(worst));
+                if stalled {
+                    // What was left out as too weak a coupling, or a shift too far away, is what keeps the rest from converging.
+                    self.release();
+                    self.refine(&pending, STRICT * plan.tolerance)?;
+                } else {
+                    self.refine(&pending, plan.tolerance)?;
+                }
+            }
+            self.passes += 1;
+        }
+        Ok(())
+    }
+
+    /// One step that replaces every column by its solve.
+    fn replace(&mut self, plan: &Plan) -> Result<(), HsimError> {
+        let order = self.order();
+        if order.iter().enumerate().any(|(place, &column)| place != column) {
+            self.vectors = self.vectors.select(&order);
+            self.values = order.iter().map(|&column| self.values[column]).collect();
+        }
+        let groups = groups(&self.values, plan);
+        let mut vectors = std::mem::take(&mut self.vectors);
+        self.solve(&groups, &mut vectors, plan.solves)?;
+        self.rayleigh_ritz(vectors)
+    }
+
+    /// Replaces the block by the Ritz vectors in the span of some columns.
+    fn rayleigh_ritz(&mut self, mut vectors: PanelMatrix) -> Result<(), HsimError> {
+        let (level, monitor) = (self.level, self.monitor);
+        let mut values = Vec::new();
+        // Where columns were close to dependent, the first Rayleigh–Ritz loses digits, and a second one has them all.
+        for _ in 0..2 {
+            let accelerator = gpu::accelerator();
+            let (stiffness, gram, resident) = accelerator.restrict(&level.stiffness, &level.mass, &vectors, monitor)?;
+            let rotation;
+            (values, rotation) = ritz(stiffness, gram, vectors.columns(), monitor)?;
+            accelerator.rotate(&mut vectors, resident, &rotation, monitor)?;
+            if defect(&vectors, &level.mass, monitor)? <= LARGEST_DEFECT {
+                break;
+            }
+        }
+        self.sums = residual_sums(&level.stiffness, &level.mass, &vectors, &values, monitor)?;
+        (self.vectors, self.values, self.ritz) = (vectors, values, true);
+        Ok(())
+    }
+
+    /// One step that improves some columns, given by ascending value, with solves of their residuals.
+    fn refine(&mut self, pending: &[usize], tolerance: f64) -> Result<(), HsimError> {
+        let (level, monitor) = (self.level, self.monitor);
+        let block = self.vectors.select(pending);
+        let values: Vec<f64> = pending.iter().map(|&column| self.values[column]).collect();
+        let mut directions = PanelMatrix::zeros(level.size(), pending.len());
+        directions.panels_mut().par_iter_mut().zip(block.panels()).zip(values.par_chunks(PANEL_WIDTH)).for_each(
+            |((direction, column), values)| residual_panel(&level.stiffness, &level.mass, column, values, direction),
+        );
+        self.solve_residuals(&values, &mut directions)?;
+        normalise(&mut directions);
+        self.project(&mut directions)?;
+        normalise(&mut directions);
+        let count = directions.columns();
+        if count == 0 {
+            // Rounding has made the directions dependent on the columns.
+            return self.orthonormalise();
+        }
+        let mut both = block;
+        let pairs = pending.len();
+        both.widen(pairs + count);
+        both.assign(&(pairs..pairs + count).collect::<Vec<_>>(), &directions);
+        // The pencil in old and new directions, of which the old ones are orthonormal and nearly Ritz vectors.
+        let (stiffness, gram) = restrict(&level.stiffness, &level.mass, &directions, monitor)?;
+        let coupling = inner_products(&self.vectors, Weight::Stiffness(&level.stiffness), &both, monitor)?;
+        let active = self.active(pending, &coupling, &gram, tolerance);
+        let old = active.len();
+        let mut pencil = (DenseMatrix::zeros(old + count, old + count), DenseMatrix::zeros(old + count, old + count));
+        let mut place = vec![usize::MAX; self.values.len()];
+        for (k, &column) in active.iter().enumerate() {
+            place[column] = k;
+            pencil.0.column_mut(k)[k] = self.values[column];
+            pencil.1.column_mut(k)[k] = 1.0;
+        }
+        for j in 0..pairs + count {
+            let to = if j < pairs { place[pending[j]] } else { old + j - pairs };
+            for (k, &column) in active.iter().enumerate() {
+                let value = coupling.column(j)[column];
+                pencil.0.column_mut(k)[to] = value;
+                pencil.0.column_mut(to)[k] = value;
+            }
+        }
+        for j in 0..count {
+            pencil.0.column_mut(old + j)[old..].copy_from_slice(stiffness.column(j));
+            pencil.1.column_mut(old + j)[old..].copy_from_slice(gram.column(j));
+        }
+        let top = self.values.iter().copied().fold(f64::MIN, f64::max);
+        let (values, rotation) = ritz(pencil.0, pencil.1, old + count, monitor)?;
+        if values.len() < old {
+            // Rounding has made the directions dependent on the columns.
+            return self.orthonormalise();
+        }
+        // What comes out below the top of the block beside the old columns was missing from it.
+        let room = level.size().saturating_sub(self.kernel.dimension() + self.values.len());
+        let mut kept = values.partition_point(|&value| value < top).max(old).min(values.len()).min(old + room);
+        let mut both = self.vectors.select(&active);
+        both.widen(old + count);
+        both.assign(&(old..old + count).collect::<Vec<_>>(), &directions);
+        drop(directions);
+        rotate(&mut both, &rotation.slice_columns(0..kept), monitor)?;
+        let sums = residual_sums(&level.stiffness, &level.mass, &both, &values[..kept], monitor)?;
+        while kept > old && !(self.residual_of(&sums[kept - 1]) <= LARGEST_FOUND) {
+            kept -= 1;
+        }
+        both.keep_columns(kept);
+        self.ritz = false;
+        let before = self.values.len();
+        let places: Vec<usize> = active.iter().copied().chain(before..before + kept - old).collect();
+        self.vectors.widen(before + kept - old);
+        self.vectors.assign(&places, &both);
+        self.values.resize(before + kept - old, 0.0);
+        self.sums.resize(before + kept - old, ColumnSums::default());
+        for (k, &place) in places.iter().enumerate() {
+            (self.values[place], self.sums[place]) = (values[k], sums[k]);
+        }
+        Ok(())
+    }
+
+    /// One step of plain subspace iteration with a single shift: inverse iterations for the columns from `done` on, and one Rayleigh–Ritz over all. Columns
+    /// ascend by value before and after.
+    pub fn step(&mut self, shift: f64, done: usize, solves: usize) -> Result<(), HsimError> {
+        let (level, monitor, kernel) = (self.level, self.monitor, self.kernel);
+        if !self.kept.iter().any(|kept| kept.0 == shift) {
+            self.release();
+            let storage = self.storage();
+            let (at, factor) = factor_near(level, self.symbolic, shift, self.spread, storage)?;
+            self.inertia.push(self.count_of(at, &factor));
+            self.kept.push((shift, factor));
+        }
+        let moving: Vec<usize> = (done..self.vectors.columns()).collect();
+        let mut columns = self.vectors.select(&moving);
+        let factor = &self.kept[0].1;
+        columns.panels_mut().par_iter_mut().try_for_each_init(Vec::new, |scratch, panel| {
+            for _ in 0..solves {
+                monitor.checkpoint()?;
+                apply_mass(&level.mass, panel, scratch);
+                factor.solve_panel(panel);
+                kernel.remove_from_panel(panel);
+            }
+            Ok::<(), HsimError>(())
+        })?;
+        normalise(&mut columns);
+        let mut vectors = std::mem::take(&mut self.vectors);
+        vectors.assign(&moving, &columns);
+        drop(columns);
+        self.rayleigh_ritz(vectors)
+    }
+
+    /// Adds orthonormal columns with their Ritz values to the block.
+    pub fn append(&mut self, columns: &PanelMatrix, values: &[f64]) -> Result<(), HsimError> {
+        let sums = residual_sums(&self.level.stiffness, &self.level.mass, columns, values, self.monitor)?;
+        let before = self.values.len();
+        self.vectors.widen(before + values.len());
+        self.vectors.assign(&(before..before + values.len()).collect::<Vec<_>>(), columns);
+        self.values.extend_from_slice(values);
+        self.sums.resize(before, ColumnSums::default());
+        self.sums.extend(sums);
+        Ok(())
+    }
+
+    /// Keeps some columns, in the given order.
+    pub fn keep(&mut self, columns: Vec<usize>) {
+        if columns.iter().enumerate().any(|(place, &column)| place != column) {
+            self.vectors = self.vectors.select(&columns);
+        } else {
+            self.vectors.keep_columns(columns.len());
+        }
+        self.values = columns.iter().map(|&column| self.values[column]).collect();
+        self.sums = columns.iter().map(|&column| self.sums[column]).collect();
+    }
+
+    /// Measures the residuals of columns that are Ritz vectors already.
+    pub fn measure(&mut self) -> Result<(), HsimError> {
+        let Self { level, vectors, values, .. } = self;
+        self.sums = residual_sums(&level.stiffness, &level.mass, vectors, values, self.monitor)?;
+        Ok(())
+    }
+
+    /// Replaces the values by the Rayleigh quotients of the columns. Those of a refining step leave out couplings that do not show in a residual, but
+    /// the bounds by Kato and Temple hold for quotients only.
+    pub fn take_quotients(&mut self) -> Result<(), HsimError> {
+        let mut moved = false;
+        for (value, sums) in self.values.iter_mut().zip(&self.sums) {
+            let shift = if sums.mass > 0.0 { sums.product / sums.mass } else { 0.0 };
+            moved |= shift.abs() > EXACT * value.abs();
+            *value += shift;
+        }
+        if moved { self.measure() } else { Ok(()) }
+    }
+
+    /// Whether the wanted pairs have converged.
+    ///
+    /// # Errors
+    /// [`HsimError::NotConverged`] where they have not.
+    pub fn require(&self, plan: &Plan) -> Result<(), HsimError> {
+        let failed = self.unconverged(plan);
+        if failed.is_empty() {
+            return Ok(());
+        }
+        let worst = failed.iter().map(|&column| self.residual(column)).fold(0.0, f64::max);
+        let (tolerance, iterations) = (plan.tolerance, self.passes);
+        // Where rounding allows no less than what is left of a pair, no iteration helps.
+        let floors = self.floors(&failed)?;
+        let reached =
+            |(floor, &column): (&f64, &usize)| *floor > tolerance && self.residual(column) <= ABOVE_FLOOR * floor;
+        if floors.iter().zip(&failed).any(reached) {
+            return Err(HsimError::Floor { tolerance, floor: floors.iter().copied().fold(0.0, f64::max) });
+        }
+        Err(HsimError::NotConverged { count: failed.len(), tolerance, iterations, worst })
+    }
+
+    fn count_of(&self, shift: f64, factor: &Factor<'_>) -> Count {
+        let radius = factor.uncertainty(&self.level.stiffness, &self.level.mass, shift);
+        Count { shift, below: factor.eigenvalues_below(), radius }
+    }
+
+    /// The residual (4.6) that rounding may leave to some columns.
+    fn floors(&self, columns: &[usize]) -> Result<Vec<f64>, HsimError> {
+        let level = self.level;
+        let (block, values) = (self.vectors.select(columns), columns.iter().map(|&column| self.values[column]));
+        let values: Vec<f64> = values.collect();
+        let magnitudes = residual_magnitudes(&level.stiffness, &level.mass, &block, &values, 0.0, self.monitor)?;
+        let unit = Units::new(level).row;
+        let floors = magnitudes.iter().zip(columns);
+        Ok(floors.map(|(sums, &column)| unit * (sums.square / self.sums[column].stiffness).sqrt()).collect())
+    }
+
+    /// Takes the kernel and the block off some columns and drops those of which next to nothing is left: where the block holds all there is, that is
+    /// rounding errors, which look like vectors too.
+    pub fn project(&self, columns: &mut PanelMatrix) -> Result<(), HsimError> {
+        let (mass, monitor) = (&self.level.mass, self.monitor);
+        let before = lengths(mass, columns);
+        for _ in 0..2 {
+            self.kernel.remove(columns);
+            let products = inner_products(&self.vectors, Weight::Mass(mass), columns, monitor)?;
+            subtract_combinations(columns, &self.vectors, &products, monitor)?;
+        }
+        let after = lengths(mass, columns);
+        let kept: Vec<usize> = (0..before.len()).filter(|&k| after[k] > LOST * before[k]).collect();
+        if kept.len() < before.len() {
+            *columns = columns.select(&kept);
+        }
+        Ok(())
+    }
+
+    /// The counts below another one that can be trusted and that the values agree with, ascending; the last is that one. The kernel is among the
+    /// columns, which ascend.
+    pub fn counts(&self, last: Count) -> Vec<Count> {
+        let values = &self.values;
+        let agrees = |count: &Count| {
+            count.shift < last.shift
+                && count.is_clear_of(values)
+                && values.partition_point(|&value| value < count.shift) == count.below
+        };
+        let mut counts: Vec<Count> = self.inertia.iter().copied().filter(agrees).collect();
+        counts.push(last);
+        counts.sort_by(|a, b| a.shift.total_cmp(&b.shift));
+        counts.dedup();
+        counts
+    }
+
+    /// Takes off the columns what rounding left of the kernel in them.
+    pub fn clear_of_kernel(&mut self) {
+        self.kernel.remove(&mut self.vectors);
+    }
+
+    /// Puts the kernel, or `known` functions of it, among the columns, which ascend by value; gives where. Negative eigenvalues, which a potential can have,
+    /// come before it.
+    pub fn insert_kernel(&mut self, known: usize) -> Result<std::ops::Range<usize>, HsimError> {
+        let columns = self.values.len();
+        let negative = self.values.partition_point(|&value| value < 0.0);
+        if known > 0 {
+            let basis = self.kernel.basis(known);
+            self.append(&basis, &vec![0.0; known])?;
+            self.keep((0..negative).chain(columns..columns + known).chain(negative..columns).collect());
+        }
+        Ok(negative..negative + known)
+    }
+
+    /// Makes the columns orthonormal Ritz vectors again, without solves.
+    pub fn orthonormalise(&mut self) -> Result<(), HsimError> {
+        let vectors = std::mem::take(&mut self.vectors);
+        self.rayleigh_ritz(vectors)
+    }
+
+    /// The pending columns, and those that a new direction is coupled to so strongly that leaving them alone would show in a residual.
+    fn active(&self, pending: &[usize], coupling: &DenseMatrix, gram: &DenseMatrix, tolerance: f64) -> Vec<usize> {
+        let (pairs, count) = (pending.len(), gram.columns());
+        let mut chosen = vec![false; self.values.len()];
+        for j in 0..pairs + count {
+            let (length, pair) = if j < pairs {
+                (1.0, j)
+            } else {
+                (gram.column(j - pairs)[j - pairs].max(0.0).sqrt(), (j - pairs).min(pairs - 1))
+            };
+            let limit = COUPLED * tolerance * self.values[pending[pair]].abs() * length;
+            for (chosen, coupling) in chosen.iter_mut().zip(coupling.column(j)) {
+                *chosen |= !(coupling.abs() <= limit);
+            }
+        }
+        pending.iter().for_each(|&column| chosen[column] = true);
+        let mut active = self.order();
+        active.retain(|&column| chosen[column]);
+        active
+    }
+
+    /// Solves with residuals as right-hand sides, each panel with a shift near its values.
+    fn solve_residuals(&mut self, values: &[f64], directions: &mut PanelMatrix) -> Result<(), HsimError> {
+        let low = self.order().get(LOWEST).map_or(0.0, |&column| self.values[column]);
+        let mut panels = directions.panels_mut().iter_mut();
+        let mut open: Vec<(Group, &mut Vec<f64>)> = Vec::new();
+        let mut known: Vec<(&Factor<'_>, &mut Vec<f64>)> = Vec::new();
+        for (values, panel) in values.chunks(PANEL_WIDTH).zip(panels.by_ref()) {
+            // A factor at hand serves as long as its shift is not much farther away than the columns are wide apart.
+            let near = self.kept.iter().map(|(shift, factor)| {
+                let farthest =
+                    values.iter().map(|&value| (value - shift).abs() / value.abs().max(low.abs())).fold(0.0, f64::max);
+                (farthest, factor)
+            });
+            match near.min_by(|a, b| a.0.total_cmp(&b.0)) {
+                Some((farthest, factor)) if farthest <= NEAR => known.push((factor, panel)),
+                _ => open.push((Group { panels: 0..1, shift: shift(values) }, panel)),
+            }
+        }
+        known.into_par_iter().try_for_each(|(factor, panel)| {
+            self.monitor.checkpoint()?;
+            factor.solve_panel(panel);
+            self.kernel.remove_from_panel(panel);
+            Ok::<(), HsimError>(())
+        })?;
+        let width = self.batch();
+        for batch in open.chunks_mut(width) {
+            let storage: Vec<Vec<f64>> = batch.iter().map(|_| self.storage()).collect();
+            let (level, symbolic, monitor, kernel, spread) =
+                (self.level, self.symbolic, self.monitor, self.kernel, self.spread);
+            let factors: Vec<(f64, Factor<'a>)> = batch
+                .par_iter_mut()
+                .zip(storage)
+                .map(|((group, panel), storage)| {
+                    monitor.checkpoint()?;
+                    let (at, factor) = factor_near(level, symbolic, group.shift, spread, storage)?;
+                    factor.solve_panel(panel);
+                    kernel.remove_from_panel(panel);
+                    Ok((at, factor))
+                })
+                .collect::<Result<_, HsimError>>()?;
+            self.note(factors);
+        }
+        Ok(())
+    }
+
+    /// Inverse iterations for the panels of each group with its shift.
+    fn solve(&mut self, groups: &[Group], columns: &mut PanelMatrix, iterations: usize) -> Result<(), HsimError> {
+        let (level, symbolic, monitor, kernel) = (self.level, self.symbolic, self.monitor, self.kernel);
+        let spread = self.spread;
+        self.release();
+        let (width, size, pass) = (self.batch(), level.size(), self.passes + 1);
+        for (k, batch) in groups.chunks(width).enumerate() {
+            let done = k * width + 1;
+            let storage: Vec<Vec<f64>> = batch.iter().map(|_| self.storage()).collect();
+            monitor.detail(&format!("dimension {size}, iteration {pass}, slice {done} of {}", groups.len()));
+            let factors: Vec<(f64, Factor<'a>)> = batch
+                .par_iter()
+                .zip(storage)
+                .map(|(group, storage)| {
+                    monitor.checkpoint()?;
+                    factor_near(level, symbolic, group.shift, spread, storage)
+                })
+                .collect::<Result<_, HsimError>>()?;
+            let range = batch[0].panels.start..batch[batch.len() - 1].panels.end;
+            let mut panels = columns.panels_mut()[range].iter_mut();
+            let mut tasks: Vec<(&mut Vec<f64>, &Factor<'_>)> = Vec::new();
+            for (group, (_, factor)) in batch.iter().zip(&factors) {
+                tasks.extend(panels.by_ref().take(group.panels.len()).map(|panel| (panel, factor)));
+            }
+            tasks.into_par_iter().try_for_each_init(Vec::new, |scratch, (panel, factor)| {
+                for _ in 0..iterations {
+                    monitor.checkpoint()?;
+                    apply_mass(&level.mass, panel, scratch);
+                    factor.solve_panel(panel);
+                    kernel.remove_from_panel(panel);
+                }
+                Ok::<(), HsimError>(())
+            })?;
+            self.note(factors);
+        }
+        Ok(())
+    }
+
+    /// Writes down the inertia of new factors, and keeps them as long as they take no more room than the columns.
+    fn note(&mut self, factors: Vec<(f64, Factor<'a>)>) {
+        let room = self.level.size() * self.values.len();
+        for (shift, factor) in factors {
+            self.inertia.push(self.count_of(shift, &factor));
+            if (self.kept.len() + 1) * self.symbolic.entries() <= room {
+                self.kept.push((shift, factor));
+            } else {
+                self.storage.push(factor.into_storage());
+            }
+        }
+    }
+
+    /// Drops the factors that were kept, but not their memory.
+    fn release(&mut self) {
+        self.storage.extend(self.kept.drain(..).map(|(_, factor)| factor.into_storage()));
+    }
+
+    /// Memory for a factor.
+    pub fn storage(&mut self) -> Vec<f64> {
+        self.storage.pop().unwrap_or_default()
+    }
+
+    /// How many factors are held at a time: one for each thread, as long as they take no more room than the columns.
+    fn batch(&self) -> usize {
+        let room = self.level.size() * self.values.len() / self.symbolic.entries().max(1);
+        rayon::current_num_threads().min(room).max(1)
+    }
+}
+
+/// Values that change by less than this share are Rayleigh quotients up to rounding.
+const EXACT: f64 = 1e-12;
+
+/// How far a factor's shift may lie from a value, relative to the value.
+const NEAR: f64 = 0.3;
+
+/// Columns that are farther from orthonormal are made so again.
+const LARGEST_DEFECT: f64 = 1e-10;
+
+/// A column of which a projection leaves less than this share is lost in rounding errors.
+const LOST: f64 = 1e-10;

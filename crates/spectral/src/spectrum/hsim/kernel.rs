@@ -1,0 +1,85 @@
+//! The kernel of an operator whose rows sum to zero: the functions that are constant on each component. It is known exactly, so it takes no part in
+//! the iteration, where its values would be rounding errors.
+
+use chladni_algebra::{PANEL_WIDTH, PanelMatrix};
+use rayon::prelude::*;
+
+use super::level::{Level, NO_KERNEL};
+
+/// The components on which the operator has constants in its kernel.
+#[derive(Debug, Clone)]
+pub(super) struct Kernel<'a> {
+    component: &'a [u32],
+    /// Row sums of the mass.
+    weights: Vec<f64>,
+    /// The mass of each component.
+    masses: Vec<f64>,
+}
+
+impl<'a> Kernel<'a> {
+    pub fn new(level: &'a Level) -> Self {
+        let weights = level.mass.lumped();
+        let mut masses: Vec<f64> = Vec::new();
+        for (&component, weight) in level.component.iter().zip(&weights) {
+            if component != NO_KERNEL {
+                let component = component as usize;
+                if component >= masses.len() {
+                    masses.resize(component + 1, 0.0);
+                }
+                masses[component] += weight;
+            }
+        }
+        Self { component: &level.component, weights, masses }
+    }
+
+    /// The dimension of the kernel.
+    pub fn dimension(&self) -> usize {
+        self.masses.len()
+    }
+
+    /// Makes columns `M`-orthogonal to the kernel.
+    pub fn remove(&self, columns: &mut PanelMatrix) {
+        if self.masses.is_empty() {
+            return;
+        }
+        columns.panels_mut().par_iter_mut().for_each(|panel| self.remove_from_panel(panel));
+    }
+
+    /// The same for one panel of 32 columns.
+    pub fn remove_from_panel(&self, panel: &mut [f64]) {
+        let rows = panel.as_chunks_mut::<PANEL_WIDTH>().0;
+        let mut means = vec![[0.0; PANEL_WIDTH]; self.masses.len()];
+        for ((row, &component), &weight) in rows.iter().zip(self.component).zip(&self.weights) {
+            if let Some(mean) = means.get_mut(component as usize) {
+                for k in 0..PANEL_WIDTH {
+                    mean[k] += weight * row[k];
+                }
+            }
+        }
+        for (mean, mass) in means.iter_mut().zip(&self.masses) {
+            mean.iter_mut().for_each(|mean| *mean /= mass);
+        }
+        for (row, &component) in rows.iter_mut().zip(self.component) {
+            if let Some(mean) = means.get(component as usize) {
+                for k in 0..PANEL_WIDTH {
+                    row[k] -= mean[k];
+                }
+            }
+        }
+    }
+
+    /// The first `count` functions of an orthonormal basis of the kernel: one for each component.
+    pub fn basis(&self, count: usize) -> PanelMatrix {
+        let mut basis = PanelMatrix::zeros(self.component.len(), count);
+        for (k, panel) in basis.panels_mut().iter_mut().enumerate() {
+            let rows = panel.as_chunks_mut::<PANEL_WIDTH>().0;
+            for (row, &component) in rows.iter_mut().zip(self.component) {
+                let component = component as usize;
+                if component < count && component / PANEL_WIDTH == k {
+                    row[component % PANEL_WIDTH] = self.masses[component].sqrt().recip();
+                }
+            }
+        }
+        basis
+    }
+}

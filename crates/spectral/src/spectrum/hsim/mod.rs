@@ -1,0 +1,232 @@
+//! HSIM, the hierarchical subspace iteration method (thesis, chapter 4): the lowest eigenpairs to any tolerance, proven complete.
+
+mod certify;
+mod columns;
+mod deliver;
+mod hierarchy;
+mod iterate;
+mod judge;
+mod kernel;
+mod level;
+mod offset;
+mod published;
+mod ritz;
+mod shifts;
+mod solve;
+
+use serde::{Deserialize, Serialize};
+
+pub use crate::basis::{InertiaCount, LevelReport};
+use chladni_algebra::{PanelMatrix, SparseMatrix};
+use chladni_base::Cancelled;
+
+/// Which eigenpairs are wanted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Wanted {
+    /// The lowest so many, the kernel included.
+    Count(usize),
+    /// All whose eigenvalue lies below this, in 1/length² of the input; at most so many are delivered, more are an error.
+    Below {
+        /// The bound on the eigenvalues.
+        bound: f64,
+        /// The most pairs that may be delivered.
+        most: usize,
+    },
+}
+
+/// How the eigenpairs are computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Variant {
+    /// Ours: better starting spaces, every group of eigenvalues with its own shift, one Rayleigh–Ritz over all.
+    #[default]
+    Sliced,
+    /// The thesis' Algorithms 1 to 3: linear prolongations, one shift a level.
+    Published,
+    /// Plain subspace iteration on the finest level from random vectors: a baseline.
+    Random,
+    /// Plain subspace iteration from Bathe's unit vectors: a baseline.
+    Bathe,
+}
+
+/// What is to be solved, and how well.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HsimParameters {
+    /// Which pairs.
+    pub wanted: Wanted,
+    /// Largest residual `‖S x − θ M x‖ / ‖S x‖` (4.6) of a pair that counts as converged: 1e-10 to 0.5.
+    pub tolerance: f64,
+    /// The algorithm.
+    pub variant: Variant,
+    /// Levels of the hierarchy, the mesh included, 1 to 6; `None`: chosen by size and count.
+    pub levels: Option<usize>,
+    /// Overlap of the supports of prolongation functions; `None`: 7 for the published variant, 10 for ours.
+    pub sigma: Option<f64>,
+    /// Published variant: the shift of Algorithm 3 as a share of the wanted pairs, 0 to 1.
+    pub shift_ratio: f64,
+    /// Columns iterated on per wanted pair, 1 to 4; `None`: 1.5 for the published variant and the baselines, guards for ours.
+    pub subspace_factor: Option<f64>,
+    /// Seeds everything that is drawn at random.
+    pub seed: u64,
+}
+
+/// Eigenpairs on the mesh, proven complete.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Eigenpairs {
+    /// `m` eigenvalues, ascending, in 1/length² of the input.
+    pub values: Vec<f64>,
+    /// `n × m`, a row for each vertex of the mesh (zero where the boundary condition makes it so), orthonormal for the mass of the
+    /// input; in each column the entry of largest magnitude is positive.
+    pub vectors: PanelMatrix,
+    /// Per pair the residual (4.6).
+    pub residuals: Vec<f64>,
+    /// Per pair a bound on the distance of the exact eigenvalue of the same index, rounding errors included, in 1/length² of the input.
+    pub bounds: Vec<f64>,
+    /// The largest entry of `|XᵀMX − I|`.
+    pub orthonormality_defect: f64,
+    /// Inertia counts that prove that nothing was skipped, by ascending shift.
+    pub inertia: Vec<InertiaCount>,
+    /// Coarsest level first, the mesh last.
+    pub levels: Vec<LevelReport>,
+    /// The finest nested space, `n × d`, if the caller asked to keep it.
+    pub space: Option<SparseMatrix<f32>>,
+}
+
+/// Why eigenpairs were not delivered.
+#[derive(Debug, thiserror::Error)]
+pub enum HsimError {
+    /// It was asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// A parameter is out of its range.
+    #[error("parameter {name}: {reason}")]
+    Parameter {
+        /// The parameter.
+        name: &'static str,
+        /// What its value must be, and what it is.
+        reason: String,
+    },
+    /// More pairs than unknowns were asked for, or more lie below the bound than may be delivered.
+    #[error("{wanted} eigenpairs are asked for, at most {most} can be delivered")]
+    Count {
+        /// The pairs asked for.
+        wanted: usize,
+        /// The most there can be.
+        most: usize,
+    },
+    /// A factorisation or a dense eigenproblem failed.
+    #[error("{0}")]
+    Numerical(String),
+    /// Some pairs did not reach the tolerance.
+    #[error(
+        "{count} pairs did not reach the tolerance of {tolerance:e} in {iterations} iterations; the worst residual is {worst:e}"
+    )]
+    NotConverged {
+        /// How many pairs.
+        count: usize,
+        /// The tolerance asked for.
+        tolerance: f64,
+        /// Iterations made.
+        iterations: usize,
+        /// The largest residual.
+        worst: f64,
+    },
+    /// Rounding does not let pairs come as close as they were asked to.
+    #[error("a tolerance of {tolerance:e} is below what double precision allows on this mesh, {floor:e}")]
+    Floor {
+        /// The tolerance asked for.
+        tolerance: f64,
+        /// The least residual that can be relied on.
+        floor: f64,
+    },
+    /// Pairs were found, but nothing that counts as a proof that they are the ones asked for.
+    #[error("the pairs found could not be proven: {reason}")]
+    Unproven {
+        /// What the proof lacks.
+        reason: String,
+    },
+    /// The inertia proves that pairs are missing, and they could not be found.
+    #[error("{missing} eigenpairs below {shift} are missing")]
+    Incomplete {
+        /// How many pairs are missing.
+        missing: usize,
+        /// Below which shift, in 1/length² of the input.
+        shift: f64,
+    },
+}
+
+impl HsimError {
+    /// A stable identifier of the failure, in kebab case.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Cancelled(_) => "cancelled",
+            Self::Parameter { .. } | Self::Count { .. } => "invalid-parameters",
+            Self::Numerical(_) => "eigenproblem-failed",
+            Self::NotConverged { .. } => "not-converged",
+            Self::Incomplete { .. } => "incomplete",
+            Self::Floor { .. } => "tolerance-below-rounding",
+            Self::Unproven { .. } => "unproven",
+        }
+    }
+
+    /// Whether another start, or a longer iteration, may end better.
+    fn is_of_the_iteration(&self) -> bool {
+        matches!(self, Self::NotConverged { .. } | Self::Incomplete { .. } | Self::Unproven { .. } | Self::Numerical(_))
+    }
+}
+
+pub(in crate::spectrum) use solve::{columns, is_dense, solve_from};
+pub use solve::{solve, solve_with_space};
+
+impl HsimParameters {
+    /// Checks every parameter against its range.
+    ///
+    /// # Errors
+    /// [`HsimError::Parameter`] names the first that is outside.
+    pub fn check(&self) -> Result<(), HsimError> {
+        let within = |name, value: f64, least: f64, most: f64| {
+            if value >= least && value <= most {
+                return Ok(());
+            }
+            Err(HsimError::Parameter { name, reason: format!("must lie between {least} and {most}, not be {value}") })
+        };
+        match self.wanted {
+            Wanted::Count(count) => within("count", count as f64, 1.0, f64::from(u32::MAX))?,
+            Wanted::Below { bound, most } => {
+                within("below", bound, f64::MIN, f64::MAX)?;
+                within("most", most as f64, 1.0, f64::from(u32::MAX))?;
+            }
+        }
+        within("tolerance", self.tolerance, 1e-10, 0.5)?;
+        within("levels", self.levels.unwrap_or(2) as f64, 1.0, 6.0)?;
+        within("sigma", self.sigma.unwrap_or(7.0), 3.0, 100.0)?;
+        within("shift_ratio", self.shift_ratio, 0.0, 1.0)?;
+        within("subspace_factor", self.subspace_factor.unwrap_or(1.5), 1.0, 4.0)
+    }
+}
+
+impl Default for HsimParameters {
+    fn default() -> Self {
+        Self {
+            wanted: Wanted::Count(100),
+            tolerance: 1e-2,
+            variant: Variant::default(),
+            levels: None,
+            sigma: None,
+            shift_ratio: 0.1,
+            subspace_factor: None,
+            seed: 0,
+        }
+    }
+}
+
+impl From<chladni_algebra::FactorError> for HsimError {
+    fn from(error: chladni_algebra::FactorError) -> Self {
+        Self::Numerical(error.to_string())
+    }
+}
+
+#[cfg(test)]
+mod certify_tests;
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,91 @@
+//! What of an operator is known before anything is computed: the constant part of its potential, and the components on which constants are in its kernel.
+
+use chladni_algebra::{MassMatrix, SparseMatrix};
+
+use super::level::NO_KERNEL;
+
+/// Sums of a row are off by at most this for each entry, relative to the magnitudes that they sum.
+const UNIT: f64 = 2.0 * f64::EPSILON;
+
+/// The stiffness without the largest multiple of the mass that leaves no row with a negative sum, and that multiple: for the Laplacian plus a
+/// positive potential it is the least value of the potential. Iterations and gaps are relative to what is left. Zero where there is none.
+pub(super) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix) -> (SparseMatrix, f64) {
+    let lumped = mass.lumped();
+    let mut least = f64::INFINITY;
+    for (row, mass) in lumped.iter().enumerate() {
+        let (sum, error) = sum(stiffness, row);
+        // What rounding makes of a sum of zero is no potential.
+        least = least.min(if sum > error { sum / mass } else { 0.0 });
+    }
+    let unchanged = || (stiffness.clone(), 0.0);
+    if !(least > 0.0 && least.is_finite()) {
+        return unchanged();
+    }
+    let mut values = stiffness.values().to_vec();
+    for row in 0..stiffness.rows() {
+        let (columns, start) = (stiffness.row(row).0, stiffness.offsets()[row]);
+        let mut take = |column: u32, part: f64| {
+            let at = columns.binary_search(&column).ok()?;
+            values[start + at] -= least * part;
+            Some(())
+        };
+        let taken = match mass {
+            MassMatrix::Diagonal(mass) => take(row as u32, mass[row]),
+            MassMatrix::Sparse(mass) => {
+                let (columns, parts) = mass.row(row);
+                columns.iter().zip(parts).try_for_each(|(&column, &part)| take(column, part))
+            }
+        };
+        if taken.is_none() {
+            return unchanged();
+        }
+    }
+    let (rows, columns) = (stiffness.rows(), stiffness.columns());
+    let (offsets, indices) = (stiffness.offsets().to_vec(), stiffness.indices().to_vec());
+    (SparseMatrix::from_sorted_parts(rows, columns, offsets, indices, values), least)
+}
+
+/// The sum of a row, and how far rounding may have moved it.
+fn sum(matrix: &SparseMatrix, row: usize) -> (f64, f64) {
+    let values = matrix.row(row).1;
+    let size: f64 = values.iter().map(|value| value.abs()).sum();
+    (values.iter().sum(), UNIT * values.len() as f64 * size)
+}
+
+/// Per row the number of its component in the graph of the matrix, if all rows of the component sum to zero as far as rounding lets one tell; [`NO_KERNEL`]
+/// if not. `offset` is the multiple of the mass that was taken off the matrix.
+pub(super) fn components(stiffness: &SparseMatrix, mass: &MassMatrix, offset: f64) -> Vec<u32> {
+    let n = stiffness.rows();
+    let lumped = mass.lumped();
+    let mut component = vec![NO_KERNEL; n];
+    let mut seen = vec![false; n];
+    let mut found: Vec<u32> = Vec::new();
+    let mut number = 0;
+    for start in 0..n {
+        if seen[start] {
+            continue;
+        }
+        seen[start] = true;
+        found.clear();
+        found.push(start as u32);
+        let (mut head, mut balanced) = (0, true);
+        while head < found.len() {
+            let row = found[head] as usize;
+            head += 1;
+            let (sum, error) = sum(stiffness, row);
+            let entries = stiffness.row(row).0;
+            for &column in entries {
+                if !seen[column as usize] {
+                    seen[column as usize] = true;
+                    found.push(column);
+                }
+            }
+            balanced &= sum.abs() <= error + UNIT * entries.len() as f64 * (offset * lumped[row]).abs();
+        }
+        if balanced {
+            found.iter().for_each(|&row| component[row as usize] = number);
+            number += 1;
+        }
+    }
+    component
+}

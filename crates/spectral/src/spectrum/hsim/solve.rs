@@ -1,0 +1,460 @@
+//! From a mesh and an operator to certified eigenpairs.
+
+use chladni_algebra::{Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, prolong};
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+
+use super::certify::{Goal, complete};
+use super::deliver::{Delivery, finish, nothing};
+use super::hierarchy::{self, densely};
+use super::iterate::{Iteration, Plan};
+use super::judge::Count;
+use super::kernel::Kernel;
+use super::level::{Level, NO_KERNEL};
+use super::offset;
+use super::shifts::factor_near;
+use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Variant, Wanted, published};
+use crate::operator::EigenProblem;
+use crate::spectrum::envelope::on_all_vertices;
+
+/// The most Rayleigh–Ritz steps on the mesh.
+const MOST_PASSES: usize = 24;
+
+/// From this tolerance on, a replacing step makes two solves instead of one.
+const TIGHT: f64 = 1e-4;
+
+/// Up to this size, what an iteration did not settle is left to a dense solve of the whole pencil.
+const DENSE: usize = 1500;
+
+/// Computes the lowest eigenpairs of an operator on a mesh, and proves by inertia that none is missing.
+///
+/// `keep_space` asks for the finest nested space beside the pairs, for compact storage. Stages: `hierarchy`, `iterate`, `certify`, and
+/// `repair` where something was missing. The same input and seed give the same answer, up to rounding in the dense eigenproblems
+/// where the number of threads differs.
+///
+/// # Errors
+/// [`HsimError`]: parameters out of range, pairs that do not converge or stay missing, cancellation.
+pub fn solve(
+    mesh: &TriangleMesh,
+    problem: &EigenProblem,
+    parameters: &HsimParameters,
+    keep_space: bool,
+    monitor: &dyn Monitor,
+) -> Result<Eigenpairs, HsimError> {
+    climb_and_solve(mesh, problem, parameters, keep_space, Given::Nothing, monitor)
+}
+
+/// The same with a given finest nested space, `n × d` with a row for each unknown, which is kept beside the pairs; the published
+/// variant and the baselines make no use of it.
+///
+/// # Errors
+/// As for [`solve`], and a space with the wrong number of rows.
+pub fn solve_with_space(
+    mesh: &TriangleMesh,
+    problem: &EigenProblem,
+    parameters: &HsimParameters,
+    space: &SparseMatrix<f32>,
+    monitor: &dyn Monitor,
+) -> Result<Eigenpairs, HsimError> {
+    if space.rows() != problem.size() {
+        let reason = format!("a space with {} rows is not of a problem with {} unknowns", space.rows(), problem.size());
+        return Err(HsimError::Parameter { name: "space", reason });
+    }
+    climb_and_solve(mesh, problem, parameters, true, Given::Space(space), monitor)
+}
+
+/// Whether the lowest `count` pairs of a problem of a size are taken from one dense eigenproblem, without a start.
+pub fn is_dense(size: usize, count: usize) -> bool {
+    hierarchy::sizes(size, columns(size, count), None).is_empty()
+}
+
+/// The columns that are iterated on for so many pairs of a problem of a size: so many a start should have.
+pub fn columns(size: usize, count: usize) -> usize {
+    hierarchy::columns(count, size)
+}
+
+/// Iterates from given Ritz pairs on the unknowns: `M`-orthonormal columns with their values, ascending. Nothing is taken for a kernel. Meant for
+/// operators whose unknowns are no values at vertices, so that no hierarchy can be built on them; the variant must be ours and the pairs be
+/// wanted by number.
+///
+/// # Errors
+/// As for [`solve`], and a start that does not fit.
+pub fn solve_from(
+    mesh: &TriangleMesh,
+    problem: &EigenProblem,
+    parameters: &HsimParameters,
+    (vectors, values): (PanelMatrix, Vec<f64>),
+    monitor: &dyn Monitor,
+) -> Result<Eigenpairs, HsimError> {
+    let few = matches!(parameters.wanted, Wanted::Count(count) if count > vectors.columns());
+    if vectors.rows() != problem.size() || vectors.columns() != values.len() || few {
+        let (rows, columns) = (vectors.rows(), vectors.columns());
+        let reason = format!("{columns} columns with {rows} rows are no start for these pairs");
+        return Err(HsimError::Parameter { name: "start", reason });
+    }
+    climb_and_solve(mesh, problem, parameters, false, Given::Start(vectors, values), monitor)
+}
+
+/// What a caller brings along.
+enum Given<'a> {
+    Nothing,
+    /// The finest nested space.
+    Space(&'a SparseMatrix<f32>),
+    /// Ritz pairs on the unknowns.
+    Start(PanelMatrix, Vec<f64>),
+}
+
+fn climb_and_solve(
+    mesh: &TriangleMesh,
+    problem: &EigenProblem,
+    parameters: &HsimParameters,
+    keep_space: bool,
+    given: Given<'_>,
+    monitor: &dyn Monitor,
+) -> Result<Eigenpairs, HsimError> {
+    parameters.check()?;
+    let (mut base, offset) = base_level(mesh, problem, !matches!(given, Given::Start(..)))?;
+    let n = base.size();
+    let (given, begun) = match given {
+        Given::Nothing => (None, None),
+        Given::Space(space) => (Some(space), None),
+        Given::Start(vectors, values) => {
+            base.component.fill(NO_KERNEL);
+            (None, Some((vectors, values)))
+        }
+    };
+    if let Wanted::Count(count) = parameters.wanted
+        && count > n
+    {
+        return Err(HsimError::Count { wanted: count, most: n });
+    }
+    monitor.stage("hierarchy");
+    monitor.checkpoint()?;
+    let known =
+        base.component.iter().filter(|&&component| component != NO_KERNEL).max().map_or(0, |&most| most as usize + 1);
+    // One pair above the kernel tells where the kernel ends; where a potential acts on other components, all may lie below it.
+    let mixed = base.component.contains(&NO_KERNEL);
+    let beside = |wanted: usize| wanted.saturating_sub(if mixed { 0 } else { known }).max(1).min(n - known);
+    let sliced = parameters.variant == Variant::Sliced;
+    let sigma = parameters.sigma.unwrap_or(hierarchy::SIGMA);
+    let climb = |q: usize| {
+        let mut sizes = hierarchy::sizes(n, q, parameters.levels);
+        if sizes.is_empty() || !sliced || begun.is_some() {
+            return Ok(None);
+        }
+        if let Some(given) = given {
+            // Below a given space there is one more level, unless it is small enough to be solved densely.
+            sizes.truncate(1);
+            if given.columns() <= q {
+                return Ok(None);
+            } else if given.columns() < 2 * sizes[0] {
+                sizes[0] = given.columns();
+            } else {
+                sizes.push(given.columns());
+            }
+        }
+        hierarchy::start(&base, &sizes, q, sigma, parameters.seed, given, monitor).map(Some)
+    };
+    // Without a bound, the number of columns is known, and the hierarchy needs no factors of the mesh.
+    let (finest, start) = match parameters.wanted {
+        Wanted::Count(count) => {
+            let q = hierarchy::columns(beside(count), n - known);
+            rayon::join(|| Finest::new(&base, q, monitor), || climb(q))
+        }
+        Wanted::Below { .. } => (Finest::new(&base, hierarchy::columns(100, n), monitor), Ok(None)),
+    };
+    let finest = finest?;
+    let (goal, wanted) = match parameters.wanted {
+        Wanted::Count(count) => (Goal::Count(count), count),
+        Wanted::Below { bound, most } => {
+            let bound = bound * problem.area - offset;
+            match estimate(&finest, bound)? {
+                Estimate::Nothing(count) => return Ok(nothing(mesh, problem, n, count, offset)),
+                Estimate::About(wanted) if wanted > most.saturating_add(wanted.min(SLACK)) => {
+                    return Err(HsimError::Count { wanted, most });
+                }
+                Estimate::About(wanted) => (Goal::Below(bound), wanted),
+            }
+        }
+    };
+    let kernel = Kernel::new(&finest.level);
+    let beside = beside(wanted);
+    let start = match parameters.wanted {
+        Wanted::Count(_) => start?,
+        Wanted::Below { .. } => climb(hierarchy::columns(beside, n - known))?,
+    };
+    let mut reports = Vec::new();
+    let mut space = None;
+    let (vectors, values, plain) = match (parameters.variant, start) {
+        _ if begun.is_some() => {
+            let (vectors, values) = begun.unwrap_or_default();
+            let places = super::level::inverse(&finest.order);
+            (vectors.spread(n, &places, &vec![1.0; values.len()]), values, None)
+        }
+        (Variant::Sliced, Some(start)) => {
+            reports = start.reports;
+            let vectors = prolong(&rows_in_order(&start.space, &finest.order), &start.vectors);
+            space = Some(start.space);
+            (vectors, start.values, None)
+        }
+        (Variant::Sliced, None) => {
+            let (values, vectors) = densely(&finest.level, hierarchy::columns(beside, n - known), monitor)?;
+            (vectors, values, None)
+        }
+        (Variant::Published, _) => {
+            let q = published::columns(beside, parameters.subspace_factor, n - known);
+            let places = finest.places(mesh.positions.len(), problem);
+            let start = published::start(mesh, &finest.level, &places, beside, q, parameters, monitor)?;
+            let shift = published::shift(&start.values, beside, parameters.shift_ratio);
+            reports = start.reports;
+            space = start.space.map(|space| rows_in_order(&space, &super::level::inverse(&finest.order)));
+            (start.vectors, start.values, Some(shift))
+        }
+        (variant @ (Variant::Random | Variant::Bathe), _) => {
+            let q = published::columns(beside, parameters.subspace_factor, n - known);
+            let (vectors, values) = published::plain(&finest.level, q, variant, parameters.seed);
+            (vectors, values, Some(published::shift(&[], beside, 0.0)))
+        }
+    };
+    let space = match (keep_space, given.cloned().or(space)) {
+        (false, _) => None,
+        (true, space) => {
+            let space = space.unwrap_or_else(|| identity(n));
+            Some(match &problem.unknowns {
+                Some(unknowns) => on_all_vertices(space, unknowns, mesh.positions.len()),
+                None => space,
+            })
+        }
+    };
+    let task = Task { mesh, problem, parameters, finest: &finest, kernel: &kernel, goal, beside, offset, monitor };
+    let solved = match task.solve(vectors, values, plain, reports.is_empty()) {
+        Err(error) if n <= DENSE && error.is_of_the_iteration() => {
+            monitor.stage("repair");
+            let (values, vectors) = densely(&finest.level, n - known, monitor)?;
+            task.solve(vectors, values, None, true)
+        }
+        solved => solved,
+    };
+    let (mut pairs, report) = solved?;
+    if let Wanted::Below { most, .. } = parameters.wanted
+        && pairs.values.len() > most
+    {
+        return Err(HsimError::Count { wanted: pairs.values.len(), most });
+    }
+    reports.push(report);
+    (pairs.levels, pairs.space) = (reports, space);
+    Ok(pairs)
+}
+
+/// A count below a bound may be off by so many where eigenvalues lie next to it.
+const SLACK: usize = 32;
+
+/// What is iterated on, from whatever start.
+struct Task<'a> {
+    mesh: &'a TriangleMesh,
+    problem: &'a EigenProblem,
+    parameters: &'a HsimParameters,
+    finest: &'a Finest,
+    kernel: &'a Kernel<'a>,
+    goal: Goal,
+    /// The pairs to converge beside the kernel.
+    beside: usize,
+    offset: f64,
+    monitor: &'a dyn Monitor,
+}
+
+impl Task<'_> {
+    /// Iterates from a start, plainly with the given shift or slice by slice, until what was found is proven. `exact`: the start may have converged.
+    fn solve(
+        &self,
+        vectors: PanelMatrix,
+        values: Vec<f64>,
+        plain: Option<f64>,
+        exact: bool,
+    ) -> Result<(Eigenpairs, LevelReport), HsimError> {
+        let Self { finest, kernel, monitor, parameters, .. } = *self;
+        let n = finest.level.size();
+        let mut iteration = Iteration::new(&finest.level, &finest.symbolic, kernel, vectors, values, monitor);
+        let mut plan = Plan {
+            wanted: self.beside.min(iteration.values.len()),
+            tolerance: parameters.tolerance,
+            panels_per_shift: if n < MANY_VERTICES { 1 } else { 2 },
+            solves: if parameters.tolerance < TIGHT { 2 } else { 1 },
+            most_passes: MOST_PASSES,
+        };
+        monitor.stage("iterate");
+        match plain {
+            Some(shift) => {
+                published::subspace_iteration(&mut iteration, shift, self.beside, parameters.tolerance)?;
+                iteration.require(&plan)?;
+            }
+            None if exact => iteration.measure()?,
+            None => {}
+        }
+        let vertices = finest.vertices(self.problem);
+        let mut delivery = Delivery {
+            mesh: self.mesh,
+            problem: self.problem,
+            vertices: &vertices,
+            goal: self.goal,
+            tolerance: parameters.tolerance,
+            offset: self.offset,
+            decide: false,
+        };
+        let mut attempt = 0;
+        loop {
+            plan.most_passes = iteration.passes + MOST_PASSES;
+            let count = match complete(&mut iteration, self.goal, &plan, parameters.seed) {
+                // What was asked beyond the tolerance is as close as it gets.
+                Err(HsimError::Floor { .. } | HsimError::NotConverged { .. })
+                    if plan.tolerance < parameters.tolerance =>
+                {
+                    (plan.tolerance, delivery.decide, attempt) = (parameters.tolerance, true, ATTEMPTS);
+                    continue;
+                }
+                count => count?,
+            };
+            match finish(&mut iteration, count, &delivery, monitor) {
+                Ok(Some(pairs)) => {
+                    let (iterations, shifts) = (iteration.passes, iteration.inertia.len());
+                    return Ok((pairs, LevelReport { dimension: n, iterations, shifts }));
+                }
+                Ok(None) if attempt < ATTEMPTS => plan.tolerance = (TIGHTER * plan.tolerance).max(TIGHTEST),
+                Ok(None) => delivery.decide = true,
+                // Columns that came close to the tolerance may lose it when they are made orthonormal; a count needs values clear of its shift.
+                Err(error) if attempt < ATTEMPTS && error.is_of_the_iteration() => plan.tolerance *= 0.1,
+                Err(error) => return Err(error),
+            }
+            attempt += 1;
+        }
+    }
+}
+
+/// How much closer pairs have to come where it is open on which side of a bound they lie, and how close.
+const TIGHTER: f64 = 1e-3;
+const TIGHTEST: f64 = 1e-11;
+
+/// How often pairs that were refused by the judgement are improved.
+const ATTEMPTS: usize = 4;
+
+/// Above this size factors in an order of minimum degree cost more than it takes to find a better one, even if there are only a few.
+const LARGE: usize = 1_000_000;
+
+/// Above this size a factor costs more than the solves of a few panels.
+const MANY_VERTICES: usize = 60_000;
+
+/// The problem as a level, rows in their own order; and what was taken off its eigenvalues, which is nothing where that is not wanted.
+fn base_level(mesh: &TriangleMesh, problem: &EigenProblem, shiftable: bool) -> Result<(Level, f64), HsimError> {
+    let n = problem.size();
+    let vertices = problem.unknowns.as_ref().map_or(mesh.positions.len(), Vec::len);
+    if vertices != n || problem.mass.size() != n {
+        return Err(HsimError::Numerical(format!("a problem of size {n} is not of a mesh with {vertices} unknowns")));
+    }
+    let (origin, scale) = (mesh.positions.first().copied().unwrap_or_default(), problem.area.sqrt().recip());
+    let scaled = |vertex: usize| {
+        let position = mesh.positions.get(vertex).copied().unwrap_or(origin);
+        std::array::from_fn(|k| (position[k] - origin[k]) * scale)
+    };
+    let positions = match &problem.unknowns {
+        None => (0..n).map(scaled).collect(),
+        Some(unknowns) => unknowns.iter().map(|&vertex| scaled(vertex as usize)).collect(),
+    };
+    // Who gives vectors to start from has shifted the problem on purpose, and gives values that belong to it.
+    let (mut stiffness, mut offset) =
+        if shiftable { offset::taken_off(&problem.stiffness, &problem.mass) } else { (problem.stiffness.clone(), 0.0) };
+    let mut component = offset::components(&stiffness, &problem.mass, offset);
+    if offset != 0.0 && component.last().is_some_and(|&last| last as usize + 1 == n) {
+        // Nothing but a kernel would be left to iterate on.
+        (stiffness, offset) = (problem.stiffness.clone(), 0.0);
+        component = offset::components(&stiffness, &problem.mass, offset);
+    }
+    Ok((Level { stiffness, mass: problem.mass.clone(), positions, component }, offset))
+}
+
+/// The finest level in the order in which it is factored.
+struct Finest {
+    /// Row `k` is unknown `order[k]`.
+    order: Vec<u32>,
+    level: Level,
+    symbolic: SymbolicFactor,
+}
+
+impl Finest {
+    fn new(base: &Level, columns: usize, monitor: &dyn Monitor) -> Result<Self, HsimError> {
+        monitor.checkpoint()?;
+        // Nested dissection takes longer to find and saves a third of every factor and solve.
+        let work = base.size() as f64 * columns as f64;
+        let ordering = if (columns >= 128 && work > 3e7) || base.size() > LARGE {
+            Ordering::NestedDissection
+        } else {
+            Ordering::Amd
+        };
+        let order = base.factor_order(ordering)?;
+        monitor.checkpoint()?;
+        let level = base.in_order(&order);
+        let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass)?;
+        Ok(Self { order, level, symbolic })
+    }
+
+    /// The vertex of each row.
+    fn vertices(&self, problem: &EigenProblem) -> Vec<u32> {
+        match &problem.unknowns {
+            None => self.order.clone(),
+            Some(unknowns) => self.order.iter().map(|&unknown| unknowns[unknown as usize]).collect(),
+        }
+    }
+
+    /// The row of each vertex, if it is an unknown.
+    fn places(&self, vertices: usize, problem: &EigenProblem) -> Vec<Option<u32>> {
+        let mut places = vec![None; vertices];
+        for (row, vertex) in self.vertices(problem).into_iter().enumerate() {
+            places[vertex as usize] = Some(row as u32);
+        }
+        places
+    }
+}
+
+/// What a factor at a bound says about the eigenvalues below it.
+enum Estimate {
+    /// There are none, as is proven by this count.
+    Nothing(Count),
+    /// There are about so many, at least one.
+    About(usize),
+}
+
+fn estimate(finest: &Finest, bound: f64) -> Result<Estimate, HsimError> {
+    let (level, lumped) = (&finest.level, finest.level.mass.lumped());
+    let sums = |row: usize| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
+    let spread = (0..level.size()).map(|row| sums(row) / lumped[row]).fold(0.0, f64::max);
+    let count = |at: f64| -> Result<Count, HsimError> {
+        let (shift, factor) = factor_near(level, &finest.symbolic, at, spread, Vec::new())?;
+        let radius = factor.uncertainty(&level.stiffness, &level.mass, shift);
+        Ok(Count { shift, below: factor.eigenvalues_below(), radius })
+    };
+    let at = count(bound)?;
+    if at.below == 0 {
+        let above = count(bound + 3.0 * at.radius.min(spread))?;
+        if above.below == 0 && above.shift - above.radius >= bound {
+            return Ok(Estimate::Nothing(above));
+        }
+    }
+    Ok(Estimate::About(at.below.max(1)))
+}
+
+fn identity(n: usize) -> SparseMatrix<f32> {
+    SparseMatrix::from_sorted_parts(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0; n])
+}
+
+/// The matrix whose row `k` is row `order[k]` of another.
+fn rows_in_order(matrix: &SparseMatrix<f32>, order: &[u32]) -> SparseMatrix<f32> {
+    let mut offsets = Vec::with_capacity(order.len() + 1);
+    let (mut indices, mut values) = (Vec::with_capacity(matrix.entries()), Vec::with_capacity(matrix.entries()));
+    offsets.push(0);
+    for &row in order {
+        let (columns, entries) = matrix.row(row as usize);
+        indices.extend_from_slice(columns);
+        values.extend_from_slice(entries);
+        offsets.push(indices.len());
+    }
+    SparseMatrix::from_sorted_parts(order.len(), matrix.columns(), offsets, indices, values)
+}

@@ -1,0 +1,380 @@
+//! Radial basis functions around samples, made a partition of unity: the subspace of chapter 2 of the thesis.
+
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use chladni_algebra::SparseMatrix;
+use chladni_base::{Cancelled, Monitor};
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::connectivity::Connectivity;
+use chladni_mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
+use chladni_mesh::measure::{surface_area, vertex_areas};
+use chladni_mesh::sample::{farthest_points, poisson_disk, sort_spatially, well_spread_points};
+use rayon::prelude::*;
+
+/// The weight of a vertex by its distance from the sample, as a share of the support radius (appendix 2.A). All are 1 at the
+/// sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Profile {
+    /// `1 − 3t² + 2t³`: the thesis' choice.
+    #[default]
+    Cubic,
+    /// `1 − t`.
+    Linear,
+    /// `1 − 10t³ + 15t⁴ − 6t⁵`.
+    Quintic,
+    /// `exp(−ln 2 · t² / 0.45²)`, cut off at 1.
+    Gaussian,
+}
+
+impl Profile {
+    /// The weight at the share `t` of the support radius; 0 from 1 on.
+    pub fn weight(self, t: f32) -> f32 {
+        if !(t < 1.0) {
+            return 0.0;
+        }
+        let weight = match self {
+            Self::Cubic => 1.0 - t * t * (3.0 - 2.0 * t),
+            Self::Linear => 1.0 - t,
+            Self::Quintic => 1.0 - t * t * t * (10.0 - t * (15.0 - 6.0 * t)),
+            Self::Gaussian => (-std::f32::consts::LN_2 / (0.45 * 0.45) * t * t).exp(),
+        };
+        // Rounding may leave a little less than nothing.
+        weight.max(0.0)
+    }
+}
+
+/// Why radial columns could not be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RadialError {
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// There is nothing to centre a function on.
+    #[error("a mesh of {vertices} vertices and {samples} samples makes no subspace")]
+    Empty {
+        /// The number of vertices.
+        vertices: usize,
+        /// The number of samples.
+        samples: usize,
+    },
+    /// A sample is not a vertex.
+    #[error("sample {sample} refers to vertex {vertex} of {vertices}")]
+    Sample {
+        /// The offending position among the samples.
+        sample: usize,
+        /// What stands there.
+        vertex: u32,
+        /// The number of vertices.
+        vertices: usize,
+    },
+    /// The support radius is not a positive number.
+    #[error("sigma {sigma} and area {area} give no support radius")]
+    Radius {
+        /// The overlap that was asked for.
+        sigma: f64,
+        /// The area of the mesh.
+        area: f64,
+    },
+}
+
+/// The support radius `√(σ·area/(π d))`: a disk of this radius holds `σ` of `d` evenly spread samples (`numerics`, 2.2). In the
+/// units of `√area`.
+pub fn support_radius(area: f64, sigma: f64, dimension: usize) -> f64 {
+    (sigma * area / (std::f64::consts::PI * dimension as f64)).sqrt()
+}
+
+/// Where the functions of a subspace are centred.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sampling {
+    /// Constrained Poisson disks (Corsini et al. 2012): the thesis' choice.
+    #[default]
+    PoissonDisk,
+    /// Farthest points along edges.
+    FarthestPoints,
+    /// Farthest points, evened out by three of Lloyd's moves: 10 to 25 % less error than Poisson disks.
+    WellSpread,
+}
+
+/// The choices of the radial construction; the default is the thesis'.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case", default, deny_unknown_fields)]
+pub struct RadialParameters {
+    /// How samples are chosen.
+    pub sampling: Sampling,
+    /// How the distance to a sample is measured.
+    pub distance: DistanceKind,
+    /// How weights fall with the distance.
+    pub profile: Profile,
+    /// How many samples the support of a function holds on average; 7 to 15 in the thesis.
+    pub sigma: f64,
+}
+
+impl Default for RadialParameters {
+    fn default() -> Self {
+        Self {
+            sampling: Sampling::default(),
+            distance: DistanceKind::default(),
+            profile: Profile::default(),
+            sigma: 10.0,
+        }
+    }
+}
+
+/// The thesis' subspace: `dimension` samples and the [`columns`] around them. It has fewer columns than `dimension` only where the
+/// mesh has fewer vertices, and more where vertices had to be covered.
+///
+/// Reports the stages `sampling` and `basis`.
+///
+/// # Errors
+/// As [`columns`].
+pub fn space(
+    mesh: &TriangleMesh,
+    connectivity: &Connectivity,
+    dimension: usize,
+    seed: u64,
+    parameters: &RadialParameters,
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix<f32>, RadialError> {
+    monitor.stage("sampling");
+    let mut samples = match parameters.sampling {
+        Sampling::PoissonDisk => poisson_disk(mesh, connectivity, dimension, seed, monitor)?,
+        Sampling::FarthestPoints => farthest_points(connectivity, dimension, seed, monitor)?,
+        Sampling::WellSpread => {
+            well_spread_points(mesh, connectivity, &vertex_areas(mesh), dimension, 3, seed, monitor)?
+        }
+    };
+    sort_spatially(mesh, &mut samples);
+    monitor.stage("basis");
+    let RadialParameters { distance, profile, sigma, .. } = *parameters;
+    columns(mesh, connectivity, &samples, distance, profile, sigma, monitor)
+}
+
+/// The support of a sample shrinks by this factor while the sample is crowded.
+const SHRINK: f32 = 1.5;
+
+/// How often supports may shrink.
+const SHRINK_ROUNDS: usize = 4;
+
+/// A sample is crowded when its share of its own vertex is less than this divided by σ. Evenly spread samples have about 3.3/σ.
+const CROWDED: f64 = 1.2;
+
+/// The columns of `U` around `samples`: `n × d`, each row non-negative with sum 1, and no row empty.
+///
+/// Column `j` is the profile of the distance from sample `j`, over the support radius that follows from `sigma` and the area of the
+/// mesh; where samples crowd, their supports are shrunk until each keeps a fair share of its own vertex, so that columns stay
+/// independent. A vertex that lies in no support becomes a sample itself, in ascending order after the given ones, so
+/// `d ≥ samples.len()`.
+///
+/// # Errors
+/// [`RadialError`] for samples that are not vertices, for a mesh without vertices, samples or area, and when cancelled.
+pub fn columns(
+    mesh: &TriangleMesh,
+    connectivity: &Connectivity,
+    samples: &[u32],
+    distance: DistanceKind,
+    profile: Profile,
+    sigma: f64,
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix<f32>, RadialError> {
+    let n = connectivity.vertices();
+    if n == 0 || samples.is_empty() {
+        return Err(RadialError::Empty { vertices: n, samples: samples.len() });
+    }
+    if let Some((sample, &vertex)) = samples.iter().enumerate().find(|&(_, &v)| v as usize >= n) {
+        return Err(RadialError::Sample { sample, vertex, vertices: n });
+    }
+    let area = surface_area(mesh);
+    let radius = support_radius(area, sigma, samples.len());
+    if !(radius > 0.0 && radius.is_finite()) {
+        return Err(RadialError::Radius { sigma, area });
+    }
+    let geometry = DistanceGeometry::new(mesh, connectivity, distance, radius);
+    let mut supports = Supports {
+        geometry,
+        profile,
+        centres: samples.iter().map(|&v| (v, 1.0)).collect(),
+        columns: vec![Vec::new(); samples.len()],
+        covered: (0..n).map(|_| AtomicBool::new(false)).collect(),
+    };
+    let all: Vec<u32> = (0..samples.len() as u32).collect();
+    supports.grow(&all, monitor)?;
+    for _ in 0..SHRINK_ROUNDS {
+        let crowded = supports.crowded((CROWDED / sigma) as f32);
+        if crowded.is_empty() {
+            break;
+        }
+        supports.shrink(&crowded, monitor)?;
+    }
+    supports.cover(monitor)?;
+    Ok(supports.into_rows())
+}
+
+/// Ranges of columns that are placed at once, at most: each takes a count per vertex.
+const RANGES_MAX: usize = 16;
+
+/// A column: the vertices of a support and their weights, in the order in which they were reached.
+type Column = Vec<(u32, f32)>;
+
+/// The functions before they are normalised.
+struct Supports<'a> {
+    geometry: DistanceGeometry<'a>,
+    profile: Profile,
+    /// The sample of each column and its support radius, as a share of the common one.
+    centres: Vec<(u32, f32)>,
+    columns: Vec<Column>,
+    /// Does a vertex lie in any support?
+    covered: Vec<AtomicBool>,
+}
+
+impl Supports<'_> {
+    /// Makes the given columns anew, in parallel.
+    fn grow(&mut self, which: &[u32], monitor: &dyn Monitor) -> Result<(), Cancelled> {
+        let done = AtomicU32::new(0);
+        let (geometry, profile, covered) = (&self.geometry, self.profile, &self.covered);
+        let fresh = which
+            .par_iter()
+            .map_init(
+                || DistanceWorkspace::new(geometry),
+                |workspace, &j| {
+                    monitor.checkpoint()?;
+                    let (sample, share) = self.centres[j as usize];
+                    let disk = workspace.local_distances(geometry, sample, share);
+                    let mut column = Vec::with_capacity(disk.len());
+                    for &(v, distance) in disk {
+                        let weight = profile.weight(distance / share);
+                        if weight > 0.0 {
+                            covered[v as usize].store(true, Ordering::Relaxed);
+                            column.push((v, weight));
+                        }
+                    }
+                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    if done.is_multiple_of(32) {
+                        monitor.progress(f64::from(done) / which.len() as f64);
+                    }
+                    Ok(column)
+                },
+            )
+            .collect::<Result<Vec<Column>, Cancelled>>()?;
+        for (&j, column) in which.iter().zip(fresh) {
+            self.columns[j as usize] = column;
+        }
+        Ok(())
+    }
+
+    /// The columns whose share of their own sample's vertex is less than `least`.
+    fn crowded(&self, least: f32) -> Vec<u32> {
+        let mut slots = vec![u32::MAX; self.covered.len()];
+        let mut sums = vec![0f32; self.centres.len()];
+        for (j, &(v, _)) in self.centres.iter().enumerate() {
+            slots[v as usize] = j as u32;
+        }
+        for &(v, weight) in self.columns.iter().flatten() {
+            if let Some(sum) = sums.get_mut(slots[v as usize] as usize) {
+                *sum += weight;
+            }
+        }
+        (0..self.centres.len() as u32)
+            .filter(|&j| sums[slots[self.centres[j as usize].0 as usize] as usize] * least > 1.0)
+            .collect()
+    }
+
+    fn shrink(&mut self, which: &[u32], monitor: &dyn Monitor) -> Result<(), Cancelled> {
+        for &j in which {
+            self.columns[j as usize] = Column::new();
+            self.centres[j as usize].1 /= SHRINK;
+        }
+        self.covered.iter().for_each(|covered| covered.store(false, Ordering::Relaxed));
+        self.columns.par_iter().flatten().for_each(|&(v, _)| self.covered[v as usize].store(true, Ordering::Relaxed));
+        self.grow(which, monitor)
+    }
+
+    /// Gives each vertex outside all supports a function of its own, until there is none.
+    fn cover(&mut self, monitor: &dyn Monitor) -> Result<(), Cancelled> {
+        for v in 0..self.covered.len() as u32 {
+            if !self.covered[v as usize].load(Ordering::Relaxed) {
+                self.centres.push((v, 1.0));
+                self.columns.push(Vec::new());
+                self.grow(&[self.centres.len() as u32 - 1], monitor)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Turns columns into rows that sum to 1.
+    fn into_rows(self) -> SparseMatrix<f32> {
+        let (n, dimension) = (self.covered.len(), self.columns.len());
+        // Each thread counts and places the entries of a range of columns. Ranges follow each other in every row, so rows come
+        // out in order, and the result does not depend on how many there are.
+        let ranges = rayon::current_num_threads().min(RANGES_MAX);
+        let ranges: Vec<(usize, &[Column])> = {
+            let length = dimension.div_ceil(ranges).max(1);
+            self.columns.chunks(length).enumerate().map(|(i, c)| (i * length, c)).collect()
+        };
+        let mut places: Vec<Vec<u32>> = ranges
+            .par_iter()
+            .map(|(_, columns)| {
+                let mut counts = vec![0u32; n];
+                columns.iter().flatten().for_each(|&(v, _)| counts[v as usize] += 1);
+                counts
+            })
+            .collect();
+        let mut offsets = Vec::with_capacity(n + 1);
+        let mut total = 0usize;
+        offsets.push(0);
+        for row in 0..n {
+            let mut length = 0;
+            for counts in &mut places {
+                length += std::mem::replace(&mut counts[row], length);
+            }
+            total += length as usize;
+            offsets.push(total);
+        }
+        // Threads write to different places of the same rows; atomic cells allow that, and relaxed stores cost nothing.
+        let indices: Vec<AtomicU32> = (0..total).map(|_| AtomicU32::new(0)).collect();
+        let values: Vec<AtomicU32> = (0..total).map(|_| AtomicU32::new(0)).collect();
+        ranges.par_iter().zip(&mut places).for_each(|((first, columns), places)| {
+            for (j, column) in columns.iter().enumerate() {
+                for &(v, weight) in column {
+                    let place = offsets[v as usize] + places[v as usize] as usize;
+                    places[v as usize] += 1;
+                    indices[place].store((first + j) as u32, Ordering::Relaxed);
+                    values[place].store(weight.to_bits(), Ordering::Relaxed);
+                }
+            }
+        });
+        drop(self.columns);
+        let indices: Vec<u32> = indices.into_iter().map(AtomicU32::into_inner).collect();
+        let mut values: Vec<f32> = values.into_iter().map(|x| f32::from_bits(x.into_inner())).collect();
+        normalise(&offsets, &mut values);
+        SparseMatrix::from_sorted_parts(n, dimension, offsets, indices, values)
+    }
+}
+
+/// Rows that one thread normalises at a time.
+const ROWS: usize = 1 << 12;
+
+/// Divides each row by its sum.
+fn normalise(offsets: &[usize], values: &mut [f32]) {
+    let mut blocks = Vec::with_capacity(offsets.len() / ROWS + 1);
+    let mut rest = values;
+    for first in (0..offsets.len() - 1).step_by(ROWS) {
+        let last = (first + ROWS).min(offsets.len() - 1);
+        let (block, tail) = rest.split_at_mut(offsets[last] - offsets[first]);
+        blocks.push((&offsets[first..=last], block));
+        rest = tail;
+    }
+    blocks.into_par_iter().for_each(|(offsets, block)| {
+        for row in offsets.windows(2) {
+            let row = &mut block[row[0] - offsets[0]..row[1] - offsets[0]];
+            let scale = 1.0 / row.iter().sum::<f32>();
+            row.iter_mut().for_each(|x| *x *= scale);
+        }
+    });
+}
+
+#[cfg(test)]
+mod real_meshes;
+#[cfg(test)]
+mod tests;

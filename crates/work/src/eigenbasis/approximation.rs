@@ -1,0 +1,232 @@
+//! The method `approximate`: its parameters, defaults and limits.
+
+use chladni_algebra::gpu;
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::distance::{DistanceKind, STVD_WINDOW_MAX};
+use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Precision};
+use chladni_spectral::operator::{MassKind, MeshOperator};
+use chladni_spectral::spectrum::heat::HeatParameters;
+use chladni_spectral::spectrum::radial::RadialParameters;
+use chladni_spectral::spectrum::{
+    ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Refinement, Space, approximate, approximate_refined,
+};
+use serde::{Deserialize, Serialize};
+
+use super::request::Request;
+use super::{LARGEST_DIMENSION, value};
+use crate::{JobError, ParameterError};
+
+/// How the subspace is built.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Construction {
+    /// Radial bumps, smoothed by implicit heat steps: about twenty times more accurate than `radial` at the same storage.
+    #[default]
+    Heat,
+    /// The thesis' construction: radial bumps of geodesic distance, normalised to a partition of unity.
+    Radial,
+}
+
+/// How accurate eigenvalues are to be. In JSON: `"standard"`, `"accurate"`, `{"goal": 0.005}`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Accuracy {
+    /// A goal of 1 % for the largest relative error.
+    #[default]
+    Standard,
+    /// A space of d = 3m with less thinning, and a goal of 0.3 %.
+    Accurate,
+    /// The largest relative error of an eigenvalue, as estimated, that is good enough: 1e-4 to 0.5. Where it is exceeded, columns are
+    /// added a few times.
+    Goal(f64),
+}
+
+/// The goals that may be asked for.
+const GOALS: (f64, f64) = (1e-4, 0.5);
+
+/// A space of fewer columns than the pairs and this is too coarse for the lowest of them; more cost next to nothing.
+const LEAST_EXTRA: usize = 150;
+
+impl Accuracy {
+    /// The largest relative error that is good enough.
+    pub fn goal(self) -> f64 {
+        match self {
+            Self::Standard => 0.01,
+            Self::Accurate => 0.003,
+            Self::Goal(goal) => goal,
+        }
+    }
+}
+
+/// What is approximated, and how.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Approximate {
+    /// How many eigenpairs are wanted, the kernel included.
+    pub count: usize,
+    /// The dimension of the subspace, before it is bounded by the mesh.
+    pub dimension: usize,
+    /// How far the heat construction goes.
+    pub accuracy: Accuracy,
+    /// The subspace, every detail filled in.
+    pub space: Space,
+    /// How the pairs are refined on the mesh, and how precisely the dense result is stored.
+    pub refinement: Option<(Refinement, Precision)>,
+}
+
+impl Approximate {
+    /// Takes the members of the method, with defaults for what is absent.
+    ///
+    /// # Errors
+    /// [`ParameterError::Value`] names the first that is out of its range.
+    pub fn from_request(request: &Request, count: usize) -> Result<Self, ParameterError> {
+        let accuracy = request.accuracy.unwrap_or_default();
+        if let Accuracy::Goal(goal) = accuracy
+            && !(GOALS.0..=GOALS.1).contains(&goal)
+        {
+            return Err(value("accuracy.goal", format!("must lie between {} and {}, not be {goal}", GOALS.0, GOALS.1)));
+        }
+        let dimension = request.dimension.unwrap_or(match accuracy {
+            Accuracy::Standard | Accuracy::Goal(_) => (2 * count).max(count + LEAST_EXTRA),
+            Accuracy::Accurate => (3 * count).max(count + LEAST_EXTRA),
+        });
+        if !(count..=LARGEST_DIMENSION).contains(&dimension) {
+            let reason = format!("must lie between the count, {count}, and {LARGEST_DIMENSION}, not be {dimension}");
+            return Err(value("dimension", reason));
+        }
+        let space = match request.construction.unwrap_or_default() {
+            Construction::Heat => Space::Heat(heat(request, accuracy)?),
+            Construction::Radial => Space::Radial(radial(request, accuracy)?),
+        };
+        let refinement = request.refinement.map(|refinement| (refinement, request.precision.unwrap_or_default()));
+        if let Some((refinement, _)) = refinement {
+            let lumped = request.mass.unwrap_or_default() != MassKind::Consistent;
+            refinement.check(lumped).map_err(|error| match error {
+                ApproximationError::Parameter { name, reason } => value(name, reason),
+                other => value("refinement", other.to_string()),
+            })?;
+        } else if request.precision.is_some() {
+            return Err(value("precision", "belongs to dense storage, which needs a \"refinement\" here".to_owned()));
+        }
+        Ok(Self { count, dimension, accuracy, space, refinement })
+    }
+
+    /// Computes the basis: compact, or dense where it is refined.
+    ///
+    /// # Errors
+    /// [`JobError`]: as the approximation.
+    pub fn run(
+        &self,
+        mesh: &TriangleMesh,
+        operator: &MeshOperator,
+        seed: u64,
+        monitor: &dyn Monitor,
+    ) -> Result<Basis, JobError> {
+        let Self { count, dimension, space, .. } = *self;
+        let parameters = ApproximationParameters { count, dimension, space, goal: Some(self.goal()), seed };
+        let Some((refinement, precision)) = self.refinement else {
+            return dense_where_smaller(approximate(mesh, operator, &parameters, monitor)?, monitor);
+        };
+        let pairs = approximate_refined(mesh, operator, &parameters, refinement, monitor)?;
+        Ok(Basis {
+            functions: Functions::Dense(DenseFunctions::from_panels(pairs.vectors, precision)),
+            eigenvalues: pairs.values,
+            mass: operator.laplacian().mass.scaled(operator.laplacian().area),
+            certificate: Certificate {
+                residuals: pairs.residuals,
+                bounds: pairs.bounds,
+                orthonormality_defect: pairs.orthonormality_defect,
+                ..Certificate::default()
+            },
+            metadata: serde_json::json!({}),
+        })
+    }
+
+    /// The goal. The thesis' construction is taken as it is, and judged, unless a goal is asked for in so many words.
+    fn goal(&self) -> Goal {
+        let as_it_is = matches!(self.space, Space::Radial(_)) && !matches!(self.accuracy, Accuracy::Goal(_));
+        Goal { error: self.accuracy.goal(), rounds: if as_it_is { 0 } else { MOST_ROUNDS } }
+    }
+
+    /// Writes every member of the method.
+    pub fn fill(&self, request: &mut Request) {
+        request.count = Some(self.count);
+        request.dimension = Some(self.dimension);
+        request.accuracy = Some(self.accuracy);
+        request.refinement = self.refinement.map(|(refinement, _)| refinement);
+        request.precision = self.refinement.map(|(_, precision)| precision);
+        match self.space {
+            Space::Heat(heat) => (request.construction, request.heat) = (Some(Construction::Heat), Some(heat)),
+            Space::Radial(radial) => {
+                (request.construction, request.radial) = (Some(Construction::Radial), Some(radial));
+            }
+        }
+    }
+
+    /// An estimate of the memory that the work needs beside mesh and operator, in bytes: the basis per vertex, the dense problem per
+    /// dimension.
+    pub fn memory_bytes(&self, vertices: u64) -> u64 {
+        let (d, m) = ((self.dimension as u64).min(vertices), self.count as u64);
+        let compact = vertices * 25 * 2 * 8 + vertices * 22 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
+        // Bounds: the pencil once more and its hierarchy, and on each thread a panel of 32 pairs with what a cycle needs.
+        let panels = (m / 32 + 1).min(rayon::current_num_threads() as u64);
+        let compact = compact + vertices * (260 + 720 * panels);
+        // Columns with their guards, what is stored of them, and a factor of about 60 entries a row with its matrix.
+        let columns = (m + m / 10 + 40) * vertices * 8;
+        match self.refinement {
+            None => compact,
+            Some((Refinement::InverseIteration, _)) => compact + 2 * columns + vertices * (60 * 8 + 2 * 7 * 16),
+            Some((Refinement::Chebyshev { .. }, _)) => compact + 2 * columns,
+        }
+    }
+}
+
+/// A compact basis, unless its eigenfunctions themselves take less: few vertices for the dimension.
+fn dense_where_smaller(mut basis: Basis, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+    if let Functions::Compact(compact) = &basis.functions
+        && basis.stored_bytes() > basis.dense_bytes()
+    {
+        let vectors = gpu::accelerator()
+            .lift(&compact.space, &compact.coefficients, monitor)
+            .map_err(ApproximationError::from)?;
+        basis.functions = Functions::Dense(DenseFunctions::from_panels(vectors, Precision::F32));
+    }
+    Ok(basis)
+}
+
+fn heat(request: &Request, accuracy: Accuracy) -> Result<HeatParameters, ParameterError> {
+    if request.radial.is_some() {
+        return Err(value("radial", "these details need the construction \"radial\"".to_owned()));
+    }
+    let usual = match accuracy {
+        Accuracy::Standard | Accuracy::Goal(_) => HeatParameters::default(),
+        Accuracy::Accurate => HeatParameters::accurate(),
+    };
+    let Some(heat) = request.heat else { return Ok(usual) };
+    // Details that say the same as the accuracy contradict nothing.
+    if accuracy == Accuracy::Accurate && heat != usual {
+        return Err(value("heat", "give the details or \"accuracy\": \"accurate\", not both".to_owned()));
+    }
+    heat.check().map_err(|error| value("heat", error.to_string()))?;
+    Ok(heat)
+}
+
+fn radial(request: &Request, accuracy: Accuracy) -> Result<RadialParameters, ParameterError> {
+    if accuracy == Accuracy::Accurate {
+        return Err(value("accuracy", "\"accurate\" is an option of the construction \"heat\" alone".to_owned()));
+    }
+    if request.heat.is_some() {
+        return Err(value("heat", "these details need the construction \"heat\"".to_owned()));
+    }
+    let radial = request.radial.unwrap_or_default();
+    if !(1.0..=100.0).contains(&radial.sigma) {
+        return Err(value("radial.sigma", format!("must lie between 1 and 100, not be {}", radial.sigma)));
+    }
+    if let DistanceKind::Stvd { window } = radial.distance
+        && !(1..=STVD_WINDOW_MAX).contains(&window)
+    {
+        let reason = format!("the window must lie between 1 and {STVD_WINDOW_MAX}, not be {window}");
+        return Err(value("radial.distance", reason));
+    }
+    Ok(radial)
+}

@@ -1,0 +1,87 @@
+//! The method `auto`: which of the others a mesh and a count call for.
+
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+use chladni_spectral::basis::Basis;
+use chladni_spectral::operator::MeshOperator;
+
+use super::request::Request;
+use super::{Approximate, Exact};
+use crate::{JobError, ParameterError};
+
+/// The exact method is taken where it is expected to need at most so many seconds of one core.
+const SECONDS: f64 = 1.0;
+
+/// Both methods with their defaults; which one runs is decided by the size of the mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Auto {
+    /// The fast approximation.
+    pub approximate: Approximate,
+    /// HSIM.
+    pub exact: Exact,
+}
+
+impl Auto {
+    /// Takes the members that both methods share, with defaults for what is absent.
+    ///
+    /// # Errors
+    /// [`ParameterError::Value`] names the first that is out of its range.
+    pub fn from_request(request: &Request, count: usize) -> Result<Self, ParameterError> {
+        Ok(Self {
+            approximate: Approximate::from_request(request, count)?,
+            exact: Exact::from_request(request, count)?,
+        })
+    }
+
+    /// Whether a mesh of so many vertices is solved exactly.
+    pub fn is_exact(&self, vertices: usize) -> bool {
+        let pairs = self.approximate.count.min(vertices);
+        exact_seconds(vertices, pairs) <= SECONDS
+    }
+
+    /// Computes the basis, and by which method: one that misses its goal by the approximation is computed exactly.
+    ///
+    /// # Errors
+    /// [`JobError`]: as the methods.
+    pub fn run(
+        &self,
+        mesh: &TriangleMesh,
+        operator: &MeshOperator,
+        seed: u64,
+        monitor: &dyn Monitor,
+    ) -> Result<(Basis, &'static str), JobError> {
+        if !self.is_exact(operator.problem.size()) {
+            let basis = self.approximate.run(mesh, operator, seed, monitor)?;
+            if basis.certificate.accuracy.is_none_or(|accuracy| accuracy.reached) {
+                return Ok((basis, "approximate"));
+            }
+        }
+        Ok((self.exact.run(mesh, operator, seed, monitor)?, "hsim"))
+    }
+}
+
+/// About how many seconds of one core HSIM takes to its default tolerance. Fitted to meshes of 10,000 to 134,000 vertices and 50 to 1,000
+/// pairs, where it is right to a half.
+fn exact_seconds(vertices: usize, pairs: usize) -> f64 {
+    let p = pairs as f64;
+    vertices as f64 * (1e-5 + 1.7e-7 * p + 5.5e-10 * p * p)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn auto(count: usize) -> Auto {
+        Auto::from_request(&Request::read(&json!({"count": count})).unwrap(), count).unwrap()
+    }
+
+    #[test]
+    fn small_meshes_and_counts_are_solved_exactly_and_large_ones_approximately() {
+        for (vertices, count, exact) in
+            [(5_000, 100, true), (40_000, 50, true), (10_000, 200, true), (134_000, 50, false), (10_000, 1_000, false)]
+        {
+            assert_eq!(auto(count).is_exact(vertices), exact, "{vertices} vertices, {count} pairs");
+        }
+    }
+}

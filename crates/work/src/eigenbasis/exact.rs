@@ -1,0 +1,313 @@
+//! The methods `hsim` and `sim`: pairs to a tolerance, stored as columns or projected to a compact form.
+
+use chladni_algebra::{MassMatrix, PANEL_WIDTH, PanelMatrix, residual_sums};
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Precision, completeness};
+use chladni_spectral::operator::{EigenProblem, MeshOperator};
+use chladni_spectral::spectrum::heat::HeatParameters;
+use chladni_spectral::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Variant, Wanted};
+use chladni_spectral::spectrum::{ApproximationParameters, Space, subspace};
+use serde::{Deserialize, Serialize};
+
+use super::compact::{all_functions, project};
+use super::request::{HsimVariant, MethodName, Request};
+use super::{LARGEST_COUNT, value};
+use crate::{JobError, ParameterError};
+
+/// How eigenfunctions are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StorageKind {
+    /// As columns.
+    #[default]
+    Dense,
+    /// As a sparse factor times a dense one: a fraction of the storage, at the price of a projection.
+    Compact,
+}
+
+/// Where plain subspace iteration starts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Start {
+    /// Random vectors.
+    #[default]
+    Random,
+    /// Bathe's unit vectors.
+    Bathe,
+}
+
+/// The pairs delivered where a bound is given and no number: storage has to be planned before the spectrum is known.
+const AT_MOST: usize = 1000;
+
+/// Pairs to a smaller tolerance than this are stored in double precision, unless another is asked for: single precision would not keep it.
+const SINGLE: f64 = 1e-4;
+
+/// What is solved, how well, and how it is stored.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Exact {
+    /// What the solver is told, but for the seed.
+    pub solver: HsimParameters,
+    /// How eigenfunctions are stored.
+    pub storage: StorageKind,
+    /// The type of the numbers of a dense basis.
+    pub precision: Precision,
+}
+
+impl Exact {
+    /// Takes the members of the method, with defaults for what is absent.
+    ///
+    /// # Errors
+    /// [`ParameterError::Value`] names the first that is out of its range or contradicts another.
+    pub fn from_request(request: &Request, count: usize) -> Result<Self, ParameterError> {
+        let usual = HsimParameters::default();
+        let variant = match (request.method, request.start.unwrap_or_default()) {
+            (MethodName::Sim, Start::Random) => Variant::Random,
+            (MethodName::Sim, Start::Bathe) => Variant::Bathe,
+            _ => match request.variant.unwrap_or_default() {
+                HsimVariant::Sliced => Variant::Sliced,
+                HsimVariant::Published => Variant::Published,
+            },
+        };
+        let tolerance = request.tolerance.unwrap_or(usual.tolerance);
+        within("tolerance", tolerance, 1e-10, 0.5)?;
+        for (name, given, least, most) in [
+            ("sigma", request.sigma, 1.0, 100.0),
+            ("shift_ratio", request.shift_ratio, 0.0, 1.0),
+            ("subspace_factor", request.subspace_factor, 1.0, 4.0),
+        ] {
+            given.map_or(Ok(()), |given| within(name, given, least, most))?;
+        }
+        if let Some(levels) = request.levels
+            && !(1..=6).contains(&levels)
+        {
+            return Err(value("levels", format!("must lie between 1 and 6, not be {levels}")));
+        }
+        if request.shift_ratio.is_some() && variant != Variant::Published {
+            return Err(value("shift_ratio", "belongs to the variant \"published\"".to_owned()));
+        }
+        let storage = request.storage.unwrap_or_default();
+        if storage == StorageKind::Compact {
+            if request.method == MethodName::Sim || request.levels == Some(1) {
+                let reason = "\"compact\" needs a hierarchy, whose finest space takes the eigenfunctions up";
+                return Err(value("storage", reason.to_owned()));
+            }
+            if request.precision.is_some() {
+                return Err(value("precision", "belongs to the storage \"dense\"".to_owned()));
+            }
+        }
+        let solver = HsimParameters {
+            wanted: wanted(request, count)?,
+            tolerance,
+            variant,
+            levels: request.levels,
+            sigma: request.sigma,
+            shift_ratio: request.shift_ratio.unwrap_or(usual.shift_ratio),
+            subspace_factor: request.subspace_factor,
+            seed: 0,
+        };
+        let precision = request.precision.unwrap_or(if tolerance < SINGLE { Precision::F64 } else { Precision::F32 });
+        Ok(Self { solver, storage, precision })
+    }
+
+    /// Writes every member of the method.
+    pub fn fill(&self, request: &mut Request) {
+        match self.solver.wanted {
+            Wanted::Count(count) => request.count = Some(count),
+            Wanted::Below { bound, most } => (request.below, request.at_most) = (Some(bound), Some(most)),
+        }
+        request.tolerance = Some(self.solver.tolerance);
+        match self.solver.variant {
+            Variant::Sliced => request.variant = Some(HsimVariant::Sliced),
+            Variant::Published => request.variant = Some(HsimVariant::Published),
+            Variant::Random => request.start = Some(Start::Random),
+            Variant::Bathe => request.start = Some(Start::Bathe),
+        }
+        request.levels = self.solver.levels;
+        request.sigma = self.solver.sigma;
+        request.shift_ratio = (self.solver.variant == Variant::Published).then_some(self.solver.shift_ratio);
+        request.subspace_factor = self.solver.subspace_factor;
+        request.storage = Some(self.storage);
+        request.precision = (self.storage == StorageKind::Dense).then_some(self.precision);
+    }
+
+    /// The most pairs that may be delivered.
+    pub fn most_pairs(&self) -> usize {
+        match self.solver.wanted {
+            Wanted::Count(count) => count,
+            Wanted::Below { most, .. } => most,
+        }
+    }
+
+    /// An estimate of the memory that the work needs beside mesh and operator, in bytes.
+    ///
+    /// The factor of a mesh of `n` vertices has about `4.7 n log₂ n` nonzeros (2.5 million at 41 thousand, 9.7 at 134, 60 at 655), of
+    /// which two are held, with their indices, where two threads work at two shifts. Of the `q` columns that are iterated on, in double
+    /// precision, two and a half copies were measured, beside a few `q × q` matrices, the finest space of the hierarchy, and the result.
+    pub fn memory_bytes(&self, vertices: u64) -> u64 {
+        let n = vertices.max(2);
+        let p = (self.most_pairs() as u64).min(n);
+        let factors = (4.7 * n as f64 * (n as f64).log2()) as u64 * 20;
+        let q = match self.solver.variant {
+            Variant::Sliced => p + p * 15 / 100 + 64,
+            Variant::Published | Variant::Random | Variant::Bathe => {
+                (self.solver.subspace_factor.unwrap_or(1.5) * p as f64).ceil() as u64 + 64
+            }
+        };
+        let q = q.min(n);
+        let columns = 20 * n * q + 48 * q * q;
+        let space = n * 25 * 2 * 8;
+        let result = match self.storage {
+            StorageKind::Dense => n * p * self.precision.bytes() as u64,
+            StorageKind::Compact => {
+                let d = (6 * p).min(n);
+                8 * (2 * d * d + 2 * d * p)
+            }
+        };
+        factors + columns + space + result
+    }
+
+    /// Solves and stores.
+    ///
+    /// # Errors
+    /// [`JobError`]: pairs that do not converge, stay missing or cannot be proven, a space that does not hold them, cancellation.
+    pub fn run(
+        &self,
+        mesh: &TriangleMesh,
+        operator: &MeshOperator,
+        seed: u64,
+        monitor: &dyn Monitor,
+    ) -> Result<Basis, JobError> {
+        let parameters = HsimParameters { seed, ..self.solver };
+        let compact = self.storage == StorageKind::Compact;
+        let problem = &operator.problem;
+        let pairs = match (compact, parameters.wanted, parameters.variant) {
+            (true, Wanted::Count(count), Variant::Sliced) => {
+                // Smoothed functions hold eigenfunctions four times as well as those that only have to start an iteration.
+                let functions = ApproximationParameters {
+                    count: count.min(problem.size()),
+                    dimension: compact_dimension(count, problem.size()),
+                    space: Space::Heat(HeatParameters::default()),
+                    goal: None,
+                    seed,
+                };
+                let space = subspace(mesh, operator, &functions, monitor)?;
+                hsim::solve_with_space(mesh, problem, &parameters, &space, monitor)?
+            }
+            _ => hsim::solve(mesh, problem, &parameters, compact, monitor)?,
+        };
+        let mass = operator.laplacian().mass.scaled(operator.laplacian().area);
+        let stored = match (self.storage, self.precision) {
+            (StorageKind::Dense, Precision::F32) => Some(residuals_as_stored(&pairs, problem, monitor)?),
+            _ => None,
+        };
+        let mut basis = self.basis(pairs, mass, monitor)?;
+        if let Some(residuals) = stored {
+            basis.certificate.residuals = residuals;
+        }
+        Ok(basis)
+    }
+
+    /// The basis of what the solver found. `mass` is that of all vertices in the units of the input.
+    fn basis(&self, pairs: Eigenpairs, mass: MassMatrix, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+        let complete = completeness(&pairs.values, &pairs.inertia);
+        if complete != Some(true) {
+            let reason = "the inertia counts do not cover the pairs".to_owned();
+            return Err(HsimError::Unproven { reason }.into());
+        }
+        let mut certificate = Certificate {
+            complete,
+            residuals: pairs.residuals,
+            bounds: pairs.bounds,
+            orthonormality_defect: pairs.orthonormality_defect,
+            inertia: pairs.inertia,
+            tolerance: Some(self.solver.tolerance),
+            levels: pairs.levels,
+            ..Certificate::default()
+        };
+        let functions = match self.storage {
+            StorageKind::Dense => Functions::Dense(DenseFunctions::from_panels(pairs.vectors, self.precision)),
+            StorageKind::Compact => {
+                let space = pairs.space.or_else(|| all_functions(mass.size())).ok_or_else(|| {
+                    HsimError::Numerical("the hierarchy has no space to store the eigenfunctions in".to_owned())
+                })?;
+                monitor.stage("compact");
+                let projected = project(&pairs.vectors, space, &mass, monitor)?;
+                certificate.orthonormality_defect = projected.defect;
+                certificate.largest_projection_error = Some(projected.errors.iter().copied().fold(0.0, f64::max));
+                certificate.projection_errors = projected.errors;
+                Functions::Compact(projected.compact)
+            }
+        };
+        Ok(Basis { functions, eigenvalues: pairs.values, mass, certificate, metadata: serde_json::json!({}) })
+    }
+}
+
+/// The residuals (4.6) of columns that are rounded to single precision; those of a kernel remain what they are in double precision.
+fn residuals_as_stored(
+    pairs: &Eigenpairs,
+    problem: &EigenProblem,
+    monitor: &dyn Monitor,
+) -> Result<Vec<f64>, JobError> {
+    let m = pairs.values.len();
+    let mut residuals = pairs.residuals.clone();
+    let values: Vec<f64> = pairs.values.iter().map(|value| value * problem.area).collect();
+    for start in (0..m).step_by(PANEL_WIDTH) {
+        let width = PANEL_WIDTH.min(m - start);
+        let Some(panel) = pairs.vectors.panels().get(start / PANEL_WIDTH) else { break };
+        let rounded =
+            |row: usize| panel[row * PANEL_WIDTH..(row + 1) * PANEL_WIDTH].iter().map(|&x| f64::from(x as f32));
+        let mut block = PanelMatrix::zeros(problem.size(), width);
+        if let Some(into) = block.panels_mut().first_mut() {
+            for (row, into) in into.as_chunks_mut::<PANEL_WIDTH>().0.iter_mut().enumerate() {
+                let vertex = problem.unknowns.as_ref().map_or(row, |unknowns| unknowns[row] as usize);
+                into.iter_mut().zip(rounded(vertex)).for_each(|(into, x)| *into = x);
+            }
+        }
+        let values = &values[start..start + width];
+        let sums =
+            residual_sums(&problem.stiffness, &problem.mass, &block, values, monitor).map_err(HsimError::from)?;
+        for ((residual, sums), &value) in residuals[start..].iter_mut().zip(&sums).zip(values) {
+            if value != 0.0 && sums.residual > 0.0 {
+                *residual = (sums.residual / sums.stiffness).sqrt();
+            }
+        }
+    }
+    Ok(residuals)
+}
+
+/// The dimension of the space that eigenfunctions are stored in: six for each, as long as there are some vertices to a dimension.
+fn compact_dimension(count: usize, unknowns: usize) -> usize {
+    (6 * count).min(unknowns / 4).max(2 * count)
+}
+
+fn within(name: &'static str, given: f64, least: f64, most: f64) -> Result<(), ParameterError> {
+    if (least..=most).contains(&given) {
+        return Ok(());
+    }
+    Err(value(name, format!("must lie between {least} and {most}, not be {given}")))
+}
+
+fn wanted(request: &Request, count: usize) -> Result<Wanted, ParameterError> {
+    let Some(bound) = request.below else {
+        if request.at_most.is_some() {
+            return Err(value("at_most", "belongs to \"below\", the bound on the eigenvalues".to_owned()));
+        }
+        return Ok(Wanted::Count(count));
+    };
+    if request.count.is_some() {
+        return Err(value("below", "give a count or a bound on the eigenvalues, not both".to_owned()));
+    }
+    if !bound.is_finite() {
+        return Err(value("below", format!("must be a finite number, not {bound}")));
+    }
+    let most = request.at_most.unwrap_or(AT_MOST);
+    if !(1..=LARGEST_COUNT).contains(&most) {
+        return Err(value("at_most", format!("must lie between 1 and {LARGEST_COUNT}, not be {most}")));
+    }
+    Ok(Wanted::Below { bound, most })
+}
+
+#[cfg(test)]
+#[path = "exact_tests.rs"]
+mod tests;

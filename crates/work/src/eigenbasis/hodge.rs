@@ -1,0 +1,119 @@
+//! The operator `hodge`: exact eigenfields of the Hodge–Laplacian, from two scalar spectra.
+
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions};
+use chladni_spectral::field::{FieldSurface, HarmonicError, PoissonError, harmonic_fields};
+use chladni_spectral::operator::hodge::FieldBoundary;
+use chladni_spectral::operator::{Boundary, MassKind, MassMatrix, OperatorError, OperatorParameters};
+use chladni_spectral::spectrum::hodge::{FieldPart, hodge_spectrum};
+use chladni_spectral::spectrum::hsim::{HsimError, HsimParameters, Variant, Wanted};
+
+use super::{Exact, Method, StorageKind, value};
+use crate::{JobError, ParameterError};
+
+/// Checks that nothing is asked for that only functions have.
+pub fn check(method: &Method, operator: &OperatorParameters) -> Result<(), ParameterError> {
+    let Method::Exact(exact) = method else {
+        return Err(value("method", "the operator \"hodge\" takes the method \"hsim\"".to_owned()));
+    };
+    let refusal = match (exact.solver.variant, exact.solver.wanted, exact.storage) {
+        (Variant::Random | Variant::Bathe | Variant::Published, _, _) => {
+            Some(("method", "the operator \"hodge\" takes the method \"hsim\" in its variant \"sliced\""))
+        }
+        (_, Wanted::Below { .. }, _) => Some(("below", "the operator \"hodge\" takes a count")),
+        (_, _, StorageKind::Compact) => Some(("storage", "eigenfields of \"hodge\" are stored densely")),
+        _ if operator.mass != MassKind::Barycentric => Some(("mass", "the operator \"hodge\" has a mass of its own")),
+        _ if operator.boundary != Boundary::Neumann => {
+            Some(("boundary", "fields of \"hodge\" run along the boundary, which is \"neumann\""))
+        }
+        _ => None,
+    };
+    refusal.map_or(Ok(()), |(name, reason)| Err(value(name, reason.to_owned())))
+}
+
+/// An estimate of the memory of the work, in bytes: the larger of the scalar problems has an unknown for each edge; fields are held in double precision
+/// and as they are stored.
+pub fn memory_bytes(exact: &Exact, vertices: u64, faces: u64) -> u64 {
+    let edges = (3 * faces).div_ceil(2).max(vertices);
+    let (fields, half) = (exact.most_pairs() as u64, exact.most_pairs() as u64 / 2);
+    let scalar = Exact {
+        solver: HsimParameters { wanted: Wanted::Count(half as usize + half as usize / 10 + 8), ..exact.solver },
+        ..exact.clone()
+    };
+    let graph = faces * 400;
+    let results = 2 * faces * fields * (8 + exact.precision.bytes() as u64) + 8 * (vertices + edges) * half;
+    graph + results + scalar.memory_bytes(edges) + edges * 160
+}
+
+/// Computes the basis: `2F` rows, two for each face in its frame, with the area of the face as the mass of both.
+pub fn run(exact: &Exact, mesh: &TriangleMesh, seed: u64, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+    monitor.stage("operator");
+    let refused = |reason: String| JobError::Operator(OperatorError::Parameter { name: "operator", reason });
+    let surface = FieldSurface::new(mesh.clone()).map_err(|error| refused(error.to_string()))?;
+    monitor.checkpoint()?;
+    monitor.stage("harmonic");
+    let harmonic = harmonic_fields(&surface, FieldBoundary::Tangential, monitor).map_err(|error| match error {
+        HarmonicError::Poisson(PoissonError::Cancelled(cancelled)) => JobError::Cancelled(cancelled),
+        other => refused(other.to_string()),
+    })?;
+    let (dual, frames) = (surface.dual(), surface.frames());
+    let count = exact.most_pairs();
+    let parameters = HsimParameters { seed, ..exact.solver };
+    let found = hodge_spectrum(mesh, (dual, frames), &harmonic, count, &parameters, monitor)?;
+    if found.values.len() < count {
+        return Err(HsimError::Count { wanted: count, most: found.values.len() }.into());
+    }
+    let part = |part: FieldPart| found.parts.iter().filter(|own| **own == part).count();
+    let metadata = serde_json::json!({"operator": {
+        "hodge": {
+            "harmonic": part(FieldPart::Harmonic),
+            "gradients": part(FieldPart::Gradient),
+            "co_gradients": part(FieldPart::CoGradient),
+        },
+        "zero_area_faces": frames.degenerate_faces(),
+    }});
+    let area = frames.area();
+    Ok(Basis {
+        functions: Functions::Dense(DenseFunctions::from_panels(found.fields, exact.precision)),
+        eigenvalues: found.values,
+        mass: MassMatrix::Diagonal(frames.areas().iter().flat_map(|a| [a * area; 2]).collect()),
+        certificate: Certificate {
+            complete: Some(found.complete),
+            residuals: found.residuals,
+            bounds: found.bounds,
+            orthonormality_defect: found.orthonormality_defect,
+            tolerance: Some(exact.solver.tolerance),
+            levels: found.levels,
+            ..Certificate::default()
+        },
+        metadata,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::EigenbasisParameters;
+    use chladni_base::Unwatched;
+    use chladni_mesh::shape::{Shape, generate};
+    use serde_json::json;
+
+    #[test]
+    fn a_basis_of_eigenfields_has_two_rows_for_each_face_and_its_parts_in_the_metadata() {
+        let mesh = generate(Shape::Torus, 300).unwrap();
+        let json = json!({"operator": "hodge", "method": "hsim", "count": 20, "tolerance": 1e-6});
+        let parameters = EigenbasisParameters::parse(&json).unwrap();
+        let basis = parameters.run(&mesh, &Unwatched).unwrap();
+        assert_eq!((basis.vertices(), basis.mass.size(), basis.count()), (1200, 1200, 20));
+        assert_eq!(basis.metadata["operator"]["hodge"]["harmonic"], 2);
+        assert_eq!(basis.certificate.complete, Some(true));
+        assert!(basis.eigenvalues[1] == 0.0 && basis.eigenvalues[2] > 0.0);
+        // More fields than there are; a surface that is none.
+        let all = EigenbasisParameters::parse(&json!({"operator": "hodge", "method": "hsim", "count": 2000})).unwrap();
+        assert!(all.run(&mesh, &Unwatched).is_err());
+        let mut broken = mesh;
+        broken.faces.push(broken.faces[0]);
+        let error = parameters.run(&broken, &Unwatched).unwrap_err().to_string();
+        assert!(error.contains("edge from vertex"), "{error}");
+    }
+}

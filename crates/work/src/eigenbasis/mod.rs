@@ -1,0 +1,381 @@
+//! The job `eigenbasis`: the lowest eigenpairs of an operator, approximated in a compact basis or computed to a tolerance.
+
+mod approximation;
+mod auto;
+mod compact;
+mod exact;
+mod hodge;
+mod request;
+
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+use chladni_spectral::basis::{Basis, Product};
+use chladni_spectral::operator::{self, OperatorError, OperatorKind, OperatorParameters, Potential};
+use serde_json::Value;
+
+pub use approximation::{Accuracy, Approximate, Construction};
+pub use auto::Auto;
+pub use exact::{Exact, Start, StorageKind};
+pub use request::{HsimVariant, MethodName};
+
+use self::request::Request;
+use super::{JobError, MeshSize, ParameterError, Work};
+
+/// The most eigenpairs that one job may ask for.
+pub const LARGEST_COUNT: usize = 20_000;
+
+/// The largest subspace that one job may ask for; its restricted problem is dense.
+pub const LARGEST_DIMENSION: usize = 40_000;
+
+/// The most values of a potential that come with a job.
+pub const LARGEST_POTENTIAL: usize = 500_000;
+
+/// The pairs of a job that does not say how many.
+const COUNT: usize = 100;
+
+/// What is to be computed, checked, every default filled in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EigenbasisParameters {
+    /// The operator.
+    pub operator: OperatorParameters,
+    /// How its eigenpairs are computed.
+    pub method: Method,
+    /// Seeds everything that is drawn at random.
+    pub seed: u64,
+}
+
+/// How eigenpairs are computed.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Method {
+    /// Whichever of the others the mesh calls for.
+    Auto(Auto),
+    /// The fast approximation.
+    Approximate(Approximate),
+    /// Subspace iteration to a tolerance, on a hierarchy or plain.
+    Exact(Exact),
+}
+
+fn value(name: &'static str, reason: String) -> ParameterError {
+    ParameterError::Value { name, reason }
+}
+
+impl From<OperatorError> for ParameterError {
+    fn from(error: OperatorError) -> Self {
+        match error {
+            OperatorError::Parameter { name, reason } => Self::Value { name, reason },
+            other => Self::Value { name: "operator", reason: other.to_string() },
+        }
+    }
+}
+
+impl EigenbasisParameters {
+    /// Reads and checks parameters; `null` stands for all defaults.
+    ///
+    /// # Errors
+    /// [`ParameterError`] names what does not fit: an unknown member, one out of its range, one that belongs to another method.
+    pub fn parse(parameters: &Value) -> Result<Self, ParameterError> {
+        let request = Request::read(parameters)?;
+        let count = request.count.unwrap_or(COUNT);
+        if !(1..=LARGEST_COUNT).contains(&count) {
+            return Err(value("count", format!("must lie between 1 and {LARGEST_COUNT}, not be {count}")));
+        }
+        let method = match request.method {
+            MethodName::Auto => Method::Auto(Auto::from_request(&request, count)?),
+            MethodName::Approximate => Method::Approximate(Approximate::from_request(&request, count)?),
+            MethodName::Hsim | MethodName::Sim => Method::Exact(Exact::from_request(&request, count)?),
+        };
+        let operator = OperatorParameters {
+            operator: request.operator.unwrap_or_default(),
+            mass: request.mass.unwrap_or_default(),
+            boundary: request.boundary.unwrap_or_default(),
+        };
+        operator.check()?;
+        if operator.operator == OperatorKind::Hodge {
+            hodge::check(&method, &operator)?;
+        }
+        if let OperatorKind::Hamiltonian { potential: Potential::Values(values) } = &operator.operator
+            && values.len() > LARGEST_POTENTIAL
+        {
+            let reason = format!("{} values are more than the {LARGEST_POTENTIAL} that a job may bring", values.len());
+            return Err(value("operator.hamiltonian.potential.values", reason));
+        }
+        Ok(Self { operator, method, seed: request.seed.unwrap_or(0) })
+    }
+
+    /// The parameters with every default filled in; [`parse`](Self::parse) reads them back.
+    pub fn canonical(&self) -> Value {
+        let mut request = Request {
+            operator: Some(self.operator.operator.clone()),
+            mass: Some(self.operator.mass),
+            boundary: Some(self.operator.boundary),
+            seed: Some(self.seed),
+            method: self.method_name(),
+            ..Request::default()
+        };
+        match &self.method {
+            Method::Auto(auto) => request.count = Some(auto.approximate.count),
+            Method::Approximate(approximate) => approximate.fill(&mut request),
+            Method::Exact(exact) => exact.fill(&mut request),
+        }
+        // Serialising a struct of numbers, strings and options cannot fail; null would only make equal work look different.
+        serde_json::to_value(request).unwrap_or_default()
+    }
+
+    fn method_name(&self) -> MethodName {
+        use chladni_spectral::spectrum::hsim::Variant;
+        match &self.method {
+            Method::Auto(_) => MethodName::Auto,
+            Method::Approximate(_) => MethodName::Approximate,
+            Method::Exact(exact) => match exact.solver.variant {
+                Variant::Sliced | Variant::Published => MethodName::Hsim,
+                Variant::Random | Variant::Bathe => MethodName::Sim,
+            },
+        }
+    }
+
+    /// The most pairs that may come out.
+    pub fn most_pairs(&self) -> usize {
+        match &self.method {
+            Method::Auto(auto) => auto.approximate.count,
+            Method::Approximate(approximate) => approximate.count,
+            Method::Exact(exact) => exact.most_pairs(),
+        }
+    }
+
+    /// Checks the parameters against the size of a mesh.
+    ///
+    /// # Errors
+    /// [`ParameterError::Value`] where more pairs are asked for than the mesh has vertices, or a potential has another number of
+    /// values.
+    pub fn check_mesh(&self, vertices: usize) -> Result<(), ParameterError> {
+        self.operator.check_mesh(vertices)?;
+        let bounded = match &self.method {
+            Method::Auto(_) | Method::Approximate(_) => false,
+            Method::Exact(exact) => {
+                matches!(exact.solver.wanted, chladni_spectral::spectrum::hsim::Wanted::Below { .. })
+            }
+        };
+        let count = self.most_pairs();
+        if self.is_hodge() {
+            return Ok(());
+        }
+        if count > vertices && !bounded {
+            let reason = format!("{count} eigenpairs are asked for, but the mesh has {vertices} vertices");
+            return Err(value("count", reason));
+        }
+        Ok(())
+    }
+
+    /// Whether eigenfields are wanted: `2F` numbers each.
+    pub fn is_hodge(&self) -> bool {
+        self.operator.operator == OperatorKind::Hodge
+    }
+
+    /// An estimate of the memory that the job needs, in bytes: mesh and operator, what the method takes, and the program.
+    pub fn memory_bytes(&self, vertices: usize, faces: usize) -> u64 {
+        let (n, f) = (vertices as u64, faces as u64);
+        let mesh = 24 * n + 12 * f;
+        let operator = n * (7 * 12 + 8 + 8) + n * (6 * 12 + 8) + f * 12;
+        let method = match &self.method {
+            // What misses its goal is computed exactly after all.
+            Method::Auto(auto) if auto.is_exact(vertices) => operator + auto.exact.memory_bytes(n),
+            Method::Auto(auto) => auto.approximate.memory_bytes(n).max(operator + auto.exact.memory_bytes(n)),
+            Method::Approximate(approximate) => approximate.memory_bytes(n),
+            Method::Exact(exact) if self.is_hodge() => hodge::memory_bytes(exact, n, f),
+            // The problem is kept a second time, renumbered.
+            Method::Exact(exact) => operator + exact.memory_bytes(n),
+        };
+        mesh + operator + method + (64 << 20)
+    }
+
+    /// Computes the basis. Its metadata hold the report of the operator.
+    ///
+    /// # Errors
+    /// [`JobError`]: parameters that do not fit the mesh, a numerical failure, or cancellation.
+    pub fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+        if let (true, Method::Exact(exact)) = (self.is_hodge(), &self.method) {
+            return hodge::run(exact, mesh, self.seed, monitor);
+        }
+        let operator = operator::assemble(mesh, &self.operator, monitor)?;
+        let (mut basis, method) = match &self.method {
+            Method::Auto(auto) => auto.run(mesh, &operator, self.seed, monitor)?,
+            Method::Approximate(approximate) => {
+                (approximate.run(mesh, &operator, self.seed, monitor)?, self.method_name().name())
+            }
+            Method::Exact(exact) => (exact.run(mesh, &operator, self.seed, monitor)?, self.method_name().name()),
+        };
+        basis.metadata = serde_json::json!({"operator": operator.report, "method": method});
+        Ok(basis)
+    }
+}
+
+impl Work for EigenbasisParameters {
+    fn canonical(&self) -> Value {
+        self.canonical()
+    }
+
+    fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
+        let (count, most) = (self.most_pairs(), 2 * mesh.faces);
+        if self.is_hodge() && count > most {
+            let reason = format!("{count} eigenfields are asked for, but {} faces have {most} numbers", mesh.faces);
+            return Err(value("count", reason));
+        }
+        self.check_mesh(mesh.vertices)
+    }
+
+    fn memory_bytes(&self, mesh: MeshSize) -> u64 {
+        self.memory_bytes(mesh.vertices, mesh.faces)
+    }
+
+    fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {
+        self.run(mesh, monitor).map(Product::from)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn absent_parameters_take_their_defaults() {
+        let parameters = EigenbasisParameters::parse(&serde_json::Value::Null).unwrap();
+        assert_eq!(parameters, EigenbasisParameters::parse(&json!({})).unwrap());
+        assert_eq!(parameters.canonical()["method"], "auto");
+        assert_eq!((parameters.most_pairs(), parameters.canonical()["count"].as_u64()), (100, Some(100)));
+        let approximate = EigenbasisParameters::parse(&json!({"method": "approximate"})).unwrap();
+        assert_eq!(approximate.canonical()["dimension"].as_u64(), Some(250));
+    }
+
+    #[test]
+    fn a_default_that_is_spelled_out_is_equal_work() {
+        let silent = EigenbasisParameters::parse(&json!({"method": "approximate", "count": 50})).unwrap();
+        let spelled =
+            EigenbasisParameters::parse(&json!({"count": 50, "dimension": 200, "construction": "heat"})).unwrap();
+        assert_eq!(silent.canonical(), spelled.canonical());
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named() {
+        for (parameters, word) in [
+            (json!({"count": 0}), "count"),
+            (json!({"count": -1}), "count"),
+            (json!({"construction": "radial", "radial": {"sigma": "x"}}), "radial.sigma"),
+            (json!({"count": 1_000_000_000}), "1000000000"),
+            (json!({"dimension": 10}), "dimension"),
+            (json!({"methd": "approximate"}), "methd"),
+            (json!({"method": "magic"}), "magic"),
+            (json!({"construction": "radial", "accuracy": "accurate"}), "accuracy"),
+            (json!({"construction": "radial", "heat": {}}), "heat"),
+            (json!({"accuracy": "accurate", "heat": {}}), "not both"),
+            (json!({"heat": {"steps": 0}}), "steps"),
+            (json!({"radial": {}}), "radial"),
+            (json!({"construction": "radial", "radial": {"sigma": 0.5}}), "0.5"),
+            (json!({"construction": "radial", "radial": {"distance": {"stvd": {"window": 0}}}}), "window"),
+            (json!({"method": "approximate", "precision": "f64"}), "precision"),
+            (json!({"accuracy": {"goal": 0}}), "accuracy.goal"),
+            (json!({"refinement": {"chebyshev": {"degree": 0}}}), "refinement.chebyshev.degree"),
+            (json!({"refinement": {"chebyshev": {"degree": 9}}, "mass": "consistent"}), "lumped"),
+            (json!({"method": "hsim", "refinement": "inverse_iteration"}), "refinement"),
+            (
+                json!({"method": "approximate", "levels": 2}),
+                "\"levels\": belongs to the method \"hsim\", not to \"approximate\"",
+            ),
+            (json!({"dimension": 400, "levels": 2}), "levels"),
+            (json!({"method": "sim", "levels": 2}), "levels"),
+            (json!({"method": "sim", "variant": "sliced"}), "variant"),
+            (json!({"method": "sim", "below": 2.0}), "below"),
+            (json!({"method": "sim", "start": "cold"}), "cold"),
+            (json!({"method": "sim", "storage": "compact"}), "hierarchy"),
+            (json!({"method": "hsim", "start": "bathe"}), "start"),
+            (json!({"method": "hsim", "dimension": 400}), "dimension"),
+            (json!({"method": "hsim", "construction": "heat"}), "construction"),
+            (json!({"method": "hsim", "levels": 7}), "levels"),
+            (json!({"method": "hsim", "levels": 1, "storage": "compact"}), "hierarchy"),
+            (json!({"method": "hsim", "tolerance": 0.6}), "tolerance"),
+            (json!({"method": "hsim", "tolerance": 1e-11}), "tolerance"),
+            (json!({"method": "hsim", "shift_ratio": 0.2}), "published"),
+            (json!({"method": "hsim", "variant": "published", "shift_ratio": 2}), "shift_ratio"),
+            (json!({"method": "hsim", "subspace_factor": 0.5}), "subspace_factor"),
+            (json!({"method": "hsim", "count": 10, "below": 2.0}), "not both"),
+            (json!({"method": "hsim", "at_most": 10}), "at_most"),
+            (json!({"method": "hsim", "below": 1.0, "at_most": 0}), "at_most"),
+            (json!({"method": "hsim", "storage": "compact", "precision": "f64"}), "precision"),
+            (json!({"method": "hsim", "precision": "f16"}), "f16"),
+            (json!({"operator": {"extrinsic": {"t": 2}}}), "operator.extrinsic.t"),
+            (json!({"operator": "hodge", "method": "approximate"}), "method"),
+            (json!({"operator": "hodge", "method": "hsim", "below": 2.0}), "below"),
+            (json!({"operator": "hodge", "method": "hsim", "mass": "voronoi"}), "mass"),
+            (json!({"operator": "hodge", "method": "hsim", "boundary": "dirichlet"}), "boundary"),
+            (json!({"operator": "hodge", "method": "hsim", "storage": "compact"}), "storage"),
+            (json!({"operator": "magic"}), "magic"),
+            (json!({"boundary": "magic"}), "magic"),
+            (json!([]), "eigenbasis"),
+            (json!("x"), "eigenbasis"),
+        ] {
+            let error = EigenbasisParameters::parse(&parameters).unwrap_err().to_string();
+            assert!(error.contains(word), "{parameters}: {error}");
+        }
+    }
+
+    #[test]
+    fn more_pairs_than_vertices_are_refused() {
+        let parameters = EigenbasisParameters::parse(&json!({"count": 50})).unwrap();
+        assert!(parameters.check_mesh(50).is_ok());
+        assert!(parameters.check_mesh(49).unwrap_err().to_string().contains("49 vertices"));
+    }
+
+    #[test]
+    fn canonical_parameters_read_back_as_themselves() {
+        for parameters in [
+            json!({}),
+            json!({"method": "approximate"}),
+            json!({"accuracy": {"goal": 0.005}}),
+            json!({"accuracy": "accurate", "count": 7}),
+            json!({"construction": "radial", "mass": "voronoi", "seed": 3}),
+            json!({"refinement": "inverse_iteration", "precision": "f64"}),
+            json!({"refinement": {"chebyshev": {"degree": 9}}}),
+            json!({"method": "hsim"}),
+            json!({"method": "hsim", "operator": "hodge", "precision": "f64"}),
+            json!({"method": "hsim", "below": 12.5, "at_most": 40, "levels": 3, "tolerance": 1e-6, "precision": "f64"}),
+            json!({"method": "hsim", "variant": "published", "sigma": 7, "subspace_factor": 1.5, "storage": "compact"}),
+            json!({"method": "sim", "start": "bathe", "count": 9}),
+            json!({"operator": {"hamiltonian": {"potential": {"values": [1.0, 2.5]}}}, "boundary": "dirichlet"}),
+        ] {
+            let read = EigenbasisParameters::parse(&parameters).unwrap();
+            let canonical = read.canonical();
+            assert_eq!(EigenbasisParameters::parse(&canonical).unwrap(), read, "{canonical}");
+            assert_eq!(EigenbasisParameters::parse(&canonical).unwrap().canonical(), canonical);
+        }
+    }
+
+    #[test]
+    fn a_potential_needs_a_value_for_each_vertex() {
+        let parameters = json!({"count": 1, "operator": {"hamiltonian": {"potential": {"values": [1.0, 2.0]}}}});
+        let parameters = EigenbasisParameters::parse(&parameters).unwrap();
+        assert!(parameters.check_mesh(2).is_ok());
+        assert!(parameters.check_mesh(3).unwrap_err().to_string().contains("2 values"));
+    }
+
+    #[test]
+    fn the_estimate_of_memory_covers_what_was_measured() {
+        let megabytes = |parameters: Value, n: usize| {
+            EigenbasisParameters::parse(&parameters).unwrap().memory_bytes(n, 2 * n) as f64 / 1e6
+        };
+        // The largest resident memory of the program: docs/decisions/0011.
+        for (parameters, vertices, measured) in [
+            (json!({"method": "hsim", "count": 50}), 134_345, 529.0),
+            (json!({"method": "hsim", "count": 250}), 134_345, 1205.0),
+            (json!({"method": "hsim", "count": 250, "storage": "compact"}), 134_345, 1140.0),
+            (json!({"method": "hsim", "count": 250, "precision": "f64", "tolerance": 1e-9}), 134_345, 1480.0),
+            (json!({"method": "hsim", "count": 1000}), 134_345, 3791.0),
+            (json!({"method": "hsim", "count": 50}), 437_645, 1033.0),
+            (json!({"method": "hsim", "count": 50}), 14_472, 132.0),
+        ] {
+            let estimate = megabytes(parameters.clone(), vertices);
+            assert!((measured..2.5 * measured).contains(&estimate), "{parameters}: {estimate} for {measured}");
+        }
+        let counted = megabytes(json!({"method": "hsim", "count": 50}), 655_000);
+        assert_eq!(megabytes(json!({"method": "hsim", "below": 1.0, "at_most": 50}), 655_000), counted);
+    }
+}

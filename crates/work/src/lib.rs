@@ -1,0 +1,379 @@
+//! The kinds of job, their parameters with defaults and limits, and how one runs: a pure function of its inputs and a
+//! [`Monitor`].
+//!
+//! A further kind is a file with its parameters, which implement [`Work`], a variant of [`JobParameters`] and a line in each of [`KINDS`],
+//! [`JobParameters::parse`] and `JobParameters::work`.
+
+mod eigenbasis;
+mod field_basis;
+mod operator_family;
+mod vibration_basis;
+
+use chladni_base::{Cancelled, Monitor, StageClock};
+use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::basis::Product;
+use chladni_spectral::operator::OperatorError;
+use chladni_spectral::spectrum::ApproximationError;
+use chladni_spectral::spectrum::hsim::HsimError;
+use chladni_spectral::spectrum::vibration::VibrationError;
+
+pub use eigenbasis::{
+    Accuracy, Approximate, Construction, EigenbasisParameters, Exact, HsimVariant, Method, MethodName, Start,
+    StorageKind,
+};
+
+pub use field_basis::{FieldBasisParameters, FieldConstruction, FieldName};
+
+use chladni_spectral::field::{DesignError, FieldError};
+pub use operator_family::OperatorFamilyParameters;
+pub use vibration_basis::{VibrationBasisParameters, VibrationMethodName};
+
+/// The version of the solvers: it enters the key of equal work, so that a better solver does not answer with old results.
+pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+2");
+
+/// The names of all kinds of job.
+pub const KINDS: &[&str] = &["eigenbasis", "field_basis", "operator_family", "vibration_basis"];
+
+/// Why parameters were refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ParameterError {
+    /// There is no such kind of job.
+    #[error("there is no job of kind \"{kind}\"; the kinds are: {}", KINDS.join(", "))]
+    UnknownKind {
+        /// The kind asked for.
+        kind: String,
+    },
+    /// The parameters are not of the kind's form.
+    #[error("parameters of a job of kind \"{kind}\": {reason}")]
+    Form {
+        /// The kind asked for.
+        kind: &'static str,
+        /// What does not fit, and where.
+        reason: String,
+    },
+    /// A parameter has a value outside its range.
+    #[error("parameter \"{name}\": {reason}")]
+    Value {
+        /// The parameter.
+        name: &'static str,
+        /// What its value must be, and what it is.
+        reason: String,
+    },
+}
+
+/// Why a job ended without a result.
+#[derive(Debug, thiserror::Error)]
+pub enum JobError {
+    /// It was asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// Its parameters do not fit the mesh.
+    #[error(transparent)]
+    Parameters(#[from] ParameterError),
+    /// The operator could not be made.
+    #[error(transparent)]
+    Operator(OperatorError),
+    /// The approximation failed.
+    #[error(transparent)]
+    Approximation(ApproximationError),
+    /// The iteration failed.
+    #[error(transparent)]
+    Iteration(HsimError),
+    /// The space of fields could not be made.
+    #[error(transparent)]
+    Field(FieldError),
+    /// The eigenproblem in the space of fields failed.
+    #[error(transparent)]
+    Ritz(DesignError),
+    /// The vibration modes could not be computed.
+    #[error(transparent)]
+    Vibration(VibrationError),
+}
+
+impl From<VibrationError> for JobError {
+    fn from(error: VibrationError) -> Self {
+        match error {
+            VibrationError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Vibration(other),
+        }
+    }
+}
+
+impl From<HsimError> for JobError {
+    fn from(error: HsimError) -> Self {
+        match error {
+            HsimError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Iteration(other),
+        }
+    }
+}
+
+impl From<ApproximationError> for JobError {
+    fn from(error: ApproximationError) -> Self {
+        match error {
+            ApproximationError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Approximation(other),
+        }
+    }
+}
+
+impl From<OperatorError> for JobError {
+    fn from(error: OperatorError) -> Self {
+        match error {
+            OperatorError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Operator(other),
+        }
+    }
+}
+
+impl JobError {
+    /// A stable identifier of the failure, in kebab case.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Cancelled(_) => "cancelled",
+            Self::Parameters(_) => "invalid-parameters",
+            Self::Operator(error) => error.kind(),
+            Self::Approximation(error) => error.kind(),
+            Self::Iteration(error) => error.kind(),
+            Self::Field(FieldError::Surface(_)) => "no-field-surface",
+            Self::Field(FieldError::Parameter { .. } | FieldError::Weights { .. } | FieldError::Components { .. }) => {
+                "invalid-parameters"
+            }
+            Self::Field(FieldError::Harmonic(_)) => "harmonic-fields-failed",
+            Self::Field(FieldError::Restriction(_)) => "restriction-failed",
+            Self::Field(_) => "subspace-failed",
+            Self::Ritz(_) => "eigenproblem-failed",
+            Self::Vibration(error) => error.kind(),
+        }
+    }
+}
+
+/// What a job leaves behind.
+#[derive(Debug)]
+pub struct Outcome {
+    /// What is to be stored.
+    pub product: Product,
+    /// Seconds spent in each stage, in order.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// The size of the mesh that a job is to work on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct MeshSize {
+    /// Vertices.
+    pub vertices: usize,
+    /// Triangles.
+    pub faces: usize,
+    /// Vertices of a solid, those of its surface included; 0 where there is none.
+    pub solid_vertices: usize,
+    /// Tetrahedra.
+    pub tetrahedra: usize,
+}
+
+impl From<&TriangleMesh> for MeshSize {
+    fn from(mesh: &TriangleMesh) -> Self {
+        Self { vertices: mesh.positions.len(), faces: mesh.faces.len(), ..Self::default() }
+    }
+}
+
+/// What the parameters of every kind of job can do.
+pub trait Work {
+    /// The parameters as JSON with every default filled in: equal work has equal canonical parameters. Parsing gives them back.
+    fn canonical(&self) -> serde_json::Value;
+
+    /// Checks the parameters against the size of a mesh.
+    ///
+    /// # Errors
+    /// [`ParameterError::Value`] where they ask for more than the mesh has.
+    fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError>;
+
+    /// An estimate of the memory that the job needs beside the server itself, in bytes.
+    fn memory_bytes(&self, mesh: MeshSize) -> u64;
+
+    /// Does the work on the rayon pool of the calling thread.
+    ///
+    /// # Errors
+    /// [`JobError`]; in particular [`JobError::Cancelled`] soon after the monitor's checkpoint asks for it.
+    fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError>;
+
+    /// The same for a mesh that may be the surface of a solid.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    fn run_body(
+        &self,
+        mesh: &TriangleMesh,
+        _solid: Option<&TetMesh>,
+        monitor: &dyn Monitor,
+    ) -> Result<Product, JobError> {
+        self.run(mesh, monitor)
+    }
+}
+
+/// The parameters of a job, checked, with every default filled in.
+#[derive(Debug, Clone, PartialEq)]
+pub enum JobParameters {
+    /// Eigenpairs of an operator on a mesh.
+    Eigenbasis(EigenbasisParameters),
+    /// A space of tangential fields on a mesh.
+    FieldBasis(FieldBasisParameters),
+    /// A family of operators in one space.
+    OperatorFamily(OperatorFamilyParameters),
+    /// Vibration modes.
+    VibrationBasis(VibrationBasisParameters),
+}
+
+impl JobParameters {
+    /// Reads and checks the parameters of a job of the given kind; `null` stands for all defaults.
+    ///
+    /// # Errors
+    /// [`ParameterError`] names the kind or the parameter that does not fit.
+    pub fn parse(kind: &str, parameters: &serde_json::Value) -> Result<Self, ParameterError> {
+        match kind {
+            "eigenbasis" => EigenbasisParameters::parse(parameters).map(Self::Eigenbasis),
+            "field_basis" => FieldBasisParameters::parse(parameters).map(Self::FieldBasis),
+            "operator_family" => OperatorFamilyParameters::parse(parameters).map(Self::OperatorFamily),
+            "vibration_basis" => VibrationBasisParameters::parse(parameters).map(Self::VibrationBasis),
+            other => Err(ParameterError::UnknownKind { kind: other.chars().take(64).collect() }),
+        }
+    }
+
+    /// The kind of job.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Eigenbasis(_) => "eigenbasis",
+            Self::FieldBasis(_) => "field_basis",
+            Self::OperatorFamily(_) => "operator_family",
+            Self::VibrationBasis(_) => "vibration_basis",
+        }
+    }
+
+    fn work(&self) -> &dyn Work {
+        match self {
+            Self::Eigenbasis(parameters) => parameters,
+            Self::FieldBasis(parameters) => parameters,
+            Self::OperatorFamily(parameters) => parameters,
+            Self::VibrationBasis(parameters) => parameters,
+        }
+    }
+
+    /// The parameters as JSON with every default filled in: equal work has equal canonical parameters.
+    pub fn canonical(&self) -> serde_json::Value {
+        self.work().canonical()
+    }
+
+    /// The key of equal work, 64 hexadecimal digits: a hash of mesh, kind, canonical parameters and solver version.
+    pub fn work_key(&self, mesh: &str) -> String {
+        let text = serde_json::json!([mesh, self.kind(), self.canonical(), SOLVER_VERSION]).to_string();
+        blake3::hash(text.as_bytes()).to_hex().to_string()
+    }
+
+    /// Checks the parameters against the size of a mesh.
+    ///
+    /// # Errors
+    /// [`ParameterError::Value`] where they ask for more than the mesh has.
+    pub fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
+        self.work().check_mesh(mesh)
+    }
+
+    /// An estimate of the memory that the job needs beside the server itself, in bytes.
+    pub fn memory_bytes(&self, mesh: MeshSize) -> u64 {
+        self.work().memory_bytes(mesh)
+    }
+
+    /// Runs the job on the rayon pool of the calling thread.
+    ///
+    /// # Errors
+    /// [`JobError`]; in particular [`JobError::Cancelled`] soon after the monitor's checkpoint asks for it.
+    pub fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Outcome, JobError> {
+        self.run_body(mesh, None, monitor)
+    }
+
+    /// The same for a mesh that may be the surface of a solid.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_body(
+        &self,
+        mesh: &TriangleMesh,
+        solid: Option<&TetMesh>,
+        monitor: &dyn Monitor,
+    ) -> Result<Outcome, JobError> {
+        let mut size = MeshSize::from(mesh);
+        if let Some(solid) = solid {
+            (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
+        }
+        self.check_mesh(size)?;
+        let clock = StageClock::new(monitor);
+        let mut product = self.work().run_body(mesh, solid, &clock)?;
+        let notes = clock.notes();
+        let seconds = clock.finish();
+        let mut parameters = self.canonical();
+        abbreviate(&mut parameters);
+        let about = serde_json::json!({
+            "kind": self.kind(),
+            "parameters": parameters,
+            "solver_version": SOLVER_VERSION,
+            "vertices": mesh.positions.len(),
+            "faces": mesh.faces.len(),
+        });
+        if let serde_json::Value::Object(mut about) = about {
+            for (name, text) in notes {
+                if let Some(list) = about.entry(name).or_insert_with(|| serde_json::json!([])).as_array_mut() {
+                    list.push(text.into());
+                }
+            }
+            product.describe(about);
+        }
+        Ok(Outcome { product, seconds })
+    }
+}
+
+/// Reads parameters; `null` stands for all defaults.
+fn read_parameters<T: serde::de::DeserializeOwned>(
+    kind: &'static str,
+    value: &serde_json::Value,
+) -> Result<T, ParameterError> {
+    let form = |reason| ParameterError::Form { kind, reason };
+    let empty = serde_json::Value::Object(serde_json::Map::new());
+    let value = match value {
+        serde_json::Value::Null => &empty,
+        serde_json::Value::Object(_) => value,
+        _ => return Err(form("a JSON object is expected".to_owned())),
+    };
+    serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string()))
+}
+
+/// Values that are listed in full; longer lists are told by their number and their hash.
+const LONGEST_LIST: usize = 16;
+
+/// Shortens parameters for people: a list of numbers that is long, such as a potential, becomes its length and its BLAKE3 hash.
+pub fn abbreviate(parameters: &mut serde_json::Value) {
+    match parameters {
+        serde_json::Value::Object(members) => members.values_mut().for_each(abbreviate),
+        serde_json::Value::Array(values) if values.len() > LONGEST_LIST => {
+            let mut hasher = blake3::Hasher::new();
+            values.iter().filter_map(serde_json::Value::as_f64).for_each(|x| {
+                hasher.update(&x.to_le_bytes());
+            });
+            *parameters = serde_json::json!({"numbers": values.len(), "blake3": hasher.finalize().to_hex().as_str()});
+        }
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn long_lists_are_told_by_their_length_and_hash() {
+        let mut parameters = json!({"a": {"values": vec![0.5; 1000]}, "b": [1, 2]});
+        abbreviate(&mut parameters);
+        assert_eq!((&parameters["a"]["values"]["numbers"], &parameters["b"]), (&json!(1000), &json!([1, 2])));
+        let mut other = json!({"a": {"values": vec![0.25; 1000]}});
+        abbreviate(&mut other);
+        assert_ne!(other["a"]["values"]["blake3"], parameters["a"]["values"]["blake3"]);
+    }
+}

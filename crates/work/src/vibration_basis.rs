@@ -1,0 +1,326 @@
+//! The job `vibration_basis`: the lowest vibration modes of a shell or a solid.
+
+use chladni_base::Monitor;
+use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::basis::Product;
+use chladni_spectral::operator::elastic::{ElasticBody, Material};
+use chladni_spectral::spectrum::vibration::{Iterations, VibrationMethod, VibrationParameters, vibration_modes};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{JobError, MeshSize, ParameterError, Work};
+
+/// The most modes of one job.
+pub const LARGEST_COUNT: usize = 5000;
+
+/// The largest scalar subspace of one job; its restricted problem is dense and three times as large.
+pub const LARGEST_DIMENSION: usize = 8000;
+
+/// The relative error of frequencies up to which `approximate` refines modes.
+pub const ERROR: f64 = 0.01;
+
+/// The most vertices that a job may clamp.
+pub const MOST_CLAMPED: usize = 500_000;
+
+/// What is to be computed, checked, every default filled in.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VibrationBasisParameters {
+    /// Modes, rigid motions included.
+    #[serde(default = "default_count")]
+    pub count: usize,
+    /// The thickness of a shell, in units of the mesh; without it the tetrahedra of a solid vibrate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub thickness: Option<f64>,
+    /// What the object is made of.
+    #[serde(default)]
+    pub material: Material,
+    /// Vertices that are held fast.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub clamped: Vec<u32>,
+    /// How modes are computed.
+    #[serde(default)]
+    pub method: VibrationMethodName,
+    /// Scalar functions of the subspace of `approximate`; twice the count, unless it is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dimension: Option<usize>,
+    /// Whether the functions of `approximate` come with coordinates of their patches, so that patches can turn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub local_coordinates: Option<bool>,
+    /// Inverse iterations on the mesh that refine the modes of `approximate`, 0 to 4; with any they are kept as columns. Without it as many as bring
+    /// the estimated error of every frequency to 1 %.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inverse_iterations: Option<usize>,
+    /// Largest residual of `hsim`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tolerance: Option<f64>,
+    /// Seeds everything that is drawn at random.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+/// How modes are computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum VibrationMethodName {
+    /// HSIM: to a tolerance, proven complete, dense.
+    #[default]
+    Hsim,
+    /// The fast approximation: modes of a space of local functions, refined on the mesh.
+    Approximate,
+}
+
+impl VibrationMethodName {
+    /// The name on the wire.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Hsim => "hsim",
+            Self::Approximate => "approximate",
+        }
+    }
+}
+
+fn default_count() -> usize {
+    100
+}
+
+fn value(name: &'static str, reason: String) -> ParameterError {
+    ParameterError::Value { name, reason }
+}
+
+impl VibrationBasisParameters {
+    /// Reads and checks parameters; `null` stands for all defaults.
+    ///
+    /// # Errors
+    /// [`ParameterError`] names what does not fit: an unknown member, one out of its range, one that belongs to another method.
+    pub fn parse(parameters: &Value) -> Result<Self, ParameterError> {
+        let mut read: Self = super::read_parameters("vibration_basis", parameters)?;
+        let within = |name, found: f64, least: f64, most: f64| {
+            if found >= least && found <= most {
+                return Ok(());
+            }
+            Err(value(name, format!("must lie between {least} and {most}, not be {found}")))
+        };
+        within("count", read.count as f64, 1.0, LARGEST_COUNT as f64)?;
+        if let Some(thickness) = read.thickness
+            && !(thickness > 0.0 && thickness.is_finite())
+        {
+            return Err(value("thickness", format!("must be a positive number, not {thickness}")));
+        }
+        read.material.check()?;
+        within("clamped", read.clamped.len() as f64, 0.0, MOST_CLAMPED as f64)?;
+        read.clamped.sort_unstable();
+        read.clamped.dedup();
+        let foreign = |name, given: bool| {
+            if !given {
+                return Ok(());
+            }
+            Err(value(name, format!("is no parameter of the method \"{}\"", read.method.name())))
+        };
+        match read.method {
+            VibrationMethodName::Approximate => {
+                foreign("tolerance", read.tolerance.is_some())?;
+                let dimension = read.dimension.unwrap_or((2 * read.count).max(60));
+                within("dimension", dimension as f64, 4.0, LARGEST_DIMENSION as f64)?;
+                read.dimension = Some(dimension);
+                read.local_coordinates.get_or_insert(true);
+                within("inverse_iterations", read.inverse_iterations.unwrap_or(0) as f64, 0.0, 4.0)?;
+            }
+            VibrationMethodName::Hsim => {
+                foreign("dimension", read.dimension.is_some())?;
+                foreign("local_coordinates", read.local_coordinates.is_some())?;
+                foreign("inverse_iterations", read.inverse_iterations.is_some())?;
+                let tolerance = read.tolerance.unwrap_or(1e-3);
+                within("tolerance", tolerance, 1e-9, 0.5)?;
+                read.tolerance = Some(tolerance);
+            }
+        }
+        Ok(read)
+    }
+
+    fn vertices(&self, mesh: MeshSize) -> usize {
+        if self.thickness.is_some() { mesh.vertices } else { mesh.solid_vertices }
+    }
+
+    /// About the entries of a factor of the problem on `n` vertices.
+    fn fill(&self, n: u64) -> u64 {
+        let unknowns = 3.0 * n as f64;
+        let fill = if self.thickness.is_some() {
+            40.0 * unknowns * unknowns.log2().max(1.0)
+        } else {
+            4.0 * unknowns.powf(4.0 / 3.0) + 60.0 * unknowns
+        };
+        fill as u64
+    }
+
+    fn vibration(&self) -> VibrationParameters {
+        let method = match self.method {
+            VibrationMethodName::Approximate => VibrationMethod::Approximate {
+                dimension: self.dimension.unwrap_or(2 * self.count),
+                local_coordinates: self.local_coordinates.unwrap_or(true),
+                inverse_iterations: self.inverse_iterations.map_or(Iterations::Until(ERROR), Iterations::Exactly),
+            },
+            VibrationMethodName::Hsim => VibrationMethod::Hsim { tolerance: self.tolerance.unwrap_or(1e-3) },
+        };
+        VibrationParameters {
+            count: self.count,
+            material: self.material,
+            clamped: self.clamped.clone(),
+            method,
+            seed: self.seed,
+        }
+    }
+}
+
+impl Work for VibrationBasisParameters {
+    fn canonical(&self) -> Value {
+        serde_json::to_value(self).unwrap_or_default()
+    }
+
+    fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
+        if self.thickness.is_none() && mesh.tetrahedra == 0 {
+            let reason = "is missing: the mesh has no tetrahedra, so it can vibrate as a shell only".to_owned();
+            return Err(value("thickness", reason));
+        }
+        let n = self.vertices(mesh);
+        if let Some(vertex) = self.clamped.iter().find(|&&vertex| vertex as usize >= n) {
+            return Err(value("clamped", format!("vertex {vertex} is not one of the {n} of the object")));
+        }
+        if self.clamped.len() == n {
+            return Err(value("clamped", format!("all {n} vertices are held; nothing is left that can move")));
+        }
+        let unknowns = 3 * (n - self.clamped.len());
+        if self.count > unknowns {
+            let reason = format!("{} modes are asked for, but only {unknowns} coordinates can move", self.count);
+            return Err(value("count", reason));
+        }
+        Ok(())
+    }
+
+    fn memory_bytes(&self, mesh: MeshSize) -> u64 {
+        let n = self.vertices(mesh) as u64;
+        let m = self.count as u64;
+        let input = 24 * n + 12 * mesh.faces as u64 + 16 * mesh.tetrahedra as u64;
+        // About twenty blocks of nine numbers a row, assembled once and kept as single numbers once.
+        let operator = n * 20 * 9 * (8 + 12);
+        // While a shell is assembled, each face has blocks for all pairs of six vertices, twice.
+        let assembly = if self.thickness.is_some() { 12_000 } else { 400 } * mesh.faces as u64;
+        let method = match self.method {
+            VibrationMethodName::Approximate => {
+                let d = 3 * (self.dimension.unwrap_or(0) as u64).min(3 * n / 2);
+                // The space, threefold, and its products; four dense matrices.
+                let refined = match self.inverse_iterations {
+                    Some(0) => 0,
+                    // The problem once more, a factor, three blocks of columns.
+                    _ => operator + 16 * self.fill(n) + 24 * 3 * n * (m + m / 2 + 48) + 12 * n * m,
+                };
+                2500 * n + 32 * d * d + 8 * d * m + refined
+            }
+            VibrationMethodName::Hsim => {
+                let unknowns = 3 * n;
+                // The problem twice more, two factors, three blocks of columns with guards, dense problems of the start.
+                2 * operator + 16 * self.fill(n) + 24 * unknowns * (m + 64) + 4 * unknowns * m + (96 << 20)
+            }
+        };
+        input + operator + method.max(assembly) + (80 << 20)
+    }
+
+    fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {
+        self.run_body(mesh, None, monitor)
+    }
+
+    fn run_body(
+        &self,
+        mesh: &TriangleMesh,
+        solid: Option<&TetMesh>,
+        monitor: &dyn Monitor,
+    ) -> Result<Product, JobError> {
+        let body = match (self.thickness, solid) {
+            (Some(thickness), _) => ElasticBody::Shell { mesh, thickness },
+            (None, Some(mesh)) => ElasticBody::Solid { mesh },
+            (None, None) => return Err(JobError::Parameters(value("thickness", "is missing".to_owned()))),
+        };
+        Ok(vibration_modes(body, &self.vibration(), monitor)?.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn canonical_parameters_are_read_back_and_equal_work_looks_equal() {
+        let given = json!({"method": "approximate", "count": 20, "thickness": 0.01, "clamped": [5, 3, 5]});
+        let parameters = VibrationBasisParameters::parse(&given).unwrap();
+        assert_eq!((&parameters.clamped, parameters.dimension), (&vec![3, 5], Some(60)));
+        let method = |parameters: &VibrationBasisParameters| parameters.vibration().method;
+        let iterations = |method| match method {
+            VibrationMethod::Approximate { inverse_iterations, .. } => Some(inverse_iterations),
+            VibrationMethod::Hsim { .. } => None,
+        };
+        assert_eq!(iterations(method(&parameters)), Some(Iterations::Until(ERROR)));
+        let none = VibrationBasisParameters::parse(&json!({"method": "approximate", "inverse_iterations": 0})).unwrap();
+        assert_eq!(iterations(method(&none)), Some(Iterations::Exactly(0)));
+        assert_eq!(VibrationBasisParameters::parse(&parameters.canonical()).unwrap(), parameters);
+        let hsim = VibrationBasisParameters::parse(&Value::Null).unwrap();
+        assert_eq!(VibrationBasisParameters::parse(&hsim.canonical()).unwrap(), hsim);
+    }
+
+    /// One case, `{"file": "camelhead.off", "parameters": {…}}`, in `CHLADNI_CASE`: the estimate, and the peak of the resident memory.
+    #[test]
+    #[ignore = "measures; run it alone: cargo test --release --lib -- --ignored --nocapture memory_of_a_vibration"]
+    fn memory_of_a_vibration_job() {
+        use chladni_base::Unwatched;
+        use chladni_mesh::check::CheckOptions;
+        use chladni_mesh::read::{MeshFormat, ReadLimits, read};
+        use chladni_mesh::solid::check_body;
+        let Some(folder) = std::env::var_os("CHLADNI_MESHES").map(std::path::PathBuf::from) else { return };
+        let Ok(case) = std::env::var("CHLADNI_CASE") else { return };
+        let case: Value = serde_json::from_str(&case).unwrap();
+        let path = folder.join(case["file"].as_str().unwrap());
+        let format = MeshFormat::from_extension(path.extension().unwrap().to_str().unwrap()).unwrap();
+        let raw = read(&std::fs::read(path).unwrap(), format, &ReadLimits::default()).unwrap();
+        let body = check_body(raw, &CheckOptions::default()).unwrap();
+        let mesh = body.surface.mesh;
+        let parameters = VibrationBasisParameters::parse(&case["parameters"]).unwrap();
+        let size = MeshSize {
+            vertices: mesh.positions.len(),
+            faces: mesh.faces.len(),
+            solid_vertices: body.solid.as_ref().map_or(0, |solid| solid.positions.len()),
+            tetrahedra: body.solid.as_ref().map_or(0, |solid| solid.tetrahedra.len()),
+        };
+        let estimate = parameters.memory_bytes(size);
+        parameters.run_body(&mesh, body.solid.as_ref(), &Unwatched).unwrap();
+        let status = std::fs::read_to_string("/proc/self/status").unwrap();
+        let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap().trim().to_owned();
+        println!("{case}: estimate {} kB, peak {peak}", estimate / 1024);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named() {
+        for (given, name) in [
+            (json!({"count": 0}), "count"),
+            (json!({"thickness": 0.0}), "thickness"),
+            (json!({"material": {"young": -1.0}}), "material.young"),
+            (json!({"method": "hsim", "dimension": 100}), "dimension"),
+            (json!({"method": "hsim", "inverse_iterations": 1}), "inverse_iterations"),
+            (json!({"method": "approximate", "inverse_iterations": 5}), "inverse_iterations"),
+            (json!({"method": "approximate", "tolerance": 0.1}), "tolerance"),
+            (json!({"method": "hsim", "tolerance": 2.0}), "tolerance"),
+        ] {
+            let error = VibrationBasisParameters::parse(&given).unwrap_err();
+            assert!(matches!(error, ParameterError::Value { name: found, .. } if found == name), "{error}");
+        }
+        assert!(matches!(VibrationBasisParameters::parse(&json!({"depth": 1})), Err(ParameterError::Form { .. })));
+        let surface = MeshSize { vertices: 10, faces: 16, ..MeshSize::default() };
+        let name = |given: Value| match VibrationBasisParameters::parse(&given).unwrap().check_mesh(surface) {
+            Err(ParameterError::Value { name, .. }) => name,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(name(json!({"count": 5})), "thickness");
+        assert_eq!(name(json!({"thickness": 1.0, "count": 31})), "count");
+        assert_eq!(name(json!({"thickness": 1.0, "count": 3, "clamped": [10]})), "clamped");
+        assert_eq!(name(json!({"thickness": 1.0, "count": 3, "clamped": [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]})), "clamped");
+    }
+}
