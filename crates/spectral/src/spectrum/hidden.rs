@@ -5,13 +5,13 @@
 //! damped above the shift: what the space does not hold of them is little but where it lacks an eigenfunction.
 
 use super::approximate::ApproximationError;
+use crate::operator::EigenProblem;
 use chladni_algebra::{
     DenseMatrix, FactorError, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order,
     mass_times_panel, solve_definite, space_times, space_transposed_mass_times,
 };
-use chladni_base::SplitMix64;
 use chladni_base::Monitor;
-use crate::operator::EigenProblem;
+use chladni_base::SplitMix64;
 
 /// Estimates may be wrong by this factor before they make a count ambiguous.
 const DOUBT: f64 = 3.0;
