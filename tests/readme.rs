@@ -1,11 +1,11 @@
-//! What the README shows has to work as pasted, and what it lists has to be whole.
+//! What the documentation shows has to work as pasted, and what it lists has to be whole.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 const CHLADNI: &str = env!("CARGO_BIN_EXE_chladni");
-/// The address that the README names.
+/// The address that the documentation names.
 const DOCUMENTED: &str = "http://127.0.0.1:8080";
 
 #[test]
@@ -39,7 +39,7 @@ fn the_walk_with_curl_works_as_pasted() {
         return;
     };
     let scripts = blocks("python");
-    assert_eq!(scripts[0].lines().count(), 6, "the README promises six lines");
+    assert_eq!(scripts[0].lines().count(), 6, "the page promises six lines");
     for (script, pairs, tolerance) in [(&scripts[0], ", 200)", 1e-5), (&scripts[1], ", 60)", 1e-9)] {
         let script = script.replace(DOCUMENTED, &server.url);
         let done = Command::new(&python).args(["-c", &script]).current_dir(folder.path()).output().unwrap();
@@ -55,9 +55,9 @@ fn the_walk_with_curl_works_as_pasted() {
 fn every_setting_stands_in_the_configuration_table() {
     let table = configuration_table();
     let (begin, end) = ("held by tests/readme.rs -->\n", "<!-- end of configuration table -->");
-    let readme = readme();
-    let written = &readme[readme.find(begin).unwrap() + begin.len()..readme.find(end).unwrap()];
-    assert!(written == table, "the configuration table of README.md should be:\n\n{table}");
+    let page = page("configuration.md");
+    let written = &page[page.find(begin).unwrap() + begin.len()..page.find(end).unwrap()];
+    assert!(written == table, "the configuration table of docs/configuration.md should be:\n\n{table}");
 }
 
 /// The table as the command line itself tells it.
@@ -105,15 +105,15 @@ impl Drop for Server {
     }
 }
 
-fn readme() -> String {
-    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap()
+fn page(name: &str) -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name)).unwrap()
 }
 
 /// The blocks of code in a language.
 fn blocks(language: &str) -> Vec<String> {
-    let readme = readme();
+    let page = page("api.md");
     let fence = format!("```{language}\n");
-    readme.split(&fence).skip(1).map(|rest| rest[..rest.find("```").unwrap()].to_owned()).collect()
+    page.split(&fence).skip(1).map(|rest| rest[..rest.find("```").unwrap()].to_owned()).collect()
 }
 
 fn runs(program: &str, arguments: &[&str]) -> bool {

@@ -54,7 +54,7 @@ pub struct ApproximationParameters {
 /// What is good enough.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Goal {
-    /// The largest relative error of an eigenvalue, as estimated. The mean is to be at most a quarter of it.
+    /// The largest relative error of an eigenvalue, as estimated. The mean is to be at most a fifth of it.
     pub error: f64,
     /// How often columns may be added where it is exceeded: [`MOST_ROUNDS`], or 0 to take the space as it is and say whether it will do.
     pub rounds: usize,
@@ -142,7 +142,13 @@ impl ApproximationError {
 }
 
 /// The mean of the estimated errors is to be at most this share of the goal, which is for the largest.
-const MEAN_SHARE: f64 = 0.25;
+const MEAN_SHARE: f64 = 0.2;
+
+/// Where single vertices as columns gain less than this factor, the space grows instead.
+const LEAST_GAIN: f64 = 1.15;
+
+/// So many single vertices may become columns, or as many as there are columns: a limb of a coarse mesh has hundreds.
+const MANY_HATS: usize = 1200;
 
 /// A space that is too coarse everywhere grows by this factor.
 const GROWTH: f64 = 1.6;
@@ -181,12 +187,13 @@ pub fn approximate(
     attempt.judge(&energy, problem, goal, monitor)?;
     attempt.look_for_hidden(operator, goal, monitor)?;
     let mut rounds = 0;
+    let mut hats_help = true;
     while let Some(goal) = goal
         && attempt.excess(goal) > 1.0
         && rounds < parameters.goal.map_or(0, |goal| goal.rounds)
     {
         let before = parameters.dimension;
-        let finer = attempt.finer_space(mesh, operator, &mut parameters, goal, monitor)?;
+        let finer = attempt.finer_space(mesh, operator, &mut parameters, goal, hats_help, monitor)?;
         // A space that lost more columns than it was given would lose the pairs as well.
         let Some(space) = finer.filter(|space| space.columns() >= count) else { break };
         rounds += 1;
@@ -200,11 +207,13 @@ pub fn approximate(
         monitor.stage("bounds");
         next.judge(&energy, problem, Some(goal), monitor)?;
         next.look_for_hidden(operator, Some(goal), monitor)?;
-        if next.excess(goal) < attempt.excess(goal) {
+        let gained = attempt.excess(goal) / next.excess(goal);
+        if gained > 1.0 {
             attempt = next;
-        } else if parameters.dimension == before {
-            // The same residuals would ask for the same columns again.
-            break;
+        }
+        if gained < LEAST_GAIN && parameters.dimension == before {
+            // Much the same residuals would ask for much the same columns again.
+            hats_help = false;
         }
     }
     let Attempt { ritz: Ritz { space, mut pairs, .. }, mut certificate, largest_estimate, hidden, .. } = attempt;
@@ -344,6 +353,7 @@ impl Attempt {
         operator: &MeshOperator,
         parameters: &mut ApproximationParameters,
         goal: f64,
+        hats_help: bool,
         monitor: &dyn Monitor,
     ) -> Result<Option<SparseMatrix<f32>>, ApproximationError> {
         let problem = &operator.problem;
@@ -353,8 +363,9 @@ impl Attempt {
         }
         // Errors add up over what is left, here and at other pairs: aim at half of the goal.
         let left = (0.5 / self.excess(goal)).clamp(0.02, 0.3);
-        let room = space.columns().min(n / 2);
-        if let Some(density) = &self.density
+        let room = space.columns().max(MANY_HATS.min(n / 4)).min(n / 2);
+        if hats_help
+            && let Some(density) = &self.density
             && let Some(rows) = hats::where_it_sits(density, &problem.stiffness, left, room)
         {
             return Ok(Some(hats::with_hats(space, &rows)));

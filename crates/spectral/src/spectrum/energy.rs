@@ -17,14 +17,20 @@
 //! estimates the error of a Ritz value. Rounding is part of the upper end: row by row, what the sums in double precision may err by, and
 //! what storing `r` in single precision changes.
 
+mod measure;
+mod rows;
+
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+pub use measure::Measure;
+use rows::{Enclosure, Residuals, rounding_weights};
+
 use crate::operator::EigenProblem;
 use chladni_algebra::{
     CYCLE_WIDTH, CycleRow, CycleWorkspace, DenseMatrix, LIFT_WIDTH, MassMatrix, Multigrid, MultigridError, PATCH_ROWS,
-    Patch, RowLifter, SparseMatrix, compact_order, vectorized,
+    RowLifter, SparseMatrix, compact_order,
 };
 use chladni_base::{Cancelled, Monitor};
 
@@ -42,50 +48,11 @@ const MOST_STEPS: usize = 4;
 /// Halves of a panel that is lifted.
 const HALVES: usize = LIFT_WIDTH / CYCLE_WIDTH;
 
-/// A pair that misses what is not far above its value, or below, gains more than this many times `‖r‖²_{A⁻¹}`, and nobody knows how much.
-const MOST_AMPLIFIED: f64 = 6.0;
-
-/// One correction gains less than there is to gain: 9 % less in the median of 500 pairs on igea, armadillo, rolling-stage and bunny, 1 to 3 % for 50.
-const UNGAINED: f64 = 1.12;
-
 /// Relative rounding error of a product with the mass matrix: a consistent one has a few dozen entries in its longest rows.
 const MASS_ROUNDING: f64 = 100.0 * f64::EPSILON;
 
 /// Relative rounding error of storing a number in single precision.
 const SINGLE: f64 = 1.0 / 16_777_216.0;
-
-/// What is known of one pair on the mesh, on unit area.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Measure {
-    /// `‖S x − θ M x‖²`.
-    pub residual: f64,
-    /// The same in the inverse lumped mass.
-    pub dual: f64,
-    /// `‖S x‖²`
-    pub stiffness: f64,
-    /// `‖x‖²`
-    pub square: f64,
-    /// `xᵀ M x`
-    pub mass: f64,
-    /// `xᵀ S x`
-    pub energy: f64,
-    /// The least entry of `x`.
-    pub lowest: f64,
-    /// The greatest entry of `x`.
-    pub highest: f64,
-    /// σ.
-    pub sigma: f64,
-    /// `‖r‖_{A⁻¹}` from below.
-    pub below: f64,
-    /// `‖r‖_{A⁻¹}` from above.
-    pub above: f64,
-    /// `‖r‖_{M⁻¹}` from above.
-    pub above_dual: f64,
-    /// Some exact eigenvalue is nearer to the Ritz value than this.
-    pub bound: f64,
-    /// About how far the Ritz value lies above the exact one.
-    pub estimate: f64,
-}
 
 /// What is asked of a measurement.
 #[derive(Clone, Copy)]
@@ -319,67 +286,6 @@ impl Energy {
         found
     }
 
-    /// The rows of a patch of one half of [`residuals`](Self::residuals); `x` holds the patch and its first ring.
-    #[expect(clippy::too_many_arguments, reason = "what one patch needs and what it adds to")]
-    fn patch_residuals(
-        &self,
-        patch: &Patch,
-        x: &[[f64; LIFT_WIDTH]],
-        half: usize,
-        theta: &[f64; CYCLE_WIDTH],
-        totals: &mut [[f64; CYCLE_WIDTH]; 7],
-        found: &mut Residuals,
-        right: &mut [CycleRow],
-    ) {
-        vectorized(
-            (totals, found, right),
-            #[inline(always)]
-            |(totals, found, right)| {
-                for (row, (right, global)) in right.iter_mut().zip(patch.rows()).enumerate() {
-                    let own = lanes_of(&x[row], half);
-                    let (columns, values) = patch.exact(row);
-                    let mut sx = [0.0; CYCLE_WIDTH];
-                    for (&(column, _), &value) in columns.iter().zip(values) {
-                        let x = lanes_of(&x[column as usize], half);
-                        for k in 0..CYCLE_WIDTH {
-                            sx[k] = value.mul_add(x[k], sx[k]);
-                        }
-                    }
-                    let mut mx = [0.0; CYCLE_WIDTH];
-                    match (&self.mass, patch.consistent_mass(row)) {
-                        (MassMatrix::Sparse(_), Some((columns, values))) => {
-                            for (&(column, _), &value) in columns.iter().zip(values) {
-                                let x = lanes_of(&x[column as usize], half);
-                                for k in 0..CYCLE_WIDTH {
-                                    mx[k] = value.mul_add(x[k], mx[k]);
-                                }
-                            }
-                        }
-                        _ => {
-                            for k in 0..CYCLE_WIDTH {
-                                mx[k] = self.lumped[global] * own[k];
-                            }
-                        }
-                    }
-                    let (inverse, weight) = (1.0 / self.lumped[global], self.rounding[global]);
-                    for k in 0..CYCLE_WIDTH {
-                        let r = sx[k] - theta[k] * mx[k];
-                        right[k] = r as f32;
-                        totals[0][k] += r * r;
-                        totals[1][k] += r * r * inverse;
-                        totals[2][k] += sx[k] * sx[k];
-                        totals[3][k] += own[k] * own[k];
-                        totals[4][k] += own[k] * mx[k];
-                        totals[5][k] += own[k] * sx[k];
-                        totals[6][k] += weight * own[k] * own[k];
-                        found.lowest[k] = if own[k] < found.lowest[k] { own[k] } else { found.lowest[k] };
-                        found.highest[k] = if own[k] > found.highest[k] { own[k] } else { found.highest[k] };
-                    }
-                }
-            },
-        );
-    }
-
     /// A cycle from zero, or one that improves the `y` that was kept, and the terms of the enclosure for the `y` found. Keeps `y` and `r − Ay`
     /// if asked to.
     fn step(&self, workspace: &mut Workspace, half: usize, sigma: f64, step: Step) -> Enclosure {
@@ -417,68 +323,6 @@ impl Energy {
         }
         found
     }
-
-    /// Adds the terms of the enclosure on a patch, in double precision; `y` holds the patch and its first ring. `rests`, if there are as many, become
-    /// `r − Ay`.
-    fn enclose(
-        &self,
-        patch: &Patch,
-        y: &[CycleRow],
-        right: &[CycleRow],
-        sigma: f64,
-        found: &mut Enclosure,
-        rests: &mut [CycleRow],
-    ) {
-        let shift = sigma + self.floor;
-        vectorized(
-            (found, rests),
-            #[inline(always)]
-            |(found, rests)| {
-                for (row, (r, global)) in right.iter().zip(patch.rows()).enumerate() {
-                    let own = &y[row];
-                    let (columns, values) = patch.exact(row);
-                    let mut ay = [0.0; CYCLE_WIDTH];
-                    for (&(column, _), &value) in columns.iter().zip(values) {
-                        let y = &y[column as usize];
-                        for k in 0..CYCLE_WIDTH {
-                            ay[k] = value.mul_add(f64::from(y[k]), ay[k]);
-                        }
-                    }
-                    let mut mass_y = [0.0; CYCLE_WIDTH];
-                    match (&self.mass, patch.consistent_mass(row)) {
-                        (MassMatrix::Sparse(_), Some((columns, values))) => {
-                            for (&(column, _), &value) in columns.iter().zip(values) {
-                                let y = &y[column as usize];
-                                for k in 0..CYCLE_WIDTH {
-                                    mass_y[k] = value.mul_add(f64::from(y[k]), mass_y[k]);
-                                }
-                            }
-                        }
-                        _ => {
-                            for k in 0..CYCLE_WIDTH {
-                                mass_y[k] = self.lumped[global] * f64::from(own[k]);
-                            }
-                        }
-                    }
-                    let (inverse, weight) = (1.0 / self.lumped[global], self.rounding[global]);
-                    let mut rests = rests.get_mut(row);
-                    for k in 0..CYCLE_WIDTH {
-                        let (r, y) = (f64::from(r[k]), f64::from(own[k]));
-                        let rest = r - ay[k] - shift * mass_y[k];
-                        ay[k] = rest;
-                        found.below[k] += y * (r + rest);
-                        found.size[k] += (y * r).abs() + (y * rest).abs();
-                        found.excess[k] += rest * rest * inverse;
-                        found.rounding[k] += weight * y * y;
-                        found.mass[k] += y * mass_y[k];
-                    }
-                    if let Some(rests) = &mut rests {
-                        rests.iter_mut().zip(&ay).for_each(|(to, &rest)| *to = rest as f32);
-                    }
-                }
-            },
-        );
-    }
 }
 
 /// How a cycle is taken.
@@ -486,57 +330,6 @@ impl Energy {
 struct Step {
     first: bool,
     keep: bool,
-}
-
-impl Measure {
-    /// Some exact eigenvalue is nearer to the Ritz value than this, on unit area: `η (θ + c + σ) / (1 − η)`, or `‖r‖_{M⁻¹} / ‖x‖_M` where that is
-    /// less.
-    fn distance(&self, theta: f64, floor: f64) -> f64 {
-        let shifted = theta + floor + self.sigma;
-        // Sums of squares err by far less than this.
-        let exact = 1.0 - 1e-10;
-        let norm = (exact * (self.energy + (floor + self.sigma) * self.mass)).max(0.0).sqrt();
-        let eta = self.above / norm;
-        let energy = if eta < 1.0 { eta * shifted / (1.0 - eta) } else { f64::INFINITY };
-        let dual = self.above_dual / (exact * self.mass).max(0.0).sqrt();
-        // NaN, from a vector of zeros, bounds nothing.
-        if energy <= dual {
-            energy
-        } else if dual >= 0.0 {
-            dual
-        } else {
-            f64::INFINITY
-        }
-    }
-
-    /// About how far the Ritz value lies above the exact one, on unit area: what is gained by the best multiple of `y ≈ A⁻¹r`, which is what the pair
-    /// misses, `(yᵀr)² / yᵀ(S − θM)y`. `mass_of_y` is `yᵀMy`.
-    fn error(&self, theta: f64, mass_of_y: f64) -> f64 {
-        let square = self.below * self.below;
-        let left = 1.0 - (theta + self.sigma) * mass_of_y / square.max(f64::MIN_POSITIVE);
-        UNGAINED * square / (left.max(1.0 / MOST_AMPLIFIED) * self.mass.max(f64::MIN_POSITIVE))
-    }
-}
-
-#[inline(always)]
-fn lanes_of(row: &[f64; LIFT_WIDTH], half: usize) -> &[f64; CYCLE_WIDTH] {
-    let (halves, _) = row.as_chunks::<CYCLE_WIDTH>();
-    &halves[half]
-}
-
-/// For each `j` the weight `w_j` with `Σ_i γ_i² (Σ_j |S_ij| |x_j|)² / m_i ≤ Σ_j w_j x_j²`, by Cauchy and Schwarz row by row: γ_i bounds the
-/// rounding errors of a sum as long as row `i`.
-fn rounding_weights(stiffness: &SparseMatrix, lumped: &[f64]) -> Vec<f64> {
-    let mut weights = vec![0.0; lumped.len()];
-    for (row, mass) in lumped.iter().enumerate() {
-        let (columns, values) = stiffness.row(row);
-        let unit = (columns.len() + 4) as f64 * f64::EPSILON;
-        let share = unit * unit * values.iter().map(|value| value.abs()).sum::<f64>() / mass;
-        for (&column, value) in columns.iter().zip(values) {
-            weights[column as usize] += share * value.abs();
-        }
-    }
-    weights
 }
 
 /// What one thread needs for a panel.
@@ -569,29 +362,4 @@ impl Workspace {
             cycle: hierarchy.workspace(),
         }
     }
-}
-
-/// Sums over the residuals of sixteen pairs.
-#[derive(Default)]
-struct Residuals {
-    sums: [Measure; CYCLE_WIDTH],
-    /// `‖δ‖²` in the inverse lumped mass, δ a bound on the rounding errors of each row.
-    rounding: [f64; CYCLE_WIDTH],
-    lowest: [f64; CYCLE_WIDTH],
-    highest: [f64; CYCLE_WIDTH],
-}
-
-/// The terms of the enclosure; those of `r − Ay` are in the inverse lumped mass.
-#[derive(Default)]
-struct Enclosure {
-    /// `2 yᵀr − yᵀAy`
-    below: [f64; CYCLE_WIDTH],
-    /// The sum of the magnitudes of its terms.
-    size: [f64; CYCLE_WIDTH],
-    /// `‖r − Ay‖²`
-    excess: [f64; CYCLE_WIDTH],
-    /// A bound on the square of `‖δ‖`, δ the rounding error of `S y`.
-    rounding: [f64; CYCLE_WIDTH],
-    /// `yᵀMy`
-    mass: [f64; CYCLE_WIDTH],
 }

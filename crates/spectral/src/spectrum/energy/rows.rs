@@ -1,0 +1,175 @@
+//! The rows of a patch: residuals of sixteen pairs, and the terms that enclose their norms.
+
+use super::{Energy, Measure};
+use chladni_algebra::{CYCLE_WIDTH, CycleRow, LIFT_WIDTH, MassMatrix, Patch, SparseMatrix, vectorized};
+
+/// Sums over the residuals of sixteen pairs.
+#[derive(Default)]
+pub(super) struct Residuals {
+    pub(super) sums: [Measure; CYCLE_WIDTH],
+    /// `‖δ‖²` in the inverse lumped mass, δ a bound on the rounding errors of each row.
+    pub(super) rounding: [f64; CYCLE_WIDTH],
+    pub(super) lowest: [f64; CYCLE_WIDTH],
+    pub(super) highest: [f64; CYCLE_WIDTH],
+}
+
+/// The terms of the enclosure; those of `r − Ay` are in the inverse lumped mass.
+#[derive(Default)]
+pub(super) struct Enclosure {
+    /// `2 yᵀr − yᵀAy`
+    pub(super) below: [f64; CYCLE_WIDTH],
+    /// The sum of the magnitudes of its terms.
+    pub(super) size: [f64; CYCLE_WIDTH],
+    /// `‖r − Ay‖²`
+    pub(super) excess: [f64; CYCLE_WIDTH],
+    /// A bound on the square of `‖δ‖`, δ the rounding error of `S y`.
+    pub(super) rounding: [f64; CYCLE_WIDTH],
+    /// `yᵀMy`
+    pub(super) mass: [f64; CYCLE_WIDTH],
+}
+
+impl Energy {
+    /// The rows of a patch of one half of [`residuals`](Self::residuals); `x` holds the patch and its first ring.
+    #[expect(clippy::too_many_arguments, reason = "what one patch needs and what it adds to")]
+    pub(super) fn patch_residuals(
+        &self,
+        patch: &Patch,
+        x: &[[f64; LIFT_WIDTH]],
+        half: usize,
+        theta: &[f64; CYCLE_WIDTH],
+        totals: &mut [[f64; CYCLE_WIDTH]; 7],
+        found: &mut Residuals,
+        right: &mut [CycleRow],
+    ) {
+        vectorized(
+            (totals, found, right),
+            #[inline(always)]
+            |(totals, found, right)| {
+                for (row, (right, global)) in right.iter_mut().zip(patch.rows()).enumerate() {
+                    let own = lanes_of(&x[row], half);
+                    let (columns, values) = patch.exact(row);
+                    let mut sx = [0.0; CYCLE_WIDTH];
+                    for (&(column, _), &value) in columns.iter().zip(values) {
+                        let x = lanes_of(&x[column as usize], half);
+                        for k in 0..CYCLE_WIDTH {
+                            sx[k] = value.mul_add(x[k], sx[k]);
+                        }
+                    }
+                    let mut mx = [0.0; CYCLE_WIDTH];
+                    match (&self.mass, patch.consistent_mass(row)) {
+                        (MassMatrix::Sparse(_), Some((columns, values))) => {
+                            for (&(column, _), &value) in columns.iter().zip(values) {
+                                let x = lanes_of(&x[column as usize], half);
+                                for k in 0..CYCLE_WIDTH {
+                                    mx[k] = value.mul_add(x[k], mx[k]);
+                                }
+                            }
+                        }
+                        _ => {
+                            for k in 0..CYCLE_WIDTH {
+                                mx[k] = self.lumped[global] * own[k];
+                            }
+                        }
+                    }
+                    let (inverse, weight) = (1.0 / self.lumped[global], self.rounding[global]);
+                    for k in 0..CYCLE_WIDTH {
+                        let r = sx[k] - theta[k] * mx[k];
+                        right[k] = r as f32;
+                        totals[0][k] += r * r;
+                        totals[1][k] += r * r * inverse;
+                        totals[2][k] += sx[k] * sx[k];
+                        totals[3][k] += own[k] * own[k];
+                        totals[4][k] += own[k] * mx[k];
+                        totals[5][k] += own[k] * sx[k];
+                        totals[6][k] += weight * own[k] * own[k];
+                        found.lowest[k] = if own[k] < found.lowest[k] { own[k] } else { found.lowest[k] };
+                        found.highest[k] = if own[k] > found.highest[k] { own[k] } else { found.highest[k] };
+                    }
+                }
+            },
+        );
+    }
+
+    /// Adds the terms of the enclosure on a patch, in double precision; `y` holds the patch and its first ring. `rests`, if there are as many, become
+    /// `r − Ay`.
+    pub(super) fn enclose(
+        &self,
+        patch: &Patch,
+        y: &[CycleRow],
+        right: &[CycleRow],
+        sigma: f64,
+        found: &mut Enclosure,
+        rests: &mut [CycleRow],
+    ) {
+        let shift = sigma + self.floor;
+        vectorized(
+            (found, rests),
+            #[inline(always)]
+            |(found, rests)| {
+                for (row, (r, global)) in right.iter().zip(patch.rows()).enumerate() {
+                    let own = &y[row];
+                    let (columns, values) = patch.exact(row);
+                    let mut ay = [0.0; CYCLE_WIDTH];
+                    for (&(column, _), &value) in columns.iter().zip(values) {
+                        let y = &y[column as usize];
+                        for k in 0..CYCLE_WIDTH {
+                            ay[k] = value.mul_add(f64::from(y[k]), ay[k]);
+                        }
+                    }
+                    let mut mass_y = [0.0; CYCLE_WIDTH];
+                    match (&self.mass, patch.consistent_mass(row)) {
+                        (MassMatrix::Sparse(_), Some((columns, values))) => {
+                            for (&(column, _), &value) in columns.iter().zip(values) {
+                                let y = &y[column as usize];
+                                for k in 0..CYCLE_WIDTH {
+                                    mass_y[k] = value.mul_add(f64::from(y[k]), mass_y[k]);
+                                }
+                            }
+                        }
+                        _ => {
+                            for k in 0..CYCLE_WIDTH {
+                                mass_y[k] = self.lumped[global] * f64::from(own[k]);
+                            }
+                        }
+                    }
+                    let (inverse, weight) = (1.0 / self.lumped[global], self.rounding[global]);
+                    let mut rests = rests.get_mut(row);
+                    for k in 0..CYCLE_WIDTH {
+                        let (r, y) = (f64::from(r[k]), f64::from(own[k]));
+                        let rest = r - ay[k] - shift * mass_y[k];
+                        ay[k] = rest;
+                        found.below[k] += y * (r + rest);
+                        found.size[k] += (y * r).abs() + (y * rest).abs();
+                        found.excess[k] += rest * rest * inverse;
+                        found.rounding[k] += weight * y * y;
+                        found.mass[k] += y * mass_y[k];
+                    }
+                    if let Some(rests) = &mut rests {
+                        rests.iter_mut().zip(&ay).for_each(|(to, &rest)| *to = rest as f32);
+                    }
+                }
+            },
+        );
+    }
+}
+
+#[inline(always)]
+fn lanes_of(row: &[f64; LIFT_WIDTH], half: usize) -> &[f64; CYCLE_WIDTH] {
+    let (halves, _) = row.as_chunks::<CYCLE_WIDTH>();
+    &halves[half]
+}
+
+/// For each `j` the weight `w_j` with `Σ_i γ_i² (Σ_j |S_ij| |x_j|)² / m_i ≤ Σ_j w_j x_j²`, by Cauchy and Schwarz row by row: γ_i bounds the
+/// rounding errors of a sum as long as row `i`.
+pub(super) fn rounding_weights(stiffness: &SparseMatrix, lumped: &[f64]) -> Vec<f64> {
+    let mut weights = vec![0.0; lumped.len()];
+    for (row, mass) in lumped.iter().enumerate() {
+        let (columns, values) = stiffness.row(row);
+        let unit = (columns.len() + 4) as f64 * f64::EPSILON;
+        let share = unit * unit * values.iter().map(|value| value.abs()).sum::<f64>() / mass;
+        for (&column, value) in columns.iter().zip(values) {
+            weights[column as usize] += share * value.abs();
+        }
+    }
+    weights
+}
