@@ -47,7 +47,7 @@ pub use panel_products::{
     restrict, rotate, subtract_combinations,
 };
 pub use panels::{PANEL_WIDTH, PanelMatrix};
-pub use patches::{PATCH_ROWS, Patch};
+pub use patches::{ExactRow, PATCH_ROWS, Patch, RINGS, SparseRows};
 pub use product::{Panel, Scalar};
 pub use residual_gram::{Magnitudes, residual_gram, residual_magnitudes};
 pub use simd::vectorized;

@@ -29,6 +29,9 @@ pub struct Patch {
     mass: Option<(SparseRows, Vec<f64>)>,
 }
 
+/// Columns of a row, the second number to be ignored, and values in double precision.
+pub type ExactRow<'a> = (&'a [(u32, f32)], &'a [f64]);
+
 /// Rows of a sparse matrix, in single precision.
 #[derive(Debug, Default)]
 pub struct SparseRows {
@@ -89,16 +92,16 @@ impl Patch {
         &self.matrix
     }
 
-    /// An own row of the matrix in double precision: columns (the second number is to be ignored) and values.
+    /// An own row of the matrix in double precision.
     #[inline(always)]
-    pub fn exact(&self, row: usize) -> (&[(u32, f32)], &[f64]) {
+    pub fn exact(&self, row: usize) -> ExactRow<'_> {
         let range = self.matrix.range(row);
         (&self.matrix.entries[range.clone()], &self.values[range])
     }
 
     /// An own row of a mass matrix that is not diagonal, like [`exact`](Self::exact).
     #[inline(always)]
-    pub fn consistent_mass(&self, row: usize) -> Option<(&[(u32, f32)], &[f64])> {
+    pub fn consistent_mass(&self, row: usize) -> Option<ExactRow<'_>> {
         let (rows, values) = self.mass.as_ref()?;
         let range = rows.range(row);
         Some((&rows.entries[range.clone()], &values[range]))
