@@ -29,6 +29,14 @@ impl MassMatrix {
         }
     }
 
+    /// The mass of the same unknowns in another order: number `k` is what was `order[k]`, a permutation.
+    pub fn reordered(&self, order: &[u32]) -> Self {
+        match self {
+            Self::Diagonal(mass) => Self::Diagonal(order.iter().map(|&row| mass[row as usize]).collect()),
+            Self::Sparse(mass) => Self::Sparse(mass.reordered(order)),
+        }
+    }
+
     /// The sums of the rows: the matrix itself where it is diagonal, and what lumping makes of it otherwise.
     pub fn lumped(&self) -> Vec<f64> {
         match self {

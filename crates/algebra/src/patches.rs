@@ -153,7 +153,9 @@ pub fn patches(matrix: &SparseMatrix, mass: &MassMatrix) -> Vec<Patch> {
             || vec![u32::MAX; n],
             |numbers, patch| {
                 let rows = patch * size..n.min((patch + 1) * size);
-                let (vertices, ends) = grow(matrix, consistent, rows.clone(), usize::MAX, numbers).unwrap_or_default();
+                let Some((vertices, ends)) = grow(matrix, consistent, rows.clone(), usize::MAX, numbers) else {
+                    unreachable!("there is no limit")
+                };
                 let local = SparseRows::local(matrix, &vertices[..ends[RINGS - 1]], numbers);
                 let values = matrix.values()[matrix.offsets()[rows.start]..matrix.offsets()[rows.end]].to_vec();
                 let mass = consistent.map(|mass| {

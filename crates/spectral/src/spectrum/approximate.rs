@@ -331,7 +331,7 @@ impl Attempt {
         let of = (problem, operator.floor);
         if let Some(hidden) = hidden::hidden(of, space, mass, (&pairs.values, &errors), self.count, monitor)? {
             self.hidden = hidden.count;
-            self.density = Some(hidden.density);
+            self.density = hidden.density;
             // The last pairs stand so many places too low.
             let last = self.count.min(pairs.values.len()).saturating_sub(1);
             let (value, lower) = (pairs.values[last], pairs.values[last.saturating_sub(hidden.count)]);

@@ -13,8 +13,8 @@
 //! 2 yᵀr − yᵀAy  ≤  ‖r‖²_{A⁻¹}  ≤  2 yᵀr − yᵀAy + (r − Ay)ᵀ (σM)⁻¹ (r − Ay),
 //! ```
 //!
-//! and `y` comes from a multigrid cycle or two. The lower end, which the square of the distance to the eigenspace enters,
-//! estimates the error of a Ritz value. Rounding is part of the upper end: row by row, what the sums in double precision may err by, and
+//! and `y` comes from a multigrid cycle or two. What the best multiple of `y` would take off the Ritz value,
+//! `(yᵀr)² / yᵀ(S − θM)y`, estimates its error. Rounding is part of the upper end: row by row, what the sums in double precision may err by, and
 //! what storing `r` in single precision changes.
 
 mod measure;
@@ -86,10 +86,7 @@ impl Energy {
     pub fn new(problem: &EigenProblem, floor: f64, monitor: &dyn Monitor) -> Result<Self, MultigridError> {
         let order = compact_order(&problem.stiffness, PATCH_ROWS);
         let stiffness = problem.stiffness.reordered(&order);
-        let mass = match &problem.mass {
-            MassMatrix::Diagonal(mass) => MassMatrix::Diagonal(order.iter().map(|&row| mass[row as usize]).collect()),
-            MassMatrix::Sparse(mass) => MassMatrix::Sparse(mass.reordered(&order)),
-        };
+        let mass = problem.mass.reordered(&order);
         let lumped = mass.lumped();
         let floor = (-floor).max(0.0);
         let hierarchy = Multigrid::new(&stiffness, &mass, floor, monitor)?;

@@ -7,11 +7,10 @@
 use super::approximate::ApproximationError;
 use crate::operator::EigenProblem;
 use chladni_algebra::{
-    DenseMatrix, FactorError, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order,
-    mass_times_panel, solve_definite, space_times, space_transposed_mass_times,
+    DenseMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order, mass_times_panel,
+    solve_definite, space_times, space_transposed_mass_times,
 };
-use chladni_base::Monitor;
-use chladni_base::SplitMix64;
+use chladni_base::{Monitor, SplitMix64};
 
 /// Estimates may be wrong by this factor before they make a count ambiguous.
 const DOUBT: f64 = 3.0;
@@ -24,8 +23,8 @@ const DAMPINGS: usize = 6;
 pub(super) struct Hidden {
     /// Exact eigenvalues below the shift, less the Ritz values that stand for one.
     pub count: usize,
-    /// Where their energy sits that the space does not hold, one number a row.
-    pub density: Vec<f64>,
+    /// Where their energy sits that the space does not hold, one number a row; nothing where that could not be computed.
+    pub density: Option<Vec<f64>>,
 }
 
 /// Where to count: the shift, and how many eigenvalues may lie below it if none is hidden. `ritz` ascends, `errors` are estimates, the last of `count`
@@ -47,7 +46,7 @@ fn place(ritz: &[f64], errors: &[f64], count: usize) -> Option<(f64, usize)> {
 /// eigenvalues.
 ///
 /// # Errors
-/// [`ApproximationError`]: a matrix that could not be factored, cancellation.
+/// [`ApproximationError::Cancelled`]. A matrix that cannot be factored gives no count: the pairs are no worse for it.
 pub(super) fn hidden(
     (problem, floor): (&EigenProblem, f64),
     space: &SparseMatrix<f32>,
@@ -57,16 +56,12 @@ pub(super) fn hidden(
     monitor: &dyn Monitor,
 ) -> Result<Option<Hidden>, ApproximationError> {
     let Some((shift, expected)) = place(ritz, errors, count) else { return Ok(None) };
-    let failed = |error: FactorError| ApproximationError::Factor(error.to_string());
-    let order = fill_reducing_order(&problem.stiffness, Ordering::Amd).map_err(failed)?;
+    let Ok(order) = fill_reducing_order(&problem.stiffness, Ordering::Amd) else { return Ok(None) };
     monitor.checkpoint()?;
     let stiffness = problem.stiffness.reordered(&order);
-    let mass = match &problem.mass {
-        MassMatrix::Diagonal(mass) => MassMatrix::Diagonal(order.iter().map(|&row| mass[row as usize]).collect()),
-        MassMatrix::Sparse(mass) => MassMatrix::Sparse(mass.reordered(&order)),
-    };
-    let symbolic = SymbolicFactor::new(&stiffness, &mass).map_err(failed)?;
-    let counted = symbolic.factor(&stiffness, &mass, shift).map_err(failed)?;
+    let mass = problem.mass.reordered(&order);
+    let Ok(symbolic) = SymbolicFactor::new(&stiffness, &mass) else { return Ok(None) };
+    let Ok(counted) = symbolic.factor(&stiffness, &mass, shift) else { return Ok(None) };
     let found = counted.eigenvalues_below();
     // A count whose rounding errors reach the next values says nothing.
     let radius = counted.uncertainty(&stiffness, &mass, shift);
@@ -75,7 +70,9 @@ pub(super) fn hidden(
     }
     monitor.checkpoint()?;
     let damping = (shift - floor.min(0.0)).abs().max(f64::MIN_POSITIVE);
-    let factor = symbolic.factor(&stiffness, &mass, -damping + floor.min(0.0)).map_err(failed)?;
+    // What was counted stands, whether or not it can be said where.
+    let nowhere = Ok(Some(Hidden { count: found - expected, density: None }));
+    let Ok(factor) = symbolic.factor(&stiffness, &mass, -damping + floor.min(0.0)) else { return nowhere };
     let n = problem.size();
     let mut random = SplitMix64::new(1);
     let mut panel: Vec<f64> = (0..n * PANEL_WIDTH).map(|_| random.signed_unit()).collect();
@@ -91,11 +88,11 @@ pub(super) fn hidden(
         let to = functions.column_mut(column);
         order.iter().enumerate().for_each(|(row, &place)| to[place as usize] = panel[row * PANEL_WIDTH + column]);
     }
-    let Some(mut projection) = space_transposed_mass_times(space, &problem.mass, &functions) else { return Ok(None) };
+    let Some(mut projection) = space_transposed_mass_times(space, &problem.mass, &functions) else { return nowhere };
     if solve_definite(reduced.to_dense(), &mut projection).is_err() {
-        return Ok(None);
+        return nowhere;
     }
-    let Some(held) = space_times(space, &projection) else { return Ok(None) };
+    let Some(held) = space_times(space, &projection) else { return nowhere };
     functions.values_mut().iter_mut().zip(held.values()).for_each(|(x, held)| *x -= held);
     let density = (0..n)
         .map(|row| {
@@ -107,7 +104,7 @@ pub(super) fn hidden(
             (0..PANEL_WIDTH).map(|column| energy(functions.column(column))).sum()
         })
         .collect();
-    Ok(Some(Hidden { count: found - expected, density }))
+    Ok(Some(Hidden { count: found - expected, density: Some(density) }))
 }
 
 #[cfg(test)]

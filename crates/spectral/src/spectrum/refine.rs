@@ -120,10 +120,7 @@ pub(super) fn inverse_iterations_until<E: From<ApproximationError> + From<Cancel
     let order = fill_reducing_order(&problem.stiffness, ordering).map_err(failed)?;
     monitor.checkpoint()?;
     let stiffness = problem.stiffness.reordered(&order);
-    let mass = match &problem.mass {
-        MassMatrix::Diagonal(mass) => MassMatrix::Diagonal(order.iter().map(|&row| mass[row as usize]).collect()),
-        MassMatrix::Sparse(mass) => MassMatrix::Sparse(mass.reordered(&order)),
-    };
+    let mass = problem.mass.reordered(&order);
     let symbolic = SymbolicFactor::new(&stiffness, &mass).map_err(failed)?;
     let factor = symbolic.factor(&stiffness, &mass, -shift).map_err(failed)?;
     monitor.checkpoint()?;
