@@ -113,6 +113,41 @@ fn solve_by_hsim_tells_iterations_and_what_is_proven() {
 }
 
 #[test]
+fn verify_confirms_what_solve_wrote_and_none_of_its_bytes_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = torus(folder.path());
+    let (mesh, path) = (mesh.to_str().unwrap(), |name: &str| folder.path().join(name).to_str().unwrap().to_owned());
+    let (basis, receipt) = (path("torus.npz"), path("receipt.json"));
+    for method in [["--method", "hsim"], ["--method", "approximate"]] {
+        let solved = chladni(&[&["solve", mesh, "-n", "20", "-q", "-o", &basis], &method[..]].concat());
+        assert_eq!(code(&solved), 0, "{}", stderr(&solved));
+        let verified = chladni(&["verify", &basis, mesh, "--json", "--receipt", &receipt]);
+        let line: Value = serde_json::from_slice(&verified.stdout).unwrap();
+        assert_eq!((code(&verified), &line["verdict"]), (0, &"confirmed".into()), "{}", line["findings"]);
+        assert_eq!(line["proven_complete"].is_null(), method[1] == "approximate");
+        assert_eq!(line["solved_with"]["count"], 20);
+        assert_eq!(serde_json::from_slice::<Value>(&std::fs::read(&receipt).unwrap()).unwrap(), line);
+        let table = chladni(&["verify", &basis, mesh, "-q", "--against", &receipt]);
+        assert_eq!(code(&table), 0, "{}", stderr(&table));
+        assert!(String::from_utf8_lossy(&table.stdout).contains("everything is as the basis says"));
+    }
+    // A byte anywhere: not the file of the receipt, and damaged besides.
+    let bytes = std::fs::read(&basis).unwrap();
+    for place in (0..100).map(|k| k * bytes.len() / 100) {
+        let mut altered = bytes.clone();
+        altered[place] ^= 16;
+        std::fs::write(&basis, &altered).unwrap();
+        let refused = chladni(&["verify", &basis, mesh, "-q", "--against", &receipt]);
+        assert_eq!(code(&refused), 1, "byte {place}: {}", stderr(&refused));
+        assert!(stderr(&refused).contains("the basis is not the one of"), "{}", stderr(&refused));
+    }
+    std::fs::write(&basis, b"no basis").unwrap();
+    let refused = chladni(&["verify", &basis, mesh, "-q"]);
+    assert_eq!(code(&refused), 1);
+    assert!(stderr(&refused).contains("torus.npz: the archive is damaged"), "{}", stderr(&refused));
+}
+
+#[test]
 fn a_table_is_printed_without_json() {
     let folder = tempfile::tempdir().unwrap();
     let mesh = torus(folder.path());

@@ -12,6 +12,7 @@ mod sample;
 pub mod serve;
 mod solve;
 mod text;
+mod verify;
 
 pub use error::CliError;
 pub use input::{MeshInput, read_bytes};
@@ -37,6 +38,7 @@ Examples:
   chladni serve --data /srv/chladni --workers 2            the service
   chladni solve bunny.ply --count 500 --output bunny.npz   500 eigenpairs, without a server
   chladni check scan.obj                                   what is wrong with a mesh, what was repaired
+  chladni verify bunny.npz bunny.ply                       whether a basis is what it says
   chladni sample genus-3 -n 100000 -o genus-3.ply          a mesh to try things on
 
 Exit codes: 0 done; 1 the mesh or the work failed; 2 wrong usage; 3 a file, the network or the storage failed.
@@ -51,6 +53,7 @@ enum Command {
     Solve(Box<solve::SolveArguments>),
     Field(Box<field::FieldArguments>),
     Check(check::CheckArguments),
+    Verify(Box<verify::VerifyArguments>),
     Sample(sample::SampleArguments),
     /// Print the OpenAPI document of the API
     Openapi,
@@ -74,6 +77,7 @@ pub fn main() -> ExitCode {
         Command::Solve(arguments) => solve::solve(*arguments),
         Command::Field(arguments) => field::field(*arguments),
         Command::Check(arguments) => check::check(arguments),
+        Command::Verify(arguments) => verify::verify(*arguments),
         Command::Sample(arguments) => sample::sample(arguments),
         Command::Openapi => openapi(),
     };

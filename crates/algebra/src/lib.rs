@@ -22,6 +22,7 @@ mod panel_products;
 mod panels;
 mod patches;
 mod product;
+mod recount;
 mod residual_gram;
 pub mod simd;
 mod sparse;
@@ -49,6 +50,7 @@ pub use panel_products::{
 pub use panels::{PANEL_WIDTH, PanelMatrix};
 pub use patches::{ExactRow, PATCH_ROWS, Patch, RINGS, SparseRows};
 pub use product::{Panel, Scalar};
+pub use recount::eigenvalues_below;
 pub use residual_gram::{Magnitudes, residual_gram, residual_magnitudes};
 pub use simd::vectorized;
 pub use sparse::{SparseError, SparseMatrix};

@@ -68,6 +68,7 @@ pub mod field;
 pub mod formats;
 pub mod operator;
 pub mod spectrum;
+pub mod verify;
 
 pub use chladni_base::{Cancelled, Monitor, Quiet, StageClock, Unwatched};
 pub use chladni_mesh as mesh;

@@ -176,7 +176,7 @@ impl SolveArguments {
 }
 
 /// An operator as the job takes it, from its short form.
-fn operator(text: &str) -> Result<Value, CliError> {
+pub(super) fn operator(text: &str) -> Result<Value, CliError> {
     let number = |word: &str| {
         word.parse::<f64>().map_err(|_| CliError::Usage(format!("--operator {text}: \"{word}\" is not a number")))
     };

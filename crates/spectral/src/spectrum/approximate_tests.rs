@@ -157,3 +157,60 @@ fn more_pairs_than_unknowns_are_refused() {
     assert!(matches!(refused, Err(ApproximationError::Count { count: 10, unknowns: 9 })));
     assert_eq!(solve(&mesh, &made, 9, 20).count(), 9);
 }
+
+/// A disk that is stretched on one side and folds on the other: beside the fold triangles have next to no area.
+#[test]
+fn bounds_are_narrow_and_hold_beside_triangles_of_next_to_no_area() {
+    let mut mesh = generate(Shape::Disk, 3_000).unwrap();
+    mesh.positions.iter_mut().for_each(|p| *p = p.map(|x| (3.0 + 2.0 * p[0]) * x));
+    let made = operator(&mesh, OperatorKind::Auto, MassKind::Barycentric, Boundary::Neumann);
+    let basis = solve(&mesh, &made, 40, 150);
+    let all = solve(&mesh, &made, 60, mesh.positions.len());
+    for (k, (value, bound)) in basis.eigenvalues.iter().zip(&basis.certificate.bounds).enumerate().skip(1) {
+        let nearest = all.eigenvalues.iter().map(|exact| (value - exact).abs()).fold(f64::INFINITY, f64::min);
+        assert!(nearest <= *bound, "pair {k}: {nearest} from the next exact value, {bound}");
+        assert!(*bound <= 0.1 * value, "pair {k}: {value} ± {bound}");
+    }
+}
+
+/// Twice the same column, but for the last bits of one entry: the difference has a mass and an energy of nothing but rounding errors, and whatever quotient
+/// of the two it likes.
+#[test]
+fn columns_that_all_but_equal_others_add_no_pairs() {
+    let mesh = generate(Shape::Sphere, 2_000).unwrap();
+    let made = operator(&mesh, OperatorKind::Auto, MassKind::Barycentric, Boundary::Neumann);
+    let parameters = ApproximationParameters {
+        count: 60,
+        dimension: 150,
+        space: Space::Heat(HeatParameters::default()),
+        goal: None,
+        seed: 0,
+    };
+    let space = subspace(&mesh, &made, &parameters, &Unwatched).unwrap();
+    let expected = reduce(&made.problem, space.clone(), 60, &Unwatched).unwrap().pairs.values;
+    for (column, units) in (0..24u32).map(|k| (5 * k, 1 + k % 6)) {
+        let (mut offsets, mut indices, mut values) = (vec![0], Vec::new(), Vec::new());
+        let mut changed = false;
+        for row in 0..space.rows() {
+            let (columns, entries) = space.row(row);
+            indices.extend_from_slice(columns);
+            values.extend_from_slice(entries);
+            if let Some(own) = columns.iter().position(|&c| c == column) {
+                indices.push(space.columns() as u32);
+                let bits = if changed { 0 } else { units };
+                values.push(f32::from_bits(entries[own].to_bits() + bits));
+                changed = true;
+            }
+            offsets.push(indices.len());
+        }
+        let twice = SparseMatrix::from_sorted_parts(space.rows(), space.columns() + 1, offsets, indices, values);
+        let found = reduce(&made.problem, twice, 60, &Unwatched).unwrap();
+        for (k, (found, expected)) in found.pairs.values.iter().zip(&expected).enumerate() {
+            // The difference itself, a hat of one vertex, may take a little off a value.
+            assert!(
+                (found - expected).abs() < 1e-2 * expected + 1e-8,
+                "column {column}, pair {k}: {found}, {expected}"
+            );
+        }
+    }
+}

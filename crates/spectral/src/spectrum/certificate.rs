@@ -67,7 +67,7 @@ pub const KERNEL: f64 = 1e-6;
 /// [`CertificateError`]: sizes that do not fit, or the work was cancelled.
 #[expect(clippy::too_many_arguments, reason = "a pencil, pairs in three parts, and what to do with them")]
 pub fn certify(
-    energy: &Energy,
+    energy: &Energy<'_>,
     problem: &EigenProblem,
     space: &SparseMatrix<f32>,
     reduced_mass: &SparseMatrix,

@@ -17,6 +17,7 @@
 //! `(yᵀr)² / yᵀ(S − θM)y`, estimates its error. Rounding is part of the upper end: row by row, what the sums in double precision may err by, and
 //! what storing `r` in single precision changes.
 
+mod direct;
 mod measure;
 mod rows;
 
@@ -24,6 +25,7 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+pub use direct::MOST_FACTORED;
 pub use measure::Measure;
 use rows::{Enclosure, Residuals, rounding_weights};
 
@@ -67,7 +69,8 @@ struct Wanted {
 pub type Density = Option<Vec<f64>>;
 
 /// A pencil prepared for measuring: rows in a compact order, and the hierarchy.
-pub struct Energy {
+pub struct Energy<'a> {
+    problem: &'a EigenProblem,
     order: Vec<u32>,
     mass: MassMatrix,
     lumped: Vec<f64>,
@@ -78,12 +81,12 @@ pub struct Energy {
     hierarchy: Multigrid,
 }
 
-impl Energy {
+impl<'a> Energy<'a> {
     /// Prepares the pencil of `problem`; `floor` is a lower bound on its eigenvalues, on unit area.
     ///
     /// # Errors
     /// [`MultigridError`]: a vertex without mass, or cancellation.
-    pub fn new(problem: &EigenProblem, floor: f64, monitor: &dyn Monitor) -> Result<Self, MultigridError> {
+    pub fn new(problem: &'a EigenProblem, floor: f64, monitor: &dyn Monitor) -> Result<Self, MultigridError> {
         let order = compact_order(&problem.stiffness, PATCH_ROWS);
         let stiffness = problem.stiffness.reordered(&order);
         let mass = problem.mass.reordered(&order);
@@ -91,7 +94,7 @@ impl Energy {
         let floor = (-floor).max(0.0);
         let hierarchy = Multigrid::new(&stiffness, &mass, floor, monitor)?;
         let rounding = rounding_weights(&stiffness, &lumped);
-        Ok(Self { order, mass, lumped, rounding, floor, hierarchy })
+        Ok(Self { problem, order, mass, lumped, rounding, floor, hierarchy })
     }
 
     /// Measures the pairs with Ritz values `ritz`, ascending, and vectors `space · coefficients`. With a `goal`, also where pairs miss energy whose
@@ -157,6 +160,7 @@ impl Energy {
                 self.order.iter().zip(own).for_each(|(&row, value)| sum[row as usize] += value);
             }
         }
+        self.narrow(&lifter, ritz, &mut measures, wanted, monitor)?;
         Ok((measures, density))
     }
 
@@ -227,14 +231,18 @@ impl Energy {
         let below = enclosed.below[k].max(0.0);
         // A consistent mass is at least a quarter of the lumped one.
         let factor = if matches!(self.mass, MassMatrix::Diagonal(_)) { 1.0 } else { 2.0 };
-        let of_y =
-            enclosed.rounding[k].sqrt() + MASS_ROUNDING * (sigma + self.floor) * enclosed.mass[k].max(0.0).sqrt();
-        let excess = factor * ((1.0 + MASS_ROUNDING) * enclosed.excess[k].sqrt() + of_y + rounding[k]) / sigma.sqrt();
-        let above = (below + 1e-12 * enclosed.size[k] + excess * excess).sqrt();
+        let mass_of_y = enclosed.mass[k].max(0.0).sqrt();
+        let of_y = enclosed.rounding[k].sqrt() + MASS_ROUNDING * (sigma + self.floor) * mass_of_y;
+        let excess = factor * ((1.0 + MASS_ROUNDING) * enclosed.excess[k].sqrt() + of_y) / sigma.sqrt();
+        // Sums in double precision, and what the rounding errors of `Ay` do to `yᵀAy`.
+        let summed = 1e-12 * enclosed.size[k] + factor * mass_of_y * of_y;
+        // By the triangle inequality: what was measured is `r` as it is stored.
+        let stored = factor * rounding[k] / sigma.sqrt();
+        let above = (below + summed + excess * excess).sqrt() + stored;
         let above_dual = factor * (sums[k].dual.sqrt() + rounding[k]);
         let mut measure = Measure { sigma, below: below.sqrt(), above, above_dual, ..sums[k] };
         measure.bound = measure.distance(ritz, self.floor);
-        measure.estimate = measure.error(ritz + self.floor, enclosed.mass[k].max(0.0)).min(measure.bound);
+        measure.estimate = measure.error(ritz + self.floor, mass_of_y * mass_of_y).min(measure.bound);
         measure
     }
 

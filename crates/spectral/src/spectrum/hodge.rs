@@ -14,7 +14,7 @@ use crate::operator::EigenProblem;
 use crate::operator::frames::FaceFrames;
 use crate::operator::hodge::{conforming_problem, nonconforming_problem};
 
-use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, LevelReport, Wanted};
+use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, InertiaCount, LevelReport, Wanted};
 
 /// Where an eigenfield comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -45,6 +45,8 @@ pub struct HodgeSpectrum {
     pub orthonormality_defect: f64,
     /// Whether inertia counts prove both parts complete.
     pub complete: bool,
+    /// Those counts, of gradients and of co-gradients: eigenvalues of the two scalar problems, their kernels among them.
+    pub inertia: [Vec<InertiaCount>; 2],
     /// The levels of both iterations.
     pub levels: Vec<LevelReport>,
 }
@@ -98,6 +100,7 @@ pub fn hodge_spectrum(
         bounds: Vec::with_capacity(all.len()),
         orthonormality_defect: first.orthonormality_defect.max(second.orthonormality_defect),
         complete: gradients.proven(&first) && co_gradients.proven(&second),
+        inertia: [first.inertia.clone(), second.inertia.clone()],
         levels: [first.levels.clone(), second.levels.clone()].concat(),
     };
     for (c, &(value, part, k)) in all.iter().enumerate() {

@@ -16,4 +16,5 @@ mod refine;
 pub mod vibration;
 
 pub use approximate::{ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Space, approximate, subspace};
+pub use energy::MOST_FACTORED;
 pub use refine::{Refinement, approximate_refined};

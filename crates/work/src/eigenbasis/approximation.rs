@@ -9,7 +9,8 @@ use chladni_spectral::operator::{MassKind, MeshOperator};
 use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use chladni_spectral::spectrum::{
-    ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Refinement, Space, approximate, approximate_refined,
+    ApproximationError, ApproximationParameters, Goal, MOST_FACTORED, MOST_ROUNDS, Refinement, Space, approximate,
+    approximate_refined,
 };
 use serde::{Deserialize, Serialize};
 
@@ -171,6 +172,10 @@ impl Approximate {
         // Bounds: the pencil once more and its hierarchy, and on each thread a panel of 32 pairs with what a cycle needs.
         let panels = (m / 32 + 1).min(rayon::current_num_threads() as u64);
         let compact = compact + vertices * (260 + 720 * panels);
+        // Where a bound is wide on a problem of moderate size, a factor of about 60 entries a row, and a panel of solutions on each thread.
+        let factored =
+            if vertices <= MOST_FACTORED as u64 { vertices * (60 * 8 + 2 * 7 * 16 + 512 * panels) } else { 0 };
+        let compact = compact + factored;
         // Columns with their guards, what is stored of them, and a factor of about 60 entries a row with its matrix.
         let columns = (m + m / 10 + 40) * vertices * 8;
         match self.refinement {

@@ -64,12 +64,17 @@ pub fn run(exact: &Exact, mesh: &TriangleMesh, seed: u64, monitor: &dyn Monitor)
     if found.values.len() < count {
         return Err(HsimError::Count { wanted: count, most: found.values.len() }.into());
     }
+    if !found.complete {
+        let reason = "the inertia counts of gradients and co-gradients do not cover the fields".to_owned();
+        return Err(HsimError::Unproven { reason }.into());
+    }
     let part = |part: FieldPart| found.parts.iter().filter(|own| **own == part).count();
     let metadata = serde_json::json!({"operator": {
         "hodge": {
             "harmonic": part(FieldPart::Harmonic),
             "gradients": part(FieldPart::Gradient),
             "co_gradients": part(FieldPart::CoGradient),
+            "inertia": {"gradients": found.inertia[0], "co_gradients": found.inertia[1]},
         },
         "zero_area_faces": frames.degenerate_faces(),
     }});
@@ -107,6 +112,12 @@ mod tests {
         assert_eq!((basis.vertices(), basis.mass.size(), basis.count()), (1200, 1200, 20));
         assert_eq!(basis.metadata["operator"]["hodge"]["harmonic"], 2);
         assert_eq!(basis.certificate.complete, Some(true));
+        // Of what was counted, at least the fields that are there.
+        for (part, kernel) in [("gradients", 1), ("co_gradients", 1)] {
+            let counts = basis.metadata["operator"]["hodge"]["inertia"][part].as_array().unwrap().clone();
+            let most = counts.iter().filter_map(|count| count["below"].as_u64()).max().unwrap();
+            assert!(most >= basis.metadata["operator"]["hodge"][part].as_u64().unwrap() + kernel, "{part}: {counts:?}");
+        }
         assert!(basis.eigenvalues[1] == 0.0 && basis.eigenvalues[2] > 0.0);
         // More fields than there are; a surface that is none.
         let all = EigenbasisParameters::parse(&json!({"operator": "hodge", "method": "hsim", "count": 2000})).unwrap();

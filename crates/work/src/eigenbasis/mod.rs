@@ -133,6 +133,17 @@ impl EigenbasisParameters {
         }
     }
 
+    /// The parameters as a basis carries them. The values of a potential, which may be more than everything else, stay out, and the operator with them.
+    fn to_be_recorded(&self) -> Value {
+        let mut parameters = self.canonical();
+        if let (OperatorKind::Hamiltonian { potential: Potential::Values(_) }, Value::Object(members)) =
+            (&self.operator.operator, &mut parameters)
+        {
+            members.remove("operator");
+        }
+        parameters
+    }
+
     /// The most pairs that may come out.
     pub fn most_pairs(&self) -> usize {
         match &self.method {
@@ -204,7 +215,8 @@ impl EigenbasisParameters {
             }
             Method::Exact(exact) => (exact.run(mesh, &operator, self.seed, monitor)?, self.method_name().name()),
         };
-        basis.metadata = serde_json::json!({"operator": operator.report, "method": method});
+        basis.metadata =
+            serde_json::json!({"operator": operator.report, "method": method, "parameters": self.to_be_recorded()});
         Ok(basis)
     }
 }

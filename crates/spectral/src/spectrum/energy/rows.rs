@@ -28,7 +28,7 @@ pub(super) struct Enclosure {
     pub(super) mass: [f64; CYCLE_WIDTH],
 }
 
-impl Energy {
+impl Energy<'_> {
     /// The rows of a patch of one half of [`residuals`](Self::residuals); `x` holds the patch and its first ring.
     #[expect(clippy::too_many_arguments, reason = "what one patch needs and what it adds to")]
     pub(super) fn patch_residuals(
@@ -92,10 +92,10 @@ impl Energy {
 
     /// Adds the terms of the enclosure on a patch, in double precision; `y` holds the patch and its first ring. `rests`, if there are as many, become
     /// `r − Ay`.
-    pub(super) fn enclose(
+    pub(super) fn enclose<T: Copy + Into<f64>>(
         &self,
         patch: &Patch,
-        y: &[CycleRow],
+        y: &[[T; CYCLE_WIDTH]],
         right: &[CycleRow],
         sigma: f64,
         found: &mut Enclosure,
@@ -113,7 +113,7 @@ impl Energy {
                     for (&(column, _), &value) in columns.iter().zip(values) {
                         let y = &y[column as usize];
                         for k in 0..CYCLE_WIDTH {
-                            ay[k] = value.mul_add(f64::from(y[k]), ay[k]);
+                            ay[k] = value.mul_add(y[k].into(), ay[k]);
                         }
                     }
                     let mut mass_y = [0.0; CYCLE_WIDTH];
@@ -122,20 +122,20 @@ impl Energy {
                             for (&(column, _), &value) in columns.iter().zip(values) {
                                 let y = &y[column as usize];
                                 for k in 0..CYCLE_WIDTH {
-                                    mass_y[k] = value.mul_add(f64::from(y[k]), mass_y[k]);
+                                    mass_y[k] = value.mul_add(y[k].into(), mass_y[k]);
                                 }
                             }
                         }
                         _ => {
                             for k in 0..CYCLE_WIDTH {
-                                mass_y[k] = self.lumped[global] * f64::from(own[k]);
+                                mass_y[k] = self.lumped[global] * own[k].into();
                             }
                         }
                     }
                     let (inverse, weight) = (1.0 / self.lumped[global], self.rounding[global]);
                     let mut rests = rests.get_mut(row);
                     for k in 0..CYCLE_WIDTH {
-                        let (r, y) = (f64::from(r[k]), f64::from(own[k]));
+                        let (r, y): (f64, f64) = (f64::from(r[k]), own[k].into());
                         let rest = r - ay[k] - shift * mass_y[k];
                         ay[k] = rest;
                         found.below[k] += y * (r + rest);

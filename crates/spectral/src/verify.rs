@@ -1,0 +1,496 @@
+//! An eigenbasis judged again from its mesh, by whoever received it.
+//!
+//! Nothing of a solver takes part: the operator is assembled anew, residuals and inner products are summed column by column from the functions as they are
+//! stored, and eigenvalues are counted by another factorisation ([`eigenvalues_below`]). For each pair some exact eigenvalue lies within
+//! `‖Sx − θMx‖_{M⁻¹} / ‖x‖_M` of its value; where the count below a shift in a gap between these intervals is the number of values below it, none is
+//! missing there.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::basis::{Basis, BasisError, Functions, Precision};
+use crate::operator::MeshOperator;
+use chladni_algebra::{DenseMatrix, FactorError, MassMatrix, SparseMatrix, eigenvalues_below};
+use chladni_base::{Cancelled, Monitor};
+
+/// What was found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verification {
+    /// Per pair the residual (4.6) of the function as it is stored; for the kernel `‖S x‖ / (‖S‖ ‖x‖)`.
+    pub residuals: Vec<f64>,
+    /// Per pair: some exact eigenvalue lies within this of the value, in 1/length² of the input.
+    pub distances: Vec<f64>,
+    /// The largest entry of `|ΦᵀMΦ − I|`.
+    pub orthonormality_defect: f64,
+    /// The counts that were made.
+    pub counts: Vec<Recount>,
+    /// The lowest so many pairs are the lowest eigenvalues, and none is missing among them; `None` where the basis claims no such thing.
+    pub proven: Option<usize>,
+    /// What is wrong. Empty where everything is as the basis says.
+    pub findings: Vec<Finding>,
+}
+
+/// Eigenvalues counted below a shift.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Recount {
+    /// The shift, in 1/length² of the input.
+    pub shift: f64,
+    /// How many there are.
+    pub below: usize,
+    /// How many the certificate says there are, where it counted at this shift.
+    pub claimed: Option<usize>,
+    /// How many values of the basis lie below.
+    pub values_below: usize,
+}
+
+/// Something that is not as the basis says.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Finding {
+    /// Parts of the basis do not fit each other or the mesh.
+    #[error("{0}")]
+    Shape(String),
+    /// A value is not finite, or less than the one before.
+    #[error("eigenvalue {pair} is {value}, after {before}")]
+    Order {
+        /// Its number, from 0.
+        pair: usize,
+        /// Its value.
+        value: f64,
+        /// The one before.
+        before: f64,
+    },
+    /// The mass of a vertex is another than that of the mesh.
+    #[error("the mass matrix is not that of the mesh: row {row} sums to {found}, not {expected}")]
+    Mass {
+        /// The row.
+        row: usize,
+        /// What the basis has.
+        found: f64,
+        /// What the mesh has.
+        expected: f64,
+    },
+    /// A function does not vanish where the boundary condition demands it.
+    #[error("function {pair} is {value} at vertex {vertex}, where the boundary condition holds it at zero")]
+    Boundary {
+        /// Its number, from 0.
+        pair: usize,
+        /// The vertex.
+        vertex: usize,
+        /// Its value there.
+        value: f64,
+    },
+    /// A function or a number of the certificate is not finite.
+    #[error("{what} of pair {pair} is not finite")]
+    NotFinite {
+        /// Its number, from 0.
+        pair: usize,
+        /// What.
+        what: &'static str,
+    },
+    /// The functions are less orthonormal than the certificate says.
+    #[error("the functions are {found:e} away from orthonormal, not {claimed:e}")]
+    Orthonormality {
+        /// As measured.
+        found: f64,
+        /// As the certificate has it.
+        claimed: f64,
+    },
+    /// A residual is another than the certificate says.
+    #[error("the residual of pair {pair} is {found:e}, not {claimed:e}")]
+    Residual {
+        /// Its number, from 0.
+        pair: usize,
+        /// As measured.
+        found: f64,
+        /// As the certificate has it.
+        claimed: f64,
+    },
+    /// A residual is above the tolerance.
+    #[error("the residual of pair {pair} is {found:e}, above the tolerance of {tolerance:e}")]
+    Tolerance {
+        /// Its number, from 0.
+        pair: usize,
+        /// As measured.
+        found: f64,
+        /// The tolerance.
+        tolerance: f64,
+    },
+    /// A value is not the Rayleigh quotient of its function.
+    #[error("eigenvalue {pair} is {value}, but its function has the Rayleigh quotient {quotient}")]
+    Quotient {
+        /// Its number, from 0.
+        pair: usize,
+        /// The value.
+        value: f64,
+        /// The quotient.
+        quotient: f64,
+    },
+    /// A bound promises more than its pair keeps.
+    #[error("the bound of pair {pair} is {claimed:e}, which is no bound")]
+    Bound {
+        /// Its number, from 0.
+        pair: usize,
+        /// As the certificate has it.
+        claimed: f64,
+    },
+    /// A count is another than the certificate says.
+    #[error("{found} eigenvalues lie below {shift}, not {claimed}")]
+    Count {
+        /// The shift.
+        shift: f64,
+        /// As counted now.
+        found: usize,
+        /// As the certificate has it.
+        claimed: usize,
+    },
+    /// Eigenvalues are missing, or counted twice.
+    #[error("{found} eigenvalues lie below {shift}, but the basis has {values} there")]
+    Missing {
+        /// The shift.
+        shift: f64,
+        /// Eigenvalues below it.
+        found: usize,
+        /// Values of the basis below it.
+        values: usize,
+    },
+    /// The basis claims to be complete, and no count can tell.
+    #[error("the basis claims that no eigenvalue is missing, which could not be confirmed: {reason}")]
+    Unconfirmed {
+        /// Why.
+        reason: String,
+    },
+}
+
+impl Serialize for Finding {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// Why a basis was not judged at all.
+#[derive(Debug, thiserror::Error)]
+pub enum VerifyError {
+    /// Its functions could not be read.
+    #[error(transparent)]
+    Functions(#[from] BasisError),
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// Values up to this, on unit area, count as zero.
+const KERNEL: f64 = 1e-6;
+
+/// Relative differences of residuals that are summed in another order.
+const SAME: f64 = 1e-2;
+
+/// A residual this small is one of rounding, and no other computation has the same.
+const ROUNDING: f64 = 1e-10;
+
+/// Columns whose products with the mass are held at once.
+const BLOCK: usize = 64;
+
+/// Gaps of less than this share of the value hold no shift.
+const LEAST_GAP: f64 = 1e-9;
+
+/// Judges `basis` by the `operator` of the mesh that it is said to be of. Stages: `residuals`, `orthonormality`, `count`.
+///
+/// The whole basis is held in double precision: `8 n m` bytes.
+///
+/// # Errors
+/// [`VerifyError`]: functions that cannot be read, or cancellation. Whatever is wrong with the basis itself is a [`Finding`].
+pub fn verify(basis: &Basis, operator: &MeshOperator, monitor: &dyn Monitor) -> Result<Verification, VerifyError> {
+    let mut verification = Verification {
+        residuals: Vec::new(),
+        distances: Vec::new(),
+        orthonormality_defect: f64::NAN,
+        counts: Vec::new(),
+        proven: None,
+        findings: shape_findings(basis, operator),
+    };
+    if !verification.findings.is_empty() {
+        return Ok(verification);
+    }
+    let subject = Subject { basis, operator, unit: storage_unit(basis) };
+    verification.findings.extend(subject.mass_findings());
+    monitor.stage("residuals");
+    let (functions, outside) = subject.functions()?;
+    verification.findings.extend(outside);
+    let judged: Vec<Judged> = (0..basis.count())
+        .into_par_iter()
+        .map(|pair| {
+            monitor.checkpoint()?;
+            Ok(subject.judge(pair, functions.column(pair)))
+        })
+        .collect::<Result<_, Cancelled>>()?;
+    for judged in judged {
+        verification.residuals.push(judged.residual);
+        verification.distances.push(judged.distance);
+        verification.findings.extend(judged.findings);
+    }
+    monitor.stage("orthonormality");
+    verification.orthonormality_defect = subject.defect(&functions, monitor)?;
+    let claimed = basis.certificate.orthonormality_defect;
+    // What is stored in fewer digits is less orthonormal than what was certified.
+    let allowed = 1.1 * claimed + 8.0 * subject.unit + 1e-11;
+    if !(verification.orthonormality_defect <= allowed) {
+        verification.findings.push(Finding::Orthonormality { found: verification.orthonormality_defect, claimed });
+    }
+    monitor.stage("count");
+    if basis.certificate.complete == Some(true) {
+        subject.count(&mut verification, monitor)?;
+    }
+    Ok(verification)
+}
+
+/// Half a unit in the last place of what is stored.
+fn storage_unit(basis: &Basis) -> f64 {
+    match &basis.functions {
+        Functions::Dense(dense) if dense.precision() == Precision::F32 => f64::from(f32::EPSILON) / 2.0,
+        _ => f64::EPSILON / 2.0,
+    }
+}
+
+fn shape_findings(basis: &Basis, operator: &MeshOperator) -> Vec<Finding> {
+    let (count, certificate) = (basis.count(), &basis.certificate);
+    let vertices = operator.laplacian().size();
+    let mut findings = Vec::new();
+    let mut differ = |what: &str, found: usize, expected: usize| {
+        if found != expected {
+            findings.push(Finding::Shape(format!("{found} {what}, where {expected} belong")));
+        }
+    };
+    differ("rows of functions", basis.vertices(), vertices);
+    differ("rows of the mass matrix", basis.mass.size(), vertices);
+    differ("residuals", certificate.residuals.len(), count);
+    differ("bounds", certificate.bounds.len(), count);
+    if !certificate.estimates.is_empty() {
+        differ("estimates", certificate.estimates.len(), count);
+    }
+    let mut before = f64::NEG_INFINITY;
+    for (pair, &value) in basis.eigenvalues.iter().enumerate() {
+        if !(value.is_finite() && value >= before) {
+            findings.push(Finding::Order { pair, value, before });
+        }
+        before = value;
+    }
+    findings
+}
+
+/// What is judged.
+struct Subject<'a> {
+    basis: &'a Basis,
+    operator: &'a MeshOperator,
+    /// Half a unit in the last place of what is stored.
+    unit: f64,
+}
+
+/// One pair.
+struct Judged {
+    residual: f64,
+    distance: f64,
+    findings: Vec<Finding>,
+}
+
+impl Subject<'_> {
+    fn mass_findings(&self) -> Option<Finding> {
+        let expected = self.operator.laplacian().mass.scaled(self.operator.problem.area);
+        let same_kind = matches!(
+            (&self.basis.mass, &expected),
+            (MassMatrix::Diagonal(_), MassMatrix::Diagonal(_)) | (MassMatrix::Sparse(_), MassMatrix::Sparse(_))
+        );
+        let ones = vec![1.0; expected.size()];
+        let ramp: Vec<f64> = (0..ones.len()).map(|k| 1.0 + (k % 7) as f64).collect();
+        let largest = expected.lumped().iter().fold(0.0, |most: f64, mass| most.max(mass.abs()));
+        for vector in [&ones, &ramp] {
+            let (found, expected) = (self.basis.mass.multiply(vector)?, expected.multiply(vector)?);
+            let differs = |(a, b): (&f64, &f64)| !((a - b).abs() <= 1e-9 * b.abs() + 1e-14 * largest);
+            if let Some(row) = found.iter().zip(&expected).position(differs) {
+                return Some(Finding::Mass { row, found: found[row], expected: expected[row] });
+            }
+        }
+        (!same_kind).then(|| Finding::Shape("the mass matrix is of another kind than that of the mesh".to_owned()))
+    }
+
+    /// The functions on the unknowns, for unit area; and the first that does not vanish elsewhere.
+    fn functions(&self) -> Result<(DenseMatrix, Option<Finding>), VerifyError> {
+        let (vertices, count) = (self.basis.vertices(), self.basis.count());
+        let scale = self.operator.problem.area.sqrt();
+        let mut all = self.basis.lift::<f64>(0..count)?;
+        all.par_iter_mut().for_each(|x| *x *= scale);
+        let Some(unknowns) = &self.operator.problem.unknowns else {
+            let functions = DenseMatrix::from_columns(vertices, count, all);
+            return Ok((functions.unwrap_or_default(), None));
+        };
+        let mut is_unknown = vec![false; vertices];
+        unknowns.iter().for_each(|&vertex| is_unknown[vertex as usize] = true);
+        let mut functions = DenseMatrix::zeros(unknowns.len(), count);
+        let mut outside = None;
+        for (pair, column) in all.chunks_exact(vertices.max(1)).enumerate() {
+            let own = functions.column_mut(pair);
+            unknowns.iter().zip(own).for_each(|(&vertex, to)| *to = column[vertex as usize]);
+            let held = (0..vertices).find(|&vertex| !is_unknown[vertex] && column[vertex] != 0.0);
+            outside = outside.or(held.map(|vertex| Finding::Boundary { pair, vertex, value: column[vertex] / scale }));
+        }
+        Ok((functions, outside))
+    }
+
+    fn judge(&self, pair: usize, x: &[f64]) -> Judged {
+        let problem = &self.operator.problem;
+        let (basis, certificate, area) = (self.basis, &self.basis.certificate, problem.area);
+        let value = basis.eigenvalues[pair];
+        let theta = value * area;
+        let mut findings = Vec::new();
+        let (sx, magnitudes, norm) = products(&problem.stiffness, x);
+        let mx = problem.mass.multiply(x).unwrap_or_default();
+        let lumped = problem.mass.lumped();
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let r: Vec<f64> = sx.iter().zip(&mx).map(|(s, m)| s - theta * m).collect();
+        let (mass, energy) = (dot(x, &mx), dot(x, &sx));
+        let length = |v: &[f64]| dot(v, v).sqrt();
+        let is_kernel = theta.abs() <= KERNEL;
+        let residual = if is_kernel { length(&sx) / (norm * length(x)) } else { length(&r) / length(&sx) };
+        // A consistent mass is at least a quarter of the lumped one.
+        let factor = if matches!(problem.mass, MassMatrix::Diagonal(_)) { 1.0 } else { 2.0 };
+        let rounding = |row: usize| 16.0 * f64::EPSILON * (magnitudes[row] + (theta * mx[row]).abs());
+        let dual: f64 =
+            r.iter().zip(&lumped).enumerate().map(|(row, (r, m))| (r.abs() + rounding(row)).powi(2) / m).sum();
+        let distance = factor * dual.sqrt() / mass.sqrt();
+        if !(residual.is_finite() && distance.is_finite()) {
+            findings.push(Finding::NotFinite { pair, what: "the function" });
+        }
+        let claimed = certificate.residuals[pair];
+        if !(is_kernel
+            || (residual - claimed).abs() <= SAME * claimed + ROUNDING + self.unit * norm * length(x) / length(&sx))
+        {
+            findings.push(Finding::Residual { pair, found: residual, claimed });
+        }
+        if let Some(tolerance) = certificate.tolerance
+            && !(residual <= tolerance * (1.0 + 1e-6))
+        {
+            findings.push(Finding::Tolerance { pair, found: residual, tolerance });
+        }
+        let quotient = energy / mass;
+        let terms: f64 = x.iter().zip(&magnitudes).map(|(x, s)| x.abs() * s).sum::<f64>() / mass;
+        // What storing the function changes of its quotient, to first and to second order.
+        let stored = 4.0 * self.unit * length(&r) * length(x) / mass + 4.0 * self.unit.powi(2) * terms;
+        let allowed = 1e-9 * theta.abs() + stored + 64.0 * f64::EPSILON * terms;
+        let projected = !certificate.projection_errors.is_empty();
+        if !(projected || (quotient - theta).abs() <= allowed.min(distance)) {
+            findings.push(Finding::Quotient { pair, value, quotient: quotient / area });
+        }
+        let bound = certificate.bounds[pair];
+        if !(bound >= 0.0) || (!projected && (quotient - theta).abs() > bound * area + allowed) {
+            findings.push(Finding::Bound { pair, claimed: bound });
+        }
+        Judged { residual, distance: distance / area, findings }
+    }
+
+    /// The largest entry of `|XᵀMX − I|`.
+    fn defect(&self, functions: &DenseMatrix, monitor: &dyn Monitor) -> Result<f64, Cancelled> {
+        let (n, count) = (functions.rows(), functions.columns());
+        let mut defect = 0f64;
+        for from in (0..count).step_by(BLOCK) {
+            monitor.checkpoint()?;
+            let to = count.min(from + BLOCK);
+            let columns: Vec<Vec<f64>> = (from..to)
+                .into_par_iter()
+                .map(|pair| self.operator.problem.mass.multiply(functions.column(pair)).unwrap_or_default())
+                .collect();
+            let Some(images) = DenseMatrix::from_columns(n, to - from, columns.concat()) else { return Ok(f64::NAN) };
+            let Some(gram) = functions.transposed_times(&images) else { return Ok(f64::NAN) };
+            for column in 0..to - from {
+                for (row, &entry) in gram.column(column).iter().enumerate() {
+                    let off = (entry - f64::from(u8::from(row == from + column))).abs();
+                    // Anything that is not a number counts as well.
+                    defect = if off <= defect { defect } else { off };
+                }
+            }
+        }
+        Ok(defect)
+    }
+
+    /// Counts at the highest shift of the certificate, and where that does not settle it in the highest gap between the values.
+    fn count(&self, verification: &mut Verification, monitor: &dyn Monitor) -> Result<(), Cancelled> {
+        let values = &self.basis.eigenvalues;
+        let ends: Vec<(f64, f64)> =
+            values.iter().zip(&verification.distances).map(|(value, reach)| (value - reach, value + reach)).collect();
+        let highest = |k: usize| ends[..k].iter().map(|end| end.1).fold(f64::NEG_INFINITY, f64::max);
+        let lowest = |k: usize| ends[k..].iter().map(|end| end.0).fold(f64::INFINITY, f64::min);
+        let claimed = self.basis.certificate.inertia.iter().max_by(|a, b| a.shift.total_cmp(&b.shift));
+        if claimed.is_none() {
+            let reason = "its certificate has no inertia count".to_owned();
+            verification.findings.push(Finding::Unconfirmed { reason });
+        }
+        if let Some(claim) = claimed {
+            monitor.checkpoint()?;
+            let values_below = values.partition_point(|&value| value < claim.shift);
+            match self.below(claim.shift) {
+                Ok(below) => {
+                    let recount = Recount { shift: claim.shift, below, claimed: Some(claim.below), values_below };
+                    verification.counts.push(recount);
+                    if below != claim.below {
+                        let (shift, claimed) = (claim.shift, claim.below);
+                        verification.findings.push(Finding::Count { shift, found: below, claimed });
+                    }
+                    if values_below == values.len() && below == values.len() && highest(values.len()) < claim.shift {
+                        verification.proven = Some(values.len());
+                    }
+                }
+                Err(error) => verification.findings.push(Finding::Unconfirmed { reason: error.to_string() }),
+            }
+        }
+        if verification.proven.is_some() || values.is_empty() {
+            return Ok(());
+        }
+        let gap = |k: usize| (highest(k), if k < values.len() { lowest(k) } else { f64::INFINITY });
+        let wide = |(from, to): (f64, f64)| to - from > LEAST_GAP * from.abs().max(to.abs().min(f64::MAX));
+        // Behind the last pair there may be others of its cluster, which nobody asked for.
+        let Some(k) = (1..values.len()).rev().find(|&k| wide(gap(k))) else {
+            let reason = "the intervals of the pairs leave no gap to count in".to_owned();
+            verification.findings.push(Finding::Unconfirmed { reason });
+            return Ok(());
+        };
+        monitor.checkpoint()?;
+        let (from, to) = gap(k);
+        let shift = 0.5 * (from + to);
+        match self.below(shift) {
+            Ok(below) => {
+                verification.counts.push(Recount { shift, below, claimed: None, values_below: k });
+                if below == k {
+                    verification.proven = Some(k);
+                } else {
+                    verification.findings.push(Finding::Missing { shift, found: below, values: k });
+                }
+            }
+            Err(error) => verification.findings.push(Finding::Unconfirmed { reason: error.to_string() }),
+        }
+        Ok(())
+    }
+
+    fn below(&self, shift: f64) -> Result<usize, FactorError> {
+        let problem = &self.operator.problem;
+        eigenvalues_below(&problem.stiffness, &problem.mass, shift * problem.area)
+    }
+}
+
+/// `S x`, the sums of the magnitudes of its terms, and the largest row sum of `|S|`.
+fn products(stiffness: &SparseMatrix, x: &[f64]) -> (Vec<f64>, Vec<f64>, f64) {
+    let mut norm = 0f64;
+    let sums = (0..stiffness.rows()).map(|row| {
+        let (columns, values) = stiffness.row(row);
+        let (mut sum, mut magnitude, mut row_sum) = (0.0, 0.0, 0.0);
+        for (&column, value) in columns.iter().zip(values) {
+            let term = value * x[column as usize];
+            (sum, magnitude, row_sum) = (sum + term, magnitude + term.abs(), row_sum + value.abs());
+        }
+        norm = norm.max(row_sum);
+        (sum, magnitude)
+    });
+    let (product, magnitudes) = sums.unzip();
+    (product, magnitudes, norm)
+}
+
+#[cfg(test)]
+#[path = "verify_tests.rs"]
+mod tests;

@@ -1,0 +1,195 @@
+//! `verify`: a basis judged again, from its mesh alone.
+
+use chladni_spectral::basis::Basis;
+use chladni_spectral::formats::npz;
+use chladni_spectral::operator;
+use chladni_spectral::verify::{Verification, verify as judge};
+use chladni_work::{EigenbasisParameters, JobError};
+
+use super::{CliError, MeshInput, StageBars, Table, grouped, number, seconds};
+use serde_json::{Value, json};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Judge an eigenbasis again, from its mesh: residuals, orthonormality, and a count of eigenvalues by another factorisation
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct VerifyArguments {
+    /// Eigenbasis, as solve --output or a server writes it
+    #[arg(value_name = "BASIS.npz")]
+    basis: PathBuf,
+
+    #[command(flatten)]
+    input: MeshInput,
+
+    /// Operator, where the basis does not say: as for solve
+    #[arg(long, value_name = "OPERATOR", help_heading = "Problem")]
+    operator: Option<String>,
+
+    /// Write a receipt, a JSON file: what was judged, by hashes, and what was found
+    #[arg(long, value_name = "FILE", help_heading = "Output", conflicts_with = "against")]
+    receipt: Option<PathBuf>,
+
+    /// Refuse files that are not those of this receipt
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
+    against: Option<PathBuf>,
+
+    /// Threads; 0 for one per core
+    #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Method")]
+    threads: usize,
+
+    /// Print one line of JSON instead of a table
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+
+    /// Draw no progress bars
+    #[arg(long, short = 'q', help_heading = "Output")]
+    quiet: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  chladni verify bunny.npz bunny.ply
+  chladni verify bunny.npz bunny.ply --receipt bunny.receipt.json     something to cite
+  chladni verify bunny.npz bunny.ply --against bunny.receipt.json     the same files, to the last bit?
+
+Exit codes: 0 everything is as the basis says; 1 something is not, or the files are not those of the receipt.";
+
+/// Findings that a table lists; JSON has all.
+const MOST_LISTED: usize = 20;
+
+/// Runs `chladni verify`.
+pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(arguments.threads)
+        .build()
+        .map_err(|error| CliError::Service(format!("cannot start {} threads: {error}", arguments.threads)))?;
+    let bars = StageBars::new(arguments.json || arguments.quiet);
+    let began = Instant::now();
+    bars.begin("read");
+    let read = |path: &Path| std::fs::read(path).map_err(|error| CliError::file("read", path, error));
+    let bytes = read(&arguments.basis)?;
+    let hashes = json!({
+        "basis": blake3::hash(&bytes).to_hex().as_str(),
+        "mesh": blake3::hash(&read(&arguments.input.mesh)?).to_hex().as_str(),
+    });
+    if let Some(path) = &arguments.against {
+        let text = read(path)?;
+        let receipt: Value = serde_json::from_slice(&text)
+            .map_err(|error| CliError::Usage(format!("{}: this is no receipt: {error}", path.display())))?;
+        for file in ["basis", "mesh"] {
+            if receipt["hashes"][file] != hashes[file] {
+                return Err(CliError::Refused(format!("the {file} is not the one of {}", path.display())));
+            }
+        }
+    }
+    let unreadable = |error: String| CliError::Refused(format!("{}: {error}", arguments.basis.display()));
+    let basis = npz::read(&bytes).map_err(|error| unreadable(error.to_string()))?;
+    drop(bytes);
+    let parameters = parameters(&basis, arguments.operator.as_deref())?;
+    let mesh = pool.install(|| arguments.input.load())?;
+    let outcome = pool.install(|| {
+        let operator = operator::assemble(&mesh, &parameters.operator, &bars).map_err(JobError::from)?;
+        judge(&basis, &operator, &bars).map_err(|error| unreadable(error.to_string()))
+    })?;
+    let total = began.elapsed().as_secs_f64();
+    bars.finish();
+    let receipt = receipt(&basis, &parameters, &outcome, &hashes, total);
+    if let Some(path) = &arguments.receipt {
+        std::fs::write(path, format!("{receipt:#}\n")).map_err(|error| CliError::file("write", path, error))?;
+    }
+    let text = if arguments.json { format!("{receipt}\n") } else { page(&basis, &outcome, total) };
+    std::io::stdout().write_all(text.as_bytes()).map_err(CliError::stdout)?;
+    Ok(if outcome.findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// The parameters of the job that made the basis; of them the operator counts.
+fn parameters(basis: &Basis, operator: Option<&str>) -> Result<EigenbasisParameters, CliError> {
+    let mut parameters = basis.metadata["parameters"].clone();
+    if let Some(text) = operator {
+        if !parameters.is_object() {
+            parameters = json!({});
+        }
+        parameters["operator"] = super::solve::operator(text)?;
+    }
+    if !parameters.is_object() || parameters.get("operator").is_none_or(Value::is_null) {
+        let reason = "this basis does not say which operator it is of; name it with --operator";
+        return Err(CliError::Usage(reason.to_owned()));
+    }
+    let problem = ["operator", "mass", "boundary"].map(|name| (name.to_owned(), parameters[name].clone()));
+    let given = problem.into_iter().filter(|(_, value)| !value.is_null()).collect();
+    let parameters = EigenbasisParameters::parse(&Value::Object(given))?;
+    if parameters.is_hodge() {
+        return Err(CliError::Usage("eigenfields (operator \"hodge\") cannot be judged yet".to_owned()));
+    }
+    Ok(parameters)
+}
+
+/// What was judged and what was found, to be cited.
+fn receipt(
+    basis: &Basis,
+    parameters: &EigenbasisParameters,
+    outcome: &Verification,
+    hashes: &Value,
+    total: f64,
+) -> Value {
+    let problem = parameters.canonical();
+    json!({
+        "verdict": if outcome.findings.is_empty() { "confirmed" } else { "refuted" },
+        "hashes": hashes,
+        "hash": "BLAKE3 of the files",
+        "verified_by": format!("chladni {}", env!("CARGO_PKG_VERSION")),
+        "operator": problem["operator"],
+        "mass": problem["mass"],
+        "boundary": problem["boundary"],
+        "solved_with": basis.metadata["parameters"],
+        "pairs": basis.count(),
+        "proven_complete": outcome.proven,
+        "findings": outcome.findings,
+        "counts": outcome.counts,
+        "orthonormality_defect": outcome.orthonormality_defect,
+        "eigenvalues": basis.eigenvalues,
+        "bounds": basis.certificate.bounds,
+        "residuals": outcome.residuals,
+        "distances": outcome.distances,
+        "seconds": total,
+    })
+}
+
+/// The same for people.
+fn page(basis: &Basis, outcome: &Verification, total: f64) -> String {
+    let largest = |values: &[f64]| values.iter().fold(0.0, |most: f64, value| most.max(*value));
+    let mut table = Table::new(&["verified", ""]);
+    let complete = match outcome.proven {
+        Some(proven) if proven == basis.count() => "yes, none is missing".to_owned(),
+        Some(proven) => format!("the lowest {} are, the rest is one cluster", grouped(proven)),
+        None if basis.certificate.complete == Some(true) => "not confirmed".to_owned(),
+        None => "the basis does not claim it".to_owned(),
+    };
+    for (name, value) in [
+        ("pairs", grouped(basis.count())),
+        ("complete", complete),
+        ("largest residual", number(largest(&outcome.residuals))),
+        ("orthonormality defect", number(outcome.orthonormality_defect)),
+        ("time", seconds(total)),
+    ] {
+        table.row([name.to_owned(), value]);
+    }
+    let mut text = format!("{table}\n");
+    for count in &outcome.counts {
+        let claimed = count.claimed.map_or(String::new(), |claimed| format!(" (the basis says {})", grouped(claimed)));
+        text += &format!("{} eigenvalues lie below {}{claimed}\n", grouped(count.below), number(count.shift));
+    }
+    if outcome.findings.is_empty() {
+        text += "everything is as the basis says\n";
+    }
+    for finding in outcome.findings.iter().take(MOST_LISTED) {
+        text += &format!("wrong: {finding}\n");
+    }
+    if let Some(more @ 1..) = outcome.findings.len().checked_sub(MOST_LISTED) {
+        text += &format!("and {} more; --json lists all\n", grouped(more));
+    }
+    text
+}
