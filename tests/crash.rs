@@ -9,11 +9,12 @@ use std::{
     os::unix::process::ExitStatusExt,
     path::Path,
     process::{Child, Command, ExitStatus, Stdio},
-    time::{Duration, Instant},
+    sync::{Arc, atomic::AtomicI64},
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
 use chladni::store::{
-    BasisFilter, JobFilter, JobRecord, JobStatus, PageRequest, Store, StoreOptions,
+    BasisFilter, Clock, JobFilter, JobRecord, JobStatus, PageRequest, Store, StoreOptions,
     fault::{FailPoint, Faults},
 };
 use serde_json::{Value, json};
@@ -167,8 +168,15 @@ async fn check(folder: &Path) -> Vec<JobRecord> {
         assert!(whole.unwrap().iter().all(|value| value.is_finite()));
         content.insert(basis.content_hash, basis.bytes);
     }
+    assert!(store.health().await.writable);
+    store.close().await;
+    drop(store);
+    // Content that nothing refers to is gone an hour after it was first seen.
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap() + Duration::from_secs(3601);
+    let later = Clock::manual(Arc::new(AtomicI64::new(now.as_millis() as i64)));
+    let store =
+        Store::open(StoreOptions { least_free_bytes: 0, clock: later, ..StoreOptions::new(folder) }).await.unwrap();
     let health = store.health().await;
-    assert!(health.writable);
     assert_eq!(health.blob_bytes, content.values().sum::<u64>(), "content that nothing refers to is gone");
     store.close().await;
     jobs

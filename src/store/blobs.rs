@@ -1,6 +1,6 @@
 //! Content by hash, in chunks: pending while it is written, ready once every chunk is verified.
 
-use std::{collections::HashSet, ops::Range};
+use std::ops::Range;
 
 use bytes::{Bytes, BytesMut};
 use futures_util::{Stream, stream};
@@ -8,7 +8,7 @@ use sqlx::Row;
 use tokio::sync::mpsc;
 use uuid::Uuid;
 
-use super::{Store, StoreError, database::WriteTransaction, fault::FailPoint};
+use super::{Store, StoreError, database::WriteTransaction, fault::FailPoint, pairing};
 
 /// Measured on this page size: 49 ms to write 16 MiB, against 109 ms as one value with pages of 4 KiB.
 pub(super) const PAGE_BYTES: u32 = 8 << 10;
@@ -234,7 +234,9 @@ impl Store {
     async fn finish_blob(&self, id: i64, hash: &str, bytes: u64) -> Result<(), StoreError> {
         self.verify_chunks(id, hash, bytes).await?;
         self.faults().meet(FailPoint::BeforeBlobReady);
+        let records = pairing::generation(&self.inner.meta).await?;
         let mut transaction = self.inner.blobs.write().await?;
+        transaction.remember(records).await?;
         let other: Option<i64> = sqlx::query_scalar("SELECT id FROM blobs WHERE hash = ? AND state = 'ready'")
             .bind(hash)
             .fetch_optional(transaction.on())
@@ -323,7 +325,9 @@ impl Store {
             if references > 0 {
                 continue;
             }
+            let records = pairing::generation(&self.inner.meta).await?;
             let mut transaction = self.inner.blobs.write().await?;
+            transaction.remember(records).await?;
             let ids: Vec<i64> = sqlx::query_scalar("SELECT id FROM blobs WHERE hash = ? AND state = 'ready'")
                 .bind(hash)
                 .fetch_all(transaction.on())
@@ -334,29 +338,6 @@ impl Store {
             transaction.commit().await?;
         }
         Ok(())
-    }
-
-    /// Deletes what a crash left behind: pending blobs, and ready ones that nothing refers to. Nothing else may run.
-    pub(super) async fn collect_orphans(&self) -> Result<u64, StoreError> {
-        let referenced: Vec<String> =
-            sqlx::query_scalar("SELECT content_hash FROM meshes UNION SELECT content_hash FROM bases")
-                .fetch_all(self.inner.meta.reader())
-                .await?;
-        let referenced: HashSet<String> = referenced.into_iter().collect();
-        let blobs = sqlx::query("SELECT id, hash, state FROM blobs").fetch_all(self.inner.blobs.reader()).await?;
-        let mut collected = 0;
-        for row in blobs {
-            let (id, hash, state) =
-                (row.try_get::<i64, _>("id")?, row.try_get::<String, _>("hash")?, row.try_get::<String, _>("state")?);
-            if state == "ready" && referenced.contains(&hash) {
-                continue;
-            }
-            let mut transaction = self.inner.blobs.write().await?;
-            delete_blob(&mut transaction, id).await?;
-            transaction.commit().await?;
-            collected += 1;
-        }
-        Ok(collected)
     }
 
     /// Bytes of all ready blobs.
@@ -425,7 +406,7 @@ impl BlobPlace {
     }
 }
 
-async fn delete_blob(transaction: &mut WriteTransaction, id: i64) -> Result<(), StoreError> {
+pub(super) async fn delete_blob(transaction: &mut WriteTransaction, id: i64) -> Result<(), StoreError> {
     sqlx::query("DELETE FROM chunks WHERE blob = ?").bind(id).execute(transaction.on()).await?;
     sqlx::query("DELETE FROM blobs WHERE id = ?").bind(id).execute(transaction.on()).await?;
     Ok(())

@@ -94,6 +94,19 @@ pub enum StoreError {
         /// The folder.
         folder: String,
     },
+    /// The two databases of the folder are not, or no longer, those that were used together.
+    #[error(
+        "{meta} and {blobs} do not belong together: {detail}. Nothing was changed. Put back both from one copy, or move both away to begin \
+         anew; `chladni doctor --pair` uses them as they are"
+    )]
+    Mismatch {
+        /// The database of records.
+        meta: String,
+        /// The database of content.
+        blobs: String,
+        /// What does not fit.
+        detail: String,
+    },
     /// Stored bytes are not what was stored.
     #[error("stored data is damaged: {detail}")]
     Corrupt {

@@ -9,7 +9,7 @@ use uuid::Uuid;
 
 use super::{
     JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions, bases::WrittenBasis, database::WriteTransaction,
-    detached, fault::FailPoint, jobs::job_from_row, to_json,
+    detached, fault::FailPoint, jobs::job_from_row, pairing, to_json,
 };
 
 /// A job and the lease on it.
@@ -227,11 +227,13 @@ impl Store {
         stage_seconds: &[(String, f64)],
     ) -> Result<CompleteAnswer, StoreError> {
         let now_ms = self.now_ms();
+        let reached = pairing::generation(&self.inner.blobs).await?;
         let mut transaction = self.inner.meta.write().await?;
         let Some(job) = leased_job(&mut transaction, token).await? else {
             transaction.rollback().await?;
             return Ok(CompleteAnswer::Lost);
         };
+        transaction.remember(reached).await?;
         if job.cancel_requested {
             let job = finish(&mut transaction, &job, JobStatus::Canceled, None, now_ms).await?;
             transaction.commit().await?;
@@ -333,13 +335,13 @@ impl Store {
     }
 
     /// Takes jobs from workers whose leases ran out: they are enqueued again after a pause, or failed as `worker-lost` after
-    /// their last attempt. Forgets old idempotency keys too.
+    /// their last attempt. Tends the rest of the house too: what is due now and then.
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin.
     pub async fn reap(&self) -> Result<Vec<Reaped>, StoreError> {
         let reaped = self.reap_leases(self.now_ms()).await?;
-        self.forget_old_keys().await?;
+        self.tend().await?;
         Ok(reaped)
     }
 

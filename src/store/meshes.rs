@@ -8,7 +8,7 @@ use sqlx::{QueryBuilder, Row, Sqlite, sqlite::SqliteRow};
 
 use super::{
     JobRecord, MeshRecord, NewMesh, Page, PageRequest, Store, StoreError, Stored, Weighed, blobs, detached, from_json,
-    jobs::job_from_row, to_json,
+    jobs::job_from_row, pairing, to_json,
 };
 
 /// The head of a mesh's canonical content; the counts of vertices and faces follow, u64 little-endian, then positions as
@@ -46,7 +46,9 @@ impl Store {
             Err(error) => return Err(error),
         }
         self.put_blob(&hash, &content).await?;
+        let reached = pairing::generation(&self.inner.blobs).await?;
         let mut transaction = self.inner.meta.write().await?;
+        transaction.remember(reached).await?;
         let inserted = sqlx::query(
             "INSERT INTO meshes (id, name, format, source_bytes, vertices, faces, report, content_hash, bytes, created_ms)
              VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO NOTHING",

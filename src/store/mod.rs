@@ -2,12 +2,13 @@
 //!
 //! Two SQLite databases lie in the data folder. `meta.db` knows what there is; `blobs.db` holds content by its BLAKE3 hash.
 //! Content is written first (chunks pending → hash verified → ready), then one transaction in `meta.db` makes it visible, so
-//! what a crash leaves behind is content that nothing refers to; it is collected when the store is opened next.
+//! what a crash leaves behind is content that nothing refers to; it is collected an hour later.
 //!
 //! | file | what |
 //! |---|---|
 //! | `database.rs`, `folder.rs` | connections, write transactions, the lock of the folder, free space |
-//! | `blobs.rs` | content in chunks |
+//! | `pairing.rs` | whether the two databases belong together |
+//! | `blobs.rs`, `orphans.rs` | content in chunks, and what becomes of it when nothing refers to it |
 //! | `meshes.rs`, `bases.rs`, `jobs.rs` | what clients see |
 //! | `columns.rs` | dense bases: written as they are computed, read in chunks |
 //! | `leases.rs` | what workers do: claim, heartbeat, complete, fail, release, reap |
@@ -25,7 +26,9 @@ mod jobs;
 mod leases;
 mod meshes;
 mod migrations;
+mod orphans;
 mod page;
+mod pairing;
 mod records;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -35,7 +38,7 @@ use std::{
     path::PathBuf,
     sync::{
         Arc,
-        atomic::{AtomicU64, Ordering},
+        atomic::{AtomicI64, AtomicU64, Ordering},
     },
     time::Duration,
 };
@@ -120,6 +123,8 @@ struct Inner {
     /// Held for reading from the moment a blob is written or found until something refers to it, and for writing while
     /// blobs that nothing refers to are deleted.
     blob_use: RwLock<()>,
+    /// When orphans were last looked for.
+    orphans_looked_ms: AtomicI64,
     bases: Cache<Uuid, Weighed<Product>, ByWeight>,
     /// Chunks of dense bases, by the hash of the content and the position.
     chunks: Cache<(String, usize), Weighed<Arc<ColumnChunk>>, ByWeight>,
@@ -152,16 +157,18 @@ impl<K, T> Weighter<K, Weighed<T>> for ByWeight {
 
 impl Store {
     /// Opens the data folder: makes it where it is missing, locks it, checks the databases and brings them up to date, gives
-    /// jobs back to the queue that a dead process was running, and collects content that nothing refers to.
+    /// jobs back to the queue that a dead process was running, and looks for content that nothing refers to.
     ///
     /// # Errors
-    /// [`StoreError::FolderInUse`] where another process has it open; [`StoreError::Version`], [`StoreError::Corrupt`],
+    /// [`StoreError::FolderInUse`] where another process has it open; [`StoreError::Mismatch`] where its databases do not belong together, and
+    /// nothing is changed; [`StoreError::Version`], [`StoreError::Corrupt`],
     /// [`StoreError::Folder`] where it cannot be used.
     pub async fn open(options: StoreOptions) -> Result<Self, StoreError> {
         let folder = {
             let path = options.folder.clone();
             blobs::blocking(move || DataFolder::open(&path)).await??
         };
+        pairing::check_files(&folder)?;
         let settings = |page_bytes, limit: Option<u64>, readers| DatabaseSettings {
             busy_timeout: options.busy_timeout,
             page_bytes,
@@ -169,8 +176,10 @@ impl Store {
             readers,
         };
         let meta = Database::open(&folder.file("meta.db"), settings(4096, None, 4), &migrations::meta()).await?;
+        pairing::check_content(&folder, &meta).await?;
         let blob_settings = settings(blobs::PAGE_BYTES, options.blob_bytes_limit, 4);
         let blobs = Database::open(&folder.file("blobs.db"), blob_settings, &migrations::blobs()).await?;
+        pairing::pair(&folder, &meta, &blobs, false).await?;
         let quarter = options.cache_bytes / 4;
         let store = Self {
             inner: Arc::new(Inner {
@@ -184,19 +193,23 @@ impl Store {
                 events: broadcast::channel(EVENTS_KEPT).0,
                 work: Notify::new(),
                 blob_use: RwLock::new(()),
+                orphans_looked_ms: AtomicI64::new(0),
                 hits: AtomicU64::new(0),
                 misses: AtomicU64::new(0),
             }),
         };
         // The folder is ours alone, so whoever holds a lease is dead.
         let reaped = store.reap_leases(i64::MAX).await?;
-        let collected = store.collect_orphans().await?;
-        if reaped.is_empty() && collected == 0 {
+        let unfinished = store.delete_pending().await?;
+        let look = store.look_for_orphans().await?;
+        if reaped.is_empty() && unfinished + look.condemned + look.deleted == 0 {
             tracing::debug!("opened the store");
         } else {
             tracing::info!(
                 jobs_recovered = reaped.len(),
-                blobs_collected = collected,
+                blobs_unfinished = unfinished,
+                blobs_condemned = look.condemned,
+                blobs_deleted = look.deleted,
                 "opened the store after an early end"
             );
         }
@@ -205,8 +218,18 @@ impl Store {
 
     /// Waits for running statements and closes the databases. Later calls are [`StoreError::Unavailable`].
     pub async fn close(&self) {
+        if let Err(error) = self.keep_pair().await {
+            tracing::debug!(%error, "the databases were not told of each other's end");
+        }
         self.inner.meta.close().await;
         self.inner.blobs.close().await;
+    }
+
+    /// What is due now and then: forgets old idempotency keys, looks for orphans, tells each database of the other.
+    async fn tend(&self) -> Result<(), StoreError> {
+        self.forget_old_keys().await?;
+        self.look_for_orphans_in_turn().await?;
+        self.keep_pair().await
     }
 
     /// How the storage feels; tries a small write in both databases.

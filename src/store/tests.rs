@@ -29,6 +29,15 @@ pub(super) async fn store() -> (Store, TempDir) {
     (Store::open(options(&folder)).await.unwrap(), folder)
 }
 
+/// Opens a store twice, an hour apart: what nothing refers to is gone.
+pub(super) async fn an_hour_later(folder: &TempDir) -> Store {
+    let first = Store::open(options(folder)).await.unwrap();
+    let later = Clock::manual(Arc::new(AtomicI64::new(first.now_ms() + orphans::REPRIEVE_MS + 1000)));
+    first.close().await;
+    drop(first);
+    Store::open(StoreOptions { clock: later, ..options(folder) }).await.unwrap()
+}
+
 pub(crate) fn mesh(seed: usize, vertices: usize) -> NewMesh {
     let positions = (0..vertices).map(|i| [i as f64, (i * i + seed) as f64, 0.5]).collect();
     let faces = (2..vertices as u32).map(|i| [0, i - 1, i]).collect();
@@ -517,7 +526,7 @@ async fn a_large_job_is_waited_for_and_not_overtaken() {
 }
 
 #[tokio::test]
-async fn orphans_are_collected_and_leases_of_the_dead_reaped_at_the_start() {
+async fn half_written_content_goes_and_leases_of_the_dead_are_reaped_at_the_start() {
     let (first, folder) = store().await;
     let id = first.add_mesh(mesh(1, 9)).await.unwrap().record.id;
     let kept = done(&first, &id, 1.0).await;
@@ -537,12 +546,12 @@ async fn orphans_are_collected_and_leases_of_the_dead_reaped_at_the_start() {
     first.close().await;
     drop(first);
     let second = Store::open(options(&folder)).await.unwrap();
-    assert!(matches!(second.blob_length(&hash).await, Err(StoreError::NotFound { .. })));
+    assert_eq!(second.blob_length(&hash).await.unwrap(), orphan.len() as u64, "an orphan has an hour");
     let counts: (i64, i64) = sqlx::query_as("SELECT (SELECT COUNT(*) FROM blobs), (SELECT COUNT(*) FROM chunks)")
         .fetch_one(second.inner.blobs.reader())
         .await
         .unwrap();
-    assert_eq!(counts, (2, 2), "the mesh and the basis, a chunk each");
+    assert_eq!(counts, (3, 3), "the mesh, the basis and the orphan, a chunk each");
     assert_eq!(*second.load_basis(kept).await.unwrap(), basis(1.0, 40));
     assert_eq!(second.job(running).await.unwrap().status, JobStatus::Enqueued);
 }
