@@ -391,6 +391,7 @@ struct ContentQuery {
         (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 416, description = "A problem: range-not-satisfiable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 500, description = "A problem: damaged-content", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
     ),
     security(("bearer" = ["read"]))
 )]

@@ -120,6 +120,8 @@ kinds! {
         "The request names a host that is not this server. A server on loopback without keys answers only to localhost, to addresses and to the names of --hosts.";
     ORIGIN_NOT_ALLOWED = "origin-not-allowed", 403, "The origin is not allowed",
         "A browser sent this from a page of another origin that the server was not told to trust.";
+    DAMAGED_CONTENT = "damaged-content", 500, "The stored content is damaged",
+        "The stored bytes are missing or not what was stored, and are not served. Upload the same mesh again, or submit the same job again: the content is written anew under the same ids. `chladni doctor` lists all damage.";
     STORAGE_FULL = "storage-full", 507, "The storage is full",
         "Nothing was stored. Reading goes on; writing works again once there is room.";
     STORAGE_BUSY = "storage-busy", 503, "The storage is busy",

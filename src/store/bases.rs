@@ -89,7 +89,7 @@ impl Store {
     /// eigenfunctions, which are read and verified chunk by chunk when they are needed, on threads that may block.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`]; [`StoreError::Corrupt`] where the content does not verify.
+    /// [`StoreError::NotFound`]; [`StoreError::Damaged`] where the content does not verify.
     pub async fn load_product(&self, id: Uuid) -> Result<Product, StoreError> {
         if let Some(found) = self.inner.bases.get(&id) {
             self.count_hit(true);
@@ -202,7 +202,8 @@ impl Store {
 }
 
 impl WrittenBasis {
-    /// Writes the record down as the result of a job.
+    /// Writes the record down as the result of a job. A job that was done anew, because its basis was damaged, gives the basis its old
+    /// identifier.
     pub async fn insert(
         &self,
         transaction: &mut WriteTransaction,
@@ -210,7 +211,11 @@ impl WrittenBasis {
         stage_seconds: &[(String, f64)],
         now_ms: i64,
     ) -> Result<Uuid, StoreError> {
-        let id = Uuid::now_v7();
+        let before: Option<String> = sqlx::query_scalar("DELETE FROM bases WHERE job = ? RETURNING id")
+            .bind(job.id.to_string())
+            .fetch_optional(transaction.on())
+            .await?;
+        let id = before.and_then(|id| Uuid::try_parse(&id).ok()).unwrap_or_else(Uuid::now_v7);
         let summary = &self.summary;
         let eigenvalues: Vec<u8> = summary.eigenvalues.iter().flat_map(|value| value.to_le_bytes()).collect();
         sqlx::query(

@@ -3,6 +3,9 @@
 use chladni_spectral::basis::ProductKind;
 use uuid::Uuid;
 
+/// How every message of [`StoreError::Damaged`] begins, so that it is known where it went through a text.
+pub const DAMAGE: &str = "stored content is damaged:";
+
 /// Why the store could not do what it was asked to. Nothing of a failed call is visible afterwards.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
@@ -107,7 +110,15 @@ pub enum StoreError {
         /// What does not fit.
         detail: String,
     },
-    /// Stored bytes are not what was stored.
+    /// The content of a mesh or basis is missing, or not what was stored. Sending or solving the same again writes it anew.
+    #[error("{DAMAGE} {hash}: {how}")]
+    Damaged {
+        /// The hash of the content.
+        hash: String,
+        /// What is wrong with it.
+        how: String,
+    },
+    /// A record or a database is not what was stored.
     #[error("stored data is damaged: {detail}")]
     Corrupt {
         /// What is damaged.

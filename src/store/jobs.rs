@@ -18,13 +18,23 @@ const KEY_LIFE_MS: i64 = 7 * 24 * 3600 * 1000;
 
 impl Store {
     /// Enqueues a job once: the same idempotency key gives the job that it gave before, and equal work that waits, runs or is
-    /// done gives that job. It is durable when this returns.
+    /// done gives that job. Where it is done and its basis is damaged, it is done anew, as the same job with the same basis. It is durable when
+    /// this returns.
     ///
     /// # Errors
     /// [`StoreError::NotFound`] for an unknown mesh, [`StoreError::IdempotencyConflict`], [`StoreError::QueueFull`].
     pub async fn enqueue(&self, new: NewJob) -> Result<Enqueued, StoreError> {
         let store = self.clone();
-        detached(async move { store.enqueue_now(new).await }).await
+        detached(async move {
+            let mut enqueued = store.enqueue_now(new).await?;
+            if let Some(basis) = enqueued.record.basis
+                && !store.basis_is_whole(basis).await?
+            {
+                enqueued.record = store.redo_job(enqueued.record.id).await?;
+            }
+            Ok(enqueued)
+        })
+        .await
     }
 
     async fn enqueue_now(&self, new: NewJob) -> Result<Enqueued, StoreError> {
@@ -218,19 +228,34 @@ impl Store {
         }
     }
 
-    /// Enqueues a failed or cancelled job again, with all its attempts. One that waits or runs stays as it is.
+    /// Enqueues a failed or cancelled job again, with all its attempts, or one whose basis is gone or damaged. One that waits or runs stays as it
+    /// is.
     ///
     /// # Errors
     /// [`StoreError::NotFound`], for its mesh too; [`StoreError::JobState`] where it has succeeded, is asked to stop, or
     /// where equal work is under way as another job; [`StoreError::QueueFull`].
     pub async fn retry_job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
         let store = self.clone();
-        detached(async move { store.retry_job_now(id).await }).await
+        detached(async move {
+            let redo = match store.job(id).await?.basis {
+                Some(basis) => !store.basis_is_whole(basis).await?,
+                None => false,
+            };
+            store.retry_job_now(id, redo).await
+        })
+        .await
     }
 
-    async fn retry_job_now(&self, id: Uuid) -> Result<JobRecord, StoreError> {
+    /// Enqueues a job again whose basis is damaged. The basis stays on record, and gets new content.
+    pub(super) async fn redo_job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
+        let job = self.retry_job_now(id, true).await?;
+        tracing::warn!(job = %id, "the basis of a job is damaged; it is solved anew");
+        Ok(job)
+    }
+
+    async fn retry_job_now(&self, id: Uuid, redo: bool) -> Result<JobRecord, StoreError> {
         let mut transaction = self.inner.meta.write().await?;
-        match self.requeue(&mut transaction, id).await {
+        match self.requeue(&mut transaction, id, redo).await {
             Ok((job, changed)) => {
                 transaction.commit().await?;
                 if changed {
@@ -245,13 +270,13 @@ impl Store {
         }
     }
 
-    async fn requeue(&self, on: &mut WriteTransaction, id: Uuid) -> Result<(JobRecord, bool), StoreError> {
+    async fn requeue(&self, on: &mut WriteTransaction, id: Uuid, redo: bool) -> Result<(JobRecord, bool), StoreError> {
         let job = read_job(on, id).await?;
         let refuse = |reason: String| Err(StoreError::JobState { job: id, status: job.status, reason });
         match job.status {
             JobStatus::Processing if job.cancel_requested => return refuse("it is being cancelled".to_owned()),
             JobStatus::Enqueued | JobStatus::Processing => return Ok((job, false)),
-            JobStatus::Succeeded if job.basis.is_some() => return refuse("its result is stored".to_owned()),
+            JobStatus::Succeeded if job.basis.is_some() && !redo => return refuse("its result is stored".to_owned()),
             JobStatus::Succeeded | JobStatus::Failed | JobStatus::Canceled => {}
         }
         let other = sqlx::query(
@@ -273,7 +298,7 @@ impl Store {
         }
         self.check_queue(on).await?;
         let row = sqlx::query(
-            "UPDATE jobs SET status = 'enqueued', attempt = 0, cancel_requested = 0, problem = NULL, stage = NULL,
+            "UPDATE jobs SET status = 'enqueued', attempt = 0, cancel_requested = 0, problem = NULL, basis = NULL, stage = NULL,
                 progress = NULL, detail = NULL, stage_seconds = '[]', enqueued_ms = ?1, not_before_ms = ?1, started_ms = NULL,
                 finished_ms = NULL, revision = revision + 1
              WHERE id = ?2 RETURNING *",

@@ -25,7 +25,8 @@ const TETRAHEDRON_BYTES: usize = 16;
 const ID_DIGITS: usize = 32;
 
 impl Store {
-    /// Stores a mesh, or finds it where the same content is known. A name or report of a known mesh stays as it was.
+    /// Stores a mesh, or finds it where the same content is known. A name or report of a known mesh stays as it was; content that was damaged is
+    /// written anew.
     ///
     /// # Errors
     /// [`StoreError::StorageFull`], [`StoreError::Busy`].
@@ -41,7 +42,10 @@ impl Store {
         let id = hash[..ID_DIGITS].to_owned();
         let _in_use = self.inner.blob_use.read().await;
         match self.mesh(&id).await {
-            Ok(record) => return Ok(Stored { record, created: false }),
+            Ok(record) => {
+                self.put_blob(&hash, &content).await?;
+                return Ok(Stored { record, created: false });
+            }
             Err(StoreError::NotFound { .. }) => {}
             Err(error) => return Err(error),
         }
@@ -181,7 +185,7 @@ impl Store {
     /// A mesh, from the cache or verified and decoded once however many ask.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`]; [`StoreError::Corrupt`] where the content does not verify.
+    /// [`StoreError::NotFound`]; [`StoreError::Damaged`] where the content does not verify.
     pub async fn load_mesh(&self, id: &str) -> Result<Arc<TriangleMesh>, StoreError> {
         if let Some(found) = self.inner.meshes.get(id) {
             self.count_hit(true);

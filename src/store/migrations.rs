@@ -17,6 +17,7 @@ const META: &[(&str, &str)] = &[
 const BLOBS: &[(&str, &str)] = &[
     ("0001_blobs", include_str!("../../migrations/blobs/0001_blobs.sql")),
     ("0002_identity", include_str!("../../migrations/blobs/0002_identity.sql")),
+    ("0003_chunk_hashes", include_str!("../../migrations/blobs/0003_chunk_hashes.sql")),
 ];
 
 /// What makes the tables of `meta.db`.

@@ -9,6 +9,7 @@
 //! | `database.rs`, `folder.rs` | connections, write transactions, the lock of the folder, free space |
 //! | `pairing.rs` | whether the two databases belong together |
 //! | `blobs.rs`, `orphans.rs` | content in chunks, and what becomes of it when nothing refers to it |
+//! | `integrity.rs`, `doctor.rs` | whether content is what was stored, and what is done where it is not |
 //! | `meshes.rs`, `bases.rs`, `jobs.rs` | what clients see |
 //! | `columns.rs` | dense bases: written as they are computed, read in chunks |
 //! | `leases.rs` | what workers do: claim, heartbeat, complete, fail, release, reap |
@@ -19,9 +20,11 @@ mod blobs;
 mod clock;
 mod columns;
 mod database;
+mod doctor;
 mod error;
 pub mod fault;
 mod folder;
+mod integrity;
 mod jobs;
 mod leases;
 mod meshes;
@@ -53,7 +56,8 @@ use database::{Database, DatabaseSettings};
 use folder::DataFolder;
 
 pub use clock::Clock;
-pub use error::StoreError;
+pub use doctor::{Examination, Finding};
+pub use error::{DAMAGE, StoreError};
 pub use leases::{Claim, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
 pub use page::{Page, PageRequest};
 pub use records::{
@@ -83,6 +87,8 @@ pub struct StoreOptions {
     pub retry_pause: Duration,
     /// The time.
     pub clock: Clock,
+    /// Pair databases that do not belong together as they are, instead of refusing them.
+    pub pair_anyway: bool,
     /// Faults for tests.
     pub faults: fault::Faults,
 }
@@ -102,6 +108,7 @@ impl StoreOptions {
             busy_timeout: Duration::from_secs(5),
             retry_pause: Duration::from_secs(1),
             clock: Clock::system(),
+            pair_anyway: false,
             faults: fault::Faults::default(),
         }
     }
@@ -125,6 +132,8 @@ struct Inner {
     blob_use: RwLock<()>,
     /// When orphans were last looked for.
     orphans_looked_ms: AtomicI64,
+    /// Which blobs were seen to be whole or damaged.
+    known: integrity::Known,
     bases: Cache<Uuid, Weighed<Product>, ByWeight>,
     /// Chunks of dense bases, by the hash of the content and the position.
     chunks: Cache<(String, usize), Weighed<Arc<ColumnChunk>>, ByWeight>,
@@ -168,7 +177,9 @@ impl Store {
             let path = options.folder.clone();
             blobs::blocking(move || DataFolder::open(&path)).await??
         };
-        pairing::check_files(&folder)?;
+        if !options.pair_anyway {
+            pairing::check_files(&folder)?;
+        }
         let settings = |page_bytes, limit: Option<u64>, readers| DatabaseSettings {
             busy_timeout: options.busy_timeout,
             page_bytes,
@@ -176,10 +187,12 @@ impl Store {
             readers,
         };
         let meta = Database::open(&folder.file("meta.db"), settings(4096, None, 4), &migrations::meta()).await?;
-        pairing::check_content(&folder, &meta).await?;
+        if !options.pair_anyway {
+            pairing::check_content(&folder, &meta).await?;
+        }
         let blob_settings = settings(blobs::PAGE_BYTES, options.blob_bytes_limit, 4);
         let blobs = Database::open(&folder.file("blobs.db"), blob_settings, &migrations::blobs()).await?;
-        pairing::pair(&folder, &meta, &blobs, false).await?;
+        pairing::pair(&folder, &meta, &blobs, options.pair_anyway).await?;
         let quarter = options.cache_bytes / 4;
         let store = Self {
             inner: Arc::new(Inner {
@@ -194,6 +207,7 @@ impl Store {
                 work: Notify::new(),
                 blob_use: RwLock::new(()),
                 orphans_looked_ms: AtomicI64::new(0),
+                known: integrity::Known::default(),
                 hits: AtomicU64::new(0),
                 misses: AtomicU64::new(0),
             }),

@@ -505,11 +505,11 @@ async fn damaged_content_is_told_and_not_served() {
     let mut transaction = store.inner.blobs.write().await.unwrap();
     sqlx::query("UPDATE chunks SET data = zeroblob(length(data))").execute(transaction.on()).await.unwrap();
     transaction.commit().await.unwrap();
-    assert!(matches!(store.load_mesh(&record.id).await, Err(StoreError::Corrupt { .. })));
+    assert!(matches!(store.load_mesh(&record.id).await, Err(StoreError::Damaged { .. })));
     let mut transaction = store.inner.blobs.write().await.unwrap();
     sqlx::query("DELETE FROM chunks").execute(transaction.on()).await.unwrap();
     transaction.commit().await.unwrap();
-    assert!(matches!(store.blob_bytes(&record.content_hash, 0..10).await, Err(StoreError::Corrupt { .. })));
+    assert!(matches!(store.blob_bytes(&record.content_hash, 0..10).await, Err(StoreError::Damaged { .. })));
 }
 
 #[tokio::test]
