@@ -1,13 +1,16 @@
 //! The command line: one file per command.
 
+mod backup;
 mod check;
 mod client;
 mod demo;
+mod doctor;
 mod error;
 mod field;
 mod input;
 mod memory;
 mod progress;
+mod restore;
 mod sample;
 pub mod serve;
 mod solve;
@@ -51,6 +54,9 @@ enum Command {
     Solve(Box<solve::SolveArguments>),
     Field(Box<field::FieldArguments>),
     Check(check::CheckArguments),
+    Backup(backup::BackupArguments),
+    Restore(restore::RestoreArguments),
+    Doctor(doctor::DoctorArguments),
     Sample(sample::SampleArguments),
     /// Print the OpenAPI document of the API
     Openapi,
@@ -74,6 +80,9 @@ pub fn main() -> ExitCode {
         Command::Solve(arguments) => solve::solve(*arguments),
         Command::Field(arguments) => field::field(*arguments),
         Command::Check(arguments) => check::check(arguments),
+        Command::Backup(arguments) => backup::backup(arguments),
+        Command::Restore(arguments) => restore::restore(arguments),
+        Command::Doctor(arguments) => doctor::doctor(arguments),
         Command::Sample(arguments) => sample::sample(arguments),
         Command::Openapi => openapi(),
     };

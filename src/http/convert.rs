@@ -47,6 +47,7 @@ impl From<StoreError> for Problem {
                 tracing::warn!(detail, "storage busy");
                 Self::new(&problem::STORAGE_BUSY, "The storage is busy. Nothing was stored; try again.").retry_after(1)
             }
+            StoreError::Moved { .. } => Self::new(&problem::STORAGE_REPLACED, text),
             StoreError::Damaged { hash, how } => {
                 tracing::error!(content = hash, how, "damaged content was asked for");
                 Self::damaged()

@@ -124,6 +124,8 @@ kinds! {
         "The stored bytes are missing or not what was stored, and are not served. Upload the same mesh again, or submit the same job again: the content is written anew under the same ids. `chladni doctor` lists all damage.";
     STORAGE_FULL = "storage-full", 507, "The storage is full",
         "Nothing was stored. Reading goes on; writing works again once there is room.";
+    STORAGE_REPLACED = "storage-replaced", 503, "The storage was removed or replaced",
+        "A database of the data folder was removed or replaced while the server ran. Nothing is stored any more. The server has to be stopped, the databases put back, and the server started.";
     STORAGE_BUSY = "storage-busy", 503, "The storage is busy",
         "The database was locked for too long. Nothing was stored; try again.";
     BUSY = "busy", 503, "The server is busy",
@@ -131,7 +133,7 @@ kinds! {
     DRAINING = "draining", 503, "The server is shutting down",
         "It finishes what runs and accepts nothing new.";
     NOT_READY = "not-ready", 503, "The server is not ready",
-        "The member `reasons` says why: storage-full, storage-unavailable, workers-dead or draining.";
+        "The member `reasons` says why: storage-full, storage-replaced, storage-unavailable, workers-dead or draining.";
     INTERNAL = "internal-error", 500, "Something went wrong in the server",
         "The fault is logged under the request id that the header X-Request-Id has.";
     UNREADABLE_MESH = "unreadable-mesh", 422, "The mesh cannot be read",

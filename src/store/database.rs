@@ -2,6 +2,7 @@
 
 use std::{
     path::{Path, PathBuf},
+    sync::Arc,
     time::Duration,
 };
 
@@ -12,7 +13,7 @@ use sqlx::{
     sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous},
 };
 
-use super::StoreError;
+use super::{StoreError, in_place::InPlace};
 
 /// Older ones can corrupt a database when the write-ahead log is reset: <https://www.sqlite.org/wal.html#walresetbug>.
 const LEAST_SQLITE: (u32, u32, u32) = (3, 51, 3);
@@ -37,6 +38,7 @@ pub(super) struct Database {
     writer: SqlitePool,
     reader: SqlitePool,
     path: PathBuf,
+    place: Arc<InPlace>,
 }
 
 impl Database {
@@ -77,7 +79,8 @@ impl Database {
             other => StoreError::Unavailable { detail: format!("{}: {other}", path.display()) },
         })?;
         let reader = pool().max_connections(settings.readers.max(1)).connect_with(reading).await?;
-        Ok(Self { writer, reader, path: path.to_owned() })
+        let place = Arc::new(InPlace::remember(path));
+        Ok(Self { writer, reader, path: path.to_owned(), place })
     }
 
     /// The connections for statements that only read.
@@ -86,8 +89,13 @@ impl Database {
     }
 
     /// Begins a write transaction, alone among writers from its first statement on.
+    ///
+    /// # Errors
+    /// [`StoreError::Moved`] where the files are not those that were opened.
     pub async fn write(&self) -> Result<WriteTransaction, StoreError> {
-        let mut transaction = WriteTransaction { connection: self.writer.acquire().await?, finished: false };
+        self.place.check()?;
+        let place = Arc::clone(&self.place);
+        let mut transaction = WriteTransaction { connection: self.writer.acquire().await?, finished: false, place };
         sqlx::query("BEGIN IMMEDIATE").execute(transaction.on()).await?;
         Ok(transaction)
     }
@@ -121,6 +129,7 @@ impl Database {
 pub(super) struct WriteTransaction {
     connection: PoolConnection<sqlx::Sqlite>,
     finished: bool,
+    place: Arc<InPlace>,
 }
 
 impl WriteTransaction {
@@ -130,10 +139,13 @@ impl WriteTransaction {
     }
 
     /// Makes everything durable and visible at once.
+    ///
+    /// # Errors
+    /// [`StoreError::Moved`] where the files went away meanwhile: what was written went with them.
     pub async fn commit(mut self) -> Result<(), StoreError> {
         sqlx::query("COMMIT").execute(self.on()).await?;
         self.finished = true;
-        Ok(())
+        self.place.check()
     }
 
     /// Gives up without closing the connection: for refusals, which are no trouble of the database.

@@ -132,6 +132,20 @@ pub enum StoreError {
         /// The least version.
         needed: &'static str,
     },
+    /// A file of a database is no longer the one that was opened: it was removed, or another was put in its place.
+    #[error(
+        "{path} was removed or replaced while it was in use; nothing is written any more. Stop the server, put both databases back, and start it"
+    )]
+    Moved {
+        /// The file.
+        path: String,
+    },
+    /// There are databases already where a backup is to be restored.
+    #[error("{file} exists; a backup is restored to a folder without databases")]
+    Occupied {
+        /// One of them.
+        file: String,
+    },
     /// The data folder or one of its files cannot be used.
     #[error("{path}: {source}")]
     Folder {

@@ -6,15 +6,17 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `database.rs`, `folder.rs` | connections, write transactions, the lock of the folder, free space |
+//! | `database.rs`, `folder.rs`, `in_place.rs` | connections, write transactions, the lock of the folder, free space, files that are replaced |
 //! | `pairing.rs` | whether the two databases belong together |
 //! | `blobs.rs`, `orphans.rs` | content in chunks, and what becomes of it when nothing refers to it |
+//! | `backup.rs`, `restore.rs` | copies of a folder in use, and folders made of them |
 //! | `integrity.rs`, `doctor.rs` | whether content is what was stored, and what is done where it is not |
 //! | `meshes.rs`, `bases.rs`, `jobs.rs` | what clients see |
 //! | `columns.rs` | dense bases: written as they are computed, read in chunks |
 //! | `leases.rs` | what workers do: claim, heartbeat, complete, fail, release, reap |
 //! | `fault.rs` | points at which a test makes the process die |
 
+mod backup;
 mod bases;
 mod blobs;
 mod clock;
@@ -24,6 +26,7 @@ mod doctor;
 mod error;
 pub mod fault;
 mod folder;
+mod in_place;
 mod integrity;
 mod jobs;
 mod leases;
@@ -33,6 +36,7 @@ mod orphans;
 mod page;
 mod pairing;
 mod records;
+mod restore;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -55,6 +59,7 @@ use chladni_spectral::basis::{ColumnChunk, Product};
 use database::{Database, DatabaseSettings};
 use folder::DataFolder;
 
+pub use backup::{BackupReport, backup};
 pub use clock::Clock;
 pub use doctor::{Examination, Finding};
 pub use error::{DAMAGE, StoreError};
@@ -64,6 +69,7 @@ pub use records::{
     BasisFilter, BasisRecord, BasisStorage, CacheStatistics, EnqueueOutcome, Enqueued, IdempotencyKey, JobEvent,
     JobFilter, JobProblem, JobRecord, JobStatus, MeshRecord, NewJob, NewMesh, StoreHealth, Stored, UnknownStatus,
 };
+pub use restore::restore;
 
 /// Job events that a slow listener may fall behind by.
 const EVENTS_KEPT: usize = 1024;
@@ -173,13 +179,14 @@ impl Store {
     /// nothing is changed; [`StoreError::Version`], [`StoreError::Corrupt`],
     /// [`StoreError::Folder`] where it cannot be used.
     pub async fn open(options: StoreOptions) -> Result<Self, StoreError> {
-        let folder = {
+        let mut folder = {
             let path = options.folder.clone();
             blobs::blocking(move || DataFolder::open(&path)).await??
         };
         if !options.pair_anyway {
             pairing::check_files(&folder)?;
         }
+        folder.lock_database()?;
         let settings = |page_bytes, limit: Option<u64>, readers| DatabaseSettings {
             busy_timeout: options.busy_timeout,
             page_bytes,
@@ -257,6 +264,7 @@ impl Store {
         let space = self.check_space(0);
         let full = space.is_err() || matches!(written, Err(StoreError::StorageFull { .. }));
         StoreHealth {
+            moved: matches!(written, Err(StoreError::Moved { .. })),
             writable: written.is_ok(),
             reason: written.and(space).err().map(|error| error.to_string()),
             full,
