@@ -3,6 +3,8 @@
 mod backup;
 mod check;
 mod client;
+#[cfg(unix)]
+mod crash_mark;
 mod demo;
 mod doctor;
 mod error;

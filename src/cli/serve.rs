@@ -26,6 +26,11 @@ pub fn serve(config: Config) -> Result<ExitCode, CliError> {
     runtime()?.block_on(async {
         let signals = Signals::install()?;
         let running = start(config).await?;
+        // From here on a crash may be the doing of a job.
+        #[cfg(unix)]
+        if let Err(error) = super::crash_mark::install(&running.store.crash_mark()) {
+            tracing::warn!(%error, "a crash would not be told from a kill");
+        }
         // One line for scripts, which may have asked for a free port; everything else goes to the log.
         writeln!(io::stdout(), "listening on {}", running.url()).map_err(CliError::stdout)?;
         signals.stop_on_first(running).await

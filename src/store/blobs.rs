@@ -108,10 +108,14 @@ impl Store {
     /// Writes content unless it is there already and whole: chunks pending → hash verified → ready. The caller holds
     /// `blob_use` for reading until something refers to the blob.
     pub(super) async fn put_blob(&self, hash: &str, content: &Bytes) -> Result<(), StoreError> {
-        match self.verify_blob(hash).await {
-            Ok(()) => return Ok(()),
-            // Missing or damaged: it is written anew.
-            Err(StoreError::Damaged { .. }) => {}
+        match self.blob_place(hash).await {
+            Ok(_) => match self.verify_blob(hash).await {
+                Ok(()) => return Ok(()),
+                // It is written anew.
+                Err(StoreError::Damaged { .. }) => {}
+                Err(error) => return Err(error),
+            },
+            Err(StoreError::NotFound { .. } | StoreError::Damaged { .. }) => {}
             Err(error) => return Err(error),
         }
         let id = self.begin_blob(hash, content.len() as u64).await?;

@@ -6,7 +6,7 @@ use chladni_spectral::formats::npz;
 
 use super::super::{
     fault::{FailPoint, FaultAction, Faults},
-    tests::{LEASE, basis, mesh, new_job, options, store},
+    tests::{LEASE, an_hour_later, basis, mesh, new_job, options, store},
     *,
 };
 

@@ -298,7 +298,8 @@ impl Store {
         }
         self.check_queue(on).await?;
         let row = sqlx::query(
-            "UPDATE jobs SET status = 'enqueued', attempt = 0, cancel_requested = 0, problem = NULL, basis = NULL, stage = NULL,
+            "UPDATE jobs SET status = 'enqueued', attempt = 0, cancel_requested = 0, problem = NULL, basis = NULL, deaths = 0,
+                interruptions = 0, stage = NULL,
                 progress = NULL, detail = NULL, stage_seconds = '[]', enqueued_ms = ?1, not_before_ms = ?1, started_ms = NULL,
                 finished_ms = NULL, revision = revision + 1
              WHERE id = ?2 RETURNING *",

@@ -11,6 +11,7 @@ const META: &[(&str, &str)] = &[
     ("0003_operator_report", include_str!("../../migrations/meta/0003_operator_report.sql")),
     ("0004_products", include_str!("../../migrations/meta/0004_products.sql")),
     ("0005_identity", include_str!("../../migrations/meta/0005_identity.sql")),
+    ("0006_deaths", include_str!("../../migrations/meta/0006_deaths.sql")),
 ];
 
 /// The steps of `blobs.db`.

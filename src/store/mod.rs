@@ -13,7 +13,7 @@
 //! | `integrity.rs`, `doctor.rs` | whether content is what was stored, and what is done where it is not |
 //! | `meshes.rs`, `bases.rs`, `jobs.rs` | what clients see |
 //! | `columns.rs` | dense bases: written as they are computed, read in chunks |
-//! | `leases.rs` | what workers do: claim, heartbeat, complete, fail, release, reap |
+//! | `leases.rs`, `deaths.rs` | what workers do: claim, heartbeat, complete, fail, release, reap; and what becomes of a job whose process died |
 //! | `fault.rs` | points at which a test makes the process die |
 
 mod backup;
@@ -22,6 +22,7 @@ mod blobs;
 mod clock;
 mod columns;
 mod database;
+mod deaths;
 mod doctor;
 mod error;
 pub mod fault;
@@ -219,8 +220,7 @@ impl Store {
                 misses: AtomicU64::new(0),
             }),
         };
-        // The folder is ours alone, so whoever holds a lease is dead.
-        let reaped = store.reap_leases(i64::MAX).await?;
+        let reaped = store.recover().await?;
         let unfinished = store.delete_pending().await?;
         let look = store.look_for_orphans().await?;
         if reaped.is_empty() && unfinished + look.condemned + look.deleted == 0 {

@@ -96,7 +96,7 @@ fn problem() -> JobProblem {
 }
 
 /// Enqueues, claims and completes a job.
-async fn done(store: &Store, mesh: &str, seed: f64) -> Uuid {
+pub(super) async fn done(store: &Store, mesh: &str, seed: f64) -> Uuid {
     store.enqueue(new_job(mesh, &format!("work {seed}"))).await.unwrap();
     let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
     match store.complete(claim.token, basis(seed, 40), vec![("eigen".to_owned(), 0.5)]).await.unwrap() {
@@ -519,10 +519,10 @@ async fn a_large_job_is_waited_for_and_not_overtaken() {
     for (work, memory_bytes) in [("large", 1000), ("small", 10)] {
         store.enqueue(NewJob { memory_bytes, ..new_job(&mesh, work) }).await.unwrap();
     }
-    assert!(store.claim_within("w", &[], LEASE, 999).await.unwrap().is_none());
-    let large = store.claim_within("w", &[], LEASE, 1000).await.unwrap().unwrap();
+    assert!(store.claim_within("w", &[], LEASE, 999, true).await.unwrap().is_none());
+    let large = store.claim_within("w", &[], LEASE, 1000, true).await.unwrap().unwrap();
     assert_eq!((large.job.work_key.as_str(), large.job.memory_bytes), ("large", 1000));
-    assert_eq!(store.claim_within("w", &[], LEASE, 10).await.unwrap().unwrap().job.work_key, "small");
+    assert_eq!(store.claim_within("w", &[], LEASE, 10, true).await.unwrap().unwrap().job.work_key, "small");
 }
 
 #[tokio::test]
