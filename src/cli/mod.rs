@@ -3,6 +3,7 @@
 mod backup;
 mod check;
 mod client;
+mod compact;
 #[cfg(unix)]
 mod crash_mark;
 mod demo;
@@ -59,6 +60,7 @@ enum Command {
     Backup(backup::BackupArguments),
     Restore(restore::RestoreArguments),
     Doctor(doctor::DoctorArguments),
+    Compact(compact::CompactArguments),
     Sample(sample::SampleArguments),
     /// Print the OpenAPI document of the API
     Openapi,
@@ -85,6 +87,7 @@ pub fn main() -> ExitCode {
         Command::Backup(arguments) => backup::backup(arguments),
         Command::Restore(arguments) => restore::restore(arguments),
         Command::Doctor(arguments) => doctor::doctor(arguments),
+        Command::Compact(arguments) => compact::compact(arguments),
         Command::Sample(arguments) => sample::sample(arguments),
         Command::Openapi => openapi(),
     };

@@ -91,6 +91,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`]; [`StoreError::Damaged`] where the content does not verify.
     pub async fn load_product(&self, id: Uuid) -> Result<Product, StoreError> {
+        self.use_basis(id);
         if let Some(found) = self.inner.bases.get(&id) {
             self.count_hit(true);
             return Ok(found.value);
@@ -221,8 +222,8 @@ impl WrittenBasis {
         sqlx::query(
             "INSERT INTO bases (id, mesh, job, kind, parameters, vertices, dimension, pairs, nonzeros, eigenvalues,
                 certificate, bytes, dense_bytes, content_hash, solver_version, stage_seconds, created_ms, storage, layout,
-                operator, row_count, details)
-             VALUES (?, ?, ?, ?, ?, (SELECT vertices FROM meshes WHERE id = ?), ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                operator, row_count, details, used_ms)
+             VALUES (?, ?, ?, ?, ?, (SELECT vertices FROM meshes WHERE id = ?), ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         )
         .bind(id.to_string())
         .bind(&job.mesh)
@@ -249,6 +250,7 @@ impl WrittenBasis {
         .bind(to_json(&summary.operator)?)
         .bind(summary.rows as i64)
         .bind(to_json(&summary.details)?)
+        .bind(now_ms)
         .execute(transaction.on())
         .await?;
         Ok(id)

@@ -206,6 +206,7 @@ impl Store {
             && delete_blob(&mut transaction, id).await.is_ok()
         {
             let _ = transaction.commit().await;
+            let _ = self.count_reusable().await;
         }
     }
 
@@ -271,6 +272,7 @@ impl Store {
         }
         transaction.commit().await?;
         self.inner.known.whole(hash);
+        self.count_reusable().await?;
         self.faults().meet(FailPoint::AfterBlobReady);
         Ok(())
     }
@@ -363,7 +365,7 @@ impl Store {
             }
             transaction.commit().await?;
         }
-        Ok(())
+        self.count_reusable().await
     }
 
     /// Bytes of all ready blobs.
@@ -372,17 +374,6 @@ impl Store {
             .fetch_one(self.inner.blobs.reader())
             .await?;
         Ok(bytes as u64)
-    }
-
-    /// Refuses content that would leave too little space.
-    pub(super) fn check_space(&self, bytes: u64) -> Result<(), StoreError> {
-        let least = self.inner.options.least_free_bytes;
-        match self.inner.folder.free_bytes() {
-            Some(free) if free.saturating_sub(bytes) < least => Err(StoreError::StorageFull {
-                detail: format!("{bytes} bytes would leave less than {least} of {free} free bytes"),
-            }),
-            _ => Ok(()),
-        }
     }
 }
 

@@ -7,7 +7,7 @@ use std::{
 };
 
 use sqlx::{
-    ConnectOptions, SqliteConnection, SqlitePool,
+    AssertSqlSafe, ConnectOptions, SqliteConnection, SqlitePool,
     migrate::Migrator,
     pool::PoolConnection,
     sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous},
@@ -72,6 +72,7 @@ impl Database {
         if std::fs::metadata(path).is_ok_and(|file| file.len() <= QUICK_CHECK_BYTES) {
             check_integrity(&writer, path).await?;
         }
+        make_incremental(&writer).await?;
         migrator.run(&writer).await.map_err(|error| match error {
             sqlx::migrate::MigrateError::Execute(error) | sqlx::migrate::MigrateError::ExecuteMigration(error, _) => {
                 StoreError::from(error)
@@ -112,6 +113,31 @@ impl Database {
         let mut transaction = self.write().await?;
         sqlx::query("UPDATE health SET checked_ms = ? WHERE id = 1").bind(now_ms).execute(transaction.on()).await?;
         transaction.commit().await
+    }
+
+    /// Gives up to so many free pages back to the disk, in a transaction.
+    pub async fn give_back(&self, pages: i64) -> Result<(), StoreError> {
+        self.place.check()?;
+        let sql = format!("PRAGMA incremental_vacuum({pages})");
+        // Each step gives one page back; all rows are to be fetched.
+        sqlx::query(AssertSqlSafe(sql)).fetch_all(&mut *self.writer.acquire().await?).await?;
+        Ok(())
+    }
+
+    /// Writes the database anew, without free pages and so that later ones can be given back.
+    pub async fn write_anew(&self) -> Result<(), StoreError> {
+        self.place.check()?;
+        let mut connection = self.writer.acquire().await?;
+        sqlx::query("PRAGMA auto_vacuum = INCREMENTAL").execute(&mut *connection).await?;
+        sqlx::query("VACUUM").execute(&mut *connection).await?;
+        Ok(())
+    }
+
+    /// Moves what is in the log to the database and cuts the log to nothing, as far as no reader needs it.
+    pub async fn truncate_log(&self) -> Result<(), StoreError> {
+        self.place.check()?;
+        sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").fetch_all(&mut *self.writer.acquire().await?).await?;
+        Ok(())
     }
 
     /// Waits for running statements and closes every connection.
@@ -170,6 +196,17 @@ async fn check_version(pool: &SqlitePool) -> Result<(), StoreError> {
     let mut next = || numbers.next().unwrap_or(0);
     if (next(), next(), next()) < LEAST_SQLITE {
         return Err(StoreError::Version { found, needed: LEAST_SQLITE_TEXT });
+    }
+    Ok(())
+}
+
+/// Lets a database that is made just now give pages back; one that has tables would have to be written anew.
+async fn make_incremental(pool: &SqlitePool) -> Result<(), StoreError> {
+    let objects: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM sqlite_master").fetch_one(pool).await?;
+    if objects == 0 {
+        let mut connection = pool.acquire().await?;
+        sqlx::query("PRAGMA auto_vacuum = INCREMENTAL").execute(&mut *connection).await?;
+        sqlx::query("VACUUM").execute(&mut *connection).await?;
     }
     Ok(())
 }

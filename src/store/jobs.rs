@@ -1,4 +1,4 @@
-//! Jobs as clients see them: enqueue, read, list, cancel, retry.
+//! Jobs as clients see them: enqueue, read, list, cancel, retry, delete.
 
 use sqlx::{QueryBuilder, Row, sqlite::SqliteRow};
 use uuid::Uuid;
@@ -49,6 +49,7 @@ impl Store {
             }
         };
         transaction.commit().await?;
+        self.use_mesh(&new.mesh);
         self.faults().meet(FailPoint::AfterEnqueue);
         if enqueued.outcome == EnqueueOutcome::Created {
             self.announce(&enqueued.record);
@@ -309,6 +310,64 @@ impl Store {
         .fetch_one(on.on())
         .await?;
         Ok((job_from_row(&row)?, true))
+    }
+
+    /// Deletes a job that has ended, with the idempotency keys that stand for it; with `cascade` its basis too.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`]; [`StoreError::JobState`] where it waits or runs, or, without `cascade`, where its basis is stored.
+    pub async fn delete_job(&self, id: Uuid, cascade: bool) -> Result<(), StoreError> {
+        let store = self.clone();
+        detached(async move { store.delete_job_now(id, cascade).await }).await
+    }
+
+    async fn delete_job_now(&self, id: Uuid, cascade: bool) -> Result<(), StoreError> {
+        let _alone = self.inner.blob_use.write().await;
+        let mut transaction = self.inner.meta.write().await?;
+        let basis = match self.take_job(&mut transaction, id, cascade).await {
+            Ok(basis) => basis,
+            Err(refusal) => {
+                transaction.rollback().await?;
+                return Err(refusal);
+            }
+        };
+        transaction.commit().await?;
+        let Some((basis, hash)) = basis else { return Ok(()) };
+        self.forget_basis(basis, &hash);
+        self.delete_unreferenced(&[hash]).await
+    }
+
+    /// Deletes the rows of a job, and gives the basis that went with it.
+    async fn take_job(
+        &self,
+        on: &mut WriteTransaction,
+        id: Uuid,
+        cascade: bool,
+    ) -> Result<Option<(Uuid, String)>, StoreError> {
+        let job = read_job(on, id).await?;
+        let refuse = |reason: String| Err(StoreError::JobState { job: id, status: job.status, reason });
+        if !job.status.is_finished() {
+            return refuse("it has to be cancelled before it is deleted".to_owned());
+        }
+        let basis = sqlx::query("SELECT id, content_hash FROM bases WHERE job = ?")
+            .bind(id.to_string())
+            .fetch_optional(on.on())
+            .await?
+            .map(|row| Ok::<_, StoreError>((uuid_column(&row, "id")?, row.try_get("content_hash")?)))
+            .transpose()?;
+        if let Some((basis, _)) = &basis
+            && !cascade
+        {
+            return refuse(format!("its basis {basis} is stored; delete that first, or pass cascade=true"));
+        }
+        for sql in [
+            "DELETE FROM bases WHERE job = ?",
+            "DELETE FROM idempotency_keys WHERE job = ?",
+            "DELETE FROM jobs WHERE id = ?",
+        ] {
+            sqlx::query(sql).bind(id.to_string()).execute(on.on()).await?;
+        }
+        Ok(basis)
     }
 
     /// Forgets idempotency keys that are older than a week.

@@ -353,7 +353,10 @@ impl Store {
     /// [`StoreError::Busy`] and its kin.
     pub async fn reap(&self) -> Result<Vec<Reaped>, StoreError> {
         let reaped = self.reap_leases(self.now_ms()).await?;
-        self.tend().await?;
+        // What was reaped is to be heard of, whatever becomes of the rest.
+        if let Err(error) = self.tend().await {
+            tracing::warn!(%error, "the house could not be tended");
+        }
         Ok(reaped)
     }
 

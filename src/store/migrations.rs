@@ -12,6 +12,7 @@ const META: &[(&str, &str)] = &[
     ("0004_products", include_str!("../../migrations/meta/0004_products.sql")),
     ("0005_identity", include_str!("../../migrations/meta/0005_identity.sql")),
     ("0006_deaths", include_str!("../../migrations/meta/0006_deaths.sql")),
+    ("0007_last_use", include_str!("../../migrations/meta/0007_last_use.sql")),
 ];
 
 /// The steps of `blobs.db`.

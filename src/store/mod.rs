@@ -12,6 +12,7 @@
 //! | `backup.rs`, `restore.rs` | copies of a folder in use, and folders made of them |
 //! | `integrity.rs`, `doctor.rs` | whether content is what was stored, and what is done where it is not |
 //! | `meshes.rs`, `bases.rs`, `jobs.rs` | what clients see |
+//! | `last_use.rs`, `retention.rs`, `space.rs` | what is kept, and for how long; room, and how it comes back |
 //! | `columns.rs` | dense bases: written as they are computed, read in chunks |
 //! | `leases.rs`, `deaths.rs` | what workers do: claim, heartbeat, complete, fail, release, reap; and what becomes of a job whose process died |
 //! | `fault.rs` | points at which a test makes the process die |
@@ -30,6 +31,7 @@ mod folder;
 mod in_place;
 mod integrity;
 mod jobs;
+mod last_use;
 mod leases;
 mod meshes;
 mod migrations;
@@ -38,6 +40,8 @@ mod page;
 mod pairing;
 mod records;
 mod restore;
+mod retention;
+mod space;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -71,6 +75,8 @@ pub use records::{
     JobFilter, JobProblem, JobRecord, JobStatus, MeshRecord, NewJob, NewMesh, StoreHealth, Stored, UnknownStatus,
 };
 pub use restore::restore;
+pub use retention::{Removed, Retention};
+pub use space::Compacted;
 
 /// Job events that a slow listener may fall behind by.
 const EVENTS_KEPT: usize = 1024;
@@ -94,6 +100,8 @@ pub struct StoreOptions {
     pub retry_pause: Duration,
     /// The time.
     pub clock: Clock,
+    /// What is kept, and for how long.
+    pub retention: Retention,
     /// Pair databases that do not belong together as they are, instead of refusing them.
     pub pair_anyway: bool,
     /// Faults for tests.
@@ -115,6 +123,7 @@ impl StoreOptions {
             busy_timeout: Duration::from_secs(5),
             retry_pause: Duration::from_secs(1),
             clock: Clock::system(),
+            retention: Retention::default(),
             pair_anyway: false,
             faults: fault::Faults::default(),
         }
@@ -139,6 +148,12 @@ struct Inner {
     blob_use: RwLock<()>,
     /// When orphans were last looked for.
     orphans_looked_ms: AtomicI64,
+    /// When meshes and bases were used.
+    uses: last_use::Uses,
+    /// Bytes of free pages within the blob database.
+    reusable_bytes: AtomicU64,
+    /// When retention was last looked after.
+    retained_ms: AtomicI64,
     /// Which blobs were seen to be whole or damaged.
     known: integrity::Known,
     bases: Cache<Uuid, Weighed<Product>, ByWeight>,
@@ -215,11 +230,15 @@ impl Store {
                 work: Notify::new(),
                 blob_use: RwLock::new(()),
                 orphans_looked_ms: AtomicI64::new(0),
+                uses: last_use::Uses::default(),
+                reusable_bytes: AtomicU64::new(0),
+                retained_ms: AtomicI64::new(0),
                 known: integrity::Known::default(),
                 hits: AtomicU64::new(0),
                 misses: AtomicU64::new(0),
             }),
         };
+        store.count_reusable().await?;
         let reaped = store.recover().await?;
         let unfinished = store.delete_pending().await?;
         let look = store.look_for_orphans().await?;
@@ -239,17 +258,24 @@ impl Store {
 
     /// Waits for running statements and closes the databases. Later calls are [`StoreError::Unavailable`].
     pub async fn close(&self) {
-        if let Err(error) = self.keep_pair().await {
-            tracing::debug!(%error, "the databases were not told of each other's end");
+        let ended = async {
+            self.write_uses().await?;
+            self.keep_pair().await
+        };
+        if let Err(error) = ended.await {
+            tracing::debug!(%error, "the last notes were not written down");
         }
         self.inner.meta.close().await;
         self.inner.blobs.close().await;
     }
 
-    /// What is due now and then: forgets old idempotency keys, looks for orphans, tells each database of the other.
+    /// What is due now and then: forgets old idempotency keys, deletes what is not kept, looks for orphans, gives free pages back, tells each database of the
+    /// other.
     async fn tend(&self) -> Result<(), StoreError> {
         self.forget_old_keys().await?;
+        self.retain_in_turn().await?;
         self.look_for_orphans_in_turn().await?;
+        self.give_back().await?;
         self.keep_pair().await
     }
 

@@ -22,6 +22,11 @@ pub async fn restore(backup: &Path, data: &Path) -> Result<Examination, StoreErr
         there(&file)?;
     }
     let folder = DataFolder::open(data)?;
+    let workshop = data.join(WORKSHOP);
+    if finish(data, &workshop)? {
+        drop(folder);
+        return examine(data).await;
+    }
     for file in files(data) {
         if std::fs::metadata(&file).is_ok_and(|found| found.len() > 0) {
             return Err(StoreError::Occupied { file: file.display().to_string() });
@@ -36,7 +41,6 @@ pub async fn restore(backup: &Path, data: &Path) -> Result<Examination, StoreErr
         let path = path.display().to_string();
         move |source| StoreError::Folder { path, source }
     };
-    let workshop = data.join(WORKSHOP);
     if workshop.exists() {
         std::fs::remove_dir_all(&workshop).map_err(trouble(&workshop))?;
     }
@@ -57,7 +61,7 @@ pub async fn restore(backup: &Path, data: &Path) -> Result<Examination, StoreErr
     store.close().await;
     drop(store);
     let examined = examined?;
-    // Content first: records without content would be refused, content without records too, and neither is lost.
+    // Content first: see `finish`. A server refuses content without records, and deletes nothing.
     for (from, to) in files(&workshop).into_iter().zip(files(data)) {
         std::fs::File::open(&from).and_then(|file| file.sync_all()).map_err(trouble(&from))?;
         std::fs::rename(&from, &to).map_err(trouble(&to))?;
@@ -66,4 +70,24 @@ pub async fn restore(backup: &Path, data: &Path) -> Result<Examination, StoreErr
     std::fs::remove_dir_all(&workshop).map_err(trouble(&workshop))?;
     drop(folder);
     Ok(examined)
+}
+
+/// Finishes a restore that ended between the moves of the two files, which were verified before.
+fn finish(data: &Path, workshop: &Path) -> Result<bool, StoreError> {
+    let ([content, records], [waiting_content, waiting_records]) = (files(data), files(workshop));
+    let half = content.exists() && !records.exists() && waiting_records.exists() && !waiting_content.exists();
+    if half {
+        let trouble = |source| StoreError::Folder { path: records.display().to_string(), source };
+        std::fs::rename(&waiting_records, &records).map_err(trouble)?;
+        sync_folder(data)?;
+        std::fs::remove_dir_all(workshop).map_err(trouble)?;
+    }
+    Ok(half)
+}
+
+async fn examine(data: &Path) -> Result<Examination, StoreError> {
+    let store = Store::open(StoreOptions { least_free_bytes: 0, ..StoreOptions::new(data) }).await?;
+    let examined = store.examine(false).await;
+    store.close().await;
+    examined
 }
