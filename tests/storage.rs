@@ -130,9 +130,9 @@ async fn a_flipped_bit_is_told_and_healed_by_sending_the_same_again() {
     server.stop();
     assert!(chladni(&["doctor", "--data", data]).status.success());
 
-    // A vertex of the torus, as the database has it, and some of the basis. Not the first: of what lies on a leaf of the tree there are old copies.
+    // A vertex of the torus, as the database has it, and some of the basis. One of the last: of what lies on a leaf of the tree there are old copies.
     let text = process::torus();
-    let line = text.lines().nth(2 + 200).unwrap();
+    let line = text.lines().nth(2 + 280).unwrap();
     let vertex: Vec<u8> = line.split(' ').flat_map(|x| x.parse::<f64>().unwrap().to_le_bytes()).collect();
     flip(folder.path(), &vertex);
     flip(folder.path(), middle(&content));
@@ -230,13 +230,14 @@ async fn a_server_stops_in_order_while_a_matrix_is_ordered() {
         let answer = server.client.post(format!("{}/v1/meshes?format=ply", server.url)).body(sphere.clone()).send();
         let mesh: Value = answer.await.unwrap().json().await.unwrap();
         let id = mesh["id"].as_str().unwrap();
-        let job = server.submit_with(id, json!({"method": "sim", "count": 10})).await.unwrap();
+        let job = server.submit_with(id, json!({"method": "hsim", "count": 300})).await.unwrap();
         let begun = Instant::now();
-        while server.job_now(&job).await["stage"].is_null() {
+        // The matrix is ordered for a second or more of this stage.
+        while server.job_now(&job).await["stage"] != "hierarchy" {
             assert!(begun.elapsed() < PATIENCE);
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
-        tokio::time::sleep(Duration::from_millis(150 * round)).await;
+        tokio::time::sleep(Duration::from_millis(200 + 200 * round)).await;
         server.stop();
     }
 }
