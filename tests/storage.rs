@@ -218,6 +218,23 @@ async fn a_lock_file_that_is_deleted_lets_nobody_in() {
 }
 
 #[tokio::test]
+async fn a_server_that_is_to_keep_nothing_keeps_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(folder.path(), &[]);
+    stored(&server).await;
+    server.stop();
+    let server = Server::start(folder.path(), &["--keep-bases", "0", "--keep-meshes", "0", "--keep-jobs", "0"]);
+    let begun = Instant::now();
+    for kind in ["bases", "meshes", "jobs"] {
+        while get(&server, &format!("/v1/{kind}")).await.json::<Value>().await.unwrap()["items"] != json!([]) {
+            assert!(begun.elapsed() < PATIENCE, "{kind}");
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    }
+    server.stop();
+}
+
+#[tokio::test]
 async fn a_server_stops_in_order_while_a_matrix_is_ordered() {
     let folder = tempfile::tempdir().unwrap();
     let sphere = folder.path().join("sphere.ply");

@@ -188,8 +188,8 @@ fn resource(record: JobRecord, status: StatusCode) -> Response {
 }
 
 /// Jobs are not begun while the storage is full, since their results could not be stored.
-fn say_why_it_waits(state: &AppState, job: &mut JobRecord) {
-    if job.status == JobStatus::Enqueued && !state.store.has_space() {
+fn say_why_it_waits(has_space: bool, job: &mut JobRecord) {
+    if job.status == JobStatus::Enqueued && !has_space {
         job.detail = Some("waits until the storage has room for its result".to_owned());
     }
 }
@@ -231,7 +231,8 @@ async fn list(
 ) -> Result<Json<PageOf<JobResource>>, Problem> {
     let filter = JobFilter { status: query.status.map(Into::into), kind: query.kind, mesh: query.mesh };
     let mut page = state.store.jobs(&filter, &super::page(query.limit, query.from)?).await?;
-    page.items.iter_mut().for_each(|job| say_why_it_waits(&state, job));
+    let has_space = state.store.has_space();
+    page.items.iter_mut().for_each(|job| say_why_it_waits(has_space, job));
     Ok(Json(PageOf::of(page, JobResource::from)))
 }
 
@@ -306,7 +307,7 @@ async fn show(
     if conditional_on && known(&record) {
         return Ok(StatusCode::NOT_MODIFIED.into_response());
     }
-    say_why_it_waits(&state, &mut record);
+    say_why_it_waits(state.store.has_space(), &mut record);
     let mut response = resource(record, StatusCode::OK);
     response.headers_mut().remove(header::LOCATION);
     Ok(response)

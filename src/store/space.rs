@@ -117,8 +117,14 @@ impl Store {
             let pages = Pages::of(database).await?;
             compacted.before += pages.file_bytes();
             if pages.incremental {
-                while Pages::of(database).await?.free > 0 {
+                let mut free = pages.free;
+                while free > 0 {
                     database.give_back(PAGES_AT_ONCE).await?;
+                    let left = Pages::of(database).await?.free;
+                    if left >= free {
+                        break;
+                    }
+                    free = left;
                 }
             } else {
                 database.write_anew().await?;

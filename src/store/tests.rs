@@ -368,6 +368,48 @@ async fn attempts_are_bounded_and_pauses_grow() {
 }
 
 #[tokio::test]
+async fn a_clock_that_goes_back_holds_no_job() {
+    let folder = tempfile::tempdir().unwrap();
+    let hands = Arc::new(AtomicI64::new(1_000_000_000));
+    let store =
+        Store::open(StoreOptions { clock: Clock::manual(Arc::clone(&hands)), ..options(&folder) }).await.unwrap();
+    let id = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    store.enqueue(new_job(&id, "w")).await.unwrap();
+    let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
+    store.fail(claim.token, &problem(), true).await.unwrap();
+    assert!(store.claim("w", &[], LEASE).await.unwrap().is_none(), "there is a pause");
+    hands.fetch_sub(5 * 3600 * 1000, Ordering::Relaxed);
+    assert!(store.claim("w", &[], LEASE).await.unwrap().is_some());
+}
+
+#[tokio::test]
+async fn a_job_that_may_have_crashed_a_server_runs_alone() {
+    let (first, folder) = store().await;
+    let id = first.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    for work in ["a", "b", "c"] {
+        first.enqueue(new_job(&id, work)).await.unwrap();
+    }
+    let suspects =
+        [first.claim("w", &[], LEASE).await.unwrap().unwrap(), first.claim("w", &[], LEASE).await.unwrap().unwrap()];
+    std::fs::write(first.crash_mark(), "11\n").unwrap();
+    first.close().await;
+    drop(first);
+    let later = Clock::manual(Arc::new(AtomicI64::new(Clock::system().now_ms() + 60_000)));
+    Store::open(options(&folder)).await.unwrap().close().await;
+    let store = Store::open(StoreOptions { clock: later, ..options(&folder) }).await.unwrap();
+    for suspect in &suspects {
+        let job = store.job(suspect.job.id).await.unwrap();
+        assert_eq!((job.status, job.attempt), (JobStatus::Enqueued, 0));
+        assert!(job.problem.unwrap().detail.contains("signal 11"));
+    }
+    // The first in the queue is a suspect: nobody takes it, or another in its stead, while something runs.
+    assert!(store.claim_within("w", &[], LEASE, u64::MAX, false).await.unwrap().is_none());
+    let claim = store.claim_within("w", &[], LEASE, u64::MAX, true).await.unwrap().unwrap();
+    assert_eq!((claim.job.id, claim.alone), (suspects[0].job.id, true));
+    assert_eq!(std::fs::read_to_string(store.crash_mark()).unwrap(), "", "counted once");
+}
+
+#[tokio::test]
 async fn a_job_is_cancelled_at_once_or_at_its_end() {
     let (store, _folder) = store().await;
     let id = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
