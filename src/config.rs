@@ -84,6 +84,10 @@ pub struct Config {
     #[arg(long, value_name = "BYTES", env = "CHLADNI_LEAST_FREE_BYTES", default_value = "256MiB", value_parser = bytes, help_heading = "Storage")]
     pub least_free_bytes: u64,
 
+    /// What is kept, and for how long.
+    #[command(flatten)]
+    pub keep: Keep,
+
     /// Jobs that run at once
     #[arg(long, value_name = "N", env = "CHLADNI_WORKERS", default_value_t = 1, value_parser = at_least_one, help_heading = "Work")]
     pub workers: usize,
@@ -137,6 +141,38 @@ pub struct Config {
     /// What is logged, and how.
     #[command(flatten)]
     pub logs: LogSettings,
+}
+
+/// What is kept, and for how long; everything for ever unless told otherwise. What a job in the queue needs is always kept.
+#[derive(Debug, Clone, PartialEq, Eq, Default, clap::Args)]
+pub struct Keep {
+    /// Seconds after their end for which jobs without a stored basis are kept
+    #[arg(long, value_name = "SECONDS", env = "CHLADNI_KEEP_JOB_SECONDS", value_parser = seconds, help_heading = "Retention")]
+    pub keep_job_seconds: Option<Duration>,
+
+    /// Ended jobs without a stored basis that are kept, the latest ones
+    #[arg(long, value_name = "N", env = "CHLADNI_KEEP_JOBS", help_heading = "Retention")]
+    pub keep_jobs: Option<u64>,
+
+    /// Seconds after their last use for which bases are kept
+    #[arg(long, value_name = "SECONDS", env = "CHLADNI_KEEP_BASIS_SECONDS", value_parser = seconds, help_heading = "Retention")]
+    pub keep_basis_seconds: Option<Duration>,
+
+    /// Bases that are kept, the last used ones
+    #[arg(long, value_name = "N", env = "CHLADNI_KEEP_BASES", help_heading = "Retention")]
+    pub keep_bases: Option<u64>,
+
+    /// Seconds after their last use for which meshes without bases are kept
+    #[arg(long, value_name = "SECONDS", env = "CHLADNI_KEEP_MESH_SECONDS", value_parser = seconds, help_heading = "Retention")]
+    pub keep_mesh_seconds: Option<Duration>,
+
+    /// Meshes that are kept, the last used ones; those with bases stay
+    #[arg(long, value_name = "N", env = "CHLADNI_KEEP_MESHES", help_heading = "Retention")]
+    pub keep_meshes: Option<u64>,
+
+    /// Bytes of content that are kept: beyond, what was not used for longest goes, bases and meshes without bases
+    #[arg(long, value_name = "BYTES", env = "CHLADNI_KEEP_BYTES", value_parser = bytes, help_heading = "Retention")]
+    pub keep_bytes: Option<u64>,
 }
 
 /// What one request may ask for; beyond, it is refused with a problem of its own type.
@@ -282,6 +318,7 @@ impl Default for Config {
             data: PathBuf::from("chladni-data"),
             cache_bytes: GIB,
             least_free_bytes: 256 * MIB,
+            keep: Keep::default(),
             workers: 1,
             threads: 0,
             solve_threads: 0,

@@ -2,142 +2,25 @@
 //! lost, no basis is half visible, content verifies, attempts are bounded.
 #![cfg(unix)]
 
+mod process;
+
 use std::{
     collections::HashMap,
-    fmt::Write as _,
-    io::{BufRead, BufReader},
     os::unix::process::ExitStatusExt,
     path::Path,
-    process::{Child, Command, ExitStatus, Stdio},
-    time::{Duration, Instant},
+    sync::{Arc, atomic::AtomicI64},
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
 use chladni::store::{
-    BasisFilter, JobFilter, JobRecord, JobStatus, PageRequest, Store, StoreOptions,
+    BasisFilter, Clock, JobFilter, JobRecord, JobStatus, PageRequest, Store, StoreOptions,
     fault::{FailPoint, Faults},
 };
+use process::{PATIENCE, Server};
 use serde_json::{Value, json};
 
+const SIGABRT: i32 = 6;
 const SIGKILL: i32 = 9;
-const PATIENCE: Duration = Duration::from_secs(120);
-
-/// A server process of its own.
-struct Server {
-    process: Child,
-    url: String,
-    client: reqwest::Client,
-}
-
-impl Server {
-    fn start(folder: &Path, settings: &[&str]) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_chladni"))
-            .args([
-                "serve",
-                "--listen",
-                "127.0.0.1:0",
-                "--threads",
-                "1",
-                "--least-free-bytes",
-                "0",
-                "--log-level",
-                "error",
-            ])
-            .arg("--data")
-            .arg(folder)
-            .args(settings)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let url = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line:?}")).to_owned();
-        Self { process, url, client: reqwest::Client::new() }
-    }
-
-    async fn upload(&self) -> String {
-        let answer = self.client.post(format!("{}/v1/meshes?format=off", self.url)).body(torus()).send().await.unwrap();
-        assert!(answer.status().is_success(), "{}", answer.text().await.unwrap());
-        answer.json::<Value>().await.unwrap()["id"].as_str().unwrap().to_owned()
-    }
-
-    /// Asks for a basis of so many functions; the job's identifier if the server lived to acknowledge it.
-    async fn submit(&self, mesh: &str, count: usize) -> Option<String> {
-        self.submit_with(mesh, json!({"count": count})).await
-    }
-
-    async fn submit_with(&self, mesh: &str, parameters: Value) -> Option<String> {
-        let request = json!({"kind": "eigenbasis", "mesh": mesh, "parameters": parameters});
-        let answer = self.client.post(format!("{}/v1/jobs", self.url)).json(&request).send().await.ok()?;
-        let status = answer.status();
-        let job = answer.json::<Value>().await.ok()?;
-        assert!(status.is_success(), "{status}: {job}");
-        Some(job["id"].as_str().unwrap().to_owned())
-    }
-
-    async fn job(&self, id: &str) -> Value {
-        let answer = self.client.get(format!("{}/v1/jobs/{id}?wait=5s", self.url)).send().await.unwrap();
-        assert!(answer.status().is_success(), "job {id} was acknowledged and is lost");
-        answer.json().await.unwrap()
-    }
-
-    /// Waits until a job is finished.
-    async fn finished(&self, id: &str) -> Value {
-        let begun = Instant::now();
-        loop {
-            let job = self.job(id).await;
-            if ["succeeded", "failed", "canceled"].contains(&job["status"].as_str().unwrap()) {
-                return job;
-            }
-            assert!(begun.elapsed() < PATIENCE, "{job}");
-        }
-    }
-
-    /// Waits until the process has ended by itself.
-    fn ended(mut self) -> ExitStatus {
-        let begun = Instant::now();
-        loop {
-            if let Some(status) = self.process.try_wait().unwrap() {
-                return status;
-            }
-            assert!(begun.elapsed() < PATIENCE, "the server is still alive");
-            std::thread::sleep(Duration::from_millis(10));
-        }
-    }
-
-    fn kill(mut self) {
-        self.process.kill().unwrap();
-        self.process.wait().unwrap();
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        // A test that failed leaves no server behind; one that has ended already is no trouble.
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-/// A torus of 24 × 12 vertices as OFF.
-fn torus() -> String {
-    let (around, across) = (24, 12);
-    let mut text = format!("OFF\n{} {} 0\n", around * across, 2 * around * across);
-    for i in 0..around {
-        for j in 0..across {
-            let (u, v) = (std::f64::consts::TAU * i as f64 / 24.0, std::f64::consts::TAU * j as f64 / 12.0);
-            let radius = 2.0 + 0.7 * v.cos();
-            writeln!(text, "{} {} {}", radius * u.cos(), radius * u.sin(), 0.7 * v.sin()).unwrap();
-        }
-    }
-    let vertex = |i: usize, j: usize| (i % around) * across + j % across;
-    for i in 0..around {
-        for j in 0..across {
-            let (a, b, c, d) = (vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1));
-            writeln!(text, "3 {a} {b} {c}\n3 {a} {c} {d}").unwrap();
-        }
-    }
-    text
-}
 
 /// Opens the folder after the server is gone and checks everything that must hold of what is stored.
 async fn check(folder: &Path) -> Vec<JobRecord> {
@@ -167,8 +50,15 @@ async fn check(folder: &Path) -> Vec<JobRecord> {
         assert!(whole.unwrap().iter().all(|value| value.is_finite()));
         content.insert(basis.content_hash, basis.bytes);
     }
+    assert!(store.health().await.writable);
+    store.close().await;
+    drop(store);
+    // Content that nothing refers to is gone an hour after it was first seen.
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap() + Duration::from_secs(3601);
+    let later = Clock::manual(Arc::new(AtomicI64::new(now.as_millis() as i64)));
+    let store =
+        Store::open(StoreOptions { least_free_bytes: 0, clock: later, ..StoreOptions::new(folder) }).await.unwrap();
     let health = store.health().await;
-    assert!(health.writable);
     assert_eq!(health.blob_bytes, content.values().sum::<u64>(), "content that nothing refers to is gone");
     store.close().await;
     jobs
@@ -239,26 +129,63 @@ async fn a_kill_while_columns_are_written_leaves_no_half_of_them() {
 }
 
 #[tokio::test]
-async fn a_job_that_kills_every_server_is_given_up() {
+async fn a_job_that_crashes_its_server_twice_is_quarantined() {
     let folder = tempfile::tempdir().unwrap();
     let server = Server::start(folder.path(), &[]);
     let mesh = server.upload().await;
     server.kill();
-    let settings = ["--fault", "mid-run:kill", "--max-attempts", "2"];
+    let settings = ["--fault", "mid-run:abort"];
     let server = Server::start(folder.path(), &settings);
     // The server may be gone before its answer arrives; the job is on record all the same.
     server.submit(&mesh, 6).await;
-    assert_eq!(server.ended().signal(), Some(SIGKILL));
+    assert_eq!(server.ended().signal(), Some(SIGABRT));
     let server = Server::start(folder.path(), &settings);
-    assert_eq!(server.ended().signal(), Some(SIGKILL), "it took the job up again");
-    let server = Server::start(folder.path(), &settings);
+    assert_eq!(server.ended().signal(), Some(SIGABRT), "it took the job up again");
+    let server = Server::start(folder.path(), &[]);
     let jobs =
         server.client.get(format!("{}/v1/jobs", server.url)).send().await.unwrap().json::<Value>().await.unwrap();
-    let job = server.finished(jobs["items"][0]["id"].as_str().unwrap()).await;
-    assert_eq!((job["status"].as_str(), job["attempt"].as_u64()), (Some("failed"), Some(2)), "{job}");
-    assert!(job["problem"].to_string().contains("worker-lost"), "{job}");
+    let id = jobs["items"][0]["id"].as_str().unwrap();
+    let job = server.finished(id).await;
+    assert_eq!((job["status"].as_str(), job["attempt"].as_u64()), (Some("failed"), Some(1)), "{job}");
+    assert!(job["problem"].to_string().contains("quarantined"), "{job}");
+    // Whoever mends the cause has it tried again.
+    let retried = server.client.post(format!("{}/v1/jobs/{id}/retry", server.url)).send().await.unwrap();
+    assert!(retried.status().is_success());
+    assert_eq!(server.finished(id).await["status"], "succeeded");
     server.kill();
     check(folder.path()).await;
+}
+
+#[tokio::test]
+async fn a_job_survives_more_kills_of_its_server_than_it_has_attempts() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(folder.path(), &[]);
+    let mesh = server.upload().await;
+    server.kill();
+    // It is at its first checkpoint, and stays there.
+    let settings = ["--fault", "mid-run:stall", "--max-attempts", "1"];
+    for round in 0..5 {
+        let server = Server::start(folder.path(), &settings);
+        server.submit(&mesh, 6).await.unwrap();
+        let begun = Instant::now();
+        loop {
+            let jobs = server.client.get(format!("{}/v1/jobs", server.url)).send().await.unwrap();
+            let jobs = jobs.json::<Value>().await.unwrap();
+            assert_eq!(jobs["items"].as_array().unwrap().len(), 1, "round {round}");
+            if jobs["items"][0]["status"] == "processing" {
+                break;
+            }
+            assert!(begun.elapsed() < PATIENCE, "round {round}: {jobs}");
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        server.kill();
+    }
+    let jobs = check(folder.path()).await;
+    assert_eq!((jobs[0].status, jobs[0].attempt), (JobStatus::Enqueued, 0));
+    let server = Server::start(folder.path(), &["--max-attempts", "1"]);
+    let job = server.finished(&jobs[0].id.to_string()).await;
+    assert_eq!((job["status"].as_str(), job["attempt"].as_u64()), (Some("succeeded"), Some(1)), "{job}");
+    server.kill();
 }
 
 #[tokio::test]

@@ -1,13 +1,19 @@
 //! The command line: one file per command.
 
+mod backup;
 mod check;
 mod client;
+mod compact;
+#[cfg(unix)]
+mod crash_mark;
 mod demo;
+mod doctor;
 mod error;
 mod field;
 mod input;
 mod memory;
 mod progress;
+mod restore;
 mod sample;
 pub mod serve;
 mod solve;
@@ -54,6 +60,10 @@ enum Command {
     Field(Box<field::FieldArguments>),
     Check(check::CheckArguments),
     Verify(Box<verify::VerifyArguments>),
+    Backup(backup::BackupArguments),
+    Restore(restore::RestoreArguments),
+    Doctor(doctor::DoctorArguments),
+    Compact(compact::CompactArguments),
     Sample(sample::SampleArguments),
     /// Print the OpenAPI document of the API
     Openapi,
@@ -78,6 +88,10 @@ pub fn main() -> ExitCode {
         Command::Field(arguments) => field::field(*arguments),
         Command::Check(arguments) => check::check(arguments),
         Command::Verify(arguments) => verify::verify(*arguments),
+        Command::Backup(arguments) => backup::backup(arguments),
+        Command::Restore(arguments) => restore::restore(arguments),
+        Command::Doctor(arguments) => doctor::doctor(arguments),
+        Command::Compact(arguments) => compact::compact(arguments),
         Command::Sample(arguments) => sample::sample(arguments),
         Command::Openapi => openapi(),
     };

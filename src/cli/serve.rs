@@ -6,7 +6,7 @@ use super::{CliError, memory};
 use crate::config::Config;
 use crate::http::{self, AppState};
 use crate::queue::{QueueObserver, Solver, WorkerOptions, WorkerPool};
-use crate::store::{JobStatus, Store, StoreOptions, fault::Faults};
+use crate::store::{JobStatus, Retention, Store, StoreOptions, fault::Faults};
 use crate::telemetry::{Metrics, start_logs};
 use std::io::{self, Write};
 use std::net::SocketAddr;
@@ -26,6 +26,11 @@ pub fn serve(config: Config) -> Result<ExitCode, CliError> {
     runtime()?.block_on(async {
         let signals = Signals::install()?;
         let running = start(config).await?;
+        // From here on a crash may be the doing of a job.
+        #[cfg(unix)]
+        if let Err(error) = super::crash_mark::install(&running.store.crash_mark()) {
+            tracing::warn!(%error, "a crash would not be told from a kill");
+        }
         // One line for scripts, which may have asked for a free port; everything else goes to the log.
         writeln!(io::stdout(), "listening on {}", running.url()).map_err(CliError::stdout)?;
         signals.stop_on_first(running).await
@@ -107,6 +112,15 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
     let mut options = StoreOptions::new(&config.data);
     options.cache_bytes = config.cache_bytes;
     options.least_free_bytes = config.least_free_bytes;
+    options.retention = Retention {
+        job_age: config.keep.keep_job_seconds,
+        jobs: config.keep.keep_jobs,
+        basis_age: config.keep.keep_basis_seconds,
+        bases: config.keep.keep_bases,
+        mesh_age: config.keep.keep_mesh_seconds,
+        meshes: config.keep.keep_meshes,
+        bytes: config.keep.keep_bytes,
+    };
     options.queued_jobs_limit = Some(config.limits.max_queued_jobs as u64);
     match config.fault.as_deref() {
         Some("gpu-lost") => accelerator.lose_once(),

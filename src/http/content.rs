@@ -182,6 +182,7 @@ struct ContentQuery {
         (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 416, description = "A problem: range-not-satisfiable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 500, description = "A problem: damaged-content", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
     ),
     security(("bearer" = ["read"]))
 )]
@@ -207,6 +208,7 @@ async fn basis_content(
             return match immutable("", "npz", record.bytes).wanted(&headers)? {
                 Wanted::Known(response) => Ok(response),
                 Wanted::Bytes(range, mut response) => {
+                    state.store.check_content(&record.content_hash, &range).await?;
                     *response.body_mut() = Body::from_stream(state.store.blob_stream(&record.content_hash, range));
                     Ok(response)
                 }
@@ -229,6 +231,7 @@ async fn basis_content(
             return Ok(match whole.wanted(&headers)? {
                 Wanted::Known(response) => response,
                 Wanted::Bytes(range, mut response) => {
+                    state.store.check_content(hash, &columns).await?;
                     *response.body_mut() = head_and_blob(&state, hash, head, columns, range);
                     response
                 }

@@ -10,7 +10,7 @@ use chladni_spectral::basis::{BasisError, ColumnError};
 use chladni_work::ParameterError;
 
 use super::problem::{self, Problem};
-use crate::store::StoreError;
+use crate::store::{DAMAGE, StoreError};
 
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
@@ -47,8 +47,23 @@ impl From<StoreError> for Problem {
                 tracing::warn!(detail, "storage busy");
                 Self::new(&problem::STORAGE_BUSY, "The storage is busy. Nothing was stored; try again.").retry_after(1)
             }
+            StoreError::Moved { .. } => Self::new(&problem::STORAGE_REPLACED, text),
+            StoreError::Damaged { hash, how } => {
+                tracing::error!(content = hash, how, "damaged content was asked for");
+                Self::damaged()
+            }
             other => Self::internal(other),
         }
+    }
+}
+
+impl Problem {
+    /// Content that is not what was stored. It is not served, and nobody keeps this answer.
+    fn damaged() -> Self {
+        Self::new(
+            &problem::DAMAGED_CONTENT,
+            "The stored content is damaged or missing. It is repaired by uploading the same mesh again, or by submitting the same job again.",
+        )
     }
 }
 
@@ -92,6 +107,9 @@ impl From<BasisError> for Problem {
             BasisError::Vertex { .. } => Self::new(&problem::INVALID_VERTEX, sentence(&error)),
             BasisError::Unavailable { error: ColumnError::Gone, .. } => {
                 Self::new(&problem::UNKNOWN_BASIS, "The basis was deleted meanwhile.")
+            }
+            BasisError::Unavailable { error: ColumnError::Failed(text), .. } if text.starts_with(DAMAGE) => {
+                Self::damaged()
             }
             BasisError::Unavailable { .. } | BasisError::Inconsistent => Self::internal(error),
         }

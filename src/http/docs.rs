@@ -102,7 +102,7 @@ fn add_common_problems(document: &mut utoipa::openapi::OpenApi) {
         components.responses.insert(name.to_owned(), answer.into());
     }
     for path in document.paths.paths.values_mut() {
-        for operation in [&mut path.get, &mut path.post, &mut path.delete].into_iter().flatten() {
+        for operation in [&mut path.get, &mut path.post, &mut path.patch, &mut path.delete].into_iter().flatten() {
             let guarded = serde_json::to_value(&operation.security).is_ok_and(|value| !value[0]["bearer"].is_null());
             for (status, name, _) in answers {
                 if guarded || status == "500" {

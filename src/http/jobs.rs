@@ -1,4 +1,4 @@
-//! Jobs: submitted, listed, watched, cancelled and retried.
+//! Jobs: submitted, listed, watched, cancelled, retried and deleted.
 
 use std::convert::Infallible;
 use std::time::{Duration, Instant};
@@ -47,7 +47,7 @@ const OUTCOME: HeaderName = HeaderName::from_static("chladni-outcome");
 pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(submit, list))
-        .routes(routes!(show))
+        .routes(routes!(show, delete))
         .routes(routes!(events))
         .routes(routes!(cancel))
         .routes(routes!(retry))
@@ -187,6 +187,13 @@ fn resource(record: JobRecord, status: StatusCode) -> Response {
     response
 }
 
+/// Jobs are not begun while the storage is full, since their results could not be stored.
+fn say_why_it_waits(has_space: bool, job: &mut JobRecord) {
+    if job.status == JobStatus::Enqueued && !has_space {
+        job.detail = Some("waits until the storage has room for its result".to_owned());
+    }
+}
+
 /// Which jobs, and which page of them.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
@@ -223,7 +230,9 @@ async fn list(
     QueryOf(query): QueryOf<ListQuery>,
 ) -> Result<Json<PageOf<JobResource>>, Problem> {
     let filter = JobFilter { status: query.status.map(Into::into), kind: query.kind, mesh: query.mesh };
-    let page = state.store.jobs(&filter, &super::page(query.limit, query.from)?).await?;
+    let mut page = state.store.jobs(&filter, &super::page(query.limit, query.from)?).await?;
+    let has_space = state.store.has_space();
+    page.items.iter_mut().for_each(|job| say_why_it_waits(has_space, job));
     Ok(Json(PageOf::of(page, JobResource::from)))
 }
 
@@ -298,6 +307,7 @@ async fn show(
     if conditional_on && known(&record) {
         return Ok(StatusCode::NOT_MODIFIED.into_response());
     }
+    say_why_it_waits(state.store.has_space(), &mut record);
     let mut response = resource(record, StatusCode::OK);
     response.headers_mut().remove(header::LOCATION);
     Ok(response)
@@ -443,6 +453,41 @@ async fn retry(State(state): State<AppState>, PathOf(id): PathOf<String>) -> Res
     let record = state.store.retry_job(job_id(&id)?).await?;
     tracing::info!(job = %record.id, status = record.status.as_str(), "job retried");
     Ok(resource(record, StatusCode::ACCEPTED))
+}
+
+/// What to do with what the job made.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct DeleteQuery {
+    /// Deletes its basis too.
+    #[serde(default)]
+    #[param(default = false)]
+    cascade: bool,
+}
+
+/// Deletes a job
+///
+/// One that has ended: cancel it first where it waits or runs. Refused while its basis is stored, unless `cascade=true`.
+#[utoipa::path(
+    delete, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "deleteJob",
+    params(("id" = String, Path, description = "The id of the job", example = "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2"), DeleteQuery),
+    responses(
+        (status = 204, description = "The job is gone"),
+        (status = 404, description = "A problem: unknown-job", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 409, description = "A problem: state-conflict, where the job waits or runs, or its basis is stored", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["operate"]))
+)]
+async fn delete(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    QueryOf(query): QueryOf<DeleteQuery>,
+) -> Result<StatusCode, Problem> {
+    let id = job_id(&id)?;
+    state.store.delete_job(id, query.cascade).await?;
+    tracing::info!(job = %id, cascade = query.cascade, "job deleted");
+    Ok(StatusCode::NO_CONTENT)
 }
 
 /// A page request from query parameters.

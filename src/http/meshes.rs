@@ -1,4 +1,4 @@
-//! Meshes: uploaded, listed, shown, deleted, and given back in other formats.
+//! Meshes: uploaded, listed, shown, renamed, deleted, and given back in other formats.
 
 use std::sync::Arc;
 
@@ -30,12 +30,15 @@ use crate::store::NewMesh;
 /// The longest name of a mesh, in characters.
 const LONGEST_NAME: usize = 200;
 
+/// The largest body that renames a mesh.
+const RENAME_BYTES: u64 = 16 << 10;
+
 /// The media type of positions and indices for web clients.
 const BUFFERS: &str = "application/vnd.chladni.mesh";
 
 /// The routes of meshes.
 pub fn routes() -> OpenApiRouter<AppState> {
-    OpenApiRouter::new().routes(routes!(upload, list)).routes(routes!(show, delete)).routes(routes!(content))
+    OpenApiRouter::new().routes(routes!(upload, list)).routes(routes!(show, rename, delete)).routes(routes!(content))
 }
 
 /// How to read an upload.
@@ -267,6 +270,9 @@ struct ListQuery {
     limit: Option<u32>,
     /// `next` of the page before.
     from: Option<String>,
+    /// Only meshes whose name contains this, in capital letters or small ones.
+    #[param(example = "bunny")]
+    name: Option<String>,
 }
 
 /// Lists meshes
@@ -284,7 +290,7 @@ async fn list(
     State(state): State<AppState>,
     QueryOf(query): QueryOf<ListQuery>,
 ) -> Result<Json<PageOf<MeshResource>>, Problem> {
-    let page = state.store.meshes(&super::page(query.limit, query.from)?).await?;
+    let page = state.store.meshes_named(query.name.as_deref(), &super::page(query.limit, query.from)?).await?;
     Ok(Json(PageOf::of(page, MeshResource::from)))
 }
 
@@ -317,6 +323,47 @@ async fn show(
     }
     response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
     Ok(response)
+}
+
+/// A new name.
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"name": "bunny, scanned in March"}))]
+struct RenameRequest {
+    /// A name for people, at most 200 characters; null or nothing but blanks takes it away.
+    name: Option<String>,
+}
+
+/// Renames a mesh
+///
+/// The name is for people; the id stays.
+#[utoipa::path(
+    patch, path = "/v1/meshes/{id}", tag = "meshes", operation_id = "renameMesh",
+    params(("id" = String, Path, description = "The id of the mesh", example = "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3")),
+    request_body(content = RenameRequest),
+    responses(
+        (status = 200, description = "The mesh under its new name", body = MeshResource),
+        (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 422, description = "A problem: invalid-request", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+    ),
+    security(("bearer" = ["operate"]))
+)]
+async fn rename(
+    State(state): State<AppState>,
+    PathOf(id): PathOf<String>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Json<MeshResource>, Problem> {
+    extract::require_json(&headers)?;
+    let body = body::read(&state, &headers, body, RENAME_BYTES).await?;
+    let request: RenameRequest = extract::parse_json(&body.bytes)?;
+    let name = request.name.filter(|name| !name.trim().is_empty());
+    if name.as_ref().is_some_and(|name| name.chars().count() > LONGEST_NAME) {
+        return Err(Problem::new(&problem::INVALID_REQUEST, format!("name: may have {LONGEST_NAME} characters.")));
+    }
+    let record = state.store.rename_mesh(&id, name.as_deref()).await?;
+    tracing::info!(mesh = record.id, "mesh renamed");
+    Ok(Json(MeshResource::from(record)))
 }
 
 /// What to do with what refers to the mesh.
@@ -391,6 +438,7 @@ struct ContentQuery {
         (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
         (status = 416, description = "A problem: range-not-satisfiable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        (status = 500, description = "A problem: damaged-content", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
     ),
     security(("bearer" = ["read"]))
 )]

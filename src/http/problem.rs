@@ -107,9 +107,9 @@ kinds! {
     INCOMPARABLE_BASES = "incomparable-bases", 409, "The bases cannot be compared",
         "Their spectra are those of different operators, or of different conditions at a boundary. The member `bases` has two of them, `spectra` what each is of. `mixed: true` compares them all the same.";
     STATE_CONFLICT = "state-conflict", 409, "The resource is not in a state for this",
-        "A job that has ended cannot be canceled, one that has succeeded cannot be retried. The member `job_status` has its status.";
+        "A job that has ended cannot be canceled, one that has succeeded cannot be retried, and one that waits or runs, or whose basis is stored, cannot be deleted. The member `job_status` has its status.";
     JOB_FAILED = "job", 500, "The job failed",
-        "Never the answer to a request: the `problem` of a failed job. The type goes on with why.\n\nOf the work itself, which another attempt would not help: `not-converged` (some pairs did not reach the tolerance: ask for less, or for another variant), `incomplete` (inertia counts prove that pairs are missing, and they could not be found: nothing is stored as if it were complete), `unproven` (pairs were found, but no count or bound could be trusted to prove them), `tolerance-below-rounding` (the message says which tolerance double precision allows on this mesh), `invalid-parameters` (they do not fit the mesh), `no-field-surface` (fields need an oriented manifold), `harmonic-fields-failed`, `operator-failed`, `subspace-failed`, `restriction-failed`, `eigenproblem-failed`, `certificate-failed`, `job-too-large` (it needs more memory than the server has by now).\n\nOf the service: `worker-lost`, `worker-panicked`, `worker-stalled` after the last attempt; `mesh-unavailable`, `storage-full`, `storage-unavailable`.";
+        "Never the answer to a request: the `problem` of a failed job. The type goes on with why.\n\nOf the work itself, which another attempt would not help: `not-converged` (some pairs did not reach the tolerance: ask for less, or for another variant), `incomplete` (inertia counts prove that pairs are missing, and they could not be found: nothing is stored as if it were complete), `unproven` (pairs were found, but no count or bound could be trusted to prove them), `tolerance-below-rounding` (the message says which tolerance double precision allows on this mesh), `invalid-parameters` (they do not fit the mesh), `no-field-surface` (fields need an oriented manifold), `harmonic-fields-failed`, `operator-failed`, `subspace-failed`, `restriction-failed`, `eigenproblem-failed`, `certificate-failed`, `job-too-large` (it needs more memory than the server has by now).\n\nOf the service: `worker-lost`, `worker-panicked`, `worker-stalled` after the last attempt; `quarantined` (the server crashed twice while the job ran: it is not tried again by itself); `mesh-unavailable`, `storage-full`, `storage-unavailable`.";
     RANGE_NOT_SATISFIABLE = "range-not-satisfiable", 416, "The range cannot be satisfied",
         "The range begins beyond the end. The header Content-Range has the length.";
     UNAUTHENTICATED = "unauthenticated", 401, "An API key is needed",
@@ -120,8 +120,12 @@ kinds! {
         "The request names a host that is not this server. A server on loopback without keys answers only to localhost, to addresses and to the names of --hosts.";
     ORIGIN_NOT_ALLOWED = "origin-not-allowed", 403, "The origin is not allowed",
         "A browser sent this from a page of another origin that the server was not told to trust.";
+    DAMAGED_CONTENT = "damaged-content", 500, "The stored content is damaged",
+        "The stored bytes are missing or not what was stored, and are not served. Upload the same mesh again, or submit the same job again: the content is written anew under the same ids. `chladni doctor` lists all damage.";
     STORAGE_FULL = "storage-full", 507, "The storage is full",
         "Nothing was stored. Reading goes on; writing works again once there is room.";
+    STORAGE_REPLACED = "storage-replaced", 503, "The storage was removed or replaced",
+        "A database of the data folder was removed or replaced while the server ran. Nothing is stored any more. The server has to be stopped, the databases put back, and the server started.";
     STORAGE_BUSY = "storage-busy", 503, "The storage is busy",
         "The database was locked for too long. Nothing was stored; try again.";
     BUSY = "busy", 503, "The server is busy",
@@ -129,7 +133,7 @@ kinds! {
     DRAINING = "draining", 503, "The server is shutting down",
         "It finishes what runs and accepts nothing new.";
     NOT_READY = "not-ready", 503, "The server is not ready",
-        "The member `reasons` says why: storage-full, storage-unavailable, workers-dead or draining.";
+        "The member `reasons` says why: storage-full, storage-replaced, storage-unavailable, workers-dead or draining.";
     INTERNAL = "internal-error", 500, "Something went wrong in the server",
         "The fault is logged under the request id that the header X-Request-Id has.";
     UNREADABLE_MESH = "unreadable-mesh", 422, "The mesh cannot be read",

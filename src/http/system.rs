@@ -57,7 +57,7 @@ struct Readiness {
 
 /// Tells whether the server takes work
 ///
-/// Where it does not, the problem's `reasons` tell a full disk (`storage-full`), a store that cannot be written for another
+/// Where it does not, the problem's `reasons` tell a full disk (`storage-full`), databases that were removed or replaced (`storage-replaced`), a store that cannot be written for another
 /// cause (`storage-unavailable`), dead workers (`workers-dead`) and a server that shuts down (`draining`) apart.
 #[utoipa::path(
     get, path = "/readyz", tag = "system", operation_id = "ready",
@@ -71,7 +71,9 @@ struct Readiness {
 async fn readyz(State(state): State<AppState>) -> Result<Json<Readiness>, Problem> {
     let health = state.store_health().await;
     let mut reasons = Vec::new();
-    if health.full {
+    if health.moved {
+        reasons.push("storage-replaced");
+    } else if health.full {
         reasons.push("storage-full");
     } else if !health.writable {
         tracing::warn!(reason = health.reason, "the store cannot be written");

@@ -55,7 +55,7 @@ pub(super) async fn run(
     memory: Reservation,
     threads: &rayon::ThreadPool,
 ) -> Threads {
-    let Claim { job, token } = claim;
+    let Claim { job, token, .. } = claim;
     let memory = Arc::new(memory);
     let waited_ms = job.started_ms.unwrap_or(job.enqueued_ms) - job.enqueued_ms.max(job.not_before_ms);
     shared.observer.claimed(&job.kind, waited_ms.max(0) as f64 / 1000.0);

@@ -1,6 +1,9 @@
 //! The memory that running jobs may take together, by estimate: what does not fit waits, so that nothing is killed for want of it.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{
+    Arc, Mutex, PoisonError,
+    atomic::{AtomicBool, AtomicUsize, Ordering},
+};
 
 use super::WorkerOptions;
 use crate::store::{Claim, Store, StoreError};
@@ -10,6 +13,10 @@ use crate::store::{Claim, Store, StoreError};
 pub(super) struct Budget {
     total: u64,
     taken: Mutex<u64>,
+    /// Jobs that hold memory.
+    running: AtomicUsize,
+    /// Whether the one that was claimed last is to run alone.
+    alone: AtomicBool,
     /// Held while a job is chosen: two workers must not both see the same memory free.
     turn: tokio::sync::Mutex<()>,
     store: Store,
@@ -17,7 +24,14 @@ pub(super) struct Budget {
 
 impl Budget {
     pub fn new(total: u64, store: Store) -> Self {
-        Self { total, taken: Mutex::new(0), turn: tokio::sync::Mutex::new(()), store }
+        Self {
+            total,
+            taken: Mutex::new(0),
+            running: AtomicUsize::new(0),
+            alone: AtomicBool::new(false),
+            turn: tokio::sync::Mutex::new(()),
+            store,
+        }
     }
 
     /// The memory that there is for jobs.
@@ -32,12 +46,19 @@ impl Budget {
         options: &WorkerOptions,
     ) -> Result<Option<(Claim, Reservation)>, StoreError> {
         let _turn = self.turn.lock().await;
+        let running = self.running.load(Ordering::Relaxed);
+        if running > 0 && self.alone.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
         let taken = *self.taken.lock().unwrap_or_else(PoisonError::into_inner);
         let free = if taken == 0 { u64::MAX } else { self.total.saturating_sub(taken) };
-        let claim = self.store.claim_within(worker, &options.kinds, options.lease, free).await?;
+        let claim = self.store.claim_within(worker, &options.kinds, options.lease, free, running == 0).await?;
         Ok(claim.map(|claim| {
-            let bytes = claim.job.memory_bytes.min(self.total);
+            // One that is to run alone has all the memory that there is.
+            let bytes = if claim.alone { self.total } else { claim.job.memory_bytes.min(self.total) };
             *self.taken.lock().unwrap_or_else(PoisonError::into_inner) += bytes;
+            self.running.fetch_add(1, Ordering::Relaxed);
+            self.alone.store(claim.alone, Ordering::Relaxed);
             (claim, Reservation { budget: Arc::clone(self), bytes })
         }))
     }
@@ -55,6 +76,7 @@ impl Drop for Reservation {
         let mut taken = self.budget.taken.lock().unwrap_or_else(PoisonError::into_inner);
         *taken = taken.saturating_sub(self.bytes);
         drop(taken);
+        self.budget.running.fetch_sub(1, Ordering::Relaxed);
         // Whoever waits for the memory looks again.
         self.budget.store.work().notify_one();
     }

@@ -89,8 +89,9 @@ impl Store {
     /// eigenfunctions, which are read and verified chunk by chunk when they are needed, on threads that may block.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`]; [`StoreError::Corrupt`] where the content does not verify.
+    /// [`StoreError::NotFound`]; [`StoreError::Damaged`] where the content does not verify.
     pub async fn load_product(&self, id: Uuid) -> Result<Product, StoreError> {
+        self.use_basis(id);
         if let Some(found) = self.inner.bases.get(&id) {
             self.count_hit(true);
             return Ok(found.value);
@@ -202,7 +203,8 @@ impl Store {
 }
 
 impl WrittenBasis {
-    /// Writes the record down as the result of a job.
+    /// Writes the record down as the result of a job. A job that was done anew, because its basis was damaged, gives the basis its old
+    /// identifier.
     pub async fn insert(
         &self,
         transaction: &mut WriteTransaction,
@@ -210,14 +212,18 @@ impl WrittenBasis {
         stage_seconds: &[(String, f64)],
         now_ms: i64,
     ) -> Result<Uuid, StoreError> {
-        let id = Uuid::now_v7();
+        let before: Option<String> = sqlx::query_scalar("DELETE FROM bases WHERE job = ? RETURNING id")
+            .bind(job.id.to_string())
+            .fetch_optional(transaction.on())
+            .await?;
+        let id = before.and_then(|id| Uuid::try_parse(&id).ok()).unwrap_or_else(Uuid::now_v7);
         let summary = &self.summary;
         let eigenvalues: Vec<u8> = summary.eigenvalues.iter().flat_map(|value| value.to_le_bytes()).collect();
         sqlx::query(
             "INSERT INTO bases (id, mesh, job, kind, parameters, vertices, dimension, pairs, nonzeros, eigenvalues,
                 certificate, bytes, dense_bytes, content_hash, solver_version, stage_seconds, created_ms, storage, layout,
-                operator, row_count, details)
-             VALUES (?, ?, ?, ?, ?, (SELECT vertices FROM meshes WHERE id = ?), ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                operator, row_count, details, used_ms)
+             VALUES (?, ?, ?, ?, ?, (SELECT vertices FROM meshes WHERE id = ?), ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         )
         .bind(id.to_string())
         .bind(&job.mesh)
@@ -244,6 +250,7 @@ impl WrittenBasis {
         .bind(to_json(&summary.operator)?)
         .bind(summary.rows as i64)
         .bind(to_json(&summary.details)?)
+        .bind(now_ms)
         .execute(transaction.on())
         .await?;
         Ok(id)

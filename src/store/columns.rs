@@ -78,6 +78,9 @@ impl Store {
         layout: &Arc<DenseLayout>,
     ) -> Result<(Basis, u64), StoreError> {
         let hash = &record.content_hash;
+        if matches!(self.blob_place(hash).await, Err(StoreError::NotFound { .. })) {
+            return Err(self.inner.known.damage(hash, "it is missing"));
+        }
         let head = self.blob_bytes(hash, 0..layout.start).await?;
         let tail = self.blob_bytes(hash, layout.end..layout.total).await?;
         let bytes = (head.len() + tail.len()) as u64;
@@ -119,9 +122,8 @@ impl Store {
         let _in_use = self.inner.blob_use.read().await;
         let loaded = self.inner.chunks.get_or_insert_async(&key, async {
             self.count_hit(false);
-            let damaged = |how: &str| StoreError::Corrupt {
-                detail: format!("columns from {} on of content {hash} {how}", index * CHUNK_COLUMNS),
-            };
+            let damaged =
+                |how: &str| self.inner.known.damage(hash, &format!("columns from {} on {how}", index * CHUNK_COLUMNS));
             let expected = layout.chunks.get(index).cloned().ok_or_else(|| damaged("are not in its layout"))?;
             let content = self.blob_bytes(hash, layout.chunk_bytes(rows, index)).await?;
             let bytes = content.len() as u64;

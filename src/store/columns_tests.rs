@@ -6,7 +6,7 @@ use chladni_spectral::formats::npz;
 
 use super::super::{
     fault::{FailPoint, FaultAction, Faults},
-    tests::{LEASE, basis, mesh, new_job, options, store},
+    tests::{LEASE, an_hour_later, basis, mesh, new_job, options, store},
     *,
 };
 
@@ -175,7 +175,7 @@ async fn a_death_between_chunks_of_a_dense_basis_leaves_nothing_to_see() {
         assert!(store.bases(&BasisFilter::default(), &PageRequest::default()).await.unwrap().items.is_empty());
         store.close().await;
         drop(store);
-        let again = Store::open(options(&folder)).await.unwrap();
+        let again = an_hour_later(&folder).await;
         assert_eq!(again.health().await.blob_bytes, before, "{}", point.name());
         let chunks: i64 =
             sqlx::query_scalar("SELECT COUNT(*) FROM chunks").fetch_one(again.inner.blobs.reader()).await.unwrap();

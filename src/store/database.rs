@@ -2,17 +2,18 @@
 
 use std::{
     path::{Path, PathBuf},
+    sync::Arc,
     time::Duration,
 };
 
 use sqlx::{
-    ConnectOptions, SqliteConnection, SqlitePool,
+    AssertSqlSafe, ConnectOptions, SqliteConnection, SqlitePool,
     migrate::Migrator,
     pool::PoolConnection,
     sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous},
 };
 
-use super::StoreError;
+use super::{StoreError, in_place::InPlace};
 
 /// Older ones can corrupt a database when the write-ahead log is reset: <https://www.sqlite.org/wal.html#walresetbug>.
 const LEAST_SQLITE: (u32, u32, u32) = (3, 51, 3);
@@ -37,6 +38,7 @@ pub(super) struct Database {
     writer: SqlitePool,
     reader: SqlitePool,
     path: PathBuf,
+    place: Arc<InPlace>,
 }
 
 impl Database {
@@ -70,6 +72,7 @@ impl Database {
         if std::fs::metadata(path).is_ok_and(|file| file.len() <= QUICK_CHECK_BYTES) {
             check_integrity(&writer, path).await?;
         }
+        make_incremental(&writer).await?;
         migrator.run(&writer).await.map_err(|error| match error {
             sqlx::migrate::MigrateError::Execute(error) | sqlx::migrate::MigrateError::ExecuteMigration(error, _) => {
                 StoreError::from(error)
@@ -77,7 +80,8 @@ impl Database {
             other => StoreError::Unavailable { detail: format!("{}: {other}", path.display()) },
         })?;
         let reader = pool().max_connections(settings.readers.max(1)).connect_with(reading).await?;
-        Ok(Self { writer, reader, path: path.to_owned() })
+        let place = Arc::new(InPlace::remember(path));
+        Ok(Self { writer, reader, path: path.to_owned(), place })
     }
 
     /// The connections for statements that only read.
@@ -86,8 +90,13 @@ impl Database {
     }
 
     /// Begins a write transaction, alone among writers from its first statement on.
+    ///
+    /// # Errors
+    /// [`StoreError::Moved`] where the files are not those that were opened.
     pub async fn write(&self) -> Result<WriteTransaction, StoreError> {
-        let mut transaction = WriteTransaction { connection: self.writer.acquire().await?, finished: false };
+        self.place.check()?;
+        let place = Arc::clone(&self.place);
+        let mut transaction = WriteTransaction { connection: self.writer.acquire().await?, finished: false, place };
         sqlx::query("BEGIN IMMEDIATE").execute(transaction.on()).await?;
         Ok(transaction)
     }
@@ -106,6 +115,31 @@ impl Database {
         transaction.commit().await
     }
 
+    /// Gives up to so many free pages back to the disk, in a transaction.
+    pub async fn give_back(&self, pages: i64) -> Result<(), StoreError> {
+        self.place.check()?;
+        let sql = format!("PRAGMA incremental_vacuum({pages})");
+        // Each step gives one page back; all rows are to be fetched.
+        sqlx::query(AssertSqlSafe(sql)).fetch_all(&mut *self.writer.acquire().await?).await?;
+        Ok(())
+    }
+
+    /// Writes the database anew, without free pages and so that later ones can be given back.
+    pub async fn write_anew(&self) -> Result<(), StoreError> {
+        self.place.check()?;
+        let mut connection = self.writer.acquire().await?;
+        sqlx::query("PRAGMA auto_vacuum = INCREMENTAL").execute(&mut *connection).await?;
+        sqlx::query("VACUUM").execute(&mut *connection).await?;
+        Ok(())
+    }
+
+    /// Moves what is in the log to the database and cuts the log to nothing, as far as no reader needs it.
+    pub async fn truncate_log(&self) -> Result<(), StoreError> {
+        self.place.check()?;
+        sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").fetch_all(&mut *self.writer.acquire().await?).await?;
+        Ok(())
+    }
+
     /// Waits for running statements and closes every connection.
     pub async fn close(&self) {
         self.reader.close().await;
@@ -121,6 +155,7 @@ impl Database {
 pub(super) struct WriteTransaction {
     connection: PoolConnection<sqlx::Sqlite>,
     finished: bool,
+    place: Arc<InPlace>,
 }
 
 impl WriteTransaction {
@@ -130,10 +165,13 @@ impl WriteTransaction {
     }
 
     /// Makes everything durable and visible at once.
+    ///
+    /// # Errors
+    /// [`StoreError::Moved`] where the files went away meanwhile: what was written went with them.
     pub async fn commit(mut self) -> Result<(), StoreError> {
         sqlx::query("COMMIT").execute(self.on()).await?;
         self.finished = true;
-        Ok(())
+        self.place.check()
     }
 
     /// Gives up without closing the connection: for refusals, which are no trouble of the database.
@@ -158,6 +196,17 @@ async fn check_version(pool: &SqlitePool) -> Result<(), StoreError> {
     let mut next = || numbers.next().unwrap_or(0);
     if (next(), next(), next()) < LEAST_SQLITE {
         return Err(StoreError::Version { found, needed: LEAST_SQLITE_TEXT });
+    }
+    Ok(())
+}
+
+/// Lets a database that is made just now give pages back; one that has tables would have to be written anew.
+async fn make_incremental(pool: &SqlitePool) -> Result<(), StoreError> {
+    let objects: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM sqlite_master").fetch_one(pool).await?;
+    if objects == 0 {
+        let mut connection = pool.acquire().await?;
+        sqlx::query("PRAGMA auto_vacuum = INCREMENTAL").execute(&mut *connection).await?;
+        sqlx::query("VACUUM").execute(&mut *connection).await?;
     }
     Ok(())
 }

@@ -3,6 +3,9 @@
 use chladni_spectral::basis::ProductKind;
 use uuid::Uuid;
 
+/// How every message of [`StoreError::Damaged`] begins, so that it is known where it went through a text.
+pub const DAMAGE: &str = "stored content is damaged:";
+
 /// Why the store could not do what it was asked to. Nothing of a failed call is visible afterwards.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
@@ -94,7 +97,28 @@ pub enum StoreError {
         /// The folder.
         folder: String,
     },
-    /// Stored bytes are not what was stored.
+    /// The two databases of the folder are not, or no longer, those that were used together.
+    #[error(
+        "{meta} and {blobs} do not belong together: {detail}. Nothing was changed. Put back both from one copy, or move both away to begin \
+         anew; `chladni doctor --pair` uses them as they are"
+    )]
+    Mismatch {
+        /// The database of records.
+        meta: String,
+        /// The database of content.
+        blobs: String,
+        /// What does not fit.
+        detail: String,
+    },
+    /// The content of a mesh or basis is missing, or not what was stored. Sending or solving the same again writes it anew.
+    #[error("{DAMAGE} {hash}: {how}")]
+    Damaged {
+        /// The hash of the content.
+        hash: String,
+        /// What is wrong with it.
+        how: String,
+    },
+    /// A record or a database is not what was stored.
     #[error("stored data is damaged: {detail}")]
     Corrupt {
         /// What is damaged.
@@ -107,6 +131,20 @@ pub enum StoreError {
         found: String,
         /// The least version.
         needed: &'static str,
+    },
+    /// A file of a database is no longer the one that was opened: it was removed, or another was put in its place.
+    #[error(
+        "{path} was removed or replaced while it was in use; nothing is written any more. Stop the server, put both databases back, and start it"
+    )]
+    Moved {
+        /// The file.
+        path: String,
+    },
+    /// There are databases already where a backup is to be restored.
+    #[error("{file} exists; a backup is restored to a folder without databases")]
+    Occupied {
+        /// One of them.
+        file: String,
     },
     /// The data folder or one of its files cannot be used.
     #[error("{path}: {source}")]

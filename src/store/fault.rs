@@ -63,6 +63,8 @@ impl FailPoint {
 pub enum FaultAction {
     /// The process kills itself with SIGKILL: nothing is flushed, no destructor runs.
     Kill,
+    /// The process aborts, as it does where it crashes by itself: the fault is marked.
+    Abort,
     /// The thread panics.
     Panic,
     /// The thread sleeps for an hour: a worker that hangs.
@@ -116,6 +118,7 @@ impl Faults {
         let point = FailPoint::ALL.into_iter().find(|p| p.name() == point).ok_or_else(invalid)?;
         let action = match words.next() {
             Some("kill") => FaultAction::Kill,
+            Some("abort") => FaultAction::Abort,
             Some("panic") => FaultAction::Panic,
             Some("stall") => FaultAction::Stall,
             _ => return Err(invalid()),
@@ -150,6 +153,7 @@ impl FaultAction {
                 let _ = rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL);
                 std::process::abort();
             }
+            Self::Abort => std::process::abort(),
             Self::Panic => panic!("fault injected at {}", point.name()),
             Self::Stall => std::thread::sleep(std::time::Duration::from_secs(3600)),
         }

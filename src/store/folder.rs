@@ -1,4 +1,8 @@
 //! The data folder: made where it is missing, held by one process, watched for space.
+//!
+//! What is locked is `meta.db` itself, so that no second process comes in where somebody deletes a lock file; and the file `lock` beside it, which
+//! is there before a database is, and which earlier versions look at. The lock is another one than those of SQLite. Closing the file gives
+//! up SQLite's locks of this process as well, so it is closed after the databases.
 
 use std::{
     fs::{File, OpenOptions, TryLockError},
@@ -12,6 +16,7 @@ use super::StoreError;
 pub(super) struct DataFolder {
     path: PathBuf,
     _lock: File,
+    _database: Option<File>,
 }
 
 impl DataFolder {
@@ -22,18 +27,19 @@ impl DataFolder {
             move |source| StoreError::Folder { path, source }
         };
         std::fs::create_dir_all(path).map_err(trouble(path))?;
-        let lock_path = path.join("lock");
-        let lock = OpenOptions::new()
-            .create(true)
-            .write(true)
-            .truncate(false)
-            .open(&lock_path)
-            .map_err(trouble(&lock_path))?;
-        match lock.try_lock() {
-            Ok(()) => Ok(Self { path: path.to_owned(), _lock: lock }),
-            Err(TryLockError::WouldBlock) => Err(StoreError::FolderInUse { folder: path.display().to_string() }),
-            Err(TryLockError::Error(source)) => Err(trouble(&lock_path)(source)),
+        let lock = lock(path, "lock", true)?;
+        // Where there is no database yet, it is locked once it is known that there may be one: see `lock_database`.
+        let there = std::fs::metadata(path.join("meta.db")).is_ok();
+        let database = if there { Some(self::lock(path, "meta.db", false)?) } else { None };
+        Ok(Self { path: path.to_owned(), _lock: lock, _database: database })
+    }
+
+    /// Locks the database of records itself, making an empty file where there is none.
+    pub fn lock_database(&mut self) -> Result<(), StoreError> {
+        if self._database.is_none() {
+            self._database = Some(lock(&self.path, "meta.db", true)?);
         }
+        Ok(())
     }
 
     /// A file in the folder.
@@ -53,4 +59,36 @@ impl DataFolder {
     pub fn free_bytes(&self) -> Option<u64> {
         None
     }
+}
+
+/// Opens and locks a file of a folder.
+fn lock(folder: &Path, name: &str, create: bool) -> Result<File, StoreError> {
+    let path = folder.join(name);
+    let trouble = |source| StoreError::Folder { path: path.display().to_string(), source };
+    let file = OpenOptions::new().create(create).read(true).write(true).truncate(false).open(&path).map_err(trouble)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(StoreError::FolderInUse { folder: folder.display().to_string() }),
+        Err(TryLockError::Error(source)) => Err(trouble(source)),
+    }
+}
+
+/// Refuses a path where no file is, or an empty one.
+pub(super) fn there(path: &Path) -> Result<(), StoreError> {
+    let missing = |source| StoreError::Folder { path: path.display().to_string(), source };
+    let file = std::fs::metadata(path).map_err(missing)?;
+    if file.len() == 0 {
+        return Err(missing(std::io::Error::new(std::io::ErrorKind::InvalidData, "the file is empty")));
+    }
+    Ok(())
+}
+
+/// Makes durable which files a folder has.
+pub(super) fn sync_folder(path: &Path) -> Result<(), StoreError> {
+    #[cfg(unix)]
+    File::open(path)
+        .and_then(|folder| folder.sync_all())
+        .map_err(|source| StoreError::Folder { path: path.display().to_string(), source })?;
+    let _ = path;
+    Ok(())
 }

@@ -1,4 +1,4 @@
-//! Jobs as clients see them: enqueue, read, list, cancel, retry.
+//! Jobs as clients see them: enqueue, read, list, cancel, retry, delete.
 
 use sqlx::{QueryBuilder, Row, sqlite::SqliteRow};
 use uuid::Uuid;
@@ -18,13 +18,23 @@ const KEY_LIFE_MS: i64 = 7 * 24 * 3600 * 1000;
 
 impl Store {
     /// Enqueues a job once: the same idempotency key gives the job that it gave before, and equal work that waits, runs or is
-    /// done gives that job. It is durable when this returns.
+    /// done gives that job. Where it is done and its basis is damaged, it is done anew, as the same job with the same basis. It is durable when
+    /// this returns.
     ///
     /// # Errors
     /// [`StoreError::NotFound`] for an unknown mesh, [`StoreError::IdempotencyConflict`], [`StoreError::QueueFull`].
     pub async fn enqueue(&self, new: NewJob) -> Result<Enqueued, StoreError> {
         let store = self.clone();
-        detached(async move { store.enqueue_now(new).await }).await
+        detached(async move {
+            let mut enqueued = store.enqueue_now(new).await?;
+            if let Some(basis) = enqueued.record.basis
+                && !store.basis_is_whole(basis).await?
+            {
+                enqueued.record = store.redo_job(enqueued.record.id).await?;
+            }
+            Ok(enqueued)
+        })
+        .await
     }
 
     async fn enqueue_now(&self, new: NewJob) -> Result<Enqueued, StoreError> {
@@ -39,6 +49,7 @@ impl Store {
             }
         };
         transaction.commit().await?;
+        self.use_mesh(&new.mesh);
         self.faults().meet(FailPoint::AfterEnqueue);
         if enqueued.outcome == EnqueueOutcome::Created {
             self.announce(&enqueued.record);
@@ -218,19 +229,34 @@ impl Store {
         }
     }
 
-    /// Enqueues a failed or cancelled job again, with all its attempts. One that waits or runs stays as it is.
+    /// Enqueues a failed or cancelled job again, with all its attempts, or one whose basis is gone or damaged. One that waits or runs stays as it
+    /// is.
     ///
     /// # Errors
     /// [`StoreError::NotFound`], for its mesh too; [`StoreError::JobState`] where it has succeeded, is asked to stop, or
     /// where equal work is under way as another job; [`StoreError::QueueFull`].
     pub async fn retry_job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
         let store = self.clone();
-        detached(async move { store.retry_job_now(id).await }).await
+        detached(async move {
+            let redo = match store.job(id).await?.basis {
+                Some(basis) => !store.basis_is_whole(basis).await?,
+                None => false,
+            };
+            store.retry_job_now(id, redo).await
+        })
+        .await
     }
 
-    async fn retry_job_now(&self, id: Uuid) -> Result<JobRecord, StoreError> {
+    /// Enqueues a job again whose basis is damaged. The basis stays on record, and gets new content.
+    pub(super) async fn redo_job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
+        let job = self.retry_job_now(id, true).await?;
+        tracing::warn!(job = %id, "the basis of a job is damaged; it is solved anew");
+        Ok(job)
+    }
+
+    async fn retry_job_now(&self, id: Uuid, redo: bool) -> Result<JobRecord, StoreError> {
         let mut transaction = self.inner.meta.write().await?;
-        match self.requeue(&mut transaction, id).await {
+        match self.requeue(&mut transaction, id, redo).await {
             Ok((job, changed)) => {
                 transaction.commit().await?;
                 if changed {
@@ -245,13 +271,13 @@ impl Store {
         }
     }
 
-    async fn requeue(&self, on: &mut WriteTransaction, id: Uuid) -> Result<(JobRecord, bool), StoreError> {
+    async fn requeue(&self, on: &mut WriteTransaction, id: Uuid, redo: bool) -> Result<(JobRecord, bool), StoreError> {
         let job = read_job(on, id).await?;
         let refuse = |reason: String| Err(StoreError::JobState { job: id, status: job.status, reason });
         match job.status {
             JobStatus::Processing if job.cancel_requested => return refuse("it is being cancelled".to_owned()),
             JobStatus::Enqueued | JobStatus::Processing => return Ok((job, false)),
-            JobStatus::Succeeded if job.basis.is_some() => return refuse("its result is stored".to_owned()),
+            JobStatus::Succeeded if job.basis.is_some() && !redo => return refuse("its result is stored".to_owned()),
             JobStatus::Succeeded | JobStatus::Failed | JobStatus::Canceled => {}
         }
         let other = sqlx::query(
@@ -273,7 +299,8 @@ impl Store {
         }
         self.check_queue(on).await?;
         let row = sqlx::query(
-            "UPDATE jobs SET status = 'enqueued', attempt = 0, cancel_requested = 0, problem = NULL, stage = NULL,
+            "UPDATE jobs SET status = 'enqueued', attempt = 0, cancel_requested = 0, problem = NULL, basis = NULL, deaths = 0,
+                interruptions = 0, stage = NULL,
                 progress = NULL, detail = NULL, stage_seconds = '[]', enqueued_ms = ?1, not_before_ms = ?1, started_ms = NULL,
                 finished_ms = NULL, revision = revision + 1
              WHERE id = ?2 RETURNING *",
@@ -283,6 +310,64 @@ impl Store {
         .fetch_one(on.on())
         .await?;
         Ok((job_from_row(&row)?, true))
+    }
+
+    /// Deletes a job that has ended, with the idempotency keys that stand for it; with `cascade` its basis too.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`]; [`StoreError::JobState`] where it waits or runs, or, without `cascade`, where its basis is stored.
+    pub async fn delete_job(&self, id: Uuid, cascade: bool) -> Result<(), StoreError> {
+        let store = self.clone();
+        detached(async move { store.delete_job_now(id, cascade).await }).await
+    }
+
+    async fn delete_job_now(&self, id: Uuid, cascade: bool) -> Result<(), StoreError> {
+        let _alone = self.inner.blob_use.write().await;
+        let mut transaction = self.inner.meta.write().await?;
+        let basis = match self.take_job(&mut transaction, id, cascade).await {
+            Ok(basis) => basis,
+            Err(refusal) => {
+                transaction.rollback().await?;
+                return Err(refusal);
+            }
+        };
+        transaction.commit().await?;
+        let Some((basis, hash)) = basis else { return Ok(()) };
+        self.forget_basis(basis, &hash);
+        self.delete_unreferenced(&[hash]).await
+    }
+
+    /// Deletes the rows of a job, and gives the basis that went with it.
+    async fn take_job(
+        &self,
+        on: &mut WriteTransaction,
+        id: Uuid,
+        cascade: bool,
+    ) -> Result<Option<(Uuid, String)>, StoreError> {
+        let job = read_job(on, id).await?;
+        let refuse = |reason: String| Err(StoreError::JobState { job: id, status: job.status, reason });
+        if !job.status.is_finished() {
+            return refuse("it has to be cancelled before it is deleted".to_owned());
+        }
+        let basis = sqlx::query("SELECT id, content_hash FROM bases WHERE job = ?")
+            .bind(id.to_string())
+            .fetch_optional(on.on())
+            .await?
+            .map(|row| Ok::<_, StoreError>((uuid_column(&row, "id")?, row.try_get("content_hash")?)))
+            .transpose()?;
+        if let Some((basis, _)) = &basis
+            && !cascade
+        {
+            return refuse(format!("its basis {basis} is stored; delete that first, or pass cascade=true"));
+        }
+        for sql in [
+            "DELETE FROM bases WHERE job = ?",
+            "DELETE FROM idempotency_keys WHERE job = ?",
+            "DELETE FROM jobs WHERE id = ?",
+        ] {
+            sqlx::query(sql).bind(id.to_string()).execute(on.on()).await?;
+        }
+        Ok(basis)
     }
 
     /// Forgets idempotency keys that are older than a week.

@@ -4,12 +4,12 @@
 use std::time::Duration;
 
 use chladni_spectral::basis::Product;
-use sqlx::{QueryBuilder, Sqlite};
+use sqlx::{QueryBuilder, Row, Sqlite};
 use uuid::Uuid;
 
 use super::{
     JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions, bases::WrittenBasis, database::WriteTransaction,
-    detached, fault::FailPoint, jobs::job_from_row, to_json,
+    deaths::SUSPICIOUS_INTERRUPTIONS, detached, fault::FailPoint, jobs::job_from_row, pairing, to_json,
 };
 
 /// A job and the lease on it.
@@ -19,6 +19,8 @@ pub struct Claim {
     pub job: JobRecord,
     /// What every later write of this attempt carries.
     pub token: Uuid,
+    /// Whether nothing else may run beside it, since it may have crashed a process.
+    pub alone: bool,
 }
 
 /// How far an attempt has come.
@@ -82,11 +84,12 @@ impl Store {
     /// # Errors
     /// [`StoreError::Busy`] and its kin.
     pub async fn claim(&self, worker: &str, kinds: &[String], lease: Duration) -> Result<Option<Claim>, StoreError> {
-        self.claim_within(worker, kinds, lease, u64::MAX).await
+        self.claim_within(worker, kinds, lease, u64::MAX, true).await
     }
 
-    /// Claims the job that [`claim`](Self::claim) would, if it needs no more memory than `most_bytes`. One that needs more is waited
-    /// for: none behind it is taken in its stead, or a stream of small jobs would keep a large one waiting for ever.
+    /// Claims the job that [`claim`](Self::claim) would, if it needs no more memory than `most_bytes`, and, where the worker is not `alone`, if it is
+    /// not under suspicion of having crashed a process. One that does not fit is waited for: none behind it is taken in its stead, or a stream of
+    /// small jobs would keep a large one waiting for ever.
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin.
@@ -96,6 +99,7 @@ impl Store {
         kinds: &[String],
         lease: Duration,
         most_bytes: u64,
+        alone: bool,
     ) -> Result<Option<Claim>, StoreError> {
         let now_ms = self.now_ms();
         let token = Uuid::now_v7();
@@ -106,8 +110,10 @@ impl Store {
         query.push_bind(now_ms).push(", worker = ").push_bind(worker.to_owned());
         query.push(", lease_token = ").push_bind(token.to_string());
         query.push(", lease_expires_ms = ").push_bind(expiry(now_ms, lease));
-        query.push(" WHERE sequence = (SELECT sequence FROM jobs WHERE status = 'enqueued' AND not_before_ms <= ");
+        query.push(" WHERE sequence = (SELECT sequence FROM jobs WHERE status = 'enqueued' AND (not_before_ms <= ");
         query.push_bind(now_ms);
+        // Nothing waits longer than the longest pause: a clock that went back must not hold it.
+        query.push(" OR not_before_ms > ").push_bind(expiry(now_ms, StoreOptions::LONGEST_PAUSE)).push(")");
         if !kinds.is_empty() {
             query.push(" AND kind IN (");
             let mut list = query.separated(", ");
@@ -117,15 +123,21 @@ impl Store {
             query.push(")");
         }
         query.push(" ORDER BY priority DESC, sequence LIMIT 1) AND memory_bytes <= ");
-        query.push_bind(i64::try_from(most_bytes).unwrap_or(i64::MAX)).push(" RETURNING *");
+        query.push_bind(i64::try_from(most_bytes).unwrap_or(i64::MAX));
+        if !alone {
+            query.push(" AND deaths = 0 AND interruptions < ").push_bind(SUSPICIOUS_INTERRUPTIONS);
+        }
+        query.push(" RETURNING *");
         let mut transaction = self.inner.meta.write().await?;
         let row = query.build().fetch_optional(transaction.on()).await?;
         transaction.commit().await?;
         let Some(row) = row else { return Ok(None) };
         let job = job_from_row(&row)?;
+        let (deaths, interruptions): (i64, i64) = (row.try_get("deaths")?, row.try_get("interruptions")?);
+        let alone = deaths > 0 || interruptions >= SUSPICIOUS_INTERRUPTIONS;
         self.announce(&job);
         self.faults().meet(FailPoint::AfterClaim);
-        Ok(Some(Claim { job, token }))
+        Ok(Some(Claim { job, token, alone }))
     }
 
     /// Prolongs a lease. With `progress`, listeners hear of it.
@@ -227,11 +239,13 @@ impl Store {
         stage_seconds: &[(String, f64)],
     ) -> Result<CompleteAnswer, StoreError> {
         let now_ms = self.now_ms();
+        let reached = pairing::generation(&self.inner.blobs).await?;
         let mut transaction = self.inner.meta.write().await?;
         let Some(job) = leased_job(&mut transaction, token).await? else {
             transaction.rollback().await?;
             return Ok(CompleteAnswer::Lost);
         };
+        transaction.remember(reached).await?;
         if job.cancel_requested {
             let job = finish(&mut transaction, &job, JobStatus::Canceled, None, now_ms).await?;
             transaction.commit().await?;
@@ -333,13 +347,16 @@ impl Store {
     }
 
     /// Takes jobs from workers whose leases ran out: they are enqueued again after a pause, or failed as `worker-lost` after
-    /// their last attempt. Forgets old idempotency keys too.
+    /// their last attempt. Tends the rest of the house too: what is due now and then.
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin.
     pub async fn reap(&self) -> Result<Vec<Reaped>, StoreError> {
         let reaped = self.reap_leases(self.now_ms()).await?;
-        self.forget_old_keys().await?;
+        // What was reaped is to be heard of, whatever becomes of the rest.
+        if let Err(error) = self.tend().await {
+            tracing::warn!(%error, "the house could not be tended");
+        }
         Ok(reaped)
     }
 
@@ -388,7 +405,7 @@ impl Store {
     }
 }
 
-fn expiry(now_ms: i64, lease: Duration) -> i64 {
+pub(super) fn expiry(now_ms: i64, lease: Duration) -> i64 {
     now_ms.saturating_add(i64::try_from(lease.as_millis()).unwrap_or(i64::MAX))
 }
 
@@ -401,7 +418,7 @@ async fn leased_job(on: &mut WriteTransaction, token: Uuid) -> Result<Option<Job
         .transpose()
 }
 
-async fn requeue(
+pub(super) async fn requeue(
     on: &mut WriteTransaction,
     job: &JobRecord,
     attempt: u32,
@@ -424,7 +441,7 @@ async fn requeue(
     job_from_row(&row)
 }
 
-async fn finish(
+pub(super) async fn finish(
     on: &mut WriteTransaction,
     job: &JobRecord,
     status: JobStatus,

@@ -8,7 +8,7 @@ use sqlx::{QueryBuilder, Row, Sqlite, sqlite::SqliteRow};
 
 use super::{
     JobRecord, MeshRecord, NewMesh, Page, PageRequest, Store, StoreError, Stored, Weighed, blobs, detached, from_json,
-    jobs::job_from_row, to_json,
+    jobs::job_from_row, pairing, to_json,
 };
 
 /// The head of a mesh's canonical content; the counts of vertices and faces follow, u64 little-endian, then positions as
@@ -25,7 +25,8 @@ const TETRAHEDRON_BYTES: usize = 16;
 const ID_DIGITS: usize = 32;
 
 impl Store {
-    /// Stores a mesh, or finds it where the same content is known. A name or report of a known mesh stays as it was.
+    /// Stores a mesh, or finds it where the same content is known. A name or report of a known mesh stays as it was; content that was damaged is
+    /// written anew.
     ///
     /// # Errors
     /// [`StoreError::StorageFull`], [`StoreError::Busy`].
@@ -41,15 +42,21 @@ impl Store {
         let id = hash[..ID_DIGITS].to_owned();
         let _in_use = self.inner.blob_use.read().await;
         match self.mesh(&id).await {
-            Ok(record) => return Ok(Stored { record, created: false }),
+            Ok(record) => {
+                self.put_blob(&hash, &content).await?;
+                self.use_mesh(&id);
+                return Ok(Stored { record, created: false });
+            }
             Err(StoreError::NotFound { .. }) => {}
             Err(error) => return Err(error),
         }
         self.put_blob(&hash, &content).await?;
+        let reached = pairing::generation(&self.inner.blobs).await?;
         let mut transaction = self.inner.meta.write().await?;
+        transaction.remember(reached).await?;
         let inserted = sqlx::query(
-            "INSERT INTO meshes (id, name, format, source_bytes, vertices, faces, report, content_hash, bytes, created_ms)
-             VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO NOTHING",
+            "INSERT INTO meshes (id, name, format, source_bytes, vertices, faces, report, content_hash, bytes, created_ms, used_ms)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?10) ON CONFLICT (id) DO NOTHING",
         )
         .bind(&id)
         .bind(&new.name)
@@ -86,13 +93,38 @@ impl Store {
     /// # Errors
     /// [`StoreError::InvalidCursor`].
     pub async fn meshes(&self, page: &PageRequest) -> Result<Page<MeshRecord>, StoreError> {
-        let rows = sqlx::query("SELECT * FROM meshes WHERE sequence < ? ORDER BY sequence DESC LIMIT ?")
-            .bind(page.below()?)
-            .bind(page.look_ahead())
-            .fetch_all(self.inner.meta.reader())
-            .await?;
+        self.meshes_named(None, page).await
+    }
+
+    /// A page of the meshes whose name contains a text, newest first. Letters of ASCII are alike in both cases.
+    ///
+    /// # Errors
+    /// [`StoreError::InvalidCursor`].
+    pub async fn meshes_named(&self, part: Option<&str>, page: &PageRequest) -> Result<Page<MeshRecord>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new("SELECT * FROM meshes WHERE sequence < ");
+        query.push_bind(page.below()?);
+        if let Some(part) = part {
+            query.push(" AND instr(lower(name), lower(").push_bind(part.to_owned()).push(")) > 0");
+        }
+        query.push(" ORDER BY sequence DESC LIMIT ").push_bind(page.look_ahead());
+        let rows = query.build().fetch_all(self.inner.meta.reader()).await?;
         let rows = rows.iter().map(|row| Ok((row.try_get("sequence")?, mesh_from_row(row)?)));
         Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, page))
+    }
+
+    /// Gives a mesh another name, or none.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`].
+    pub async fn rename_mesh(&self, id: &str, name: Option<&str>) -> Result<MeshRecord, StoreError> {
+        let mut transaction = self.inner.meta.write().await?;
+        let row = sqlx::query("UPDATE meshes SET name = ? WHERE id = ? RETURNING *")
+            .bind(name)
+            .bind(id)
+            .fetch_optional(transaction.on())
+            .await?;
+        transaction.commit().await?;
+        row.map(|row| mesh_from_row(&row)).unwrap_or_else(|| Err(unknown_mesh(id)))
     }
 
     /// Deletes a mesh. With `cascade`, enqueued jobs on it are cancelled, running ones asked to stop, and its bases deleted.
@@ -179,8 +211,9 @@ impl Store {
     /// A mesh, from the cache or verified and decoded once however many ask.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`]; [`StoreError::Corrupt`] where the content does not verify.
+    /// [`StoreError::NotFound`]; [`StoreError::Damaged`] where the content does not verify.
     pub async fn load_mesh(&self, id: &str) -> Result<Arc<TriangleMesh>, StoreError> {
+        self.use_mesh(id);
         if let Some(found) = self.inner.meshes.get(id) {
             self.count_hit(true);
             return Ok(found.value);

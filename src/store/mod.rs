@@ -2,31 +2,46 @@
 //!
 //! Two SQLite databases lie in the data folder. `meta.db` knows what there is; `blobs.db` holds content by its BLAKE3 hash.
 //! Content is written first (chunks pending → hash verified → ready), then one transaction in `meta.db` makes it visible, so
-//! what a crash leaves behind is content that nothing refers to; it is collected when the store is opened next.
+//! what a crash leaves behind is content that nothing refers to; it is collected an hour later.
 //!
 //! | file | what |
 //! |---|---|
-//! | `database.rs`, `folder.rs` | connections, write transactions, the lock of the folder, free space |
-//! | `blobs.rs` | content in chunks |
+//! | `database.rs`, `folder.rs`, `in_place.rs` | connections, write transactions, the lock of the folder, free space, files that are replaced |
+//! | `pairing.rs` | whether the two databases belong together |
+//! | `blobs.rs`, `orphans.rs` | content in chunks, and what becomes of it when nothing refers to it |
+//! | `backup.rs`, `restore.rs` | copies of a folder in use, and folders made of them |
+//! | `integrity.rs`, `doctor.rs` | whether content is what was stored, and what is done where it is not |
 //! | `meshes.rs`, `bases.rs`, `jobs.rs` | what clients see |
+//! | `last_use.rs`, `retention.rs`, `space.rs` | what is kept, and for how long; room, and how it comes back |
 //! | `columns.rs` | dense bases: written as they are computed, read in chunks |
-//! | `leases.rs` | what workers do: claim, heartbeat, complete, fail, release, reap |
+//! | `leases.rs`, `deaths.rs` | what workers do: claim, heartbeat, complete, fail, release, reap; and what becomes of a job whose process died |
 //! | `fault.rs` | points at which a test makes the process die |
 
+mod backup;
 mod bases;
 mod blobs;
 mod clock;
 mod columns;
 mod database;
+mod deaths;
+mod doctor;
 mod error;
 pub mod fault;
 mod folder;
+mod in_place;
+mod integrity;
 mod jobs;
+mod last_use;
 mod leases;
 mod meshes;
 mod migrations;
+mod orphans;
 mod page;
+mod pairing;
 mod records;
+mod restore;
+mod retention;
+mod space;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -35,7 +50,7 @@ use std::{
     path::PathBuf,
     sync::{
         Arc,
-        atomic::{AtomicU64, Ordering},
+        atomic::{AtomicI64, AtomicU64, Ordering},
     },
     time::Duration,
 };
@@ -49,14 +64,19 @@ use chladni_spectral::basis::{ColumnChunk, Product};
 use database::{Database, DatabaseSettings};
 use folder::DataFolder;
 
+pub use backup::{BackupReport, backup};
 pub use clock::Clock;
-pub use error::StoreError;
+pub use doctor::{Examination, Finding};
+pub use error::{DAMAGE, StoreError};
 pub use leases::{Claim, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
 pub use page::{Page, PageRequest};
 pub use records::{
     BasisFilter, BasisRecord, BasisStorage, CacheStatistics, EnqueueOutcome, Enqueued, IdempotencyKey, JobEvent,
     JobFilter, JobProblem, JobRecord, JobStatus, MeshRecord, NewJob, NewMesh, StoreHealth, Stored, UnknownStatus,
 };
+pub use restore::restore;
+pub use retention::{Removed, Retention};
+pub use space::Compacted;
 
 /// Job events that a slow listener may fall behind by.
 const EVENTS_KEPT: usize = 1024;
@@ -80,6 +100,10 @@ pub struct StoreOptions {
     pub retry_pause: Duration,
     /// The time.
     pub clock: Clock,
+    /// What is kept, and for how long.
+    pub retention: Retention,
+    /// Pair databases that do not belong together as they are, instead of refusing them.
+    pub pair_anyway: bool,
     /// Faults for tests.
     pub faults: fault::Faults,
 }
@@ -99,6 +123,8 @@ impl StoreOptions {
             busy_timeout: Duration::from_secs(5),
             retry_pause: Duration::from_secs(1),
             clock: Clock::system(),
+            retention: Retention::default(),
+            pair_anyway: false,
             faults: fault::Faults::default(),
         }
     }
@@ -120,6 +146,16 @@ struct Inner {
     /// Held for reading from the moment a blob is written or found until something refers to it, and for writing while
     /// blobs that nothing refers to are deleted.
     blob_use: RwLock<()>,
+    /// When orphans were last looked for.
+    orphans_looked_ms: AtomicI64,
+    /// When meshes and bases were used.
+    uses: last_use::Uses,
+    /// Bytes of free pages within the blob database.
+    reusable_bytes: AtomicU64,
+    /// When retention was last looked after.
+    retained_ms: AtomicI64,
+    /// Which blobs were seen to be whole or damaged.
+    known: integrity::Known,
     bases: Cache<Uuid, Weighed<Product>, ByWeight>,
     /// Chunks of dense bases, by the hash of the content and the position.
     chunks: Cache<(String, usize), Weighed<Arc<ColumnChunk>>, ByWeight>,
@@ -152,16 +188,21 @@ impl<K, T> Weighter<K, Weighed<T>> for ByWeight {
 
 impl Store {
     /// Opens the data folder: makes it where it is missing, locks it, checks the databases and brings them up to date, gives
-    /// jobs back to the queue that a dead process was running, and collects content that nothing refers to.
+    /// jobs back to the queue that a dead process was running, and looks for content that nothing refers to.
     ///
     /// # Errors
-    /// [`StoreError::FolderInUse`] where another process has it open; [`StoreError::Version`], [`StoreError::Corrupt`],
+    /// [`StoreError::FolderInUse`] where another process has it open; [`StoreError::Mismatch`] where its databases do not belong together, and
+    /// nothing is changed; [`StoreError::Version`], [`StoreError::Corrupt`],
     /// [`StoreError::Folder`] where it cannot be used.
     pub async fn open(options: StoreOptions) -> Result<Self, StoreError> {
-        let folder = {
+        let mut folder = {
             let path = options.folder.clone();
             blobs::blocking(move || DataFolder::open(&path)).await??
         };
+        if !options.pair_anyway {
+            pairing::check_files(&folder)?;
+        }
+        folder.lock_database()?;
         let settings = |page_bytes, limit: Option<u64>, readers| DatabaseSettings {
             busy_timeout: options.busy_timeout,
             page_bytes,
@@ -169,8 +210,12 @@ impl Store {
             readers,
         };
         let meta = Database::open(&folder.file("meta.db"), settings(4096, None, 4), &migrations::meta()).await?;
+        if !options.pair_anyway {
+            pairing::check_content(&folder, &meta).await?;
+        }
         let blob_settings = settings(blobs::PAGE_BYTES, options.blob_bytes_limit, 4);
         let blobs = Database::open(&folder.file("blobs.db"), blob_settings, &migrations::blobs()).await?;
+        pairing::pair(&folder, &meta, &blobs, options.pair_anyway).await?;
         let quarter = options.cache_bytes / 4;
         let store = Self {
             inner: Arc::new(Inner {
@@ -184,19 +229,27 @@ impl Store {
                 events: broadcast::channel(EVENTS_KEPT).0,
                 work: Notify::new(),
                 blob_use: RwLock::new(()),
+                orphans_looked_ms: AtomicI64::new(0),
+                uses: last_use::Uses::default(),
+                reusable_bytes: AtomicU64::new(0),
+                retained_ms: AtomicI64::new(0),
+                known: integrity::Known::default(),
                 hits: AtomicU64::new(0),
                 misses: AtomicU64::new(0),
             }),
         };
-        // The folder is ours alone, so whoever holds a lease is dead.
-        let reaped = store.reap_leases(i64::MAX).await?;
-        let collected = store.collect_orphans().await?;
-        if reaped.is_empty() && collected == 0 {
+        store.count_reusable().await?;
+        let reaped = store.recover().await?;
+        let unfinished = store.delete_pending().await?;
+        let look = store.look_for_orphans().await?;
+        if reaped.is_empty() && unfinished + look.condemned + look.deleted == 0 {
             tracing::debug!("opened the store");
         } else {
             tracing::info!(
                 jobs_recovered = reaped.len(),
-                blobs_collected = collected,
+                blobs_unfinished = unfinished,
+                blobs_condemned = look.condemned,
+                blobs_deleted = look.deleted,
                 "opened the store after an early end"
             );
         }
@@ -205,8 +258,25 @@ impl Store {
 
     /// Waits for running statements and closes the databases. Later calls are [`StoreError::Unavailable`].
     pub async fn close(&self) {
+        let ended = async {
+            self.write_uses().await?;
+            self.keep_pair().await
+        };
+        if let Err(error) = ended.await {
+            tracing::debug!(%error, "the last notes were not written down");
+        }
         self.inner.meta.close().await;
         self.inner.blobs.close().await;
+    }
+
+    /// What is due now and then: forgets old idempotency keys, deletes what is not kept, looks for orphans, gives free pages back, tells each database of the
+    /// other.
+    async fn tend(&self) -> Result<(), StoreError> {
+        self.forget_old_keys().await?;
+        self.retain_in_turn().await?;
+        self.look_for_orphans_in_turn().await?;
+        self.give_back().await?;
+        self.keep_pair().await
     }
 
     /// How the storage feels; tries a small write in both databases.
@@ -220,6 +290,7 @@ impl Store {
         let space = self.check_space(0);
         let full = space.is_err() || matches!(written, Err(StoreError::StorageFull { .. }));
         StoreHealth {
+            moved: matches!(written, Err(StoreError::Moved { .. })),
             writable: written.is_ok(),
             reason: written.and(space).err().map(|error| error.to_string()),
             full,

@@ -348,6 +348,8 @@ pub struct StoreHealth {
     pub writable: bool,
     /// Why not.
     pub reason: Option<String>,
+    /// Whether a database was removed or replaced while it was in use.
+    pub moved: bool,
     /// Whether new content is refused for want of space.
     pub full: bool,
     /// Free bytes of the file system, where the system tells.

@@ -29,6 +29,15 @@ pub(super) async fn store() -> (Store, TempDir) {
     (Store::open(options(&folder)).await.unwrap(), folder)
 }
 
+/// Opens a store twice, an hour apart: what nothing refers to is gone.
+pub(super) async fn an_hour_later(folder: &TempDir) -> Store {
+    let first = Store::open(options(folder)).await.unwrap();
+    let later = Clock::manual(Arc::new(AtomicI64::new(first.now_ms() + orphans::REPRIEVE_MS + 1000)));
+    first.close().await;
+    drop(first);
+    Store::open(StoreOptions { clock: later, ..options(folder) }).await.unwrap()
+}
+
 pub(crate) fn mesh(seed: usize, vertices: usize) -> NewMesh {
     let positions = (0..vertices).map(|i| [i as f64, (i * i + seed) as f64, 0.5]).collect();
     let faces = (2..vertices as u32).map(|i| [0, i - 1, i]).collect();
@@ -87,7 +96,7 @@ fn problem() -> JobProblem {
 }
 
 /// Enqueues, claims and completes a job.
-async fn done(store: &Store, mesh: &str, seed: f64) -> Uuid {
+pub(super) async fn done(store: &Store, mesh: &str, seed: f64) -> Uuid {
     store.enqueue(new_job(mesh, &format!("work {seed}"))).await.unwrap();
     let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
     match store.complete(claim.token, basis(seed, 40), vec![("eigen".to_owned(), 0.5)]).await.unwrap() {
@@ -359,6 +368,48 @@ async fn attempts_are_bounded_and_pauses_grow() {
 }
 
 #[tokio::test]
+async fn a_clock_that_goes_back_holds_no_job() {
+    let folder = tempfile::tempdir().unwrap();
+    let hands = Arc::new(AtomicI64::new(1_000_000_000));
+    let store =
+        Store::open(StoreOptions { clock: Clock::manual(Arc::clone(&hands)), ..options(&folder) }).await.unwrap();
+    let id = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    store.enqueue(new_job(&id, "w")).await.unwrap();
+    let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
+    store.fail(claim.token, &problem(), true).await.unwrap();
+    assert!(store.claim("w", &[], LEASE).await.unwrap().is_none(), "there is a pause");
+    hands.fetch_sub(5 * 3600 * 1000, Ordering::Relaxed);
+    assert!(store.claim("w", &[], LEASE).await.unwrap().is_some());
+}
+
+#[tokio::test]
+async fn a_job_that_may_have_crashed_a_server_runs_alone() {
+    let (first, folder) = store().await;
+    let id = first.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    for work in ["a", "b", "c"] {
+        first.enqueue(new_job(&id, work)).await.unwrap();
+    }
+    let suspects =
+        [first.claim("w", &[], LEASE).await.unwrap().unwrap(), first.claim("w", &[], LEASE).await.unwrap().unwrap()];
+    std::fs::write(first.crash_mark(), "11\n").unwrap();
+    first.close().await;
+    drop(first);
+    let later = Clock::manual(Arc::new(AtomicI64::new(Clock::system().now_ms() + 60_000)));
+    Store::open(options(&folder)).await.unwrap().close().await;
+    let store = Store::open(StoreOptions { clock: later, ..options(&folder) }).await.unwrap();
+    for suspect in &suspects {
+        let job = store.job(suspect.job.id).await.unwrap();
+        assert_eq!((job.status, job.attempt), (JobStatus::Enqueued, 0));
+        assert!(job.problem.unwrap().detail.contains("signal 11"));
+    }
+    // The first in the queue is a suspect: nobody takes it, or another in its stead, while something runs.
+    assert!(store.claim_within("w", &[], LEASE, u64::MAX, false).await.unwrap().is_none());
+    let claim = store.claim_within("w", &[], LEASE, u64::MAX, true).await.unwrap().unwrap();
+    assert_eq!((claim.job.id, claim.alone), (suspects[0].job.id, true));
+    assert_eq!(std::fs::read_to_string(store.crash_mark()).unwrap(), "", "counted once");
+}
+
+#[tokio::test]
 async fn a_job_is_cancelled_at_once_or_at_its_end() {
     let (store, _folder) = store().await;
     let id = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
@@ -496,11 +547,11 @@ async fn damaged_content_is_told_and_not_served() {
     let mut transaction = store.inner.blobs.write().await.unwrap();
     sqlx::query("UPDATE chunks SET data = zeroblob(length(data))").execute(transaction.on()).await.unwrap();
     transaction.commit().await.unwrap();
-    assert!(matches!(store.load_mesh(&record.id).await, Err(StoreError::Corrupt { .. })));
+    assert!(matches!(store.load_mesh(&record.id).await, Err(StoreError::Damaged { .. })));
     let mut transaction = store.inner.blobs.write().await.unwrap();
     sqlx::query("DELETE FROM chunks").execute(transaction.on()).await.unwrap();
     transaction.commit().await.unwrap();
-    assert!(matches!(store.blob_bytes(&record.content_hash, 0..10).await, Err(StoreError::Corrupt { .. })));
+    assert!(matches!(store.blob_bytes(&record.content_hash, 0..10).await, Err(StoreError::Damaged { .. })));
 }
 
 #[tokio::test]
@@ -510,14 +561,14 @@ async fn a_large_job_is_waited_for_and_not_overtaken() {
     for (work, memory_bytes) in [("large", 1000), ("small", 10)] {
         store.enqueue(NewJob { memory_bytes, ..new_job(&mesh, work) }).await.unwrap();
     }
-    assert!(store.claim_within("w", &[], LEASE, 999).await.unwrap().is_none());
-    let large = store.claim_within("w", &[], LEASE, 1000).await.unwrap().unwrap();
+    assert!(store.claim_within("w", &[], LEASE, 999, true).await.unwrap().is_none());
+    let large = store.claim_within("w", &[], LEASE, 1000, true).await.unwrap().unwrap();
     assert_eq!((large.job.work_key.as_str(), large.job.memory_bytes), ("large", 1000));
-    assert_eq!(store.claim_within("w", &[], LEASE, 10).await.unwrap().unwrap().job.work_key, "small");
+    assert_eq!(store.claim_within("w", &[], LEASE, 10, true).await.unwrap().unwrap().job.work_key, "small");
 }
 
 #[tokio::test]
-async fn orphans_are_collected_and_leases_of_the_dead_reaped_at_the_start() {
+async fn half_written_content_goes_and_leases_of_the_dead_are_reaped_at_the_start() {
     let (first, folder) = store().await;
     let id = first.add_mesh(mesh(1, 9)).await.unwrap().record.id;
     let kept = done(&first, &id, 1.0).await;
@@ -537,12 +588,12 @@ async fn orphans_are_collected_and_leases_of_the_dead_reaped_at_the_start() {
     first.close().await;
     drop(first);
     let second = Store::open(options(&folder)).await.unwrap();
-    assert!(matches!(second.blob_length(&hash).await, Err(StoreError::NotFound { .. })));
+    assert_eq!(second.blob_length(&hash).await.unwrap(), orphan.len() as u64, "an orphan has an hour");
     let counts: (i64, i64) = sqlx::query_as("SELECT (SELECT COUNT(*) FROM blobs), (SELECT COUNT(*) FROM chunks)")
         .fetch_one(second.inner.blobs.reader())
         .await
         .unwrap();
-    assert_eq!(counts, (2, 2), "the mesh and the basis, a chunk each");
+    assert_eq!(counts, (3, 3), "the mesh, the basis and the orphan, a chunk each");
     assert_eq!(*second.load_basis(kept).await.unwrap(), basis(1.0, 40));
     assert_eq!(second.job(running).await.unwrap().status, JobStatus::Enqueued);
 }

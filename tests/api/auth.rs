@@ -32,6 +32,8 @@ async fn each_scope_opens_its_routes_and_no_others() {
         ("POST", format!("/v1/jobs/{none}/cancel"), "submit"),
         ("POST", format!("/v1/jobs/{none}/retry"), "submit"),
         ("DELETE", "/v1/meshes/none".to_owned(), "operate"),
+        ("PATCH", "/v1/meshes/none".to_owned(), "operate"),
+        ("DELETE", format!("/v1/jobs/{none}"), "operate"),
         ("DELETE", format!("/v1/bases/{none}"), "operate"),
         ("GET", "/metrics".to_owned(), "operate"),
     ];

@@ -265,3 +265,30 @@ async fn lists_are_filtered_and_paged() {
     }
     problem(app.get("/v1/jobs?from=nonsense").send().await.unwrap(), 400, "invalid-cursor").await;
 }
+
+#[tokio::test]
+async fn a_job_that_has_ended_can_be_deleted() {
+    let app = TestApp::start();
+    let mesh = app.octahedron().await;
+    let job = text(&app.submit(&mesh, json!({"count": 3})).await["id"]);
+    let basis = text(&app.finished(&job).await["basis"]);
+    let path = format!("/v1/jobs/{job}");
+    let refused = problem(app.delete(&path).send().await.unwrap(), 409, "state-conflict").await;
+    assert!(text(&refused["detail"]).contains(&basis), "{refused}");
+    assert_eq!(app.delete(&format!("{path}?cascade=true")).send().await.unwrap().status(), 204);
+    problem(app.get(&path).send().await.unwrap(), 404, "unknown-job").await;
+    problem(app.get(&format!("/v1/bases/{basis}")).send().await.unwrap(), 404, "unknown-basis").await;
+    problem(app.delete(&path).send().await.unwrap(), 404, "unknown-job").await;
+    // One that runs is cancelled first.
+    let job = text(&app.submit(&mesh, json!({"count": 3, "seed": 60_000})).await["id"]);
+    let path = format!("/v1/jobs/{job}");
+    problem(app.delete(&path).send().await.unwrap(), 409, "state-conflict").await;
+    app.post(&format!("{path}/cancel")).send().await.unwrap();
+    app.finished(&job).await;
+    assert_eq!(app.delete(&path).send().await.unwrap().status(), 204);
+    // With its basis gone, a job goes without a word more.
+    let job = text(&app.submit(&mesh, json!({"count": 2})).await["id"]);
+    let basis = text(&app.finished(&job).await["basis"]);
+    assert_eq!(app.delete(&format!("/v1/bases/{basis}")).send().await.unwrap().status(), 204);
+    assert_eq!(app.delete(&format!("/v1/jobs/{job}")).send().await.unwrap().status(), 204);
+}

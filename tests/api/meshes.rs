@@ -186,3 +186,24 @@ async fn content_comes_in_every_format_and_in_ranges() {
     assert!(beyond.headers()["content-range"].to_str().unwrap().starts_with("bytes */"));
     problem(beyond, 416, "range-not-satisfiable").await;
 }
+
+#[tokio::test]
+async fn a_mesh_is_renamed_and_found_by_its_name() {
+    let app = TestApp::start();
+    let id = app.octahedron().await;
+    let path = format!("/v1/meshes/{id}");
+    let rename = |body: Value| app.client.patch(app.url(&path)).json(&body).send();
+    let renamed: Value = rename(json!({"name": "Äußeres Oktaeder 100%"})).await.unwrap().json().await.unwrap();
+    assert_eq!(renamed["name"], "Äußeres Oktaeder 100%");
+    for (part, found) in [("oktaeder", 1), ("100%", 1), ("%", 1), ("_", 0), ("Würfel", 0), ("", 1)] {
+        let answer = app.get("/v1/meshes").query(&[("name", part)]).send().await.unwrap();
+        let page: Value = answer.json().await.unwrap();
+        assert_eq!(page["items"].as_array().unwrap().len(), found, "{part}");
+    }
+    problem(rename(json!({"name": "n".repeat(201)})).await.unwrap(), 422, "invalid-request").await;
+    problem(rename(json!({"nom": "n"})).await.unwrap(), 422, "invalid-request").await;
+    let nameless: Value = rename(json!({"name": null})).await.unwrap().json().await.unwrap();
+    assert!(nameless["name"].is_null());
+    let unknown = app.client.patch(app.url("/v1/meshes/none")).json(&json!({"name": "n"})).send().await.unwrap();
+    problem(unknown, 404, "unknown-mesh").await;
+}

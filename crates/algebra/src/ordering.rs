@@ -15,9 +15,14 @@ pub enum Ordering {
     NestedDissection,
 }
 
-/// METIS draws from the random numbers of the C library and installs signal handlers: one at a time, so that equal
-/// matrices get equal orders.
+/// METIS draws from the random numbers of the C library: one at a time, so that equal matrices get equal orders.
 static METIS: std::sync::Mutex<()> = std::sync::Mutex::new(());
+
+#[cfg(unix)]
+unsafe extern "C" {
+    /// Does nothing. That it is called makes `metis_errors.c` part of the program, which keeps METIS from the signals of the process.
+    safe fn chladni_metis_errors();
+}
 
 /// An order in which the symmetric `matrix` fills in little when it is factored: entry `k` is the row that comes `k`-th. It is a postorder of
 /// the elimination tree, without which supernodes would be three times narrower. The same matrix always gets the same order.
@@ -68,6 +73,8 @@ fn nested_dissection(matrix: &SparseMatrix) -> Result<Vec<u32>, FactorError> {
     }
     let mut options = [0i32; metis_sys::METIS_NOPTIONS as usize];
     let mut size = n as i32;
+    #[cfg(unix)]
+    chladni_metis_errors();
     let alone = METIS.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     // SAFETY: the arrays have the lengths that METIS documents, `offsets` ascends to the length of `neighbours`, every neighbour is
     // below `n`, and the lock keeps its global state to one caller. There is no safe interface to this function.

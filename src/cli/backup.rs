@@ -1,0 +1,62 @@
+//! `backup`: copies a data folder, in use or not.
+
+use super::{CliError, bytes, grouped, serve::runtime};
+use crate::store;
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Back a data folder up while its server runs; what the backup has already is not copied again
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct BackupArguments {
+    /// Folder of the backup; made where it is missing, brought up to date where it is not
+    #[arg(value_name = "FOLDER")]
+    backup: PathBuf,
+
+    /// Folder of the databases
+    #[arg(long, value_name = "FOLDER", env = "CHLADNI_DATA", default_value = "chladni-data")]
+    data: PathBuf,
+
+    /// Print one line of JSON
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  chladni backup /backups/chladni --data /srv/chladni
+  chladni restore /backups/chladni --data /srv/chladni-2
+
+The backup is of one moment: every record in it has its content. It is a data folder of two files; keep older ones by copying it
+once this command has ended. Copying the files of a running server loses data instead.
+
+Exit codes: 0 done; 1 done, but some content is damaged where it was copied from; 3 a folder cannot be used.";
+
+/// Backs a data folder up.
+pub fn backup(arguments: BackupArguments) -> Result<ExitCode, CliError> {
+    let report = runtime()?
+        .block_on(store::backup(&arguments.data, &arguments.backup))
+        .map_err(|error| CliError::Service(error.to_string()))?;
+    let text = if arguments.json {
+        serde_json::to_string(&report).map_err(|error| CliError::stdout(error.into()))?
+    } else {
+        format!(
+            "{} meshes, {} bases and {} jobs are in {}; {} of {} pieces of content were new, {}.",
+            grouped(report.meshes as usize),
+            grouped(report.bases as usize),
+            grouped(report.jobs as usize),
+            arguments.backup.display(),
+            grouped(report.copied_blobs as usize),
+            grouped(report.blobs as usize),
+            bytes(report.copied_bytes),
+        )
+    };
+    writeln!(std::io::stdout().lock(), "{text}").map_err(CliError::stdout)?;
+    if report.damaged.is_empty() {
+        return Ok(ExitCode::SUCCESS);
+    }
+    let list = report.damaged.join(", ");
+    eprintln!("chladni: content is damaged or missing in {}: {list}; see `chladni doctor`", arguments.data.display());
+    Ok(ExitCode::from(1))
+}

@@ -1,0 +1,48 @@
+//! When meshes and bases were last used: noted in memory, written down now and then, so that reading does not write.
+
+use std::{
+    collections::HashMap,
+    sync::{Mutex, PoisonError},
+};
+
+use super::{Store, StoreError};
+
+/// Notes that were not written down yet.
+#[derive(Debug, Default)]
+pub(super) struct Uses {
+    meshes: Mutex<HashMap<String, i64>>,
+    bases: Mutex<HashMap<String, i64>>,
+}
+
+impl Store {
+    /// Notes the use of a mesh.
+    pub(super) fn use_mesh(&self, id: &str) {
+        self.inner.uses.meshes.lock().unwrap_or_else(PoisonError::into_inner).insert(id.to_owned(), self.now_ms());
+    }
+
+    /// Notes the use of a basis.
+    pub(super) fn use_basis(&self, id: uuid::Uuid) {
+        self.inner.uses.bases.lock().unwrap_or_else(PoisonError::into_inner).insert(id.to_string(), self.now_ms());
+    }
+
+    /// Writes the notes down.
+    pub(super) async fn write_uses(&self) -> Result<(), StoreError> {
+        let take = |notes: &Mutex<HashMap<String, i64>>| {
+            std::mem::take(&mut *notes.lock().unwrap_or_else(PoisonError::into_inner))
+        };
+        let (meshes, bases) = (take(&self.inner.uses.meshes), take(&self.inner.uses.bases));
+        if meshes.is_empty() && bases.is_empty() {
+            return Ok(());
+        }
+        let mut transaction = self.inner.meta.write().await?;
+        for (sql, notes) in [
+            ("UPDATE meshes SET used_ms = ? WHERE id = ?", meshes),
+            ("UPDATE bases SET used_ms = ? WHERE id = ?", bases),
+        ] {
+            for (id, used_ms) in notes {
+                sqlx::query(sql).bind(used_ms).bind(id).execute(transaction.on()).await?;
+            }
+        }
+        transaction.commit().await
+    }
+}
