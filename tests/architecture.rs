@@ -39,6 +39,8 @@ const GUARDED: &[(&str, &[&str])] = &[
     ("chladni_work", &["queue", "http", "cli"]),
     ("sqlx", &["store"]),
     ("axum", &["http"]),
+    ("headers", &["http"]),
+    ("http_range_header", &["http"]),
     ("hyper", &["http", "cli"]),
     ("hyper_util", &["http", "cli"]),
     ("utoipa", &["http"]),

@@ -7,6 +7,7 @@ mod error;
 mod field;
 mod input;
 mod memory;
+mod private;
 mod progress;
 mod sample;
 pub mod serve;

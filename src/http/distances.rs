@@ -4,7 +4,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use axum::body::Body;
-use axum::extract::State;
 use axum::http::HeaderMap;
 use chladni_algebra::DenseMatrix;
 use chladni_mesh::TriangleMesh;
@@ -18,11 +17,14 @@ use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::bases::{find, on_vertices};
+use super::bases::on_vertices;
 use super::binary::{self, Dtype, Table};
+use super::client::ClientState;
 use super::exchange::{self, Answer};
-use super::extract::{PathOf, QueryOf};
+use super::extract::QueryOf;
+use super::ids::BasisId;
 use super::problem::Problem;
+use super::problems::problems;
 use super::state::AppState;
 
 /// The routes of distances.
@@ -86,6 +88,8 @@ struct DistanceQuery {
     pairs: bool,
 }
 
+problems!(DistancesProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYSIS]);
+
 /// Computes distances
 ///
 /// Diffusion, biharmonic, commute-time and geodesic distances, from one or many sources to all vertices or between pairs. A table with a row
@@ -95,26 +99,23 @@ struct DistanceQuery {
 /// vertices of pairs, and the rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/distances", tag = "analysis", operation_id = "distances",
-    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), DistanceQuery),
+    params(BasisId, DistanceQuery),
     request_body(description = "The sources or pairs", content((DistanceRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The distances", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-request, invalid-vertex or invalid-analysis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        DistancesProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn distances(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     QueryOf(query): QueryOf<DistanceQuery>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
-    let basis = on_vertices(&state, &id).await?;
+    let basis = on_vertices(&state, id).await?;
     let fill = |request: &mut DistanceRequest, bytes: &[u8]| {
         if query.pairs {
             request.pairs = binary::decode_tuples(bytes)?;
@@ -132,13 +133,13 @@ async fn distances(
     }
     let mesh = match &request.distance {
         DistanceKind::Geodesic { .. } => {
-            let record = find(&state, &id).await?;
+            let record = state.store.basis(id).await?;
             Some(state.store.load_mesh(&record.mesh).await?)
         }
         _ => None,
     };
     state
-        .solve("distances", move || {
+        .solve("distances", move |_| {
             let begin = Instant::now();
             let table = compute(&basis, mesh, &request)?;
             Answer::table(&table, raw, query.dtype, begin)

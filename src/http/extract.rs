@@ -7,6 +7,7 @@ use axum::http::{HeaderMap, header};
 use serde::de::DeserializeOwned;
 
 use super::problem::{self, Problem};
+use crate::store::PageRequest;
 
 /// Path parameters.
 #[derive(Debug)]
@@ -44,6 +45,21 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for QueryOf<T> {
             Err(other) => Err(Problem::internal(other)),
         }
     }
+}
+
+/// A page request from query parameters.
+///
+/// # Errors
+/// `invalid-query` where the limit is zero.
+pub fn page(limit: Option<u32>, from: Option<String>) -> Result<PageRequest, Problem> {
+    let limit = limit.unwrap_or(PageRequest::default().limit);
+    if !(1..=PageRequest::MOST).contains(&limit) {
+        return Err(Problem::new(
+            &problem::INVALID_QUERY,
+            format!("limit: must lie between 1 and {}, not be {limit}.", PageRequest::MOST),
+        ));
+    }
+    Ok(PageRequest { limit, from })
 }
 
 /// The media type of a request body, lower case and without parameters.

@@ -4,24 +4,28 @@ use std::sync::Arc;
 
 use axum::Json;
 use axum::body::Body;
-use axum::extract::{FromRequest, Multipart, Request, State};
+use axum::extract::{FromRequest, Multipart, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge};
-use chladni_mesh::read::{MeshFormat, ReadLimits, read};
+use chladni_mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
 use chladni_mesh::solid::check_body;
 use chladni_mesh::write::{write_obj, write_ply};
+use headers::HeaderMapExt;
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use super::client::ClientState;
 use super::content::Immutable;
-use super::extract::{self, PathOf, QueryOf};
+use super::extract::{self, QueryOf};
+use super::ids::MeshId;
 use super::problem::{self, Problem};
+use super::problems::problems;
 use super::state::AppState;
 use super::wire::{MeshResource, PageOf};
 use super::{body, conditional};
@@ -58,6 +62,8 @@ struct UploadQuery {
     name: Option<String>,
 }
 
+problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKNOWN_FORMAT, UNREADABLE_MESH, UNUSABLE_MESH, DRAINING]);
+
 /// Uploads a mesh
 ///
 /// The body is the file itself, or `multipart/form-data` with the file in a part named `mesh` (and, optionally, parts `format`,
@@ -78,13 +84,12 @@ struct UploadQuery {
     responses(
         (status = 201, description = "The mesh is stored; `Location` names it", body = MeshResource, headers(("Location" = String), ("ETag" = String))),
         (status = 200, description = "The same content was stored before", body = MeshResource, headers(("Location" = String))),
-        (status = "4XX", description = "A problem: body-too-large, body-incomplete, body-too-slow, damaged-content-encoding, unsupported-content-encoding, invalid-multipart, unknown-mesh-format, unreadable-mesh/… or unusable-mesh/…", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 507, description = "A problem: storage-full", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        UploadMeshProblems,
     ),
     security(("bearer" = ["submit"]))
 )]
 async fn upload(
-    State(state): State<AppState>,
+    state: ClientState,
     QueryOf(query): QueryOf<UploadQuery>,
     request: Request,
 ) -> Result<Response, Problem> {
@@ -122,10 +127,19 @@ async fn upload(
         ..ReadLimits::default()
     };
     let bytes = sent.bytes;
+    let (most_bytes, mut memory) = (state.config.limits.max_body_bytes, state.memory());
     let new = state
         .take_in(move || {
             let source_bytes = bytes.len() as u64;
             let raw = read(&bytes, format, &limits)?;
+            let made = subdivided_bytes(&raw, subdivisions);
+            if subdivisions > 0 && made > most_bytes {
+                let detail = format!(
+                    "subdivide: the mesh would take about {made} bytes after {subdivisions} subdivisions; the limit is {most_bytes}."
+                );
+                return Err(Problem::new(&problem::BODY_TOO_LARGE, detail).with("limit", most_bytes));
+            }
+            body::reserve(&mut memory, made)?;
             drop(bytes);
             // The share of the body budget is held until the bytes are gone.
             drop(body);
@@ -145,16 +159,20 @@ async fn upload(
         "mesh stored"
     );
     let status = if stored.created { StatusCode::CREATED } else { StatusCode::OK };
-    let tag = conditional::etag(&record.id, true);
+    let tag = conditional::weak(&record.id)?;
     let location = HeaderValue::from_str(&format!("/v1/meshes/{}", record.id));
     let mut response = (status, Json(MeshResource::from(record))).into_response();
     if let Ok(location) = location {
         response.headers_mut().insert(header::LOCATION, location);
     }
-    if let Some(tag) = tag {
-        response.headers_mut().insert(header::ETAG, tag);
-    }
+    response.headers_mut().typed_insert(tag);
     Ok(response)
+}
+
+/// About the bytes of positions and faces when every face has been divided into four so many times.
+fn subdivided_bytes(raw: &RawMesh, times: u8) -> u64 {
+    let once = 24 * raw.positions.len() as u64 + 12 * raw.faces.len() as u64;
+    once.saturating_mul(4u64.saturating_pow(times.into()))
 }
 
 /// An uploaded file and what was said about it.
@@ -269,6 +287,8 @@ struct ListQuery {
     from: Option<String>,
 }
 
+problems!(ListMeshesProblems: PAGE []);
+
 /// Lists meshes
 ///
 /// Newest first. Pages stay stable while new meshes arrive.
@@ -276,45 +296,35 @@ struct ListQuery {
     get, path = "/v1/meshes", tag = "meshes", operation_id = "listMeshes", params(ListQuery),
     responses(
         (status = 200, description = "A page of meshes", body = PageOf<MeshResource>),
-        (status = 400, description = "A problem: invalid-query or invalid-cursor", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        ListMeshesProblems,
     ),
     security(("bearer" = ["read"]))
 )]
-async fn list(
-    State(state): State<AppState>,
-    QueryOf(query): QueryOf<ListQuery>,
-) -> Result<Json<PageOf<MeshResource>>, Problem> {
-    let page = state.store.meshes(&super::page(query.limit, query.from)?).await?;
+async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<Json<PageOf<MeshResource>>, Problem> {
+    let page = state.store.meshes(&super::extract::page(query.limit, query.from)?).await?;
     Ok(Json(PageOf::of(page, MeshResource::from)))
 }
+
+problems!(ShowMeshProblems: [UNKNOWN_MESH]);
 
 /// Shows a mesh
 ///
 /// With the report of the check that it went through.
 #[utoipa::path(
     get, path = "/v1/meshes/{id}", tag = "meshes", operation_id = "showMesh",
-    params(("id" = String, Path, description = "The id of the mesh", example = "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3")),
+    params(MeshId),
     responses(
         (status = 200, description = "The mesh", body = MeshResource, headers(("ETag" = String))),
         (status = 304, description = "The mesh is as `If-None-Match` names it"),
-        (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        ShowMeshProblems,
     ),
     security(("bearer" = ["read"]))
 )]
-async fn show(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
+async fn show(state: ClientState, MeshId(id): MeshId, headers: HeaderMap) -> Result<Response, Problem> {
     let record = state.store.mesh(&id).await?;
-    let tag = conditional::etag(&record.id, true);
-    let mut response = match &tag {
-        Some(tag) if conditional::matches(&headers, tag) => StatusCode::NOT_MODIFIED.into_response(),
-        _ => Json(MeshResource::from(record)).into_response(),
-    };
-    if let Some(tag) = tag {
-        response.headers_mut().insert(header::ETAG, tag);
-    }
+    let tag = conditional::weak(&record.id)?;
+    let make = || Json(MeshResource::from(record)).into_response();
+    let mut response = conditional::unless_known(&headers, tag, make);
     response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
     Ok(response)
 }
@@ -330,26 +340,27 @@ struct DeleteQuery {
     cascade: bool,
 }
 
+problems!(DeleteMeshProblems: WRITE [INVALID_QUERY, UNKNOWN_MESH, MESH_IN_USE]);
+
 /// Deletes a mesh
 ///
 /// Refused while unfinished jobs or bases refer to it, unless `cascade=true`.
 #[utoipa::path(
     delete, path = "/v1/meshes/{id}", tag = "meshes", operation_id = "deleteMesh",
-    params(("id" = String, Path, description = "The id of the mesh", example = "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"), DeleteQuery),
+    params(MeshId, DeleteQuery),
     responses(
         (status = 204, description = "The mesh is gone"),
-        (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: mesh-in-use, with `unfinished_jobs` and `bases`", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        DeleteMeshProblems,
     ),
     security(("bearer" = ["operate"]))
 )]
 async fn delete(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    MeshId(id): MeshId,
     QueryOf(query): QueryOf<DeleteQuery>,
 ) -> Result<StatusCode, Problem> {
     state.store.delete_mesh(&id, query.cascade).await?;
-    tracing::info!(mesh = problem::shorten(id), cascade = query.cascade, "mesh deleted");
+    tracing::info!(mesh = id, cascade = query.cascade, "mesh deleted");
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -372,6 +383,8 @@ struct ContentQuery {
     format: Option<Written>,
 }
 
+problems!(GetMeshContentProblems: [INVALID_QUERY, UNKNOWN_MESH, NOT_ACCEPTABLE, RANGE_NOT_SATISFIABLE]);
+
 /// Gets the content of a mesh
 ///
 /// By `Accept` or `format`: PLY (the default; binary, little-endian), OBJ, or buffers for web clients
@@ -380,7 +393,7 @@ struct ContentQuery {
 #[utoipa::path(
     get, path = "/v1/meshes/{id}/content", tag = "meshes", operation_id = "getMeshContent",
     params(
-        ("id" = String, Path, description = "The id of the mesh", example = "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"),
+        MeshId,
         ContentQuery,
         ("Range" = Option<String>, Header, description = "One range of bytes", example = "bytes=0-1023"),
     ),
@@ -388,15 +401,13 @@ struct ContentQuery {
         (status = 200, description = "The whole content", content((super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"), (super::docs::Binary = "application/vnd.chladni.mesh")), headers(("ETag" = String))),
         (status = 206, description = "The bytes that `Range` asks for", body = super::docs::Binary, content_type = "model/ply", headers(("Content-Range" = String))),
         (status = 304, description = "The content is as `If-None-Match` names it"),
-        (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 416, description = "A problem: range-not-satisfiable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        GetMeshContentProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn content(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    MeshId(id): MeshId,
     QueryOf(query): QueryOf<ContentQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {

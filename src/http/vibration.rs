@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use axum::body::Body;
-use axum::extract::State;
 use axum::http::HeaderMap;
+use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::analysis::sound::{Listening, listen};
 use chladni_spectral::analysis::vibration::{Damping, Load, Motion, check_times};
@@ -15,11 +15,13 @@ use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::bases::{basis_id, find};
 use super::body;
+use super::client::ClientState;
 use super::exchange::{self, Answer, OCTETS};
-use super::extract::{self, PathOf};
+use super::extract;
+use super::ids::BasisId;
 use super::problem::{self, Problem};
+use super::problems::problems;
 use super::state::AppState;
 
 /// The media type of sounds.
@@ -159,6 +161,8 @@ struct SimulateAnswer {
     velocities: Option<Vec<Vec<f64>>>,
 }
 
+problems!(SimulateProblems: SOLVE BODY JSON [INVALID_SIMULATION]);
+
 /// Simulates an object in its vibration modes
 ///
 /// For a basis of the kind `vibration_basis`. Every mode is a damped oscillator, `q̈ + (α + βλ) q̇ + λ q = f` (thesis, eq. 2.16), whose motion is
@@ -169,7 +173,7 @@ struct SimulateAnswer {
 /// largest pressure in pascal, if the mesh is in metres and the material in SI units.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/simulate", tag = "bases", operation_id = "simulate",
-    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10")),
+    params(BasisId),
     request_body(content = SimulateRequest, examples(
         ("frames" = (summary = "Three frames after a tap", value = json!({"loads": [{"impulse": {"vertex": 17, "momentum": [0.0, 0.0, -0.01]}}], "times": [0.0, 0.001, 0.002]}))),
         ("sound" = (summary = "The sound of a tap", value = json!({"damping": {"alpha": 5.0, "beta": 2e-7}, "loads": [{"impulse": {"vertex": 17, "momentum": [0.0, 0.0, -0.01]}}], "sound": {"listener": [0.0, 0.0, 1.0], "sample_rate": 44100, "seconds": 2.0}}))),
@@ -177,34 +181,30 @@ struct SimulateAnswer {
     responses(
         (status = 200, description = "The motion, frames, or a sound", content((SimulateAnswer = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "audio/wav")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Peak" = f64), ("Server-Timing" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: the basis is of another kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-request or invalid-simulation/…", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        SimulateProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn simulate(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     headers: HeaderMap,
     content: Body,
 ) -> Result<Answer, Problem> {
     extract::require_json(&headers)?;
     let media_type = exchange::answer_type(&headers, false, &[WAV])?;
-    let modes = state.store.load_modes(basis_id(&id)?).await?;
+    let modes = state.store.load_modes(id).await?;
     let body = body::read(&state, &headers, content, MOST_BYTES).await?;
-    let request: SimulateRequest = extract::parse_json(&body.bytes)?;
-    drop(body);
+    let request: SimulateRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
     let surface = match (&request.sound, media_type) {
-        (Some(_), _) => Some(state.store.load_mesh(&find(&state, &id).await?.mesh).await?),
+        (Some(_), _) => Some(state.store.load_mesh(&state.store.basis(id).await?.mesh).await?),
         (None, WAV) => {
             return Err(Problem::new(&problem::INVALID_REQUEST, "sound: is missing, but audio/wav is asked for."));
         }
         (None, _) => None,
     };
     let raw = media_type == OCTETS;
-    state.solve("simulate", move || answer(&modes, surface.as_ref(), request, raw)).await
+    state.solve("simulate", move |monitor| answer(&modes, surface.as_ref(), request, raw, monitor)).await
 }
 
 fn answer(
@@ -212,6 +212,7 @@ fn answer(
     surface: Option<&Arc<TriangleMesh>>,
     request: SimulateRequest,
     raw: bool,
+    monitor: &dyn Monitor,
 ) -> Result<Answer, Problem> {
     let begin = Instant::now();
     if request.loads.len() > MOST_LOADS {
@@ -257,6 +258,7 @@ fn answer(
     let lifter = modes.lifter();
     let mut whole = vec![0f32; 3 * modes.vertices()];
     for &time in &request.times {
+        monitor.checkpoint()?;
         let state = motion.at(time);
         energies.push(state.iter().zip(motion.oscillators()).map(|(state, o)| o.energy(*state)).sum());
         let positions: Vec<f64> = state.iter().map(|mode| mode.position).collect();

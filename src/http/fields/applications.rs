@@ -3,7 +3,6 @@
 use std::time::{Duration, Instant};
 
 use axum::body::Body;
-use axum::extract::State;
 use axum::http::HeaderMap;
 use chladni_base::{Cancelled, Monitor};
 use chladni_spectral::field::{Camera, HatchingParameters, Streamline, fur, streamlines, svg, tensor_deviator};
@@ -18,10 +17,13 @@ use super::forms;
 use super::request::{DesignRequest, refused};
 use super::solve::{self, Ready};
 use crate::http::binary::Table;
-use crate::http::docs::{Binary, ProblemSchema};
+use crate::http::client::ClientState;
+use crate::http::docs::Binary;
 use crate::http::exchange::{Answer, JSON, OCTETS};
-use crate::http::extract::{self, PathOf};
+use crate::http::extract;
+use crate::http::ids::BasisId;
 use crate::http::problem::Problem;
+use crate::http::problems::problems;
 use crate::http::state::AppState;
 
 /// The routes of applications.
@@ -48,7 +50,7 @@ enum Source {
 
 impl Source {
     /// The stored numbers of all faces.
-    async fn lifted(self, state: &AppState, ready: &Ready) -> Result<Vec<f32>, Problem> {
+    async fn lifted(self, state: &ClientState, ready: &Ready) -> Result<Vec<f32>, Problem> {
         let coefficients = match self {
             Self::Design(request) => solve::design(state, ready, &request).await?.design.coefficients,
             Self::Coefficients(given) => {
@@ -69,7 +71,7 @@ impl Source {
             }
         };
         let ready = ready.clone();
-        state.solve("lift", move || ready.lift(&coefficients)).await
+        state.solve("lift", move |_| ready.lift(&coefficients)).await
     }
 }
 
@@ -98,35 +100,30 @@ fn one() -> f64 {
     1.0
 }
 
+problems!(CombFurProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE]);
+
 /// Combs fur
 ///
 /// For each face a strand that leans along a vector field: its root (the barycentre of the face) and its tip relative to the root, six numbers in
 /// the units of the mesh, for a renderer. JSON, or with `Accept: application/octet-stream` little-endian f32.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/fur", tag = "fields", operation_id = "combFur",
-    params(("id" = String, Path, description = "The id of a basis of vector fields", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10")),
+    params(BasisId),
     request_body(content = FurRequest, examples(
         ("strokes" = (summary = "Combed by a stroke", value = json!({"field": {"design": {"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}]}}, "length": 0.05, "tilt": 1.1, "full": 0.5}))),
     )),
     responses(
         (status = 200, description = "The strands: a row for each face", content((Table = "application/json", example = json!({"columns": 6, "values": [0.1, 0.2, 0.3, 0.0, 0.01, 0.04]})), (Binary = "application/octet-stream")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: as for design, or invalid-design/fur, /coefficients, /eigenfield", body = ProblemSchema, content_type = "application/problem+json"),
+        CombFurProblems,
     ),
     security(("bearer" = ["read"]))
 )]
-async fn comb(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
-    headers: HeaderMap,
-    content: Body,
-) -> Result<Answer, Problem> {
+async fn comb(state: ClientState, BasisId(id): BasisId, headers: HeaderMap, content: Body) -> Result<Answer, Problem> {
     let begin = Instant::now();
     let raw = extract::negotiated(&headers, &[JSON, OCTETS])? == OCTETS;
     let request: FurRequest = read(&state, &headers, content).await?;
-    let ready = Ready::load(&state, &id).await?;
+    let ready = Ready::load(&state, id).await?;
     if !matches!(ready.kind(), FieldKind::Vector {} | FieldKind::NVector { n: 1 }) {
         return Err(refused("fur", "field", "fur needs a basis of vector fields"));
     }
@@ -136,7 +133,7 @@ async fn comb(
     }
     let field = request.field.lifted(&state, &ready).await?;
     state
-        .solve("fur", move || {
+        .solve("fur", move |_| {
             let (length, tilt, full) = (request.length, request.tilt, request.full);
             let strands = fur(&ready.surface.surface, &field, length, tilt, full).ok_or_else(|| {
                 refused("fur", "length, tilt, full", "finite numbers are due, and full must be greater than 0")
@@ -233,16 +230,18 @@ impl From<Streamline> for Line {
     }
 }
 
-/// Ends work after a while.
-struct Patience(Instant);
+/// Ends work after a while, or when nobody waits for it.
+struct Patience<'a>(Instant, &'a dyn Monitor);
 
-impl Monitor for Patience {
+impl Monitor for Patience<'_> {
     fn stage(&self, _name: &'static str) {}
     fn progress(&self, _fraction: f64) {}
     fn checkpoint(&self) -> Result<(), Cancelled> {
-        if self.0.elapsed() < PATIENCE { Ok(()) } else { Err(Cancelled) }
+        if self.0.elapsed() < PATIENCE { self.1.checkpoint() } else { Err(Cancelled) }
     }
 }
+
+problems!(DrawHatchingProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE]);
 
 /// Draws a hatching
 ///
@@ -250,31 +249,24 @@ impl Monitor for Patience {
 /// eigendirections. As polylines on the surface, or with `Accept: image/svg+xml` as a drawing from a camera, without what the surface hides.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/hatching", tag = "fields", operation_id = "drawHatching",
-    params(("id" = String, Path, description = "The id of a field basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10")),
+    params(BasisId),
     request_body(content = HatchingRequest, examples(
         ("curvature" = (summary = "A 2-field along smoothed principal directions", value = json!({"field": {"design": {"weights": {"harmonic": 0.1}, "alignment": {"to": "curvature", "weight": 1.0, "per_face": "anisotropy"}}}, "spacing": 0.02, "camera": {"eye": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "width": 800, "height": 800}}))),
     )),
     responses(
         (status = 200, description = "The lines", content((HatchingAnswer = "application/json"), (String = "image/svg+xml"))),
-        (status = 404, description = "A problem: unknown-basis", body = ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: as for design, or invalid-design/hatching, /camera, /coefficients, /eigenfield", body = ProblemSchema, content_type = "application/problem+json"),
+        DrawHatchingProblems,
     ),
     security(("bearer" = ["read"]))
 )]
-async fn hatch(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
-    headers: HeaderMap,
-    content: Body,
-) -> Result<Answer, Problem> {
+async fn hatch(state: ClientState, BasisId(id): BasisId, headers: HeaderMap, content: Body) -> Result<Answer, Problem> {
     let begin = Instant::now();
     let drawn = extract::negotiated(&headers, &[JSON, SVG])? == SVG;
     let request: HatchingRequest = read(&state, &headers, content).await?;
     if drawn && request.camera.is_none() {
         return Err(refused("camera", "camera", "an SVG needs one"));
     }
-    let ready = Ready::load(&state, &id).await?;
+    let ready = Ready::load(&state, id).await?;
     let field = request.field.lifted(&state, &ready).await?;
     let usual = HatchingParameters::default();
     let parameters = HatchingParameters {
@@ -284,13 +276,13 @@ async fn hatch(
     };
     let (camera, stroke) = (request.camera, request.stroke);
     state
-        .solve("hatching", move || {
+        .solve("hatching", move |monitor| {
             let surface = &ready.surface.surface;
             let (n, field) = match ready.kind() {
                 FieldKind::Tensor {} => (2, deviators(&field)),
                 kind => (kind.order(), field),
             };
-            let lines = streamlines(surface, n, &field, &parameters, &Patience(begin))?;
+            let lines = streamlines(surface, n, &field, &parameters, &Patience(begin, monitor))?;
             let Some(camera) = camera.filter(|_| drawn) else {
                 return Answer::json(&HatchingAnswer { lines: lines.into_iter().map(Line::from).collect() }, begin);
             };

@@ -8,6 +8,7 @@ use utoipa::ToSchema;
 
 use super::cache::Surface;
 use crate::http::binary::Table;
+use crate::http::choice::word_or;
 use crate::http::problem::{self, Problem};
 
 /// The most constraints of one design: they make a dense system of their own size.
@@ -134,7 +135,7 @@ pub struct AlignmentRequest {
 }
 
 /// What to align to.
-#[derive(Debug, Clone, Deserialize, ToSchema)]
+#[derive(Debug, Clone, ToSchema)]
 #[serde(untagged)]
 pub enum Target {
     /// What the server knows of the surface.
@@ -142,6 +143,13 @@ pub enum Target {
     /// A field.
     Field(Table),
 }
+
+word_or!(
+    Target,
+    "the word \"curvature\" or a table {\"columns\": k, \"values\": […]}",
+    Named(NamedTarget),
+    object Field
+);
 
 /// What the server knows of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
@@ -152,7 +160,7 @@ pub enum NamedTarget {
 }
 
 /// Weights of faces.
-#[derive(Debug, Clone, Deserialize, ToSchema)]
+#[derive(Debug, Clone, ToSchema)]
 #[serde(untagged)]
 pub enum PerFace {
     /// What the server knows of the surface.
@@ -160,6 +168,8 @@ pub enum PerFace {
     /// One weight for each face, from 0.
     Values(Vec<f64>),
 }
+
+word_or!(PerFace, "the word \"anisotropy\" or an array of one number for each face", Named(NamedWeights), array Values);
 
 /// Weights that the server knows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]

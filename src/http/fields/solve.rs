@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use chladni_base::Unwatched;
+use chladni_base::Monitor;
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::basis::StoredFields;
 use chladni_spectral::field::{
@@ -12,14 +12,15 @@ use chladni_spectral::field::{
 use chladni_spectral::operator::hodge::FieldBoundary;
 use chladni_spectral::operator::transport::FieldKind;
 use serde::Deserialize;
+use uuid::Uuid;
 
 use super::cache::{self, Surface};
 use super::request::{
     AlignmentRequest, DesignRequest, NamedTarget, NamedWeights, PerFace, SingularVertex, Target, refused,
 };
-use crate::http::bases::{basis_id, find_kind};
+use crate::http::bases::find_kind;
+use crate::http::client::ClientState;
 use crate::http::problem::{self, Problem};
-use crate::http::state::AppState;
 
 /// A field basis at hand, with the surface it lives on.
 #[derive(Clone)]
@@ -37,13 +38,12 @@ impl Ready {
     ///
     /// # Errors
     /// `unknown-basis`, `basis-kind`, and what loading answers.
-    pub async fn load(state: &AppState, id: &str) -> Result<Self, Problem> {
-        let id = basis_id(id)?;
+    pub async fn load(state: &ClientState, id: Uuid) -> Result<Self, Problem> {
         // The product first: it is in memory where a stroke is being dragged.
         let fields = state.store.load_fields(id).await?;
         let mesh = match fields.metadata["mesh"].as_str() {
             Some(mesh) => mesh.to_owned(),
-            None => find_kind(state, &id.to_string(), ProductKind::FieldBasis).await?.mesh,
+            None => find_kind(state, id, ProductKind::FieldBasis).await?.mesh,
         };
         let surface = cache::surface(state, &mesh).await?;
         if surface.surface.faces() != fields.basis.space.faces() {
@@ -93,7 +93,7 @@ pub struct Designed {
 ///
 /// # Errors
 /// `invalid-design/…` names what does not fit.
-pub async fn design(state: &AppState, ready: &Ready, request: &DesignRequest) -> Result<Designed, Problem> {
+pub async fn design(state: &ClientState, ready: &Ready, request: &DesignRequest) -> Result<Designed, Problem> {
     let literal = request.weights.literal();
     let model = if literal { literal_model(state, ready).await? } else { ready.model()? };
     let constraints = request.resolve(&ready.surface, ready.kind())?;
@@ -102,7 +102,7 @@ pub async fn design(state: &AppState, ready: &Ready, request: &DesignRequest) ->
     let weighted = if per_face || literal || ready.fields.ritz.is_none() {
         let shares = [&alignment.as_ref().map_or(0.0, |a| a.1), &prescription.as_ref().map_or(0.0, |p| p.1)];
         let key = format!("{key} {:?} {:?} {literal} {shares:?}", weights.harmonic, weights.biharmonic);
-        let make = move || {
+        let make = move |_: &dyn Monitor| {
             let weighted = model.weighted_with(weights, alignment.into_iter().collect(), prescription)?;
             let bytes = weighted.bytes();
             Ok((weighted, bytes))
@@ -114,7 +114,7 @@ pub async fn design(state: &AppState, ready: &Ready, request: &DesignRequest) ->
     };
     let fields = ready.fields.clone();
     state
-        .solve("design", move || {
+        .solve("design", move |_| {
             let design = weighted.solve(&fields.basis, &constraints)?;
             // More hard constraints than the space has freedom come out as small errors everywhere: a promise that is not kept.
             let length = |c: &Constraint| c.value.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -129,12 +129,12 @@ pub async fn design(state: &AppState, ready: &Ready, request: &DesignRequest) ->
 }
 
 /// The model whose biharmonic energy is that of the whole mesh.
-async fn literal_model(state: &AppState, ready: &Ready) -> Result<DesignModel, Problem> {
+async fn literal_model(state: &ClientState, ready: &Ready) -> Result<DesignModel, Problem> {
     let own = ready.clone();
-    let make = move || {
+    let make = move |monitor: &dyn Monitor| {
         let boundary = FieldBoundary::deserialize(&own.fields.metadata["parameters"]["boundary"]).unwrap_or_default();
         let basis = &own.fields.basis;
-        let energy = literal_biharmonic(&own.surface.surface, basis, boundary, &Unwatched)?;
+        let energy = literal_biharmonic(&own.surface.surface, basis, boundary, monitor)?;
         let bytes = 12 * (energy.entries() + basis.stiffness.entries() + basis.mass.entries()) as u64;
         Ok((own.model()?.with_biharmonic(basis, energy)?, bytes))
     };
@@ -152,7 +152,7 @@ struct Towards {
 }
 
 async fn towards(
-    state: &AppState,
+    state: &ClientState,
     ready: &Ready,
     model: &DesignModel,
     request: &DesignRequest,
@@ -174,7 +174,7 @@ async fn towards(
             let energy = if request.weights.literal() { " literal" } else { "" };
             towards.key = format!("{}{energy} {}", ready.id, fingerprint(wanted));
             let own = wanted.clone();
-            let make = move || {
+            let make = move |_: &dyn Monitor| {
                 let field = target(&ready, &own)?;
                 made(&ready, &model, &field.target, own.per_face.is_some().then_some(&field.weights))
             };
@@ -186,9 +186,9 @@ async fn towards(
             weight_of(wanted.weight, "singularities.weight")?;
             let prescribed = numerators(&wanted.at, ready.kind())?;
             towards.key = format!("{} singular {prescribed:?}", ready.id);
-            let make = move || {
+            let make = move |monitor: &dyn Monitor| {
                 let surface = &ready.surface.surface;
-                let field = PrescribedField::new(surface, ready.kind(), &prescribed, &Unwatched)?;
+                let field = PrescribedField::new(surface, ready.kind(), &prescribed, monitor)?;
                 let bytes = 16 * surface.faces() as u64 + 64 * model.dimension() as u64;
                 Ok((model.prescription(&ready.fields.basis, surface, field)?, bytes))
             };
