@@ -43,7 +43,7 @@ const GUARDED: &[(&str, &[&str])] = &[
     ("http_range_header", &["http"]),
     ("hyper", &["http", "cli"]),
     ("hyper_util", &["http", "cli"]),
-    ("utoipa", &["http"]),
+    ("utoipa", &["http", "work"]),
     ("tower", &["http"]),
     ("tower_http", &["http"]),
     ("clap", &["cli", "config"]),

@@ -1,5 +1,6 @@
 //! The command line: one file per command.
 
+mod apply;
 mod check;
 mod client;
 mod demo;
@@ -9,10 +10,12 @@ mod input;
 mod memory;
 mod private;
 mod progress;
+mod run;
 mod sample;
 pub mod serve;
 mod solve;
 mod text;
+mod work;
 
 pub use error::CliError;
 pub use input::{MeshInput, read_bytes};
@@ -37,6 +40,7 @@ Examples:
   chladni demo                                             see it work, from upload to basis
   chladni serve --data /srv/chladni --workers 2            the service
   chladni solve bunny.ply --count 500 --output bunny.npz   500 eigenpairs, without a server
+  chladni run vibration_basis plate.ply -p thickness=0.001 any kind of job, with the parameters of the API
   chladni check scan.obj                                   what is wrong with a mesh, what was repaired
   chladni sample genus-3 -n 100000 -o genus-3.ply          a mesh to try things on
 
@@ -51,6 +55,10 @@ enum Command {
     Serve(Box<Config>),
     Solve(Box<solve::SolveArguments>),
     Field(Box<field::FieldArguments>),
+    Run(Box<run::RunArguments>),
+    Distances(apply::DistancesArguments),
+    Filter(apply::FilterArguments),
+    Design(apply::DesignArguments),
     Check(check::CheckArguments),
     Sample(sample::SampleArguments),
     /// Print the OpenAPI document of the API
@@ -74,6 +82,10 @@ pub fn main() -> ExitCode {
         Command::Serve(config) => serve::serve(*config),
         Command::Solve(arguments) => solve::solve(*arguments),
         Command::Field(arguments) => field::field(*arguments),
+        Command::Run(arguments) => run::run(*arguments),
+        Command::Distances(arguments) => apply::distances(arguments),
+        Command::Filter(arguments) => apply::filtered(arguments),
+        Command::Design(arguments) => apply::design(arguments),
         Command::Check(arguments) => check::check(arguments),
         Command::Sample(arguments) => sample::sample(arguments),
         Command::Openapi => openapi(),

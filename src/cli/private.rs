@@ -62,7 +62,8 @@ pub fn keys_file(_path: &Path) -> Result<(), CliError> {
     Ok(())
 }
 
-#[cfg(all(test, unix))]
+#[cfg(unix)]
+#[cfg(test)]
 mod tests {
     use super::*;
     use std::os::unix::fs::PermissionsExt;

@@ -160,7 +160,7 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
 /// Opens the graphics card that is chosen, before jobs may ask for it.
 async fn accelerator(choice: &str) -> Result<Arc<gpu::Accelerator>, CliError> {
     let choice: gpu::GpuChoice =
-        choice.parse().map_err(|reason| CliError::Usage(format!("--gpu {choice:?} is none of these: {reason}")))?;
+        choice.parse().map_err(|reason| CliError::Usage(format!("--gpu {choice:?}: {reason}")))?;
     let failed = |error: &dyn std::fmt::Display| CliError::Service(error.to_string());
     let accelerator = tokio::task::spawn_blocking(move || {
         let accelerator = gpu::choose(choice);

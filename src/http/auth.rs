@@ -34,7 +34,7 @@ impl Scope {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum KeyError {
     /// Not `name:scopes:secret`.
-    #[error("an API key is written as name:scope+scope:secret, and one is not")]
+    #[error("an API key must have the form name:scope+scope:secret")]
     Shape,
     /// A scope that does not exist.
     #[error("API key {name:?} has the unknown scope {scope:?}; scopes are read, submit and operate")]

@@ -32,7 +32,23 @@ enum Encoding {
 pub struct WholeBody {
     /// The bytes.
     pub bytes: Bytes,
-    _share: Share,
+    share: Share,
+}
+
+impl WholeBody {
+    /// Holds `more` bytes of memory for what is made of the body.
+    ///
+    /// # Errors
+    /// Those of [`reserve`].
+    pub fn charge(&mut self, more: u64) -> Result<(), Problem> {
+        reserve(&mut self.share, (self.bytes.len() as u64).saturating_add(more))
+    }
+
+    /// Drops the bytes, and leaves the share of what was made of them.
+    pub fn spent(mut self, made: u64) -> Share {
+        self.share.shrink_to(made);
+        self.share
+    }
 }
 
 /// Reads and decompresses a whole body of at most `limit` bytes, counted before and after decompression.
@@ -49,12 +65,12 @@ pub async fn read(state: &ClientState, headers: &HeaderMap, body: Body, limit: u
     }
     let (packed, mut share) = collect(state, body, limit).await?;
     if encoding == Encoding::Identity {
-        return Ok(WholeBody { bytes: packed, _share: share });
+        return Ok(WholeBody { bytes: packed, share });
     }
     let unpacked = tokio::task::spawn_blocking(move || {
         let mut grow = |bytes: u64| reserve(&mut share, bytes);
         let unpacked = decompress(&packed, encoding, limit, &mut grow);
-        unpacked.map(|bytes| WholeBody { bytes: bytes.into(), _share: share })
+        unpacked.map(|bytes| WholeBody { bytes: bytes.into(), share })
     });
     unpacked.await.map_err(Problem::internal)?
 }

@@ -204,11 +204,11 @@ async fn compare_shapes(
     let body = body::read(&state, &headers, content, MOST_BYTES).await?;
     let request: ComparisonRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
     if request.bases.len() > MOST_SHAPES {
-        let detail = format!("bases: {} are more than {MOST_SHAPES}.", request.bases.len());
+        let detail = format!("bases: {} were given; at most {MOST_SHAPES} can be compared.", request.bases.len());
         return Err(Problem::new(&problem::INVALID_ANALYSIS, detail));
     }
     if request.labels.as_ref().is_some_and(|labels| labels.len() != request.bases.len()) {
-        return Err(Problem::new(&problem::INVALID_REQUEST, "labels: there is not one for each basis."));
+        return Err(Problem::new(&problem::INVALID_REQUEST, "labels: there must be one for each basis."));
     }
     let (mut spectra, mut labels) = (Vec::new(), Vec::new());
     let mut seen = Vec::new();

@@ -15,6 +15,7 @@ use super::body::{self, WholeBody};
 use super::client::ClientState;
 use super::extract;
 use super::problem::{self, Problem};
+use super::shares::Share;
 
 /// The media type of raw numbers.
 pub const OCTETS: &str = "application/octet-stream";
@@ -72,16 +73,23 @@ pub async fn parse<T: DeserializeOwned + Send + 'static>(
     body: WholeBody,
     bytes_per_number: u64,
 ) -> Result<T, Problem> {
+    let small = body.bytes.len() <= PARSED_AT_ONCE;
+    let work = move || parsed(body, bytes_per_number);
+    let (value, share) = match small {
+        true => work()?,
+        false => tokio::task::spawn_blocking(work).await.map_err(Problem::internal)??,
+    };
+    state.hold(share);
+    Ok(value)
+}
+
+fn parsed<T: DeserializeOwned>(mut body: WholeBody, bytes_per_number: u64) -> Result<(T, Share), Problem> {
     // Two numbers stand apart by a comma.
     let most_numbers = 1 + body.bytes.iter().filter(|&&byte| byte == b',').count() as u64;
-    let mut share = state.memory();
-    body::reserve(&mut share, most_numbers.saturating_mul(bytes_per_number))?;
-    state.hold(share);
-    if body.bytes.len() <= PARSED_AT_ONCE {
-        return extract::parse_json(&body.bytes);
-    }
-    let parsed = tokio::task::spawn_blocking(move || extract::parse_json(&body.bytes));
-    parsed.await.map_err(Problem::internal)?
+    let memory = most_numbers.saturating_mul(bytes_per_number);
+    body.charge(memory)?;
+    let value = extract::parse_json(&body.bytes)?;
+    Ok((value, body.spent(memory)))
 }
 
 /// What a raw body does not say: the query's `request`, as JSON.

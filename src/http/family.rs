@@ -120,7 +120,10 @@ async fn family_spectrum(
             let mut found = spectrum(&family, member, request.count)?;
             if let Some(mode) = request.mode {
                 if mode >= found.coefficients.columns() {
-                    let detail = format!("mode: {mode} is asked for of {} pairs.", found.coefficients.columns());
+                    let detail = format!(
+                        "mode: there is no mode {mode}; {} pairs were requested.",
+                        found.coefficients.columns()
+                    );
                     return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail));
                 }
                 let column = found.coefficients.column(mode).to_vec();

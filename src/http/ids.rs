@@ -120,6 +120,8 @@ mod tests {
         assert_eq!(BasisId::parse(BasisId::EXAMPLE).unwrap().to_string(), BasisId::EXAMPLE);
         for wrong in ["", "none", "../../etc/passwd", &"f".repeat(31), &"F".repeat(32), &"é".repeat(16)] {
             assert_eq!(MeshId::parse(wrong).unwrap_err().kind(), &problem::UNKNOWN_MESH, "{wrong}");
+        }
+        for wrong in ["", "none", &"f".repeat(31), &"é".repeat(16)] {
             assert_eq!(JobId::parse(wrong).unwrap_err().kind(), &problem::UNKNOWN_JOB, "{wrong}");
         }
         let refused = BasisId::parse("seven").unwrap_err();

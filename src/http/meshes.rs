@@ -3,9 +3,7 @@
 use std::sync::Arc;
 
 use axum::Json;
-use axum::body::Body;
-use axum::extract::{FromRequest, Multipart, Request};
-use axum::http::request::Parts;
+use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
@@ -27,12 +25,10 @@ use super::ids::MeshId;
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
+use super::upload::{LONGEST_NAME, Sent};
 use super::wire::{MeshResource, PageOf};
 use super::{body, conditional};
 use crate::store::NewMesh;
-
-/// The longest name of a mesh, in characters.
-const LONGEST_NAME: usize = 200;
 
 /// The media type of positions and indices for web clients.
 const BUFFERS: &str = "application/vnd.chladni.mesh";
@@ -107,12 +103,15 @@ async fn upload(
     };
     let name = query.name.or(sent.name.take()).filter(|name| !name.trim().is_empty());
     if name.as_ref().is_some_and(|name| name.chars().count() > LONGEST_NAME) {
-        return Err(Problem::new(&problem::INVALID_QUERY, format!("name: may have {LONGEST_NAME} characters.")));
+        return Err(Problem::new(
+            &problem::INVALID_QUERY,
+            format!("name: must have at most {LONGEST_NAME} characters."),
+        ));
     }
     let format = sent.format(query.format.as_deref())?;
     let subdivisions = query.subdivide.or(sent.subdivide).unwrap_or_default();
     if subdivisions > MOST_SUBDIVISIONS {
-        let detail = format!("subdivide: is {subdivisions}, may be 0 to {MOST_SUBDIVISIONS}.");
+        let detail = format!("subdivide: must be between 0 and {MOST_SUBDIVISIONS}, not {subdivisions}.");
         return Err(Problem::new(&problem::INVALID_QUERY, detail));
     }
     let options = CheckOptions {
@@ -139,10 +138,12 @@ async fn upload(
                 );
                 return Err(Problem::new(&problem::BODY_TOO_LARGE, detail).with("limit", most_bytes));
             }
-            body::reserve(&mut memory, made)?;
             drop(bytes);
             // The share of the body budget is held until the bytes are gone.
             drop(body);
+            if subdivisions > 0 {
+                body::reserve(&mut memory, made)?;
+            }
             let body = check_body(raw, &options)?;
             let report = serde_json::to_value(&body.surface.report).map_err(Problem::internal)?;
             let (mesh, solid) = (Arc::new(body.surface.mesh), body.solid.map(Arc::new));
@@ -173,106 +174,6 @@ async fn upload(
 fn subdivided_bytes(raw: &RawMesh, times: u8) -> u64 {
     let once = 24 * raw.positions.len() as u64 + 12 * raw.faces.len() as u64;
     once.saturating_mul(4u64.saturating_pow(times.into()))
-}
-
-/// An uploaded file and what was said about it.
-#[derive(Default)]
-struct Sent {
-    bytes: Bytes,
-    media_type: Option<String>,
-    file_name: Option<String>,
-    named_format: Option<String>,
-    merge: Option<Merge>,
-    subdivide: Option<u8>,
-    name: Option<String>,
-}
-
-impl Sent {
-    /// Takes the mesh out of a multipart body.
-    async fn from_multipart(parts: Parts, bytes: Bytes) -> Result<Self, Problem> {
-        let malformed = |what: String| Problem::new(&problem::INVALID_MULTIPART, what);
-        // The body is in memory already, so that this only cuts it up.
-        let request = Request::from_parts(parts, Body::from(bytes));
-        let mut multipart =
-            Multipart::from_request(request, &()).await.map_err(|error| malformed(error.body_text()))?;
-        let mut sent = Self::default();
-        let mut found = false;
-        while let Some(field) = multipart.next_field().await.map_err(|error| malformed(error.body_text()))? {
-            let part = field.name().unwrap_or_default().to_owned();
-            let file_name = field.file_name().map(str::to_owned);
-            let media_type = field.content_type().map(str::to_owned);
-            let bytes = field.bytes().await.map_err(|error| malformed(error.body_text()))?;
-            let text = |limit: usize| match std::str::from_utf8(&bytes) {
-                Ok(text) if text.len() <= limit => Ok(text.trim().to_owned()),
-                _ => Err(malformed(format!("The part {:?} is not a short text.", problem::shorten(part.clone())))),
-            };
-            match part.as_str() {
-                "mesh" | "file" if found => return Err(malformed("There is more than one mesh.".to_owned())),
-                "mesh" | "file" => {
-                    found = true;
-                    (sent.bytes, sent.file_name, sent.media_type) = (bytes, file_name, media_type);
-                }
-                "format" => sent.named_format = Some(text(32)?),
-                "name" => sent.name = Some(text(4 * LONGEST_NAME)?),
-                "merge" => {
-                    let value = serde_json::Value::String(text(32)?);
-                    let merge = serde_json::from_value(value).map_err(|error| malformed(format!("merge: {error}.")))?;
-                    sent.merge = Some(merge);
-                }
-                "subdivide" => {
-                    let count = text(8)?.parse();
-                    sent.subdivide = Some(count.map_err(|error| malformed(format!("subdivide: {error}.")))?);
-                }
-                other => {
-                    let other = problem::shorten(other.to_owned());
-                    return Err(malformed(format!(
-                        "The part {other:?} is none of mesh, format, merge, subdivide and name."
-                    )));
-                }
-            }
-        }
-        if found { Ok(sent) } else { Err(malformed("There is no part named mesh.".to_owned())) }
-    }
-
-    /// The format: as named, by media type, by file name, or by the first bytes.
-    fn format(&self, query: Option<&str>) -> Result<MeshFormat, Problem> {
-        let list = || MeshFormat::ALL.map(MeshFormat::name).join(", ");
-        if let Some(name) = query.or(self.named_format.as_deref()) {
-            return MeshFormat::from_extension(name).ok_or_else(|| {
-                let name = problem::shorten(name.to_owned());
-                Problem::new(&problem::UNKNOWN_FORMAT, format!("The format {name:?} is none of {}.", list()))
-            });
-        }
-        let extension =
-            self.file_name.as_deref().and_then(|name| name.rsplit_once('.')).map(|(_, extension)| extension);
-        if let Some(format) = (self.media_type.as_deref().and_then(MeshFormat::from_media_type))
-            .or_else(|| extension.and_then(MeshFormat::from_extension))
-        {
-            return Ok(format);
-        }
-        // A type that says something else about the body is an error; a general one says nothing. curl sends
-        // application/x-www-form-urlencoded unless told otherwise.
-        let general = match self.media_type.as_deref() {
-            None => true,
-            Some(name) => {
-                matches!(name, "application/octet-stream" | "text/plain" | "application/x-www-form-urlencoded")
-                    || name.starts_with("model/")
-            }
-        };
-        if !general {
-            let name = self.media_type.clone().unwrap_or_default();
-            return Err(Problem::new(
-                &problem::UNKNOWN_FORMAT,
-                format!("Content-Type {:?} names no mesh format; there are {}.", problem::shorten(name), list()),
-            ));
-        }
-        MeshFormat::sniff(&self.bytes).ok_or_else(|| {
-            Problem::new(
-                &problem::UNKNOWN_FORMAT,
-                format!("The first bytes are of no known format; name one of {} with ?format=.", list()),
-            )
-        })
-    }
 }
 
 /// Which page.

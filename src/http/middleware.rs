@@ -151,7 +151,7 @@ pub async fn not_found(uri: Uri) -> Problem {
 
 /// The answer for a known path with a method that it does not have.
 pub async fn method_not_allowed(method: Method, uri: Uri) -> Problem {
-    Problem::new(&problem::METHOD_NOT_ALLOWED, format!("{:?} does not have the method {method}.", uri.path()))
+    Problem::new(&problem::METHOD_NOT_ALLOWED, format!("{:?} does not support the method {method}.", uri.path()))
 }
 
 #[cfg(test)]

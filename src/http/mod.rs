@@ -9,10 +9,10 @@
 //! | `access`, `auth`, `origin` | who may call what, API keys and scopes, hosts and origins |
 //! | `client`, `shares` | what one client may use of what all share |
 //! | `problem`, `problems`, `convert` | every error as RFC 9457, and which ones a route has |
-//! | `body`, `extract`, `choice`, `ids`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, ids, negotiation, ranges |
+//! | `body`, `extract`, `ids`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, ids, negotiation, ranges |
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `wire`, `certificate` | what goes over the wire |
-//! | `meshes`, `jobs`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
+//! | `meshes`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
 //! | `page` | the web page, embedded |
 
 mod access;
@@ -21,7 +21,6 @@ mod bases;
 mod binary;
 mod body;
 mod certificate;
-mod choice;
 mod client;
 mod comparisons;
 mod compressions;
@@ -31,6 +30,7 @@ mod content;
 mod convert;
 mod distances;
 mod docs;
+mod events;
 mod exchange;
 mod extract;
 mod family;
@@ -52,6 +52,7 @@ mod signatures;
 mod solves;
 mod state;
 mod system;
+mod upload;
 mod vibration;
 mod wire;
 

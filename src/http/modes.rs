@@ -109,7 +109,7 @@ async fn modes(
     let last = if format == Format::Ply { query.from.saturating_add(1) } else { count };
     let range = query.from..query.to.unwrap_or(last);
     if range.is_empty() || range.end > count {
-        let detail = format!("Modes {}..{} are asked for of a basis with {count}.", range.start, range.end);
+        let detail = format!("Modes {}..{} were requested, but the basis has {count}.", range.start, range.end);
         return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail).with("count", count));
     }
     if format == Format::Ply && range.len() != 1 {

@@ -51,7 +51,7 @@ fn known_host(called: &str, state: &AppState) -> Result<(), Problem> {
     if (config.hosts.is_empty() && !trusting) || is_known(called, &config.hosts) {
         return Ok(());
     }
-    let detail = format!("This server is not called {called:?}; its names are set with --hosts.");
+    let detail = format!("This server does not answer to the name {called:?}; its names are set with --hosts.");
     Err(Problem::new(&problem::HOST_NOT_KNOWN, detail))
 }
 
@@ -78,7 +78,10 @@ fn same_origin(headers: &HeaderMap, allowed: &[String]) -> Result<(), Problem> {
     if same || allowed.iter().any(|o| o == "*" || o.eq_ignore_ascii_case(origin)) {
         return Ok(());
     }
-    Err(Problem::new(&problem::ORIGIN_NOT_ALLOWED, format!("Pages of {origin:?} may not call this server.")))
+    Err(Problem::new(
+        &problem::ORIGIN_NOT_ALLOWED,
+        format!("Pages from {origin:?} may not call this server; trusted origins are set with --cors-origins."),
+    ))
 }
 
 #[cfg(test)]

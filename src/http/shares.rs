@@ -113,20 +113,29 @@ impl Share {
     }
 }
 
-impl Drop for Share {
-    fn drop(&mut self) {
-        if self.held == 0 {
+impl Share {
+    /// Gives back what is held beyond `count`.
+    pub fn shrink_to(&mut self, count: u64) {
+        let less = self.held.saturating_sub(count);
+        if less == 0 {
             return;
         }
+        self.held -= less;
         let mut held = self.shares.lock();
-        held.total = held.total.saturating_sub(self.held);
+        held.total = held.total.saturating_sub(less);
         // Who holds nothing is forgotten, so that the table stays as small as the number of those who do.
         if let Some(own) = held.by_client.get_mut(&self.client) {
-            *own = own.saturating_sub(self.held);
+            *own = own.saturating_sub(less);
             if *own == 0 {
                 held.by_client.remove(&self.client);
             }
         }
+    }
+}
+
+impl Drop for Share {
+    fn drop(&mut self) {
+        self.shrink_to(0);
     }
 }
 
@@ -158,6 +167,9 @@ mod tests {
         share.grow_to(20).unwrap();
         assert_eq!(shares.held(), 50);
         share.grow_to(75).unwrap();
+        share.shrink_to(90);
+        share.shrink_to(30);
+        assert_eq!(shares.held(), 30);
         drop(share);
         assert_eq!(shares.held(), 0);
         assert_eq!(Shares::new(1).most(), 1);

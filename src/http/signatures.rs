@@ -203,7 +203,7 @@ async fn similar_points(
     let fill = |request: &mut SimilarRequest, bytes: &[u8]| {
         let points = binary::decode_tuples::<1>(bytes)?;
         let [[point]] = points[..] else {
-            let detail = format!("One vertex is due, not {}.", points.len());
+            let detail = format!("Exactly one vertex is needed, not {}.", points.len());
             return Err(Problem::new(&problem::INVALID_VERTEX, detail));
         };
         request.vertex = point;
@@ -211,7 +211,7 @@ async fn similar_points(
     };
     let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
     if !(1..=MOST_SIMILAR).contains(&request.count) {
-        let detail = format!("count: {} points, where 1 to {MOST_SIMILAR} are due.", request.count);
+        let detail = format!("count: must be between 1 and {MOST_SIMILAR}, not {}.", request.count);
         return Err(Problem::new(&problem::INVALID_ANALYSIS, detail));
     }
     state

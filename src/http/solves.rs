@@ -11,6 +11,7 @@ use chladni_mesh::write::{PlyPrecision, write_ply_with};
 use chladni_spectral::analysis::filter::{Transfer, filter};
 use chladni_spectral::analysis::projection::project;
 use chladni_spectral::basis::Basis;
+use chladni_work::word_or;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -19,7 +20,6 @@ use uuid::Uuid;
 
 use super::binary::{self, Dtype, Table};
 use super::body::WholeBody;
-use super::choice::word_or;
 use super::client::ClientState;
 use super::exchange::{Answer, OCTETS, Sent, answer_type, raw_answer, read};
 use super::extract::QueryOf;
@@ -158,7 +158,7 @@ pub enum Source {
 /// `invalid-function` unless there are three.
 pub fn ply(mesh: &TriangleMesh, functions: &DenseMatrix, begin: Instant) -> Result<Answer, Problem> {
     if functions.columns() != 3 {
-        let detail = format!("A {PLY} has three coordinates, and these are {} functions.", functions.columns());
+        let detail = format!("A {PLY} needs exactly three functions as its coordinates, not {}.", functions.columns());
         return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
     }
     if functions.rows() != mesh.positions.len() {
@@ -200,7 +200,7 @@ impl Source {
             Some(Named::Coordinates) if body.bytes.is_empty() => Self::named(state, id).await,
             Some(_) => Err(Problem::new(
                 &problem::INVALID_QUERY,
-                "function: stands for the body, but there is a body as well.",
+                "function: takes the place of the body, but there is a body as well.",
             )),
             None => Ok(Self::Raw(body, query.dtype)),
         }
@@ -346,7 +346,7 @@ async fn project_functions(
 
 fn no_transfer(query: &RawQuery) -> Result<(), Problem> {
     if query.transfer.is_some() {
-        return Err(Problem::new(&problem::INVALID_QUERY, "transfer: only filter has a transfer function."));
+        return Err(Problem::new(&problem::INVALID_QUERY, "transfer: only filter takes a transfer function."));
     }
     Ok(())
 }

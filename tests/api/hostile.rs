@@ -88,7 +88,10 @@ async fn a_request_names_one_host() {
     let ask = |head: &str| sent(&app, format!("GET /v1/jobs {head}connection: close\r\n\r\n").as_bytes());
     for head in ["HTTP/1.1\r\n", "HTTP/1.1\r\nhost: localhost\r\nhost: 127.0.0.1\r\n"] {
         let answer = ask(head);
-        assert!(answer.starts_with("HTTP/1.1 400") && answer.contains("/problems/invalid-header"), "{head:?}: {answer}");
+        assert!(
+            answer.starts_with("HTTP/1.1 400") && answer.contains("/problems/invalid-header"),
+            "{head:?}: {answer}"
+        );
     }
     assert!(ask("HTTP/1.1\r\nhost: localhost\r\n").starts_with("HTTP/1.1 200"));
     assert!(ask("HTTP/1.0\r\n").starts_with("HTTP/1.0 200"));
@@ -197,7 +200,7 @@ async fn what_is_no_word_and_no_table_is_told_so() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_subdivision_is_charged_for_before_it_is_made() {
     let mut builder = TestApp::builder();
-    builder.config.limits.max_body_bytes = 1 << 20;
+    builder.config.limits.max_body_bytes = 256 << 10;
     let app = builder.start();
     let upload = |times: u8| {
         app.post(&format!("/v1/meshes?format=off&subdivide={times}")).body(crate::common::OCTAHEDRON).send()
@@ -230,7 +233,8 @@ async fn abandoned_solves_are_skipped() {
     while metric(&app, "chladni_solves").await > 0.0 {
         assert!(begin.elapsed() < Duration::from_secs(60), "places are held for nobody");
     }
-    let filter = app.post(&format!("/v1/bases/{basis}/filter?transfer=%7B%22kind%22%3A%22heat%22%2C%22time%22%3A1.0%7D"));
+    let filter =
+        app.post(&format!("/v1/bases/{basis}/filter?transfer=%7B%22kind%22%3A%22heat%22%2C%22time%22%3A1.0%7D"));
     let answer = filter.header("content-type", "application/octet-stream").body(vec![0u8; 4 * n]).send().await.unwrap();
     assert_eq!(answer.status(), 200);
     assert_eq!(metric(&app, "chladni_request_bytes").await, 0.0);

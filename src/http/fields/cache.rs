@@ -6,24 +6,11 @@ use std::any::Any;
 use std::sync::Arc;
 
 use chladni_base::Monitor;
-use chladni_mesh::nearest::FaceTree;
-use chladni_spectral::field::FieldSurface;
+use chladni_work::design::Surface;
 use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
 
 use crate::http::client::ClientState;
 use crate::http::problem::Problem;
-
-/// A surface that fields are designed on, with what finds a face by a point.
-#[derive(Debug)]
-pub struct Surface {
-    /// Mesh, dual graph and frames.
-    pub surface: FieldSurface,
-    /// The faces in a tree.
-    pub tree: FaceTree,
-}
-
-/// About the bytes that a face of a surface takes: corners and positions, neighbours, edges, lengths, and frames.
-const BYTES_PER_FACE: u64 = 24 + 48 + 112;
 
 type Kept = Arc<dyn Any + Send + Sync>;
 
@@ -95,10 +82,9 @@ pub async fn surface(state: &ClientState, mesh: &str) -> Result<Arc<Surface>, Pr
     let make = async {
         let content = state.store.load_mesh(mesh).await?;
         let made = state.solve("surface", move |_| {
-            let tree = FaceTree::new(&content);
-            let surface = FieldSurface::new(content.as_ref().clone())?;
-            let bytes = BYTES_PER_FACE * surface.faces() as u64 + tree.bytes();
-            Ok((Surface { surface, tree }, bytes))
+            let surface = Surface::new(&content)?;
+            let bytes = surface.bytes();
+            Ok((surface, bytes))
         });
         made.await
     };

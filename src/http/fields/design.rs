@@ -6,13 +6,13 @@ use axum::body::Body;
 use axum::http::HeaderMap;
 use bytes::Bytes;
 use chladni_spectral::field::singularities;
+use chladni_work::design::{DesignRequest, Form, SingularVertex, written as written_as};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::forms::{self, Form};
-use super::request::{DesignRequest, SingularVertex};
+use super::octets;
 use super::solve::{self, Ready};
 use crate::http::body;
 use crate::http::client::ClientState;
@@ -135,12 +135,12 @@ async fn design(
                 false => None,
                 true => singularities(surface, kind, &field),
             };
-            let written = |form| forms::written(surface.frames(), kind, form, field);
+            let written = |form| written_as(surface.frames(), kind, form, field);
             if let (true, Some(form)) = (raw, form) {
                 let energies = [Some(design.harmonic_energy), Some(design.biharmonic_energy), design.alignment_energy];
                 let energies: Vec<String> = energies.iter().flatten().map(f64::to_string).collect();
                 let residual = design.residuals.iter().copied().fold(0.0, f64::max);
-                let bytes = forms::to_bytes(written(form));
+                let bytes = octets::to_bytes(written(form));
                 return Ok(described(bytes, surface.faces(), form, kind, begin)
                     .with("chladni-energies", energies.join(", "))
                     .with("chladni-residual", residual));

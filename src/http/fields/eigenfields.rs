@@ -4,12 +4,13 @@ use std::time::Instant;
 
 use axum::http::HeaderMap;
 use chladni_spectral::formats::npz;
+use chladni_work::design::{Form, written as written_as};
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::forms::{self, Form};
+use super::octets;
 use super::solve::Ready;
 use crate::http::client::ClientState;
 use crate::http::docs::Binary;
@@ -74,17 +75,20 @@ async fn eigenfields(
     let begin = Instant::now();
     let npy = extract::negotiated(&headers, &[NPY, OCTETS])? == NPY;
     let ready = Ready::load(&state, id).await?;
-    let model = ready.model()?;
+    let model = ready.model();
     let (kind, form, faces) = (ready.kind(), query.form, ready.surface.surface.faces());
     let (from, to) = (query.from, query.to.unwrap_or(query.from.saturating_add(1)));
     let count = model.dimension();
     let refused = |detail: String| Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail).with("count", count));
     if from >= to || to > count {
-        return refused(format!("Fields {from}..{to} are asked for of a basis with {count}."));
+        return refused(format!("Fields {from}..{to} were requested, but the basis has {count}."));
     }
     let one = 4 * form.columns(kind) * faces;
     if (to - from).saturating_mul(one) > MOST_BYTES {
-        return refused(format!("{} fields of {one} bytes are more than one answer has; ask for fewer.", to - from));
+        return refused(format!(
+            "{} fields of {one} bytes exceed the limit of one response; ask for fewer.",
+            to - from
+        ));
     }
     state
         .solve("eigenfields", move |monitor| {
@@ -94,8 +98,8 @@ async fn eigenfields(
             for k in from..to {
                 monitor.checkpoint()?;
                 let field = ready.lift(&model.eigenfield(k))?;
-                let written = forms::written(ready.surface.surface.frames(), kind, form, field);
-                bytes.extend_from_slice(&forms::to_bytes(written));
+                let written = written_as(ready.surface.surface.frames(), kind, form, field);
+                bytes.extend_from_slice(&octets::to_bytes(written));
             }
             Ok(Answer::new(bytes, if npy { NPY } else { OCTETS }, begin)
                 .with("chladni-rows", faces)

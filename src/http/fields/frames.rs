@@ -7,8 +7,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::cache;
-use super::forms;
-use crate::http::binary::Table;
+use super::octets;
 use crate::http::client::ClientState;
 use crate::http::docs::Binary;
 use crate::http::exchange::{Answer, JSON, OCTETS};
@@ -17,6 +16,7 @@ use crate::http::ids::MeshId;
 use crate::http::problem::Problem;
 use crate::http::problems::problems;
 use crate::http::state::AppState;
+use chladni_work::table::Table;
 
 /// The route of frames.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -52,7 +52,7 @@ async fn frames(state: ClientState, MeshId(id): MeshId, headers: HeaderMap) -> R
                 return Answer::json(&Table { columns: 6, values }, begin);
             }
             let numbers = both.flat_map(|(x, y)| x.iter().chain(y).map(|&v| v as f32)).collect();
-            Ok(Answer::new(forms::to_bytes(numbers), OCTETS, begin)
+            Ok(Answer::new(octets::to_bytes(numbers), OCTETS, begin)
                 .with("chladni-rows", frames.faces())
                 .with("chladni-columns", 6)
                 .with("chladni-dtype", "f32"))

@@ -2,15 +2,16 @@
 //! memory, and could not say what is wrong with them; here the first token decides.
 
 /// Reads an enum that is either a word (`Word(W)`) or, by its first token, an object or an array.
+#[macro_export]
 macro_rules! word_or {
     ($name:ident, $expecting:literal, $word:ident($words:ty), object $other:ident) => {
-        word_or!(@impl $name, $expecting, $word($words),
+        $crate::word_or!(@impl $name, $expecting, $word($words),
             fn visit_map<A: serde::de::MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
                 serde::Deserialize::deserialize(serde::de::value::MapAccessDeserializer::new(map)).map($name::$other)
             });
     };
     ($name:ident, $expecting:literal, $word:ident($words:ty), array $other:ident) => {
-        word_or!(@impl $name, $expecting, $word($words),
+        $crate::word_or!(@impl $name, $expecting, $word($words),
             fn visit_seq<A: serde::de::SeqAccess<'de>>(self, list: A) -> Result<Self::Value, A::Error> {
                 serde::Deserialize::deserialize(serde::de::value::SeqAccessDeserializer::new(list)).map($name::$other)
             });
@@ -39,5 +40,3 @@ macro_rules! word_or {
         }
     };
 }
-
-pub(super) use word_or;
