@@ -195,7 +195,12 @@ async fn signatures_come_for_some_vertices_and_for_all() {
                 "invalid-analysis",
                 "time: must be a finite number above zero, not 0",
             ),
-            (json!({"signature": {"kind": "heat_kernel", "count": 0}}), 422, "invalid-analysis", "count: must be between 1 and 256, not 0"),
+            (
+                json!({"signature": {"kind": "heat_kernel", "count": 0}}),
+                422,
+                "invalid-analysis",
+                "count: must be between 1 and 256, not 0",
+            ),
             (
                 json!({"signature": {"kind": "wave_kernel", "count": 3}}),
                 422,
