@@ -60,7 +60,7 @@ pub struct Config {
     #[arg(long, value_name = "NAMES", env = "CHLADNI_HOSTS", value_delimiter = ',', help_heading = "Network")]
     pub hosts: Vec<String>,
 
-    /// Connections served at once; further ones wait
+    /// Connections served at once, three quarters of them at most for one client; beyond, only health and metrics are answered
     #[arg(long, value_name = "N", env = "CHLADNI_MAX_CONNECTIONS", default_value_t = 512, value_parser = at_least_one, help_heading = "Network")]
     pub max_connections: usize,
 

@@ -64,6 +64,14 @@ pub struct Metrics {
     pub leases_lost: IntCounter,
     /// Seconds of a synchronous solve, by operation (`filter`, `project`, …).
     pub reduced_solve_seconds: HistogramVec,
+    /// Synchronous solves that wait or run.
+    pub solves_held: IntGauge,
+    /// Bytes that requests hold, bodies and what is parsed of them.
+    pub request_bytes: IntGauge,
+    /// Synchronous solves whose client went away before they ended.
+    pub solves_abandoned: IntCounter,
+    /// Requests with a key that is not one of the server's.
+    pub keys_refused: IntCounter,
     /// Bases found decoded in the cache.
     pub basis_cache_hits: IntCounter,
     /// Bases that had to be loaded.
@@ -128,6 +136,13 @@ impl Metrics {
                 REQUEST_BUCKETS,
                 &["operation"],
             )?,
+            solves_held: kept.gauge("chladni_solves", "Synchronous solves that wait or run")?,
+            request_bytes: kept.gauge("chladni_request_bytes", "Bytes of memory that requests hold")?,
+            solves_abandoned: kept.counter(
+                "chladni_abandoned_solves_total",
+                "Synchronous solves whose client went away before they ended",
+            )?,
+            keys_refused: kept.counter("chladni_refused_keys_total", "Requests with an unknown API key")?,
             basis_cache_hits: kept.counter("chladni_basis_cache_hits", "Bases found decoded in the cache")?,
             basis_cache_misses: kept.counter("chladni_basis_cache_misses", "Bases that had to be loaded")?,
             basis_cache_bytes: kept.gauge("chladni_basis_cache_bytes", "Bytes of decoded bases in the cache")?,

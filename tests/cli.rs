@@ -189,6 +189,178 @@ fn failures_are_one_sentence_and_an_exit_code() {
 }
 
 #[test]
+fn every_kind_of_job_runs_without_a_server() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = torus(folder.path());
+    let mesh = mesh.to_str().unwrap();
+    let cases: [(&str, &[&str]); 4] = [
+        ("eigenbasis", &["-p", "count=10"]),
+        ("field_basis", &["--parameters", r#"{"field": "n_vector", "n": 4, "dimension": 100}"#]),
+        ("operator_family", &["-p", "dimension=40"]),
+        ("vibration_basis", &["--parameters", r#"{"count": 10}"#, "-p", "thickness=0.01"]),
+    ];
+    assert_eq!(cases.map(|(kind, _)| kind), chladni_work::KINDS, "no kind is left out");
+    for (kind, parameters) in cases {
+        let file = folder.path().join(format!("{kind}.npz"));
+        let run = ["run", kind, mesh, "--threads", "1", "--json", "-o", file.to_str().unwrap()];
+        let output = chladni(&[&run, parameters].concat());
+        assert_eq!(code(&output), 0, "{kind}: {}", stderr(&output));
+        let line: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!((&line["kind"], &line["vertices"]), (&kind.into(), &1000.into()), "{line}");
+        assert!(line["seconds"]["stages"]["read"].is_number() && line["parameters"]["seed"].is_number(), "{line}");
+        let product = chladni_spectral::basis::ProductKind::of_name(kind).unwrap();
+        let bytes = std::fs::read(&file).unwrap();
+        let read = chladni_spectral::basis::Product::read_npz(product, &bytes).unwrap();
+        assert_eq!(line["eigenvalues"].as_array().unwrap().len(), read.summary().eigenvalues.len(), "{kind}");
+    }
+    let table = chladni(&["run", "eigenbasis", mesh, "-p", "count=10"]);
+    let text = String::from_utf8(table.stdout).unwrap();
+    assert!(text.contains("eigenbasis with 10 eigenvalues") && text.contains("total"), "{text}");
+    for (arguments, word) in [
+        (&["run", "sculpture", mesh][..], "possible values: eigenbasis"),
+        (&["run", "eigenbasis", mesh, "--parameters", "{"], "--parameters"),
+        (&["run", "eigenbasis", mesh, "--parameters", "[1]"], "object"),
+        (&["run", "vibration_basis", mesh, "-p", "count=0", "-p", "thickness=1"], "count"),
+    ] {
+        let output = chladni(arguments);
+        assert_eq!(code(&output), 2, "{arguments:?}");
+        assert!(stderr(&output).contains(word), "{arguments:?}: {}", stderr(&output));
+    }
+}
+
+#[test]
+fn stored_bases_give_distances_filtered_meshes_and_fields() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = torus(folder.path());
+    let mesh = mesh.to_str().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let done = |arguments: &[&str]| {
+        let output = chladni(arguments);
+        assert_eq!(code(&output), 0, "{arguments:?}: {}", stderr(&output));
+        output.stdout
+    };
+    let (basis, fields) = (path("basis.npz"), path("fields.npz"));
+    done(&["solve", mesh, "-n", "60", "--method", "hsim", "-q", "-o", &basis]);
+    done(&["field", mesh, "-d", "100", "-q", "-o", &fields]);
+
+    let request = r#"{"distance": {"kind": "biharmonic"}, "sources": [7, 400]}"#;
+    let table: Value = serde_json::from_slice(&done(&["distances", &basis, mesh, "--request", request])).unwrap();
+    let values: Vec<f64> = table["values"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+    assert_eq!((&table["columns"], values.len()), (&2.into(), 2000));
+    assert!(values[2 * 7] < 1e-9 && values[2 * 400 + 1] < 1e-9 && (values[2 * 400] - values[2 * 7 + 1]).abs() < 1e-9);
+    let npy = path("distances.npy");
+    std::fs::write(path("request.json"), request).unwrap();
+    done(&["distances", &basis, mesh, "--request", &format!("@{}", path("request.json")), "-o", &npy]);
+    let array = std::fs::read(&npy).unwrap();
+    assert!(array.starts_with(b"\x93NUMPY") && array.len() > 8 * 2000 && array.len() < 8 * 2000 + 200);
+    let last = f64::from_le_bytes(*array.last_chunk().unwrap());
+    assert_eq!(last, values[1999], "columns one after the other, the last number last");
+
+    let smooth = path("smooth.ply");
+    done(&["filter", &basis, mesh, "--transfer", r#"{"kind": "heat", "time": 10.0}"#, "-o", &smooth]);
+    let limits = chladni_mesh::read::ReadLimits::default();
+    let read = |path: &str| {
+        chladni_mesh::read::read(&std::fs::read(path).unwrap(), chladni_mesh::read::MeshFormat::Ply, &limits).unwrap()
+    };
+    let size = |path: &str| read(path).positions.iter().flatten().fold(0f64, |most, x| most.max(x.abs()));
+    assert_eq!(read(&smooth).faces.len(), read(mesh).faces.len());
+    assert!(size(&smooth) < 0.5 * size(mesh), "heat shrinks: {} {}", size(&smooth), size(mesh));
+
+    let request = r#"{"constraints": [{"face": 17, "frame_direction": [1, 0]}]}"#;
+    let designed: Value = serde_json::from_slice(&done(&["design", &fields, mesh, "--request", request])).unwrap();
+    // A torus has two harmonic fields beside the columns that were asked for.
+    assert_eq!(
+        (designed["faces"][0].as_u64(), designed["coefficients"].as_array().map(Vec::len)),
+        (Some(17), Some(102))
+    );
+    let npy = path("field.npy");
+    done(&["design", &fields, mesh, "--request", request, "--form", "frames", "-o", &npy]);
+    let array = std::fs::read(&npy).unwrap();
+    let faces = read(mesh).faces.len();
+    let numbers = &array[array.len() - 8 * faces..];
+    let face = |at: usize| f32::from_le_bytes(*numbers[4 * at..].first_chunk().unwrap());
+    assert!((face(2 * 17) - 1.0).abs() < 1e-3 && face(2 * 17 + 1).abs() < 1e-3, "{} {}", face(34), face(35));
+
+    let cases: [(&[&str], i32, &str); 5] = [
+        (&["distances", &basis, mesh, "--request", "{}"], 2, "distance"),
+        (
+            &["distances", &basis, mesh, "--request", r#"{"distance": {"kind": "biharmonic"}}"#],
+            1,
+            "either sources or pairs",
+        ),
+        (&["filter", &fields, mesh, "--transfer", r#"{"kind": "heat", "time": 1}"#, "-o", &smooth], 1, "fields.npz"),
+        (
+            &["design", &fields, mesh, "--request", r#"{"strokes": [{"face": 99999}]}"#],
+            1,
+            "strokes[0]: there is no face 99999",
+        ),
+        (&["design", &fields, mesh, "--request", "{}", "--form", "round"], 2, "world"),
+    ];
+    for (arguments, expected, word) in cases {
+        let output = chladni(arguments);
+        assert_eq!(code(&output), expected, "{arguments:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains(word), "{arguments:?}: {}", stderr(&output));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn sighup_reads_the_keys_anew_and_the_data_folder_is_private() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let (keys, data) = (folder.path().join("keys"), folder.path().join("data"));
+    let put = |text: &str| {
+        std::fs::write(&keys, text).unwrap();
+        std::fs::set_permissions(&keys, std::fs::Permissions::from_mode(0o600)).unwrap();
+    };
+    put("first:read:first-secret-0123456789\n");
+    let mut process = Command::new(env!("CARGO_BIN_EXE_chladni"))
+        .args(["serve", "--listen", "127.0.0.1:0", "--log-format", "json", "--keys-file"])
+        .arg(&keys)
+        .arg("--data")
+        .arg(&data)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let address = line.trim().strip_prefix("listening on http://").unwrap().to_owned();
+    assert_eq!(std::fs::metadata(&data).unwrap().permissions().mode() & 0o777, 0o700);
+    let mut log = BufReader::new(process.stderr.take().unwrap()).lines().map(|line| line.unwrap());
+    let mut seen = Vec::new();
+    let mut hang_up = |expected: &str| {
+        assert!(Command::new("kill").args(["-HUP", &process.id().to_string()]).status().unwrap().success());
+        let line = log.by_ref().inspect(|line| seen.push(line.clone())).find(|line| line.contains("API keys"));
+        assert!(line.as_ref().is_some_and(|line| line.contains(expected)), "{line:?}");
+    };
+    let status = |secret: &str| {
+        let mut stream = std::net::TcpStream::connect(&address).unwrap();
+        let head = "GET /v1/jobs HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n";
+        write!(stream, "{head}authorization: Bearer {secret}\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        BufReader::new(stream).read_line(&mut answer).unwrap();
+        answer.split(' ').nth(1).unwrap().to_owned()
+    };
+    let (first, second) = ("first-secret-0123456789", "second-secret-0123456789");
+    assert_eq!((status(first), status(second)), ("200".into(), "401".into()));
+    put("second:read:second-secret-0123456789\n");
+    hang_up("API keys reloaded");
+    assert_eq!((status(first), status(second)), ("401".into(), "200".into()));
+    for broken in ["", "second:read:short\n"] {
+        put(broken);
+        hang_up("the API keys stay as they were");
+        assert_eq!(status(second), "200", "{broken:?}");
+    }
+    assert!(Command::new("kill").args(["-TERM", &process.id().to_string()]).status().unwrap().success());
+    seen.extend(log);
+    let said = |key: &str| seen.iter().any(|line| line.contains(key) && line.contains("\"peer\":\"127.0.0.1:"));
+    assert!(said("\"key\":\"first\"") && said("\"key\":\"second\""), "{seen:#?}");
+    assert!(!seen.iter().any(|line| line.contains("secret")), "{seen:#?}");
+    assert_eq!(process.wait().unwrap().code(), Some(0));
+}
+
+#[test]
 fn a_closed_pipe_is_no_failure() {
     let mut process =
         Command::new(env!("CARGO_BIN_EXE_chladni")).arg("openapi").stdout(Stdio::piped()).spawn().unwrap();

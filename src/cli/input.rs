@@ -3,6 +3,7 @@
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge, check};
 use chladni_mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
+use chladni_mesh::solid::{CheckedBody, check_body};
 
 use super::CliError;
 use std::io::Read;
@@ -35,7 +36,10 @@ impl MeshInput {
         let by_name = || name.extension().and_then(|ending| MeshFormat::from_extension(ending.to_str()?));
         let format = self.format.or_else(by_name).or_else(|| MeshFormat::sniff(&bytes));
         let format = format.ok_or_else(|| {
-            CliError::mesh(&self.mesh, "neither name nor content tells the format; name it with --format")
+            CliError::mesh(
+                &self.mesh,
+                "the format cannot be recognised from the name or the content; set it with --format",
+            )
         })?;
         read(&bytes, format, &ReadLimits::default()).map_err(|error| CliError::mesh(&self.mesh, error))
     }
@@ -43,6 +47,11 @@ impl MeshInput {
     /// How the mesh is checked.
     pub fn options(&self) -> CheckOptions {
         CheckOptions { merge: self.merge, subdivisions: self.subdivide, ..CheckOptions::default() }
+    }
+
+    /// Reads, checks and repairs the mesh, with its solid where the file has one.
+    pub fn load_body(&self) -> Result<CheckedBody, CliError> {
+        check_body(self.read()?, &self.options()).map_err(|error| CliError::mesh(&self.mesh, error))
     }
 
     /// Reads, checks and repairs the mesh.

@@ -1,5 +1,6 @@
 //! The command line: one file per command.
 
+mod apply;
 mod backup;
 mod check;
 mod client;
@@ -12,13 +13,16 @@ mod error;
 mod field;
 mod input;
 mod memory;
+mod private;
 mod progress;
 mod restore;
+mod run;
 mod sample;
 pub mod serve;
 mod solve;
 mod text;
 mod verify;
+mod work;
 
 pub use error::CliError;
 pub use input::{MeshInput, read_bytes};
@@ -43,6 +47,7 @@ Examples:
   chladni demo                                             see it work, from upload to basis
   chladni serve --data /srv/chladni --workers 2            the service
   chladni solve bunny.ply --count 500 --output bunny.npz   500 eigenpairs, without a server
+  chladni run vibration_basis plate.ply -p thickness=0.001 any kind of job, with the parameters of the API
   chladni check scan.obj                                   what is wrong with a mesh, what was repaired
   chladni verify bunny.npz bunny.ply                       whether a basis is what it says
   chladni sample genus-3 -n 100000 -o genus-3.ply          a mesh to try things on
@@ -58,6 +63,10 @@ enum Command {
     Serve(Box<Config>),
     Solve(Box<solve::SolveArguments>),
     Field(Box<field::FieldArguments>),
+    Run(Box<run::RunArguments>),
+    Distances(apply::DistancesArguments),
+    Filter(apply::FilterArguments),
+    Design(apply::DesignArguments),
     Check(check::CheckArguments),
     Verify(Box<verify::VerifyArguments>),
     Backup(backup::BackupArguments),
@@ -86,6 +95,10 @@ pub fn main() -> ExitCode {
         Command::Serve(config) => serve::serve(*config),
         Command::Solve(arguments) => solve::solve(*arguments),
         Command::Field(arguments) => field::field(*arguments),
+        Command::Run(arguments) => run::run(*arguments),
+        Command::Distances(arguments) => apply::distances(arguments),
+        Command::Filter(arguments) => apply::filtered(arguments),
+        Command::Design(arguments) => apply::design(arguments),
         Command::Check(arguments) => check::check(arguments),
         Command::Verify(arguments) => verify::verify(*arguments),
         Command::Backup(arguments) => backup::backup(arguments),

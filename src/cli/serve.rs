@@ -2,7 +2,7 @@
 
 use chladni_algebra::gpu;
 
-use super::{CliError, memory};
+use super::{CliError, memory, private};
 use crate::config::Config;
 use crate::http::{self, AppState};
 use crate::queue::{QueueObserver, Solver, WorkerOptions, WorkerPool};
@@ -87,6 +87,9 @@ pub(super) async fn bind(address: SocketAddr) -> Result<TcpListener, CliError> {
 pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Running, CliError> {
     let service = |error: &dyn std::fmt::Display| CliError::Service(error.to_string());
     config.validate()?;
+    if let Some(path) = &config.keys_file {
+        private::keys_file(path)?;
+    }
     let address = listener.local_addr().map_err(|source| CliError::Io {
         action: "listen on",
         target: config.listen.to_string(),
@@ -109,6 +112,7 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
     config.limits.max_job_bytes = config.limits.max_job_bytes.min(memory);
     let accelerator = accelerator(&config.gpu).await?;
     let metrics = Arc::new(Metrics::new()?);
+    private::data_folder(&config.data)?;
     let mut options = StoreOptions::new(&config.data);
     options.cache_bytes = config.cache_bytes;
     options.least_free_bytes = config.least_free_bytes;
@@ -170,7 +174,7 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
 /// Opens the graphics card that is chosen, before jobs may ask for it.
 async fn accelerator(choice: &str) -> Result<Arc<gpu::Accelerator>, CliError> {
     let choice: gpu::GpuChoice =
-        choice.parse().map_err(|reason| CliError::Usage(format!("--gpu {choice:?} is none of these: {reason}")))?;
+        choice.parse().map_err(|reason| CliError::Usage(format!("--gpu {choice:?}: {reason}")))?;
     let failed = |error: &dyn std::fmt::Display| CliError::Service(error.to_string());
     let accelerator = tokio::task::spawn_blocking(move || {
         let accelerator = gpu::choose(choice);
@@ -203,6 +207,18 @@ impl Running {
         format!("http://{address}")
     }
 
+    /// Reads the keys anew. Where that fails the server goes on with those it has.
+    fn reload_keys(&self) {
+        let allowed = self.state.config.keys_file.as_deref().map_or(Ok(()), private::keys_file);
+        let reloaded = allowed
+            .map_err(|error| error.to_string())
+            .and_then(|()| self.state.reload_keys().map_err(|error| error.to_string()));
+        match reloaded {
+            Ok(keys) => tracing::info!(keys, "API keys reloaded"),
+            Err(reason) => tracing::error!(reason, "the API keys stay as they were"),
+        }
+    }
+
     /// Stops in order: no new requests and jobs; running ones get the drain time; what still runs returns to the queue.
     ///
     /// # Errors
@@ -229,16 +245,22 @@ pub(super) struct Signals {
     terminate: tokio::signal::unix::Signal,
     #[cfg(unix)]
     interrupt: tokio::signal::unix::Signal,
+    #[cfg(unix)]
+    hangup: tokio::signal::unix::Signal,
 }
 
 impl Signals {
-    /// Takes SIGTERM and SIGINT over from now on.
+    /// Takes SIGTERM, SIGINT and SIGHUP over from now on.
     #[cfg(unix)]
     pub(super) fn install() -> Result<Self, CliError> {
         use tokio::signal::unix::{SignalKind, signal};
         let listen =
             |kind| signal(kind).map_err(|error| CliError::Service(format!("cannot listen for signals: {error}")));
-        Ok(Self { terminate: listen(SignalKind::terminate())?, interrupt: listen(SignalKind::interrupt())? })
+        Ok(Self {
+            terminate: listen(SignalKind::terminate())?,
+            interrupt: listen(SignalKind::interrupt())?,
+            hangup: listen(SignalKind::hangup())?,
+        })
     }
 
     /// Takes Ctrl-C over from now on.
@@ -247,7 +269,7 @@ impl Signals {
         Ok(Self {})
     }
 
-    /// Waits for the next signal and gives its name.
+    /// Waits for the next signal to stop and gives its name.
     #[cfg(unix)]
     pub(super) async fn next(&mut self) -> &'static str {
         tokio::select! {
@@ -265,12 +287,44 @@ impl Signals {
         "Ctrl-C"
     }
 
-    /// Serves until the first signal, then drains; a second signal ends the process without waiting.
-    pub(super) async fn stop_on_first(mut self, mut running: Running) -> Result<ExitCode, CliError> {
+    /// Waits for the next SIGHUP.
+    #[cfg(unix)]
+    async fn hung_up(hangup: &mut tokio::signal::unix::Signal) {
+        if hangup.recv().await.is_none() {
+            std::future::pending::<()>().await;
+        }
+    }
+
+    /// Waits for the next signal: to stop, which is named, or to read the keys anew.
+    #[cfg(unix)]
+    async fn next_of_all(&mut self) -> Option<&'static str> {
         tokio::select! {
-            signal = self.next() => tracing::info!(signal, drain_seconds = running.drain.as_secs_f64(), "stopping"),
-            ended = &mut running.server => {
-                return Err(CliError::Service(format!("the server ended early: {ended:?}")));
+            _ = self.terminate.recv() => Some("SIGTERM"),
+            _ = self.interrupt.recv() => Some("SIGINT"),
+            () = Self::hung_up(&mut self.hangup) => None,
+        }
+    }
+
+    /// Waits for the next Ctrl-C.
+    #[cfg(not(unix))]
+    async fn next_of_all(&mut self) -> Option<&'static str> {
+        Some(self.next().await)
+    }
+
+    /// Serves until the first signal to stop, then drains; a second one ends the process without waiting. SIGHUP reads the keys anew.
+    pub(super) async fn stop_on_first(mut self, mut running: Running) -> Result<ExitCode, CliError> {
+        loop {
+            tokio::select! {
+                signal = self.next_of_all() => match signal {
+                    Some(signal) => {
+                        tracing::info!(signal, drain_seconds = running.drain.as_secs_f64(), "stopping");
+                        break;
+                    }
+                    None => running.reload_keys(),
+                },
+                ended = &mut running.server => {
+                    return Err(CliError::Service(format!("the server ended early: {ended:?}")));
+                }
             }
         }
         tokio::select! {

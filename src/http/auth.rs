@@ -23,13 +23,18 @@ impl Scope {
             Self::Operate => "operate",
         }
     }
+
+    /// The scope of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        [Self::Read, Self::Submit, Self::Operate].into_iter().find(|scope| scope.name() == name)
+    }
 }
 
 /// Why a key in the configuration is refused. No variant shows the secret.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum KeyError {
     /// Not `name:scopes:secret`.
-    #[error("an API key is written as name:scope+scope:secret, and one is not")]
+    #[error("an API key must have the form name:scope+scope:secret")]
     Shape,
     /// A scope that does not exist.
     #[error("API key {name:?} has the unknown scope {scope:?}; scopes are read, submit and operate")]
@@ -94,11 +99,10 @@ impl FromStr for ApiKey {
         let name = name.to_owned();
         let scopes = scopes
             .split('+')
-            .map(|scope| match scope.trim() {
-                "read" => Ok(Scope::Read),
-                "submit" => Ok(Scope::Submit),
-                "operate" => Ok(Scope::Operate),
-                other => Err(KeyError::Scope { name: name.clone(), scope: other.to_owned() }),
+            .map(|scope| {
+                let scope = scope.trim();
+                let unknown = || KeyError::Scope { name: name.clone(), scope: scope.to_owned() };
+                Scope::named(scope).ok_or_else(unknown)
             })
             .collect::<Result<Vec<_>, _>>()?;
         let hash = match secret.strip_prefix("blake3:") {
@@ -126,12 +130,6 @@ pub fn require_keys(address: SocketAddr, keys: &[ApiKey], insecure: bool) -> Res
     // An IPv4 loopback address may be written as IPv6.
     let loopback = address.ip().to_canonical().is_loopback();
     if loopback || insecure || !keys.is_empty() { Ok(()) } else { Err(KeysNeeded { address }) }
-}
-
-/// The token of an `Authorization: Bearer TOKEN` header.
-pub fn bearer(header: &str) -> Option<&str> {
-    let (scheme, token) = header.split_once(' ')?;
-    scheme.eq_ignore_ascii_case("bearer").then(|| token.trim()).filter(|token| !token.is_empty())
 }
 
 /// The key that a token opens. Every key is tried, so that the time does not tell which one matched.
@@ -176,14 +174,5 @@ mod tests {
         assert!(require_keys(open, &[], false).is_err());
         assert!(require_keys(open, &[], true).is_ok());
         assert!(require_keys(open, &[key], false).is_ok());
-    }
-
-    #[test]
-    fn bearer_tokens_are_found() {
-        assert_eq!(bearer("Bearer abc"), Some("abc"));
-        assert_eq!(bearer("bearer  abc "), Some("abc"));
-        assert_eq!(bearer("Basic abc"), None);
-        assert_eq!(bearer("Bearer "), None);
-        assert_eq!(bearer("abc"), None);
     }
 }

@@ -1,13 +1,13 @@
 //! Per-vertex functions and coefficients as numbers on the wire: raw little-endian, row after row, or JSON.
 
 use chladni_algebra::DenseMatrix;
-use serde::{Deserialize, Serialize};
+use chladni_work::table::{TableError, matrix};
+use serde::Deserialize;
 use utoipa::ToSchema;
 
 use super::problem::{self, Problem};
 
-/// The most functions of one request.
-pub const MOST_COLUMNS: usize = 256;
+pub use chladni_work::table::Table;
 
 /// The type of raw numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, ToSchema)]
@@ -46,21 +46,6 @@ impl Dtype {
     }
 }
 
-/// A table of numbers as JSON.
-#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Table {
-    /// Functions side by side.
-    #[serde(default = "one")]
-    pub columns: usize,
-    /// Values, row after row.
-    pub values: Vec<f64>,
-}
-
-fn one() -> usize {
-    1
-}
-
 /// Reads `rows × k` raw numbers, row after row; `k` follows from the length.
 ///
 /// # Errors
@@ -70,18 +55,18 @@ pub fn decode(bytes: &[u8], dtype: Dtype, rows: usize) -> Result<DenseMatrix, Pr
     if row == 0 || bytes.is_empty() || !bytes.len().is_multiple_of(row) {
         return Err(Problem::new(
             &problem::INVALID_FUNCTION,
-            format!("{} bytes are no whole number of functions of {rows} values in {}.", bytes.len(), dtype.name()),
+            format!("{} bytes are not a whole number of functions of {rows} values in {}.", bytes.len(), dtype.name()),
         ));
     }
     let columns = bytes.len() / row;
     match dtype {
         Dtype::F32 => {
             let (numbers, _) = bytes.as_chunks::<4>();
-            matrix(rows, columns, |i| f64::from(f32::from_le_bytes(numbers[i])))
+            Ok(matrix(rows, columns, |i| f64::from(f32::from_le_bytes(numbers[i])))?)
         }
         Dtype::F64 => {
             let (numbers, _) = bytes.as_chunks::<8>();
-            matrix(rows, columns, |i| f64::from_le_bytes(numbers[i]))
+            Ok(matrix(rows, columns, |i| f64::from_le_bytes(numbers[i]))?)
         }
     }
 }
@@ -93,7 +78,7 @@ pub fn decode(bytes: &[u8], dtype: Dtype, rows: usize) -> Result<DenseMatrix, Pr
 pub fn decode_tuples<const K: usize>(bytes: &[u8]) -> Result<Vec<[u32; K]>, Problem> {
     let (words, rest) = bytes.as_chunks::<4>();
     if !rest.is_empty() || !words.len().is_multiple_of(K) {
-        let detail = format!("{} bytes are no whole number of {K} vertices in u32.", bytes.len());
+        let detail = format!("{} bytes are not a whole number of groups of {K} vertices in u32.", bytes.len());
         return Err(Problem::new(&problem::INVALID_VERTEX, detail));
     }
     let tuple = |words: &[[u8; 4]]| std::array::from_fn(|k| u32::from_le_bytes(words[k]));
@@ -110,40 +95,12 @@ pub fn encode_u32(values: &[u32]) -> Vec<u8> {
 /// # Errors
 /// `invalid-function`, as [`decode`].
 pub fn from_table(table: &Table, rows: usize) -> Result<DenseMatrix, Problem> {
-    if table.columns == 0 || rows.checked_mul(table.columns) != Some(table.values.len()) {
-        return Err(Problem::new(
-            &problem::INVALID_FUNCTION,
-            format!("{} values are given where {rows} rows of {} are due.", table.values.len(), table.columns),
-        ));
-    }
-    matrix(rows, table.columns, |i| table.values[i])
+    Ok(table.matrix(rows)?)
 }
 
-/// A matrix from values that are given row after row.
-fn matrix(rows: usize, columns: usize, value: impl Fn(usize) -> f64) -> Result<DenseMatrix, Problem> {
-    if columns > MOST_COLUMNS {
-        return Err(Problem::new(
-            &problem::INVALID_FUNCTION,
-            format!("{columns} functions are given; one request may have {MOST_COLUMNS}."),
-        ));
-    }
-    let mut matrix = DenseMatrix::zeros(rows, columns);
-    let mut odd = None;
-    for column in 0..columns {
-        for (row, slot) in matrix.column_mut(column).iter_mut().enumerate() {
-            let found = value(row * columns + column);
-            if !found.is_finite() && odd.is_none() {
-                odd = Some((row, column));
-            }
-            *slot = found;
-        }
-    }
-    match odd {
-        None => Ok(matrix),
-        Some((row, column)) => Err(Problem::new(
-            &problem::INVALID_FUNCTION,
-            format!("The value of row {row}, column {column} is not finite."),
-        )),
+impl From<TableError> for Problem {
+    fn from(error: TableError) -> Self {
+        Self::new(&problem::INVALID_FUNCTION, super::convert::sentence(&error))
     }
 }
 
@@ -169,17 +126,13 @@ pub fn encode(matrix: &DenseMatrix, dtype: Dtype) -> Vec<u8> {
 
 /// A matrix as a JSON table.
 pub fn to_table(matrix: &DenseMatrix) -> Table {
-    let columns = matrix.columns();
-    let mut values = vec![0.0; matrix.values().len()];
-    for column in 0..columns {
-        matrix.column(column).iter().enumerate().for_each(|(row, &value)| values[row * columns + column] = value);
-    }
-    Table { columns, values }
+    matrix.into()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use chladni_work::table::MOST_COLUMNS;
 
     #[test]
     fn numbers_go_row_after_row_both_ways() {

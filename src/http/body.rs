@@ -7,17 +7,17 @@ use axum::body::Body;
 use axum::http::{HeaderMap, HeaderValue, header};
 use bytes::Bytes;
 use http_body_util::BodyExt;
-use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::{Instant, timeout_at};
 
+use super::client::ClientState;
 use super::problem::{self, Problem};
-use super::state::AppState;
+use super::shares::{Refused, Share};
 
 /// The least rate of a body after its first seconds, in bytes per second: below, a client only holds a place.
 const LEAST_RATE: f64 = 1024.0;
 
-/// Bytes that one permit of the shared body budget stands for.
-pub const BUDGET_UNIT: u64 = 64 * 1024;
+/// The memory that a body is charged for grows in steps of this many bytes.
+const STEP: u64 = 64 * 1024;
 
 /// How a body is compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,12 +27,28 @@ enum Encoding {
     Zstd,
 }
 
-/// A whole body in memory, decompressed. Its share of the server's body budget is given back when it is dropped.
+/// A whole body in memory, decompressed. Its share of the memory for requests is given back when it is dropped.
 #[derive(Debug)]
 pub struct WholeBody {
     /// The bytes.
     pub bytes: Bytes,
-    _share: Option<OwnedSemaphorePermit>,
+    share: Share,
+}
+
+impl WholeBody {
+    /// Holds `more` bytes of memory for what is made of the body.
+    ///
+    /// # Errors
+    /// Those of [`reserve`].
+    pub fn charge(&mut self, more: u64) -> Result<(), Problem> {
+        reserve(&mut self.share, (self.bytes.len() as u64).saturating_add(more))
+    }
+
+    /// Drops the bytes, and leaves the share of what was made of them.
+    pub fn spent(mut self, made: u64) -> Share {
+        self.share.shrink_to(made);
+        self.share
+    }
 }
 
 /// Reads and decompresses a whole body of at most `limit` bytes, counted before and after decompression.
@@ -40,7 +56,7 @@ pub struct WholeBody {
 /// # Errors
 /// A problem for each way in which this fails: too large, too slow, cut off, unknown or damaged encoding, no memory left for
 /// bodies.
-pub async fn read(state: &AppState, headers: &HeaderMap, body: Body, limit: u64) -> Result<WholeBody, Problem> {
+pub async fn read(state: &ClientState, headers: &HeaderMap, body: Body, limit: u64) -> Result<WholeBody, Problem> {
     let encoding = encoding(headers)?;
     if let Some(length) = headers.get(header::CONTENT_LENGTH).and_then(|v| v.to_str().ok()?.parse::<u64>().ok())
         && length > limit
@@ -49,13 +65,12 @@ pub async fn read(state: &AppState, headers: &HeaderMap, body: Body, limit: u64)
     }
     let (packed, mut share) = collect(state, body, limit).await?;
     if encoding == Encoding::Identity {
-        return Ok(WholeBody { bytes: packed, _share: share });
+        return Ok(WholeBody { bytes: packed, share });
     }
-    let budget = state.body_budget.clone();
     let unpacked = tokio::task::spawn_blocking(move || {
-        let mut grow = |bytes: u64| reserve(&budget, &mut share, bytes);
+        let mut grow = |bytes: u64| reserve(&mut share, bytes);
         let unpacked = decompress(&packed, encoding, limit, &mut grow);
-        unpacked.map(|bytes| WholeBody { bytes: bytes.into(), _share: share })
+        unpacked.map(|bytes| WholeBody { bytes: bytes.into(), share })
     });
     unpacked.await.map_err(Problem::internal)?
 }
@@ -87,35 +102,28 @@ fn too_large(limit: u64) -> Problem {
         .with("limit", limit)
 }
 
-/// Grows a share of the body budget to `bytes`.
-fn reserve(
-    budget: &std::sync::Arc<tokio::sync::Semaphore>,
-    share: &mut Option<OwnedSemaphorePermit>,
-    bytes: u64,
-) -> Result<(), Problem> {
-    let held = share.as_ref().map_or(0, OwnedSemaphorePermit::num_permits) as u64;
-    let missing = bytes.div_ceil(BUDGET_UNIT).saturating_sub(held);
-    if missing == 0 {
-        return Ok(());
-    }
-    let busy = || Problem::new(&problem::BUSY, "Too many large bodies are being received at once.").retry_after(2);
-    let missing = u32::try_from(missing).map_err(|_| busy())?;
-    let more = budget.clone().try_acquire_many_owned(missing).map_err(|_| busy())?;
-    match share {
-        Some(share) => share.merge(more),
-        None => *share = Some(more),
-    }
-    Ok(())
+/// Grows a share of the memory for requests to `bytes`.
+///
+/// # Errors
+/// `body-too-large` where one client may never hold that much, `busy` where others hold it now.
+pub fn reserve(share: &mut Share, bytes: u64) -> Result<(), Problem> {
+    share.grow_to(bytes.div_ceil(STEP).saturating_mul(STEP)).map_err(|refused| {
+        let detail = match refused {
+            Refused::TooMuch { most } => {
+                let detail = format!("The request would take about {bytes} bytes of memory; {most} are the limit.");
+                return Problem::new(&problem::BODY_TOO_LARGE, detail).with("limit", most);
+            }
+            Refused::Everyone => "Too many large requests are being received at once.",
+            Refused::Client => "Too many large requests of this client are being received at once.",
+        };
+        Problem::new(&problem::BUSY, detail).retry_after(2)
+    })
 }
 
-async fn collect(
-    state: &AppState,
-    mut body: Body,
-    limit: u64,
-) -> Result<(Bytes, Option<OwnedSemaphorePermit>), Problem> {
+async fn collect(state: &ClientState, mut body: Body, limit: u64) -> Result<(Bytes, Share), Problem> {
     let pause = state.config.body_seconds;
     let begin = Instant::now();
-    let mut share = None;
+    let mut share = state.memory();
     let mut first: Option<Bytes> = None;
     let mut rest: Vec<u8> = Vec::new();
     let mut length = 0u64;
@@ -148,7 +156,7 @@ async fn collect(
         if length > limit {
             return Err(too_large(limit));
         }
-        reserve(&state.body_budget, &mut share, length)?;
+        reserve(&mut share, length)?;
         // A small body comes as one frame and needs no copy.
         match first.take() {
             None if rest.is_empty() => first = Some(data),

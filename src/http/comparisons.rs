@@ -2,7 +2,6 @@
 
 use std::time::Instant;
 
-use axum::extract::State;
 use axum::http::HeaderMap;
 use chladni_spectral::analysis::scatter;
 use chladni_spectral::analysis::shape_dna::{Comparison, MOST_SHAPES, Scale, Spectrum, Weighting, compare};
@@ -18,9 +17,12 @@ use uuid::Uuid;
 use super::bases::find_kind;
 use super::binary::{self, Dtype, Table};
 use super::body;
+use super::client::ClientState;
 use super::exchange::{self, Answer, OCTETS};
 use super::extract::{self, QueryOf};
+use super::ids::BasisId;
 use super::problem::{self, Problem};
+use super::problems::problems;
 use super::state::AppState;
 
 const SVG: &str = "image/svg+xml";
@@ -174,6 +176,8 @@ struct ComparisonQuery {
     dtype: Dtype,
 }
 
+problems!(CompareShapesProblems: BODY JSON [UNKNOWN_BASIS, NOT_ACCEPTABLE, BASIS_KIND, INCOMPARABLE_BASES, INVALID_ANALYSIS]);
+
 /// Compares shapes by their spectra
 ///
 /// Shape-DNA (Reuter et al. 2006): the Euclidean distances between normalised spectra, which depend neither on the pose of a shape nor on how it is
@@ -185,16 +189,12 @@ struct ComparisonQuery {
     responses(
         (status = 200, description = "The comparison", content((ComparisonAnswer = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "image/svg+xml")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind or incomparable-bases", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-request or invalid-analysis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        CompareShapesProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn compare_shapes(
-    State(state): State<AppState>,
+    state: ClientState,
     QueryOf(query): QueryOf<ComparisonQuery>,
     headers: HeaderMap,
     content: axum::body::Body,
@@ -202,18 +202,18 @@ async fn compare_shapes(
     extract::require_json(&headers)?;
     let media_type = exchange::answer_type(&headers, false, &[SVG])?;
     let body = body::read(&state, &headers, content, MOST_BYTES).await?;
-    let request: ComparisonRequest = extract::parse_json(&body.bytes)?;
+    let request: ComparisonRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
     if request.bases.len() > MOST_SHAPES {
-        let detail = format!("bases: {} are more than {MOST_SHAPES}.", request.bases.len());
+        let detail = format!("bases: {} were given; at most {MOST_SHAPES} can be compared.", request.bases.len());
         return Err(Problem::new(&problem::INVALID_ANALYSIS, detail));
     }
     if request.labels.as_ref().is_some_and(|labels| labels.len() != request.bases.len()) {
-        return Err(Problem::new(&problem::INVALID_REQUEST, "labels: there is not one for each basis."));
+        return Err(Problem::new(&problem::INVALID_REQUEST, "labels: there must be one for each basis."));
     }
     let (mut spectra, mut labels) = (Vec::new(), Vec::new());
     let mut seen = Vec::new();
     for (place, id) in request.bases.iter().enumerate() {
-        let record = find_kind(&state, id, ProductKind::Eigenbasis).await?;
+        let record = find_kind(&state, BasisId::parse(id)?.0, ProductKind::Eigenbasis).await?;
         let mesh = state.store.mesh(&record.mesh).await?;
         // Eigenvalues stand in the record, so no eigenfunction is read.
         let area = mesh.report["area"].as_f64().unwrap_or(f64::NAN);
@@ -242,7 +242,7 @@ async fn compare_shapes(
         dimensions: request.dimensions,
     };
     state
-        .solve("compare", move || {
+        .solve("compare", move |_| {
             let begin = Instant::now();
             let found = compare(&spectra, &how)?;
             match media_type {

@@ -3,7 +3,6 @@
 use std::time::Instant;
 
 use axum::body::Body;
-use axum::extract::State;
 use axum::http::HeaderMap;
 use chladni_spectral::analysis::compression::{compress, decompress};
 use serde::{Deserialize, Serialize};
@@ -15,9 +14,12 @@ use super::bases::on_vertices;
 use super::binary::Dtype;
 use super::binary::Table;
 use super::body;
+use super::client::ClientState;
 use super::exchange::{self, Answer, JSON, OCTETS, Sent, raw_answer, read};
-use super::extract::{self, PathOf, QueryOf};
+use super::extract::{self, QueryOf};
+use super::ids::BasisId;
 use super::problem::{self, Problem};
+use super::problems::problems;
 use super::solves::{Functions, PLY, Source, ply};
 use super::state::AppState;
 
@@ -82,6 +84,8 @@ struct CompressionQuery {
     request: Option<String>,
 }
 
+problems!(CompressProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_ANALYSIS]);
+
 /// Compresses functions
 ///
 /// The coefficients of functions, coordinates above all, in the first modes of the basis, rounded and packed (Karni and Gotsman 2000). Whoever
@@ -91,37 +95,34 @@ struct CompressionQuery {
 /// `Chladni-Relative-Error`. A raw body is the functions, as for `filter`; the rest of the request stands in the query then.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/compress", tag = "analysis", operation_id = "compress",
-    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), CompressionQuery),
+    params(BasisId, CompressionQuery),
     request_body(description = "The functions", content((CompressionRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "Rate and distortion, or the bytes", content((CompressionAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
             headers(("Chladni-Relative-Error" = String), ("Server-Timing" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-request, invalid-function or invalid-analysis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        CompressProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn compress_functions(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     QueryOf(query): QueryOf<CompressionQuery>,
     headers: HeaderMap,
     content: Body,
 ) -> Result<Answer, Problem> {
-    let basis = on_vertices(&state, &id).await?;
+    let basis = on_vertices(&state, id).await?;
     let sent = read::<CompressionRequest>(&state, &headers, content).await?;
     let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
     let (source, pairs, bits) = match sent {
-        Sent::Json(request) => (Source::of(&state, &id, request.functions).await?, request.pairs, request.bits),
+        Sent::Json(request) => (Source::of(&state, id, request.functions).await?, request.pairs, request.bits),
         Sent::Raw(body) => {
             let request: CompressionRequest = exchange::rest(Some(query.request.as_deref().unwrap_or("{}")))?;
             (Source::Raw(body, query.dtype), request.pairs, request.bits)
         }
     };
     state
-        .solve("compress", move || {
+        .solve("compress", move |_| {
             let begin = Instant::now();
             let functions = source.matrix(basis.vertices())?;
             drop(source);
@@ -158,42 +159,40 @@ struct DecompressionQuery {
     dtype: Dtype,
 }
 
+problems!(DecompressProblems: SOLVE BODY [UNSUPPORTED_MEDIA_TYPE, INVALID_STREAM]);
+
 /// Puts compressed functions together again
 ///
 /// The body is what `compress` gave for the same basis. The answer is the functions, a row for each vertex: raw by default, as JSON, or, of
 /// three functions, as `model/ply`, the mesh with them as its coordinates.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/decompress", tag = "analysis", operation_id = "decompress",
-    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), DecompressionQuery),
+    params(BasisId, DecompressionQuery),
     request_body(description = "Compressed functions", content((super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The functions", content((super::docs::Binary = "application/octet-stream"), (Table = "application/json"), (super::docs::Binary = "model/ply")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 415, description = "A problem: unsupported-media-type", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-compressed-functions", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        DecompressProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn decompress_functions(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     QueryOf(query): QueryOf<DecompressionQuery>,
     headers: HeaderMap,
     content: Body,
 ) -> Result<Answer, Problem> {
-    let basis = on_vertices(&state, &id).await?;
+    let basis = on_vertices(&state, id).await?;
     if let Some(other) = extract::media_type(&headers).filter(|name| name != OCTETS) {
         let detail = format!("This route reads {OCTETS}, not {:?}.", problem::shorten(other));
         return Err(Problem::new(&problem::UNSUPPORTED_MEDIA_TYPE, detail));
     }
     let media_type = exchange::answer_type(&headers, true, &[PLY])?;
-    let mesh = Source::mesh_if(&state, &id, media_type == PLY).await?;
+    let mesh = Source::mesh_if(&state, id, media_type == PLY).await?;
     let body = body::read(&state, &headers, content, MOST_BYTES).await?;
     state
-        .solve("decompress", move || {
+        .solve("decompress", move |_| {
             let begin = Instant::now();
             let functions = decompress(&basis, &body.bytes)?;
             match mesh {

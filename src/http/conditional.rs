@@ -2,26 +2,42 @@
 
 use std::ops::Range;
 
-use axum::http::{HeaderMap, HeaderValue, header};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use headers::{ContentRange, ETag, Header, HeaderMapExt, IfNoneMatch, IfRange};
+use http_range_header::{RangeUnsatisfiableError, parse_range_header};
 
 use super::problem::{self, Problem};
 
-/// The header value of an entity tag, or `None` where `tag` has characters that a tag cannot have.
-pub fn etag(tag: &str, weak: bool) -> Option<HeaderValue> {
-    let value = if weak { format!("W/\"{tag}\"") } else { format!("\"{tag}\"") };
-    HeaderValue::from_str(&value).ok()
+/// An entity tag that names exact bytes.
+///
+/// # Errors
+/// `internal-error` where `tag` has characters that a tag cannot have.
+pub fn strong(tag: &str) -> Result<ETag, Problem> {
+    format!("\"{tag}\"").parse().map_err(|_| Problem::internal(format!("{tag:?} cannot be an entity tag")))
+}
+
+/// An entity tag that names a state, however it is written or compressed.
+///
+/// # Errors
+/// As [`strong`].
+pub fn weak(tag: &str) -> Result<ETag, Problem> {
+    format!("W/\"{tag}\"").parse().map_err(|_| Problem::internal(format!("{tag:?} cannot be an entity tag")))
 }
 
 /// Whether `If-None-Match` names `tag` (weak comparison), so that the answer is 304.
-pub fn matches(headers: &HeaderMap, tag: &HeaderValue) -> bool {
-    let Ok(tag) = tag.to_str() else { return false };
-    let opaque = |t: &str| t.trim().trim_start_matches("W/").to_owned();
-    headers
-        .get_all(header::IF_NONE_MATCH)
-        .iter()
-        .filter_map(|value| value.to_str().ok())
-        .flat_map(|value| value.split(','))
-        .any(|candidate| candidate.trim() == "*" || opaque(candidate) == opaque(tag))
+pub fn matches(headers: &HeaderMap, tag: &ETag) -> bool {
+    headers.typed_get::<IfNoneMatch>().is_some_and(|condition| !condition.precondition_passes(tag))
+}
+
+/// The answer that `make` gives, or 304 where the client has it already; tagged in either case.
+pub fn unless_known(headers: &HeaderMap, tag: ETag, make: impl FnOnce() -> Response) -> Response {
+    let mut response = match matches(headers, &tag) {
+        true => StatusCode::NOT_MODIFIED.into_response(),
+        false => make(),
+    };
+    response.headers_mut().typed_insert(tag);
+    response
 }
 
 /// The byte range a request asks for of a representation of `length` bytes; `None` for the whole of it.
@@ -31,39 +47,25 @@ pub fn matches(headers: &HeaderMap, tag: &HeaderValue) -> bool {
 ///
 /// # Errors
 /// `range-not-satisfiable` where the range begins beyond the end.
-pub fn range(headers: &HeaderMap, length: u64, tag: &HeaderValue) -> Result<Option<Range<u64>>, Problem> {
+pub fn range(headers: &HeaderMap, length: u64, tag: &ETag) -> Result<Option<Range<u64>>, Problem> {
     let Some(text) = headers.get(header::RANGE).and_then(|value| value.to_str().ok()) else { return Ok(None) };
-    if let Some(condition) = headers.get(header::IF_RANGE) {
-        // If-Range needs a strong match.
-        if condition != tag || tag.as_bytes().starts_with(b"W/") {
-            return Ok(None);
-        }
-    }
-    let Some((unit, spec)) = text.split_once('=') else { return Ok(None) };
-    if !unit.trim().eq_ignore_ascii_case("bytes") {
+    if headers.contains_key(header::IF_RANGE)
+        && headers.typed_get::<IfRange>().is_none_or(|condition| condition.is_modified(Some(tag), None))
+    {
         return Ok(None);
     }
-    let spec = spec.trim();
-    let Some((first, last)) = spec.split_once('-').filter(|_| !spec.contains(',')) else { return Ok(None) };
-    let (first, last) = (first.trim(), last.trim());
-    let digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
-    // A number beyond u64 is a number beyond the end.
-    let number = |text: &str| text.parse::<u64>().unwrap_or(u64::MAX);
-    let wanted = match (digits(first), digits(last)) {
-        (true, true) if number(first) <= number(last) => number(first)..number(last).saturating_add(1).min(length),
-        (true, false) if last.is_empty() => number(first)..length,
-        (false, true) if first.is_empty() => length.saturating_sub(number(last))..length,
-        _ => return Ok(None),
-    };
-    if wanted.start >= length || wanted.is_empty() {
-        let mut refused =
-            Problem::new(&problem::RANGE_NOT_SATISFIABLE, format!("The range {text} lies beyond the {length} bytes."));
-        if let Ok(value) = HeaderValue::from_str(&format!("bytes */{length}")) {
-            refused = refused.header(header::CONTENT_RANGE, value);
+    let wanted = parse_range_header(text).and_then(|parsed| parsed.validate(length));
+    match wanted.as_deref() {
+        Ok([wanted]) => Ok(Some(*wanted.start()..wanted.end() + 1)),
+        Err(RangeUnsatisfiableError::Unsatisfiable) => {
+            let detail = format!("The range {text} lies beyond the {length} bytes.");
+            let mut values = Vec::with_capacity(1);
+            ContentRange::unsatisfied_bytes(length).encode(&mut values);
+            let refused = Problem::new(&problem::RANGE_NOT_SATISFIABLE, detail);
+            Err(values.into_iter().fold(refused, |refused, value| refused.header(header::CONTENT_RANGE, value)))
         }
-        return Err(refused);
+        _ => Ok(None),
     }
-    Ok(Some(wanted))
 }
 
 #[cfg(test)]
@@ -73,7 +75,7 @@ mod tests {
     fn asked(text: &str) -> Result<Option<Range<u64>>, Problem> {
         let mut headers = HeaderMap::new();
         headers.insert(header::RANGE, text.parse().unwrap());
-        range(&headers, 100, &etag("tag", false).unwrap())
+        range(&headers, 100, &strong("tag").unwrap())
     }
 
     #[test]
@@ -94,11 +96,13 @@ mod tests {
 
     #[test]
     fn if_range_must_name_the_current_tag() {
-        let tag = etag("tag", false).unwrap();
+        let tag = strong("tag").unwrap();
         let mut headers = HeaderMap::new();
         headers.insert(header::RANGE, "bytes=0-9".parse().unwrap());
-        headers.insert(header::IF_RANGE, "\"other\"".parse().unwrap());
-        assert_eq!(range(&headers, 100, &tag).unwrap(), None);
+        for stale in ["\"other\"", "W/\"tag\"", "nonsense"] {
+            headers.insert(header::IF_RANGE, stale.parse().unwrap());
+            assert_eq!(range(&headers, 100, &tag).unwrap(), None, "{stale}");
+        }
         headers.insert(header::IF_RANGE, "\"tag\"".parse().unwrap());
         assert_eq!(range(&headers, 100, &tag).unwrap(), Some(0..10));
     }
@@ -107,10 +111,10 @@ mod tests {
     fn if_none_match_compares_weakly() {
         let mut headers = HeaderMap::new();
         headers.insert(header::IF_NONE_MATCH, "\"a\", W/\"b\"".parse().unwrap());
-        assert!(matches(&headers, &etag("b", false).unwrap()));
-        assert!(matches(&headers, &etag("a", true).unwrap()));
-        assert!(!matches(&headers, &etag("c", false).unwrap()));
+        assert!(matches(&headers, &strong("b").unwrap()));
+        assert!(matches(&headers, &weak("a").unwrap()));
+        assert!(!matches(&headers, &strong("c").unwrap()));
         headers.insert(header::IF_NONE_MATCH, "*".parse().unwrap());
-        assert!(matches(&headers, &etag("c", false).unwrap()));
+        assert!(matches(&headers, &strong("c").unwrap()));
     }
 }

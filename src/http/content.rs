@@ -3,23 +3,25 @@
 use std::ops::Range;
 
 use axum::body::Body;
-use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use chladni_spectral::basis::{Basis, ProductKind};
 use chladni_spectral::formats::{self, FormatError};
 use futures_util::{StreamExt, stream};
+use headers::{ContentRange, ETag, HeaderMapExt};
 use serde::Deserialize;
 use tokio::sync::mpsc;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::bases::find;
+use super::client::ClientState;
 use super::conditional;
-use super::extract::{self, PathOf, QueryOf};
+use super::extract::{self, QueryOf};
+use super::ids::BasisId;
 use super::problem::{self, Problem};
+use super::problems::problems;
 use super::state::AppState;
 use crate::store::BasisStorage;
 
@@ -54,7 +56,7 @@ impl Immutable {
     /// # Errors
     /// `range-not-satisfiable`.
     pub fn wanted(&self, headers: &HeaderMap) -> Result<Wanted, Problem> {
-        let tag = conditional::etag(&self.tag, false).ok_or_else(|| Problem::internal("a tag is no header value"))?;
+        let tag = conditional::strong(&self.tag)?;
         if conditional::matches(headers, &tag) {
             let mut response = StatusCode::NOT_MODIFIED.into_response();
             self.describe(&mut response, tag);
@@ -69,20 +71,17 @@ impl Immutable {
         if let Ok(value) = HeaderValue::from_str(&format!("attachment; filename=\"{}\"", self.file_name)) {
             head.insert(header::CONTENT_DISPOSITION, value);
         }
-        if let Some(range) = &range
-            && let Ok(value) =
-                HeaderValue::from_str(&format!("bytes {}-{}/{}", range.start, range.end - 1, self.length))
-        {
-            head.insert(header::CONTENT_RANGE, value);
+        if let Some(range) = range.clone() {
+            head.typed_insert(ContentRange::bytes(range, self.length).map_err(Problem::internal)?);
         }
         let range = range.unwrap_or(0..self.length);
         head.insert(header::CONTENT_LENGTH, HeaderValue::from(range.end - range.start));
         Ok(Wanted::Bytes(range, response))
     }
 
-    fn describe(&self, response: &mut Response, tag: HeaderValue) {
+    fn describe(&self, response: &mut Response, tag: ETag) {
         let head = response.headers_mut();
-        head.insert(header::ETAG, tag);
+        head.typed_insert(tag);
         head.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
         head.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, max-age=31536000, immutable"));
         head.insert(header::VARY, HeaderValue::from_static("accept"));
@@ -153,6 +152,8 @@ struct ContentQuery {
     format: Option<Format>,
 }
 
+problems!(GetBasisContentProblems: [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE, RANGE_NOT_SATISFIABLE, DAMAGED_CONTENT]);
+
 /// Gets a basis as a file
 ///
 /// The eigenfunctions of a compact basis are the columns of `U φ̄`, with the sparse `U` (n × d, f32) and the dense `φ̄` (d × m, f64);
@@ -169,7 +170,7 @@ struct ContentQuery {
 #[utoipa::path(
     get, path = "/v1/bases/{id}/content", tag = "bases", operation_id = "getBasisContent",
     params(
-        ("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"),
+        BasisId,
         ContentQuery,
         ("Range" = Option<String>, Header, description = "One range of bytes", example = "bytes=0-1023"),
     ),
@@ -179,16 +180,13 @@ struct ContentQuery {
             headers(("ETag" = String))),
         (status = 206, description = "The bytes that `Range` asks for", body = super::docs::Binary, content_type = "application/x-npz", headers(("Content-Range" = String))),
         (status = 304, description = "The content is as `If-None-Match` names it"),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 416, description = "A problem: range-not-satisfiable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 500, description = "A problem: damaged-content", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        GetBasisContentProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn basis_content(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     QueryOf(query): QueryOf<ContentQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
@@ -196,7 +194,7 @@ async fn basis_content(
         Some(format) => format,
         None => Format::negotiated(&headers)?,
     };
-    let record = find(&state, &id).await?;
+    let record = state.store.basis(id).await?;
     let immutable = |suffix: &str, extension: &str, length: u64| Immutable {
         tag: format!("{}{suffix}", record.content_hash),
         media_type: format.media_type(),
@@ -246,7 +244,7 @@ async fn basis_content(
 }
 
 /// A range of what begins with `head` and goes on with some bytes of a blob.
-fn head_and_blob(state: &AppState, hash: &str, head: Bytes, blob: Range<u64>, range: Range<u64>) -> Body {
+fn head_and_blob(state: &ClientState, hash: &str, head: Bytes, blob: Range<u64>, range: Range<u64>) -> Body {
     let length = head.len() as u64;
     let first = head.slice(range.start.min(length) as usize..range.end.min(length) as usize);
     let rest = blob.start + range.start.saturating_sub(length)..blob.start + range.end.saturating_sub(length);
@@ -263,7 +261,7 @@ fn matrix_market_stream(
     headers: &HeaderMap,
     basis: std::sync::Arc<Basis>,
 ) -> Result<Response, Problem> {
-    let tag = conditional::etag(&immutable.tag, false).ok_or_else(|| Problem::internal("a tag is no header value"))?;
+    let tag = conditional::strong(&immutable.tag)?;
     let known = conditional::matches(headers, &tag);
     let mut response = if known { StatusCode::NOT_MODIFIED } else { StatusCode::OK }.into_response();
     immutable.describe(&mut response, tag);

@@ -100,10 +100,9 @@ impl From<BasisError> for Problem {
                 format!("Modes {from}..{to} are asked for of a basis with {count}."),
             )
             .with("count", count),
-            BasisError::Rows { found, expected } => Self::new(
-                &problem::INVALID_FUNCTION,
-                format!("A function has {found} values where {expected} are due."),
-            ),
+            BasisError::Rows { found, expected } => {
+                Self::new(&problem::INVALID_FUNCTION, format!("A function has {found} values; {expected} are needed."))
+            }
             BasisError::Vertex { .. } => Self::new(&problem::INVALID_VERTEX, sentence(&error)),
             BasisError::Unavailable { error: ColumnError::Gone, .. } => {
                 Self::new(&problem::UNKNOWN_BASIS, "The basis was deleted meanwhile.")
@@ -145,6 +144,9 @@ impl From<FilterError> for Problem {
     fn from(error: FilterError) -> Self {
         match error {
             FilterError::Basis(error) => error.into(),
+            FilterError::Parameter { parameter, value, expected } => {
+                Self::new(&problem::INVALID_TRANSFER, format!("transfer: {parameter} must be {expected}, not {value}."))
+            }
             other => Self::new(&problem::INVALID_TRANSFER, format!("transfer: {}", sentence(&other))),
         }
     }
@@ -158,12 +160,26 @@ impl From<AnalysisError> for Problem {
                 .with("what", what)
                 .with("vertex", vertex)
                 .with("vertices", vertices),
+            AnalysisError::Parameter { parameter, value, expected } => {
+                Self::new(&problem::INVALID_ANALYSIS, format!("{parameter}: must be {expected}, not {value}."))
+            }
+            AnalysisError::Count { what, found, least, most } => {
+                Self::new(&problem::INVALID_ANALYSIS, counted(what, found, least, most))
+            }
             AnalysisError::Stream { at, .. } => Self::new(&problem::INVALID_STREAM, text).with("at", at),
             AnalysisError::Basis(error) => error.into(),
             AnalysisError::Eigen(_) => Self::internal(error),
             _ => Self::new(&problem::INVALID_ANALYSIS, text),
         }
     }
+}
+
+/// How many of something there must be. A bound that no request can reach is none worth telling.
+fn counted(what: &str, found: usize, least: usize, most: usize) -> String {
+    if most == usize::MAX {
+        return format!("{what}: must be at least {least}, not {found}.");
+    }
+    format!("{what}: must be between {least} and {most}, not {found}.")
 }
 
 /// An error message as a sentence.

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::sync::OnceLock;
 
+use axum::Router;
 use axum::http::{HeaderValue, header};
 use axum::response::{Html, IntoResponse, Response};
 use serde_json::Value;
@@ -14,6 +15,7 @@ use utoipa_axum::routes;
 
 use super::extract::PathOf;
 use super::problem::{self, KINDS, Problem};
+use super::problems::problems;
 use super::state::AppState;
 
 /// An error, in the form of RFC 9457. Some kinds have further members.
@@ -126,7 +128,11 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(page))
         .routes(routes!(problems))
         .routes(routes!(one_problem))
-        .route("/problems/{kind}/{within}", axum::routing::get(one_problem_within))
+}
+
+/// Pages that stand in no document: the addresses of problems within a kind.
+pub fn pages() -> Router<AppState> {
+    Router::new().route("/problems/{kind}/{within}", axum::routing::get(one_problem_within))
 }
 
 /// Gives the OpenAPI document
@@ -157,6 +163,8 @@ async fn problems() -> Response {
     html(&render_problems(KINDS))
 }
 
+problems!(ProblemProblems: [NOT_FOUND]);
+
 /// Explains a kind of problem
 ///
 /// What the `type` of a problem points to.
@@ -164,7 +172,7 @@ async fn problems() -> Response {
     params(("kind" = String, Path, description = "The kind", example = "job-too-large")),
     responses(
         (status = 200, description = "The page", body = String, content_type = "text/html", example = "<!doctype html>…"),
-        (status = 404, description = "A problem: not-found", body = ProblemSchema, content_type = "application/problem+json"),
+        ProblemProblems,
     ))]
 async fn one_problem(PathOf(kind): PathOf<String>) -> Result<Response, Problem> {
     explain(&kind)

@@ -12,9 +12,10 @@ use serde::de::DeserializeOwned;
 
 use super::binary::{self, Dtype};
 use super::body::{self, WholeBody};
+use super::client::ClientState;
 use super::extract;
 use super::problem::{self, Problem};
-use super::state::AppState;
+use super::shares::Share;
 
 /// The media type of raw numbers.
 pub const OCTETS: &str = "application/octet-stream";
@@ -34,7 +35,7 @@ pub enum Sent<T> {
 /// # Errors
 /// `unsupported-media-type`, and what reading bodies and parsing JSON answer.
 pub async fn read<T: DeserializeOwned + Send + 'static>(
-    state: &AppState,
+    state: &ClientState,
     headers: &HeaderMap,
     content: Body,
 ) -> Result<Sent<T>, Problem> {
@@ -52,9 +53,43 @@ pub async fn read<T: DeserializeOwned + Send + 'static>(
     if !json {
         return Ok(Sent::Raw(body));
     }
-    // Millions of decimals take a while.
-    let parsed = tokio::task::spawn_blocking(move || extract::parse_json(&body.bytes).map(Sent::Json));
-    parsed.await.map_err(Problem::internal)?
+    parse(state, body, BYTES_PER_NUMBER).await.map(Sent::Json)
+}
+
+/// The memory that a number of a JSON body takes at most while it is parsed straight into an array: the array doubles as it grows, and the old
+/// one lies beside the new one.
+pub const BYTES_PER_NUMBER: u64 = 24;
+
+/// Bodies that are parsed at once: what takes longer leaves the event loop to others.
+const PARSED_AT_ONCE: usize = 1 << 14;
+
+/// Parses a JSON body. The memory for it, `bytes_per_number` for each number that it may hold, is the client's to answer for until its request and
+/// the work that it began have ended.
+///
+/// # Errors
+/// `invalid-json`, `invalid-request`, and those of [`body::reserve`].
+pub async fn parse<T: DeserializeOwned + Send + 'static>(
+    state: &ClientState,
+    body: WholeBody,
+    bytes_per_number: u64,
+) -> Result<T, Problem> {
+    let small = body.bytes.len() <= PARSED_AT_ONCE;
+    let work = move || parsed(body, bytes_per_number);
+    let (value, share) = match small {
+        true => work()?,
+        false => tokio::task::spawn_blocking(work).await.map_err(Problem::internal)??,
+    };
+    state.hold(share);
+    Ok(value)
+}
+
+fn parsed<T: DeserializeOwned>(mut body: WholeBody, bytes_per_number: u64) -> Result<(T, Share), Problem> {
+    // Two numbers stand apart by a comma.
+    let most_numbers = 1 + body.bytes.iter().filter(|&&byte| byte == b',').count() as u64;
+    let memory = most_numbers.saturating_mul(bytes_per_number);
+    body.charge(memory)?;
+    let value = extract::parse_json(&body.bytes)?;
+    Ok((value, body.spent(memory)))
 }
 
 /// What a raw body does not say: the query's `request`, as JSON.
@@ -79,7 +114,7 @@ pub fn rest<T: DeserializeOwned>(request: Option<&str>) -> Result<T, Problem> {
 /// # Errors
 /// Those of [`read`], [`raw_answer`], [`rest`] and `fill`.
 pub async fn request<T: DeserializeOwned + Send + 'static>(
-    state: &AppState,
+    state: &ClientState,
     headers: &HeaderMap,
     content: Body,
     query: Option<&str>,

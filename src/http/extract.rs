@@ -7,6 +7,7 @@ use axum::http::{HeaderMap, header};
 use serde::de::DeserializeOwned;
 
 use super::problem::{self, Problem};
+use crate::store::PageRequest;
 
 /// Path parameters.
 #[derive(Debug)]
@@ -19,7 +20,7 @@ impl<S: Send + Sync, T: DeserializeOwned + Send> FromRequestParts<S> for PathOf<
         match Path::<T>::from_request_parts(parts, state).await {
             Ok(Path(value)) => Ok(Self(value)),
             Err(PathRejection::FailedToDeserializePathParams(error)) => {
-                Err(Problem::new(&problem::NOT_FOUND, format!("The path does not fit: {}.", error.body_text())))
+                Err(Problem::new(&problem::NOT_FOUND, format!("The path is invalid: {}.", error.body_text())))
             }
             Err(other) => Err(Problem::internal(other)),
         }
@@ -39,11 +40,26 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for QueryOf<T> {
             Err(QueryRejection::FailedToDeserializeQueryString(error)) => {
                 let text = error.body_text();
                 let reason = text.strip_prefix("Failed to deserialize query string: ").unwrap_or(&text);
-                Err(Problem::new(&problem::INVALID_QUERY, format!("The query does not fit: {reason}.")))
+                Err(Problem::new(&problem::INVALID_QUERY, format!("The query is invalid: {reason}.")))
             }
             Err(other) => Err(Problem::internal(other)),
         }
     }
+}
+
+/// A page request from query parameters.
+///
+/// # Errors
+/// `invalid-query` where the limit is zero.
+pub fn page(limit: Option<u32>, from: Option<String>) -> Result<PageRequest, Problem> {
+    let limit = limit.unwrap_or(PageRequest::default().limit);
+    if !(1..=PageRequest::MOST).contains(&limit) {
+        return Err(Problem::new(
+            &problem::INVALID_QUERY,
+            format!("limit: must be between 1 and {}, not {limit}.", PageRequest::MOST),
+        ));
+    }
+    Ok(PageRequest { limit, from })
 }
 
 /// The media type of a request body, lower case and without parameters.
@@ -133,8 +149,9 @@ pub fn negotiate<'o>(headers: &HeaderMap, offered: &[&'o str]) -> Option<&'o str
 
 /// As [`negotiate`], or the problem that lists what is offered.
 pub fn negotiated<'o>(headers: &HeaderMap, offered: &[&'o str]) -> Result<&'o str, Problem> {
-    negotiate(headers, offered)
-        .ok_or_else(|| Problem::new(&problem::NOT_ACCEPTABLE, format!("This comes as {}.", offered.join(", "))))
+    negotiate(headers, offered).ok_or_else(|| {
+        Problem::new(&problem::NOT_ACCEPTABLE, format!("The available media types are {}.", offered.join(", ")))
+    })
 }
 
 /// A time such as `20s`, `1500ms`, `2m`, or seconds without a unit.

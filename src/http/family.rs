@@ -3,7 +3,6 @@
 use std::time::Instant;
 
 use axum::body::Body;
-use axum::extract::State;
 use axum::http::HeaderMap;
 use chladni_algebra::DenseMatrix;
 use chladni_spectral::analysis::family::{Member, spectrum};
@@ -12,12 +11,14 @@ use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::bases::basis_id;
 use super::binary::{self, Dtype, Table};
 use super::body;
+use super::client::ClientState;
 use super::exchange::{self, Answer};
-use super::extract::{self, PathOf};
+use super::extract;
+use super::ids::BasisId;
 use super::problem::{self, Problem};
+use super::problems::problems;
 use super::state::AppState;
 
 /// The routes of families.
@@ -80,6 +81,8 @@ struct SpectrumAnswer {
     modes: Option<Table>,
 }
 
+problems!(FamilySpectrumProblems: SOLVE BODY JSON [INVALID_SPECTRUM]);
+
 /// Computes the spectrum of an operator of a family
 ///
 /// The lowest pairs of `(1 − t) S + t A + v V` in the space of a basis of the kind `operator_family` (thesis, section 2.6): `S` is the
@@ -90,37 +93,37 @@ struct SpectrumAnswer {
 /// stand in `Chladni-Eigenvalues`.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/spectrum", tag = "bases", operation_id = "familySpectrum",
-    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10")),
+    params(BasisId),
     request_body = SpectrumRequest,
     responses(
         (status = 200, description = "The pairs", content((SpectrumAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Eigenvalues" = String), ("Server-Timing" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: the basis is of another kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-request or invalid-spectrum/…", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        FamilySpectrumProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn family_spectrum(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     headers: HeaderMap,
     content: Body,
 ) -> Result<Answer, Problem> {
     extract::require_json(&headers)?;
     let raw = exchange::raw_answer(&headers, false)?;
-    let family = state.store.load_family(basis_id(&id)?).await?;
+    let family = state.store.load_family(id).await?;
     let body = body::read(&state, &headers, content, MOST_BYTES).await?;
-    let request: SpectrumRequest = extract::parse_json(&body.bytes)?;
+    let request: SpectrumRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
     state
-        .solve("spectrum", move || {
+        .solve("spectrum", move |_| {
             let begin = Instant::now();
             let member = Member { extrinsic: request.extrinsic, curvature: request.curvature };
             let mut found = spectrum(&family, member, request.count)?;
             if let Some(mode) = request.mode {
                 if mode >= found.coefficients.columns() {
-                    let detail = format!("mode: {mode} is asked for of {} pairs.", found.coefficients.columns());
+                    let detail = format!(
+                        "mode: there is no mode {mode}; {} pairs were requested.",
+                        found.coefficients.columns()
+                    );
                     return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail));
                 }
                 let column = found.coefficients.column(mode).to_vec();

@@ -1,44 +1,37 @@
 //! Jobs: submitted, listed, watched, cancelled, retried and deleted.
 
-use std::convert::Infallible;
 use std::time::{Duration, Instant};
 
 use axum::Json;
 use axum::body::Body;
-use axum::extract::{Extension, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
-use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use chladni_work::{JobParameters, MeshSize, SOLVER_VERSION};
-use futures_util::{Stream, stream};
+use headers::HeaderMapExt;
 use serde::Deserialize;
-use tokio::sync::broadcast::{Receiver, error::RecvError};
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
-use uuid::Uuid;
 
-use super::extract::{self, PathOf, QueryOf};
-use super::middleware::Principal;
+use super::client::ClientState;
+use super::events::{self, look, next_change};
+use super::extract::{self, QueryOf};
+use super::ids::JobId;
 use super::problem::{self, Problem};
+use super::problems::problems;
 use super::state::AppState;
 use super::wire::{JobRequest, JobResource, PageOf, Status};
-use super::{body, conditional};
-use crate::store::{
-    EnqueueOutcome, IdempotencyKey, JobEvent, JobFilter, JobRecord, JobStatus, NewJob, PageRequest, StoreError,
-};
+use super::{body, conditional, exchange};
+use crate::store::{EnqueueOutcome, IdempotencyKey, JobFilter, JobRecord, JobStatus, NewJob, StoreError};
 
 /// The largest body of a job: a potential comes with it.
 const JSON_BYTES: u64 = 16 << 20;
 
+/// The memory that a number of such a body takes: as a JSON value of the parameters, as a parameter, and as what is stored.
+const BYTES_PER_NUMBER: u64 = 128;
+
 /// The longest a long poll waits.
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
-
-/// How often an idle event stream sends a comment, so that nothing between takes it for dead.
-const KEEP_ALIVE: Duration = Duration::from_secs(15);
-
-/// How far apart progress events are at least.
-const EVENT_PAUSE: Duration = Duration::from_millis(100);
 
 /// How the job of an answer came about: `created`, `same-work` or `replayed`.
 const OUTCOME: HeaderName = HeaderName::from_static("chladni-outcome");
@@ -48,10 +41,12 @@ pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(submit, list))
         .routes(routes!(show, delete))
-        .routes(routes!(events))
+        .merge(events::routes())
         .routes(routes!(cancel))
         .routes(routes!(retry))
 }
+
+problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_HEADER, UNKNOWN_MESH, INVALID_PARAMETER, JOB_TOO_LARGE, IDEMPOTENCY_CONFLICT, QUEUE_FULL, DRAINING]);
 
 /// Submits a job
 ///
@@ -73,27 +68,22 @@ pub fn routes() -> OpenApiRouter<AppState> {
         (status = 202, description = "The job is stored; `Location` names it and `Retry-After` says when to look", body = JobResource,
             headers(("Location" = String), ("Retry-After" = u64), ("Chladni-Outcome" = String, description = "created, same-work or replayed"))),
         (status = 200, description = "Equal work is done: its job, with its basis", body = JobResource, headers(("Location" = String))),
-        (status = "4XX", description = "A problem: invalid-json, invalid-request, unknown-mesh, invalid-parameter, job-too-large, idempotency-conflict or queue-full", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        SubmitJobProblems,
     ),
     security(("bearer" = ["submit"]))
 )]
-async fn submit(
-    State(state): State<AppState>,
-    Extension(Principal(principal)): Extension<Principal>,
-    headers: HeaderMap,
-    body: Body,
-) -> Result<Response, Problem> {
+async fn submit(state: ClientState, headers: HeaderMap, body: Body) -> Result<Response, Problem> {
     if state.is_draining() {
         return Err(Problem::new(&problem::DRAINING, "The server is shutting down and takes no jobs.").retry_after(10));
     }
     extract::require_json(&headers)?;
     let key = idempotency_key(&headers)?;
     let body = body::read(&state, &headers, body, JSON_BYTES).await?;
-    let request: JobRequest = extract::parse_json(&body.bytes)?;
+    let request: JobRequest = exchange::parse(&state, body, BYTES_PER_NUMBER).await?;
     if !(-100..=100).contains(&request.priority) {
         return Err(Problem::new(
             &problem::INVALID_REQUEST,
-            format!("priority: must lie between -100 and 100, not be {}.", request.priority),
+            format!("priority: must be between -100 and 100, not {}.", request.priority),
         ));
     }
     let parameters = JobParameters::parse(&request.kind, &request.parameters)?;
@@ -116,7 +106,7 @@ async fn submit(
     if estimate > limit {
         return Err(Problem::new(
             &problem::JOB_TOO_LARGE,
-            format!("The job needs about {estimate} bytes of memory; this server has {limit} for one."),
+            format!("The job needs about {estimate} bytes of memory; this server allows {limit} for one."),
         )
         .with("estimate", estimate)
         .with("limit", limit));
@@ -125,7 +115,7 @@ async fn submit(
     let idempotency = key.map(|key| {
         let asked = serde_json::json!([request.kind, mesh.id, canonical, request.priority]).to_string();
         IdempotencyKey {
-            key: format!("{principal}:{key}"),
+            key: format!("{}:{key}", state.principal),
             request_hash: blake3::hash(asked.as_bytes()).to_hex().to_string(),
         }
     });
@@ -146,7 +136,7 @@ async fn submit(
     let (record, outcome) = (enqueued.record, enqueued.outcome);
     tracing::info!(job = %record.id, mesh = record.mesh, kind = record.kind, outcome = outcome_name(outcome), "job submitted");
     let done = record.status == JobStatus::Succeeded;
-    let mut response = resource(record, if done { StatusCode::OK } else { StatusCode::ACCEPTED });
+    let mut response = resource(record, if done { StatusCode::OK } else { StatusCode::ACCEPTED })?;
     response.headers_mut().insert(OUTCOME, HeaderValue::from_static(outcome_name(outcome)));
     Ok(response)
 }
@@ -168,23 +158,21 @@ fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
 }
 
 /// A job as an answer.
-fn resource(record: JobRecord, status: StatusCode) -> Response {
-    let tag = conditional::etag(&record.revision.to_string(), true);
+fn resource(record: JobRecord, status: StatusCode) -> Result<Response, Problem> {
+    let tag = conditional::weak(&record.revision.to_string())?;
     let location = HeaderValue::from_str(&format!("/v1/jobs/{}", record.id)).ok();
     let finished = record.status.is_finished();
     let mut response = (status, Json(JobResource::from(record))).into_response();
     let headers = response.headers_mut();
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
-    if let Some(tag) = tag {
-        headers.insert(header::ETAG, tag);
-    }
+    headers.typed_insert(tag);
     if !finished {
         headers.insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
     }
     if let Some(location) = location {
         headers.insert(header::LOCATION, location);
     }
-    response
+    Ok(response)
 }
 
 /// Jobs are not begun while the storage is full, since their results could not be stored.
@@ -214,6 +202,8 @@ struct ListQuery {
     from: Option<String>,
 }
 
+problems!(ListJobsProblems: PAGE []);
+
 /// Lists jobs
 ///
 /// Newest first. Pages stay stable while new jobs arrive.
@@ -221,19 +211,20 @@ struct ListQuery {
     get, path = "/v1/jobs", tag = "jobs", operation_id = "listJobs", params(ListQuery),
     responses(
         (status = 200, description = "A page of jobs", body = PageOf<JobResource>),
-        (status = 400, description = "A problem: invalid-query or invalid-cursor", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        ListJobsProblems,
     ),
     security(("bearer" = ["read"]))
 )]
-async fn list(
-    State(state): State<AppState>,
-    QueryOf(query): QueryOf<ListQuery>,
-) -> Result<Json<PageOf<JobResource>>, Problem> {
+async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<Json<PageOf<JobResource>>, Problem> {
     let filter = JobFilter { status: query.status.map(Into::into), kind: query.kind, mesh: query.mesh };
-    let mut page = state.store.jobs(&filter, &super::page(query.limit, query.from)?).await?;
-    let has_space = state.store.has_space();
-    page.items.iter_mut().for_each(|job| say_why_it_waits(has_space, job));
-    Ok(Json(PageOf::of(page, JobResource::from)))
+    let (page, store) = (extract::page(query.limit, query.from)?, state.store.clone());
+    let resources = async move {
+        let mut page = store.jobs(&filter, &page).await?;
+        let has_space = store.has_space();
+        page.items.iter_mut().for_each(|job| say_why_it_waits(has_space, job));
+        Ok(PageOf::of(page, JobResource::from))
+    };
+    Ok(Json(state.off_loop(resources).await?))
 }
 
 /// Whether to wait.
@@ -247,11 +238,7 @@ struct ShowQuery {
     wait: Option<String>,
 }
 
-fn job_id(text: &str) -> Result<Uuid, Problem> {
-    text.parse().map_err(|_| {
-        Problem::new(&problem::UNKNOWN_JOB, format!("No job has the id {:?}.", problem::shorten(text.to_owned())))
-    })
-}
+problems!(ShowJobProblems: [INVALID_QUERY, UNKNOWN_JOB, BUSY]);
 
 /// Shows a job
 ///
@@ -259,21 +246,20 @@ fn job_id(text: &str) -> Result<Uuid, Problem> {
 /// `If-None-Match` beside it, as soon as the job differs from what the tag names.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "showJob",
-    params(("id" = String, Path, description = "The id of the job", example = "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2"), ShowQuery),
+    params(JobId, ShowQuery),
     responses(
         (status = 200, description = "The job", body = JobResource, headers(("ETag" = String))),
         (status = 304, description = "The job is as `If-None-Match` names it"),
-        (status = 404, description = "A problem: unknown-job", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        ShowJobProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn show(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    JobId(id): JobId,
     QueryOf(query): QueryOf<ShowQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let id = job_id(&id)?;
     let wait = match &query.wait {
         None => Duration::ZERO,
         Some(text) => extract::duration(text).map(|wait| wait.min(LONGEST_WAIT)).ok_or_else(|| {
@@ -285,12 +271,13 @@ async fn show(
     };
     let conditional_on = headers.contains_key(header::IF_NONE_MATCH);
     let known = |record: &JobRecord| {
-        conditional::etag(&record.revision.to_string(), true).is_some_and(|tag| conditional::matches(&headers, &tag))
+        conditional::weak(&record.revision.to_string()).is_ok_and(|tag| conditional::matches(&headers, &tag))
     };
+    let _place = if wait.is_zero() { None } else { Some(state.watch()?) };
     // Watching begins before the first look, so that no change falls between.
     let mut changes = state.store.watch_jobs();
     let deadline = Instant::now() + wait;
-    let mut record = state.store.job(id).await?;
+    let mut record = look(&state, id).await?;
     loop {
         let news = if conditional_on { !known(&record) } else { record.status.is_finished() };
         // A finished job does not change: waiting longer is of no use.
@@ -302,157 +289,58 @@ async fn show(
             () = tokio::time::sleep_until(deadline.into()) => break,
             () = state.closing.cancelled() => break,
         }
-        record = state.store.job(id).await?;
+        record = look(&state, id).await?;
     }
     if conditional_on && known(&record) {
         return Ok(StatusCode::NOT_MODIFIED.into_response());
     }
     say_why_it_waits(state.store.has_space(), &mut record);
-    let mut response = resource(record, StatusCode::OK);
+    let mut response = resource(record, StatusCode::OK)?;
     response.headers_mut().remove(header::LOCATION);
     Ok(response)
 }
 
-/// Waits until a job may have changed; false when nothing will be heard of any more.
-async fn next_change(changes: &mut Receiver<JobEvent>, id: Uuid) -> bool {
-    loop {
-        match changes.recv().await {
-            Ok(event) if event.job == id => return true,
-            Ok(_) => {}
-            Err(RecvError::Lagged(_)) => return true,
-            Err(RecvError::Closed) => return false,
-        }
-    }
-}
-
-/// Streams the changes of a job
-///
-/// Server-sent events of the type `job`, each with the whole job as data and its revision as id: the present state first (not
-/// repeated where `Last-Event-ID` names it), then every change, until the job has ended. Progress comes at most ten times a
-/// second. A client that reconnects after the end is told by 204 to stop.
-#[utoipa::path(
-    get, path = "/v1/jobs/{id}/events", tag = "jobs", operation_id = "watchJob",
-    params(
-        ("id" = String, Path, description = "The id of the job", example = "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2"),
-        ("Last-Event-ID" = Option<i64>, Header, description = "The revision that the client has seen", example = 7),
-    ),
-    responses(
-        (status = 200, description = "The stream", body = String, content_type = "text/event-stream",
-            example = "event: job\nid: 8\ndata: {\"id\":\"019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2\",\"status\":\"processing\",\"stage\":\"eigen\",\"progress\":0.5}\n\n"),
-        (status = 204, description = "The job has ended, and the client has seen it"),
-        (status = 404, description = "A problem: unknown-job", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-    ),
-    security(("bearer" = ["read"]))
-)]
-async fn events(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let id = job_id(&id)?;
-    let seen = headers.get("last-event-id").and_then(|value| value.to_str().ok()?.trim().parse::<i64>().ok());
-    let changes = state.store.watch_jobs();
-    let record = state.store.job(id).await?;
-    if record.status.is_finished() && seen.is_some_and(|seen| seen >= record.revision) {
-        return Ok(StatusCode::NO_CONTENT.into_response());
-    }
-    let watch = Watch { state, id, changes, seen: seen.unwrap_or(-1), first: Some(record), sent: None };
-    let mut response =
-        Sse::new(watch.stream()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE).text("keep-alive")).into_response();
-    // Proxies such as nginx would collect events otherwise.
-    response.headers_mut().insert("x-accel-buffering", HeaderValue::from_static("no"));
-    Ok(response)
-}
-
-/// One event stream.
-struct Watch {
-    state: AppState,
-    id: Uuid,
-    changes: Receiver<JobEvent>,
-    seen: i64,
-    first: Option<JobRecord>,
-    sent: Option<Instant>,
-}
-
-impl Watch {
-    fn stream(self) -> impl Stream<Item = Result<Event, Infallible>> {
-        stream::unfold(Some(self), |watch| async move {
-            let mut watch = watch?;
-            let record = watch.next().await?;
-            let ended = record.status.is_finished();
-            watch.seen = record.revision;
-            watch.sent = Some(Instant::now());
-            let event = Event::default().event("job").id(record.revision.to_string());
-            let event = event.json_data(JobResource::from(record)).ok()?;
-            Some((Ok(event), (!ended).then_some(watch)))
-        })
-    }
-
-    /// The next state to send; `None` at the end.
-    async fn next(&mut self) -> Option<JobRecord> {
-        if let Some(record) = self.first.take().filter(|record| record.revision > self.seen) {
-            return Some(record);
-        }
-        loop {
-            tokio::select! {
-                heard = next_change(&mut self.changes, self.id) => if !heard { return None },
-                () = self.state.closing.cancelled() => return None,
-            }
-            if let Some(sent) = self.sent {
-                tokio::time::sleep_until((sent + EVENT_PAUSE).into()).await;
-            }
-            match self.state.store.job(self.id).await {
-                Ok(record) if record.revision > self.seen => return Some(record),
-                Ok(_) => {}
-                Err(error) => {
-                    // The client reconnects with Last-Event-ID.
-                    tracing::warn!(job = %self.id, %error, "an event stream ends early");
-                    return None;
-                }
-            }
-        }
-    }
-}
+problems!(CancelJobProblems: WRITE [UNKNOWN_JOB, STATE_CONFLICT]);
 
 /// Cancels a job
 ///
 /// A waiting job is canceled at once; a running one is asked to stop and does within a second. Cancelling twice is no error.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/cancel", tag = "jobs", operation_id = "cancelJob",
-    params(("id" = String, Path, description = "The id of the job", example = "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2")),
+    params(JobId),
     responses(
         (status = 202, description = "The job, canceled or asked to stop", body = JobResource),
-        (status = 404, description = "A problem: unknown-job", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: state-conflict, where the job has succeeded or failed", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        CancelJobProblems,
     ),
     security(("bearer" = ["submit"]))
 )]
-async fn cancel(State(state): State<AppState>, PathOf(id): PathOf<String>) -> Result<Response, Problem> {
-    let record = state.store.cancel_job(job_id(&id)?).await?;
+async fn cancel(state: ClientState, JobId(id): JobId) -> Result<Response, Problem> {
+    let record = state.store.cancel_job(id).await?;
     tracing::info!(job = %record.id, status = record.status.as_str(), "job cancelled");
-    Ok(resource(record, StatusCode::ACCEPTED))
+    resource(record, StatusCode::ACCEPTED)
 }
+
+problems!(RetryJobProblems: WRITE [UNKNOWN_JOB, STATE_CONFLICT, DRAINING]);
 
 /// Retries a job
 ///
 /// A failed or canceled job waits again, with all its attempts. Retrying a job that waits or runs changes nothing.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/retry", tag = "jobs", operation_id = "retryJob",
-    params(("id" = String, Path, description = "The id of the job", example = "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2")),
+    params(JobId),
     responses(
         (status = 202, description = "The job, waiting again", body = JobResource),
-        (status = 404, description = "A problem: unknown-job", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: state-conflict, where the job has succeeded", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        RetryJobProblems,
     ),
     security(("bearer" = ["submit"]))
 )]
-async fn retry(State(state): State<AppState>, PathOf(id): PathOf<String>) -> Result<Response, Problem> {
+async fn retry(state: ClientState, JobId(id): JobId) -> Result<Response, Problem> {
     if state.is_draining() {
         return Err(Problem::new(&problem::DRAINING, "The server is shutting down and takes no jobs.").retry_after(10));
     }
-    let record = state.store.retry_job(job_id(&id)?).await?;
+    let record = state.store.retry_job(id).await?;
     tracing::info!(job = %record.id, status = record.status.as_str(), "job retried");
-    Ok(resource(record, StatusCode::ACCEPTED))
+    resource(record, StatusCode::ACCEPTED)
 }
 
 /// What to do with what the job made.
@@ -466,41 +354,26 @@ struct DeleteQuery {
     cascade: bool,
 }
 
+problems!(DeleteJobProblems: WRITE [INVALID_QUERY, UNKNOWN_JOB, STATE_CONFLICT]);
+
 /// Deletes a job
 ///
 /// One that has ended: cancel it first where it waits or runs. Refused while its basis is stored, unless `cascade=true`.
 #[utoipa::path(
     delete, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "deleteJob",
-    params(("id" = String, Path, description = "The id of the job", example = "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2"), DeleteQuery),
+    params(JobId, DeleteQuery),
     responses(
         (status = 204, description = "The job is gone"),
-        (status = 404, description = "A problem: unknown-job", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: state-conflict, where the job waits or runs, or its basis is stored", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        DeleteJobProblems,
     ),
     security(("bearer" = ["operate"]))
 )]
 async fn delete(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    JobId(id): JobId,
     QueryOf(query): QueryOf<DeleteQuery>,
 ) -> Result<StatusCode, Problem> {
-    let id = job_id(&id)?;
     state.store.delete_job(id, query.cascade).await?;
     tracing::info!(job = %id, cascade = query.cascade, "job deleted");
     Ok(StatusCode::NO_CONTENT)
-}
-
-/// A page request from query parameters.
-///
-/// # Errors
-/// `invalid-query` where the limit is zero.
-pub fn page(limit: Option<u32>, from: Option<String>) -> Result<PageRequest, Problem> {
-    let limit = limit.unwrap_or(PageRequest::default().limit);
-    if !(1..=PageRequest::MOST).contains(&limit) {
-        return Err(Problem::new(
-            &problem::INVALID_QUERY,
-            format!("limit: must lie between 1 and {}, not be {limit}.", PageRequest::MOST),
-        ));
-    }
-    Ok(PageRequest { limit, from })
 }

@@ -3,7 +3,6 @@
 use std::time::Instant;
 
 use axum::body::Body;
-use axum::extract::State;
 use axum::http::HeaderMap;
 use chladni_spectral::analysis::functional_map::{MapRequest, functional_map};
 use serde::{Deserialize, Serialize};
@@ -13,9 +12,12 @@ use utoipa_axum::routes;
 
 use super::bases::on_vertices;
 use super::binary::{self, Dtype, Table};
+use super::client::ClientState;
 use super::exchange::{self, Answer, OCTETS};
 use super::extract::QueryOf;
+use super::ids::BasisId;
 use super::problem::Problem;
+use super::problems::problems;
 use super::state::AppState;
 
 /// The route of functional maps.
@@ -110,6 +112,8 @@ struct MapQuery {
     points: bool,
 }
 
+problems!(FunctionalMapProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_FUNCTION, INVALID_ANALYSIS]);
+
 /// Maps functions between two surfaces
 ///
 /// A functional map (Ovsjanikov et al. 2012) from landmarks, descriptors or signatures, refined by ZoomOut (Melzi et al. 2019), with the
@@ -125,15 +129,12 @@ struct MapQuery {
     responses(
         (status = 200, description = "The map", content((FunctionalMapAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-request, invalid-vertex, invalid-function or invalid-analysis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        FunctionalMapProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn map_functions(
-    State(state): State<AppState>,
+    state: ClientState,
     QueryOf(query): QueryOf<MapQuery>,
     headers: HeaderMap,
     body: Body,
@@ -143,10 +144,10 @@ async fn map_functions(
         Ok(())
     };
     let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
-    let source = on_vertices(&state, &request.source).await?;
-    let target = on_vertices(&state, &request.target).await?;
+    let source = on_vertices(&state, BasisId::parse(&request.source)?.0).await?;
+    let target = on_vertices(&state, BasisId::parse(&request.target)?.0).await?;
     state
-        .solve("functional_map", move || {
+        .solve("functional_map", move |_| {
             let begin = Instant::now();
             let most = source.count().min(target.count());
             let pairs = request.pairs.unwrap_or(100.min(most));

@@ -4,31 +4,32 @@ use std::sync::Arc;
 
 use axum::Json;
 use axum::body::Body;
-use axum::extract::{FromRequest, Multipart, Request, State};
-use axum::http::request::Parts;
+use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge};
-use chladni_mesh::read::{MeshFormat, ReadLimits, read};
+use chladni_mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
 use chladni_mesh::solid::check_body;
 use chladni_mesh::write::{write_obj, write_ply};
+use headers::HeaderMapExt;
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use super::client::ClientState;
 use super::content::Immutable;
-use super::extract::{self, PathOf, QueryOf};
+use super::extract::{self, QueryOf};
+use super::ids::MeshId;
 use super::problem::{self, Problem};
+use super::problems::problems;
 use super::state::AppState;
+use super::upload::{LONGEST_NAME, Sent};
 use super::wire::{MeshResource, PageOf};
-use super::{body, conditional};
+use super::{body, conditional, exchange};
 use crate::store::NewMesh;
-
-/// The longest name of a mesh, in characters.
-const LONGEST_NAME: usize = 200;
 
 /// The largest body that renames a mesh.
 const RENAME_BYTES: u64 = 16 << 10;
@@ -61,6 +62,8 @@ struct UploadQuery {
     name: Option<String>,
 }
 
+problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKNOWN_FORMAT, UNREADABLE_MESH, UNUSABLE_MESH, DRAINING]);
+
 /// Uploads a mesh
 ///
 /// The body is the file itself, or `multipart/form-data` with the file in a part named `mesh` (and, optionally, parts `format`,
@@ -81,13 +84,12 @@ struct UploadQuery {
     responses(
         (status = 201, description = "The mesh is stored; `Location` names it", body = MeshResource, headers(("Location" = String), ("ETag" = String))),
         (status = 200, description = "The same content was stored before", body = MeshResource, headers(("Location" = String))),
-        (status = "4XX", description = "A problem: body-too-large, body-incomplete, body-too-slow, damaged-content-encoding, unsupported-content-encoding, invalid-multipart, unknown-mesh-format, unreadable-mesh/… or unusable-mesh/…", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 507, description = "A problem: storage-full", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        UploadMeshProblems,
     ),
     security(("bearer" = ["submit"]))
 )]
 async fn upload(
-    State(state): State<AppState>,
+    state: ClientState,
     QueryOf(query): QueryOf<UploadQuery>,
     request: Request,
 ) -> Result<Response, Problem> {
@@ -105,12 +107,15 @@ async fn upload(
     };
     let name = query.name.or(sent.name.take()).filter(|name| !name.trim().is_empty());
     if name.as_ref().is_some_and(|name| name.chars().count() > LONGEST_NAME) {
-        return Err(Problem::new(&problem::INVALID_QUERY, format!("name: may have {LONGEST_NAME} characters.")));
+        return Err(Problem::new(
+            &problem::INVALID_QUERY,
+            format!("name: must have at most {LONGEST_NAME} characters."),
+        ));
     }
     let format = sent.format(query.format.as_deref())?;
     let subdivisions = query.subdivide.or(sent.subdivide).unwrap_or_default();
     if subdivisions > MOST_SUBDIVISIONS {
-        let detail = format!("subdivide: is {subdivisions}, may be 0 to {MOST_SUBDIVISIONS}.");
+        let detail = format!("subdivide: must be between 0 and {MOST_SUBDIVISIONS}, not {subdivisions}.");
         return Err(Problem::new(&problem::INVALID_QUERY, detail));
     }
     let options = CheckOptions {
@@ -125,13 +130,24 @@ async fn upload(
         ..ReadLimits::default()
     };
     let bytes = sent.bytes;
+    let (most_bytes, mut memory) = (state.config.limits.max_body_bytes, state.memory());
     let new = state
         .take_in(move || {
             let source_bytes = bytes.len() as u64;
             let raw = read(&bytes, format, &limits)?;
+            let made = subdivided_bytes(&raw, subdivisions);
+            if subdivisions > 0 && made > most_bytes {
+                let detail = format!(
+                    "subdivide: the mesh would take about {made} bytes after {subdivisions} subdivisions; the limit is {most_bytes}."
+                );
+                return Err(Problem::new(&problem::BODY_TOO_LARGE, detail).with("limit", most_bytes));
+            }
             drop(bytes);
             // The share of the body budget is held until the bytes are gone.
             drop(body);
+            if subdivisions > 0 {
+                body::reserve(&mut memory, made)?;
+            }
             let body = check_body(raw, &options)?;
             let report = serde_json::to_value(&body.surface.report).map_err(Problem::internal)?;
             let (mesh, solid) = (Arc::new(body.surface.mesh), body.solid.map(Arc::new));
@@ -148,116 +164,20 @@ async fn upload(
         "mesh stored"
     );
     let status = if stored.created { StatusCode::CREATED } else { StatusCode::OK };
-    let tag = conditional::etag(&record.id, true);
+    let tag = conditional::weak(&record.id)?;
     let location = HeaderValue::from_str(&format!("/v1/meshes/{}", record.id));
     let mut response = (status, Json(MeshResource::from(record))).into_response();
     if let Ok(location) = location {
         response.headers_mut().insert(header::LOCATION, location);
     }
-    if let Some(tag) = tag {
-        response.headers_mut().insert(header::ETAG, tag);
-    }
+    response.headers_mut().typed_insert(tag);
     Ok(response)
 }
 
-/// An uploaded file and what was said about it.
-#[derive(Default)]
-struct Sent {
-    bytes: Bytes,
-    media_type: Option<String>,
-    file_name: Option<String>,
-    named_format: Option<String>,
-    merge: Option<Merge>,
-    subdivide: Option<u8>,
-    name: Option<String>,
-}
-
-impl Sent {
-    /// Takes the mesh out of a multipart body.
-    async fn from_multipart(parts: Parts, bytes: Bytes) -> Result<Self, Problem> {
-        let malformed = |what: String| Problem::new(&problem::INVALID_MULTIPART, what);
-        // The body is in memory already, so that this only cuts it up.
-        let request = Request::from_parts(parts, Body::from(bytes));
-        let mut multipart =
-            Multipart::from_request(request, &()).await.map_err(|error| malformed(error.body_text()))?;
-        let mut sent = Self::default();
-        let mut found = false;
-        while let Some(field) = multipart.next_field().await.map_err(|error| malformed(error.body_text()))? {
-            let part = field.name().unwrap_or_default().to_owned();
-            let file_name = field.file_name().map(str::to_owned);
-            let media_type = field.content_type().map(str::to_owned);
-            let bytes = field.bytes().await.map_err(|error| malformed(error.body_text()))?;
-            let text = |limit: usize| match std::str::from_utf8(&bytes) {
-                Ok(text) if text.len() <= limit => Ok(text.trim().to_owned()),
-                _ => Err(malformed(format!("The part {:?} is not a short text.", problem::shorten(part.clone())))),
-            };
-            match part.as_str() {
-                "mesh" | "file" if found => return Err(malformed("There is more than one mesh.".to_owned())),
-                "mesh" | "file" => {
-                    found = true;
-                    (sent.bytes, sent.file_name, sent.media_type) = (bytes, file_name, media_type);
-                }
-                "format" => sent.named_format = Some(text(32)?),
-                "name" => sent.name = Some(text(4 * LONGEST_NAME)?),
-                "merge" => {
-                    let value = serde_json::Value::String(text(32)?);
-                    let merge = serde_json::from_value(value).map_err(|error| malformed(format!("merge: {error}.")))?;
-                    sent.merge = Some(merge);
-                }
-                "subdivide" => {
-                    let count = text(8)?.parse();
-                    sent.subdivide = Some(count.map_err(|error| malformed(format!("subdivide: {error}.")))?);
-                }
-                other => {
-                    let other = problem::shorten(other.to_owned());
-                    return Err(malformed(format!(
-                        "The part {other:?} is none of mesh, format, merge, subdivide and name."
-                    )));
-                }
-            }
-        }
-        if found { Ok(sent) } else { Err(malformed("There is no part named mesh.".to_owned())) }
-    }
-
-    /// The format: as named, by media type, by file name, or by the first bytes.
-    fn format(&self, query: Option<&str>) -> Result<MeshFormat, Problem> {
-        let list = || MeshFormat::ALL.map(MeshFormat::name).join(", ");
-        if let Some(name) = query.or(self.named_format.as_deref()) {
-            return MeshFormat::from_extension(name).ok_or_else(|| {
-                let name = problem::shorten(name.to_owned());
-                Problem::new(&problem::UNKNOWN_FORMAT, format!("The format {name:?} is none of {}.", list()))
-            });
-        }
-        let extension =
-            self.file_name.as_deref().and_then(|name| name.rsplit_once('.')).map(|(_, extension)| extension);
-        if let Some(format) = (self.media_type.as_deref().and_then(MeshFormat::from_media_type))
-            .or_else(|| extension.and_then(MeshFormat::from_extension))
-        {
-            return Ok(format);
-        }
-        // A type that says something else about the body is an error; a general one says nothing. curl sends
-        // application/x-www-form-urlencoded unless told otherwise.
-        let general = match self.media_type.as_deref() {
-            None => true,
-            Some(name) => {
-                matches!(name, "application/octet-stream" | "text/plain" | "application/x-www-form-urlencoded")
-                    || name.starts_with("model/")
-            }
-        };
-        if !general {
-            let name = self.media_type.clone().unwrap_or_default();
-            return Err(Problem::new(
-                &problem::UNKNOWN_FORMAT,
-                format!("Content-Type {:?} names no mesh format; there are {}.", problem::shorten(name), list()),
-            ));
-        }
-        MeshFormat::sniff(&self.bytes).ok_or_else(|| {
-            Problem::new(
-                &problem::UNKNOWN_FORMAT,
-                format!("The first bytes are of no known format; name one of {} with ?format=.", list()),
-            )
-        })
-    }
+/// About the bytes of positions and faces when every face has been divided into four so many times.
+fn subdivided_bytes(raw: &RawMesh, times: u8) -> u64 {
+    let once = 24 * raw.positions.len() as u64 + 12 * raw.faces.len() as u64;
+    once.saturating_mul(4u64.saturating_pow(times.into()))
 }
 
 /// Which page.
@@ -275,6 +195,8 @@ struct ListQuery {
     name: Option<String>,
 }
 
+problems!(ListMeshesProblems: PAGE []);
+
 /// Lists meshes
 ///
 /// Newest first. Pages stay stable while new meshes arrive.
@@ -282,45 +204,36 @@ struct ListQuery {
     get, path = "/v1/meshes", tag = "meshes", operation_id = "listMeshes", params(ListQuery),
     responses(
         (status = 200, description = "A page of meshes", body = PageOf<MeshResource>),
-        (status = 400, description = "A problem: invalid-query or invalid-cursor", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        ListMeshesProblems,
     ),
     security(("bearer" = ["read"]))
 )]
-async fn list(
-    State(state): State<AppState>,
-    QueryOf(query): QueryOf<ListQuery>,
-) -> Result<Json<PageOf<MeshResource>>, Problem> {
-    let page = state.store.meshes_named(query.name.as_deref(), &super::page(query.limit, query.from)?).await?;
+async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<Json<PageOf<MeshResource>>, Problem> {
+    let page = super::extract::page(query.limit, query.from)?;
+    let page = state.store.meshes_named(query.name.as_deref(), &page).await?;
     Ok(Json(PageOf::of(page, MeshResource::from)))
 }
+
+problems!(ShowMeshProblems: [UNKNOWN_MESH]);
 
 /// Shows a mesh
 ///
 /// With the report of the check that it went through.
 #[utoipa::path(
     get, path = "/v1/meshes/{id}", tag = "meshes", operation_id = "showMesh",
-    params(("id" = String, Path, description = "The id of the mesh", example = "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3")),
+    params(MeshId),
     responses(
         (status = 200, description = "The mesh", body = MeshResource, headers(("ETag" = String))),
         (status = 304, description = "The mesh is as `If-None-Match` names it"),
-        (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        ShowMeshProblems,
     ),
     security(("bearer" = ["read"]))
 )]
-async fn show(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
+async fn show(state: ClientState, MeshId(id): MeshId, headers: HeaderMap) -> Result<Response, Problem> {
     let record = state.store.mesh(&id).await?;
-    let tag = conditional::etag(&record.id, true);
-    let mut response = match &tag {
-        Some(tag) if conditional::matches(&headers, tag) => StatusCode::NOT_MODIFIED.into_response(),
-        _ => Json(MeshResource::from(record)).into_response(),
-    };
-    if let Some(tag) = tag {
-        response.headers_mut().insert(header::ETAG, tag);
-    }
+    let tag = conditional::weak(&record.id)?;
+    let make = || Json(MeshResource::from(record)).into_response();
+    let mut response = conditional::unless_known(&headers, tag, make);
     response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
     Ok(response)
 }
@@ -334,32 +247,36 @@ struct RenameRequest {
     name: Option<String>,
 }
 
+problems!(RenameMeshProblems: BODY JSON WRITE [UNKNOWN_MESH]);
+
 /// Renames a mesh
 ///
 /// The name is for people; the id stays.
 #[utoipa::path(
     patch, path = "/v1/meshes/{id}", tag = "meshes", operation_id = "renameMesh",
-    params(("id" = String, Path, description = "The id of the mesh", example = "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3")),
+    params(MeshId),
     request_body(content = RenameRequest),
     responses(
         (status = 200, description = "The mesh under its new name", body = MeshResource),
-        (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-request", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        RenameMeshProblems,
     ),
     security(("bearer" = ["operate"]))
 )]
 async fn rename(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    MeshId(id): MeshId,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Json<MeshResource>, Problem> {
     extract::require_json(&headers)?;
     let body = body::read(&state, &headers, body, RENAME_BYTES).await?;
-    let request: RenameRequest = extract::parse_json(&body.bytes)?;
+    let request: RenameRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
     let name = request.name.filter(|name| !name.trim().is_empty());
     if name.as_ref().is_some_and(|name| name.chars().count() > LONGEST_NAME) {
-        return Err(Problem::new(&problem::INVALID_REQUEST, format!("name: may have {LONGEST_NAME} characters.")));
+        return Err(Problem::new(
+            &problem::INVALID_REQUEST,
+            format!("name: must have at most {LONGEST_NAME} characters."),
+        ));
     }
     let record = state.store.rename_mesh(&id, name.as_deref()).await?;
     tracing::info!(mesh = record.id, "mesh renamed");
@@ -377,26 +294,27 @@ struct DeleteQuery {
     cascade: bool,
 }
 
+problems!(DeleteMeshProblems: WRITE [INVALID_QUERY, UNKNOWN_MESH, MESH_IN_USE]);
+
 /// Deletes a mesh
 ///
 /// Refused while unfinished jobs or bases refer to it, unless `cascade=true`.
 #[utoipa::path(
     delete, path = "/v1/meshes/{id}", tag = "meshes", operation_id = "deleteMesh",
-    params(("id" = String, Path, description = "The id of the mesh", example = "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"), DeleteQuery),
+    params(MeshId, DeleteQuery),
     responses(
         (status = 204, description = "The mesh is gone"),
-        (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: mesh-in-use, with `unfinished_jobs` and `bases`", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        DeleteMeshProblems,
     ),
     security(("bearer" = ["operate"]))
 )]
 async fn delete(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    MeshId(id): MeshId,
     QueryOf(query): QueryOf<DeleteQuery>,
 ) -> Result<StatusCode, Problem> {
     state.store.delete_mesh(&id, query.cascade).await?;
-    tracing::info!(mesh = problem::shorten(id), cascade = query.cascade, "mesh deleted");
+    tracing::info!(mesh = id, cascade = query.cascade, "mesh deleted");
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -419,6 +337,8 @@ struct ContentQuery {
     format: Option<Written>,
 }
 
+problems!(GetMeshContentProblems: [INVALID_QUERY, UNKNOWN_MESH, NOT_ACCEPTABLE, RANGE_NOT_SATISFIABLE, DAMAGED_CONTENT]);
+
 /// Gets the content of a mesh
 ///
 /// By `Accept` or `format`: PLY (the default; binary, little-endian), OBJ, or buffers for web clients
@@ -427,7 +347,7 @@ struct ContentQuery {
 #[utoipa::path(
     get, path = "/v1/meshes/{id}/content", tag = "meshes", operation_id = "getMeshContent",
     params(
-        ("id" = String, Path, description = "The id of the mesh", example = "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"),
+        MeshId,
         ContentQuery,
         ("Range" = Option<String>, Header, description = "One range of bytes", example = "bytes=0-1023"),
     ),
@@ -435,16 +355,13 @@ struct ContentQuery {
         (status = 200, description = "The whole content", content((super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"), (super::docs::Binary = "application/vnd.chladni.mesh")), headers(("ETag" = String))),
         (status = 206, description = "The bytes that `Range` asks for", body = super::docs::Binary, content_type = "model/ply", headers(("Content-Range" = String))),
         (status = 304, description = "The content is as `If-None-Match` names it"),
-        (status = 404, description = "A problem: unknown-mesh", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 416, description = "A problem: range-not-satisfiable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 500, description = "A problem: damaged-content", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        GetMeshContentProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn content(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    MeshId(id): MeshId,
     QueryOf(query): QueryOf<ContentQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {

@@ -4,44 +4,55 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `serve` | connections: accept loop, timeouts, drain |
-//! | `middleware` | what surrounds every request: id, log, metrics, authentication |
-//! | `auth` | API keys and scopes |
-//! | `problem`, `convert` | every error as RFC 9457 |
-//! | `body`, `extract`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, negotiation, ranges |
+//! | `serve`, `connection`, `seats` | connections: accept loop, timeouts, drain; who gets one |
+//! | `middleware` | what surrounds every request: id, log, metrics |
+//! | `access`, `auth`, `origin` | who may call what, API keys and scopes, hosts and origins |
+//! | `client`, `shares` | what one client may use of what all share |
+//! | `problem`, `problems`, `convert` | every error as RFC 9457, and which ones a route has |
+//! | `body`, `extract`, `ids`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, ids, negotiation, ranges |
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `wire`, `certificate` | what goes over the wire |
-//! | `meshes`, `jobs`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
+//! | `meshes`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
 //! | `page` | the web page, embedded |
 
+mod access;
 mod auth;
 mod bases;
 mod binary;
 mod body;
 mod certificate;
+mod client;
 mod comparisons;
 mod compressions;
 mod conditional;
+mod connection;
 mod content;
 mod convert;
 mod distances;
 mod docs;
+mod events;
 mod exchange;
 mod extract;
 mod family;
 mod fields;
+mod ids;
 mod jobs;
 mod maps;
 mod meshes;
 mod middleware;
 mod modes;
+mod origin;
 mod page;
 mod problem;
+mod problems;
+mod seats;
 mod serve;
+mod shares;
 mod signatures;
 mod solves;
 mod state;
 mod system;
+mod upload;
 mod vibration;
 mod wire;
 
@@ -55,16 +66,20 @@ pub use wire::{
     MeshResource, PageOf, StageSeconds, Status,
 };
 
+use std::sync::Arc;
+
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::http::{HeaderName, HeaderValue, Method, header};
+use axum::middleware::{from_fn, from_fn_with_state, map_request};
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 use tower_http::compression::predicate::{Predicate, SizeAbove};
 use tower_http::cors::{AllowOrigin, Any, CorsLayer};
+use tower_http::request_id::{PropagateRequestIdLayer, SetRequestIdLayer};
 use utoipa_axum::router::OpenApiRouter;
 
-use jobs::page;
+use access::Access;
 
 /// Every route with its documentation.
 fn routes() -> OpenApiRouter<AppState> {
@@ -89,19 +104,26 @@ fn routes() -> OpenApiRouter<AppState> {
 
 /// The whole API as a service.
 pub fn router(state: AppState) -> Router {
-    let (router, _) = routes().split_for_parts();
+    let (router, document) = routes().split_for_parts();
+    let access = Arc::new(Access::of(&document));
     let compression = CompressionLayer::new().gzip(true).zstd(true).compress_when(SizeAbove::new(1024).and(Text));
     router
-        .merge(page::routes())
         .fallback(middleware::not_found)
         .method_not_allowed_fallback(middleware::method_not_allowed)
+        .layer(from_fn_with_state((state.clone(), access), access::authorise))
+        // What follows is no part of the API, stands in no document, and is open to everyone.
+        .merge(page::routes().merge(docs::pages()).method_not_allowed_fallback(middleware::method_not_allowed))
         // Limits are applied where bodies are read, with problems of their own.
         .layer(DefaultBodyLimit::disable())
         .layer(compression)
-        .layer(axum::middleware::from_fn_with_state(state.clone(), middleware::authorise))
+        .layer(from_fn_with_state(state.clone(), origin::guard))
+        .layer(from_fn(seats::guard))
         .layer(cors(&state.config.cors_origins))
         .layer(CatchPanicLayer::custom(middleware::panicked))
-        .layer(axum::middleware::from_fn_with_state(state.clone(), middleware::observe))
+        .layer(from_fn_with_state(state.clone(), middleware::observe))
+        .layer(PropagateRequestIdLayer::new(middleware::REQUEST_ID))
+        .layer(SetRequestIdLayer::new(middleware::REQUEST_ID, middleware::FreshId))
+        .layer(map_request(middleware::harmless_id))
         .with_state(state)
 }
 

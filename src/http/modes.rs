@@ -4,7 +4,6 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use axum::body::Body;
-use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
@@ -13,6 +12,7 @@ use chladni_mesh::write::write_ply;
 use chladni_spectral::basis::{Basis, ProductKind};
 use chladni_spectral::formats::npz;
 use futures_util::{StreamExt, stream};
+use headers::HeaderMapExt;
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -20,10 +20,13 @@ use utoipa_axum::routes;
 
 use super::bases::{find_kind, on_vertices};
 use super::binary::Dtype;
+use super::client::ClientState;
 use super::conditional;
 use super::content::Immutable;
-use super::extract::{self, PathOf, QueryOf};
+use super::extract::{self, QueryOf};
+use super::ids::BasisId;
 use super::problem::{self, Problem};
+use super::problems::problems;
 use super::state::AppState;
 
 /// Bytes of one panel of a streamed answer: large enough to be worth a task, small enough to hold many.
@@ -67,6 +70,8 @@ struct ModesQuery {
     dtype: Dtype,
 }
 
+problems!(GetModesProblems: [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE, RANGE_NOT_SATISFIABLE, BASIS_KIND, INVALID_RANGE_OF_MODES, BUSY]);
+
 /// Gets eigenfunctions on the vertices
 ///
 /// By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`;
@@ -75,21 +80,18 @@ struct ModesQuery {
 /// nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these modes are read.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/modes", tag = "bases", operation_id = "getModes",
-    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), ModesQuery),
+    params(BasisId, ModesQuery),
     responses(
         (status = 200, description = "The modes", content((super::docs::Binary = "application/x-npy"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply")),
             headers(("ETag" = String), ("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String))),
         (status = 304, description = "The modes are as `If-None-Match` names them"),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 406, description = "A problem: not-acceptable", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-mode-range", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        GetModesProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn modes(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     QueryOf(query): QueryOf<ModesQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
@@ -102,12 +104,12 @@ async fn modes(
             _ => Format::F32,
         },
     };
-    let record = find_kind(&state, &id, ProductKind::Eigenbasis).await?;
+    let record = find_kind(&state, id, ProductKind::Eigenbasis).await?;
     let count = record.count as usize;
     let last = if format == Format::Ply { query.from.saturating_add(1) } else { count };
     let range = query.from..query.to.unwrap_or(last);
     if range.is_empty() || range.end > count {
-        let detail = format!("Modes {}..{} are asked for of a basis with {count}.", range.start, range.end);
+        let detail = format!("Modes {}..{} were requested, but the basis has {count}.", range.start, range.end);
         return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail).with("count", count));
     }
     if format == Format::Ply && range.len() != 1 {
@@ -117,14 +119,14 @@ async fn modes(
     let dtype = query.dtype;
     let tag = format!("{}-modes-{}-{}-{format:?}-{}", record.content_hash, range.start, range.end, dtype.name());
     let basis = match format {
-        Format::Ply => on_vertices(&state, &id).await?,
+        Format::Ply => on_vertices(&state, id).await?,
         _ => state.store.load_basis(record.id).await?,
     };
     if format == Format::Ply {
         let mesh = state.store.load_mesh(&record.mesh).await?;
         let mode = range.start;
         let bytes = state
-            .solve("modes", move || {
+            .solve("modes", move |_| {
                 let colours = colours(&basis.lift::<f32>(mode..mode + 1)?);
                 let mut bytes = Vec::new();
                 write_ply(&mesh, Some(&colours), &mut bytes).map_err(Problem::internal)?;
@@ -134,12 +136,12 @@ async fn modes(
         let file_name = format!("mode-{mode}-{}.ply", record.id);
         return Immutable { tag, media_type: ply, file_name, length: bytes.len() as u64 }.answer(&headers, bytes);
     }
-    let tag = conditional::etag(&tag, false).ok_or_else(|| Problem::internal("a tag is no header value"))?;
+    let tag = conditional::strong(&tag)?;
     let known = conditional::matches(&headers, &tag);
     let (n, k) = (basis.vertices(), range.len());
     let mut response = if known { StatusCode::NOT_MODIFIED.into_response() } else { StatusCode::OK.into_response() };
     let head = response.headers_mut();
-    head.insert(header::ETAG, tag);
+    head.typed_insert(tag);
     head.insert(header::VARY, HeaderValue::from_static("accept"));
     head.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, max-age=31536000, immutable"));
     if known {
@@ -176,10 +178,10 @@ async fn modes(
 }
 
 /// Some modes as little-endian numbers, mode after mode.
-async fn lifted(state: &AppState, basis: &Arc<Basis>, range: Range<usize>, dtype: Dtype) -> Result<Bytes, Problem> {
+async fn lifted(state: &ClientState, basis: &Arc<Basis>, range: Range<usize>, dtype: Dtype) -> Result<Bytes, Problem> {
     let basis = basis.clone();
     state
-        .solve("modes", move || {
+        .solve("modes", move |_| {
             Ok(match dtype {
                 Dtype::F32 => bytemuck::cast_slice(&basis.lift::<f32>(range)?).to_vec().into(),
                 Dtype::F64 => bytemuck::cast_slice(&basis.lift::<f64>(range)?).to_vec().into(),

@@ -47,7 +47,7 @@ kinds! {
     UNKNOWN_BASIS = "unknown-basis", 404, "There is no such basis",
         "No basis has this id. It may have been deleted.";
     NOT_ACCEPTABLE = "not-acceptable", 406, "No such representation",
-        "The resource cannot be had in any of the media types that Accept names. The detail lists those it has.";
+        "The resource is not available in any of the media types that Accept names. The detail lists those that are.";
     UNSUPPORTED_MEDIA_TYPE = "unsupported-media-type", 415, "The media type is not supported here",
         "Content-Type names something this route does not read. The detail lists what it reads.";
     UNSUPPORTED_ENCODING = "unsupported-content-encoding", 415, "The content encoding is not supported",
@@ -62,19 +62,19 @@ kinds! {
         "The client sent nothing for too long, or less than the least rate.";
     INVALID_JSON = "invalid-json", 400, "The body is not JSON",
         "The body does not parse. The detail says where.";
-    INVALID_REQUEST = "invalid-request", 422, "The request does not fit",
+    INVALID_REQUEST = "invalid-request", 422, "The request is invalid",
         "The body parses, but a member is missing, unknown or of the wrong type. The detail names it.";
-    INVALID_QUERY = "invalid-query", 400, "The query does not fit",
+    INVALID_QUERY = "invalid-query", 400, "The query is invalid",
         "A query parameter is unknown, missing or malformed. The detail names it.";
-    INVALID_HEADER = "invalid-header", 400, "A header does not fit",
+    INVALID_HEADER = "invalid-header", 400, "A header is invalid",
         "A request header is malformed. The detail names it.";
-    INVALID_CURSOR = "invalid-cursor", 400, "The cursor is not one of ours",
+    INVALID_CURSOR = "invalid-cursor", 400, "The cursor is invalid",
         "`from` must be the `next` of an earlier page of the same list.";
-    INVALID_MULTIPART = "invalid-multipart", 400, "The multipart body does not fit",
+    INVALID_MULTIPART = "invalid-multipart", 400, "The multipart body is invalid",
         "The multipart body is malformed or has no mesh in it. The detail says what is wrong.";
     INVALID_FUNCTION = "invalid-function", 422, "The function does not fit the mesh",
         "A function needs one finite value per vertex and column. The detail names the offending value or count.";
-    INVALID_TRANSFER = "invalid-transfer-function", 422, "The transfer function does not fit",
+    INVALID_TRANSFER = "invalid-transfer-function", 422, "The transfer function is invalid",
         "A transfer function is of a known kind or a list of one finite value per eigenvalue.";
     INVALID_VERTEX = "invalid-vertex", 422, "There is no such vertex",
         "A source, landmark or other vertex is not one of the mesh, or none is given. The detail names it.";
@@ -92,7 +92,7 @@ kinds! {
         "The type goes on with the parameter that does not fit: extrinsic, curvature or count. The detail says what it may be.";
     INVALID_SIMULATION = "invalid-simulation", 422, "This cannot be simulated",
         "The type goes on with what does not fit: vertex-out-of-range, loads, damping, times or sound. The detail names the element.";
-    INVALID_PARAMETER = "invalid-parameter", 422, "A parameter of the job does not fit",
+    INVALID_PARAMETER = "invalid-parameter", 422, "A parameter of the job is invalid",
         "The detail names the parameter, its value and the values it may have.";
     JOB_TOO_LARGE = "job-too-large", 422, "The job needs too much memory",
         "The estimate of the memory that the job needs is above what the server admits. The members `estimate` and `limit` have the bytes.";
@@ -116,7 +116,7 @@ kinds! {
         "Send `Authorization: Bearer KEY` with one of the server's keys.";
     FORBIDDEN = "scope-missing", 403, "The API key lacks a scope",
         "The member `scope` names the one that is needed: read, submit or operate.";
-    HOST_NOT_KNOWN = "host-not-known", 421, "The server has another name",
+    HOST_NOT_KNOWN = "host-not-known", 421, "The server does not have this name",
         "The request names a host that is not this server. A server on loopback without keys answers only to localhost, to addresses and to the names of --hosts.";
     ORIGIN_NOT_ALLOWED = "origin-not-allowed", 403, "The origin is not allowed",
         "A browser sent this from a page of another origin that the server was not told to trust.";
@@ -129,7 +129,7 @@ kinds! {
     STORAGE_BUSY = "storage-busy", 503, "The storage is busy",
         "The database was locked for too long. Nothing was stored; try again.";
     BUSY = "busy", 503, "The server is busy",
-        "Too many requests of this kind run at once. Retry-After says when to try again.";
+        "Too many requests of this kind are running or waiting, of this client or of all. Retry-After says when to try again.";
     DRAINING = "draining", 503, "The server is shutting down",
         "It finishes what runs and accepts nothing new.";
     NOT_READY = "not-ready", 503, "The server is not ready",

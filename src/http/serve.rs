@@ -3,28 +3,35 @@
 //! `axum::serve` would let an unfinished header hang for ever, so connections are served by hyper directly.
 
 use std::io;
-use std::pin::Pin;
-use std::sync::Arc;
-use std::task::{Context, Poll, ready};
+use std::net::SocketAddr;
 use std::time::Duration;
 
+use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
-use tokio::time::{Instant, Sleep, sleep, timeout};
+use tokio::time::{sleep, timeout};
+use tower_http::add_extension::AddExtension;
 
+use super::connection::Unstalled;
+use super::seats::{Seat, Seats};
 use super::state::AppState;
-
-/// For how long, and for how many bytes, what a client still sends is read after the last answer. Closing with unread bytes
-/// would reset the connection, and the client might never see why its large body was refused.
-const LINGER: Duration = Duration::from_secs(2);
-const LINGER_BYTES: usize = 64 << 20;
 
 /// The most bytes of a request line and its headers that are held.
 const HEADER_BYTES: usize = 64 * 1024;
+
+/// The longest that a connection of the reserve may take for its header.
+const RESERVE_HEADER: Duration = Duration::from_secs(2);
+
+/// The other end of a connection.
+#[derive(Debug, Clone, Copy)]
+pub struct Peer {
+    /// Where it is.
+    pub address: SocketAddr,
+    /// Whether the connection is one of the reserve, for health and metrics alone.
+    pub reserve: bool,
+}
 
 /// Serves the API on `listener` until `shutdown` resolves, then lets running requests end within the configured drain time.
 ///
@@ -33,24 +40,17 @@ const HEADER_BYTES: usize = 64 * 1024;
 pub async fn serve(listener: TcpListener, state: AppState, shutdown: impl Future<Output = ()>) -> io::Result<()> {
     let config = &state.config;
     let router = super::router(state.clone());
-    let places = Arc::new(Semaphore::new(config.max_connections));
+    let seats = Seats::new(config.max_connections);
     let graceful = GracefulShutdown::new();
-    let mut http = hyper::server::conn::http1::Builder::new();
-    http.timer(TokioTimer::new())
-        .header_read_timeout(config.header_seconds)
-        .max_buf_size(HEADER_BYTES)
-        .half_close(false)
-        .pipeline_flush(true);
+    let ordinary = http(config.header_seconds);
+    let mut reserve = http(config.header_seconds.min(RESERVE_HEADER));
+    reserve.keep_alive(false);
     let mut shutdown = std::pin::pin!(shutdown);
     loop {
-        let place = tokio::select! {
-            () = &mut shutdown => break,
-            place = places.clone().acquire_owned() => place,
-        };
-        let stream = tokio::select! {
+        let (stream, address) = tokio::select! {
             () = &mut shutdown => break,
             accepted = listener.accept() => match accepted {
-                Ok((stream, _peer)) => stream,
+                Ok(accepted) => accepted,
                 Err(error) => {
                     tracing::warn!(%error, "a connection could not be accepted");
                     sleep(Duration::from_millis(50)).await;
@@ -58,17 +58,36 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: impl Future
                 }
             },
         };
-        if let Err(error) = stream.set_nodelay(true) {
-            tracing::debug!(%error, "Nagle's algorithm stays on");
-        }
-        let io = TokioIo::new(Unstalled::new(stream, config.body_seconds));
-        let connection = http.serve_connection(io, TowerToHyperService::new(router.clone()));
-        let connection = graceful.watch(connection);
+        let seat = seats.take(address);
+        let (http, is_reserve) = match &seat {
+            Seat::Ordinary { .. } => (&ordinary, false),
+            Seat::Reserve(_) => (&reserve, true),
+        };
+        let peer = Peer { address, reserve: is_reserve };
+        let service = TowerToHyperService::new(AddExtension::new(router.clone(), peer));
+        let io = TokioIo::new(stream_of(stream, config.body_seconds));
+        let connection = graceful.watch(http.serve_connection(io, service));
+        let state = state.clone();
         tokio::spawn(async move {
-            if let Err(error) = connection.await {
-                tracing::debug!(%error, "a connection ended early");
+            let leave = match &seat {
+                Seat::Ordinary { .. } => None,
+                Seat::Reserve(seat) => Some(seat.leave.clone()),
+            };
+            let taken_away = async {
+                match leave {
+                    Some(leave) => leave.cancelled_owned().await,
+                    None => std::future::pending().await,
+                }
+            };
+            tokio::select! {
+                ended = connection => {
+                    if let Err(error) = ended {
+                        note(&state, address, &error);
+                    }
+                }
+                () = taken_away => tracing::debug!(peer = %address, "an idle connection of the reserve gives way"),
             }
-            drop(place);
+            drop(seat);
         });
     }
     drop(listener);
@@ -82,81 +101,33 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: impl Future
     Ok(())
 }
 
-/// A stream whose writes fail once the other side has taken nothing for a while: a client that never reads would hold its
-/// connection, and what is to be sent, for ever. Its end is gentle: see [`LINGER`].
-struct Unstalled {
-    stream: TcpStream,
-    patience: Duration,
-    deadline: Option<Pin<Box<Sleep>>>,
-    linger: Option<Pin<Box<Sleep>>>,
-    lingered_bytes: usize,
+/// Answers are flushed one by one: gathered for pipelined requests (`pipeline_flush`), they would pile up without bound for a client that reads
+/// nothing, and the refusal of a malformed request would be lost with them.
+fn http(header: Duration) -> http1::Builder {
+    let mut http = http1::Builder::new();
+    http.timer(TokioTimer::new()).header_read_timeout(header).max_buf_size(HEADER_BYTES).half_close(false);
+    http
 }
 
-impl Unstalled {
-    fn new(stream: TcpStream, patience: Duration) -> Self {
-        Self { stream, patience, deadline: None, linger: None, lingered_bytes: 0 }
+fn stream_of(stream: TcpStream, patience: Duration) -> Unstalled {
+    if let Err(error) = stream.set_nodelay(true) {
+        tracing::debug!(%error, "Nagle's algorithm stays on");
     }
-
-    fn watch<T>(&mut self, cx: &mut Context<'_>, poll: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
-        if poll.is_ready() {
-            self.deadline = None;
-            return poll;
-        }
-        let patience = self.patience;
-        let deadline =
-            self.deadline.get_or_insert_with(|| Box::pin(tokio::time::sleep_until(Instant::now() + patience)));
-        match deadline.as_mut().poll(cx) {
-            Poll::Ready(()) => Poll::Ready(Err(io::Error::from(io::ErrorKind::TimedOut))),
-            Poll::Pending => Poll::Pending,
-        }
-    }
+    Unstalled::new(stream, patience)
 }
 
-impl AsyncRead for Unstalled {
-    fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_read(cx, buf)
+/// Logs why a connection ended, and counts the malformed requests, which hyper answers before they come to a route.
+fn note(state: &AppState, peer: SocketAddr, error: &hyper::Error) {
+    if !error.is_parse() {
+        tracing::debug!(%peer, %error, "a connection ended early");
+        return;
     }
-}
-
-impl AsyncWrite for Unstalled {
-    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &[u8]) -> Poll<io::Result<usize>> {
-        let poll = Pin::new(&mut self.stream).poll_write(cx, buf);
-        self.watch(cx, poll)
-    }
-    fn poll_write_vectored(
-        mut self: Pin<&mut Self>,
-        cx: &mut Context<'_>,
-        bufs: &[io::IoSlice<'_>],
-    ) -> Poll<io::Result<usize>> {
-        let poll = Pin::new(&mut self.stream).poll_write_vectored(cx, bufs);
-        self.watch(cx, poll)
-    }
-    fn is_write_vectored(&self) -> bool {
-        self.stream.is_write_vectored()
-    }
-    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        let poll = Pin::new(&mut self.stream).poll_flush(cx);
-        self.watch(cx, poll)
-    }
-    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        let this = &mut *self;
-        let linger = match &mut this.linger {
-            Some(linger) => linger,
-            none => {
-                ready!(Pin::new(&mut this.stream).poll_shutdown(cx))?;
-                none.insert(Box::pin(sleep(LINGER)))
-            }
-        };
-        let mut space = [0; 16 * 1024];
-        loop {
-            if linger.as_mut().poll(cx).is_ready() || this.lingered_bytes > LINGER_BYTES {
-                return Poll::Ready(Ok(()));
-            }
-            let mut piece = ReadBuf::new(&mut space);
-            match ready!(Pin::new(&mut this.stream).poll_read(cx, &mut piece)) {
-                Ok(()) if !piece.filled().is_empty() => this.lingered_bytes += piece.filled().len(),
-                _ => return Poll::Ready(Ok(())),
-            }
-        }
-    }
+    let status = match error.is_parse_too_large() {
+        // The two are told apart by their text alone.
+        true if error.to_string().contains("URI") => "414",
+        true => "431",
+        false => "400",
+    };
+    tracing::info!(%peer, %error, status, "a malformed request was refused");
+    state.metrics.http_requests.with_label_values(&["malformed", "other", status]).inc();
 }

@@ -3,7 +3,6 @@
 use std::time::Instant;
 
 use axum::body::Body;
-use axum::extract::State;
 use axum::http::HeaderMap;
 use chladni_algebra::DenseMatrix;
 use chladni_spectral::analysis::AnalysisError;
@@ -16,9 +15,12 @@ use utoipa_axum::routes;
 
 use super::bases::on_vertices;
 use super::binary::{self, Dtype, Table};
+use super::client::ClientState;
 use super::exchange::{self, Answer};
-use super::extract::{PathOf, QueryOf};
+use super::extract::QueryOf;
+use super::ids::BasisId;
 use super::problem::{self, Problem};
+use super::problems::problems;
 use super::state::AppState;
 
 /// The most points of a list of similar ones.
@@ -123,6 +125,8 @@ struct SignatureQuery {
     request: Option<String>,
 }
 
+problems!(SignaturesProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYSIS]);
+
 /// Computes signatures of points
 ///
 /// The heat kernel, the wave kernel or the global point signature, of chosen vertices or all: a row for each vertex.
@@ -131,26 +135,23 @@ struct SignatureQuery {
 /// rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/signatures", tag = "analysis", operation_id = "signatures",
-    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), SignatureQuery),
+    params(BasisId, SignatureQuery),
     request_body(description = "The vertices", content((SignatureRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The signatures", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-request, invalid-vertex or invalid-analysis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        SignaturesProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn signatures(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     QueryOf(query): QueryOf<SignatureQuery>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
-    let basis = on_vertices(&state, &id).await?;
+    let basis = on_vertices(&state, id).await?;
     let fill = |request: &mut SignatureRequest, bytes: &[u8]| {
         if !bytes.is_empty() {
             request.vertices = Some(binary::decode_tuples::<1>(bytes)?.into_flattened());
@@ -159,7 +160,7 @@ async fn signatures(
     };
     let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
     state
-        .solve("signatures", move || {
+        .solve("signatures", move |_| {
             let begin = Instant::now();
             let signature = request.signature.signature(&basis)?;
             let table = match &request.vertices {
@@ -171,6 +172,8 @@ async fn signatures(
         .await
 }
 
+problems!(SimilarPointsProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYSIS]);
+
 /// Finds points that are similar to one
 ///
 /// Compares the signature of every vertex with that of one: heat kernels by their distance over all scales (Sun et al. 2009), wave
@@ -180,30 +183,27 @@ async fn signatures(
 /// the rest of the request stands in the query then.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/similar-points", tag = "analysis", operation_id = "similarPoints",
-    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), SignatureQuery),
+    params(BasisId, SignatureQuery),
     request_body(description = "The point", content((SimilarRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "Similar points, or the difference of every vertex", content((SimilarAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-request, invalid-vertex or invalid-analysis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        SimilarPointsProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn similar_points(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     QueryOf(query): QueryOf<SignatureQuery>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
-    let basis = on_vertices(&state, &id).await?;
+    let basis = on_vertices(&state, id).await?;
     let fill = |request: &mut SimilarRequest, bytes: &[u8]| {
         let points = binary::decode_tuples::<1>(bytes)?;
         let [[point]] = points[..] else {
-            let detail = format!("One vertex is due, not {}.", points.len());
+            let detail = format!("Exactly one vertex is needed, not {}.", points.len());
             return Err(Problem::new(&problem::INVALID_VERTEX, detail));
         };
         request.vertex = point;
@@ -211,11 +211,11 @@ async fn similar_points(
     };
     let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
     if !(1..=MOST_SIMILAR).contains(&request.count) {
-        let detail = format!("count: {} points, where 1 to {MOST_SIMILAR} are due.", request.count);
+        let detail = format!("count: must be between 1 and {MOST_SIMILAR}, not {}.", request.count);
         return Err(Problem::new(&problem::INVALID_ANALYSIS, detail));
     }
     state
-        .solve("similar_points", move || {
+        .solve("similar_points", move |_| {
             let begin = Instant::now();
             let signature = request.signature.signature(&basis)?;
             let differences = signature.similarity(&basis, request.vertex)?;

@@ -4,7 +4,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use axum::body::Body;
-use axum::extract::State;
 use axum::http::HeaderMap;
 use chladni_algebra::DenseMatrix;
 use chladni_mesh::TriangleMesh;
@@ -12,17 +11,21 @@ use chladni_mesh::write::{PlyPrecision, write_ply_with};
 use chladni_spectral::analysis::filter::{Transfer, filter};
 use chladni_spectral::analysis::projection::project;
 use chladni_spectral::basis::Basis;
+use chladni_work::word_or;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+use uuid::Uuid;
 
-use super::bases::{basis_id, find};
 use super::binary::{self, Dtype, Table};
 use super::body::WholeBody;
+use super::client::ClientState;
 use super::exchange::{Answer, OCTETS, Sent, answer_type, raw_answer, read};
-use super::extract::{PathOf, QueryOf};
+use super::extract::QueryOf;
+use super::ids::BasisId;
 use super::problem::{self, Problem};
+use super::problems::problems;
 use super::state::AppState;
 
 /// The routes of synchronous solves.
@@ -37,7 +40,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
 pub const PLY: &str = "model/ply";
 
 /// Functions on the vertices.
-#[derive(Debug, Deserialize, ToSchema)]
+#[derive(Debug, ToSchema)]
 #[serde(untagged)]
 pub enum Functions {
     /// `coordinates`: x, y and z of the vertices.
@@ -45,6 +48,13 @@ pub enum Functions {
     /// One row for each vertex.
     Values(Table),
 }
+
+word_or!(
+    Functions,
+    "the word \"coordinates\" or a table {\"columns\": k, \"values\": […]}",
+    Named(Named),
+    object Values
+);
 
 impl Functions {
     /// x, y and z of the vertices.
@@ -148,7 +158,7 @@ pub enum Source {
 /// `invalid-function` unless there are three.
 pub fn ply(mesh: &TriangleMesh, functions: &DenseMatrix, begin: Instant) -> Result<Answer, Problem> {
     if functions.columns() != 3 {
-        let detail = format!("A {PLY} has three coordinates, and these are {} functions.", functions.columns());
+        let detail = format!("A {PLY} needs exactly three functions as its coordinates, not {}.", functions.columns());
         return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
     }
     if functions.rows() != mesh.positions.len() {
@@ -164,33 +174,33 @@ pub fn ply(mesh: &TriangleMesh, functions: &DenseMatrix, begin: Instant) -> Resu
 }
 
 impl Source {
-    async fn named(state: &AppState, id: &str) -> Result<Self, Problem> {
-        let mesh = find(state, id).await?.mesh;
+    async fn named(state: &ClientState, id: Uuid) -> Result<Self, Problem> {
+        let mesh = state.store.basis(id).await?.mesh;
         Ok(Self::Mesh(state.store.load_mesh(&mesh).await?))
     }
 
     /// The mesh of a basis, where it is wanted.
-    pub async fn mesh_if(state: &AppState, id: &str, wanted: bool) -> Result<Option<Arc<TriangleMesh>>, Problem> {
+    pub async fn mesh_if(state: &ClientState, id: Uuid, wanted: bool) -> Result<Option<Arc<TriangleMesh>>, Problem> {
         if !wanted {
             return Ok(None);
         }
-        Ok(Some(state.store.load_mesh(&find(state, id).await?.mesh).await?))
+        Ok(Some(state.store.load_mesh(&state.store.basis(id).await?.mesh).await?))
     }
 
     /// What a JSON request names or carries.
-    pub async fn of(state: &AppState, id: &str, functions: Functions) -> Result<Self, Problem> {
+    pub async fn of(state: &ClientState, id: Uuid, functions: Functions) -> Result<Self, Problem> {
         match functions {
             Functions::Named(Named::Coordinates) => Self::named(state, id).await,
             Functions::Values(table) => Ok(Self::Table(table)),
         }
     }
 
-    async fn raw(state: &AppState, id: &str, query: &RawQuery, body: WholeBody) -> Result<Self, Problem> {
+    async fn raw(state: &ClientState, id: Uuid, query: &RawQuery, body: WholeBody) -> Result<Self, Problem> {
         match query.function {
             Some(Named::Coordinates) if body.bytes.is_empty() => Self::named(state, id).await,
             Some(_) => Err(Problem::new(
                 &problem::INVALID_QUERY,
-                "function: stands for the body, but there is a body as well.",
+                "function: takes the place of the body, but there is a body as well.",
             )),
             None => Ok(Self::Raw(body, query.dtype)),
         }
@@ -206,6 +216,8 @@ impl Source {
     }
 }
 
+problems!(FilterProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_TRANSFER]);
+
 /// Filters functions by their spectrum
 ///
 /// `x' = Φ F(Λ) ΦᵀM x + F∞ (x − ΦΦᵀM x)` (Vallet and Lévy 2008): each part of a function is multiplied by a factor that depends on
@@ -216,31 +228,28 @@ impl Source {
 /// is of the same kind unless `Accept` says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/filter", tag = "bases", operation_id = "filter",
-    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), RawQuery),
+    params(BasisId, RawQuery),
     request_body(description = "The functions", content((FilterRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The filtered functions: a row for each vertex; of three functions, also the mesh with them as its coordinates", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-request, invalid-function or invalid-transfer-function", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        FilterProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn filter_functions(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     QueryOf(query): QueryOf<RawQuery>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
-    let basis = load(&state, &id).await?;
+    let basis = load(&state, id).await?;
     let sent = read::<FilterRequest>(&state, &headers, body).await?;
     let media_type = answer_type(&headers, matches!(sent, Sent::Raw(_)), &[PLY])?;
-    let mesh = Source::mesh_if(&state, &id, media_type == PLY).await?;
+    let mesh = Source::mesh_if(&state, id, media_type == PLY).await?;
     let (source, transfer) = match sent {
-        Sent::Json(request) => (Source::of(&state, &id, request.functions).await?, request.transfer),
+        Sent::Json(request) => (Source::of(&state, id, request.functions).await?, request.transfer),
         Sent::Raw(body) => {
             let text = query.transfer.as_deref().ok_or_else(|| {
                 Problem::new(
@@ -250,11 +259,11 @@ async fn filter_functions(
             })?;
             let transfer = serde_json::from_str(text)
                 .map_err(|error| Problem::new(&problem::INVALID_TRANSFER, format!("transfer: {error}.")))?;
-            (Source::raw(&state, &id, &query, body).await?, transfer)
+            (Source::raw(&state, id, &query, body).await?, transfer)
         }
     };
     state
-        .solve("filter", move || {
+        .solve("filter", move |_| {
             let begin = Instant::now();
             let functions = source.matrix(basis.vertices())?;
             drop(source);
@@ -267,9 +276,11 @@ async fn filter_functions(
         .await
 }
 
-async fn load(state: &AppState, id: &str) -> Result<Arc<Basis>, Problem> {
-    Ok(state.store.load_basis(basis_id(id)?).await?)
+async fn load(state: &ClientState, id: Uuid) -> Result<Arc<Basis>, Problem> {
+    Ok(state.store.load_basis(id).await?)
 }
+
+problems!(ProjectProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_ANALYSIS]);
 
 /// Projects functions onto a basis
 ///
@@ -278,42 +289,39 @@ async fn load(state: &AppState, id: &str) -> Result<Arc<Basis>, Problem> {
 /// has the relative errors in `Chladni-Relative-Error`.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/project", tag = "bases", operation_id = "project",
-    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), RawQuery),
+    params(BasisId, RawQuery),
     request_body(description = "The functions", content((ProjectRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The coefficients; of three functions, also the mesh with the projected ones as its coordinates", content((ProjectAnswer = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Relative-Error" = String), ("Server-Timing" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-request or invalid-function", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        ProjectProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn project_functions(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     QueryOf(query): QueryOf<RawQuery>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
     no_transfer(&query)?;
-    let basis = load(&state, &id).await?;
+    let basis = load(&state, id).await?;
     let sent = read::<ProjectRequest>(&state, &headers, body).await?;
     let media_type = answer_type(&headers, matches!(sent, Sent::Raw(_)), &[PLY])?;
-    let mesh = Source::mesh_if(&state, &id, media_type == PLY).await?;
+    let mesh = Source::mesh_if(&state, id, media_type == PLY).await?;
     let mut whole = query.reconstruct.unwrap_or(false);
     let mut pairs = query.pairs;
     let source = match sent {
         Sent::Json(request) => {
             whole |= request.reconstruct;
             pairs = request.pairs.or(pairs);
-            Source::of(&state, &id, request.functions).await?
+            Source::of(&state, id, request.functions).await?
         }
-        Sent::Raw(body) => Source::raw(&state, &id, &query, body).await?,
+        Sent::Raw(body) => Source::raw(&state, id, &query, body).await?,
     };
     state
-        .solve("project", move || {
+        .solve("project", move |_| {
             let begin = Instant::now();
             let functions = source.matrix(basis.vertices())?;
             drop(source);
@@ -338,10 +346,12 @@ async fn project_functions(
 
 fn no_transfer(query: &RawQuery) -> Result<(), Problem> {
     if query.transfer.is_some() {
-        return Err(Problem::new(&problem::INVALID_QUERY, "transfer: only filter has a transfer function."));
+        return Err(Problem::new(&problem::INVALID_QUERY, "transfer: only filter takes a transfer function."));
     }
     Ok(())
 }
+
+problems!(ReconstructProblems: SOLVE BODY JSON [INVALID_FUNCTION]);
 
 /// Evaluates combinations of eigenfunctions
 ///
@@ -349,27 +359,24 @@ fn no_transfer(query: &RawQuery) -> Result<(), Problem> {
 /// for `filter`; the answer has a row for each vertex.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/reconstruct", tag = "bases", operation_id = "reconstruct",
-    params(("id" = String, Path, description = "The id of the basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"),
+    params(BasisId,
         ("dtype" = inline(Option<Dtype>), Query, description = "The type of the numbers of a raw body and of a raw answer")),
     request_body(description = "The coefficients", content((Table = "application/json", example = json!({"columns": 1, "values": [0.49, 0.01, -0.02]})), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The functions: a row for each vertex", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-request or invalid-function", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
-        (status = 503, description = "A problem: busy", body = super::docs::ProblemSchema, content_type = "application/problem+json"),
+        ReconstructProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn reconstruct(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     QueryOf(query): QueryOf<DtypeQuery>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
-    let basis = load(&state, &id).await?;
+    let basis = load(&state, id).await?;
     let sent = read::<Table>(&state, &headers, body).await?;
     let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
     let source = match sent {
@@ -377,7 +384,7 @@ async fn reconstruct(
         Sent::Raw(body) => Source::Raw(body, query.dtype),
     };
     state
-        .solve("reconstruct", move || {
+        .solve("reconstruct", move |_| {
             let begin = Instant::now();
             let coefficients = source.matrix(basis.count())?;
             drop(source);

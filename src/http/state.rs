@@ -1,23 +1,26 @@
 //! What every request shares: the store, the settings, the metrics and the pools.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
-use tokio::sync::{Mutex, Semaphore, oneshot};
+use tokio::sync::{Mutex, oneshot};
 use tokio_util::sync::CancellationToken;
 
 use super::auth::{ApiKey, KeyError};
-use super::body::BUDGET_UNIT;
 use super::fields::FieldCache;
-use super::problem::{self, Problem};
+use super::problem::Problem;
+use super::shares::Shares;
 use crate::config::{Config, ConfigError};
-use crate::store::{Store, StoreHealth};
+use crate::store::{Store, StoreError, StoreHealth};
 use crate::telemetry::Metrics;
 
 /// Solves that may wait for each thread of the solve pool; further ones are told to come back.
 const SOLVES_PER_THREAD: usize = 64;
+
+/// The memory for requests beside two bodies of the largest size, in bytes.
+const SMALL_REQUESTS: u64 = 64 << 20;
 
 /// For how long the health of the store is remembered: looking at it writes.
 const HEALTH_AGE: Duration = Duration::from_millis(500);
@@ -39,6 +42,9 @@ pub enum StateError {
         /// Why.
         source: rayon::ThreadPoolBuildError,
     },
+    /// All keys would be gone, and the server open to everyone.
+    #[error("the keys file has no keys left; a server that has keys does not go on without")]
+    NoKeysLeft,
     /// An origin is no header value.
     #[error("the CORS origin {0:?} is not an origin such as https://example.org")]
     Origin(String),
@@ -57,15 +63,18 @@ pub struct Shared {
     /// What is counted.
     pub metrics: Arc<Metrics>,
     /// Who may call; empty: everyone.
-    pub keys: Vec<ApiKey>,
-    /// Bytes of request bodies that are held at once, in units of [`BUDGET_UNIT`].
-    pub(super) body_budget: Arc<Semaphore>,
+    keys: RwLock<Arc<[ApiKey]>>,
+    /// Bytes that requests hold: their bodies, as they come and decompressed, and what is parsed of them.
+    pub(super) request_memory: Shares,
+    /// Event streams and long polls that are open at once.
+    pub(super) watchers: Shares,
     /// Ends when connections are to end: long polls and event streams stop then.
     pub(super) closing: CancellationToken,
     /// Surfaces, alignments and models that outlive a request.
     pub(super) fields: FieldCache,
-    solves: rayon::ThreadPool,
-    solve_places: Arc<Semaphore>,
+    pub(super) solves: rayon::ThreadPool,
+    /// Synchronous solves that wait or run.
+    pub(super) solve_places: Shares,
     intake: rayon::ThreadPool,
     workers_alive: Box<dyn Fn() -> bool + Send + Sync>,
     refuse: AtomicBool,
@@ -98,8 +107,7 @@ impl AppState {
         metrics: Arc<Metrics>,
         workers_alive: impl Fn() -> bool + Send + Sync + 'static,
     ) -> Result<Self, StateError> {
-        let keys =
-            config.all_keys()?.entries().iter().map(|entry| entry.parse()).collect::<Result<Vec<_>, KeyError>>()?;
+        let keys = configured_keys(&config)?;
         for origin in &config.cors_origins {
             if axum::http::HeaderValue::from_str(origin).is_err() || origin.is_empty() {
                 return Err(StateError::Origin(origin.clone()));
@@ -113,18 +121,17 @@ impl AppState {
                 .build()
                 .map_err(|source| StateError::Threads { purpose, source })
         };
-        // Two bodies of the largest size, or many small ones.
-        let budget = (2 * config.limits.max_body_bytes).div_ceil(BUDGET_UNIT) + 1024;
-        let budget = usize::try_from(budget).unwrap_or(usize::MAX).min(Semaphore::MAX_PERMITS);
         Ok(Self(Arc::new(Shared {
             store,
             metrics,
-            keys,
-            body_budget: Arc::new(Semaphore::new(budget)),
+            keys: RwLock::new(keys),
+            // Two bodies of the largest size, or many small ones.
+            request_memory: Shares::new(config.limits.max_body_bytes.saturating_mul(2).saturating_add(SMALL_REQUESTS)),
+            watchers: Shares::new((config.max_connections / 2).max(1) as u64),
             closing: CancellationToken::new(),
             fields: FieldCache::new(config.cache_bytes / 2),
             solves: pool("synchronous solves", "solve")?,
-            solve_places: Arc::new(Semaphore::new(threads * SOLVES_PER_THREAD)),
+            solve_places: Shares::new((threads * SOLVES_PER_THREAD) as u64),
             intake: pool("reading meshes", "intake")?,
             workers_alive: Box::new(workers_alive),
             refuse: AtomicBool::new(false),
@@ -163,25 +170,38 @@ impl AppState {
         health
     }
 
-    /// Runs a synchronous solve on its own small pool, so that neither jobs nor uploads starve it.
+    /// Who may call; empty: everyone.
+    pub fn keys(&self) -> Arc<[ApiKey]> {
+        self.keys.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Reads the keys anew from the file of keys. Requests that run go on as they were admitted.
     ///
     /// # Errors
-    /// `busy` where too many solves wait, and whatever `work` answers.
-    pub async fn solve<T: Send + 'static>(
+    /// [`StateError`]: the file cannot be read, a key is malformed, or a server that had keys would be left without any. The keys stay as
+    /// they were then.
+    pub fn reload_keys(&self) -> Result<usize, StateError> {
+        let keys = configured_keys(&self.config)?;
+        if keys.is_empty() && !self.keys().is_empty() {
+            return Err(StateError::NoKeysLeft);
+        }
+        let count = keys.len();
+        *self.keys.write().unwrap_or_else(PoisonError::into_inner) = keys;
+        Ok(count)
+    }
+
+    /// Runs a query of the store whose rows hold large texts, such as the parameters of jobs: they are parsed on a thread where that delays
+    /// nobody else.
+    ///
+    /// # Errors
+    /// Whatever `query` answers.
+    pub async fn off_loop<T: Send + 'static>(
         &self,
-        operation: &'static str,
-        work: impl FnOnce() -> Result<T, Problem> + Send + 'static,
+        query: impl Future<Output = Result<T, StoreError>> + Send + 'static,
     ) -> Result<T, Problem> {
-        let place = self
-            .solve_places
-            .clone()
-            .try_acquire_owned()
-            .map_err(|_| Problem::new(&problem::BUSY, "Too many solves are waiting.").retry_after(1))?;
-        let begin = Instant::now();
-        let result = on_pool(&self.solves, work).await;
-        drop(place);
-        self.metrics.reduced_solve_seconds.with_label_values(&[operation]).observe(begin.elapsed().as_secs_f64());
-        result
+        let runtime = tokio::runtime::Handle::current();
+        let answered = tokio::task::spawn_blocking(move || runtime.block_on(query)).await;
+        Ok(answered.map_err(Problem::internal)??)
     }
 
     /// Runs the reading and checking of an upload on a pool of its own.
@@ -194,6 +214,12 @@ impl AppState {
     ) -> Result<T, Problem> {
         on_pool(&self.intake, work).await
     }
+}
+
+fn configured_keys(config: &Config) -> Result<Arc<[ApiKey]>, StateError> {
+    let keys: Vec<ApiKey> =
+        config.all_keys()?.entries().iter().map(|entry| entry.parse()).collect::<Result<_, KeyError>>()?;
+    Ok(keys.into())
 }
 
 async fn on_pool<T: Send + 'static>(

@@ -12,6 +12,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::problem::{self, Problem};
+use super::problems::problems;
 use super::state::AppState;
 use crate::store::JobStatus;
 
@@ -55,6 +56,8 @@ struct Readiness {
     wal_bytes: u64,
 }
 
+problems!(ReadyProblems: [NOT_READY]);
+
 /// Tells whether the server takes work
 ///
 /// Where it does not, the problem's `reasons` tell a full disk (`storage-full`), databases that were removed or replaced (`storage-replaced`), a store that cannot be written for another
@@ -63,8 +66,7 @@ struct Readiness {
     get, path = "/readyz", tag = "system", operation_id = "ready",
     responses(
         (status = 200, description = "The server takes work", body = Readiness),
-        (status = 503, description = "A problem: not-ready, with `reasons`", body = super::docs::ProblemSchema, content_type = "application/problem+json",
-            example = json!({"type": "/problems/not-ready", "title": "The server is not ready", "status": 503, "detail": "Not ready: storage-full.", "reasons": ["storage-full"]})),
+        ReadyProblems,
     ),
     security(())
 )]
@@ -131,6 +133,8 @@ async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
     let health = state.store_health().await;
     metrics.blob_bytes.set(health.blob_bytes as i64);
     metrics.wal_bytes.set(health.wal_bytes as i64);
+    metrics.solves_held.set(state.solve_places.held() as i64);
+    metrics.request_bytes.set(state.request_memory.held() as i64);
     let cache = state.store.cache_statistics();
     metrics.basis_cache_bytes.set(cache.bytes as i64);
     catch_up(&state.counted.hits, cache.hits, |n| metrics.basis_cache_hits.inc_by(n));

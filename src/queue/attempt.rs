@@ -70,7 +70,7 @@ pub(super) async fn run(
     let total = shared.budget.total();
     if job.memory_bytes > total {
         let needed = job.memory_bytes;
-        let detail = format!("the job needs about {needed} bytes of memory; jobs of this server may take {total}");
+        let detail = format!("the job needs about {needed} bytes of memory; jobs on this server may use {total}");
         let too_large = JobProblem { kind: "job-too-large".to_owned(), detail };
         settle(shared, &job.kind, Ending::Failed(too_large, false), token).await;
         return Threads::Free;
@@ -125,7 +125,7 @@ pub(super) async fn run(
                     if !settled {
                         let stage = stage_words(&monitor);
                         let silent_seconds = monitor.silence().as_secs_f64();
-                        let detail = format!("the work was not heard of for {silent_seconds:.1} s{stage}");
+                        let detail = format!("no heartbeat for {silent_seconds:.1} s{stage}");
                         let stalled = JobProblem { kind: "worker-stalled".to_owned(), detail };
                         settle(shared, &job.kind, Ending::Failed(stalled, true), token).await;
                     }
@@ -165,7 +165,7 @@ async fn conclude(shared: &Shared, kind: &str, token: Uuid, monitor: &AttemptMon
             Ending::Failed(JobProblem { kind, detail }, retryable)
         }
         Ok(Err(_)) | Err(_) => {
-            let detail = format!("the work ended in a panic{}", stage_words(monitor));
+            let detail = format!("the worker panicked{}", stage_words(monitor));
             Ending::Failed(JobProblem { kind: "worker-panicked".to_owned(), detail }, true)
         }
     };

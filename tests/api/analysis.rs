@@ -118,10 +118,20 @@ async fn distances_that_cannot_be_are_named() {
                 json!({"distance": {"kind": "geodesic", "time": 0.0}, "sources": [0]}),
                 422,
                 "invalid-analysis",
-                "Time is 0",
+                "time: must be a finite number above zero, not 0",
             ),
-            (json!({"distance": diffusion(0.0), "sources": [0]}), 422, "invalid-analysis", "Time is 0"),
-            (json!({"distance": diffusion(-1.0), "pairs": [[0, 1]]}), 422, "invalid-analysis", "Time is -1"),
+            (
+                json!({"distance": diffusion(0.0), "sources": [0]}),
+                422,
+                "invalid-analysis",
+                "time: must be a finite number above zero, not 0",
+            ),
+            (
+                json!({"distance": diffusion(-1.0), "pairs": [[0, 1]]}),
+                422,
+                "invalid-analysis",
+                "time: must be a finite number above zero, not -1",
+            ),
             (json!({"distance": diffusion(1.0), "sources": vec![0; 257]}), 422, "invalid-analysis", "257"),
             (json!({"distance": diffusion(1.0)}), 422, "invalid-request", "sources or pairs"),
             (json!({"distance": diffusion(1.0), "sources": [-1]}), 422, "invalid-request", "sources"),
@@ -179,10 +189,30 @@ async fn signatures_come_for_some_vertices_and_for_all() {
         &url,
         &[
             (json!({"signature": heat, "vertices": [0, 6]}), 422, "invalid-vertex", "Point 1 is vertex 6 of 6"),
-            (json!({"signature": {"kind": "heat_kernel", "times": [0.0]}}), 422, "invalid-analysis", "Time is 0"),
-            (json!({"signature": {"kind": "heat_kernel", "count": 0}}), 422, "invalid-analysis", "Count: 0"),
-            (json!({"signature": {"kind": "wave_kernel", "count": 3}}), 422, "invalid-analysis", "Count: 3"),
-            (json!({"signature": {"kind": "global_point"}}), 422, "invalid-analysis", "Count: 20, where 1 to 2"),
+            (
+                json!({"signature": {"kind": "heat_kernel", "times": [0.0]}}),
+                422,
+                "invalid-analysis",
+                "time: must be a finite number above zero, not 0",
+            ),
+            (
+                json!({"signature": {"kind": "heat_kernel", "count": 0}}),
+                422,
+                "invalid-analysis",
+                "count: must be between 1 and 256, not 0",
+            ),
+            (
+                json!({"signature": {"kind": "wave_kernel", "count": 3}}),
+                422,
+                "invalid-analysis",
+                "count: must be between",
+            ),
+            (
+                json!({"signature": {"kind": "global_point"}}),
+                422,
+                "invalid-analysis",
+                "count: must be between 1 and 2, not 20",
+            ),
             (json!({"signature": {"kind": "magic"}}), 422, "invalid-request", "magic"),
         ],
     )
@@ -252,9 +282,9 @@ async fn filters_and_projections_give_meshes() {
     let flat = app.post(&filter).json(&body).header("accept", "model/ply").send().await.unwrap();
     problem(flat, 422, "invalid-function").await;
     for (transfer, word) in [
-        (json!({"kind": "curve", "points": [[1.0, 1.0], [0.0, 1.0]]}), "Points"),
+        (json!({"kind": "curve", "points": [[1.0, 1.0], [0.0, 1.0]]}), "points must be"),
         (json!({"kind": "curve", "points": []}), "samples"),
-        (json!({"kind": "sharpen", "cutoff": 0.0, "strength": 1.0}), "Cutoff"),
+        (json!({"kind": "sharpen", "cutoff": 0.0, "strength": 1.0}), "cutoff must be"),
     ] {
         let body = json!({"functions": "coordinates", "transfer": transfer});
         let answer =
@@ -308,8 +338,8 @@ async fn coordinates_are_compressed_and_come_back() {
         &app,
         &compress,
         &[
-            (json!({"pairs": 4}), 422, "invalid-analysis", "Pairs: 4, where 1 to 3"),
-            (json!({"bits": 1}), 422, "invalid-analysis", "Bits: 1"),
+            (json!({"pairs": 4}), 422, "invalid-analysis", "pairs: must be between 1 and 3, not 4"),
+            (json!({"bits": 1}), 422, "invalid-analysis", "bits: must be"),
             (json!({"functions": {"values": [1.0]}}), 422, "invalid-function", "1 values"),
         ],
     )
@@ -354,9 +384,9 @@ async fn shapes_are_compared_and_drawn() {
         &app,
         url,
         &[
-            (json!({"bases": [bases[0]]}), 422, "invalid-analysis", "Shapes: 1"),
-            (json!({"bases": bases, "count": 3}), 422, "invalid-analysis", "Count: 3"),
-            (json!({"bases": bases, "dimensions": 5}), 422, "invalid-analysis", "Dimensions: 5"),
+            (json!({"bases": [bases[0]]}), 422, "invalid-analysis", "shapes: must be between 2 and 512, not 1"),
+            (json!({"bases": bases, "count": 3}), 422, "invalid-analysis", "count: must be between"),
+            (json!({"bases": bases, "dimensions": 5}), 422, "invalid-analysis", "dimensions: must be"),
             (json!({"bases": bases, "labels": ["one"]}), 422, "invalid-request", "labels"),
             (json!({"bases": bases, "scale": "magic"}), 422, "invalid-request", "magic"),
             (json!({"bases": [bases[0], nil]}), 404, "unknown-basis", "0000"),
@@ -435,12 +465,12 @@ async fn functions_are_mapped_between_surfaces() {
         url,
         &[
             (with("landmarks", json!([[0, 0], [6, 0]])), 422, "invalid-vertex", "Landmark 1 is vertex 6 of 6"),
-            (with("landmarks", json!([])), 422, "invalid-analysis", "Known functions: 0"),
-            (with("pairs", json!(4)), 422, "invalid-analysis", "Pairs: 4, where 1 to 3"),
-            (with("samples", json!(1)), 422, "invalid-analysis", "Samples: 1"),
+            (with("landmarks", json!([])), 422, "invalid-analysis", "known functions: must be at least 1, not 0"),
+            (with("pairs", json!(4)), 422, "invalid-analysis", "pairs: must be between 1 and 3, not 4"),
+            (with("samples", json!(1)), 422, "invalid-analysis", "samples: must be"),
             (with("descriptors", other), 422, "invalid-function", "descriptors"),
             (with("target", json!("x")), 404, "unknown-basis", "x"),
-            (with("commutativity", json!(-1.0)), 422, "invalid-analysis", "Commutativity is -1"),
+            (with("commutativity", json!(-1.0)), 422, "invalid-analysis", "commutativity: must be"),
         ],
     )
     .await;

@@ -13,51 +13,86 @@ fn guarded() -> TestApp {
     builder.start()
 }
 
+/// An operation of the OpenAPI document: method, path with its examples filled in, the scope that it declares, and the statuses that it tells of.
+struct Operation {
+    method: reqwest::Method,
+    path: String,
+    scope: Option<String>,
+    statuses: Vec<String>,
+}
+
+fn operations() -> Vec<Operation> {
+    let document: Value = serde_json::from_str(&chladni::http::openapi().unwrap()).unwrap();
+    let mut found = Vec::new();
+    for (template, methods) in document["paths"].as_object().unwrap() {
+        for (method, operation) in methods.as_object().unwrap() {
+            let name = format!("{method} {template}");
+            let mut path = template.clone();
+            for parameter in operation["parameters"].as_array().into_iter().flatten().filter(|p| p["in"] == "path") {
+                let place = format!("{{{}}}", parameter["name"].as_str().unwrap());
+                path = path.replace(&place, parameter["example"].as_str().unwrap());
+            }
+            assert!(!path.contains('{'), "{name}: a parameter has no example");
+            let declared = operation["security"].as_array().unwrap();
+            assert_eq!(declared.len(), 1, "{name} declares one way in");
+            let scope = declared[0]["bearer"][0].as_str().map(str::to_owned);
+            let open = declared[0].as_object().unwrap().is_empty();
+            assert!(open || ["read", "submit", "operate"].contains(&scope.as_deref().unwrap()), "{name}: {scope:?}");
+            let statuses: Vec<String> = operation["responses"].as_object().unwrap().keys().cloned().collect();
+            if method == "get" {
+                let (path, scope, statuses) = (path.clone(), scope.clone(), statuses.clone());
+                found.push(Operation { method: reqwest::Method::HEAD, path, scope, statuses });
+            }
+            let method = method.to_uppercase().parse().unwrap();
+            found.push(Operation { method, path, scope, statuses });
+        }
+    }
+    assert!(found.len() > 50, "{}", found.len());
+    found
+}
+
 #[tokio::test]
-async fn each_scope_opens_its_routes_and_no_others() {
+async fn every_operation_of_the_document_opens_to_the_scope_that_it_declares_and_to_no_other() {
     let app = guarded();
-    let none = uuid::Uuid::nil();
-    // method, path, scope that opens it
-    let routes = [
-        ("GET", "/v1/meshes".to_owned(), "read"),
-        ("GET", "/v1/jobs".to_owned(), "read"),
-        ("GET", format!("/v1/jobs/{none}"), "read"),
-        ("GET", format!("/v1/jobs/{none}/events"), "read"),
-        ("GET", "/v1/bases".to_owned(), "read"),
-        ("GET", format!("/v1/bases/{none}/content"), "read"),
-        ("POST", format!("/v1/bases/{none}/filter"), "read"),
-        ("POST", format!("/v1/bases/{none}/project"), "read"),
-        ("POST", "/v1/meshes".to_owned(), "submit"),
-        ("POST", "/v1/jobs".to_owned(), "submit"),
-        ("POST", format!("/v1/jobs/{none}/cancel"), "submit"),
-        ("POST", format!("/v1/jobs/{none}/retry"), "submit"),
-        ("DELETE", "/v1/meshes/none".to_owned(), "operate"),
-        ("PATCH", "/v1/meshes/none".to_owned(), "operate"),
-        ("DELETE", format!("/v1/jobs/{none}"), "operate"),
-        ("DELETE", format!("/v1/bases/{none}"), "operate"),
-        ("GET", "/metrics".to_owned(), "operate"),
-    ];
-    for (method, path, scope) in &routes {
-        let request = || app.client.request(method.parse().unwrap(), app.url(path));
-        let refused = request().send().await.unwrap();
-        assert!(refused.headers().contains_key("www-authenticate"), "{method} {path}");
-        problem(refused, 401, "unauthenticated").await;
-        problem(request().bearer_auth("wrong-secret-0123456789").send().await.unwrap(), 401, "unauthenticated").await;
-        for (secret, scopes) in [(READER, "read"), (SUBMITTER, "read submit"), (OPERATOR, "operate")] {
+    let keys = [("read", READER), ("read submit", SUBMITTER), ("operate", OPERATOR)];
+    for Operation { method, path, scope, statuses } in operations() {
+        let name = format!("{method} {path}");
+        let request = || app.client.request(method.clone(), app.url(&path));
+        let without = request().send().await.unwrap();
+        let told = |status: reqwest::StatusCode| statuses.iter().any(|known| known == status.as_str());
+        assert_eq!(without.status() == 401, scope.is_some(), "{name}");
+        assert_eq!(without.headers().contains_key("www-authenticate"), scope.is_some(), "{name}");
+        assert!(told(without.status()), "{name} answers {}, which the document does not tell of", without.status());
+        for (scopes, secret) in keys {
             let answer = request().bearer_auth(secret).send().await.unwrap();
-            if scopes.contains(scope) {
-                assert!(![401, 403].contains(&answer.status().as_u16()), "{method} {path} {scopes}");
-            } else {
-                let refused = problem(answer, 403, "scope-missing").await;
-                assert_eq!(refused["scope"], *scope, "{method} {path}");
+            let status = answer.status();
+            assert!(told(status), "{name} with {scopes} answers {status}, which the document does not tell of");
+            let allowed = scope.as_deref().is_none_or(|scope| scopes.split(' ').any(|own| own == scope));
+            assert_eq!(status == 403, !allowed, "{name} with {scopes}: {status}");
+            assert!(status != 401 && status != 500, "{name} with {scopes}: {status}");
+            if !allowed && method != reqwest::Method::HEAD {
+                assert_eq!(problem(answer, 403, "scope-missing").await["scope"], *scope.as_ref().unwrap(), "{name}");
             }
         }
     }
-    for open in ["/healthz", "/readyz", "/openapi.json", "/docs", "/problems", "/problems/not-found"] {
-        assert_eq!(app.get(open).send().await.unwrap().status(), 200, "{open}");
+}
+
+#[tokio::test]
+async fn a_wrong_key_opens_nothing_is_counted_and_does_not_show() {
+    let app = guarded();
+    let wrong = "wrong-secret-0123456789";
+    for (method, path) in
+        [("GET", "/v1/jobs"), ("POST", "/v1/functional-maps"), ("GET", "/metrics"), ("GET", "/nowhere")]
+    {
+        let request = app.client.request(method.parse().unwrap(), app.url(path));
+        let refused = problem(request.bearer_auth(wrong).send().await.unwrap(), 401, "unauthenticated").await;
+        assert!(!refused.to_string().contains(wrong), "{path}");
     }
-    let unknown: Value = problem(app.get("/nowhere").send().await.unwrap(), 401, "unauthenticated").await;
-    assert!(!unknown.to_string().contains(READER));
+    assert_eq!(app.get("/healthz").bearer_auth(wrong).send().await.unwrap().status(), 200, "open to everyone");
+    problem(app.get("/nowhere").send().await.unwrap(), 401, "unauthenticated").await;
+    problem(app.get("/nowhere").bearer_auth(READER).send().await.unwrap(), 404, "not-found").await;
+    let metrics = app.get("/metrics").bearer_auth(OPERATOR).send().await.unwrap().text().await.unwrap();
+    assert!(metrics.contains("chladni_refused_keys_total 4"), "{metrics}");
 }
 
 #[tokio::test]

@@ -18,6 +18,7 @@ mod fields;
 mod garbage;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod hostile;
 mod jobs;
 mod journeys;
 mod meshes;

@@ -4,9 +4,17 @@
 //! A further kind is a file with its parameters, which implement [`Work`], a variant of [`JobParameters`] and a line in each of [`KINDS`],
 //! [`JobParameters::parse`] and `JobParameters::work`.
 
+mod choice;
+#[macro_use]
+mod stopped;
+pub mod design;
+pub mod distances;
 mod eigenbasis;
 mod field_basis;
 mod operator_family;
+mod provenance;
+pub mod simulate;
+pub mod table;
 mod vibration_basis;
 
 use chladni_base::{Cancelled, Monitor, StageClock};
@@ -26,6 +34,7 @@ pub use field_basis::{FieldBasisParameters, FieldConstruction, FieldName};
 
 use chladni_spectral::field::{DesignError, FieldError};
 pub use operator_family::OperatorFamilyParameters;
+pub use provenance::{Provenance, ProvenanceError};
 pub use vibration_basis::{VibrationBasisParameters, VibrationMethodName};
 
 /// The version of the solvers: it enters the key of equal work, so that a better solver does not answer with old results.
@@ -90,38 +99,14 @@ pub enum JobError {
     Vibration(VibrationError),
 }
 
-impl From<VibrationError> for JobError {
-    fn from(error: VibrationError) -> Self {
-        match error {
-            VibrationError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            other => Self::Vibration(other),
-        }
-    }
-}
+stopped!(JobError: VibrationError => Vibration, HsimError => Iteration, ApproximationError => Approximation, OperatorError => Operator, DesignError => Ritz);
 
-impl From<HsimError> for JobError {
-    fn from(error: HsimError) -> Self {
+impl From<FieldError> for JobError {
+    fn from(error: FieldError) -> Self {
         match error {
-            HsimError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            other => Self::Iteration(other),
-        }
-    }
-}
-
-impl From<ApproximationError> for JobError {
-    fn from(error: ApproximationError) -> Self {
-        match error {
-            ApproximationError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            other => Self::Approximation(other),
-        }
-    }
-}
-
-impl From<OperatorError> for JobError {
-    fn from(error: OperatorError) -> Self {
-        match error {
-            OperatorError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            other => Self::Operator(other),
+            FieldError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            FieldError::Operator(error) => error.into(),
+            other => Self::Field(other),
         }
     }
 }
@@ -310,21 +295,21 @@ impl JobParameters {
         let seconds = clock.finish();
         let mut parameters = self.canonical();
         abbreviate(&mut parameters);
-        let about = serde_json::json!({
-            "kind": self.kind(),
-            "parameters": parameters,
-            "solver_version": SOLVER_VERSION,
-            "vertices": mesh.positions.len(),
-            "faces": mesh.faces.len(),
-        });
-        if let serde_json::Value::Object(mut about) = about {
-            for (name, text) in notes {
-                if let Some(list) = about.entry(name).or_insert_with(|| serde_json::json!([])).as_array_mut() {
-                    list.push(text.into());
-                }
+        let provenance = Provenance {
+            kind: self.kind().to_owned(),
+            parameters: parameters.as_object().cloned().unwrap_or_default(),
+            solver_version: SOLVER_VERSION.to_owned(),
+            vertices: mesh.positions.len(),
+            faces: mesh.faces.len(),
+            mesh: None,
+        };
+        let mut about = provenance.to_metadata();
+        for (name, text) in notes {
+            if let Some(list) = about.entry(name).or_insert_with(|| serde_json::json!([])).as_array_mut() {
+                list.push(text.into());
             }
-            product.describe(about);
         }
+        product.describe(about);
         Ok(Outcome { product, seconds })
     }
 }
@@ -339,7 +324,7 @@ fn read_parameters<T: serde::de::DeserializeOwned>(
     let value = match value {
         serde_json::Value::Null => &empty,
         serde_json::Value::Object(_) => value,
-        _ => return Err(form("a JSON object is expected".to_owned())),
+        _ => return Err(form("expected a JSON object".to_owned())),
     };
     serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string()))
 }

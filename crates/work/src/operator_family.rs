@@ -38,7 +38,7 @@ impl OperatorFamilyParameters {
     pub fn parse(parameters: &Value) -> Result<Self, ParameterError> {
         let read: Self = super::read_parameters("operator_family", parameters)?;
         if !(10..=LARGEST_DIMENSION).contains(&read.dimension) {
-            let reason = format!("must lie between 10 and {LARGEST_DIMENSION}, not be {}", read.dimension);
+            let reason = format!("must be between 10 and {LARGEST_DIMENSION}, not {}", read.dimension);
             return Err(ParameterError::Value { name: "dimension", reason });
         }
         Ok(read)

@@ -99,7 +99,7 @@ impl VibrationBasisParameters {
             if found >= least && found <= most {
                 return Ok(());
             }
-            Err(value(name, format!("must lie between {least} and {most}, not be {found}")))
+            Err(value(name, format!("must be between {least} and {most}, not {found}")))
         };
         within("count", read.count as f64, 1.0, LARGEST_COUNT as f64)?;
         if let Some(thickness) = read.thickness
@@ -115,7 +115,7 @@ impl VibrationBasisParameters {
             if !given {
                 return Ok(());
             }
-            Err(value(name, format!("is no parameter of the method \"{}\"", read.method.name())))
+            Err(value(name, format!("is not a parameter of the method \"{}\"", read.method.name())))
         };
         match read.method {
             VibrationMethodName::Approximate => {
@@ -184,14 +184,14 @@ impl Work for VibrationBasisParameters {
         }
         let n = self.vertices(mesh);
         if let Some(vertex) = self.clamped.iter().find(|&&vertex| vertex as usize >= n) {
-            return Err(value("clamped", format!("vertex {vertex} is not one of the {n} of the object")));
+            return Err(value("clamped", format!("there is no vertex {vertex}; the object has {n}")));
         }
         if self.clamped.len() == n {
             return Err(value("clamped", format!("all {n} vertices are held; nothing is left that can move")));
         }
         let unknowns = 3 * (n - self.clamped.len());
         if self.count > unknowns {
-            let reason = format!("{} modes are asked for, but only {unknowns} coordinates can move", self.count);
+            let reason = format!("{} modes were requested, but only {unknowns} coordinates can move", self.count);
             return Err(value("count", reason));
         }
         Ok(())

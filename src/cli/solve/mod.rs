@@ -2,19 +2,17 @@
 
 mod report;
 
-use chladni_algebra::gpu::{self, GpuChoice};
-use chladni_spectral::formats::{FormatError, npz};
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+
 use chladni_work::JobParameters;
+use serde_json::{Value, json};
 
 use self::report::Run;
-use super::{CliError, MeshInput, StageBars, memory};
-use serde_json::{Map, Value, json};
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::ExitCode;
-use std::time::Instant;
+use super::CliError;
+use super::work::{WorkArguments, given};
 
-pub(super) use report::peak_rss_bytes;
 pub use report::{eigenvalue_table, storage};
 
 /// Compute the lowest eigenpairs of a mesh, without a server
@@ -22,7 +20,7 @@ pub use report::{eigenvalue_table, storage};
 #[command(after_help = EXAMPLES)]
 pub struct SolveArguments {
     #[command(flatten)]
-    input: MeshInput,
+    work: WorkArguments,
 
     /// Eigenpairs wanted, the kernel included; 100 where nothing else is said
     #[arg(long, short = 'n', value_name = "M", help_heading = "Problem", conflicts_with = "below")]
@@ -87,18 +85,6 @@ pub struct SolveArguments {
     #[arg(long, value_name = "SEED", help_heading = "Method")]
     seed: Option<u64>,
 
-    /// Any parameter of the job by name, as the API takes it, such as radial.distance=dijkstra; may be given several times
-    #[arg(long = "parameter", short = 'p', value_name = "NAME=VALUE", help_heading = "Method")]
-    parameters: Vec<String>,
-
-    /// Graphics card for large dense problems: off, auto, its number or a part of its name
-    #[arg(long, value_name = "CARD", env = "CHLADNI_GPU", help_heading = "Method", default_value = "off", value_parser = card)]
-    gpu: GpuChoice,
-
-    /// Threads; 0 for one per core
-    #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Method")]
-    threads: usize,
-
     /// How eigenfunctions are kept: as columns, or projected to a sparse factor times a dense one (hsim)
     #[arg(long, value_name = "KIND", help_heading = "Output", value_parser = ["dense", "compact"])]
     storage: Option<String>,
@@ -106,22 +92,6 @@ pub struct SolveArguments {
     /// Numbers of dense storage (hsim, sim)
     #[arg(long, value_name = "TYPE", help_heading = "Output", value_parser = ["f32", "f64"])]
     precision: Option<String>,
-
-    /// Begin even where the estimate says that the memory will not do
-    #[arg(long, help_heading = "Method")]
-    ignore_memory: bool,
-
-    /// Write the basis to this NPZ file
-    #[arg(long, short = 'o', value_name = "FILE", help_heading = "Output")]
-    output: Option<PathBuf>,
-
-    /// Print one line of JSON instead of a table
-    #[arg(long, help_heading = "Output")]
-    json: bool,
-
-    /// Draw no progress bars
-    #[arg(long, short = 'q', help_heading = "Output")]
-    quiet: bool,
 }
 
 const EXAMPLES: &str = "\
@@ -142,8 +112,7 @@ fn finite(text: &str) -> Result<f64, String> {
 impl SolveArguments {
     /// The arguments as parameters of the job `eigenbasis`; what was not given is left to the job's own defaults.
     fn job(&self) -> Result<JobParameters, CliError> {
-        let mut parameters = Map::new();
-        let given = [
+        let given = given([
             ("method", Some(json!(self.method))),
             ("count", self.count.map(|value| json!(value))),
             ("below", self.below.map(|value| json!(value))),
@@ -161,17 +130,8 @@ impl SolveArguments {
             ("construction", self.construction.as_ref().map(|value| json!(value))),
             ("accuracy", self.accuracy.as_ref().map(|value| json!(value))),
             ("seed", self.seed.map(|value| json!(value))),
-        ];
-        parameters.extend(given.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?))));
-        for text in &self.parameters {
-            let (name, value) = text
-                .split_once('=')
-                .ok_or_else(|| CliError::Usage(format!("--parameter takes NAME=VALUE, not \"{text}\"")))?;
-            // What is not JSON is a word: `accuracy=accurate` needs no quotes.
-            let value = serde_json::from_str(value).unwrap_or_else(|_| json!(value));
-            insert(&mut parameters, name, value);
-        }
-        Ok(JobParameters::parse("eigenbasis", &Value::Object(parameters))?)
+        ]);
+        self.work.job("eigenbasis", given)
     }
 }
 
@@ -199,109 +159,15 @@ pub(super) fn operator(text: &str) -> Result<Value, CliError> {
     })
 }
 
-/// Sets a member by its name; a dot leads into an object: `radial.distance`.
-fn insert(object: &mut Map<String, Value>, name: &str, value: Value) {
-    let Some((outer, inner)) = name.split_once('.') else {
-        object.insert(name.to_owned(), value);
-        return;
-    };
-    let member = object.entry(outer).or_insert_with(|| json!({}));
-    if !member.is_object() {
-        *member = json!({});
-    }
-    if let Value::Object(member) = member {
-        insert(member, inner, value);
-    }
-}
-
-fn card(text: &str) -> Result<GpuChoice, &'static str> {
-    text.parse()
-}
-
 /// Runs `chladni solve`.
 pub fn solve(arguments: SolveArguments) -> Result<ExitCode, CliError> {
     let job = arguments.job()?;
-    gpu::choose(arguments.gpu.clone());
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(arguments.threads)
-        .build()
-        .map_err(|error| CliError::Service(format!("cannot start {} threads: {error}", arguments.threads)))?;
-    // Before the work: a solve of minutes must not end at a folder that does not exist.
-    let output = arguments.output.as_deref().map(OutputFile::probe).transpose()?;
-    let bars = StageBars::new(arguments.json || arguments.quiet);
-    let began = Instant::now();
-    bars.begin("read");
-    let mesh = pool.install(|| arguments.input.load())?;
-    let read = began.elapsed().as_secs_f64();
-    job.check_mesh((&mesh).into())?;
-    let needed = job.memory_bytes((&mesh).into());
-    if let Some(free) = memory::available().filter(|free| needed > *free && !arguments.ignore_memory) {
-        return Err(CliError::Refused(format!(
-            "the job needs about {needed} bytes of memory, {free} are free; ask for fewer pairs, for f32 or compact storage, or go on with --ignore-memory"
-        )));
-    }
-    let outcome = pool.install(|| job.run(&mesh, &bars))?;
-    let total = began.elapsed().as_secs_f64();
-    bars.finish();
-
+    let finished = arguments.work.run(&job)?;
     let wrong = || CliError::Service("the job made something else than an eigenbasis".to_owned());
-    let basis = outcome.product.into_eigenbasis().ok_or_else(wrong)?;
-    let mut stages = vec![("read", read)];
-    stages.extend(outcome.seconds);
-    let mut run = Run { vertices: mesh.positions.len(), faces: mesh.faces.len(), basis, stages, total, write: None };
-    if let Some(file) = output {
-        let began = Instant::now();
-        file.write(|out| npz::write(&run.basis, out))?;
-        run.write = Some(began.elapsed().as_secs_f64());
-    }
-    let text = if arguments.json {
-        format!("{}\n", run.json(&job, pool.current_num_threads()))
-    } else {
-        run.table(&job, &arguments)
-    };
+    let run = Run::of(finished).ok_or_else(wrong)?;
+    let text = if arguments.work.json { format!("{}\n", run.json(&job)) } else { run.table(&job, &arguments.work) };
     std::io::stdout().write_all(text.as_bytes()).map_err(CliError::stdout)?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// What a file is written through.
-pub(super) type Out = std::io::BufWriter<std::fs::File>;
-
-/// A file that appears under its name only when it is whole.
-pub(super) struct OutputFile {
-    path: PathBuf,
-    part: PathBuf,
-}
-
-impl OutputFile {
-    /// Makes sure that the file can be written; leaves nothing behind, so that an interrupted solve does not either.
-    pub fn probe(path: &Path) -> Result<Self, CliError> {
-        let mut name = path
-            .file_name()
-            .map(std::ffi::OsStr::to_owned)
-            .ok_or_else(|| CliError::Usage(format!("--output {}: this is no name of a file", path.display())))?;
-        name.push(format!(".{}.part", std::process::id()));
-        let output = Self { path: path.to_owned(), part: path.with_file_name(name) };
-        let failed = |error| CliError::file("write", &output.path, error);
-        std::fs::File::create(&output.part).map_err(failed)?;
-        std::fs::remove_file(&output.part).map_err(failed)?;
-        Ok(output)
-    }
-
-    /// Writes the file by `write`, whole or not at all.
-    pub fn write(&self, write: impl FnOnce(&mut Out) -> Result<(), FormatError>) -> Result<(), CliError> {
-        let written = self.write_part(write).and_then(|()| std::fs::rename(&self.part, &self.path));
-        written.map_err(|error| {
-            // What was written so far is of no use; that it may not be removed either adds nothing.
-            let _removed = std::fs::remove_file(&self.part);
-            CliError::file("write", &self.path, error)
-        })
-    }
-
-    fn write_part(&self, write: impl FnOnce(&mut Out) -> Result<(), FormatError>) -> std::io::Result<()> {
-        let mut out = std::io::BufWriter::with_capacity(1 << 20, std::fs::File::create(&self.part)?);
-        write(&mut out).map_err(std::io::Error::other)?;
-        out.flush()
-    }
 }
 
 #[cfg(test)]

@@ -2,41 +2,38 @@
 
 use chladni_spectral::basis::{Basis, Certificate};
 use chladni_work::{JobParameters, SOLVER_VERSION, abbreviate};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
-use super::SolveArguments;
-use crate::cli::{Table, bytes, grouped, memory, number};
+use crate::cli::work::{Finished, WorkArguments};
+use crate::cli::{Table, bytes, grouped, number};
 
 /// Rows of the printed table of eigenvalues.
 const LISTED_PAIRS: usize = 12;
 
-/// What one run measured.
+/// An eigenbasis with what its run measured.
 pub(super) struct Run {
-    pub vertices: usize,
-    pub faces: usize,
-    pub basis: Basis,
-    pub stages: Vec<(&'static str, f64)>,
-    pub total: f64,
-    pub write: Option<f64>,
+    basis: Basis,
+    finished: Finished,
 }
 
 impl Run {
+    /// What a run made; `None` where that is no eigenbasis.
+    pub fn of(finished: Finished) -> Option<Self> {
+        let basis = finished.product.clone().into_eigenbasis()?;
+        Some(Self { basis, finished })
+    }
+
     /// One object with what was computed and what it cost.
-    pub fn json(&self, job: &JobParameters, threads: usize) -> Value {
-        // A stage that came more than once counts whole.
-        let mut stages: Map<String, Value> = Map::new();
-        for &(name, seconds) in &self.stages {
-            let before = stages.get(name).and_then(Value::as_f64).unwrap_or(0.0);
-            stages.insert(name.to_owned(), json!(before + seconds));
-        }
+    pub fn json(&self, job: &JobParameters) -> Value {
+        let Finished { mesh, total, write, threads, peak_rss, .. } = &self.finished;
         let mut line = json!({
-            "vertices": self.vertices,
-            "faces": self.faces,
+            "vertices": mesh.positions.len(),
+            "faces": mesh.faces.len(),
             "subspace": self.basis.certificate.accuracy.map(|accuracy| accuracy.dimension).or(self.basis.dimension()),
-            "seconds": {"total": self.total, "stages": stages, "write": self.write},
+            "seconds": {"total": total, "stages": self.finished.stage_seconds(), "write": write},
             "threads": threads,
             "solver_version": SOLVER_VERSION,
-            "peak_rss_bytes": peak_rss_bytes(),
+            "peak_rss_bytes": peak_rss,
             "eigenvalues": self.basis.eigenvalues,
             "residuals": self.basis.certificate.residuals,
             "bounds": self.basis.certificate.bounds,
@@ -73,14 +70,14 @@ impl Run {
     }
 
     /// A few lines to read.
-    pub fn table(&self, job: &JobParameters, arguments: &SolveArguments) -> String {
+    pub fn table(&self, job: &JobParameters, arguments: &WorkArguments) -> String {
         let parameters = job.canonical();
         let word = |name: &str| parameters[name].as_str().unwrap_or_default().to_owned();
         let mut text = format!(
             "{}: {} vertices, {} faces\n",
             arguments.input.mesh.display(),
-            grouped(self.vertices),
-            grouped(self.faces),
+            grouped(self.finished.mesh.positions.len()),
+            grouped(self.finished.mesh.faces.len()),
         );
         let certificate = &self.basis.certificate;
         let pairs = grouped(self.basis.eigenvalues.len());
@@ -103,10 +100,10 @@ impl Run {
             (None, None) => format!("{pairs} eigenpairs ({details})\n\n"),
         };
         let mut stages = Table::new(&["stage", "seconds"]);
-        for (name, seconds) in &self.stages {
+        for (name, seconds) in &self.finished.stages {
             stages.row([(*name).to_owned(), format!("{seconds:.3}")]);
         }
-        stages.row(["total".into(), format!("{:.3}", self.total)]);
+        stages.row(["total".into(), format!("{:.3}", self.finished.total)]);
         text += &format!("{stages}\n");
         if !certificate.levels.is_empty() {
             let mut levels = Table::new(&["level", "dimension", "iterations", "shifts"]);
@@ -141,7 +138,7 @@ impl Run {
         }
         let (stored, dense) = (self.basis.stored_bytes(), self.basis.dense_bytes());
         text += &format!("\n{}\n", storage(stored, dense));
-        if let (Some(path), Some(seconds)) = (&arguments.output, self.write) {
+        if let (Some(path), Some(seconds)) = (&arguments.output, self.finished.write) {
             text += &format!("written to {} in {seconds:.3} s\n", path.display());
         }
         text
@@ -187,11 +184,6 @@ pub fn eigenvalue_table(eigenvalues: &[f64], residuals: &[f64], estimates: &[f64
     table.to_string()
 }
 
-/// The largest resident memory of this process so far, in bytes; absent where the system does not tell.
-pub(in crate::cli) fn peak_rss_bytes() -> Option<u64> {
-    memory::field(&std::fs::read_to_string("/proc/self/status").ok()?, "VmHWM:")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -204,10 +196,5 @@ mod tests {
         assert!(table.contains("residual") && table.contains("5.00 %"), "{table}");
         assert_eq!(storage(2000, 1000), "2.0 kB stored");
         assert!(storage(500, 1000).contains("50 % of the 1.0 kB"));
-    }
-
-    #[test]
-    fn peak_memory_is_told_on_linux() {
-        assert!(!cfg!(target_os = "linux") || peak_rss_bytes().is_some_and(|bytes| bytes > 1 << 20));
     }
 }

@@ -5,24 +5,12 @@
 use std::any::Any;
 use std::sync::Arc;
 
-use chladni_mesh::nearest::FaceTree;
-use chladni_spectral::field::FieldSurface;
+use chladni_base::Monitor;
+use chladni_work::design::Surface;
 use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
 
+use crate::http::client::ClientState;
 use crate::http::problem::Problem;
-use crate::http::state::AppState;
-
-/// A surface that fields are designed on, with what finds a face by a point.
-#[derive(Debug)]
-pub struct Surface {
-    /// Mesh, dual graph and frames.
-    pub surface: FieldSurface,
-    /// The faces in a tree.
-    pub tree: FaceTree,
-}
-
-/// About the bytes that a face of a surface takes: corners and positions, neighbours, edges, lengths, and frames.
-const BYTES_PER_FACE: u64 = 24 + 48 + 112;
 
 type Kept = Arc<dyn Any + Send + Sync>;
 
@@ -78,10 +66,10 @@ impl FieldCache {
 /// # Errors
 /// Whatever `make` answers.
 pub async fn kept<T: Any + Send + Sync>(
-    state: &AppState,
+    state: &ClientState,
     stage: &'static str,
     key: &str,
-    make: impl FnOnce() -> Result<(T, u64), Problem> + Send + 'static,
+    make: impl FnOnce(&dyn Monitor) -> Result<(T, u64), Problem> + Send + 'static,
 ) -> Result<Arc<T>, Problem> {
     state.fields.get(format!("{stage} {key}"), state.solve(stage, make)).await
 }
@@ -90,14 +78,13 @@ pub async fn kept<T: Any + Send + Sync>(
 ///
 /// # Errors
 /// `unknown-mesh`; `no-field-surface` names the edge, vertex or faces where it is no oriented manifold.
-pub async fn surface(state: &AppState, mesh: &str) -> Result<Arc<Surface>, Problem> {
+pub async fn surface(state: &ClientState, mesh: &str) -> Result<Arc<Surface>, Problem> {
     let make = async {
         let content = state.store.load_mesh(mesh).await?;
-        let made = state.solve("surface", move || {
-            let tree = FaceTree::new(&content);
-            let surface = FieldSurface::new(content.as_ref().clone())?;
-            let bytes = BYTES_PER_FACE * surface.faces() as u64 + tree.bytes();
-            Ok((Surface { surface, tree }, bytes))
+        let made = state.solve("surface", move |_| {
+            let surface = Surface::new(&content)?;
+            let bytes = surface.bytes();
+            Ok((surface, bytes))
         });
         made.await
     };

@@ -3,23 +3,25 @@
 use std::time::Instant;
 
 use axum::body::Body;
-use axum::extract::State;
 use axum::http::HeaderMap;
 use bytes::Bytes;
 use chladni_spectral::field::singularities;
+use chladni_work::design::{DesignRequest, Form, SingularVertex, written as written_as};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::forms::{self, Form};
-use super::request::{DesignRequest, SingularVertex};
+use super::octets;
 use super::solve::{self, Ready};
 use crate::http::body;
-use crate::http::docs::{Binary, ProblemSchema};
-use crate::http::exchange::{Answer, OCTETS, answer_type};
-use crate::http::extract::{self, PathOf, QueryOf};
+use crate::http::client::ClientState;
+use crate::http::docs::Binary;
+use crate::http::exchange::{self, Answer, OCTETS, answer_type};
+use crate::http::extract::{self, QueryOf};
+use crate::http::ids::BasisId;
 use crate::http::problem::Problem;
+use crate::http::problems::problems;
 use crate::http::state::AppState;
 
 /// The route of design.
@@ -82,6 +84,8 @@ struct DesignAnswer {
     euler_characteristic: Option<i64>,
 }
 
+problems!(DesignFieldProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE]);
+
 /// Designs a field
 ///
 /// The field of least energy `w₁ · harmonic + w₂ · biharmonic` in the space that deviates little from strokes and an alignment, by their weights, and meets
@@ -94,7 +98,7 @@ struct DesignAnswer {
 /// constraint in `Chladni-Residual`.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/design", tag = "fields", operation_id = "designField",
-    params(("id" = String, Path, description = "The id of a field basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), DesignQuery),
+    params(BasisId, DesignQuery),
     request_body(content = DesignRequest, examples(
         ("strokes" = (summary = "Two strokes, one of them a line", value = json!({"weights": {"harmonic": 1.0, "biharmonic": 0.1}, "strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}, {"points": [[0.1, 0.2, 0.9], [0.2, 0.2, 0.9], [0.3, 0.1, 0.9]], "strength": 50.0}]}))),
         ("interpolation" = (summary = "Directions that are met exactly, aligned to curvature elsewhere", value = json!({"constraints": [{"face": 17, "direction": [0.0, 0.0, 1.0]}, {"point": [0.4, 0.0, 0.8], "direction": [1.0, 0.0, 0.0]}], "alignment": {"to": "curvature", "weight": 2.0, "per_face": "anisotropy"}}))),
@@ -104,16 +108,13 @@ struct DesignAnswer {
     responses(
         (status = 200, description = "The field", content((DesignAnswer = "application/json"), (Binary = "application/octet-stream")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Energies" = String), ("Chladni-Residual" = f64), ("Server-Timing" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-request, or invalid-design/face, /direction, /value, /points, /contradiction, /dependent, /weight, /no-energy, /no-data, /alignment, /singularities, /constraints, /dimension", body = ProblemSchema, content_type = "application/problem+json"),
-        (status = 503, description = "A problem: busy", body = ProblemSchema, content_type = "application/problem+json"),
+        DesignFieldProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn design(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     QueryOf(query): QueryOf<DesignQuery>,
     headers: HeaderMap,
     content: Body,
@@ -121,11 +122,11 @@ async fn design(
     let begin = Instant::now();
     let raw = answer_type(&headers, false, &[])? == OCTETS;
     let request: DesignRequest = read(&state, &headers, content).await?;
-    let ready = Ready::load(&state, &id).await?;
+    let ready = Ready::load(&state, id).await?;
     let designed = solve::design(&state, &ready, &request).await?;
     let form = query.form.or(raw.then_some(Form::World));
     state
-        .solve("lift", move || {
+        .solve("lift", move |_| {
             let design = designed.design;
             let (kind, surface) = (ready.kind(), &ready.surface.surface);
             let field =
@@ -134,12 +135,12 @@ async fn design(
                 false => None,
                 true => singularities(surface, kind, &field),
             };
-            let written = |form| forms::written(surface.frames(), kind, form, field);
+            let written = |form| written_as(surface.frames(), kind, form, field);
             if let (true, Some(form)) = (raw, form) {
                 let energies = [Some(design.harmonic_energy), Some(design.biharmonic_energy), design.alignment_energy];
                 let energies: Vec<String> = energies.iter().flatten().map(f64::to_string).collect();
                 let residual = design.residuals.iter().copied().fold(0.0, f64::max);
-                let bytes = forms::to_bytes(written(form));
+                let bytes = octets::to_bytes(written(form));
                 return Ok(described(bytes, surface.faces(), form, kind, begin)
                     .with("chladni-energies", energies.join(", "))
                     .with("chladni-residual", residual));
@@ -189,16 +190,11 @@ pub fn described(
 
 /// Reads a JSON body.
 pub async fn read<T: serde::de::DeserializeOwned + Send + 'static>(
-    state: &AppState,
+    state: &ClientState,
     headers: &HeaderMap,
     content: Body,
 ) -> Result<T, Problem> {
     extract::require_json(headers)?;
     let body = body::read(state, headers, content, state.config.limits.max_body_bytes).await?;
-    // A stroke is parsed at once; a field to align to is millions of decimals.
-    if body.bytes.len() < 1 << 16 {
-        return extract::parse_json(&body.bytes);
-    }
-    let parsed = tokio::task::spawn_blocking(move || extract::parse_json(&body.bytes));
-    parsed.await.map_err(Problem::internal)?
+    exchange::parse(state, body, exchange::BYTES_PER_NUMBER).await
 }

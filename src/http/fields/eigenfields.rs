@@ -2,20 +2,23 @@
 
 use std::time::Instant;
 
-use axum::extract::State;
 use axum::http::HeaderMap;
 use chladni_spectral::formats::npz;
+use chladni_work::design::{Form, written as written_as};
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::forms::{self, Form};
+use super::octets;
 use super::solve::Ready;
-use crate::http::docs::{Binary, ProblemSchema};
+use crate::http::client::ClientState;
+use crate::http::docs::Binary;
 use crate::http::exchange::{Answer, OCTETS};
-use crate::http::extract::{self, PathOf, QueryOf};
+use crate::http::extract::{self, QueryOf};
+use crate::http::ids::BasisId;
 use crate::http::problem::{self, Problem};
+use crate::http::problems::problems;
 use crate::http::state::AppState;
 
 /// The route of eigenfields.
@@ -46,6 +49,8 @@ struct EigenfieldsQuery {
     form: Form,
 }
 
+problems!(GetEigenfieldsProblems: SOLVE [INVALID_RANGE_OF_MODES, INVALID_DESIGN]);
+
 /// Gets approximate eigenfields
 ///
 /// The lowest fields of the Laplacian of the basis, restricted to its space, of unit norm on the surface of unit area. Their eigenvalues are
@@ -53,47 +58,48 @@ struct EigenfieldsQuery {
 /// for `numpy.load`; `application/octet-stream`, the same little-endian f32 without a header.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/eigenfields", tag = "fields", operation_id = "getEigenfields",
-    params(("id" = String, Path, description = "The id of a field basis", example = "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"), EigenfieldsQuery),
+    params(BasisId, EigenfieldsQuery),
     responses(
         (status = 200, description = "The fields", content((Binary = "application/x-npy"), (Binary = "application/octet-stream")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String))),
-        (status = 404, description = "A problem: unknown-basis", body = ProblemSchema, content_type = "application/problem+json"),
-        (status = 406, description = "A problem: not-acceptable", body = ProblemSchema, content_type = "application/problem+json"),
-        (status = 409, description = "A problem: basis-kind", body = ProblemSchema, content_type = "application/problem+json"),
-        (status = 422, description = "A problem: invalid-mode-range or invalid-design/dimension", body = ProblemSchema, content_type = "application/problem+json"),
+        GetEigenfieldsProblems,
     ),
     security(("bearer" = ["read"]))
 )]
 async fn eigenfields(
-    State(state): State<AppState>,
-    PathOf(id): PathOf<String>,
+    state: ClientState,
+    BasisId(id): BasisId,
     QueryOf(query): QueryOf<EigenfieldsQuery>,
     headers: HeaderMap,
 ) -> Result<Answer, Problem> {
     let begin = Instant::now();
     let npy = extract::negotiated(&headers, &[NPY, OCTETS])? == NPY;
-    let ready = Ready::load(&state, &id).await?;
-    let model = ready.model()?;
+    let ready = Ready::load(&state, id).await?;
+    let model = ready.model();
     let (kind, form, faces) = (ready.kind(), query.form, ready.surface.surface.faces());
     let (from, to) = (query.from, query.to.unwrap_or(query.from.saturating_add(1)));
     let count = model.dimension();
     let refused = |detail: String| Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail).with("count", count));
     if from >= to || to > count {
-        return refused(format!("Fields {from}..{to} are asked for of a basis with {count}."));
+        return refused(format!("Fields {from}..{to} were requested, but the basis has {count}."));
     }
     let one = 4 * form.columns(kind) * faces;
     if (to - from).saturating_mul(one) > MOST_BYTES {
-        return refused(format!("{} fields of {one} bytes are more than one answer has; ask for fewer.", to - from));
+        return refused(format!(
+            "{} fields of {one} bytes exceed the limit of one response; ask for fewer.",
+            to - from
+        ));
     }
     state
-        .solve("eigenfields", move || {
+        .solve("eigenfields", move |monitor| {
             let columns = form.columns(kind);
             let mut bytes = if npy { npz::npy("<f4", false, &[to - from, faces, columns], &[]) } else { Vec::new() };
             bytes.reserve_exact((to - from) * one);
             for k in from..to {
+                monitor.checkpoint()?;
                 let field = ready.lift(&model.eigenfield(k))?;
-                let written = forms::written(ready.surface.surface.frames(), kind, form, field);
-                bytes.extend_from_slice(&forms::to_bytes(written));
+                let written = written_as(ready.surface.surface.frames(), kind, form, field);
+                bytes.extend_from_slice(&octets::to_bytes(written));
             }
             Ok(Answer::new(bytes, if npy { NPY } else { OCTETS }, begin)
                 .with("chladni-rows", faces)

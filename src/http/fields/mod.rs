@@ -1,25 +1,26 @@
 //! Tangential fields: frames of faces, eigenfields, design, and what is made of designed fields.
 //!
+//! The requests themselves, and what they mean, are those of `chladni_work::design`.
+//!
 //! | file | what |
 //! |---|---|
-//! | `cache` | surfaces and alignments that outlive a request |
-//! | `request` | what a design is asked for with |
+//! | `cache` | surfaces, alignments and models that outlive a request |
 //! | `solve` | from a request to coefficients |
-//! | `forms` | stored numbers as a client reads them |
+//! | `octets` | numbers as bytes |
 //! | `design`, `eigenfields`, `frames`, `applications` | the routes |
 
 mod applications;
 mod cache;
 mod design;
 mod eigenfields;
-mod forms;
 mod frames;
-mod request;
+mod octets;
 mod solve;
 
 pub use cache::FieldCache;
 
 use chladni_spectral::field::{DesignError, FieldError, PrescribedError, StreamlineError};
+use chladni_work::design::DesignFault;
 use utoipa_axum::router::OpenApiRouter;
 
 use super::problem::{self, Problem};
@@ -68,6 +69,26 @@ impl From<DesignError> for Problem {
     }
 }
 
+impl From<DesignFault> for Problem {
+    fn from(fault: DesignFault) -> Self {
+        let text = super::convert::sentence(&fault);
+        match fault {
+            // Members of a request are named as they are written.
+            DesignFault::Request { within, face, place, reason } => {
+                let refused = Self::within(&problem::INVALID_DESIGN, within, format!("{place}: {reason}."));
+                if let Some(face) = face { refused.with("face", face) } else { refused }
+            }
+            DesignFault::Surface { .. } => Self::internal(fault),
+            DesignFault::Curvature(_) => Self::new(&problem::NO_FIELD_SURFACE, text),
+            DesignFault::Field(error) => error.into(),
+            DesignFault::Design(error) => error.into(),
+            DesignFault::Singularities(error) => error.into(),
+            DesignFault::Lines(error) => error.into(),
+            DesignFault::Cancelled(cancelled) => cancelled.into(),
+        }
+    }
+}
+
 impl From<PrescribedError> for Problem {
     fn from(error: PrescribedError) -> Self {
         let text = super::convert::sentence(&error);
@@ -86,11 +107,7 @@ impl From<StreamlineError> for Problem {
                 Self::within(&problem::INVALID_DESIGN, "hatching", text).with("parameter", name)
             }
             StreamlineError::Length { .. } => Self::internal(error),
-            StreamlineError::Cancelled(_) => Self::within(
-                &problem::INVALID_DESIGN,
-                "hatching",
-                "The lines were not laid within the time of a request; ask for a larger spacing or fewer lines.",
-            ),
+            StreamlineError::Cancelled(cancelled) => cancelled.into(),
         }
     }
 }

@@ -85,14 +85,14 @@ impl Approximate {
         if let Accuracy::Goal(goal) = accuracy
             && !(GOALS.0..=GOALS.1).contains(&goal)
         {
-            return Err(value("accuracy.goal", format!("must lie between {} and {}, not be {goal}", GOALS.0, GOALS.1)));
+            return Err(value("accuracy.goal", format!("must be between {} and {}, not {goal}", GOALS.0, GOALS.1)));
         }
         let dimension = request.dimension.unwrap_or(match accuracy {
             Accuracy::Standard | Accuracy::Goal(_) => (2 * count).max(count + LEAST_EXTRA),
             Accuracy::Accurate => (3 * count).max(count + LEAST_EXTRA),
         });
         if !(count..=LARGEST_DIMENSION).contains(&dimension) {
-            let reason = format!("must lie between the count, {count}, and {LARGEST_DIMENSION}, not be {dimension}");
+            let reason = format!("must be between the count, {count}, and {LARGEST_DIMENSION}, not {dimension}");
             return Err(value("dimension", reason));
         }
         let space = match request.construction.unwrap_or_default() {
@@ -225,12 +225,12 @@ fn radial(request: &Request, accuracy: Accuracy) -> Result<RadialParameters, Par
     }
     let radial = request.radial.unwrap_or_default();
     if !(1.0..=100.0).contains(&radial.sigma) {
-        return Err(value("radial.sigma", format!("must lie between 1 and 100, not be {}", radial.sigma)));
+        return Err(value("radial.sigma", format!("must be between 1 and 100, not {}", radial.sigma)));
     }
     if let DistanceKind::Stvd { window } = radial.distance
         && !(1..=STVD_WINDOW_MAX).contains(&window)
     {
-        let reason = format!("the window must lie between 1 and {STVD_WINDOW_MAX}, not be {window}");
+        let reason = format!("the window must be between 1 and {STVD_WINDOW_MAX}, not {window}");
         return Err(value("radial.distance", reason));
     }
     Ok(radial)

@@ -81,7 +81,7 @@ impl Exact {
         if let Some(levels) = request.levels
             && !(1..=6).contains(&levels)
         {
-            return Err(value("levels", format!("must lie between 1 and 6, not be {levels}")));
+            return Err(value("levels", format!("must be between 1 and 6, not {levels}")));
         }
         if request.shift_ratio.is_some() && variant != Variant::Published {
             return Err(value("shift_ratio", "belongs to the variant \"published\"".to_owned()));
@@ -285,7 +285,7 @@ fn within(name: &'static str, given: f64, least: f64, most: f64) -> Result<(), P
     if (least..=most).contains(&given) {
         return Ok(());
     }
-    Err(value(name, format!("must lie between {least} and {most}, not be {given}")))
+    Err(value(name, format!("must be between {least} and {most}, not {given}")))
 }
 
 fn wanted(request: &Request, count: usize) -> Result<Wanted, ParameterError> {
@@ -303,7 +303,7 @@ fn wanted(request: &Request, count: usize) -> Result<Wanted, ParameterError> {
     }
     let most = request.at_most.unwrap_or(AT_MOST);
     if !(1..=LARGEST_COUNT).contains(&most) {
-        return Err(value("at_most", format!("must lie between 1 and {LARGEST_COUNT}, not be {most}")));
+        return Err(value("at_most", format!("must be between 1 and {LARGEST_COUNT}, not {most}")));
     }
     Ok(Wanted::Below { bound, most })
 }

@@ -77,7 +77,7 @@ impl EigenbasisParameters {
         let request = Request::read(parameters)?;
         let count = request.count.unwrap_or(COUNT);
         if !(1..=LARGEST_COUNT).contains(&count) {
-            return Err(value("count", format!("must lie between 1 and {LARGEST_COUNT}, not be {count}")));
+            return Err(value("count", format!("must be between 1 and {LARGEST_COUNT}, not {count}")));
         }
         let method = match request.method {
             MethodName::Auto => Method::Auto(Auto::from_request(&request, count)?),
@@ -171,7 +171,7 @@ impl EigenbasisParameters {
             return Ok(());
         }
         if count > vertices && !bounded {
-            let reason = format!("{count} eigenpairs are asked for, but the mesh has {vertices} vertices");
+            let reason = format!("{count} eigenpairs were requested, but the mesh has {vertices} vertices");
             return Err(value("count", reason));
         }
         Ok(())
@@ -229,7 +229,7 @@ impl Work for EigenbasisParameters {
     fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
         let (count, most) = (self.most_pairs(), 2 * mesh.faces);
         if self.is_hodge() && count > most {
-            let reason = format!("{count} eigenfields are asked for, but {} faces have {most} numbers", mesh.faces);
+            let reason = format!("{count} eigenfields were requested, but {} faces have {most} numbers", mesh.faces);
             return Err(value("count", reason));
         }
         self.check_mesh(mesh.vertices)

@@ -135,7 +135,7 @@ impl Request {
         let members = match value {
             serde_json::Value::Null => return Ok(Self::default()),
             serde_json::Value::Object(members) => members,
-            _ => return Err(form("a JSON object is expected".to_owned())),
+            _ => return Err(form("expected a JSON object".to_owned())),
         };
         let mut request: Self = serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string()))?;
         let given = |name: &str| members.get(name).is_some_and(|value| !value.is_null());

@@ -6,8 +6,7 @@ use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{Product, StoredFields};
 use chladni_spectral::field::{
-    Construction, DesignError, DesignModel, FieldError, FieldHeat, FieldParameters, FieldSurface, MOST_DIMENSIONS,
-    adaptive_weights, field_basis,
+    Construction, DesignModel, FieldHeat, FieldParameters, FieldSurface, MOST_DIMENSIONS, adaptive_weights, field_basis,
 };
 use chladni_spectral::operator::transport::{FieldKind, MOST_VECTORS};
 use serde_json::{Value, json};
@@ -56,12 +55,12 @@ impl FieldBasisParameters {
         if let FieldKind::NVector { n } = field
             && !(1..=MOST_VECTORS).contains(&n)
         {
-            return Err(value("n", format!("must lie between 1 and {MOST_VECTORS}, not be {n}")));
+            return Err(value("n", format!("must be between 1 and {MOST_VECTORS}, not {n}")));
         }
         let dimension = request.dimension.unwrap_or(DIMENSION);
         let least = field.block();
         if !(least..=LARGEST_FIELD_DIMENSION).contains(&dimension) {
-            let reason = format!("must lie between {least} and {LARGEST_FIELD_DIMENSION}, not be {dimension}");
+            let reason = format!("must be between {least} and {LARGEST_FIELD_DIMENSION}, not {dimension}");
             return Err(value("dimension", reason));
         }
         if field != (FieldKind::Vector {}) {
@@ -85,7 +84,7 @@ impl FieldBasisParameters {
         made.weights = request.weights;
         let examples = request.examples.unwrap_or_default();
         if !examples.is_empty() && made.weights.is_some() {
-            return Err(value("examples", "stand in the place of weights; there are both".to_owned()));
+            return Err(value("examples", "take the place of weights; give one or the other".to_owned()));
         }
         Ok(Self { space: made, open: request.dimension.is_none(), examples })
     }
@@ -135,7 +134,7 @@ fn construction(request: &Request, field: FieldKind) -> Result<Construction, Par
     };
     match out {
         Some((name, found, least, most)) => {
-            Err(value(name, format!("must lie between {least} and {most}, not be {found}")))
+            Err(value(name, format!("must be between {least} and {most}, not {found}")))
         }
         None => Ok(made),
     }
@@ -181,7 +180,7 @@ impl Work for FieldBasisParameters {
         }
         let wanted = self.space.field.block() * mesh.faces;
         if let Some(at) = self.examples.iter().position(|example| example.len() != wanted) {
-            let reason = format!("field {at} has {} numbers where {wanted} are wanted", self.examples[at].len());
+            let reason = format!("field {at} has {} numbers; {wanted} are needed", self.examples[at].len());
             return Err(value("examples", reason));
         }
         match &self.space.weights {
@@ -227,25 +226,6 @@ impl Work for FieldBasisParameters {
             None
         };
         Ok(StoredFields { basis, ritz, metadata: json!({}) }.into())
-    }
-}
-
-impl From<FieldError> for JobError {
-    fn from(error: FieldError) -> Self {
-        match error {
-            FieldError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            FieldError::Operator(error) => error.into(),
-            other => Self::Field(other),
-        }
-    }
-}
-
-impl From<DesignError> for JobError {
-    fn from(error: DesignError) -> Self {
-        match error {
-            DesignError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            other => Self::Ritz(other),
-        }
     }
 }
 
@@ -295,7 +275,7 @@ mod tests {
             (json!({"construction": "local_eigenfields", "accuracy": "accurate"}), "accuracy"),
             (json!({"heat": {"steps": 0}}), "steps"),
             (json!({"weights": [1.0, 0.0]}), "number 1"),
-            (json!({"weights": [1.0], "examples": [[1.0]]}), "in the place of weights"),
+            (json!({"weights": [1.0], "examples": [[1.0]]}), "take the place of weights"),
         ] {
             let refused = parsed(parameters.clone()).unwrap_err();
             assert!(refused.contains(words), "{parameters}: {refused}");
@@ -307,7 +287,7 @@ mod tests {
         assert!(check(json!({})).is_ok(), "the default is at most what a small mesh has");
         assert!(check(json!({"dimension": 4, "weights": [1.0]})).unwrap_err().to_string().contains("1 values"));
         let short = check(json!({"dimension": 4, "examples": [vec![1.0; 16], vec![1.0; 8]]})).unwrap_err().to_string();
-        assert!(short.contains("field 1 has 8 numbers where 16"), "{short}");
+        assert!(short.contains("field 1 has 8 numbers; 16 are needed"), "{short}");
     }
 
     #[test]

@@ -92,7 +92,7 @@ impl Request {
         match value {
             Value::Null => Ok(Self::default()),
             Value::Object(_) => serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string())),
-            _ => Err(form("a JSON object is expected".to_owned())),
+            _ => Err(form("expected a JSON object".to_owned())),
         }
     }
 }

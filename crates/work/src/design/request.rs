@@ -4,17 +4,17 @@ use chladni_spectral::field::{Constraint, direction_in_frame};
 use chladni_spectral::operator::frames::power;
 use chladni_spectral::operator::transport::FieldKind;
 use serde::Deserialize;
-use utoipa::ToSchema;
 
-use super::cache::Surface;
-use crate::http::binary::Table;
-use crate::http::problem::{self, Problem};
+use super::{DesignFault, Surface};
+use crate::table::Table;
+use crate::word_or;
 
 /// The most constraints of one design: they make a dense system of their own size.
 pub const MOST_CONSTRAINTS: usize = 2000;
 
 /// What field is wanted. A front-end sends the whole of it again whenever a stroke moves: what does not change costs nothing.
-#[derive(Debug, Clone, Default, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct DesignRequest {
     /// Weights of the energies.
@@ -33,16 +33,17 @@ pub struct DesignRequest {
 }
 
 /// Weights of the energies, on the surface of unit area.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Weights {
     /// Of the harmonic (Dirichlet) energy.
     #[serde(default = "one")]
-    #[schema(default = 1.0, minimum = 0.0)]
+    #[cfg_attr(feature = "schema", schema(default = 1.0, minimum = 0.0))]
     pub harmonic: f64,
     /// Of the biharmonic energy: makes fields smoother around constraints.
     #[serde(default)]
-    #[schema(default = 0.0, minimum = 0.0)]
+    #[cfg_attr(feature = "schema", schema(default = 0.0, minimum = 0.0))]
     pub biharmonic: f64,
     /// Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the literal one of the whole mesh
     /// restricted to the space, which sees the noise of its columns. The second is for comparison; every choice of weights costs a factorisation.
@@ -51,7 +52,8 @@ pub struct Weights {
 }
 
 /// Which biharmonic energy.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum BiharmonicEnergy {
     /// `S̄ M̄⁻¹ S̄`.
@@ -80,7 +82,8 @@ impl Default for Weights {
 
 /// A soft constraint: one `face` or `point` with a value, or `points`, a line whose own direction the field is to follow. A value is a
 /// `direction` in ℝ³ or a `frame_direction`; for tensors a `direction` with `values`, or a `tensor`.
-#[derive(Debug, Clone, Default, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Stroke {
     /// The face.
@@ -98,12 +101,13 @@ pub struct Stroke {
     /// A symmetric tensor in the frame of the face: a₁₁, a₂₂, a₁₂.
     pub tensor: Option<[f64; 3]>,
     /// The weight of the squared deviation.
-    #[schema(default = 100.0)]
+    #[cfg_attr(feature = "schema", schema(default = 100.0))]
     pub strength: Option<f64>,
 }
 
 /// A hard constraint: a `face` or `point` with a value, as for strokes.
-#[derive(Debug, Clone, Default, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Pin {
     /// The face.
@@ -121,7 +125,8 @@ pub struct Pin {
 }
 
 /// A field to stay close to, with a global weight and optionally one for each face.
-#[derive(Debug, Clone, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct AlignmentRequest {
     /// `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that are stored in a face.
@@ -134,8 +139,9 @@ pub struct AlignmentRequest {
 }
 
 /// What to align to.
-#[derive(Debug, Clone, Deserialize, ToSchema)]
-#[serde(untagged)]
+#[derive(Debug, Clone)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", serde(untagged))]
 pub enum Target {
     /// What the server knows of the surface.
     Named(NamedTarget),
@@ -143,8 +149,16 @@ pub enum Target {
     Field(Table),
 }
 
+word_or!(
+    Target,
+    "the word \"curvature\" or a table {\"columns\": k, \"values\": […]}",
+    Named(NamedTarget),
+    object Field
+);
+
 /// What the server knows of a surface.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NamedTarget {
     /// The principal directions of curvature, for n-fields with even n; the curvature tensors themselves for tensor fields.
@@ -152,8 +166,9 @@ pub enum NamedTarget {
 }
 
 /// Weights of faces.
-#[derive(Debug, Clone, Deserialize, ToSchema)]
-#[serde(untagged)]
+#[derive(Debug, Clone)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", serde(untagged))]
 pub enum PerFace {
     /// What the server knows of the surface.
     Named(NamedWeights),
@@ -161,8 +176,11 @@ pub enum PerFace {
     Values(Vec<f64>),
 }
 
+word_or!(PerFace, "the word \"anisotropy\" or an array of one number for each face", Named(NamedWeights), array Values);
+
 /// Weights that the server knows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NamedWeights {
     /// How clearly the principal directions of curvature differ.
@@ -170,14 +188,15 @@ pub enum NamedWeights {
 }
 
 /// Prescribed singularities: the smoothest field of unit length that has these and no others is what the design stays close to.
-#[derive(Debug, Clone, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SingularitiesRequest {
     /// The singular vertices; on a component without boundary their indices add up to its Euler characteristic.
     pub at: Vec<SingularVertex>,
     /// The weight of the squared deviation from that field.
     #[serde(default = "hundred")]
-    #[schema(default = 100.0)]
+    #[cfg_attr(feature = "schema", schema(default = 100.0))]
     pub weight: f64,
 }
 
@@ -186,7 +205,8 @@ fn hundred() -> f64 {
 }
 
 /// A vertex at which a field is singular.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize, serde::Serialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, serde::Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SingularVertex {
     /// The vertex.
@@ -199,8 +219,20 @@ pub struct SingularVertex {
 const STRENGTH: f64 = 100.0;
 
 /// A refusal that names a member of the request.
-pub fn refused(within: &'static str, place: &str, reason: impl std::fmt::Display) -> Problem {
-    Problem::within(&problem::INVALID_DESIGN, within, format!("{place}: {reason}."))
+pub fn refused(within: &'static str, place: &str, reason: impl std::fmt::Display) -> DesignFault {
+    DesignFault::Request { within, place: place.to_owned(), reason: reason.to_string(), face: None }
+}
+
+/// The same, about a face.
+fn refused_at(face: u32, within: &'static str, place: &str, reason: impl std::fmt::Display) -> DesignFault {
+    DesignFault::Request { within, place: place.to_owned(), reason: reason.to_string(), face: Some(face) }
+}
+
+fn weight_fits(weight: f64, place: &str) -> Result<(), DesignFault> {
+    if weight >= 0.0 && weight.is_finite() {
+        return Ok(());
+    }
+    Err(refused("weight", place, format!("must be a finite number of at least 0, not {weight}")))
 }
 
 /// The value that a stroke or a pin gives.
@@ -213,11 +245,24 @@ struct Value {
 }
 
 impl DesignRequest {
+    /// Checks what no surface is needed for.
+    ///
+    /// # Errors
+    /// [`DesignFault`] names the member that does not fit.
+    pub fn check(&self) -> Result<(), DesignFault> {
+        if self.alignment.is_some() && self.singularities.is_some() {
+            let reason = "give either an alignment or prescribed singularities, not both";
+            return Err(refused("alignment", "singularities", reason));
+        }
+        self.alignment.iter().try_for_each(|wanted| weight_fits(wanted.weight, "alignment.weight"))?;
+        self.singularities.iter().try_for_each(|wanted| weight_fits(wanted.weight, "singularities.weight"))
+    }
+
     /// All constraints, soft ones first.
     ///
     /// # Errors
-    /// `invalid-design/…` names the stroke or constraint that does not fit.
-    pub fn resolve(&self, surface: &Surface, kind: FieldKind) -> Result<Vec<Constraint>, Problem> {
+    /// [`DesignFault`] names the stroke or constraint that does not fit.
+    pub fn resolve(&self, surface: &Surface, kind: FieldKind) -> Result<Vec<Constraint>, DesignFault> {
         let mut found = Vec::new();
         for (at, stroke) in self.strokes.iter().enumerate() {
             let place = format!("strokes[{at}]");
@@ -258,16 +303,16 @@ impl DesignRequest {
     }
 }
 
-fn too_many() -> Problem {
+fn too_many() -> DesignFault {
     refused("constraints", "strokes", format!("there are more than {MOST_CONSTRAINTS} constraints"))
 }
 
-fn face(surface: &Surface, face: Option<u32>, point: Option<[f64; 3]>, place: &str) -> Result<u32, Problem> {
+fn face(surface: &Surface, face: Option<u32>, point: Option<[f64; 3]>, place: &str) -> Result<u32, DesignFault> {
     let faces = surface.surface.faces();
     match (face, point) {
         (Some(face), None) if (face as usize) < faces => Ok(face),
         (Some(face), None) => {
-            Err(refused("face", place, format!("face {face} is not there; the mesh has {faces}")).with("face", face))
+            Err(refused_at(face, "face", place, format!("there is no face {face}; the mesh has {faces}")))
         }
         (None, Some(point)) => nearest(surface, point, place),
         (Some(_), Some(_)) => Err(refused("face", place, "either a face or a point is to be given, not both")),
@@ -275,7 +320,7 @@ fn face(surface: &Surface, face: Option<u32>, point: Option<[f64; 3]>, place: &s
     }
 }
 
-fn nearest(surface: &Surface, point: [f64; 3], place: &str) -> Result<u32, Problem> {
+fn nearest(surface: &Surface, point: [f64; 3], place: &str) -> Result<u32, DesignFault> {
     let found = surface.tree.nearest(surface.surface.mesh(), point);
     found.map(|(face, _)| face).ok_or_else(|| refused("face", place, "the point is not finite"))
 }
@@ -289,7 +334,7 @@ fn line(
     weight: f64,
     place: &str,
     found: &mut Vec<Constraint>,
-) -> Result<(), Problem> {
+) -> Result<(), DesignFault> {
     if points.len() < 2 || points.len() > MOST_CONSTRAINTS {
         let reason = format!("a line has from 2 to {MOST_CONSTRAINTS} points, not {}", points.len());
         return Err(refused("points", place, reason));
@@ -320,9 +365,9 @@ fn line(
 
 impl Value {
     /// The numbers to store in a face.
-    fn stored(self, surface: &Surface, kind: FieldKind, face: u32, place: &str) -> Result<[f64; 3], Problem> {
+    fn stored(self, surface: &Surface, kind: FieldKind, face: u32, place: &str) -> Result<[f64; 3], DesignFault> {
         let no_direction =
-            |why: &str| refused("direction", place, format!("the direction on face {face} {why}")).with("face", face);
+            |why: &str| refused_at(face, "direction", place, format!("the direction on face {face} {why}"));
         let frames = surface.surface.frames();
         if kind == (FieldKind::Tensor {}) {
             let [a, b, c] = match (self.tensor, self.direction, self.frame_direction, self.values) {

@@ -1,15 +1,14 @@
-//! Stored numbers of a field as a client reads them, face after face.
+//! Stored numbers of a field as a user reads them, face after face.
 
-use bytes::Bytes;
 use chladni_spectral::field::{roots, tensor_axes};
 use chladni_spectral::operator::frames::FaceFrames;
 use chladni_spectral::operator::transport::FieldKind;
 use rayon::prelude::*;
 use serde::Deserialize;
-use utoipa::ToSchema;
 
 /// How a field is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Form {
     /// In ℝ³. A vector: x, y, z. n-vectors: the first of them. A tensor: xx, yy, zz, xy, xz, yz.
@@ -118,22 +117,6 @@ fn tensor(frames: &FaceFrames, face: usize, form: Form, t: [f64; 3], out: &mut [
             out.iter_mut().zip(pairs).for_each(|(out, (i, j))| *out = entry(i, j) as f32);
         }
     }
-}
-
-/// Single-precision numbers as little-endian bytes, not copied where the machine stores them so.
-pub fn to_bytes(numbers: Vec<f32>) -> Bytes {
-    struct Numbers(Vec<f32>);
-
-    impl AsRef<[u8]> for Numbers {
-        fn as_ref(&self) -> &[u8] {
-            bytemuck::cast_slice(&self.0)
-        }
-    }
-
-    if cfg!(target_endian = "little") {
-        return Bytes::from_owner(Numbers(numbers));
-    }
-    numbers.into_iter().flat_map(f32::to_le_bytes).collect()
 }
 
 #[cfg(test)]

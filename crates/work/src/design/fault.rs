@@ -1,0 +1,49 @@
+//! Why a field cannot be designed, or something made of one.
+
+use chladni_base::Cancelled;
+use chladni_spectral::field::{DesignError, FieldError, PrescribedError, StreamlineError};
+
+/// Why a request about a field cannot be answered.
+#[derive(Debug, thiserror::Error)]
+pub enum DesignFault {
+    /// A member of the request does not fit.
+    #[error("{place}: {reason}")]
+    Request {
+        /// What kind of thing is wrong: `face`, `direction`, `weight`, …
+        within: &'static str,
+        /// The member.
+        place: String,
+        /// Why.
+        reason: String,
+        /// The face that it is about.
+        face: Option<u32>,
+    },
+    /// The basis does not belong to the surface.
+    #[error("the basis has {basis} faces and the surface {surface}")]
+    Surface {
+        /// Faces of the basis.
+        basis: usize,
+        /// Faces of the surface.
+        surface: usize,
+    },
+    /// The surface has no curvature tensors.
+    #[error("{0}")]
+    Curvature(String),
+    /// The surface or the space is none for fields.
+    #[error(transparent)]
+    Field(FieldError),
+    /// The design failed.
+    #[error(transparent)]
+    Design(DesignError),
+    /// The singularities cannot be had.
+    #[error(transparent)]
+    Singularities(#[from] PrescribedError),
+    /// No lines could be laid.
+    #[error(transparent)]
+    Lines(StreamlineError),
+    /// It was asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+stopped!(DesignFault: FieldError => Field, DesignError => Design, StreamlineError => Lines);

@@ -1,0 +1,308 @@
+//! Simulation and sound of stored vibration modes.
+
+use chladni_base::{Cancelled, Monitor};
+use chladni_mesh::TriangleMesh;
+use chladni_spectral::analysis::sound::{Listening, Sound, listen};
+use chladni_spectral::analysis::vibration::{Damping, Load, Motion, SimulationError, check_times};
+use chladni_spectral::basis::modal::ModalBasis;
+use serde::{Deserialize, Serialize};
+
+/// The most loads.
+const MOST_LOADS: usize = 10_000;
+
+/// Damping `α M + β K`.
+#[derive(Debug, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct DampingRequest {
+    /// In 1/time.
+    pub alpha: f64,
+    /// In time.
+    pub beta: f64,
+}
+
+/// What acts on one vertex.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum LoadRequest {
+    /// A sudden change of momentum: a tap.
+    #[serde(rename_all = "snake_case")]
+    Impulse {
+        /// Where.
+        vertex: usize,
+        /// When.
+        #[serde(default)]
+        time: f64,
+        /// By how much, in mass · length / time.
+        momentum: [f64; 3],
+    },
+    /// A constant force over an interval.
+    Force {
+        /// Where.
+        vertex: usize,
+        /// Since when.
+        from: f64,
+        /// Until when.
+        to: f64,
+        /// In mass · length / time².
+        force: [f64; 3],
+    },
+}
+
+/// What is wanted of a motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum MotionForm {
+    /// The displacement of every vertex at each time.
+    #[default]
+    Displacements,
+    /// The coordinates of the modes at each time, and their velocities.
+    State,
+}
+
+/// What is to be heard.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct SoundRequest {
+    /// Where the ear is, in units of the mesh.
+    pub listener: [f64; 3],
+    /// Samples a second, 8000 to 192000.
+    #[serde(default = "compact_disc")]
+    #[cfg_attr(feature = "schema", schema(default = 44100))]
+    pub sample_rate: u32,
+    /// How long, at most 60.
+    #[serde(default = "one_second")]
+    #[cfg_attr(feature = "schema", schema(default = 1.0))]
+    pub seconds: f64,
+}
+
+fn compact_disc() -> u32 {
+    44_100
+}
+
+fn one_second() -> f64 {
+    1.0
+}
+
+/// What happens to an object at rest, and what is to be told of it.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "schema", schema(example = json!({
+    "damping": {"alpha": 2.0, "beta": 1e-7},
+    "loads": [{"impulse": {"vertex": 17, "time": 0.0, "momentum": [0.0, 0.0, -0.01]}}],
+    "times": [0.0, 0.001, 0.002]
+})))]
+pub struct SimulateRequest {
+    /// Damping; none, unless it is given.
+    #[serde(default)]
+    pub damping: DampingRequest,
+    /// Impulses and forces; those on clamped vertices do nothing.
+    #[serde(default)]
+    pub loads: Vec<LoadRequest>,
+    /// Times, ascending.
+    #[serde(default)]
+    pub times: Vec<f64>,
+    /// What is wanted at each time.
+    #[serde(default)]
+    #[cfg_attr(feature = "schema", schema(inline))]
+    pub give: MotionForm,
+    /// Vertices whose displacements are wanted; all, unless it is given.
+    pub vertices: Option<Vec<usize>>,
+    /// A sound instead: the answer is a WAV file.
+    pub sound: Option<SoundRequest>,
+}
+
+/// A motion at some times.
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(example = json!({"times": [0.0, 0.001], "energies": [0.5, 0.49], "displacements": [[0.0, 0.0, 0.0], [0.0, 0.0, -0.001]], "positions": null, "velocities": null})))]
+pub struct SimulateAnswer {
+    /// The times.
+    pub times: Vec<f64>,
+    /// Kinetic plus elastic energy at each.
+    pub energies: Vec<f64>,
+    /// At each time three numbers for each vertex.
+    pub displacements: Option<Vec<Vec<f32>>>,
+    /// At each time the coordinates of the modes.
+    pub positions: Option<Vec<Vec<f64>>>,
+    /// At each time the velocities of these.
+    pub velocities: Option<Vec<Vec<f64>>>,
+}
+
+/// Why nothing can be simulated.
+#[derive(Debug, thiserror::Error)]
+pub enum SimulationFault {
+    /// There are too many loads.
+    #[error("loads: {0} are given; one request may have {MOST_LOADS}")]
+    Loads(usize),
+    /// The answer would be too large.
+    #[error("times: {times} times make {numbers} numbers; one answer may have {most}")]
+    Times {
+        /// Times that are asked for.
+        times: usize,
+        /// Numbers that they make.
+        numbers: usize,
+        /// The most of an answer.
+        most: usize,
+    },
+    /// There is no such vertex.
+    #[error("vertices: there is no vertex {vertex}; the object has {vertices}")]
+    Vertex {
+        /// The vertex.
+        vertex: usize,
+        /// How many there are.
+        vertices: usize,
+    },
+    /// A load, a damping, a time or a sound does not fit.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
+    /// It was asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// Frames of a motion, frame after frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frames {
+    /// The numbers.
+    pub numbers: Vec<f32>,
+    /// Frames.
+    pub rows: usize,
+    /// Numbers of a frame.
+    pub columns: usize,
+}
+
+impl SimulateRequest {
+    fn motion(&self, modes: &ModalBasis) -> Result<Motion, SimulationFault> {
+        let damping = Damping { mass: self.damping.alpha, stiffness: self.damping.beta };
+        let loads: Vec<Load> = self.loads.iter().map(load).collect();
+        Ok(Motion::new(modes, damping, &loads)?)
+    }
+
+    fn check(&self) -> Result<(), SimulationFault> {
+        if self.loads.len() > MOST_LOADS {
+            return Err(SimulationFault::Loads(self.loads.len()));
+        }
+        Ok(check_times(&self.times)?)
+    }
+
+    /// The sound that is asked for; `None` where none is.
+    ///
+    /// # Errors
+    /// [`SimulationFault`] names what does not fit.
+    pub fn sound(&self, modes: &ModalBasis, surface: &TriangleMesh) -> Result<Option<Sound>, SimulationFault> {
+        self.check()?;
+        let Some(sound) = &self.sound else { return Ok(None) };
+        let listening = Listening { point: sound.listener, rate: sound.sample_rate, seconds: sound.seconds };
+        listening.check()?;
+        Ok(Some(listen(modes, &self.motion(modes)?, &surface.positions, &surface.faces, &listening)?))
+    }
+
+    /// Calls `take` with each frame: the numbers of its form (positions before velocities of a state), and its energy.
+    fn each(
+        &self,
+        modes: &ModalBasis,
+        most: usize,
+        monitor: &dyn Monitor,
+        mut take: impl FnMut(Frame<'_>, f64),
+    ) -> Result<usize, SimulationFault> {
+        self.check()?;
+        let vertices = modes.vertices();
+        if let Some(&vertex) = self.vertices.iter().flatten().find(|&&vertex| vertex >= vertices) {
+            return Err(SimulationFault::Vertex { vertex, vertices });
+        }
+        let columns = match self.give {
+            MotionForm::State => 2 * modes.count(),
+            MotionForm::Displacements => 3 * self.vertices.as_ref().map_or(vertices, Vec::len),
+        };
+        let numbers = self.times.len().saturating_mul(columns);
+        if numbers > most {
+            return Err(SimulationFault::Times { times: self.times.len(), numbers, most });
+        }
+        let motion = self.motion(modes)?;
+        let lifter = modes.lifter();
+        let mut whole = vec![0f32; 3 * vertices];
+        for &time in &self.times {
+            monitor.checkpoint()?;
+            let state = motion.at(time);
+            let energy = state.iter().zip(motion.oscillators()).map(|(state, o)| o.energy(*state)).sum();
+            let positions: Vec<f64> = state.iter().map(|mode| mode.position).collect();
+            if self.give == MotionForm::State {
+                take(Frame::State(positions, state.iter().map(|mode| mode.velocity).collect()), energy);
+                continue;
+            }
+            lifter.lift(&positions, &mut whole);
+            match &self.vertices {
+                None => take(Frame::Displacements(&whole), energy),
+                Some(chosen) => {
+                    let part: Vec<f32> = chosen.iter().flat_map(|&v| whole[3 * v..3 * v + 3].to_vec()).collect();
+                    take(Frame::Displacements(&part), energy);
+                }
+            }
+        }
+        Ok(columns)
+    }
+
+    /// The motion at the times, at most `most` numbers.
+    ///
+    /// # Errors
+    /// [`SimulationFault`] names what does not fit.
+    pub fn answer(
+        &self,
+        modes: &ModalBasis,
+        most: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<SimulateAnswer, SimulationFault> {
+        let state = self.give == MotionForm::State;
+        let (mut displacements, mut positions, mut velocities, mut energies) = (vec![], vec![], vec![], vec![]);
+        self.each(modes, most, monitor, |frame, energy| {
+            energies.push(energy);
+            match frame {
+                Frame::Displacements(frame) => displacements.push(frame.to_vec()),
+                Frame::State(own, speeds) => {
+                    positions.push(own);
+                    velocities.push(speeds);
+                }
+            }
+        })?;
+        Ok(SimulateAnswer {
+            times: self.times.clone(),
+            energies,
+            displacements: (!state).then_some(displacements),
+            positions: state.then_some(positions),
+            velocities: state.then_some(velocities),
+        })
+    }
+
+    /// The same as plain numbers.
+    ///
+    /// # Errors
+    /// [`SimulationFault`] names what does not fit.
+    pub fn frames(&self, modes: &ModalBasis, most: usize, monitor: &dyn Monitor) -> Result<Frames, SimulationFault> {
+        let mut numbers = Vec::new();
+        let columns = self.each(modes, most, monitor, |frame, _| match frame {
+            Frame::Displacements(frame) => numbers.extend_from_slice(frame),
+            Frame::State(positions, velocities) => {
+                numbers.extend(positions.iter().chain(&velocities).map(|&x| x as f32));
+            }
+        })?;
+        Ok(Frames { numbers, rows: self.times.len(), columns })
+    }
+}
+
+/// One frame of a motion.
+enum Frame<'a> {
+    Displacements(&'a [f32]),
+    State(Vec<f64>, Vec<f64>),
+}
+
+fn load(load: &LoadRequest) -> Load {
+    match *load {
+        LoadRequest::Impulse { vertex, time, momentum } => Load::Impulse { vertex, time, momentum },
+        LoadRequest::Force { vertex, from, to, force } => Load::Force { vertex, from, to, force },
+    }
+}

@@ -1,0 +1,192 @@
+//! What a stored basis is good for, without a server: distances, filters, designed fields. Requests are those of the API.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use chladni_algebra::DenseMatrix;
+use chladni_base::Unwatched;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::write::{PlyPrecision, write_ply_with};
+use chladni_spectral::analysis::filter::{Transfer, filter};
+use chladni_spectral::basis::{Basis, StoredFields};
+use chladni_spectral::formats::npz;
+use chladni_work::design::{DesignRequest, Form, Setting, Surface, written};
+use chladni_work::distances::DistanceRequest;
+use serde::de::DeserializeOwned;
+use serde_json::json;
+
+use super::work::{OutputFile, json_argument};
+use super::{CliError, MeshInput, read_bytes};
+
+/// A stored basis and the mesh that it lives on.
+#[derive(Debug, clap::Args)]
+struct Stored {
+    /// NPZ file of the basis, from solve, field, run or the API
+    #[arg(value_name = "BASIS")]
+    basis: PathBuf,
+
+    #[command(flatten)]
+    input: MeshInput,
+}
+
+impl Stored {
+    fn read<T>(
+        &self,
+        read: impl FnOnce(&[u8]) -> Result<T, chladni_spectral::formats::FormatError>,
+    ) -> Result<T, CliError> {
+        let (bytes, _) = read_bytes(&self.basis)?;
+        read(&bytes).map_err(|error| CliError::mesh(&self.basis, error))
+    }
+
+    /// The basis of functions on the vertices of the mesh.
+    fn functions(&self) -> Result<(Basis, TriangleMesh), CliError> {
+        let (basis, mesh) = (self.read(npz::read)?, self.input.load()?);
+        let (rows, vertices) = (basis.vertices(), mesh.positions.len());
+        if rows != vertices {
+            let reason = format!("the basis has {rows} rows and the mesh {vertices} vertices");
+            return Err(CliError::mesh(&self.basis, reason));
+        }
+        Ok((basis, mesh))
+    }
+}
+
+/// Compute distances on a surface from a stored eigenbasis, without a server
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Example:
+  chladni distances bunny.npz bunny.ply --request '{\"distance\": {\"kind\": \"geodesic\"}, \"sources\": [17]}' -o distances.npy")]
+pub struct DistancesArguments {
+    #[command(flatten)]
+    stored: Stored,
+
+    /// The request of POST /v1/bases/{id}/distances as JSON, or @FILE
+    #[arg(long, value_name = "JSON")]
+    request: String,
+
+    /// Write the table to this .npy file instead of printing it as JSON
+    #[arg(long, short = 'o', value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// Filter the coordinates of a mesh by its spectrum, without a server
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Example:
+  chladni filter bunny.npz bunny.ply --transfer '{\"kind\": \"low_pass\", \"cutoff\": 250.0}' -o smooth.ply")]
+pub struct FilterArguments {
+    #[command(flatten)]
+    stored: Stored,
+
+    /// The transfer function of POST /v1/bases/{id}/filter as JSON, or @FILE
+    #[arg(long, value_name = "JSON")]
+    transfer: String,
+
+    /// Write the filtered mesh to this PLY file
+    #[arg(long, short = 'o', value_name = "FILE")]
+    output: PathBuf,
+}
+
+/// Design a tangential field in a stored space of fields, without a server
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Example:
+  chladni design fields.npz bunny.ply --request '{\"strokes\": [{\"face\": 17, \"direction\": [0, 0, 1]}]}' -o field.npy")]
+pub struct DesignArguments {
+    #[command(flatten)]
+    stored: Stored,
+
+    /// The request of POST /v1/bases/{id}/design as JSON, or @FILE
+    #[arg(long, value_name = "JSON")]
+    request: String,
+
+    /// How the numbers of a face are written
+    #[arg(long, value_name = "FORM", default_value = "world", value_parser = form)]
+    form: Form,
+
+    /// Write the field, a row for each face, to this .npy file; without it the coefficients and energies are printed as JSON
+    #[arg(long, short = 'o', value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+fn form(text: &str) -> Result<Form, String> {
+    serde_json::from_value(json!(text)).map_err(|_| "one of world, frames, roots, axes".to_owned())
+}
+
+/// Runs `chladni distances`.
+pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
+    let request: DistanceRequest = typed("--request", &arguments.request)?;
+    let output = arguments.output.as_deref().map(OutputFile::probe).transpose()?;
+    let (basis, mesh) = arguments.stored.functions()?;
+    let table = request.distances(&basis, Some(&mesh)).map_err(|error| CliError::Refused(error.to_string()))?;
+    match output {
+        None => print(&chladni_work::table::Table::from(&table)),
+        Some(file) => array(&file, &table),
+    }
+}
+
+/// Runs `chladni filter`.
+pub fn filtered(arguments: FilterArguments) -> Result<ExitCode, CliError> {
+    let transfer: Transfer = typed("--transfer", &arguments.transfer)?;
+    let output = OutputFile::probe(&arguments.output)?;
+    let (basis, mesh) = arguments.stored.functions()?;
+    let mut coordinates = DenseMatrix::zeros(mesh.positions.len(), 3);
+    for axis in 0..3 {
+        coordinates.column_mut(axis).iter_mut().zip(&mesh.positions).for_each(|(x, position)| *x = position[axis]);
+    }
+    let moved = filter(&basis, &coordinates, &transfer).map_err(|error| CliError::Refused(error.to_string()))?;
+    let position = |row: usize| std::array::from_fn(|axis| moved.column(axis)[row]);
+    let moved = TriangleMesh { positions: (0..moved.rows()).map(position).collect(), faces: mesh.faces };
+    output.write(|out| Ok(write_ply_with(&moved, None, PlyPrecision::Single, out)?))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Runs `chladni design`.
+pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
+    let refused = |fault: chladni_work::design::DesignFault| CliError::Refused(fault.to_string());
+    let request: DesignRequest = typed("--request", &arguments.request)?;
+    let output = arguments.output.as_deref().map(OutputFile::probe).transpose()?;
+    let fields: StoredFields = arguments.stored.read(npz::read_fields)?;
+    let surface = Surface::new(&arguments.stored.input.load()?).map_err(refused)?;
+    let setting = Setting::new(Arc::new(fields), Arc::new(surface)).map_err(refused)?;
+    let designed = setting.design(&request, &Unwatched).map_err(refused)?;
+    let Some(file) = output else {
+        let design = designed.design;
+        return print(&json!({
+            "coefficients": design.coefficients,
+            "harmonic_energy": design.harmonic_energy,
+            "biharmonic_energy": design.biharmonic_energy,
+            "alignment_energy": design.alignment_energy,
+            "faces": designed.constraints.iter().map(|constraint| constraint.face).collect::<Vec<_>>(),
+            "residuals": design.residuals,
+        }));
+    };
+    let field = setting.lift(&designed.design.coefficients).map_err(refused)?;
+    let (kind, surface) = (setting.kind(), &setting.surface.surface);
+    let numbers = written(surface.frames(), kind, arguments.form, field);
+    let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+    let whole = npz::npy("<f4", false, &[surface.faces(), arguments.form.columns(kind)], &bytes);
+    file.write(|out| Ok(out.write_all(&whole)?))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// A typed request from the command line.
+fn typed<T: DeserializeOwned>(flag: &str, text: &str) -> Result<T, CliError> {
+    let value = json_argument(flag, text)?;
+    serde_json::from_value(value).map_err(|error| CliError::Usage(format!("{flag}: {error}")))
+}
+
+fn print(value: &impl serde::Serialize) -> Result<ExitCode, CliError> {
+    let text = serde_json::to_string(value).map_err(|error| CliError::Service(error.to_string()))?;
+    writeln!(std::io::stdout(), "{text}").map_err(CliError::stdout)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes a matrix for `numpy.load`, in double precision.
+fn array(file: &OutputFile, table: &DenseMatrix) -> Result<ExitCode, CliError> {
+    let bytes: Vec<u8> = table.values().iter().flat_map(|x| x.to_le_bytes()).collect();
+    let whole = npz::npy("<f8", true, &[table.rows(), table.columns()], &bytes);
+    file.write(|out| Ok(out.write_all(&whole)?))?;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,271 @@
+//! One job without a server: the same for every kind and every command that runs one.
+
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use chladni_algebra::gpu::{self, GpuChoice};
+use chladni_mesh::TriangleMesh;
+use chladni_spectral::basis::Product;
+use chladni_spectral::formats::FormatError;
+use chladni_work::{JobParameters, MeshSize, SOLVER_VERSION, abbreviate};
+use serde_json::{Map, Value, json};
+
+use super::{CliError, MeshInput, StageBars, memory};
+
+/// The mesh, and what does not depend on the kind of work.
+#[derive(Debug, clap::Args)]
+pub struct WorkArguments {
+    #[command(flatten)]
+    pub input: MeshInput,
+
+    /// Any parameter of the job by name, as the API takes it, such as radial.distance=dijkstra; may be given several times
+    #[arg(long = "parameter", short = 'p', value_name = "NAME=VALUE", help_heading = "Method")]
+    pub named: Vec<String>,
+
+    /// Graphics card for large dense problems: off, auto, its number or a part of its name
+    #[arg(long, value_name = "CARD", env = "CHLADNI_GPU", help_heading = "Method", default_value = "off", value_parser = card)]
+    pub gpu: GpuChoice,
+
+    /// Threads; 0 for one per core
+    #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Method")]
+    pub threads: usize,
+
+    /// Begin even if the estimate says that there is too little memory
+    #[arg(long, help_heading = "Method")]
+    pub ignore_memory: bool,
+
+    /// Write the result to this NPZ file
+    #[arg(long, short = 'o', value_name = "FILE", help_heading = "Output")]
+    pub output: Option<PathBuf>,
+
+    /// Print one line of JSON instead of a table
+    #[arg(long, help_heading = "Output")]
+    pub json: bool,
+
+    /// Draw no progress bars
+    #[arg(long, short = 'q', help_heading = "Output")]
+    pub quiet: bool,
+}
+
+fn card(text: &str) -> Result<GpuChoice, &'static str> {
+    text.parse()
+}
+
+/// What one run made and measured.
+pub struct Finished {
+    /// The mesh.
+    pub mesh: TriangleMesh,
+    /// What was made.
+    pub product: Product,
+    /// Seconds of each stage, reading first.
+    pub stages: Vec<(&'static str, f64)>,
+    /// Seconds from reading to the result.
+    pub total: f64,
+    /// Seconds of writing, where a file was asked for.
+    pub write: Option<f64>,
+    /// Threads that took part.
+    pub threads: usize,
+    /// The estimate of the memory, in bytes.
+    pub memory_estimate: u64,
+    /// The largest resident memory before writing, in bytes.
+    pub peak_rss: Option<u64>,
+}
+
+impl WorkArguments {
+    /// The parameters of a job of `kind`: `given`, with those that were given by name on top.
+    ///
+    /// # Errors
+    /// [`CliError::Usage`] or [`CliError::Parameters`] names what does not fit.
+    pub fn job(&self, kind: &str, mut given: Map<String, Value>) -> Result<JobParameters, CliError> {
+        for text in &self.named {
+            let (name, value) = text
+                .split_once('=')
+                .ok_or_else(|| CliError::Usage(format!("--parameter takes NAME=VALUE, not \"{text}\"")))?;
+            // What is not JSON is a word: `accuracy=accurate` needs no quotes.
+            let value = serde_json::from_str(value).unwrap_or_else(|_| json!(value));
+            insert(&mut given, name, value);
+        }
+        Ok(JobParameters::parse(kind, &Value::Object(given))?)
+    }
+
+    /// Reads the mesh, runs the job and writes its result where that is asked for.
+    ///
+    /// # Errors
+    /// [`CliError`]: an output that cannot be written is found out before the work begins.
+    pub fn run(&self, job: &JobParameters) -> Result<Finished, CliError> {
+        gpu::choose(self.gpu.clone());
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(self.threads)
+            .build()
+            .map_err(|error| CliError::Service(format!("cannot start {} threads: {error}", self.threads)))?;
+        // Before the work: a solve of minutes must not end at a folder that does not exist.
+        let output = self.output.as_deref().map(OutputFile::probe).transpose()?;
+        let bars = StageBars::new(self.json || self.quiet);
+        let began = Instant::now();
+        bars.begin("read");
+        let body = pool.install(|| self.input.load_body())?;
+        let (mesh, solid) = (body.surface.mesh, body.solid);
+        let mut stages = vec![("read", began.elapsed().as_secs_f64())];
+        let mut size = MeshSize::from(&mesh);
+        if let Some(solid) = &solid {
+            (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
+        }
+        job.check_mesh(size)?;
+        let memory_estimate = job.memory_bytes(size);
+        if let Some(free) = memory::available().filter(|free| memory_estimate > *free && !self.ignore_memory) {
+            return Err(CliError::Refused(format!(
+                "the job needs about {memory_estimate} bytes of memory and {free} are free; ask for less, or pass --ignore-memory"
+            )));
+        }
+        let outcome = pool.install(|| job.run_body(&mesh, solid.as_ref(), &bars))?;
+        let total = began.elapsed().as_secs_f64();
+        bars.finish();
+        stages.extend(outcome.seconds);
+        let peak_rss = peak_rss_bytes();
+        let product = outcome.product;
+        let write = match output {
+            None => None,
+            Some(file) => {
+                let began = Instant::now();
+                file.write(|out| product.write_npz(out))?;
+                Some(began.elapsed().as_secs_f64())
+            }
+        };
+        let threads = pool.current_num_threads();
+        Ok(Finished { mesh, product, stages, total, write, threads, memory_estimate, peak_rss })
+    }
+}
+
+impl Finished {
+    /// What every kind of work tells, as one object.
+    pub fn json(&self, job: &JobParameters) -> Value {
+        let mut parameters = job.canonical();
+        abbreviate(&mut parameters);
+        let summary = self.product.summary();
+        json!({
+            "kind": job.kind(),
+            "vertices": self.mesh.positions.len(),
+            "faces": self.mesh.faces.len(),
+            "dimension": summary.dimension,
+            "details": summary.details,
+            "parameters": parameters,
+            "basis_bytes": self.product.stored_bytes(),
+            "seconds": {"total": self.total, "stages": self.stage_seconds(), "write": self.write},
+            "threads": self.threads,
+            "peak_rss_bytes": self.peak_rss,
+            "memory_estimate_bytes": self.memory_estimate,
+            "solver_version": SOLVER_VERSION,
+            "eigenvalues": summary.eigenvalues,
+        })
+    }
+
+    /// Seconds of each stage; one that came more than once counts whole.
+    pub fn stage_seconds(&self) -> Map<String, Value> {
+        let mut stages: Map<String, Value> = Map::new();
+        for &(name, seconds) in &self.stages {
+            let before = stages.get(name).and_then(Value::as_f64).unwrap_or(0.0);
+            stages.insert(name.to_owned(), json!(before + seconds));
+        }
+        stages
+    }
+}
+
+/// The members of an object that were given.
+pub fn given<const N: usize>(members: [(&str, Option<Value>); N]) -> Map<String, Value> {
+    members.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?))).collect()
+}
+
+/// Sets a member by its name; a dot leads into an object: `radial.distance`.
+fn insert(object: &mut Map<String, Value>, name: &str, value: Value) {
+    let Some((outer, inner)) = name.split_once('.') else {
+        object.insert(name.to_owned(), value);
+        return;
+    };
+    let member = object.entry(outer).or_insert_with(|| json!({}));
+    if !member.is_object() {
+        *member = json!({});
+    }
+    if let Value::Object(member) = member {
+        insert(member, inner, value);
+    }
+}
+
+/// A JSON value from the command line: as it stands there, or `@FILE`.
+///
+/// # Errors
+/// [`CliError`] names the flag or the file.
+pub fn json_argument(flag: &str, text: &str) -> Result<Value, CliError> {
+    let read = match text.strip_prefix('@') {
+        None => text.to_owned(),
+        Some(path) => std::fs::read_to_string(path).map_err(|error| CliError::file("read", Path::new(path), error))?,
+    };
+    serde_json::from_str(&read).map_err(|error| CliError::Usage(format!("{flag}: {error}")))
+}
+
+/// The largest resident memory of this process so far, in bytes; absent where the system does not tell.
+pub fn peak_rss_bytes() -> Option<u64> {
+    memory::field(&std::fs::read_to_string("/proc/self/status").ok()?, "VmHWM:")
+}
+
+/// What a file is written through.
+pub type Out = BufWriter<std::fs::File>;
+
+/// A file that appears under its name only when it is whole.
+pub struct OutputFile {
+    path: PathBuf,
+    part: PathBuf,
+}
+
+impl OutputFile {
+    /// Makes sure that the file can be written; leaves nothing behind, so that an interrupted solve does not either.
+    pub fn probe(path: &Path) -> Result<Self, CliError> {
+        let mut name = path
+            .file_name()
+            .map(std::ffi::OsStr::to_owned)
+            .ok_or_else(|| CliError::Usage(format!("--output {}: this is not the name of a file", path.display())))?;
+        name.push(format!(".{}.part", std::process::id()));
+        let output = Self { path: path.to_owned(), part: path.with_file_name(name) };
+        let failed = |error| CliError::file("write", &output.path, error);
+        std::fs::File::create(&output.part).map_err(failed)?;
+        std::fs::remove_file(&output.part).map_err(failed)?;
+        Ok(output)
+    }
+
+    /// Writes the file by `write`, whole or not at all.
+    pub fn write(&self, write: impl FnOnce(&mut Out) -> Result<(), FormatError>) -> Result<(), CliError> {
+        let written = self.write_part(write).and_then(|()| std::fs::rename(&self.part, &self.path));
+        written.map_err(|error| {
+            // What was written so far is of no use; that it may not be removed either adds nothing.
+            let _removed = std::fs::remove_file(&self.part);
+            CliError::file("write", &self.path, error)
+        })
+    }
+
+    fn write_part(&self, write: impl FnOnce(&mut Out) -> Result<(), FormatError>) -> std::io::Result<()> {
+        let mut out = BufWriter::with_capacity(1 << 20, std::fs::File::create(&self.part)?);
+        write(&mut out).map_err(std::io::Error::other)?;
+        out.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn peak_memory_is_told_on_linux() {
+        assert!(!cfg!(target_os = "linux") || peak_rss_bytes().is_some_and(|bytes| bytes > 1 << 20));
+    }
+
+    #[test]
+    fn json_comes_from_the_command_line_or_from_a_file() {
+        assert_eq!(json_argument("--request", "{\"a\": 1}").unwrap(), json!({"a": 1}));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("request.json");
+        std::fs::write(&path, "[1, 2]").unwrap();
+        assert_eq!(json_argument("--request", &format!("@{}", path.display())).unwrap(), json!([1, 2]));
+        assert!(json_argument("--request", "{").unwrap_err().to_string().starts_with("--request: EOF"));
+        assert!(json_argument("--request", "@/no/such/file").unwrap_err().to_string().contains("/no/such/file"));
+    }
+}

@@ -1,0 +1,227 @@
+//! The shared state as one client uses it: under its name, with its part of what all clients share.
+
+use std::net::SocketAddr;
+use std::ops::Deref;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use axum::extract::FromRequestParts;
+use axum::http::request::Parts;
+use chladni_base::{Cancelled, Monitor};
+use tokio::sync::oneshot;
+
+use super::access::Principal;
+use super::problem::{self, Problem};
+use super::serve::Peer;
+use super::shares::{Refused, Share};
+use super::state::AppState;
+
+/// What a handler works with: the shared state, and on whose behalf.
+#[derive(Debug, Clone)]
+pub struct ClientState {
+    state: AppState,
+    /// The name of the API key, or `anonymous`.
+    pub principal: Arc<str>,
+    /// Whose part of what is shared the request takes from: the key's or, where the server has none, the address's.
+    name: Arc<str>,
+    /// What the request holds as long as it, or work of it, goes on.
+    held: Arc<Mutex<Vec<Share>>>,
+}
+
+impl Deref for ClientState {
+    type Target = AppState;
+    fn deref(&self) -> &AppState {
+        &self.state
+    }
+}
+
+impl FromRequestParts<AppState> for ClientState {
+    type Rejection = std::convert::Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, state: &AppState) -> Result<Self, Self::Rejection> {
+        let Principal(principal) = parts.extensions.get::<Principal>().cloned().unwrap_or_default();
+        let address = parts.extensions.get::<Peer>().map(|peer| peer.address);
+        let name = match address {
+            Some(address) if state.keys().is_empty() => address_name(address),
+            _ => principal.clone(),
+        };
+        Ok(Self { state: state.clone(), principal, name, held: Arc::default() })
+    }
+}
+
+/// The name of a client that has no key.
+pub fn address_name(address: SocketAddr) -> Arc<str> {
+    address.ip().to_canonical().to_string().into()
+}
+
+/// Looks whether anybody still waits for the result of work.
+struct Attended<'a>(&'a AtomicBool);
+
+impl Monitor for Attended<'_> {
+    fn stage(&self, _name: &'static str) {}
+    fn progress(&self, _fraction: f64) {}
+    fn checkpoint(&self) -> Result<(), Cancelled> {
+        if self.0.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) }
+    }
+}
+
+/// Raises a flag where it is dropped before the work has ended: the connection was closed, and the handler went with it.
+struct Attendance {
+    left: Arc<AtomicBool>,
+    ended: bool,
+}
+
+impl Drop for Attendance {
+    fn drop(&mut self) {
+        if !self.ended {
+            self.left.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+impl From<Cancelled> for Problem {
+    /// Work is cancelled where nobody waits for it any more, or where it takes longer than a request may.
+    fn from(_: Cancelled) -> Self {
+        Self::new(&problem::BUSY, "The work was cancelled before it was done.").retry_after(1)
+    }
+}
+
+impl ClientState {
+    /// An empty share of the memory for requests.
+    pub fn memory(&self) -> Share {
+        self.request_memory.none(&self.name)
+    }
+
+    /// Holds a share until the request, and all work that it began, has ended.
+    pub fn hold(&self, share: Share) {
+        self.held.lock().unwrap_or_else(PoisonError::into_inner).push(share);
+    }
+
+    /// A place for a stream of events or a long poll.
+    ///
+    /// # Errors
+    /// `busy` where too many are open.
+    pub fn watch(&self) -> Result<Share, Problem> {
+        self.watchers.take(&self.name, 1).map_err(|refused| {
+            let detail = match refused {
+                Refused::Everyone => "Too many requests are waiting for jobs.",
+                Refused::Client | Refused::TooMuch { .. } => "Too many requests of this client are waiting for jobs.",
+            };
+            Problem::new(&problem::BUSY, detail).retry_after(5)
+        })
+    }
+
+    /// Runs a synchronous solve on its own small pool, so that neither jobs nor uploads starve it. Where the client goes away the work is
+    /// skipped, or cancelled at its next checkpoint; its place is held until it has ended.
+    ///
+    /// # Errors
+    /// `busy` where too many solves of this client, or of all, are waiting, and whatever `work` answers.
+    pub async fn solve<T: Send + 'static>(
+        &self,
+        operation: &'static str,
+        work: impl FnOnce(&dyn Monitor) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        let place = self.solve_places.take(&self.name, 1).map_err(|refused| {
+            let detail = match refused {
+                Refused::Everyone => "Too many solves are waiting.",
+                Refused::Client | Refused::TooMuch { .. } => "Too many solves of this client are waiting.",
+            };
+            Problem::new(&problem::BUSY, detail).retry_after(1)
+        })?;
+        let begin = Instant::now();
+        let left = Arc::new(AtomicBool::new(false));
+        let mut attendance = Attendance { left: left.clone(), ended: false };
+        let (sender, receiver) = oneshot::channel();
+        let (held, metrics) = (self.held.clone(), self.metrics.clone());
+        self.solves.spawn(move || {
+            let result = match left.load(Ordering::Relaxed) {
+                true => Err(Cancelled.into()),
+                // A panic that left the closure would end the process.
+                false => catch_unwind(AssertUnwindSafe(|| work(&Attended(&left))))
+                    .unwrap_or_else(|_| Err(Problem::internal("the work panicked"))),
+            };
+            if left.load(Ordering::Relaxed) {
+                metrics.solves_abandoned.inc();
+            }
+            // Before the answer, so that who has it finds the place free.
+            drop((place, held));
+            let _receiver_is_gone = sender.send(result);
+        });
+        let result = receiver.await.map_err(|_| Problem::internal("the pool dropped the work"))?;
+        attendance.ended = true;
+        self.metrics.reduced_solve_seconds.with_label_values(&[operation]).observe(begin.elapsed().as_secs_f64());
+        result
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::store::{Store, StoreOptions};
+    use crate::telemetry::Metrics;
+    use std::sync::mpsc;
+
+    async fn client(folder: &std::path::Path) -> ClientState {
+        let store = Store::open(StoreOptions::new(folder)).await.unwrap();
+        let config = Config { solve_threads: 1, ..Config::default() };
+        let state = AppState::new(store, config, Arc::new(Metrics::new().unwrap()), || true).unwrap();
+        ClientState { state, principal: "a".into(), name: "a".into(), held: Arc::default() }
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn what_nobody_waits_for_is_skipped_or_cancelled_and_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let client = client(folder.path()).await;
+        let (begun, running) = mpsc::channel();
+        let (go_on, gate) = mpsc::channel();
+        let (told, heard) = mpsc::channel();
+        let first = {
+            let client = client.clone();
+            tokio::spawn(async move {
+                let work = move |monitor: &dyn Monitor| {
+                    begun.send(monitor.checkpoint().is_ok()).unwrap();
+                    gate.recv().unwrap();
+                    told.send(monitor.checkpoint().is_err()).unwrap();
+                    Ok(())
+                };
+                client.solve("first", work).await
+            })
+        };
+        assert!(tokio::task::spawn_blocking(move || running.recv().unwrap()).await.unwrap());
+        let second = {
+            let client = client.clone();
+            tokio::spawn(async move { client.solve("second", |_| -> Result<(), Problem> { panic!("it runs") }).await })
+        };
+        while client.solve_places.held() < 2 {
+            tokio::task::yield_now().await;
+        }
+        first.abort();
+        second.abort();
+        assert!(first.await.unwrap_err().is_cancelled() && second.await.unwrap_err().is_cancelled());
+        assert_eq!(client.solve_places.held(), 2, "places are held until the work has ended");
+        go_on.send(()).unwrap();
+        assert!(tokio::task::spawn_blocking(move || heard.recv().unwrap()).await.unwrap(), "the work is cancelled");
+        // On a pool of one thread this one comes after both.
+        client.solve("third", |_| Ok(())).await.unwrap();
+        assert_eq!((client.metrics.solves_abandoned.get(), client.solve_places.held()), (2, 0));
+        client.store.close().await;
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_client_beyond_its_part_is_told_to_come_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let client = client(folder.path()).await;
+        let held: Vec<Share> =
+            (0..client.solve_places.most()).map(|_| client.solve_places.take(&client.name, 1).unwrap()).collect();
+        let refused = client.solve("filter", |_| Ok(())).await.unwrap_err();
+        assert_eq!(refused.kind(), &problem::BUSY);
+        assert!(refused.detail().contains("this client"), "{}", refused.detail());
+        let other = ClientState { name: "b".into(), ..client.clone() };
+        other.solve("filter", |_| Ok(())).await.unwrap();
+        drop(held);
+        client.solve("filter", |_| Ok(())).await.unwrap();
+    }
+}
