@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `serve`, `connection`, `seats` | connections: accept loop, timeouts, drain; who gets one |
 //! | `middleware` | what surrounds every request: id, log, metrics |
-//! | `access`, `auth`, `origin` | who may call what, API keys and scopes, hosts and origins |
+//! | `access`, `auth`, `origin`, `cors` | who may call what, API keys and scopes, hosts and origins |
 //! | `client`, `shares` | what one client may use of what all share |
 //! | `problem`, `problems`, `convert` | every error as RFC 9457, and which ones a route has |
 //! | `body`, `extract`, `ids`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, ids, negotiation, ranges |
@@ -28,6 +28,7 @@ mod conditional;
 mod connection;
 mod content;
 mod convert;
+mod cors;
 mod distances;
 mod docs;
 mod events;
@@ -70,12 +71,11 @@ use std::sync::Arc;
 
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
-use axum::http::{HeaderName, HeaderValue, Method, header};
+use axum::http::header;
 use axum::middleware::{from_fn, from_fn_with_state, map_request};
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 use tower_http::compression::predicate::{Predicate, SizeAbove};
-use tower_http::cors::{AllowOrigin, Any, CorsLayer};
 use tower_http::request_id::{PropagateRequestIdLayer, SetRequestIdLayer};
 use utoipa_axum::router::OpenApiRouter;
 
@@ -118,7 +118,7 @@ pub fn router(state: AppState) -> Router {
         .layer(compression)
         .layer(from_fn_with_state(state.clone(), origin::guard))
         .layer(from_fn(seats::guard))
-        .layer(cors(&state.config.cors_origins))
+        .layer(cors::layer(&state.config.cors_origins))
         .layer(CatchPanicLayer::custom(middleware::panicked))
         .layer(from_fn_with_state(state.clone(), middleware::observe))
         .layer(PropagateRequestIdLayer::new(middleware::REQUEST_ID))
@@ -142,43 +142,4 @@ impl Predicate for Text {
         let text = kind.contains("json") || kind.starts_with("text/") && !kind.starts_with("text/event-stream");
         text && !exact
     }
-}
-
-fn cors(origins: &[String]) -> CorsLayer {
-    let layer = CorsLayer::new()
-        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::PATCH, Method::DELETE])
-        .allow_headers([
-            header::ACCEPT,
-            header::AUTHORIZATION,
-            header::CONTENT_ENCODING,
-            header::CONTENT_TYPE,
-            header::IF_NONE_MATCH,
-            header::RANGE,
-            HeaderName::from_static("idempotency-key"),
-            HeaderName::from_static("last-event-id"),
-            middleware::REQUEST_ID,
-        ])
-        .expose_headers([
-            header::ACCEPT_RANGES,
-            header::CONTENT_RANGE,
-            header::ETAG,
-            header::LOCATION,
-            header::RETRY_AFTER,
-            HeaderName::from_static("chladni-columns"),
-            HeaderName::from_static("chladni-dtype"),
-            HeaderName::from_static("chladni-energies"),
-            HeaderName::from_static("chladni-form"),
-            HeaderName::from_static("chladni-lines"),
-            HeaderName::from_static("chladni-outcome"),
-            HeaderName::from_static("chladni-relative-error"),
-            HeaderName::from_static("chladni-residual"),
-            HeaderName::from_static("chladni-rows"),
-            HeaderName::from_static("server-timing"),
-            middleware::REQUEST_ID,
-        ])
-        .max_age(std::time::Duration::from_secs(3600));
-    if origins.iter().any(|origin| origin == "*") {
-        return layer.allow_origin(Any);
-    }
-    layer.allow_origin(AllowOrigin::list(origins.iter().filter_map(|origin| HeaderValue::from_str(origin).ok())))
 }

@@ -101,6 +101,8 @@ async fn a_request_names_one_host() {
 async fn hoarded_connections_leave_room_for_a_probe() {
     let mut builder = TestApp::builder();
     builder.config.max_connections = 8;
+    // Idle connections stay until the test lets them go.
+    builder.config.header_seconds = Duration::from_secs(600);
     let app = builder.start();
     let idle: Vec<TcpStream> = (0..200).map(|_| TcpStream::connect(app.address).unwrap()).collect();
     let fresh = || reqwest::Client::builder().pool_max_idle_per_host(0).build().unwrap();
