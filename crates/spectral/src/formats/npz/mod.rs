@@ -25,7 +25,7 @@ use crate::basis::{Basis, BasisError, CHUNK_COLUMNS, Certificate, Compact, Dense
 pub use family::{read_family, write_family};
 pub use fields::{fields_to_bytes, read_fields, write_fields};
 pub use modal::{read_modes, write_modes};
-pub use read::{read, read_frame};
+pub use read::{check_sums, read, read_frame};
 
 /// Why bytes are not a basis, or a basis could not be written.
 #[derive(Debug, thiserror::Error)]
