@@ -211,7 +211,15 @@ pub fn verify(basis: &Basis, operator: &MeshOperator, monitor: &dyn Monitor) -> 
     if !verification.findings.is_empty() {
         return Ok(verification);
     }
-    let subject = Subject { basis, operator, unit: storage_unit(basis) };
+    let problem = &operator.problem;
+    let row_sum = |row| problem.stiffness.row(row).1.iter().map(|value| value.abs()).sum();
+    let subject = Subject {
+        basis,
+        operator,
+        unit: storage_unit(basis),
+        lumped: problem.mass.lumped(),
+        norm: (0..problem.size()).map(row_sum).fold(0.0, f64::max),
+    };
     verification.findings.extend(subject.mass_findings());
     monitor.stage("residuals");
     let (functions, outside) = subject.functions()?;
@@ -257,7 +265,7 @@ fn shape_findings(basis: &Basis, operator: &MeshOperator) -> Vec<Finding> {
     let mut findings = Vec::new();
     let mut differ = |what: &str, found: usize, expected: usize| {
         if found != expected {
-            findings.push(Finding::Shape(format!("{found} {what}, where {expected} belong")));
+            findings.push(Finding::Shape(format!("{found} {what} instead of {expected}")));
         }
     };
     differ("rows of functions", basis.vertices(), vertices);
@@ -283,6 +291,10 @@ struct Subject<'a> {
     operator: &'a MeshOperator,
     /// Half a unit in the last place of what is stored.
     unit: f64,
+    /// The lumped mass of the problem.
+    lumped: Vec<f64>,
+    /// The largest row sum of `|S|`.
+    norm: f64,
 }
 
 /// One pair.
@@ -303,7 +315,9 @@ impl Subject<'_> {
         let ramp: Vec<f64> = (0..ones.len()).map(|k| 1.0 + (k % 7) as f64).collect();
         let largest = expected.lumped().iter().fold(0.0, |most: f64, mass| most.max(mass.abs()));
         for vector in [&ones, &ramp] {
-            let (found, expected) = (self.basis.mass.multiply(vector)?, expected.multiply(vector)?);
+            let (Some(found), Some(expected)) = (self.basis.mass.multiply(vector), expected.multiply(vector)) else {
+                return Some(Finding::Shape("the mass matrix is not square".to_owned()));
+            };
             let differs = |(a, b): (&f64, &f64)| !((a - b).abs() <= 1e-9 * b.abs() + 1e-14 * largest);
             if let Some(row) = found.iter().zip(&expected).position(differs) {
                 return Some(Finding::Mass { row, found: found[row], expected: expected[row] });
@@ -319,8 +333,10 @@ impl Subject<'_> {
         let mut all = self.basis.lift::<f64>(0..count)?;
         all.par_iter_mut().for_each(|x| *x *= scale);
         let Some(unknowns) = &self.operator.problem.unknowns else {
-            let functions = DenseMatrix::from_columns(vertices, count, all);
-            return Ok((functions.unwrap_or_default(), None));
+            let Some(functions) = DenseMatrix::from_columns(vertices, count, all) else {
+                panic!("{count} functions of {vertices} values were lifted")
+            };
+            return Ok((functions, None));
         };
         let mut is_unknown = vec![false; vertices];
         unknowns.iter().for_each(|&vertex| is_unknown[vertex as usize] = true);
@@ -341,9 +357,9 @@ impl Subject<'_> {
         let value = basis.eigenvalues[pair];
         let theta = value * area;
         let mut findings = Vec::new();
-        let (sx, magnitudes, norm) = products(&problem.stiffness, x);
-        let mx = problem.mass.multiply(x).unwrap_or_default();
-        let lumped = problem.mass.lumped();
+        let (sx, magnitudes) = products(&problem.stiffness, x);
+        let mx = self.mass_times(x);
+        let norm = self.norm;
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let r: Vec<f64> = sx.iter().zip(&mx).map(|(s, m)| s - theta * m).collect();
         let (mass, energy) = (dot(x, &mx), dot(x, &sx));
@@ -354,7 +370,7 @@ impl Subject<'_> {
         let factor = if matches!(problem.mass, MassMatrix::Diagonal(_)) { 1.0 } else { 2.0 };
         let rounding = |row: usize| 16.0 * f64::EPSILON * (magnitudes[row] + (theta * mx[row]).abs());
         let dual: f64 =
-            r.iter().zip(&lumped).enumerate().map(|(row, (r, m))| (r.abs() + rounding(row)).powi(2) / m).sum();
+            r.iter().zip(&self.lumped).enumerate().map(|(row, (r, m))| (r.abs() + rounding(row)).powi(2) / m).sum();
         let distance = factor * dual.sqrt() / mass.sqrt();
         if !(residual.is_finite() && distance.is_finite()) {
             findings.push(Finding::NotFinite { pair, what: "the function" });
@@ -386,6 +402,17 @@ impl Subject<'_> {
         Judged { residual, distance: distance / area, findings }
     }
 
+    /// `M x`.
+    ///
+    /// # Panics
+    /// Where `x` has another size than the problem.
+    fn mass_times(&self, x: &[f64]) -> Vec<f64> {
+        let Some(product) = self.operator.problem.mass.multiply(x) else {
+            panic!("{} values for a mass of size {}", x.len(), self.lumped.len())
+        };
+        product
+    }
+
     /// The largest entry of `|XᵀMX − I|`.
     fn defect(&self, functions: &DenseMatrix, monitor: &dyn Monitor) -> Result<f64, Cancelled> {
         let (n, count) = (functions.rows(), functions.columns());
@@ -393,12 +420,12 @@ impl Subject<'_> {
         for from in (0..count).step_by(BLOCK) {
             monitor.checkpoint()?;
             let to = count.min(from + BLOCK);
-            let columns: Vec<Vec<f64>> = (from..to)
-                .into_par_iter()
-                .map(|pair| self.operator.problem.mass.multiply(functions.column(pair)).unwrap_or_default())
-                .collect();
-            let Some(images) = DenseMatrix::from_columns(n, to - from, columns.concat()) else { return Ok(f64::NAN) };
-            let Some(gram) = functions.transposed_times(&images) else { return Ok(f64::NAN) };
+            let columns: Vec<Vec<f64>> =
+                (from..to).into_par_iter().map(|pair| self.mass_times(functions.column(pair))).collect();
+            let images = DenseMatrix::from_columns(n, to - from, columns.concat());
+            let Some(gram) = images.and_then(|images| functions.transposed_times(&images)) else {
+                panic!("products of {n} rows with the mass have as many")
+            };
             for column in 0..to - from {
                 for (row, &entry) in gram.column(column).iter().enumerate() {
                     let off = (entry - f64::from(u8::from(row == from + column))).abs();
@@ -474,21 +501,14 @@ impl Subject<'_> {
     }
 }
 
-/// `S x`, the sums of the magnitudes of its terms, and the largest row sum of `|S|`.
-fn products(stiffness: &SparseMatrix, x: &[f64]) -> (Vec<f64>, Vec<f64>, f64) {
-    let mut norm = 0f64;
+/// `S x`, and the sums of the magnitudes of its terms.
+fn products(stiffness: &SparseMatrix, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let sums = (0..stiffness.rows()).map(|row| {
         let (columns, values) = stiffness.row(row);
-        let (mut sum, mut magnitude, mut row_sum) = (0.0, 0.0, 0.0);
-        for (&column, value) in columns.iter().zip(values) {
-            let term = value * x[column as usize];
-            (sum, magnitude, row_sum) = (sum + term, magnitude + term.abs(), row_sum + value.abs());
-        }
-        norm = norm.max(row_sum);
-        (sum, magnitude)
+        let terms = columns.iter().zip(values).map(|(&column, value)| value * x[column as usize]);
+        terms.fold((0.0, 0.0), |(sum, magnitude), term: f64| (sum + term, magnitude + term.abs()))
     });
-    let (product, magnitudes) = sums.unzip();
-    (product, magnitudes, norm)
+    sums.unzip()
 }
 
 #[cfg(test)]

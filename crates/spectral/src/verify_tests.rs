@@ -149,7 +149,7 @@ fn none_of_a_thousand_altered_bases_is_confirmed() {
                 "values are not in order"
             }
             14 => {
-                // All values and functions of another pair than the one that is left out, with a certificate that says so.
+                // One more than lies below that shift.
                 let shift = 0.5 * (original.eigenvalues[18] + original.eigenvalues[19]);
                 altered.certificate.inertia = vec![InertiaCount { shift, below: 20 }];
                 "a count is invented"
