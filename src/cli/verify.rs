@@ -168,6 +168,9 @@ fn page(basis: &Basis, outcome: &Verification, total: f64) -> String {
     let complete = match outcome.proven {
         Some(proven) if proven == basis.count() => "yes, none is missing".to_owned(),
         Some(proven) => format!("the lowest {} are, the rest is one cluster", grouped(proven)),
+        None if basis.certificate.complete == Some(true) && basis.certificate.accuracy.is_some() => {
+            "the count is confirmed; bounds of approximate pairs are not derived again".to_owned()
+        }
         None if basis.certificate.complete == Some(true) => "not confirmed".to_owned(),
         None => "the basis does not claim it".to_owned(),
     };

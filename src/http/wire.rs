@@ -112,7 +112,8 @@ pub struct JobRequest {
     ///
     /// `method: approximate`: `dimension` (of the subspace, default twice the count and at least the count plus 150), `construction` (`heat`,
     /// `radial`) with details in `heat` and `radial`, `accuracy` (`standard`, `accurate`, `{"goal": 0.005}`: the largest relative error of an
-    /// eigenvalue that is good enough, as estimated; columns are added until it is reached, at most five times), `refinement`
+    /// eigenvalue that is good enough, as estimated; columns are added until it is reached, at most five times), `certify`
+    /// (eigenvalues are counted once, and each pair is enclosed with its index: `complete` is true then, or the job fails), `refinement`
     /// (`inverse_iteration`, `{"chebyshev": {"degree": 20}}`: the basis is dense then, with a `precision`).
     ///
     /// `method: hsim`, pairs to a tolerance, proven complete: `tolerance` (largest residual, default 1e-2), `below` (all pairs below this

@@ -4,6 +4,7 @@ mod bisection;
 mod block_matrix;
 mod blocks;
 mod column_products;
+mod cycle_products;
 mod definite;
 mod dense;
 mod eigen;
@@ -31,6 +32,7 @@ mod tridiagonal;
 
 pub use block_matrix::{Block, BlockMatrix, add_product, inverse_positive, transposed};
 pub use blocks::compact_order;
+pub use cycle_products::{symmetric_product, weighted_gram};
 pub use definite::{DefiniteError, DefiniteFactor, orthonormalise, solve_definite};
 pub use dense::{DenseMatrix, row_parts};
 pub use eigen::{ComputedOn, CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};

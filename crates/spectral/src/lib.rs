@@ -46,6 +46,7 @@
 //!     dimension: 300,
 //!     space: Space::Heat(HeatParameters::default()),
 //!     goal: Some(Goal { error: 0.01, rounds: MOST_ROUNDS }),
+//!     certify: false,
 //!     seed: 0,
 //! };
 //! let basis = approximate(&mesh, &operator, &parameters, &Unwatched)?;

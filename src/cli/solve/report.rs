@@ -129,6 +129,9 @@ impl Run {
             );
         }
         text += match certificate.complete {
+            Some(true) if certificate.accuracy.is_some() => {
+                "\ncertified: an inertia count and the bounds enclose the eigenvalue of each index\n"
+            }
             Some(true) => "\ncomplete: inertia counts prove that no eigenvalue was skipped\n",
             Some(false) => "\nNOT complete: inertia counts contradict the pairs, or do not reach the last\n",
             None => "",

@@ -83,13 +83,14 @@ export function certificate(basis: Basis): HTMLElement {
     sentences.push(h("p", {}, `Every pair has a residual of at most ${brief(worst)}${proof.tolerance ? ` (asked: ${brief(proof.tolerance)})` : ""}.`));
   }
   if (relative.length) {
-    sentences.push(h("p", {}, `For each value an exact eigenvalue of the discrete problem lies within its bound: ${percent(relative[relative.length >> 1])} in the median, ${percent(relative[relative.length - 1])} at worst.`));
+    const which = proof.accuracy && proof.complete ? "The exact eigenvalue of the same index" : "For each value an exact eigenvalue of the discrete problem";
+    sentences.push(h("p", {}, `${which} lies within its bound: ${percent(relative[relative.length >> 1])} in the median, ${percent(relative[relative.length - 1])} at worst.`));
   }
   if (proof.complete === true) {
     const last = proof.inertia[proof.inertia.length - 1];
     sentences.push(h("p", { class: "proven" }, `Proven complete: ${proof.inertia.length === 1 ? "an inertia count" : `${proof.inertia.length} inertia counts`} show${proof.inertia.length === 1 ? "s" : ""} that no eigenvalue was skipped${last ? `; below ${brief(last.shift)} there are exactly ${grouped(last.below)}` : ""}.`));
   } else if (proof.complete === false) sentences.push(h("p", { class: "unproven" }, "Not proven complete: an eigenvalue may be missing."));
-  else sentences.push(h("p", {}, "The approximate method does not count whether an eigenvalue was skipped; the exact method does."));
+  else sentences.push(h("p", {}, "The approximate method counts whether an eigenvalue was skipped only where it is asked to certify; the exact method always does."));
   sentences.push(h("p", {}, `The eigenfunctions are orthonormal to ${brief(proof.orthonormality_defect)}.`));
   const solved = basis.stage_seconds.reduce((sum, stage) => sum + stage.seconds, 0);
   sentences.push(h("p", { class: "dim" }, `Solved in ${seconds(solved)}${typeof parameters.method === "string" ? ` by the method ${parameters.method}` : ""}.`));

@@ -6,8 +6,9 @@ use super::envelope::{envelop, on_all_vertices};
 use super::hats;
 use super::heat::{self, HeatError, HeatParameters};
 use super::hidden;
+use super::lehmann::{self, Enclosed};
 use super::radial::{self, Profile, RadialError, RadialParameters};
-use crate::basis::{AccuracyReport, Basis, Certificate, Compact, Functions};
+use crate::basis::{AccuracyReport, Basis, Certificate, Compact, Functions, InertiaCount};
 use crate::operator::{EigenProblem, MeshOperator};
 use chladni_algebra::{EigenError, EigenPairs, GalerkinError, SparseMatrix, SymmetricDefiniteSolver, galerkin, gpu};
 use chladni_base::{Cancelled, Monitor};
@@ -48,6 +49,8 @@ pub struct ApproximationParameters {
     pub space: Space,
     /// How accurate the pairs are to be; `None`: the space is taken as it is, and nothing is said.
     pub goal: Option<Goal>,
+    /// Whether eigenvalues are counted, so that each pair has an enclosure with its index.
+    pub certify: bool,
     /// Seeds everything that is drawn at random.
     pub seed: u64,
 }
@@ -96,6 +99,20 @@ pub enum ApproximationError {
     /// The refinement's factorisation failed.
     #[error("{0}")]
     Factor(String),
+    /// More eigenvalues were counted than the pairs stand for.
+    #[error("{missing} eigenvalues below {shift} have no pair: ask for a larger dimension, or for the method \"hsim\"")]
+    Incomplete {
+        /// How many.
+        missing: usize,
+        /// Where they were counted, in the units of the input.
+        shift: f64,
+    },
+    /// The pairs could not be enclosed.
+    #[error("the pairs could not be certified: {reason}")]
+    Unproven {
+        /// Why.
+        reason: String,
+    },
     /// More pairs than unknowns were asked for.
     #[error("{count} eigenpairs are asked for, but there are {unknowns} unknowns")]
     Count {
@@ -137,6 +154,8 @@ impl ApproximationError {
             Self::Eigen(_) => "eigenproblem-failed",
             Self::Certificate(_) => "certificate-failed",
             Self::Factor(_) => "factorisation-failed",
+            Self::Incomplete { .. } => "incomplete",
+            Self::Unproven { .. } => "unproven",
             Self::Parameter { .. } | Self::Count { .. } => "invalid-parameters",
         }
     }
@@ -162,7 +181,7 @@ const LARGEST_SHARE: f64 = 0.25;
 /// Where the estimated error of a pair exceeds the goal, columns are added and the pairs computed again, as often as the goal allows: hat functions
 /// where the residuals sit, if that is at few vertices, else a larger `d`. The certificate tells what came of it.
 ///
-/// Stages: `sampling`, `basis`, `reduce`, `eigen`, `bounds`; the last three, or all, once more for each round. Eigenvalues ascend, are upper
+/// Stages: `sampling`, `basis`, `reduce`, `eigen`, `bounds`; the last three, or all, once more for each round; `certify`. Eigenvalues ascend, are upper
 /// bounds of the exact ones, and are in 1/length² of the input; eigenfunctions are orthonormal for the mass of the input. The metadata are left
 /// empty. The same input and seed give the same answer, up to rounding in the dense eigenproblem where the number of threads differs.
 ///
@@ -178,7 +197,11 @@ pub fn approximate(
     let problem = &operator.problem;
     let mut parameters = *parameters;
     let (count, goal) = (parameters.count, parameters.goal.map(|goal| goal.error));
-    let columns = (count + guards(count, problem.size() / parameters.dimension.max(1)))
+    let mut guards = guards(count, problem.size() / parameters.dimension.max(1));
+    if parameters.certify {
+        guards = guards.max(lehmann::guards(count));
+    }
+    let columns = (count + guards)
         .min(parameters.dimension.max(count))
         .min(problem.size())
         .max(count);
@@ -217,6 +240,7 @@ pub fn approximate(
             hats_help = false;
         }
     }
+    let enclosed = if parameters.certify { Some(attempt.enclose(&energy, problem, monitor)?) } else { None };
     let Attempt { ritz: Ritz { space, mut pairs, .. }, mut certificate, largest_estimate, hidden, .. } = attempt;
     pairs.values.truncate(count);
     pairs.vectors = pairs.vectors.slice_columns(0..count);
@@ -231,6 +255,12 @@ pub fn approximate(
         dimension: space.columns(),
         hats: hats::count(&space),
     });
+
+    if let Some(Enclosed { shift, below, bounds }) = enclosed {
+        certificate.bounds = bounds.into_iter().map(|bound| bound / problem.area).collect();
+        certificate.complete = Some(true);
+        certificate.inertia = vec![InertiaCount { shift: shift / problem.area, below }];
+    }
 
     // From the mesh of unit area back to the units of the input.
     let (value_scale, vector_scale) = (problem.area.recip(), problem.area.sqrt().recip());
@@ -296,7 +326,7 @@ impl Attempt {
         goal: Option<f64>,
         monitor: &dyn Monitor,
     ) -> Result<(), ApproximationError> {
-        let Ritz { space, mass, pairs } = &mut self.ritz;
+        let Ritz { space, mass, pairs, .. } = &mut self.ritz;
         let good = goal.map(|goal| MEAN_SHARE * goal);
         (self.certificate, self.density) =
             certify(energy, problem, space, mass, &mut pairs.vectors, &pairs.values, good, monitor)?;
@@ -329,7 +359,7 @@ impl Attempt {
         goal: Option<f64>,
         monitor: &dyn Monitor,
     ) -> Result<(), ApproximationError> {
-        let Ritz { space, mass, pairs } = &self.ritz;
+        let Ritz { space, mass, pairs, .. } = &self.ritz;
         let problem = &operator.problem;
         let coarse = space.rows() / space.columns().max(1) < FEW_VERTICES;
         if !coarse || goal.is_none_or(|goal| self.excess(goal) > 1.0) {
@@ -346,6 +376,18 @@ impl Attempt {
             self.largest_estimate = self.largest_estimate.max((value - lower) / value.abs().max(KERNEL));
         }
         Ok(())
+    }
+
+    /// Encloses the pairs, index by index.
+    fn enclose(
+        &self,
+        energy: &Energy<'_>,
+        problem: &EigenProblem,
+        monitor: &dyn Monitor,
+    ) -> Result<Enclosed, ApproximationError> {
+        monitor.stage("certify");
+        let estimates: Vec<f64> = self.certificate.estimates.iter().map(|error| error * problem.area).collect();
+        lehmann::enclose(energy, problem, &self.ritz, &estimates, self.count, monitor)
     }
 
     /// How many times as large as they may be the errors are, as estimated.
@@ -393,6 +435,8 @@ pub(super) struct Ritz {
     pub space: SparseMatrix<f32>,
     /// `UᵀMU`.
     pub mass: SparseMatrix,
+    /// `UᵀSU`.
+    pub stiffness: SparseMatrix,
     /// Values and coefficients.
     pub pairs: EigenPairs,
 }
@@ -465,7 +509,7 @@ fn reduce(
             }
             Err(_) => {}
         }
-        return Ok(Ritz { space, mass, pairs: solved? });
+        return Ok(Ritz { space, mass, stiffness, pairs: solved? });
     }
 }
 

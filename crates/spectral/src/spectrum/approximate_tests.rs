@@ -17,6 +17,7 @@ fn solve(mesh: &TriangleMesh, operator: &MeshOperator, count: usize, dimension: 
         dimension,
         space: Space::Heat(HeatParameters::default()),
         goal: None,
+        certify: false,
         seed: 0,
     };
     approximate(mesh, operator, &parameters, &Unwatched).unwrap()
@@ -151,6 +152,7 @@ fn more_pairs_than_unknowns_are_refused() {
         dimension: 20,
         space: Space::Heat(HeatParameters::default()),
         goal: None,
+        certify: false,
         seed: 0,
     };
     let refused = approximate(&mesh, &made, &parameters, &Unwatched);
@@ -184,6 +186,7 @@ fn columns_that_all_but_equal_others_add_no_pairs() {
         dimension: 150,
         space: Space::Heat(HeatParameters::default()),
         goal: None,
+        certify: false,
         seed: 0,
     };
     let space = subspace(&mesh, &made, &parameters, &Unwatched).unwrap();

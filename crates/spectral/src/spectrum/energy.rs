@@ -17,6 +17,7 @@
 //! `(yᵀr)² / yᵀ(S − θM)y`, estimates its error. Rounding is part of the upper end: row by row, what the sums in double precision may err by, and
 //! what storing `r` in single precision changes.
 
+mod corrections;
 mod direct;
 mod measure;
 mod rows;
@@ -121,7 +122,7 @@ impl<'a> Energy<'a> {
             "a row for each unknown, a column for each value"
         );
         // In the order of the patches: rows all over the memory take three times as long to lift.
-        let space = space.select_rows(&self.order);
+        let space = self.in_order(space);
         let Some(lifter) = RowLifter::new(&space, coefficients) else {
             panic!("{} coefficients for {} columns", coefficients.rows(), space.columns())
         };
@@ -162,6 +163,16 @@ impl<'a> Energy<'a> {
         }
         self.narrow(&lifter, ritz, &mut measures, wanted, monitor)?;
         Ok((measures, density))
+    }
+
+    /// The rows of a space in the order of the patches.
+    pub(super) fn in_order(&self, space: &SparseMatrix<f32>) -> SparseMatrix<f32> {
+        space.select_rows(&self.order)
+    }
+
+    /// `c`: `S + cM` is positive semi-definite.
+    pub(super) fn floor(&self) -> f64 {
+        self.floor
     }
 
     /// The number of unknowns.

@@ -10,6 +10,7 @@ pub mod heat;
 mod hidden;
 pub mod hodge;
 pub mod hsim;
+mod lehmann;
 mod local;
 pub mod radial;
 mod refine;

@@ -71,6 +71,8 @@ pub struct Approximate {
     pub accuracy: Accuracy,
     /// The subspace, every detail filled in.
     pub space: Space,
+    /// Whether each pair is enclosed with its index, by a count of eigenvalues.
+    pub certify: bool,
     /// How the pairs are refined on the mesh, and how precisely the dense result is stored.
     pub refinement: Option<(Refinement, Precision)>,
 }
@@ -109,7 +111,11 @@ impl Approximate {
         } else if request.precision.is_some() {
             return Err(value("precision", "belongs to dense storage, which needs a \"refinement\" here".to_owned()));
         }
-        Ok(Self { count, dimension, accuracy, space, refinement })
+        let certify = request.certify.unwrap_or(false);
+        if certify && refinement.is_some() {
+            return Err(value("certify", "encloses pairs as they are approximated, without a \"refinement\"".to_owned()));
+        }
+        Ok(Self { count, dimension, accuracy, space, certify, refinement })
     }
 
     /// Computes the basis: compact, or dense where it is refined.
@@ -124,7 +130,7 @@ impl Approximate {
         monitor: &dyn Monitor,
     ) -> Result<Basis, JobError> {
         let Self { count, dimension, space, .. } = *self;
-        let parameters = ApproximationParameters { count, dimension, space, goal: Some(self.goal()), seed };
+        let parameters = ApproximationParameters { count, dimension, space, goal: Some(self.goal()), certify: self.certify, seed };
         let Some((refinement, precision)) = self.refinement else {
             return dense_where_smaller(approximate(mesh, operator, &parameters, monitor)?, monitor);
         };
@@ -154,6 +160,7 @@ impl Approximate {
         request.count = Some(self.count);
         request.dimension = Some(self.dimension);
         request.accuracy = Some(self.accuracy);
+        request.certify = self.certify.then_some(true);
         request.refinement = self.refinement.map(|(refinement, _)| refinement);
         request.precision = self.refinement.map(|(_, precision)| precision);
         match self.space {
@@ -176,6 +183,10 @@ impl Approximate {
         let factored =
             if vertices <= MOST_FACTORED as u64 { vertices * (60 * 8 + 2 * 7 * 16 + 512 * panels) } else { 0 };
         let compact = compact + factored;
+        // A factor for the count; pairs that are enclosed together, thrice in single precision.
+        let enclosed = m + m / 8 + 8;
+        let certified = vertices * (60 * 8 + 2 * 7 * 16).max(enclosed.min(640) * 16) + enclosed * enclosed * 8 * 6;
+        let compact = if self.certify { compact + certified } else { compact };
         // Columns with their guards, what is stored of them, and a factor of about 60 entries a row with its matrix.
         let columns = (m + m / 10 + 40) * vertices * 8;
         match self.refinement {

@@ -189,6 +189,7 @@ impl Exact {
                     dimension: compact_dimension(count, problem.size()),
                     space: Space::Heat(HeatParameters::default()),
                     goal: None,
+                    certify: false,
                     seed,
                 };
                 let space = subspace(mesh, operator, &functions, monitor)?;

@@ -76,6 +76,8 @@ pub struct Request {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub radial: Option<RadialParameters>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub certify: Option<bool>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub refinement: Option<Refinement>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f64>,
@@ -111,6 +113,7 @@ const BELONGINGS: &[(&str, &[MethodName])] = &[
     ("accuracy", APPROXIMATE),
     ("heat", APPROXIMATE),
     ("radial", APPROXIMATE),
+    ("certify", APPROXIMATE),
     ("refinement", APPROXIMATE),
     ("below", HSIM),
     ("at_most", HSIM),

@@ -130,6 +130,7 @@ fn on_surface(
         dimension,
         space: Space::Heat(HeatParameters::default()),
         goal: None,
+        certify: false,
         seed,
     };
     Ok(subspace(mesh, &operator, &parameters, monitor)?)
