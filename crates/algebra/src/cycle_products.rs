@@ -116,9 +116,7 @@ mod tests {
 
     fn random(n: usize, blocks: usize, seed: u64) -> Vec<Vec<CycleRow>> {
         let mut random = SplitMix64::new(seed);
-        (0..blocks)
-            .map(|_| (0..n).map(|_| std::array::from_fn(|_| random.signed_unit() as f32)).collect())
-            .collect()
+        (0..blocks).map(|_| (0..n).map(|_| std::array::from_fn(|_| random.signed_unit() as f32)).collect()).collect()
     }
 
     fn entry(x: &[Vec<CycleRow>], row: usize, column: usize) -> f64 {

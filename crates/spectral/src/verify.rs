@@ -469,7 +469,8 @@ impl Subject<'_> {
             }
         }
         let approximate = self.basis.certificate.accuracy.is_some();
-        if let Some(count) = verification.counts.last().filter(|count| approximate && count.values_below > count.below) {
+        if let Some(count) = verification.counts.last().filter(|count| approximate && count.values_below > count.below)
+        {
             // Ritz values lie above the eigenvalues of their index.
             let Recount { shift, below, values_below, .. } = *count;
             verification.findings.push(Finding::Missing { shift, found: below, values: values_below });

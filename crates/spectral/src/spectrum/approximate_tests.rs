@@ -1,5 +1,6 @@
 //! The approximation of every operator: against analytic spectra, against exact solves, and on meshes that are no surfaces.
 
+use chladni_algebra::SparseMatrix;
 use chladni_base::Unwatched;
 use chladni_mesh::fixtures::{grid, placed, union};
 use chladni_mesh::shape::{Shape, generate, noisy};

@@ -188,7 +188,8 @@ fn local(
     monitor: &dyn Monitor,
 ) -> Result<PanelMatrix, ApproximationError> {
     let space = Space::Heat(HeatParameters::default());
-    let parameters = ApproximationParameters { count: dimension / 2, dimension, space, goal: None, certify: false, seed };
+    let parameters =
+        ApproximationParameters { count: dimension / 2, dimension, space, goal: None, certify: false, seed };
     let Ritz { space, pairs, .. } = ritz(mesh, &operators.laplacian, &parameters, parameters.count, &Quiet(monitor))?;
     Ok(gpu::accelerator().lift(&space, &pairs.vectors, monitor)?)
 }

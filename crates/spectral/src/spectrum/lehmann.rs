@@ -10,16 +10,19 @@
 //! ```
 //!
 //! give `λ̂_{k+1−j} ≥ 1 / κⱼ` (Goerisch and He, 1990; Behnke and Goerisch, 1994). The lower bound of a pair is a pole for those below it, so one count is enough
-//! for any number of pairs. That `VᵀMV` and `VᵀAV` are diagonal up to rounding alone is part of the bound.
+//! for any number of pairs. Where more eigenvalues were counted than Ritz values lie below the pole, the indices shift by the difference: bounds hold, and are wider.
+//! That `VᵀMV` and `VᵀAV` are diagonal up to rounding alone is part of the bound.
 
 use rayon::prelude::*;
+use std::ops::Range;
 
 use super::approximate::{ApproximationError, Ritz};
 use super::certificate::KERNEL;
 use super::energy::Energy;
 use crate::operator::EigenProblem;
 use chladni_algebra::{
-    DenseMatrix, MassMatrix, Ordering, SparseMatrix, SymbolicFactor, fill_reducing_order, galerkin, lowest_symmetric,
+    DenseMatrix, FactorError, MassMatrix, Ordering, SparseMatrix, SymbolicFactor, fill_reducing_order, galerkin,
+    lowest_symmetric,
 };
 use chladni_base::Monitor;
 
@@ -29,11 +32,17 @@ const SHIFT: f64 = 0.5;
 /// Pairs that are enclosed together: products grow with the square.
 const WINDOW: usize = 512;
 
-/// A pair nearer to its pole than this share takes no part: rounding would be divided by the square of it.
+/// A pair nearer to its pole than this share takes no part: rounding would be divided by it.
 const NEAREST: f64 = 1e-4;
 
 /// Estimates may be wrong by this factor before a pole is no longer in a gap.
-const DOUBT: f64 = 3.0;
+const DOUBT: f64 = 1.3;
+
+/// Fewer pairs than this are not enclosed a second time.
+const LEAST_AGAIN: usize = 12;
+
+/// Where more eigenvalues are counted than values lie below, the next gap is tried: so many at most.
+const MOST_COUNTS: usize = 3;
 
 /// A count that rounding makes uncertain by more than this share of its shift proves nothing of pairs that are next to each other.
 const LARGEST_RADIUS: f64 = 1e-3;
@@ -56,8 +65,7 @@ pub(super) fn guards(count: usize) -> usize {
 /// Encloses the lowest `count` pairs of `ritz`. `estimates` are of their errors, on unit area.
 ///
 /// # Errors
-/// [`ApproximationError::Incomplete`] where more eigenvalues lie below the shift than the pairs stand for, [`ApproximationError::Unproven`] where no count can be trusted,
-/// [`ApproximationError::Cancelled`].
+/// [`ApproximationError::Unproven`] where no count can be trusted or a pair has no bound, [`ApproximationError::Cancelled`].
 pub(super) fn enclose(
     energy: &Energy<'_>,
     problem: &EigenProblem,
@@ -67,62 +75,102 @@ pub(super) fn enclose(
     monitor: &dyn Monitor,
 ) -> Result<Enclosed, ApproximationError> {
     let values = &ritz.pairs.values;
-    let shift = pole(values, estimates, count);
-    let (below, radius) = counted(problem, shift, monitor)?;
+    let counter = Counter::new(problem, monitor)?;
+    // Bounds are the closer, the farther the pole.
+    let last = values.len() - 1;
+    let first = (count.max(1) - 1 + (last + 1 - count) / 3).min(last);
+    let (shift, below, radius) = counter.anchor(values, estimates, first..last, monitor)?;
     if !(radius < LARGEST_RADIUS * shift.abs()) {
         let reason = format!("rounding makes the count of eigenvalues at {shift} uncertain by {radius:e}");
         return Err(ApproximationError::Unproven { reason });
     }
-    // Ritz values lie above the eigenvalues that they stand for: beyond the shift, some of them.
+    // Ritz values lie above the eigenvalues of their index.
     let least = values.partition_point(|&value| value < shift - radius);
-    let most = values.iter().zip(estimates).filter(|&(value, error)| value - DOUBT * error <= shift + radius).count();
     if below < least {
         let reason = format!("{below} eigenvalues were counted below {shift}, where {least} Ritz values lie");
         return Err(ApproximationError::Unproven { reason });
     }
-    if below > most.max(least) {
-        return Err(ApproximationError::Incomplete { missing: below - most.max(least), shift: shift / problem.area });
-    }
     let space = energy.in_order(&ritz.space);
     let sigma = SHIFT * (shift + energy.floor()).abs().max(KERNEL);
     let deviation = Deviation::new(problem, ritz, energy.floor() + sigma, monitor)?;
-    let lowest = lower_bounds(energy, &space, ritz, &deviation, (shift - radius, below), sigma, WINDOW, monitor)?;
+    let mut lowest = lower_bounds(energy, &space, ritz, &deviation, (shift - radius, below), sigma, WINDOW, monitor)?;
+    // Where indices are shifted, bounds of the lowest pairs are those of their neighbours: another count, where gaps are wider, puts them right.
+    let end = values.partition_point(|&value| value < shift);
+    if end < below && end > LEAST_AGAIN {
+        let (shift, below, radius) = counter.anchor(values, estimates, end / 4..3 * end / 4, monitor)?;
+        let again = lower_bounds(energy, &space, ritz, &deviation, (shift - radius, below), sigma, WINDOW, monitor)?;
+        lowest.iter_mut().zip(again).for_each(|(lowest, again)| *lowest = lowest.max(again));
+    }
     let above = deviation.upper_bounds(&values[..count], energy.floor() + sigma);
-    let bounds =
-        (0..count).map(|k| (values[k] - lowest[k]).max(above[k] - values[k]).max(0.0)).collect::<Vec<_>>();
+    let bounds = (0..count).map(|k| (values[k] - lowest[k]).max(above[k] - values[k]).max(0.0)).collect::<Vec<_>>();
     if let Some(pair) = bounds.iter().position(|bound| !bound.is_finite()) {
         return Err(ApproximationError::Unproven { reason: format!("pair {pair} could not be enclosed") });
     }
     Ok(Enclosed { shift, below, bounds })
 }
 
-/// A shift beyond the pair `count`, in a gap if there is one.
-fn pole(values: &[f64], estimates: &[f64], count: usize) -> f64 {
-    let last = values.len() - 1;
-    let gap = |k: usize| (values[k + 1] - DOUBT * estimates[k + 1] - values[k]) / values[k].abs().max(KERNEL);
-    // Far off, but in a gap as wide as any.
-    let widest = (count.max(1) - 1..last).map(gap).fold(0.0, f64::max);
-    let place = (count.max(1) - 1..last).rev().find(|&k| gap(k) > 0.0 && gap(k) >= 0.5 * widest);
-    match place {
-        Some(k) => values[k] + 0.75 * gap(k) * values[k].abs().max(KERNEL),
-        None => values[last] + 1e-3 * values[last].abs().max(KERNEL),
+/// Shifts in the widest gaps behind the values of some indices, those first. Where there is no gap, one behind the last of them.
+fn gaps(values: &[f64], estimates: &[f64], places: Range<usize>) -> Vec<f64> {
+    let size = |k: usize| values[k].abs().max(KERNEL);
+    let gap = |k: usize| (values[k + 1] - DOUBT * estimates[k + 1] - values[k]) / size(k);
+    let mut wide: Vec<usize> = places.clone().filter(|&k| k + 1 < values.len() && gap(k) > 0.0).collect();
+    wide.sort_by(|&a, &b| gap(b).total_cmp(&gap(a)));
+    wide.truncate(MOST_COUNTS);
+    if wide.is_empty() {
+        let last = places.end.min(values.len() - 1);
+        return vec![values[last] + 1e-3 * size(last)];
+    }
+    wide.into_iter().map(|k| values[k] + 0.75 * gap(k) * size(k)).collect()
+}
+
+/// A matrix ready to be factored at any shift.
+struct Counter {
+    stiffness: SparseMatrix,
+    mass: MassMatrix,
+    symbolic: SymbolicFactor,
+}
+
+impl Counter {
+    fn new(problem: &EigenProblem, monitor: &dyn Monitor) -> Result<Self, ApproximationError> {
+        let failed = |error: FactorError| ApproximationError::Factor(error.to_string());
+        let order = fill_reducing_order(&problem.stiffness, Ordering::Amd).map_err(failed)?;
+        monitor.checkpoint()?;
+        let (stiffness, mass) = (problem.stiffness.reordered(&order), problem.mass.reordered(&order));
+        let symbolic = SymbolicFactor::new(&stiffness, &mass).map_err(failed)?;
+        Ok(Self { stiffness, mass, symbolic })
+    }
+
+    /// A shift behind one of some values, how many eigenvalues lie below, and how uncertain that is: the first of a few where no more lie below than values, if
+    /// there is one.
+    fn anchor(
+        &self,
+        values: &[f64],
+        estimates: &[f64],
+        places: Range<usize>,
+        monitor: &dyn Monitor,
+    ) -> Result<(f64, usize, f64), ApproximationError> {
+        let mut found = (f64::NAN, 0, f64::INFINITY);
+        for shift in gaps(values, estimates, places) {
+            monitor.checkpoint()?;
+            let (below, radius) = self.count(shift)?;
+            found = (shift, below, radius);
+            if below == values.partition_point(|&value| value < shift) {
+                break;
+            }
+        }
+        Ok(found)
+    }
+
+    /// Eigenvalues below a shift, and how far off that they may be which were counted.
+    fn count(&self, shift: f64) -> Result<(usize, f64), ApproximationError> {
+        let factor = self.symbolic.factor(&self.stiffness, &self.mass, shift);
+        let factor = factor.map_err(|error| ApproximationError::Factor(error.to_string()))?;
+        Ok((factor.eigenvalues_below(), factor.uncertainty(&self.stiffness, &self.mass, shift)))
     }
 }
 
-/// Eigenvalues below a shift, and how far off that they may be which were counted.
-fn counted(problem: &EigenProblem, shift: f64, monitor: &dyn Monitor) -> Result<(usize, f64), ApproximationError> {
-    let factor = |error: chladni_algebra::FactorError| ApproximationError::Factor(error.to_string());
-    let order = fill_reducing_order(&problem.stiffness, Ordering::Amd).map_err(factor)?;
-    monitor.checkpoint()?;
-    let (stiffness, mass) = (problem.stiffness.reordered(&order), problem.mass.reordered(&order));
-    let symbolic = SymbolicFactor::new(&stiffness, &mass).map_err(factor)?;
-    monitor.checkpoint()?;
-    let factor = symbolic.factor(&stiffness, &mass, shift).map_err(factor)?;
-    Ok((factor.eigenvalues_below(), factor.uncertainty(&stiffness, &mass, shift)))
-}
-
 #[expect(clippy::too_many_arguments, reason = "pairs in three parts, and where they are enclosed")]
-/// Lower bounds of the eigenvalues of the lowest indices, as many as there are Ritz values; `-∞` where there is none.
+/// Lower bounds of the eigenvalues of the lowest indices.
 fn lower_bounds(
     energy: &Energy<'_>,
     space: &SparseMatrix<f32>,
@@ -135,7 +183,7 @@ fn lower_bounds(
 ) -> Result<Vec<f64>, ApproximationError> {
     let values = &ritz.pairs.values;
     let offset = energy.floor() + sigma;
-    let mut lowest = vec![f64::NEG_INFINITY; values.len().max(most)];
+    let mut lowest = vec![-energy.floor(); values.len().max(most)];
     loop {
         // At most `most` eigenvalues lie below the pole.
         let hat = pole + offset;
@@ -149,53 +197,58 @@ fn lower_bounds(
         let vectors = ritz.pairs.vectors.slice_columns(pairs.clone());
         let energies = energy.residual_energies(space, &vectors, theta, sigma, monitor)?;
         let hats: Vec<f64> = theta.iter().map(|value| value + offset).collect();
-        let widening = deviation.widening(start, &hats, hat);
-        for (j, bound) in goerisch(&hats, hat, &energies, widening, monitor)?.into_iter().enumerate() {
+        let rounding = deviation.rows(start, &hats, hat);
+        for (j, bound) in goerisch(&hats, hat, &energies, &rounding, monitor)?.into_iter().enumerate() {
             if let Some(lowest) = (most - 1).checked_sub(j).and_then(|index| lowest.get_mut(index)) {
                 *lowest = lowest.max(bound - offset);
             }
         }
-        if start == 0 {
-            return Ok(lowest);
-        }
-        // The next pole: in the upper half of the window, where a lower bound is farthest above the value before it.
+        // The next pole: where a lower bound is farthest above the value before it.
         let gap = |k: &usize| (lowest[*k] - values[k - 1]) / values[*k].abs().max(KERNEL);
-        let Some(next) = (start + window / 4..start + window / 2).max_by(|a, b| gap(a).total_cmp(&gap(b))) else {
-            return Ok(lowest);
+        let next = if start > 0 {
+            (start + window / 4..start + window / 2).max_by(|a, b| gap(a).total_cmp(&gap(b)))
+        } else {
+            None
         };
+        let Some(next) = next else { return Ok(lowest) };
         (pole, most) = (lowest[next], next);
     }
 }
 
-/// `1 / κⱼ`, from the one next to the pole downward: what `λ̂` of the `j`-th eigenvalue below the pole is at least. `widening` is what rounding may have done to
-/// `κ − 1 / ρ̂`, as a factor.
+/// What rounding may have done to the row of a pair: it takes the first off `D / ρ̂`, and adds the second to what is divided by it.
+type Rounding = (f64, f64);
+
+/// `1 / κⱼ`, from the one next to the pole downward: what `λ̂` of the `j`-th eigenvalue below the pole is at least. Nothing where rounding leaves nothing of a
+/// distance to the pole.
 fn goerisch(
     hats: &[f64],
     pole: f64,
     energies: &DenseMatrix,
-    widening: f64,
+    rounding: &[Rounding],
     monitor: &dyn Monitor,
 ) -> Result<Vec<f64>, ApproximationError> {
     let t = hats.len();
     assert_eq!((energies.rows(), energies.columns()), (t, t), "an energy for each two pairs");
-    let scales: Vec<f64> = hats.iter().map(|hat| (pole / (pole - hat)).sqrt() / hat).collect();
+    let base = 1.0 / pole;
+    let gaps: Vec<f64> = hats.iter().map(|hat| (pole - hat) * base).collect();
+    let least: Vec<f64> = gaps.iter().zip(rounding).map(|(gap, (of_gap, _))| gap - of_gap).collect();
+    if !least.iter().all(|&gap| gap > 0.0) {
+        return Ok(Vec::new());
+    }
+    let scales: Vec<f64> = hats.iter().zip(&least).map(|(hat, gap)| gap.sqrt().recip() / hat).collect();
     let mut matrix = DenseMatrix::zeros(t, t);
     for j in 0..t {
         let column = matrix.column_mut(j);
         for i in 0..t {
             column[i] = scales[i] * energies.column(j)[i] * scales[j];
         }
-        column[j] += 1.0 / hats[j];
+        column[j] += base + (gaps[j] * gaps[j] / hats[j] + rounding[j].1) / least[j];
     }
     let largest = (0..t).map(|j| matrix.column(j).iter().map(|x| x.abs()).sum::<f64>()).fold(0.0, f64::max);
     // A symmetric eigensolver is backward stable.
-    let rounding = 10.0 * t as f64 * f64::EPSILON * largest;
+    let solved = 10.0 * t as f64 * f64::EPSILON * largest;
     let kappa = lowest_symmetric(matrix, t, monitor).map_err(ApproximationError::from)?.values;
-    let base = 1.0 / pole;
-    let bound = |kappa: f64| {
-        let kappa = base + (kappa + rounding - base).max(0.0) * widening;
-        if kappa.is_finite() { 1.0 / kappa } else { 0.0 }
-    };
+    let bound = |kappa: f64| 1.0 / (kappa + solved).max(base);
     Ok(kappa.into_iter().map(bound).collect())
 }
 
@@ -251,7 +304,8 @@ impl Deviation {
             })
             .collect();
         monitor.checkpoint()?;
-        let gram = |matrix: &SparseMatrix| matrix.multiply_dense(vectors).and_then(|image| vectors.transposed_times(&image));
+        let gram =
+            |matrix: &SparseMatrix| matrix.multiply_dense(vectors).and_then(|image| vectors.transposed_times(&image));
         let (Some(mut mass), Some(mut energy)) = (gram(mass), gram(stiffness)) else {
             panic!("restricted matrices of {} and {} rows for vectors of {d}", mass.rows(), stiffness.rows())
         };
@@ -279,27 +333,29 @@ impl Deviation {
                 of_energy += twice * self.energy.column(j)[i].powi(2);
             }
             let (of_mass, of_energy) = (f64::sqrt(of_mass), f64::sqrt(of_energy));
-            bounds.push(if of_mass < 1.0 { (value + offset + of_energy) / (1.0 - of_mass) - offset } else { f64::INFINITY });
+            bounds.push(if of_mass < 1.0 {
+                (value + offset + of_energy) / (1.0 - of_mass) - offset
+            } else {
+                f64::INFINITY
+            });
         }
         bounds
     }
 
-    /// The factor that the deviation of the pairs from `start` on may put on `κ − 1 / ρ̂`.
-    fn widening(&self, start: usize, hats: &[f64], pole: f64) -> f64 {
+    /// What the deviation of the pairs from `start` on does to their rows, by row sums.
+    fn rows(&self, start: usize, hats: &[f64], pole: f64) -> Vec<Rounding> {
         let base = 1.0 / pole;
-        let gaps: Vec<f64> = hats.iter().map(|hat| (pole - hat) * base).collect();
-        let (mut numerator, mut denominator) = (0.0, 0.0);
-        for (j, hat) in hats.iter().enumerate() {
+        let row = |(j, hat): (usize, &f64)| {
             let (mass, energy) = (&self.mass.column(start + j)[start..], &self.energy.column(start + j)[start..]);
-            for (i, other) in hats.iter().enumerate() {
-                let (mass, energy) = (mass[i], energy[i]);
-                numerator += (mass + base * energy).powi(2) / (gaps[i] * gaps[j]);
-                let form = mass * (1.0 / hat + 1.0 / other + 2.0 * base) + energy * (1.0 / (hat * other) + base * base);
-                denominator += form * form * hat * other / (gaps[i] * gaps[j]).powi(2);
-            }
-        }
-        let (numerator, denominator) = (numerator.sqrt(), denominator.sqrt());
-        if numerator < 1.0 { (1.0 + denominator) / (1.0 - numerator) } else { f64::INFINITY }
+            let entries = hats.iter().zip(mass.iter().zip(energy)).map(|(other, (mass, energy))| {
+                let of_gap = mass + base * energy;
+                let of_form =
+                    mass * (1.0 / hat + 1.0 / other + 2.0 * base) + energy * (1.0 / (hat * other) + base * base);
+                (of_gap, of_form)
+            });
+            entries.fold((0.0, 0.0), |(gap, form), (of_gap, of_form)| (gap + of_gap, form + of_form))
+        };
+        hats.iter().enumerate().map(row).collect()
     }
 }
 

@@ -7,7 +7,14 @@ use crate::spectrum::heat::HeatParameters;
 use crate::spectrum::{Space, approximate};
 
 fn parameters(count: usize, dimension: usize) -> ApproximationParameters {
-    ApproximationParameters { count, dimension, space: Space::Heat(HeatParameters::default()), goal: None, certify: false, seed: 0 }
+    ApproximationParameters {
+        count,
+        dimension,
+        space: Space::Heat(HeatParameters::default()),
+        goal: None,
+        certify: false,
+        seed: 0,
+    }
 }
 
 fn worst(values: &[f64], exact: &[f64]) -> f64 {

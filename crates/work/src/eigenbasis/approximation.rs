@@ -113,7 +113,10 @@ impl Approximate {
         }
         let certify = request.certify.unwrap_or(false);
         if certify && refinement.is_some() {
-            return Err(value("certify", "encloses pairs as they are approximated, without a \"refinement\"".to_owned()));
+            return Err(value(
+                "certify",
+                "encloses pairs as they are approximated, without a \"refinement\"".to_owned(),
+            ));
         }
         Ok(Self { count, dimension, accuracy, space, certify, refinement })
     }
@@ -130,7 +133,8 @@ impl Approximate {
         monitor: &dyn Monitor,
     ) -> Result<Basis, JobError> {
         let Self { count, dimension, space, .. } = *self;
-        let parameters = ApproximationParameters { count, dimension, space, goal: Some(self.goal()), certify: self.certify, seed };
+        let parameters =
+            ApproximationParameters { count, dimension, space, goal: Some(self.goal()), certify: self.certify, seed };
         let Some((refinement, precision)) = self.refinement else {
             return dense_where_smaller(approximate(mesh, operator, &parameters, monitor)?, monitor);
         };

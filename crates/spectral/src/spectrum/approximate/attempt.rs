@@ -1,0 +1,168 @@
+//! Pairs in one space, judged, and the space that would hold what they miss.
+
+use super::super::certificate::{KERNEL, certify};
+use super::super::energy::Energy;
+use super::super::lehmann::{self, Enclosed};
+use super::super::{hats, hidden};
+use super::reduce::Ritz;
+use super::space::initial_space;
+use super::{ApproximationError, ApproximationParameters, FEW_VERTICES};
+use crate::basis::Certificate;
+use crate::operator::{EigenProblem, MeshOperator};
+use chladni_algebra::SparseMatrix;
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+
+/// The mean of the estimated errors is to be at most this share of the goal, which is for the largest.
+const MEAN_SHARE: f64 = 0.2;
+
+/// So many single vertices may become columns, or as many as there are columns: a limb of a coarse mesh has hundreds.
+const MANY_HATS: usize = 1200;
+
+/// A space that is too coarse everywhere grows by this factor.
+const GROWTH: f64 = 1.6;
+
+/// A space grows to no more than this share of the unknowns: beyond it columns have too few vertices to be smooth.
+const LARGEST_SHARE: f64 = 0.25;
+
+/// Eigenfunctions on the mesh that are farther from orthonormal than this come from a dense problem that rounding has decided.
+const LARGEST_DEFECT: f64 = 1e-3;
+
+/// Pairs in one space, guards included, and how good they are.
+pub(super) struct Attempt {
+    pub(super) ritz: Ritz,
+    /// The pairs without guards.
+    pub(super) count: usize,
+    pub(super) certificate: Certificate,
+    /// The largest estimated relative error, the kernel apart; of a guard only where its exact value may lie among those of the pairs.
+    pub(super) largest_estimate: f64,
+    /// The mean of them.
+    mean_estimate: f64,
+    /// Eigenvalues below the last pair's that no pair stands for.
+    pub(super) hidden: usize,
+    /// Where the energy sits that the pairs miss whose error is beyond what the mean may be.
+    density: Option<Vec<f64>>,
+}
+
+impl Attempt {
+    pub(super) fn new(ritz: Ritz, count: usize) -> Self {
+        Self {
+            ritz,
+            count,
+            certificate: Certificate::default(),
+            largest_estimate: 0.0,
+            mean_estimate: 0.0,
+            hidden: 0,
+            density: None,
+        }
+    }
+
+    pub(super) fn judge(
+        &mut self,
+        energy: &Energy<'_>,
+        problem: &EigenProblem,
+        goal: Option<f64>,
+        monitor: &dyn Monitor,
+    ) -> Result<(), ApproximationError> {
+        let Ritz { space, mass, pairs, .. } = &mut self.ritz;
+        let good = goal.map(|goal| MEAN_SHARE * goal);
+        (self.certificate, self.density) =
+            certify(energy, problem, space, mass, &mut pairs.vectors, &pairs.values, good, monitor)?;
+        let last = self.count.checked_sub(1).and_then(|k| pairs.values.get(k)).copied().unwrap_or(f64::NEG_INFINITY);
+        let (mut sum, mut summed) = (0.0, 0usize);
+        self.largest_estimate = 0.0;
+        for (k, (error, &value)) in self.certificate.estimates.iter().zip(&pairs.values).enumerate() {
+            let error = error * problem.area;
+            let relative = error / value.abs();
+            if value.abs() > KERNEL && (k < self.count || value - error < last) {
+                self.largest_estimate = self.largest_estimate.max(relative);
+            }
+            if value.abs() > KERNEL && k < self.count {
+                sum += relative;
+                summed += 1;
+            }
+        }
+        self.mean_estimate = sum / summed.max(1) as f64;
+        if !(self.certificate.orthonormality_defect <= LARGEST_DEFECT) {
+            // Estimates are of functions of unit mass; these are not what the dense problem took them for.
+            self.largest_estimate = f64::INFINITY;
+        }
+        Ok(())
+    }
+
+    /// Where columns may be too coarse for a limb and all seems well: whether there are eigenfunctions that the space does not know of.
+    pub(super) fn look_for_hidden(
+        &mut self,
+        operator: &MeshOperator,
+        goal: Option<f64>,
+        monitor: &dyn Monitor,
+    ) -> Result<(), ApproximationError> {
+        let Ritz { space, mass, pairs, .. } = &self.ritz;
+        let problem = &operator.problem;
+        let coarse = space.rows() / space.columns().max(1) < FEW_VERTICES;
+        if !coarse || goal.is_none_or(|goal| self.excess(goal) > 1.0) {
+            return Ok(());
+        }
+        let errors: Vec<f64> = self.certificate.estimates.iter().map(|error| error * problem.area).collect();
+        let of = (problem, operator.floor);
+        if let Some(hidden) = hidden::hidden(of, space, mass, (&pairs.values, &errors), self.count, monitor)? {
+            self.hidden = hidden.count;
+            self.density = hidden.density;
+            // The last pairs stand so many places too low.
+            let last = self.count.min(pairs.values.len()).saturating_sub(1);
+            let (value, lower) = (pairs.values[last], pairs.values[last.saturating_sub(hidden.count)]);
+            self.largest_estimate = self.largest_estimate.max((value - lower) / value.abs().max(KERNEL));
+        }
+        Ok(())
+    }
+
+    /// Encloses the pairs, index by index.
+    pub(super) fn enclose(
+        &self,
+        energy: &Energy<'_>,
+        problem: &EigenProblem,
+        monitor: &dyn Monitor,
+    ) -> Result<Enclosed, ApproximationError> {
+        monitor.stage("certify");
+        let estimates: Vec<f64> = self.certificate.estimates.iter().map(|error| error * problem.area).collect();
+        lehmann::enclose(energy, problem, &self.ritz, &estimates, self.count, monitor)
+    }
+
+    /// How many times as large as they may be the errors are, as estimated.
+    pub(super) fn excess(&self, goal: f64) -> f64 {
+        let estimated = (self.largest_estimate / goal).max(self.mean_estimate / (MEAN_SHARE * goal));
+        if self.hidden > 0 { estimated.max(1.0 + self.hidden as f64) } else { estimated }
+    }
+
+    /// A space that holds what this one misses; `None` where the mesh has no room for one.
+    pub(super) fn finer_space(
+        &self,
+        mesh: &TriangleMesh,
+        operator: &MeshOperator,
+        parameters: &mut ApproximationParameters,
+        goal: f64,
+        hats_help: bool,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<SparseMatrix<f32>>, ApproximationError> {
+        let problem = &operator.problem;
+        let (n, space) = (problem.size(), &self.ritz.space);
+        if space.columns() >= n {
+            return Ok(None);
+        }
+        // Errors add up over what is left, here and at other pairs: aim at half of the goal.
+        let left = (0.5 / self.excess(goal)).clamp(0.02, 0.3);
+        let room = space.columns().max(MANY_HATS.min(n / 4)).min(n / 2);
+        if hats_help
+            && let Some(density) = &self.density
+            && let Some(rows) = hats::where_it_sits(density, &problem.stiffness, left, room)
+        {
+            return Ok(Some(hats::with_hats(space, &rows)));
+        }
+        let wanted = (GROWTH * parameters.dimension.max(parameters.count) as f64).ceil();
+        if wanted > LARGEST_SHARE * n as f64 {
+            return Ok(None);
+        }
+        parameters.dimension = wanted as usize;
+        Ok(Some(initial_space(mesh, operator, parameters, monitor)?))
+    }
+}

@@ -1,0 +1,92 @@
+//! Why an approximation failed.
+
+use super::super::certificate::CertificateError;
+use super::super::heat::HeatError;
+use super::super::radial::RadialError;
+use chladni_algebra::{EigenError, GalerkinError};
+use chladni_base::Cancelled;
+
+/// Why an approximation failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ApproximationError {
+    /// It was asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// The radial columns could not be made.
+    #[error(transparent)]
+    Radial(RadialError),
+    /// The columns could not be smoothed.
+    #[error(transparent)]
+    Heat(HeatError),
+    /// The problem could not be restricted to the subspace.
+    #[error(transparent)]
+    Reduce(GalerkinError),
+    /// The restricted eigenproblem could not be solved.
+    #[error(transparent)]
+    Eigen(EigenError),
+    /// The pairs could not be certified.
+    #[error(transparent)]
+    Certificate(CertificateError),
+    /// A parameter is out of its range.
+    #[error("parameter {name}: {reason}")]
+    Parameter {
+        /// The parameter.
+        name: &'static str,
+        /// What its value must be, and what it is.
+        reason: String,
+    },
+    /// The refinement's factorisation failed.
+    #[error("{0}")]
+    Factor(String),
+    /// The pairs could not be enclosed.
+    #[error("the pairs could not be certified: {reason}")]
+    Unproven {
+        /// Why.
+        reason: String,
+    },
+    /// More pairs than unknowns were asked for.
+    #[error("{count} eigenpairs are asked for, but there are {unknowns} unknowns")]
+    Count {
+        /// The pairs asked for.
+        count: usize,
+        /// The vertices that are not held at zero.
+        unknowns: usize,
+    },
+}
+
+/// Each room says `Cancelled` in its own words; here all become one.
+macro_rules! cancelled_apart {
+    ($($variant:ident($error:ident)),*) => {$(
+        impl From<$error> for ApproximationError {
+            fn from(error: $error) -> Self {
+                match error {
+                    $error::Cancelled(cancelled) => Self::Cancelled(cancelled),
+                    other => Self::$variant(other),
+                }
+            }
+        }
+    )*};
+}
+cancelled_apart!(
+    Radial(RadialError),
+    Heat(HeatError),
+    Reduce(GalerkinError),
+    Eigen(EigenError),
+    Certificate(CertificateError)
+);
+
+impl ApproximationError {
+    /// A stable identifier of the failure, in kebab case.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Cancelled(_) => "cancelled",
+            Self::Radial(_) | Self::Heat(_) => "subspace-failed",
+            Self::Reduce(_) => "restriction-failed",
+            Self::Eigen(_) => "eigenproblem-failed",
+            Self::Certificate(_) => "certificate-failed",
+            Self::Factor(_) => "factorisation-failed",
+            Self::Unproven { .. } => "unproven",
+            Self::Parameter { .. } | Self::Count { .. } => "invalid-parameters",
+        }
+    }
+}

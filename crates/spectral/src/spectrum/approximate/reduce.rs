@@ -1,0 +1,95 @@
+//! The lowest Ritz pairs in a space.
+
+use rayon::prelude::*;
+
+use super::super::hats;
+use super::space::initial_space;
+use super::{ApproximationError, ApproximationParameters};
+use crate::operator::{EigenProblem, MeshOperator};
+use chladni_algebra::{EigenError, EigenPairs, SparseMatrix, SymmetricDefiniteSolver, galerkin, gpu};
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+
+/// Ritz pairs in the space, on unit area.
+pub(in crate::spectrum) struct Ritz {
+    /// `U` on the unknowns.
+    pub space: SparseMatrix<f32>,
+    /// `UᵀMU`.
+    pub mass: SparseMatrix,
+    /// `UᵀSU`.
+    pub stiffness: SparseMatrix,
+    /// Values and coefficients.
+    pub pairs: EigenPairs,
+}
+
+/// Builds the space and computes the lowest `count` Ritz pairs in it.
+pub(in crate::spectrum) fn ritz(
+    mesh: &TriangleMesh,
+    operator: &MeshOperator,
+    parameters: &ApproximationParameters,
+    count: usize,
+    monitor: &dyn Monitor,
+) -> Result<Ritz, ApproximationError> {
+    let problem = &operator.problem;
+    if count > problem.size() {
+        return Err(ApproximationError::Count { count, unknowns: problem.size() });
+    }
+    let space = initial_space(mesh, operator, parameters, monitor)?;
+    // Guards may be more than the space has.
+    let count = count.min(space.columns().max(parameters.count));
+    reduce(problem, space, count, monitor)
+}
+
+/// Where the mass of a space is not definite in double precision, columns this close to a combination of others are dropped, one bound after the other.
+const DEPENDENT: [f64; 3] = [1e-5, 1e-4, 1e-3];
+
+/// Rounding may change no Ritz value by more than this share of the largest.
+const MOST_ROUNDING: f64 = 1e-6;
+
+/// Whether some Ritz value is nothing but what rounding leaves of a sum of large terms: a combination of columns that all but cancel has next to no mass and
+/// next to no energy, and any quotient of the two.
+fn lost_to_rounding(stiffness: &SparseMatrix, pairs: &EigenPairs) -> bool {
+    let largest = pairs.values.last().map_or(0.0, |value| value.abs());
+    (0..pairs.values.len()).into_par_iter().any(|k| {
+        let x = pairs.vectors.column(k);
+        let terms: f64 = (0..stiffness.rows())
+            .map(|row| {
+                let (columns, values) = stiffness.row(row);
+                let sum: f64 = columns.iter().zip(values).map(|(&column, s)| (s * x[column as usize]).abs()).sum();
+                x[row].abs() * sum
+            })
+            .sum();
+        4.0 * f64::EPSILON * terms > MOST_ROUNDING * largest
+    })
+}
+
+/// The lowest `count` Ritz pairs in a space. Columns that depend on others are dropped.
+pub(super) fn reduce(
+    problem: &EigenProblem,
+    mut space: SparseMatrix<f32>,
+    count: usize,
+    monitor: &dyn Monitor,
+) -> Result<Ritz, ApproximationError> {
+    let mut tries = DEPENDENT.iter();
+    loop {
+        monitor.stage("reduce");
+        let (stiffness, mass) = galerkin(&space, &problem.stiffness, &problem.mass, monitor)?;
+        monitor.stage("eigen");
+        let solved = gpu::accelerator().lowest(stiffness.to_dense(), mass.to_dense(), count, monitor);
+        match &solved {
+            Ok(pairs) if !lost_to_rounding(&stiffness, pairs) => {}
+            Ok(_) | Err(EigenError::NotPositiveDefinite { .. }) => {
+                let smaller = tries.find_map(|&least| {
+                    let kept = hats::independent(&space, &mass, least);
+                    (kept.columns() < space.columns()).then_some(kept)
+                });
+                if let Some(smaller) = smaller.filter(|smaller| smaller.columns() >= count) {
+                    space = smaller;
+                    continue;
+                }
+            }
+            Err(_) => {}
+        }
+        return Ok(Ritz { space, mass, stiffness, pairs: solved? });
+    }
+}

@@ -1,0 +1,103 @@
+//! The space: locally supported functions, and hat functions where those are too coarse.
+
+use super::super::envelope::envelop;
+use super::super::radial::{self, Profile};
+use super::super::{hats, heat};
+use super::{ApproximationError, ApproximationParameters, Space};
+use crate::operator::{EigenProblem, MeshOperator};
+use chladni_algebra::SparseMatrix;
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::connectivity::Connectivity;
+use chladni_mesh::distance::DistanceKind;
+use chladni_mesh::sample::well_spread_points;
+
+/// The overlap of supports, `σ`: the thesis takes 7 to 10.
+const SIGMA: f64 = 10.0;
+
+/// Moves of the samples toward the centroids of their cells: three of them take 15 % off the error.
+const LLOYD_MOVES: usize = 3;
+
+/// Below this many vertices per dimension a mesh is solved exactly, in the space of all its hat functions: local functions of
+/// so few vertices would be close to dependent, and the dense problem is hardly larger.
+const EXACT_RATIO: f64 = 1.5;
+
+/// The space that the approximation begins with: local functions, and hat functions where those are too coarse.
+pub(super) fn initial_space(
+    mesh: &TriangleMesh,
+    operator: &MeshOperator,
+    parameters: &ApproximationParameters,
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix<f32>, ApproximationError> {
+    let space = subspace(mesh, operator, parameters, monitor)?;
+    let n = operator.problem.size();
+    if !matches!(parameters.space, Space::Heat(_)) || space.columns() >= n {
+        return Ok(space);
+    }
+    let d = parameters.dimension.max(parameters.count);
+    let rows = hats::too_coarse(mesh, operator.laplacian(), d, d);
+    let rows = match &operator.problem.unknowns {
+        Some(unknowns) => unknowns.iter().map(|&v| rows[v as usize]).collect(),
+        None => rows,
+    };
+    let chosen = rows.iter().filter(|&&chosen| chosen).count();
+    if chosen == 0 {
+        return Ok(space);
+    }
+    if (n as f64) < EXACT_RATIO * (d + chosen) as f64 && n <= 2 * d {
+        return Ok(identity(n));
+    }
+    Ok(hats::with_hats(&space, &rows))
+}
+
+/// The space `U` of about `dimension` locally supported functions on the unknowns: its rows have the sum 1, or that of the envelope. A mesh of
+/// fewer than `1.5 d` unknowns gets all its hat functions.
+///
+/// # Errors
+/// [`ApproximationError`]: a mesh without area, or cancellation.
+pub fn subspace(
+    mesh: &TriangleMesh,
+    operator: &MeshOperator,
+    parameters: &ApproximationParameters,
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix<f32>, ApproximationError> {
+    let (n, d) = (operator.problem.size(), parameters.dimension.max(parameters.count));
+    if (n as f64) < EXACT_RATIO * d as f64 {
+        return Ok(identity(n));
+    }
+    let space = local_functions(mesh, operator.laplacian(), d, parameters, monitor)?;
+    Ok(envelop(space, operator, monitor)?)
+}
+
+/// Locally supported functions on all vertices, rows with sum 1. They follow the Laplacian, whatever the operator.
+fn local_functions(
+    mesh: &TriangleMesh,
+    laplacian: &EigenProblem,
+    d: usize,
+    parameters: &ApproximationParameters,
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix<f32>, ApproximationError> {
+    monitor.stage("sampling");
+    let connectivity = Connectivity::new(mesh);
+    monitor.checkpoint()?;
+    match &parameters.space {
+        Space::Radial(radial) => Ok(radial::space(mesh, &connectivity, d, parameters.seed, radial, monitor)?),
+        Space::Heat(heat) => {
+            let masses = laplacian.mass.lumped();
+            let samples = well_spread_points(mesh, &connectivity, &masses, d, LLOYD_MOVES, parameters.seed, monitor)?;
+            monitor.stage("basis");
+            // Edge paths are as good a start as fast marching where a support holds many vertices, and cheaper.
+            let far = mesh.positions.len() >= DIJKSTRA_SUFFICES * d;
+            let distance = if far { DistanceKind::Dijkstra } else { DistanceKind::FastMarching };
+            let start = radial::columns(mesh, &connectivity, &samples, distance, Profile::Cubic, SIGMA, monitor)?;
+            Ok(heat::smooth(mesh, laplacian, &connectivity, &start, heat, monitor)?)
+        }
+    }
+}
+
+/// From this many vertices per sample on, Dijkstra's distances start the heat steps as well as those of fast marching.
+const DIJKSTRA_SUFFICES: usize = 500;
+
+fn identity(n: usize) -> SparseMatrix<f32> {
+    SparseMatrix::from_sorted_parts(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0; n])
+}
