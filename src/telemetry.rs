@@ -60,6 +60,8 @@ pub struct Metrics {
     pub job_run_seconds: HistogramVec,
     /// Attempts after the first one.
     pub job_retries: IntCounter,
+    /// Processes of jobs that ended by themselves.
+    pub job_deaths: IntCounter,
     /// Leases that ended without a word from their worker.
     pub leases_lost: IntCounter,
     /// Seconds of a synchronous solve, by operation (`filter`, `project`, …).
@@ -129,6 +131,7 @@ impl Metrics {
                 &["kind", "stage"],
             )?,
             job_retries: kept.counter("chladni_job_retries_total", "Attempts after the first one")?,
+            job_deaths: kept.counter("chladni_job_deaths_total", "Processes of jobs that ended by themselves")?,
             leases_lost: kept.counter("chladni_lease_lost_total", "Leases that ended without a word")?,
             reduced_solve_seconds: kept.histogram(
                 "chladni_reduced_solve_seconds",

@@ -6,7 +6,7 @@ use std::sync::{
 };
 
 use super::WorkerOptions;
-use crate::store::{Claim, Store, StoreError};
+use crate::store::{Claim, Company, Store, StoreError};
 
 /// The memory of running jobs.
 #[derive(Debug)]
@@ -52,7 +52,8 @@ impl Budget {
         }
         let taken = *self.taken.lock().unwrap_or_else(PoisonError::into_inner);
         let free = if taken == 0 { u64::MAX } else { self.total.saturating_sub(taken) };
-        let claim = self.store.claim_within(worker, &options.kinds, options.lease, free, running == 0).await?;
+        let company = Company { others: running > 0, isolated: options.isolated };
+        let claim = self.store.claim_within(worker, &options.kinds, options.lease, free, company).await?;
         Ok(claim.map(|claim| {
             // One that is to run alone has all the memory that there is.
             let bytes = if claim.alone { self.total } else { claim.job.memory_bytes.min(self.total) };

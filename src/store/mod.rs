@@ -68,7 +68,8 @@ pub use backup::{BackupReport, backup};
 pub use clock::Clock;
 pub use doctor::{Examination, Finding};
 pub use error::{DAMAGE, StoreError};
-pub use leases::{Claim, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
+pub use leases::{Claim, Company, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
+pub(crate) use meshes::{read_body, write_body};
 pub use page::{Page, PageRequest};
 pub use records::{
     BasisFilter, BasisRecord, BasisStorage, CacheStatistics, EnqueueOutcome, Enqueued, IdempotencyKey, JobEvent,
