@@ -61,7 +61,7 @@ pub(super) async fn run(
     shared.observer.claimed(&job.kind, waited_ms.max(0) as f64 / 1000.0);
     tracing::info!(mesh = job.mesh, "job claimed");
 
-    let monitor = Arc::new(AttemptMonitor::new(shared.store.faults().clone()));
+    let monitor = Arc::new(AttemptMonitor::new(shared.store.faults().clone(), job.memory_bytes));
     let (verdicts, mut verdict) = mpsc::channel(4);
     let beating =
         Heartbeat { store: shared.store.clone(), job: job.id, token, monitor: Arc::clone(&monitor), verdicts };

@@ -32,6 +32,8 @@ pub(super) struct AttemptMonitor {
     fraction: AtomicU64,
     stages: Mutex<Stages>,
     faults: Faults,
+    /// Bytes of memory; 0 where nothing was promised.
+    promised: u64,
 }
 
 #[derive(Debug, Default)]
@@ -58,8 +60,9 @@ impl Stages {
 }
 
 impl AttemptMonitor {
-    pub fn new(faults: Faults) -> Self {
+    pub fn new(faults: Faults, promised: u64) -> Self {
         Self {
+            promised,
             begun: Instant::now(),
             cancelled: AtomicBool::new(false),
             heard_ms: AtomicU64::new(0),
@@ -139,6 +142,10 @@ impl Monitor for AttemptMonitor {
         self.hear();
         self.faults.meet(FailPoint::MidRun);
         if self.cancelled.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) }
+    }
+
+    fn promised_bytes(&self) -> Option<u64> {
+        (self.promised > 0).then_some(self.promised)
     }
 }
 

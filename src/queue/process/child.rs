@@ -1,11 +1,11 @@
 //! A worker process as its server sees it.
 
 use std::{
-    collections::VecDeque,
     io::{self, BufRead, BufReader, BufWriter, Read, Write},
     process::{Child, ChildStderr, ChildStdin, Command, ExitStatus, Stdio},
     sync::{
-        Arc, Mutex, PoisonError,
+        Arc, Mutex,
+        atomic::{AtomicBool, Ordering},
         mpsc::{self, Receiver, RecvTimeoutError},
     },
     thread,
@@ -16,8 +16,8 @@ use super::frame::{self, Frame, Tag};
 
 /// Frames that may wait to be looked at; beyond, the worker waits.
 const WAITING: usize = 8;
-/// Lines of standard error that are kept to tell how it ended.
-const LAST_LINES: usize = 8;
+/// How the standard library says that an allocation failed, before it aborts.
+const NO_MEMORY: &[u8] = b"memory allocation of ";
 /// Bytes of a line, at most.
 const LONGEST_LINE: u64 = 1 << 14;
 /// A process that was killed is gone within this time.
@@ -30,7 +30,7 @@ pub(super) struct Worker {
     /// What it is told.
     pub orders: Arc<Mutex<BufWriter<ChildStdin>>>,
     frames: Receiver<io::Result<Frame>>,
-    last_lines: Arc<Mutex<VecDeque<String>>>,
+    lacked_memory: Arc<AtomicBool>,
     errors: Option<thread::JoinHandle<()>>,
     /// The number of the order that it was given last.
     pub number: u64,
@@ -54,6 +54,8 @@ impl Worker {
             // What a terminal sends to the group of the server is the server's to act on.
             command.process_group(0);
         }
+        // Memory is counted as it is used, not as the allocator takes it in advance.
+        command.env("MIMALLOC_ARENA_EAGER_COMMIT", "0");
         let mut process = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
         let (Some(input), Some(output), Some(errors)) =
             (process.stdin.take(), process.stdout.take(), process.stderr.take())
@@ -61,7 +63,7 @@ impl Worker {
             return Err(io::Error::other("a worker has no pipes"));
         };
         let (sender, frames) = mpsc::sync_channel(WAITING);
-        let last_lines = Arc::default();
+        let lacked_memory = Arc::default();
         let name = |what: &str| thread::Builder::new().name(format!("worker-{what}"));
         let begun = name("frames").spawn(move || {
             let mut output = BufReader::with_capacity(1 << 16, output);
@@ -73,8 +75,8 @@ impl Worker {
             }
         });
         let errors = begun.and_then(|_| {
-            let last_lines = Arc::clone(&last_lines);
-            name("errors").spawn(move || pass_on(errors, &last_lines))
+            let lacked_memory = Arc::clone(&lacked_memory);
+            name("errors").spawn(move || pass_on(errors, &lacked_memory))
         });
         let errors = match errors {
             Ok(errors) => errors,
@@ -85,7 +87,7 @@ impl Worker {
             }
         };
         let orders = Arc::new(Mutex::new(BufWriter::with_capacity(1 << 16, input)));
-        let mut worker = Self { process, orders, frames, last_lines, errors: Some(errors), number: 0 };
+        let mut worker = Self { process, orders, frames, lacked_memory, errors: Some(errors), number: 0 };
         match worker.hear(patience) {
             Heard::Frame(Frame { tag: Tag::Ready, .. }) => Ok(worker),
             Heard::Frame(frame) => Err(io::Error::other(format!("a worker began with {:?}", frame.tag))),
@@ -148,10 +150,9 @@ impl Worker {
         status.map_or_else(|| "by closing its pipe".to_owned(), words)
     }
 
-    /// Whether it ended for want of memory, as the last of what it said tells.
+    /// Whether it ended for want of memory, as its last words tell.
     pub fn lacked_memory(&self) -> bool {
-        let lines = self.last_lines.lock().unwrap_or_else(PoisonError::into_inner);
-        lines.iter().any(|line| line.starts_with("memory allocation of "))
+        self.lacked_memory.load(Ordering::Relaxed)
     }
 }
 
@@ -183,8 +184,8 @@ fn words(status: ExitStatus) -> String {
     format!("with exit code {}", status.code().unwrap_or_default())
 }
 
-/// Passes what a worker logs on, and keeps the last of it.
-fn pass_on(errors: ChildStderr, last_lines: &Mutex<VecDeque<String>>) {
+/// Passes what a worker logs on, and notes where it says that it has no memory.
+fn pass_on(errors: ChildStderr, lacked_memory: &AtomicBool) {
     let mut errors = BufReader::new(errors);
     let mut line = Vec::new();
     loop {
@@ -196,10 +197,8 @@ fn pass_on(errors: ChildStderr, last_lines: &Mutex<VecDeque<String>>) {
         }
         // Where standard error is closed, there is nobody to tell.
         let _ = io::stderr().lock().write_all(&line);
-        let mut lines = last_lines.lock().unwrap_or_else(PoisonError::into_inner);
-        if lines.len() == LAST_LINES {
-            lines.pop_front();
+        if line.starts_with(NO_MEMORY) {
+            lacked_memory.store(true, Ordering::Relaxed);
         }
-        lines.push_back(String::from_utf8_lossy(&line).into_owned());
     }
 }

@@ -140,6 +140,7 @@ fn obey(
     let monitor = Speaking {
         output: Arc::clone(output),
         number: order.number,
+        promised: order.job.memory_bytes,
         cancelled: Arc::clone(cancelled),
         begun: Instant::now(),
         beaten_ms: AtomicU64::new(0),
@@ -228,6 +229,7 @@ fn deliver_columns(
 struct Speaking {
     output: Output,
     number: u64,
+    promised: u64,
     cancelled: Arc<AtomicU64>,
     begun: Instant,
     beaten_ms: AtomicU64,
@@ -267,6 +269,9 @@ impl Monitor for Speaking {
             self.say(Tag::Beat, &[]);
         }
         if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
+    }
+    fn promised_bytes(&self) -> Option<u64> {
+        (self.promised > 0).then_some(self.promised)
     }
 }
 

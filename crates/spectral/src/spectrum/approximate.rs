@@ -96,6 +96,9 @@ pub enum ApproximationError {
     /// The refinement's factorisation failed.
     #[error("{0}")]
     Factor(String),
+    /// What a factorisation needs was counted, and is more than was promised.
+    #[error("{0}")]
+    Memory(String),
     /// More pairs than unknowns were asked for.
     #[error("{count} eigenpairs are asked for, but there are {unknowns} unknowns")]
     Count {
@@ -137,6 +140,7 @@ impl ApproximationError {
             Self::Eigen(_) => "eigenproblem-failed",
             Self::Certificate(_) => "certificate-failed",
             Self::Factor(_) => "factorisation-failed",
+            Self::Memory(_) => "memory-exceeded",
             Self::Parameter { .. } | Self::Count { .. } => "invalid-parameters",
         }
     }
