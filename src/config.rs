@@ -96,7 +96,14 @@ pub struct Config {
     ///
     /// A job in a process of its own takes no server with it when it crashes, may take no more memory than was promised, and is killed where it does
     /// not stop when it is cancelled.
-    #[arg(long, value_name = "WHERE", env = "CHLADNI_JOBS_IN", default_value = "processes", hide_possible_values = true, help_heading = "Work")]
+    #[arg(
+        long,
+        value_name = "WHERE",
+        env = "CHLADNI_JOBS_IN",
+        default_value = "processes",
+        hide_possible_values = true,
+        help_heading = "Work"
+    )]
     pub jobs_in: JobsIn,
 
     /// Threads that all jobs share; 0 for one per core

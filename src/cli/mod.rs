@@ -7,6 +7,7 @@ mod client;
 mod compact;
 #[cfg(unix)]
 mod crash_mark;
+mod data_folder;
 mod demo;
 mod doctor;
 mod error;

@@ -137,7 +137,9 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
     let observer: Arc<dyn QueueObserver> = Arc::new(Counting(metrics.clone()));
     let runner = {
         let (config, observer) = (config.clone(), observer.clone());
-        tokio::task::spawn_blocking(move || worker::runner(&config, observer)).await.map_err(|error| service(&error))??
+        tokio::task::spawn_blocking(move || worker::runner(&config, observer))
+            .await
+            .map_err(|error| service(&error))??
     };
     let workers = Arc::new(WorkerPool::start(
         store.clone(),
@@ -364,6 +366,10 @@ impl QueueObserver for Counting {
     }
     fn lease_lost(&self, _kind: &str) {
         self.0.leases_lost.inc();
+    }
+    fn memory(&self, promised: u64, total: u64) {
+        self.0.job_memory_promised_bytes.set(i64::try_from(promised).unwrap_or(i64::MAX));
+        self.0.job_memory_limit_bytes.set(i64::try_from(total).unwrap_or(i64::MAX));
     }
     fn died(&self, _kind: &str) {
         self.0.job_deaths.inc();

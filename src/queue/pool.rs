@@ -113,7 +113,7 @@ impl WorkerPool {
         observer: Arc<dyn QueueObserver>,
     ) -> Self {
         let shared = Arc::new(Shared {
-            budget: Arc::new(Budget::new(options.memory, store.clone())),
+            budget: Arc::new(Budget::new(options.memory, store.clone(), Arc::clone(&observer))),
             store,
             runner,
             observer,

@@ -81,6 +81,8 @@ pub trait QueueObserver: Send + Sync + 'static {
     fn retried(&self, _kind: &str) {}
     /// A worker found that its lease was lost.
     fn lease_lost(&self, _kind: &str) {}
+    /// Running jobs hold so many bytes of the memory that there is for them, by their promises.
+    fn memory(&self, _promised: u64, _total: u64) {}
     /// The process of a job ended by itself.
     fn died(&self, _kind: &str) {}
     /// So many dense problems of a job fell back from the graphics card to the CPU, in another process.

@@ -8,8 +8,14 @@ use sqlx::{QueryBuilder, Row, Sqlite};
 use uuid::Uuid;
 
 use super::{
-    JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions, bases::WrittenBasis, database::WriteTransaction,
-    deaths::SUSPICIOUS_INTERRUPTIONS, detached, fault::FailPoint, jobs::job_from_row, pairing, to_json,
+    JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions,
+    bases::WrittenBasis,
+    database::WriteTransaction,
+    deaths::SUSPICIOUS_INTERRUPTIONS,
+    detached,
+    fault::FailPoint,
+    jobs::{job_from_row, whole_job_from_row},
+    pairing, to_json,
 };
 
 /// A job and the lease on it.
@@ -144,7 +150,7 @@ impl Store {
         let row = query.build().fetch_optional(transaction.on()).await?;
         transaction.commit().await?;
         let Some(row) = row else { return Ok(None) };
-        let job = job_from_row(&row)?;
+        let job = whole_job_from_row(&row)?;
         let (deaths, interruptions): (i64, i64) = (row.try_get("deaths")?, row.try_get("interruptions")?);
         let alone = (deaths > 0 && !company.isolated) || interruptions >= SUSPICIOUS_INTERRUPTIONS;
         self.announce(&job);

@@ -298,6 +298,10 @@ impl Store {
             free_bytes: self.inner.folder.free_bytes(),
             least_free_bytes: self.inner.options.least_free_bytes,
             wal_bytes: self.inner.meta.wal_bytes() + self.inner.blobs.wal_bytes(),
+            database_bytes: ["meta", "blobs"].map(|name| {
+                let file = self.inner.folder.file(&format!("{name}.db"));
+                (name, std::fs::metadata(file).map_or(0, |file| file.len()))
+            }),
             blob_bytes: self.all_blob_bytes().await.unwrap_or(0),
         }
     }

@@ -80,7 +80,9 @@ pub enum JobError {
     #[error(transparent)]
     Parameters(#[from] ParameterError),
     /// What it needs was counted, and is more than it was promised.
-    #[error("the job needs about {needed} bytes of memory, as was counted before its work began, and was promised {promised}")]
+    #[error(
+        "the job needs about {needed} bytes of memory, as was counted before its work began, and was promised {promised}"
+    )]
     Memory {
         /// About how much is needed.
         needed: u64,

@@ -55,9 +55,7 @@ impl Failure {
             JobFailure::Cancelled(_) => None,
             JobFailure::Failed { kind, detail, retryable } => Some(Reason { kind, detail, retryable }),
             // A worker does not hear of its own death.
-            JobFailure::Died { how } => {
-                Some(Reason { kind: "worker-lost".to_owned(), detail: how, retryable: true })
-            }
+            JobFailure::Died { how } => Some(Reason { kind: "worker-lost".to_owned(), detail: how, retryable: true }),
         };
         Self { reason, taken }
     }

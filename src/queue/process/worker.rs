@@ -241,8 +241,7 @@ impl Speaking {
     fn due(&self, spoken_ms: &AtomicU64) -> bool {
         let now = self.begun.elapsed().as_millis() as u64;
         let spoken = spoken_ms.load(Ordering::Relaxed);
-        now >= spoken + BEAT_MS
-            && spoken_ms.compare_exchange(spoken, now, Ordering::Relaxed, Ordering::Relaxed).is_ok()
+        now >= spoken + BEAT_MS && spoken_ms.compare_exchange(spoken, now, Ordering::Relaxed, Ordering::Relaxed).is_ok()
     }
 
     fn say(&self, tag: Tag, body: &[u8]) {

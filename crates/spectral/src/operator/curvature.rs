@@ -153,7 +153,8 @@ impl<'a> Surface<'a> {
         let own = self.faces[face].0;
         let mut other = None;
         // Around the end with fewer faces: the hub of a fan would be gone around once for each of them.
-        let (mut round, swapped) = (corners.on(from as usize), corners.on(to as usize).len() < corners.on(from as usize).len());
+        let (mut round, swapped) =
+            (corners.on(from as usize), corners.on(to as usize).len() < corners.on(from as usize).len());
         if swapped {
             round = corners.on(to as usize);
         }

@@ -124,7 +124,8 @@ pub(super) fn inverse_iterations_until<E: From<ApproximationError> + From<Cancel
     monitor.checkpoint()?;
     let stiffness = problem.stiffness.reordered(&order);
     let mass = problem.mass.reordered(&order);
-    let symbolic = SymbolicFactor::new(&stiffness, &mass).and_then(|symbolic| symbolic.within(1, monitor)).map_err(failed)?;
+    let symbolic =
+        SymbolicFactor::new(&stiffness, &mass).and_then(|symbolic| symbolic.within(1, monitor)).map_err(failed)?;
     let factor = symbolic.factor(&stiffness, &mass, -shift).map_err(failed)?;
     monitor.checkpoint()?;
     for iteration in 1.. {
