@@ -273,7 +273,7 @@ async fn storm_client(url: String, round: usize, client: usize, told: Arc<std::s
 async fn storm_of_kills() {
     let kills: usize = std::env::var("STORM").map_or(100, |text| text.parse().unwrap());
     let folder = tempfile::tempdir().unwrap();
-    let settings = ["--workers", "2", "--log-level", "off", "--gpu", "off", "--max-queued-jobs", "1000000"];
+    let settings = ["--workers", "2", "--gpu", "off", "--max-queued-jobs", "1000000"];
     let told = Arc::new(std::sync::Mutex::new(Acknowledged::default()));
     let mut random = chladni_base::SplitMix64::new(17);
     for round in 0..kills {

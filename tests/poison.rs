@@ -200,7 +200,7 @@ async fn storm() {
     let jobs: usize = std::env::var("STORM").map_or(1000, |text| text.parse().unwrap());
     let folder = tempfile::tempdir().unwrap();
     let mut settings = SETTINGS.to_vec();
-    settings.extend(["--workers", "2", "--log-level", "off"]);
+    settings.extend(["--workers", "2"]);
     let mut server = Server::start(folder.path(), &settings);
     let mesh = server.upload().await;
     let begun = Instant::now();

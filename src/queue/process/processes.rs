@@ -189,9 +189,10 @@ fn attend(mut worker: Worker, job: &JobRecord, watch: &dyn Watch, pool: &Arc<Poo
             Heard::Ended(_) if worker.lacked_memory() => return Err(too_little(job)),
             Heard::Ended(how) => return died(how),
         };
+        // A sign of life, whatever it says. That the job was cancelled is looked at above, whether or not the worker speaks.
+        let _cancelled = watch.checkpoint();
         match tag {
-            // Whether the work goes on is what this server was asked; what it tells comes too late for the work.
-            Tag::Accepted | Tag::Beat => drop(watch.checkpoint()),
+            Tag::Accepted | Tag::Beat => {}
             Tag::Stage => {
                 stage = String::from_utf8_lossy(&body).into_owned();
                 watch.stage_named(&stage);
