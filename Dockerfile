@@ -37,6 +37,13 @@ RUN find src crates build.rs -name '*.rs' -exec touch {} + \
     && CHLADNI_WEB=required cargo build --release --locked --bin chladni \
     && strip target/release/chladni
 
+# What is inside: the bill of materials of the program, in CycloneDX, and the lock file of the page.
+FROM build AS bill
+RUN cargo install --locked cargo-cyclonedx \
+    && cargo cyclonedx --format json --override-filename chladni.cdx \
+    && install -D -t /bill chladni.cdx.json \
+    && install -D web/package-lock.json /bill/page.package-lock.json
+
 FROM debian:trixie-slim
 RUN apt-get update \
     && apt-get install -y --no-install-recommends curl libvulkan1 \
@@ -44,6 +51,7 @@ RUN apt-get update \
     && useradd --uid 10001 --user-group --no-create-home --home-dir /data --shell /usr/sbin/nologin chladni \
     && install -d -o chladni -g chladni /data
 COPY --from=build /build/target/release/chladni /usr/local/bin/chladni
+COPY --from=bill /bill /usr/share/doc/chladni
 USER chladni
 WORKDIR /data
 # Beyond loopback the server wants API keys: CHLADNI_KEYS, or CHLADNI_KEYS_FILE with a mounted secret.

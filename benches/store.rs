@@ -49,6 +49,7 @@ impl Bench {
 
     async fn enqueue(&self) {
         let new = NewJob {
+            brief: None,
             kind: "eigenbasis".to_owned(),
             mesh: self.mesh.clone(),
             parameters: json!({"count": 4}),

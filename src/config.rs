@@ -92,6 +92,20 @@ pub struct Config {
     #[arg(long, value_name = "N", env = "CHLADNI_WORKERS", default_value_t = 1, value_parser = at_least_one, help_heading = "Work")]
     pub workers: usize,
 
+    /// Where jobs run: processes of their own, or threads of the server
+    ///
+    /// A job in a process of its own takes no server with it when it crashes, may take no more memory than was promised, and is killed where it does
+    /// not stop when it is cancelled.
+    #[arg(
+        long,
+        value_name = "WHERE",
+        env = "CHLADNI_JOBS_IN",
+        default_value = "processes",
+        hide_possible_values = true,
+        help_heading = "Work"
+    )]
+    pub jobs_in: JobsIn,
+
     /// Threads that all jobs share; 0 for one per core
     #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Work")]
     pub threads: usize,
@@ -218,6 +232,15 @@ pub struct LogSettings {
     pub log_level: String,
 }
 
+/// Where jobs run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum JobsIn {
+    /// Each in a process of its own.
+    Processes,
+    /// On threads of the server.
+    Threads,
+}
+
 /// The form of a log line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
@@ -320,6 +343,7 @@ impl Default for Config {
             least_free_bytes: 256 * MIB,
             keep: Keep::default(),
             workers: 1,
+            jobs_in: JobsIn::Processes,
             threads: 0,
             solve_threads: 0,
             gpu: "auto".into(),

@@ -60,6 +60,8 @@ pub struct Metrics {
     pub job_run_seconds: HistogramVec,
     /// Attempts after the first one.
     pub job_retries: IntCounter,
+    /// Processes of jobs that ended by themselves.
+    pub job_deaths: IntCounter,
     /// Leases that ended without a word from their worker.
     pub leases_lost: IntCounter,
     /// Seconds of a synchronous solve, by operation (`filter`, `project`, …).
@@ -82,6 +84,20 @@ pub struct Metrics {
     pub blob_bytes: IntGauge,
     /// Bytes of the write-ahead logs.
     pub wal_bytes: IntGauge,
+    /// Bytes of each database file.
+    pub database_bytes: IntGaugeVec,
+    /// Bytes that are free on the disk of the data folder.
+    pub free_bytes: IntGauge,
+    /// Bytes that must stay free there.
+    pub least_free_bytes: IntGauge,
+    /// 1 where the server takes work, else 0.
+    pub ready: IntGauge,
+    /// Seconds for which the job has waited that waits for longest and could run.
+    pub queue_age_seconds: IntGauge,
+    /// Bytes of memory that running jobs were promised.
+    pub job_memory_promised_bytes: IntGauge,
+    /// Bytes of memory that jobs may be promised together.
+    pub job_memory_limit_bytes: IntGauge,
     /// 1 where a GPU takes part in solves, else 0.
     pub gpu_available: IntGauge,
     /// Solves that fell back from the GPU to the CPU.
@@ -129,7 +145,8 @@ impl Metrics {
                 &["kind", "stage"],
             )?,
             job_retries: kept.counter("chladni_job_retries_total", "Attempts after the first one")?,
-            leases_lost: kept.counter("chladni_lease_lost_total", "Leases that ended without a word")?,
+            job_deaths: kept.counter("chladni_job_deaths_total", "Processes of jobs that ended by themselves")?,
+            leases_lost: kept.counter("chladni_leases_lost_total", "Leases that ended without a word")?,
             reduced_solve_seconds: kept.histogram(
                 "chladni_reduced_solve_seconds",
                 "Seconds of a synchronous solve",
@@ -143,11 +160,24 @@ impl Metrics {
                 "Synchronous solves whose client went away before they ended",
             )?,
             keys_refused: kept.counter("chladni_refused_keys_total", "Requests with an unknown API key")?,
-            basis_cache_hits: kept.counter("chladni_basis_cache_hits", "Bases found decoded in the cache")?,
-            basis_cache_misses: kept.counter("chladni_basis_cache_misses", "Bases that had to be loaded")?,
+            basis_cache_hits: kept.counter("chladni_basis_cache_hits_total", "Bases found decoded in the cache")?,
+            basis_cache_misses: kept.counter("chladni_basis_cache_misses_total", "Bases that had to be loaded")?,
             basis_cache_bytes: kept.gauge("chladni_basis_cache_bytes", "Bytes of decoded bases in the cache")?,
             blob_bytes: kept.gauge("chladni_blob_bytes", "Bytes of the blob database")?,
             wal_bytes: kept.gauge("chladni_wal_bytes", "Bytes of the write-ahead logs")?,
+            database_bytes: kept.keep(IntGaugeVec::new(
+                Opts::new("chladni_database_bytes", "Bytes of each database file"),
+                &["database"],
+            )?)?,
+            free_bytes: kept.gauge("chladni_free_bytes", "Bytes that are free on the disk of the data folder")?,
+            least_free_bytes: kept.gauge("chladni_least_free_bytes", "Bytes that must stay free on that disk")?,
+            ready: kept.gauge("chladni_ready", "1 where the server takes work, else 0")?,
+            queue_age_seconds: kept
+                .gauge("chladni_queue_age_seconds", "Seconds for which the oldest job has waited that could run")?,
+            job_memory_promised_bytes: kept
+                .gauge("chladni_job_memory_promised_bytes", "Bytes of memory that running jobs were promised")?,
+            job_memory_limit_bytes: kept
+                .gauge("chladni_job_memory_limit_bytes", "Bytes of memory that jobs may be promised together")?,
             gpu_available: kept.gauge("chladni_gpu_available", "1 where a GPU takes part in solves")?,
             gpu_fallbacks: kept.counter("chladni_gpu_fallbacks_total", "Solves that fell back to the CPU")?,
             registry,
@@ -210,7 +240,7 @@ mod tests {
         for line in [
             r#"chladni_http_requests_total{method="POST",route="/v1/meshes",status="201"} 1"#,
             r#"chladni_job_run_seconds_count{kind="eigenbasis",stage="eigen"} 1"#,
-            "chladni_lease_lost_total 1",
+            "chladni_leases_lost_total 1",
             "chladni_job_retries_total 1",
             "chladni_gpu_available 0",
             "chladni_wal_bytes 0",
@@ -222,6 +252,87 @@ mod tests {
                 .filter(|l| !l.starts_with('#'))
                 .all(|l| l.starts_with("chladni_") || l.starts_with("process_"))
         );
+    }
+
+    /// The rules of `promtool check metrics`, and those of <https://prometheus.io/docs/practices/naming/> that it does not know.
+    #[test]
+    fn metrics_are_named_as_prometheus_would_have_them() {
+        let metrics = Metrics::new().unwrap();
+        metrics.http_requests.with_label_values(&["/", "GET", "200"]).inc();
+        metrics.http_request_seconds.with_label_values(&["/", "GET"]).observe(1.0);
+        metrics.jobs.with_label_values(&["eigenbasis", "failed"]).set(1);
+        metrics.job_queue_seconds.with_label_values(&["eigenbasis"]).observe(1.0);
+        metrics.job_run_seconds.with_label_values(&["eigenbasis", "eigen"]).observe(1.0);
+        metrics.reduced_solve_seconds.with_label_values(&["filter"]).observe(1.0);
+        metrics.database_bytes.with_label_values(&["meta"]).set(1);
+        let families = metrics.registry.gather();
+        assert!(families.len() > 30, "{}", families.len());
+        for family in families {
+            let (name, help) = (family.name(), family.help());
+            let kind = format!("{:?}", family.get_field_type()).to_lowercase();
+            assert!(!help.trim().is_empty(), "{name} has no help");
+            assert!(name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_'), "{name}");
+            assert_eq!(name.ends_with("_total"), kind == "counter", "{name} is a {kind}");
+            for reserved in ["_count", "_sum", "_bucket", "_info"] {
+                assert!(!name.ends_with(reserved) || name == "chladni_build_info", "{name}");
+            }
+            let words: Vec<&str> = name.split('_').collect();
+            for wrong in [
+                "counter",
+                "gauge",
+                "histogram",
+                "ms",
+                "milliseconds",
+                "minutes",
+                "hours",
+                "kilobytes",
+                "megabytes",
+                "mib",
+                "gib",
+                "percent",
+            ] {
+                assert!(!words.contains(&wrong), "{name}: {wrong}");
+            }
+            // A unit stands at the end, before `total` alone.
+            for unit in ["seconds", "bytes"] {
+                if let Some(at) = words.iter().position(|word| *word == unit) {
+                    assert!(words[at + 1..].iter().all(|word| *word == "total"), "{name}");
+                }
+            }
+            for label in family.get_metric().iter().flat_map(|metric| metric.get_label()) {
+                assert!(!["le", "quantile", "job", "instance"].contains(&label.name()), "{name}: {}", label.name());
+            }
+        }
+    }
+
+    /// What the board and the alerts ask for is what the server has.
+    #[test]
+    fn boards_and_alerts_name_metrics_that_there_are() {
+        let metrics = Metrics::new().unwrap();
+        let known: Vec<String> = (metrics.registry.gather().iter().map(|family| family.name().to_owned()))
+            .chain(
+                [
+                    "http_requests_total",
+                    "http_request_duration_seconds",
+                    "jobs",
+                    "job_queue_seconds",
+                    "job_run_seconds",
+                ]
+                .map(|name| format!("chladni_{name}")),
+            )
+            .chain(["reduced_solve_seconds", "database_bytes"].map(|name| format!("chladni_{name}")))
+            .collect();
+        let mut asked = 0;
+        for text in [include_str!("../deploy/alerts.yml"), include_str!("../deploy/grafana/dashboards/chladni.json")] {
+            for word in text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_')) {
+                let suffix = ["_bucket", "_sum", "_count"].into_iter().find_map(|suffix| word.strip_suffix(suffix));
+                if word.starts_with("chladni_") || word.starts_with("process_") {
+                    assert!(known.iter().any(|name| name == suffix.unwrap_or(word)), "{word}");
+                    asked += 1;
+                }
+            }
+        }
+        assert!(asked > 30, "{asked}");
     }
 
     #[test]

@@ -235,3 +235,76 @@ async fn a_server_that_is_told_to_stop_gives_a_hanging_job_back() {
     let jobs = check(folder.path()).await;
     assert_eq!((jobs[0].status, jobs[0].attempt), (JobStatus::Enqueued, 0));
 }
+
+/// What a storm's clients were told is stored.
+#[derive(Default)]
+struct Acknowledged {
+    meshes: Vec<String>,
+    jobs: Vec<String>,
+}
+
+/// A client that uploads meshes that are like no others and submits jobs on them, until the server is gone.
+async fn storm_client(url: String, round: usize, client: usize, told: Arc<std::sync::Mutex<Acknowledged>>) {
+    let http = reqwest::Client::new();
+    for k in 0.. {
+        let mesh = process::torus().replacen("2.7 0 0", &format!("2.7 {round}.{client} 0.{k}"), 1);
+        let Ok(answer) = http.post(format!("{url}/v1/meshes?format=off")).body(mesh).send().await else { return };
+        let status = answer.status();
+        let Ok(mesh) = answer.json::<Value>().await else { return };
+        // A server that is being killed may still refuse; it may not lose what it took.
+        assert!(status.is_success() || status.as_u16() == 503, "{status}: {mesh}");
+        let Some(mesh) = mesh["id"].as_str() else { continue };
+        told.lock().unwrap().meshes.push(mesh.to_owned());
+        for count in [6, 9] {
+            let request = json!({"kind": "eigenbasis", "mesh": mesh, "parameters": {"count": count}});
+            let Ok(answer) = http.post(format!("{url}/v1/jobs")).json(&request).send().await else { return };
+            let Ok(job) = answer.json::<Value>().await else { return };
+            if let Some(job) = job["id"].as_str() {
+                told.lock().unwrap().jobs.push(job.to_owned());
+            }
+        }
+    }
+}
+
+/// `STORM=1000 cargo test --release --test crash -- --ignored --nocapture storm`: so many kills at random points, 100 unless told otherwise, with six
+/// clients.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "takes minutes: the figures of docs/reliability.md"]
+async fn storm_of_kills() {
+    let kills: usize = std::env::var("STORM").map_or(100, |text| text.parse().unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let settings = ["--workers", "2", "--gpu", "off", "--max-queued-jobs", "1000000"];
+    let told = Arc::new(std::sync::Mutex::new(Acknowledged::default()));
+    let mut random = chladni_base::SplitMix64::new(17);
+    for round in 0..kills {
+        let server = Server::start(folder.path(), &settings);
+        let clients: Vec<_> = (0..6)
+            .map(|client| tokio::spawn(storm_client(server.url.clone(), round, client, Arc::clone(&told))))
+            .collect();
+        tokio::time::sleep(Duration::from_millis(random.below(600) as u64)).await;
+        server.kill();
+        for client in clients {
+            client.await.unwrap();
+        }
+    }
+    let store = Store::open(StoreOptions { least_free_bytes: 0, ..StoreOptions::new(folder.path()) }).await.unwrap();
+    let found = store.examine(false).await.unwrap();
+    assert!(!found.is_ill(), "{found:?}");
+    let told = Arc::into_inner(told).unwrap().into_inner().unwrap();
+    for mesh in &told.meshes {
+        store.load_mesh(mesh).await.unwrap_or_else(|error| panic!("mesh {mesh} is lost: {error}"));
+    }
+    let mut bases = 0;
+    for job in &told.jobs {
+        let job = store.job(job.parse().unwrap()).await.unwrap_or_else(|error| panic!("job {job} is lost: {error}"));
+        assert_eq!(job.status == JobStatus::Succeeded, job.basis.is_some());
+        assert_ne!(job.status, JobStatus::Failed, "{job:?}");
+        if let Some(basis) = job.basis {
+            store.load_basis(basis).await.unwrap();
+            bases += 1;
+        }
+    }
+    store.close().await;
+    println!("{kills} kills: {} meshes, {} jobs and {bases} bases, none lost", told.meshes.len(), told.jobs.len());
+    assert!(told.meshes.len() > kills && told.jobs.len() > kills);
+}

@@ -1,4 +1,12 @@
-//! What every reader promises about every input.
+//! What every reader, every request and every job promises about every input.
+
+mod job;
+
+pub use job::run_job;
+
+use chladni_spectral::basis::{Product, ProductKind};
+use chladni_work::design::{DesignRequest, FurRequest, HatchingRequest};
+use chladni_work::{JobParameters, KINDS};
 
 use chladni_mesh::read::{MeshFormat, ReadLimits, read};
 
@@ -16,4 +24,49 @@ pub fn answer(bytes: &[u8], format: MeshFormat) {
         }
         Err(error) => assert!(!error.kind().is_empty() && error.to_string().len() < 400),
     }
+}
+
+/// Reads stored products of every kind.
+pub fn products(bytes: &[u8]) {
+    for kind in ProductKind::ALL {
+        match Product::read_npz(kind, bytes) {
+            // What is read can be told of, and written again.
+            Ok(product) => {
+                let summary = product.summary();
+                assert_eq!(summary.count, summary.eigenvalues.len());
+                let mut out = std::io::Cursor::new(Vec::new());
+                product.write_npz(&mut out).expect("memory takes all that is written to it");
+            }
+            Err(error) => assert!(!error.to_string().is_empty()),
+        }
+    }
+}
+
+/// Reads the parameters of jobs of every kind: what is accepted has a canonical form that means the same.
+pub fn parameters(bytes: &[u8]) {
+    let Ok(value) = serde_json::from_slice(bytes) else { return };
+    for kind in KINDS {
+        match JobParameters::parse(kind, &value) {
+            Ok(parameters) => {
+                let canonical = parameters.canonical();
+                let again = JobParameters::parse(kind, &canonical).expect("canonical parameters are parameters");
+                assert_eq!(again.canonical(), canonical);
+                let size = chladni_work::MeshSize { vertices: 1000, faces: 2000, ..Default::default() };
+                assert!(parameters.memory_bytes(size) > 0);
+                let _fits = parameters.check_mesh(size);
+                chladni_work::abbreviate(&mut canonical.clone());
+            }
+            Err(error) => assert!(!error.to_string().is_empty() && error.to_string().len() < 4000),
+        }
+    }
+}
+
+/// Reads the bodies of synchronous requests.
+pub fn requests(bytes: &[u8]) {
+    if let Ok(request) = serde_json::from_slice::<DesignRequest>(bytes) {
+        let _refused = request.check();
+    }
+    let _fur = serde_json::from_slice::<FurRequest>(bytes);
+    let _hatching = serde_json::from_slice::<HatchingRequest>(bytes);
+    let _table = serde_json::from_slice::<chladni_work::table::Table>(bytes);
 }

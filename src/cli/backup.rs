@@ -1,8 +1,7 @@
 //! `backup`: copies a data folder, in use or not.
 
-use super::{CliError, bytes, grouped, serve::runtime};
+use super::{CliError, bytes, data_folder::DataFolder, grouped};
 use crate::store;
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -14,13 +13,8 @@ pub struct BackupArguments {
     #[arg(value_name = "FOLDER")]
     backup: PathBuf,
 
-    /// Folder of the databases
-    #[arg(long, value_name = "FOLDER", env = "CHLADNI_DATA", default_value = "chladni-data")]
-    data: PathBuf,
-
-    /// Print one line of JSON
-    #[arg(long, help_heading = "Output")]
-    json: bool,
+    #[command(flatten)]
+    data: DataFolder,
 }
 
 const EXAMPLES: &str = "\
@@ -35,28 +29,24 @@ Exit codes: 0 done; 1 done, but some content is damaged where it was copied from
 
 /// Backs a data folder up.
 pub fn backup(arguments: BackupArguments) -> Result<ExitCode, CliError> {
-    let report = runtime()?
-        .block_on(store::backup(&arguments.data, &arguments.backup))
-        .map_err(|error| CliError::Service(error.to_string()))?;
-    let text = if arguments.json {
-        serde_json::to_string(&report).map_err(|error| CliError::stdout(error.into()))?
-    } else {
+    let BackupArguments { backup, data } = arguments;
+    let report = data.wait(store::backup(&data.folder, &backup))?;
+    data.print(&report, || {
         format!(
             "{} meshes, {} bases and {} jobs are in {}; {} of {} pieces of content were new, {}.",
             grouped(report.meshes as usize),
             grouped(report.bases as usize),
             grouped(report.jobs as usize),
-            arguments.backup.display(),
+            backup.display(),
             grouped(report.copied_blobs as usize),
             grouped(report.blobs as usize),
             bytes(report.copied_bytes),
         )
-    };
-    writeln!(std::io::stdout().lock(), "{text}").map_err(CliError::stdout)?;
+    })?;
     if report.damaged.is_empty() {
         return Ok(ExitCode::SUCCESS);
     }
     let list = report.damaged.join(", ");
-    eprintln!("chladni: content is damaged or missing in {}: {list}; see `chladni doctor`", arguments.data.display());
+    eprintln!("chladni: content is damaged or missing in {}: {list}; see `chladni doctor`", data.folder.display());
     Ok(ExitCode::from(1))
 }

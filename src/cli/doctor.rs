@@ -1,18 +1,15 @@
 //! `doctor`: looks at everything that a data folder holds.
 
-use super::{CliError, Table, bytes, grouped, serve::runtime};
-use crate::store::{Examination, Store, StoreOptions};
-use std::io::Write;
-use std::path::PathBuf;
+use super::{CliError, Table, bytes, data_folder::DataFolder, grouped};
+use crate::store::{Examination, StoreOptions};
 use std::process::ExitCode;
 
 /// Check every record, every piece of content and every hash of a data folder, and repair what can be repaired
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct DoctorArguments {
-    /// Folder of the databases; no server may use it meanwhile
-    #[arg(long, value_name = "FOLDER", env = "CHLADNI_DATA", default_value = "chladni-data")]
-    data: PathBuf,
+    #[command(flatten)]
+    data: DataFolder,
 
     /// Do what can be done: enqueue jobs whose bases are damaged, clear references to nothing, delete damaged content that nothing refers to
     #[arg(long)]
@@ -21,10 +18,6 @@ pub struct DoctorArguments {
     /// Use databases that do not belong together as they are; what one of them lacks is lost
     #[arg(long)]
     pair: bool,
-
-    /// Print one line of JSON instead of a table
-    #[arg(long, help_heading = "Output")]
-    json: bool,
 }
 
 const EXAMPLES: &str = "\
@@ -34,28 +27,16 @@ Examples:
 
 A damaged mesh is repaired by uploading the same file again, a damaged basis also by submitting the same job again.
 
+No server may use the folder meanwhile.
+
 Exit codes: 0 all is well, or was put right; 1 something is wrong; 3 the folder cannot be used.";
 
 /// Examines a data folder.
 pub fn doctor(arguments: DoctorArguments) -> Result<ExitCode, CliError> {
-    let service = |error: &dyn std::fmt::Display| CliError::Service(error.to_string());
-    if !arguments.data.join("meta.db").exists() && !arguments.data.join("blobs.db").exists() {
-        return Err(CliError::Usage(format!("{} is no data folder: it holds no databases", arguments.data.display())));
-    }
-    let options =
-        StoreOptions { least_free_bytes: 0, pair_anyway: arguments.pair, ..StoreOptions::new(&arguments.data) };
-    let found = runtime()?.block_on(async {
-        let store = Store::open(options).await.map_err(|error| service(&error))?;
-        let found = store.examine(arguments.repair).await;
-        store.close().await;
-        found.map_err(|error| service(&error))
-    })?;
-    let text = if arguments.json {
-        serde_json::to_string(&found).map_err(|error| CliError::stdout(error.into()))?
-    } else {
-        page(&found)
-    };
-    writeln!(std::io::stdout().lock(), "{}", text.trim_end()).map_err(CliError::stdout)?;
+    let DoctorArguments { data, repair, pair } = arguments;
+    let settings = |options| StoreOptions { pair_anyway: pair, ..options };
+    let found = data.with_store(settings, |store| async move { store.examine(repair).await })?;
+    data.print(&found, || page(&found))?;
     Ok(if found.is_ill() { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 

@@ -7,12 +7,14 @@ mod client;
 mod compact;
 #[cfg(unix)]
 mod crash_mark;
+mod data_folder;
 mod demo;
 mod doctor;
 mod error;
 mod field;
 mod input;
 mod memory;
+mod poison;
 mod private;
 mod progress;
 mod restore;
@@ -23,6 +25,7 @@ mod solve;
 mod text;
 mod verify;
 mod work;
+mod worker;
 
 pub use error::CliError;
 pub use input::{MeshInput, read_bytes};
@@ -74,6 +77,7 @@ enum Command {
     Doctor(doctor::DoctorArguments),
     Compact(compact::CompactArguments),
     Sample(sample::SampleArguments),
+    Worker(worker::WorkerArguments),
     /// Print the OpenAPI document of the API
     Openapi,
 }
@@ -106,6 +110,7 @@ pub fn main() -> ExitCode {
         Command::Doctor(arguments) => doctor::doctor(arguments),
         Command::Compact(arguments) => compact::compact(arguments),
         Command::Sample(arguments) => sample::sample(arguments),
+        Command::Worker(arguments) => worker::worker(arguments),
         Command::Openapi => openapi(),
     };
     result.unwrap_or_else(|error| {

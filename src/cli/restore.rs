@@ -1,8 +1,7 @@
 //! `restore`: makes a data folder of a backup.
 
-use super::{CliError, doctor, serve::runtime};
+use super::{CliError, data_folder::DataFolder, doctor};
 use crate::store;
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -14,13 +13,8 @@ pub struct RestoreArguments {
     #[arg(value_name = "FOLDER")]
     backup: PathBuf,
 
-    /// Folder of the databases to be made; it may hold none yet
-    #[arg(long, value_name = "FOLDER", env = "CHLADNI_DATA", default_value = "chladni-data")]
-    data: PathBuf,
-
-    /// Print one line of JSON instead of a table
-    #[arg(long, help_heading = "Output")]
-    json: bool,
+    #[command(flatten)]
+    data: DataFolder,
 }
 
 const EXAMPLES: &str = "\
@@ -31,14 +25,8 @@ Exit codes: 0 done; 1 done, but something in the backup is damaged; 3 a folder c
 
 /// Restores a backup.
 pub fn restore(arguments: RestoreArguments) -> Result<ExitCode, CliError> {
-    let found = runtime()?
-        .block_on(store::restore(&arguments.backup, &arguments.data))
-        .map_err(|error| CliError::Service(error.to_string()))?;
-    let text = if arguments.json {
-        serde_json::to_string(&found).map_err(|error| CliError::stdout(error.into()))?
-    } else {
-        doctor::page(&found)
-    };
-    writeln!(std::io::stdout().lock(), "{}", text.trim_end()).map_err(CliError::stdout)?;
+    let RestoreArguments { backup, data } = arguments;
+    let found = data.wait(store::restore(&backup, &data.folder))?;
+    data.print(&found, || doctor::page(&found))?;
     Ok(if found.is_ill() { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }

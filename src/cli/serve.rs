@@ -2,10 +2,10 @@
 
 use chladni_algebra::gpu;
 
-use super::{CliError, memory, private};
-use crate::config::Config;
+use super::{CliError, memory, private, worker};
+use crate::config::{Config, JobsIn};
 use crate::http::{self, AppState};
-use crate::queue::{QueueObserver, Solver, WorkerOptions, WorkerPool};
+use crate::queue::{QueueObserver, WorkerOptions, WorkerPool};
 use crate::store::{JobStatus, Retention, Store, StoreOptions, fault::Faults};
 use crate::telemetry::{Metrics, start_logs};
 use std::io::{self, Write};
@@ -128,10 +128,19 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
     options.queued_jobs_limit = Some(config.limits.max_queued_jobs as u64);
     match config.fault.as_deref() {
         Some("gpu-lost") => accelerator.lose_once(),
+        // Of jobs, in their processes.
+        Some("poison") if config.jobs_in == JobsIn::Processes => {}
         Some(fault) => options.faults = Faults::parse(fault).map_err(|error| CliError::Usage(error.to_string()))?,
         None => {}
     }
     let store = Store::open(options).await.map_err(|error| service(&error))?;
+    let observer: Arc<dyn QueueObserver> = Arc::new(Counting(metrics.clone()));
+    let runner = {
+        let (config, observer) = (config.clone(), observer.clone());
+        tokio::task::spawn_blocking(move || worker::runner(&config, observer))
+            .await
+            .map_err(|error| service(&error))??
+    };
     let workers = Arc::new(WorkerPool::start(
         store.clone(),
         WorkerOptions {
@@ -142,9 +151,10 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
             stall: config.stall_seconds,
             kinds: Vec::new(),
             memory,
+            isolated: config.jobs_in == JobsIn::Processes,
         },
-        Arc::new(Solver),
-        Arc::new(Counting(metrics.clone())),
+        runner,
+        observer,
     ));
     let drain = config.drain_seconds;
     let (solve_threads, threads, jobs_at_once) = (config.reduced_solve_threads(), config.job_threads(), config.workers);
@@ -172,7 +182,7 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
 }
 
 /// Opens the graphics card that is chosen, before jobs may ask for it.
-async fn accelerator(choice: &str) -> Result<Arc<gpu::Accelerator>, CliError> {
+pub(super) async fn accelerator(choice: &str) -> Result<Arc<gpu::Accelerator>, CliError> {
     let choice: gpu::GpuChoice =
         choice.parse().map_err(|reason| CliError::Usage(format!("--gpu {choice:?}: {reason}")))?;
     let failed = |error: &dyn std::fmt::Display| CliError::Service(error.to_string());
@@ -356,6 +366,16 @@ impl QueueObserver for Counting {
     }
     fn lease_lost(&self, _kind: &str) {
         self.0.leases_lost.inc();
+    }
+    fn memory(&self, promised: u64, total: u64) {
+        self.0.job_memory_promised_bytes.set(i64::try_from(promised).unwrap_or(i64::MAX));
+        self.0.job_memory_limit_bytes.set(i64::try_from(total).unwrap_or(i64::MAX));
+    }
+    fn died(&self, _kind: &str) {
+        self.0.job_deaths.inc();
+    }
+    fn gpu_fell_back(&self, times: u64) {
+        self.0.gpu_fallbacks.inc_by(times);
     }
     fn finished(&self, kind: &str, status: JobStatus) {
         tracing::debug!(kind, status = status.as_str(), "job finished");

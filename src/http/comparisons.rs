@@ -217,7 +217,10 @@ async fn compare_shapes(
         let mesh = state.store.mesh(&record.mesh).await?;
         // Eigenvalues stand in the record, so no eigenfunction is read.
         let area = mesh.report["area"].as_f64().unwrap_or(f64::NAN);
-        seen.push((record.id, SpectrumOf::new(&record.parameters, mesh.report["closed"] == true)));
+        // Records of earlier versions have long lists in full.
+        let mut parameters = record.parameters.clone();
+        chladni_work::abbreviate(&mut parameters);
+        seen.push((record.id, SpectrumOf::new(&parameters, mesh.report["closed"] == true)));
         spectra.push(Spectrum { eigenvalues: record.eigenvalues, area });
         labels.push(match &request.labels {
             Some(labels) => problem::shorten(labels[place].clone()),

@@ -112,6 +112,8 @@ async fn submit(state: ClientState, headers: HeaderMap, body: Body) -> Result<Re
         .with("limit", limit));
     }
     let canonical = parameters.canonical();
+    let mut brief = canonical.clone();
+    chladni_work::abbreviate(&mut brief);
     let idempotency = key.map(|key| {
         let asked = serde_json::json!([request.kind, mesh.id, canonical, request.priority]).to_string();
         IdempotencyKey {
@@ -125,6 +127,7 @@ async fn submit(state: ClientState, headers: HeaderMap, body: Body) -> Result<Re
             kind: parameters.kind().to_owned(),
             work_key: parameters.work_key(&mesh.id),
             mesh: mesh.id,
+            brief: (brief != canonical).then_some(brief),
             parameters: canonical,
             priority: request.priority,
             idempotency,

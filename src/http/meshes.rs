@@ -260,7 +260,7 @@ problems!(RenameMeshProblems: BODY JSON WRITE [UNKNOWN_MESH]);
         (status = 200, description = "The mesh under its new name", body = MeshResource),
         RenameMeshProblems,
     ),
-    security(("bearer" = ["operate"]))
+    security(("bearer" = ["submit"]))
 )]
 async fn rename(
     state: ClientState,

@@ -76,7 +76,10 @@ pub async fn observe(State(state): State<AppState>, request: Request, next: Next
                 tracing::$level!(path, status = status_code, seconds, key, peer, problem, detail, "answered")
             };
         }
-        if status.is_server_error() {
+        // A full disk is the operator's to see to, and no fault of the server.
+        if status == StatusCode::INSUFFICIENT_STORAGE {
+            answered!(warn)
+        } else if status.is_server_error() {
             answered!(error)
         } else if status.is_success() && POLLED.contains(&route.as_str()) {
             answered!(debug)

@@ -14,7 +14,7 @@ use utoipa_axum::routes;
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
-use crate::store::JobStatus;
+use crate::store::{JobStatus, StoreHealth};
 
 /// The routes for operators and their machines.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -72,21 +72,7 @@ problems!(ReadyProblems: [NOT_READY]);
 )]
 async fn readyz(State(state): State<AppState>) -> Result<Json<Readiness>, Problem> {
     let health = state.store_health().await;
-    let mut reasons = Vec::new();
-    if health.moved {
-        reasons.push("storage-replaced");
-    } else if health.full {
-        reasons.push("storage-full");
-    } else if !health.writable {
-        tracing::warn!(reason = health.reason, "the store cannot be written");
-        reasons.push("storage-unavailable");
-    }
-    if !state.workers_alive() {
-        reasons.push("workers-dead");
-    }
-    if state.is_draining() {
-        reasons.push("draining");
-    }
+    let reasons = refusals(&state, &health);
     if !reasons.is_empty() {
         let mut refused = Problem::new(&problem::NOT_READY, format!("Not ready: {}.", reasons.join(", ")))
             .with("reasons", reasons)
@@ -103,6 +89,26 @@ async fn readyz(State(state): State<AppState>) -> Result<Json<Readiness>, Proble
         blob_bytes: health.blob_bytes,
         wal_bytes: health.wal_bytes,
     }))
+}
+
+/// Why the server does not take work; nothing where it does.
+fn refusals(state: &AppState, health: &StoreHealth) -> Vec<&'static str> {
+    let mut reasons = Vec::new();
+    if health.moved {
+        reasons.push("storage-replaced");
+    } else if health.full {
+        reasons.push("storage-full");
+    } else if !health.writable {
+        tracing::warn!(reason = health.reason, "the store cannot be written");
+        reasons.push("storage-unavailable");
+    }
+    if !state.workers_alive() {
+        reasons.push("workers-dead");
+    }
+    if state.is_draining() {
+        reasons.push("draining");
+    }
+    reasons
 }
 
 /// Gives the metrics
@@ -133,6 +139,19 @@ async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
     let health = state.store_health().await;
     metrics.blob_bytes.set(health.blob_bytes as i64);
     metrics.wal_bytes.set(health.wal_bytes as i64);
+    for (database, bytes) in health.database_bytes {
+        metrics.database_bytes.with_label_values(&[database]).set(bytes as i64);
+    }
+    metrics.free_bytes.set(health.free_bytes.unwrap_or_default() as i64);
+    metrics.least_free_bytes.set(health.least_free_bytes as i64);
+    metrics.ready.set(i64::from(refusals(&state, &health).is_empty()));
+    match state.store.oldest_waiting_ms().await {
+        Ok(since_ms) => {
+            let age_ms = since_ms.map_or(0, |since_ms| (state.store.now_ms() - since_ms).max(0));
+            metrics.queue_age_seconds.set(age_ms / 1000);
+        }
+        Err(error) => tracing::warn!(%error, "the age of the queue cannot be told"),
+    }
     metrics.solves_held.set(state.solve_places.held() as i64);
     metrics.request_bytes.set(state.request_memory.held() as i64);
     let cache = state.store.cache_statistics();

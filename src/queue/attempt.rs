@@ -61,7 +61,7 @@ pub(super) async fn run(
     shared.observer.claimed(&job.kind, waited_ms.max(0) as f64 / 1000.0);
     tracing::info!(mesh = job.mesh, "job claimed");
 
-    let monitor = Arc::new(AttemptMonitor::new(shared.store.faults().clone()));
+    let monitor = Arc::new(AttemptMonitor::new(shared.store.faults().clone(), job.memory_bytes));
     let (verdicts, mut verdict) = mpsc::channel(4);
     let beating =
         Heartbeat { store: shared.store.clone(), job: job.id, token, monitor: Arc::clone(&monitor), verdicts };
@@ -164,6 +164,10 @@ async fn conclude(shared: &Shared, kind: &str, token: Uuid, monitor: &AttemptMon
         Ok(Ok(Err(JobFailure::Failed { kind, detail, retryable }))) => {
             Ending::Failed(JobProblem { kind, detail }, retryable)
         }
+        Ok(Ok(Err(JobFailure::Died { how }))) => {
+            shared.observer.died(kind);
+            Ending::Died(how)
+        }
         Ok(Err(_)) | Err(_) => {
             let detail = format!("the worker panicked{}", stage_words(monitor));
             Ending::Failed(JobProblem { kind: "worker-panicked".to_owned(), detail }, true)
@@ -202,6 +206,7 @@ async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &Attemp
 #[derive(Debug)]
 enum Ending {
     Failed(JobProblem, bool),
+    Died(String),
     Canceled,
     Released,
 }
@@ -209,12 +214,17 @@ enum Ending {
 /// Writes down how an attempt ended; where the storage refuses for longer than a lease, the reaper will see to it.
 async fn settle(shared: &Shared, kind: &str, ending: Ending, token: Uuid) {
     let deadline = Instant::now() + shared.options.lease;
-    if let Ending::Failed(problem, _) = &ending {
-        tracing::warn!(problem = problem.kind, detail = problem.detail, "attempt failed");
+    match &ending {
+        Ending::Failed(problem, _) => {
+            tracing::warn!(problem = problem.kind, detail = problem.detail, "attempt failed")
+        }
+        Ending::Died(how) => tracing::error!(how, "the process of the job ended"),
+        Ending::Canceled | Ending::Released => {}
     }
     loop {
         let written = match &ending {
             Ending::Failed(problem, retryable) => shared.store.fail(token, problem, *retryable).await,
+            Ending::Died(how) => shared.store.die(token, how).await,
             Ending::Canceled => shared
                 .store
                 .finish_canceled(token)

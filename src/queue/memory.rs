@@ -5,11 +5,10 @@ use std::sync::{
     atomic::{AtomicBool, AtomicUsize, Ordering},
 };
 
-use super::WorkerOptions;
-use crate::store::{Claim, Store, StoreError};
+use super::{QueueObserver, WorkerOptions};
+use crate::store::{Claim, Company, Store, StoreError};
 
 /// The memory of running jobs.
-#[derive(Debug)]
 pub(super) struct Budget {
     total: u64,
     taken: Mutex<u64>,
@@ -20,10 +19,12 @@ pub(super) struct Budget {
     /// Held while a job is chosen: two workers must not both see the same memory free.
     turn: tokio::sync::Mutex<()>,
     store: Store,
+    observer: Arc<dyn QueueObserver>,
 }
 
 impl Budget {
-    pub fn new(total: u64, store: Store) -> Self {
+    pub fn new(total: u64, store: Store, observer: Arc<dyn QueueObserver>) -> Self {
+        observer.memory(0, total);
         Self {
             total,
             taken: Mutex::new(0),
@@ -31,7 +32,15 @@ impl Budget {
             alone: AtomicBool::new(false),
             turn: tokio::sync::Mutex::new(()),
             store,
+            observer,
         }
+    }
+
+    /// Takes or gives back memory.
+    fn change(&self, change: impl FnOnce(u64) -> u64) {
+        let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        *taken = change(*taken);
+        self.observer.memory(*taken, self.total);
     }
 
     /// The memory that there is for jobs.
@@ -52,11 +61,12 @@ impl Budget {
         }
         let taken = *self.taken.lock().unwrap_or_else(PoisonError::into_inner);
         let free = if taken == 0 { u64::MAX } else { self.total.saturating_sub(taken) };
-        let claim = self.store.claim_within(worker, &options.kinds, options.lease, free, running == 0).await?;
+        let company = Company { others: running > 0, isolated: options.isolated };
+        let claim = self.store.claim_within(worker, &options.kinds, options.lease, free, company).await?;
         Ok(claim.map(|claim| {
             // One that is to run alone has all the memory that there is.
             let bytes = if claim.alone { self.total } else { claim.job.memory_bytes.min(self.total) };
-            *self.taken.lock().unwrap_or_else(PoisonError::into_inner) += bytes;
+            self.change(|taken| taken + bytes);
             self.running.fetch_add(1, Ordering::Relaxed);
             self.alone.store(claim.alone, Ordering::Relaxed);
             (claim, Reservation { budget: Arc::clone(self), bytes })
@@ -65,7 +75,6 @@ impl Budget {
 }
 
 /// Memory that a job holds until this is dropped.
-#[derive(Debug)]
 pub(super) struct Reservation {
     budget: Arc<Budget>,
     bytes: u64,
@@ -73,9 +82,7 @@ pub(super) struct Reservation {
 
 impl Drop for Reservation {
     fn drop(&mut self) {
-        let mut taken = self.budget.taken.lock().unwrap_or_else(PoisonError::into_inner);
-        *taken = taken.saturating_sub(self.bytes);
-        drop(taken);
+        self.budget.change(|taken| taken.saturating_sub(self.bytes));
         self.budget.running.fetch_sub(1, Ordering::Relaxed);
         // Whoever waits for the memory looks again.
         self.budget.store.work().notify_one();

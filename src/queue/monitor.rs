@@ -10,6 +10,7 @@ use std::{
 
 use chladni_base::{Cancelled, Monitor};
 
+use super::Watch;
 use crate::store::{
     Progress,
     fault::{FailPoint, Faults},
@@ -17,6 +18,8 @@ use crate::store::{
 
 /// Characters of a detail that are kept.
 const LONGEST_DETAIL: usize = 200;
+/// Characters of the name of a stage that is told by another process.
+const LONGEST_STAGE: usize = 40;
 
 /// Collects stage, progress and signs of life of one attempt, and tells the work to stop.
 #[derive(Debug)]
@@ -29,24 +32,27 @@ pub(super) struct AttemptMonitor {
     fraction: AtomicU64,
     stages: Mutex<Stages>,
     faults: Faults,
+    /// Bytes of memory; 0 where nothing was promised.
+    promised: u64,
 }
 
 #[derive(Debug, Default)]
 struct Stages {
-    ended: Vec<(&'static str, f64)>,
-    current: Option<(&'static str, Instant)>,
+    ended: Vec<(String, f64)>,
+    current: Option<(String, Instant)>,
     detail: Option<String>,
 }
 
 impl Stages {
     /// Seconds in each stage, in order of first appearance, with the one that runs counted up to now.
     fn seconds(&self) -> Vec<(String, f64)> {
-        let current = self.current.map(|(name, since)| (name, since.elapsed().as_secs_f64()));
+        let current = self.current.as_ref().map(|(name, since)| (name, since.elapsed().as_secs_f64()));
+        let ended = self.ended.iter().map(|(name, elapsed)| (name, *elapsed));
         let mut seconds: Vec<(String, f64)> = Vec::with_capacity(self.ended.len() + 1);
-        for (name, elapsed) in self.ended.iter().copied().chain(current) {
+        for (name, elapsed) in ended.chain(current) {
             match seconds.iter_mut().find(|(known, _)| known == name) {
                 Some((_, total)) => *total += elapsed,
-                None => seconds.push((name.to_owned(), elapsed)),
+                None => seconds.push((name.clone(), elapsed)),
             }
         }
         seconds
@@ -54,8 +60,9 @@ impl Stages {
 }
 
 impl AttemptMonitor {
-    pub fn new(faults: Faults) -> Self {
+    pub fn new(faults: Faults, promised: u64) -> Self {
         Self {
+            promised,
             begun: Instant::now(),
             cancelled: AtomicBool::new(false),
             heard_ms: AtomicU64::new(0),
@@ -79,7 +86,7 @@ impl AttemptMonitor {
     /// How far the work has come.
     pub fn snapshot(&self) -> Progress {
         let stages = self.stages.lock().unwrap_or_else(PoisonError::into_inner);
-        let stage = stages.current.map(|(name, _)| name.to_owned());
+        let stage = stages.current.as_ref().map(|(name, _)| name.clone());
         let fraction = f64::from_bits(self.fraction.load(Ordering::Relaxed));
         Progress {
             fraction: stage.as_ref().map(|_| fraction),
@@ -89,20 +96,20 @@ impl AttemptMonitor {
         }
     }
 
-    /// Begins a stage, or none.
-    fn turn(&self, next: Option<&'static str>) {
+    /// Begins a stage.
+    fn turn(&self, next: &str) {
         let mut stages = self.stages.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((name, since)) = stages.current.take() {
             stages.ended.push((name, since.elapsed().as_secs_f64()));
         }
-        stages.current = next.map(|name| (name, Instant::now()));
+        stages.current = Some((next.to_owned(), Instant::now()));
         stages.detail = None;
         self.fraction.store(0f64.to_bits(), Ordering::Relaxed);
     }
 
     /// Ends the last stage and begins the storing of the result.
     pub fn begin_storing(&self) {
-        self.turn(Some("store"));
+        self.turn("store");
         self.hear();
     }
 
@@ -113,7 +120,7 @@ impl AttemptMonitor {
 
 impl Monitor for AttemptMonitor {
     fn stage(&self, name: &'static str) {
-        self.turn(Some(name));
+        self.turn(name);
         self.hear();
     }
 
@@ -135,5 +142,20 @@ impl Monitor for AttemptMonitor {
         self.hear();
         self.faults.meet(FailPoint::MidRun);
         if self.cancelled.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) }
+    }
+
+    fn promised_bytes(&self) -> Option<u64> {
+        (self.promised > 0).then_some(self.promised)
+    }
+}
+
+impl Watch for AttemptMonitor {
+    fn is_cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+
+    fn stage_named(&self, name: &str) {
+        self.turn(&name.chars().take(LONGEST_STAGE).collect::<String>());
+        self.hear();
     }
 }

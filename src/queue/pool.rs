@@ -38,6 +38,8 @@ pub struct WorkerOptions {
     /// Bytes of memory that running jobs may need together, by their estimates. A job that does not fit beside those that run waits,
     /// and so do those behind it.
     pub memory: u64,
+    /// Whether the runner does each job in a process of its own.
+    pub isolated: bool,
 }
 
 impl Default for WorkerOptions {
@@ -50,6 +52,7 @@ impl Default for WorkerOptions {
             stall: Duration::from_secs(900),
             kinds: Vec::new(),
             memory: u64::MAX,
+            isolated: false,
         }
     }
 }
@@ -110,7 +113,7 @@ impl WorkerPool {
         observer: Arc<dyn QueueObserver>,
     ) -> Self {
         let shared = Arc::new(Shared {
-            budget: Arc::new(Budget::new(options.memory, store.clone())),
+            budget: Arc::new(Budget::new(options.memory, store.clone(), Arc::clone(&observer))),
             store,
             runner,
             observer,

@@ -25,10 +25,19 @@ pub trait Runner: Send + Sync + 'static {
         job: &JobRecord,
         mesh: Arc<TriangleMesh>,
         _solid: Option<Arc<TetMesh>>,
-        monitor: &dyn Monitor,
+        monitor: &dyn Watch,
     ) -> Result<Outcome, JobFailure> {
         self.run(job, mesh, monitor)
     }
+}
+
+/// A monitor that also tells whoever passes on what others say: whether the work is cancelled, which is no sign of life, and stages whose names
+/// come from elsewhere.
+pub trait Watch: Monitor {
+    /// Whether the work was asked to stop.
+    fn is_cancelled(&self) -> bool;
+    /// A stage begins, as [`Monitor::stage`] has it.
+    fn stage_named(&self, name: &str);
 }
 
 /// What an attempt made.
@@ -54,6 +63,12 @@ pub enum JobFailure {
         /// Whether another attempt may help.
         retryable: bool,
     },
+    /// The process that did the work ended by itself.
+    #[error("the process of the job ended: {how}")]
+    Died {
+        /// How, such as `by signal 11 (SIGSEGV)`.
+        how: String,
+    },
 }
 
 /// Hears what the queue does: the seam for metrics. Called from worker tasks; must return quickly.
@@ -66,6 +81,12 @@ pub trait QueueObserver: Send + Sync + 'static {
     fn retried(&self, _kind: &str) {}
     /// A worker found that its lease was lost.
     fn lease_lost(&self, _kind: &str) {}
+    /// Running jobs hold so many bytes of the memory that there is for them, by their promises.
+    fn memory(&self, _promised: u64, _total: u64) {}
+    /// The process of a job ended by itself.
+    fn died(&self, _kind: &str) {}
+    /// So many dense problems of a job fell back from the graphics card to the CPU, in another process.
+    fn gpu_fell_back(&self, _times: u64) {}
     /// A job is finished.
     fn finished(&self, _kind: &str, _status: JobStatus) {}
 }

@@ -6,7 +6,7 @@ use chladni_base::Monitor;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_work::{JobError, JobParameters};
 
-use super::{JobFailure, Outcome, Runner};
+use super::{JobFailure, Outcome, Runner, Watch};
 use crate::store::JobRecord;
 
 /// Runs every kind of job that the room `job` knows.
@@ -15,7 +15,7 @@ pub struct Solver;
 
 impl Runner for Solver {
     fn run(&self, job: &JobRecord, mesh: Arc<TriangleMesh>, monitor: &dyn Monitor) -> Result<Outcome, JobFailure> {
-        self.run_body(job, mesh, None, monitor)
+        solve(job, &mesh, None, monitor)
     }
 
     fn run_body(
@@ -23,13 +23,22 @@ impl Runner for Solver {
         job: &JobRecord,
         mesh: Arc<TriangleMesh>,
         solid: Option<Arc<TetMesh>>,
-        monitor: &dyn Monitor,
+        monitor: &dyn Watch,
     ) -> Result<Outcome, JobFailure> {
-        let parameters = JobParameters::parse(&job.kind, &job.parameters).map_err(JobError::from).map_err(failure)?;
-        let mut product = parameters.run_body(&mesh, solid.as_deref(), monitor).map_err(failure)?.product;
-        product.describe(serde_json::Map::from_iter([("mesh".to_owned(), job.mesh.clone().into())]));
-        Ok(Outcome { product })
+        solve(job, &mesh, solid.as_deref(), monitor)
     }
+}
+
+fn solve(
+    job: &JobRecord,
+    mesh: &TriangleMesh,
+    solid: Option<&TetMesh>,
+    monitor: &dyn Monitor,
+) -> Result<Outcome, JobFailure> {
+    let parameters = JobParameters::parse(&job.kind, &job.parameters).map_err(JobError::from).map_err(failure)?;
+    let mut product = parameters.run_body(mesh, solid, monitor).map_err(failure)?.product;
+    product.describe(serde_json::Map::from_iter([("mesh".to_owned(), job.mesh.clone().into())]));
+    Ok(Outcome { product })
 }
 
 /// Numerical work is deterministic: another attempt at the same input would fail in the same way.

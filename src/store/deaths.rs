@@ -1,15 +1,18 @@
 //! What becomes of jobs whose process died: docs/decisions/0028.
 //!
 //! A process that is killed, or loses power, is no fault of the job: the attempt does not count. A process that crashed, as its mark tells, may well
-//! be the job's doing: such a job runs alone from then on, and when it crashes a process again, it is quarantined.
+//! be the job's doing: such a job runs alone from then on, and when it crashes a process again, it is quarantined. Where jobs have processes of their
+//! own, a death is known to be the job's, and nothing has to run alone.
 
 use std::path::PathBuf;
 
 use sqlx::Row;
+use uuid::Uuid;
 
 use super::{
-    JobProblem, JobRecord, JobStatus, Reaped, Store, StoreError, StoreOptions,
+    FailAnswer, JobProblem, JobRecord, JobStatus, Reaped, Store, StoreError, StoreOptions,
     database::WriteTransaction,
+    detached,
     jobs::job_from_row,
     leases::{expiry, finish, requeue},
 };
@@ -57,6 +60,62 @@ impl Store {
         }
         reaped.iter().for_each(|reaped| self.announce(&reaped.job));
         Ok(reaped)
+    }
+
+    /// Ends an attempt whose own process died, while the server lives. It is no attempt; the job is tried again after a pause, and quarantined when
+    /// that happens for the second time.
+    ///
+    /// # Errors
+    /// [`StoreError::Busy`] and its kin.
+    pub async fn die(&self, token: Uuid, how: &str) -> Result<FailAnswer, StoreError> {
+        let (store, how) = (self.clone(), how.to_owned());
+        detached(async move {
+            let now_ms = store.now_ms();
+            let mut transaction = store.inner.meta.write().await?;
+            let row = sqlx::query("SELECT * FROM jobs WHERE lease_token = ? AND status = 'processing'")
+                .bind(token.to_string())
+                .fetch_optional(transaction.on())
+                .await?;
+            let Some(row) = row else {
+                transaction.rollback().await?;
+                return Ok(FailAnswer::Lost);
+            };
+            let (job, deaths) = (job_from_row(&row)?, row.try_get::<i64, _>("deaths")? + 1);
+            let job = store.end_alone(&mut transaction, &job, &how, deaths, now_ms).await?;
+            transaction.commit().await?;
+            store.announce(&job);
+            Ok(if job.status == JobStatus::Enqueued { FailAnswer::Retried } else { FailAnswer::Finished(job.status) })
+        })
+        .await
+    }
+
+    async fn end_alone(
+        &self,
+        on: &mut WriteTransaction,
+        job: &JobRecord,
+        how: &str,
+        deaths: i64,
+        now_ms: i64,
+    ) -> Result<JobRecord, StoreError> {
+        if job.cancel_requested {
+            return finish(on, job, JobStatus::Canceled, None, now_ms).await;
+        }
+        sqlx::query("UPDATE jobs SET deaths = ? WHERE id = ?")
+            .bind(deaths)
+            .bind(job.id.to_string())
+            .execute(on.on())
+            .await?;
+        let stage = job.stage.as_deref().map_or(String::new(), |stage| format!(" at stage {stage}"));
+        if deaths >= MOST_DEATHS {
+            let detail = format!("the process of the job ended {deaths} times while it ran, last {how}{stage}");
+            tracing::error!(job = %job.id, detail, "a job is quarantined");
+            let problem = JobProblem { kind: "quarantined".to_owned(), detail };
+            return finish(on, job, JobStatus::Failed, Some(&problem), now_ms).await;
+        }
+        let detail = format!("the process of the job ended {how}{stage}; that is no attempt of the job");
+        let problem = JobProblem { kind: "worker-lost".to_owned(), detail };
+        let pause = self.inner.options.retry_pause.min(StoreOptions::LONGEST_PAUSE);
+        requeue(on, job, job.attempt.saturating_sub(1), Some(&problem), now_ms, expiry(now_ms, pause)).await
     }
 
     async fn end_with_its_process(

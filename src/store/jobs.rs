@@ -122,8 +122,8 @@ impl Store {
         self.check_queue(on).await?;
         let row = sqlx::query(
             "INSERT INTO jobs (id, kind, mesh, parameters, priority, status, max_attempts, work_key, solver_version,
-                created_ms, enqueued_ms, not_before_ms, memory_bytes)
-             VALUES (?1, ?2, ?3, ?4, ?5, 'enqueued', ?6, ?7, ?8, ?9, ?9, ?9, ?10) RETURNING *",
+                created_ms, enqueued_ms, not_before_ms, memory_bytes, brief)
+             VALUES (?1, ?2, ?3, ?4, ?5, 'enqueued', ?6, ?7, ?8, ?9, ?9, ?9, ?10, ?11) RETURNING *",
         )
         .bind(Uuid::now_v7().to_string())
         .bind(&new.kind)
@@ -135,6 +135,7 @@ impl Store {
         .bind(&new.solver_version)
         .bind(now_ms)
         .bind(i64::try_from(new.memory_bytes).unwrap_or(i64::MAX))
+        .bind(new.brief.as_ref().map(to_json).transpose()?)
         .fetch_one(on.on())
         .await?;
         job_from_row(&row)
@@ -187,6 +188,17 @@ impl Store {
         rows.iter()
             .map(|row| Ok((row.try_get("kind")?, status_column(row)?, row.try_get::<i64, _>("jobs")? as u64)))
             .collect()
+    }
+
+    /// Since when the job waits that waits for longest, of those that may run, in milliseconds since 1970.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`] and its kin.
+    pub async fn oldest_waiting_ms(&self) -> Result<Option<i64>, StoreError> {
+        let since = sqlx::query_scalar(
+            "SELECT MIN(MAX(enqueued_ms, not_before_ms)) FROM jobs WHERE status = 'enqueued' AND not_before_ms <= ?",
+        );
+        Ok(since.bind(self.now_ms()).fetch_one(self.inner.meta.reader()).await?)
     }
 
     /// Cancels a job: an enqueued one at once, a running one at its next checkpoint. Asking twice changes nothing.
@@ -396,13 +408,23 @@ fn unknown_job(id: Uuid) -> StoreError {
 }
 
 pub(super) fn job_from_row(row: &SqliteRow) -> Result<JobRecord, StoreError> {
+    let shown = if row.try_get::<Option<&str>, _>("brief")?.is_some() { "brief" } else { "parameters" };
+    job_with(row, shown)
+}
+
+/// The same with its parameters in full.
+pub(super) fn whole_job_from_row(row: &SqliteRow) -> Result<JobRecord, StoreError> {
+    job_with(row, "parameters")
+}
+
+fn job_with(row: &SqliteRow, parameters: &str) -> Result<JobRecord, StoreError> {
     let basis: Option<&str> = row.try_get("basis")?;
     let problem: Option<&str> = row.try_get("problem")?;
     Ok(JobRecord {
         id: uuid_column(row, "id")?,
         kind: row.try_get("kind")?,
         mesh: row.try_get("mesh")?,
-        parameters: from_json("parameters", row.try_get("parameters")?)?,
+        parameters: from_json(parameters, row.try_get(parameters)?)?,
         priority: row.try_get("priority")?,
         status: status_column(row)?,
         stage: row.try_get("stage")?,

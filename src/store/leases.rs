@@ -8,8 +8,14 @@ use sqlx::{QueryBuilder, Row, Sqlite};
 use uuid::Uuid;
 
 use super::{
-    JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions, bases::WrittenBasis, database::WriteTransaction,
-    deaths::SUSPICIOUS_INTERRUPTIONS, detached, fault::FailPoint, jobs::job_from_row, pairing, to_json,
+    JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions,
+    bases::WrittenBasis,
+    database::WriteTransaction,
+    deaths::SUSPICIOUS_INTERRUPTIONS,
+    detached,
+    fault::FailPoint,
+    jobs::{job_from_row, whole_job_from_row},
+    pairing, to_json,
 };
 
 /// A job and the lease on it.
@@ -21,6 +27,15 @@ pub struct Claim {
     pub token: Uuid,
     /// Whether nothing else may run beside it, since it may have crashed a process.
     pub alone: bool,
+}
+
+/// What runs while a job is claimed, and where the job will.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Company {
+    /// Other jobs run.
+    pub others: bool,
+    /// Each job has a process of its own, and takes no other with it when it crashes.
+    pub isolated: bool,
 }
 
 /// How far an attempt has come.
@@ -84,11 +99,11 @@ impl Store {
     /// # Errors
     /// [`StoreError::Busy`] and its kin.
     pub async fn claim(&self, worker: &str, kinds: &[String], lease: Duration) -> Result<Option<Claim>, StoreError> {
-        self.claim_within(worker, kinds, lease, u64::MAX, true).await
+        self.claim_within(worker, kinds, lease, u64::MAX, Company::default()).await
     }
 
-    /// Claims the job that [`claim`](Self::claim) would, if it needs no more memory than `most_bytes`, and, where the worker is not `alone`, if it is
-    /// not under suspicion of having crashed a process. One that does not fit is waited for: none behind it is taken in its stead, or a stream of
+    /// Claims the job that [`claim`](Self::claim) would, if it needs no more memory than `most_bytes`, and, where the worker is beside others, if it is
+    /// not under suspicion of having crashed a process that they share. One that does not fit is waited for: none behind it is taken in its stead, or a stream of
     /// small jobs would keep a large one waiting for ever.
     ///
     /// # Errors
@@ -99,7 +114,7 @@ impl Store {
         kinds: &[String],
         lease: Duration,
         most_bytes: u64,
-        alone: bool,
+        company: Company,
     ) -> Result<Option<Claim>, StoreError> {
         let now_ms = self.now_ms();
         let token = Uuid::now_v7();
@@ -124,17 +139,20 @@ impl Store {
         }
         query.push(" ORDER BY priority DESC, sequence LIMIT 1) AND memory_bytes <= ");
         query.push_bind(i64::try_from(most_bytes).unwrap_or(i64::MAX));
-        if !alone {
-            query.push(" AND deaths = 0 AND interruptions < ").push_bind(SUSPICIOUS_INTERRUPTIONS);
+        if company.others {
+            query.push(" AND interruptions < ").push_bind(SUSPICIOUS_INTERRUPTIONS);
+            if !company.isolated {
+                query.push(" AND deaths = 0");
+            }
         }
         query.push(" RETURNING *");
         let mut transaction = self.inner.meta.write().await?;
         let row = query.build().fetch_optional(transaction.on()).await?;
         transaction.commit().await?;
         let Some(row) = row else { return Ok(None) };
-        let job = job_from_row(&row)?;
+        let job = whole_job_from_row(&row)?;
         let (deaths, interruptions): (i64, i64) = (row.try_get("deaths")?, row.try_get("interruptions")?);
-        let alone = deaths > 0 || interruptions >= SUSPICIOUS_INTERRUPTIONS;
+        let alone = (deaths > 0 && !company.isolated) || interruptions >= SUSPICIOUS_INTERRUPTIONS;
         self.announce(&job);
         self.faults().meet(FailPoint::AfterClaim);
         Ok(Some(Claim { job, token, alone }))

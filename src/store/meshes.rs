@@ -1,6 +1,6 @@
 //! Meshes: known by their content, each stored once.
 
-use std::sync::Arc;
+use std::{io::Write, sync::Arc};
 
 use bytes::Bytes;
 use chladni_mesh::{TetMesh, TriangleMesh};
@@ -225,7 +225,7 @@ impl Store {
             let record = self.mesh(id).await?;
             let content = self.verified_blob(&record.content_hash).await?;
             let bytes = content.len() as u64;
-            let mesh = blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?.0;
+            let mesh = blobs::blocking(move || read_body(&content)).await?.ok_or_else(|| no_mesh(id))?.0;
             Ok::<_, StoreError>(Weighed { value: Arc::new(mesh), bytes })
         });
         Ok(loaded.await?.value)
@@ -243,7 +243,7 @@ impl Store {
         }
         let _in_use = self.inner.blob_use.read().await;
         let content = self.verified_blob(&record.content_hash).await?;
-        let (_, solid) = blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?;
+        let (_, solid) = blobs::blocking(move || read_body(&content)).await?.ok_or_else(|| no_mesh(id))?;
         Ok((mesh, solid.map(Arc::new)))
     }
 }
@@ -279,33 +279,38 @@ pub(super) fn push_filter(query: &mut QueryBuilder<Sqlite>, column: &'static str
 }
 
 fn encode(mesh: &TriangleMesh, solid: Option<&TetMesh>) -> Vec<u8> {
+    let numbers = mesh.positions.len() + solid.map_or(0, |solid| solid.positions.len());
+    let corners = FACE_BYTES * mesh.faces.len() + solid.map_or(0, |solid| TETRAHEDRON_BYTES * solid.tetrahedra.len());
+    let mut bytes = Vec::with_capacity(HEAD_BYTES + 16 + POSITION_BYTES * numbers + corners);
+    // A vector takes all that is written to it.
+    let _written = write_body(mesh, solid, &mut bytes);
+    bytes
+}
+
+/// Writes a mesh, and the solid whose surface it is, as the store keeps it.
+pub(crate) fn write_body(mesh: &TriangleMesh, solid: Option<&TetMesh>, out: &mut impl Write) -> std::io::Result<()> {
     let surface = mesh.positions.len();
     let (inner, tetrahedra) = solid.map_or((&[][..], &[][..]), |solid| {
         (solid.positions.get(surface..).unwrap_or_default(), &solid.tetrahedra[..])
     });
-    let size = HEAD_BYTES
-        + 16
-        + POSITION_BYTES * (surface + inner.len())
-        + FACE_BYTES * mesh.faces.len()
-        + TETRAHEDRON_BYTES * tetrahedra.len();
-    let mut bytes = Vec::with_capacity(size);
-    bytes.extend_from_slice(if solid.is_some() { SOLID_MAGIC } else { MAGIC });
-    bytes.extend_from_slice(&(surface as u64).to_le_bytes());
-    bytes.extend_from_slice(&(mesh.faces.len() as u64).to_le_bytes());
+    out.write_all(if solid.is_some() { SOLID_MAGIC } else { MAGIC })?;
+    out.write_all(&(surface as u64).to_le_bytes())?;
+    out.write_all(&(mesh.faces.len() as u64).to_le_bytes())?;
     if solid.is_some() {
-        bytes.extend_from_slice(&(inner.len() as u64).to_le_bytes());
-        bytes.extend_from_slice(&(tetrahedra.len() as u64).to_le_bytes());
+        out.write_all(&(inner.len() as u64).to_le_bytes())?;
+        out.write_all(&(tetrahedra.len() as u64).to_le_bytes())?;
     }
     for coordinate in mesh.positions.iter().chain(inner).flatten() {
-        bytes.extend_from_slice(&coordinate.to_le_bytes());
+        out.write_all(&coordinate.to_le_bytes())?;
     }
     for vertex in mesh.faces.as_flattened().iter().chain(tetrahedra.as_flattened()) {
-        bytes.extend_from_slice(&vertex.to_le_bytes());
+        out.write_all(&vertex.to_le_bytes())?;
     }
-    bytes
+    Ok(())
 }
 
-fn decode(bytes: &[u8]) -> Option<(TriangleMesh, Option<TetMesh>)> {
+/// Reads what [`write_body`] wrote.
+pub(crate) fn read_body(bytes: &[u8]) -> Option<(TriangleMesh, Option<TetMesh>)> {
     let (magic, body) = bytes.split_first_chunk::<8>()?;
     let is_solid = match magic {
         MAGIC => false,

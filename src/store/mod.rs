@@ -68,7 +68,8 @@ pub use backup::{BackupReport, backup};
 pub use clock::Clock;
 pub use doctor::{Examination, Finding};
 pub use error::{DAMAGE, StoreError};
-pub use leases::{Claim, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
+pub use leases::{Claim, Company, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
+pub(crate) use meshes::{read_body, write_body};
 pub use page::{Page, PageRequest};
 pub use records::{
     BasisFilter, BasisRecord, BasisStorage, CacheStatistics, EnqueueOutcome, Enqueued, IdempotencyKey, JobEvent,
@@ -297,6 +298,10 @@ impl Store {
             free_bytes: self.inner.folder.free_bytes(),
             least_free_bytes: self.inner.options.least_free_bytes,
             wal_bytes: self.inner.meta.wal_bytes() + self.inner.blobs.wal_bytes(),
+            database_bytes: ["meta", "blobs"].map(|name| {
+                let file = self.inner.folder.file(&format!("{name}.db"));
+                (name, std::fs::metadata(file).map_or(0, |file| file.len()))
+            }),
             blob_bytes: self.all_blob_bytes().await.unwrap_or(0),
         }
     }

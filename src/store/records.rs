@@ -136,6 +136,8 @@ pub struct NewJob {
     pub mesh: String,
     /// Canonical parameters, with defaults filled in.
     pub parameters: Value,
+    /// The same with long lists told by their length and hash, where there are any: what records show, but for the claim of a worker.
+    pub brief: Option<Value>,
     /// Higher runs first; 0 is usual.
     pub priority: i32,
     /// The client's key, if it gave one.
@@ -168,7 +170,7 @@ pub struct JobRecord {
     pub kind: String,
     /// The mesh that it works on.
     pub mesh: String,
-    /// Canonical parameters, with defaults filled in.
+    /// Canonical parameters, with defaults filled in; in full in a [`Claim`](super::Claim), else with long lists told by their length and hash.
     pub parameters: Value,
     /// Higher runs first.
     pub priority: i32,
@@ -358,6 +360,8 @@ pub struct StoreHealth {
     pub least_free_bytes: u64,
     /// Bytes of both write-ahead logs.
     pub wal_bytes: u64,
+    /// Bytes of each database file, without its log.
+    pub database_bytes: [(&'static str, u64); 2],
     /// Bytes of all stored content.
     pub blob_bytes: u64,
 }

@@ -53,6 +53,7 @@ pub(crate) fn mesh(seed: usize, vertices: usize) -> NewMesh {
 
 pub(crate) fn new_job(mesh: &str, work: &str) -> NewJob {
     NewJob {
+        brief: None,
         kind: "eigenbasis".to_owned(),
         mesh: mesh.to_owned(),
         parameters: json!({"count": 4}),
@@ -403,8 +404,14 @@ async fn a_job_that_may_have_crashed_a_server_runs_alone() {
         assert!(job.problem.unwrap().detail.contains("signal 11"));
     }
     // The first in the queue is a suspect: nobody takes it, or another in its stead, while something runs.
-    assert!(store.claim_within("w", &[], LEASE, u64::MAX, false).await.unwrap().is_none());
-    let claim = store.claim_within("w", &[], LEASE, u64::MAX, true).await.unwrap().unwrap();
+    assert!(
+        store
+            .claim_within("w", &[], LEASE, u64::MAX, Company { others: true, isolated: false })
+            .await
+            .unwrap()
+            .is_none()
+    );
+    let claim = store.claim_within("w", &[], LEASE, u64::MAX, Company::default()).await.unwrap().unwrap();
     assert_eq!((claim.job.id, claim.alone), (suspects[0].job.id, true));
     assert_eq!(std::fs::read_to_string(store.crash_mark()).unwrap(), "", "counted once");
 }
@@ -561,10 +568,13 @@ async fn a_large_job_is_waited_for_and_not_overtaken() {
     for (work, memory_bytes) in [("large", 1000), ("small", 10)] {
         store.enqueue(NewJob { memory_bytes, ..new_job(&mesh, work) }).await.unwrap();
     }
-    assert!(store.claim_within("w", &[], LEASE, 999, true).await.unwrap().is_none());
-    let large = store.claim_within("w", &[], LEASE, 1000, true).await.unwrap().unwrap();
+    assert!(store.claim_within("w", &[], LEASE, 999, Company::default()).await.unwrap().is_none());
+    let large = store.claim_within("w", &[], LEASE, 1000, Company::default()).await.unwrap().unwrap();
     assert_eq!((large.job.work_key.as_str(), large.job.memory_bytes), ("large", 1000));
-    assert_eq!(store.claim_within("w", &[], LEASE, 10, true).await.unwrap().unwrap().job.work_key, "small");
+    assert_eq!(
+        store.claim_within("w", &[], LEASE, 10, Company::default()).await.unwrap().unwrap().job.work_key,
+        "small"
+    );
 }
 
 #[tokio::test]

@@ -10,6 +10,8 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{MatRef, Side};
 
+use chladni_base::Monitor;
+
 use super::{MassMatrix, SparseMatrix};
 
 /// Why a matrix was not factored.
@@ -42,6 +44,19 @@ pub enum FactorError {
     Memory {
         /// About how much was needed.
         bytes: usize,
+    },
+    /// The factors fill in more than was promised for all of the work.
+    #[error(
+        "factors of {entries} entries need about {bytes} bytes of memory, and the work was promised {promised}: the mesh fills in more than \
+         surfaces do"
+    )]
+    Promise {
+        /// Entries of one factor.
+        entries: usize,
+        /// About how much is needed.
+        bytes: u64,
+        /// What was promised.
+        promised: u64,
     },
     /// The shifted matrix is singular, as far as rounding lets one tell: the shift lies on an eigenvalue.
     #[error("the matrix is singular at pivot {pivot}")]
@@ -148,6 +163,21 @@ impl SymbolicFactor {
             }
         }
         Ok(Self { symbolic, offsets, rows, sources, nodes, patterns })
+    }
+
+    /// The same where `factors` of them at once, by their own count, take no more memory than `monitor` promises for all of the work. Estimates
+    /// beforehand know the size of a mesh and not how it is connected: triangles at random fill in twenty times as much as a surface.
+    ///
+    /// # Errors
+    /// [`FactorError::Promise`].
+    pub fn within(self, factors: usize, monitor: &dyn Monitor) -> Result<Self, FactorError> {
+        let entries = self.entries();
+        // Eight bytes for the entry, two for its place in the pattern.
+        let bytes = (10 * entries as u64).saturating_mul(factors as u64);
+        match monitor.promised_bytes() {
+            Some(promised) if bytes > promised => Err(FactorError::Promise { entries, bytes, promised }),
+            _ => Ok(self),
+        }
     }
 
     /// The size `n` of the matrix.

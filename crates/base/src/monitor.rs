@@ -22,6 +22,12 @@ pub trait Monitor: Sync {
 
     /// Ends the work with [`Cancelled`] where that was asked for. Called often: at least every few milliseconds of work.
     fn checkpoint(&self) -> Result<(), Cancelled>;
+
+    /// Bytes of memory that the work was promised, by an estimate made before it began. Work that counts what it will need ends where that is more.
+    /// `None` where nobody promised anything.
+    fn promised_bytes(&self) -> Option<u64> {
+        None
+    }
 }
 
 /// Watches nothing and never cancels.
@@ -47,6 +53,9 @@ impl Monitor for Quiet<'_> {
     }
     fn checkpoint(&self) -> Result<(), Cancelled> {
         self.0.checkpoint()
+    }
+    fn promised_bytes(&self) -> Option<u64> {
+        self.0.promised_bytes()
     }
 }
 
@@ -120,5 +129,8 @@ impl Monitor for StageClock<'_> {
     }
     fn checkpoint(&self) -> Result<(), Cancelled> {
         self.inner.checkpoint()
+    }
+    fn promised_bytes(&self) -> Option<u64> {
+        self.inner.promised_bytes()
     }
 }

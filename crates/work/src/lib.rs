@@ -79,6 +79,16 @@ pub enum JobError {
     /// Its parameters do not fit the mesh.
     #[error(transparent)]
     Parameters(#[from] ParameterError),
+    /// What it needs was counted, and is more than it was promised.
+    #[error(
+        "the job needs about {needed} bytes of memory, as was counted before its work began, and was promised {promised}"
+    )]
+    Memory {
+        /// About how much is needed.
+        needed: u64,
+        /// What was promised.
+        promised: u64,
+    },
     /// The operator could not be made.
     #[error(transparent)]
     Operator(OperatorError),
@@ -117,6 +127,7 @@ impl JobError {
         match self {
             Self::Cancelled(_) => "cancelled",
             Self::Parameters(_) => "invalid-parameters",
+            Self::Memory { .. } => "memory-exceeded",
             Self::Operator(error) => error.kind(),
             Self::Approximation(error) => error.kind(),
             Self::Iteration(error) => error.kind(),

@@ -152,16 +152,24 @@ impl<'a> Surface<'a> {
     fn middle_normal(&self, face: usize, from: u32, to: u32, corners: &Corners) -> Vector {
         let own = self.faces[face].0;
         let mut other = None;
-        for &corner in corners.on(from as usize) {
+        // Around the end with fewer faces: the hub of a fan would be gone around once for each of them.
+        let (mut round, swapped) =
+            (corners.on(from as usize), corners.on(to as usize).len() < corners.on(from as usize).len());
+        if swapped {
+            round = corners.on(to as usize);
+        }
+        let across = if swapped { from } else { to };
+        for &corner in round {
             let f = corner as usize / 3;
-            if f != face && self.mesh.faces[f].contains(&to) && self.faces[f].1 > 0.0 {
+            if f != face && self.mesh.faces[f].contains(&across) && self.faces[f].1 > 0.0 {
                 if other.is_some() {
                     return own;
                 }
                 // A neighbour that runs along the edge in the same direction is seen from its back.
                 let there = self.mesh.faces[f];
                 let k = corner as usize % 3;
-                let sign = if there[(k + 1) % 3] == to { -1.0 } else { 1.0 };
+                let forth = if swapped { there[(k + 2) % 3] == from } else { there[(k + 1) % 3] == to };
+                let sign = if forth { -1.0 } else { 1.0 };
                 other = Some(self.faces[f].0.map(|x| sign * x));
             }
         }

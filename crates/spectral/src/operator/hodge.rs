@@ -258,22 +258,20 @@ pub fn hodge_stiffness(
                 }
             }
         }
+        // Looking each of them up would be quadratic in the valence of a vertex. Equal columns keep their order.
+        entries.sort_by_key(|entry| entry.0);
+        entries.dedup_by(|later, sum| {
+            let same = later.0 == sum.0;
+            if same {
+                (0..2).for_each(|i| (0..2).for_each(|j| sum.1[i][j] += later.1[i][j]));
+            }
+            same
+        });
     })
 }
 
 fn add_outer(entries: &mut Vec<(u32, Block<2>)>, column: u32, w: f64, a: [f64; 2], b: [f64; 2]) {
-    let at = match entries.iter().position(|e| e.0 == column) {
-        Some(at) => at,
-        None => {
-            entries.push((column, [[0.0; 2]; 2]));
-            entries.len() - 1
-        }
-    };
-    for i in 0..2 {
-        for j in 0..2 {
-            entries[at].1[i][j] += w * (a[i] * b[j]);
-        }
-    }
+    entries.push((column, a.map(|x| b.map(|y| 0.0 + w * (x * y)))));
 }
 
 /// The faces around each vertex.

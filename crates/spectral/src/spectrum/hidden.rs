@@ -60,7 +60,9 @@ pub(super) fn hidden(
     monitor.checkpoint()?;
     let stiffness = problem.stiffness.reordered(&order);
     let mass = problem.mass.reordered(&order);
-    let Ok(symbolic) = SymbolicFactor::new(&stiffness, &mass) else { return Ok(None) };
+    let Ok(symbolic) = SymbolicFactor::new(&stiffness, &mass).and_then(|symbolic| symbolic.within(1, monitor)) else {
+        return Ok(None);
+    };
     let Ok(counted) = symbolic.factor(&stiffness, &mass, shift) else { return Ok(None) };
     let found = counted.eigenvalues_below();
     // A count whose rounding errors reach the next values says nothing.

@@ -132,11 +132,15 @@ struct Counter {
 
 impl Counter {
     fn new(problem: &EigenProblem, monitor: &dyn Monitor) -> Result<Self, ApproximationError> {
-        let failed = |error: FactorError| ApproximationError::Factor(error.to_string());
+        let failed = |error: FactorError| match error {
+            FactorError::Promise { .. } => ApproximationError::Memory(error.to_string()),
+            _ => ApproximationError::Factor(error.to_string()),
+        };
         let order = fill_reducing_order(&problem.stiffness, Ordering::Amd).map_err(failed)?;
         monitor.checkpoint()?;
         let (stiffness, mass) = (problem.stiffness.reordered(&order), problem.mass.reordered(&order));
-        let symbolic = SymbolicFactor::new(&stiffness, &mass).map_err(failed)?;
+        let symbolic =
+            SymbolicFactor::new(&stiffness, &mass).and_then(|symbolic| symbolic.within(1, monitor)).map_err(failed)?;
         Ok(Self { stiffness, mass, symbolic })
     }
 

@@ -4,7 +4,7 @@
 //! them gives the new pairs. The result is dense: `n` numbers for every pair.
 
 use chladni_algebra::{
-    DenseMatrix, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SymbolicFactor, SymmetricDefiniteSolver,
+    DenseMatrix, FactorError, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SymbolicFactor, SymmetricDefiniteSolver,
     fill_reducing_order, gpu, mass_times_panel, residual_panel, residual_sums,
 };
 use chladni_base::{Cancelled, Monitor, Quiet};
@@ -116,12 +116,16 @@ pub(super) fn inverse_iterations_until<E: From<ApproximationError> + From<Cancel
     let (lowest, highest) = (values[0], values[values.len() - 1]);
     let shift = SHIFT * highest.abs().max(1.0) + (-1.1 * lowest).max(0.0);
     let ordering = if problem.size() > 100_000 { Ordering::NestedDissection } else { Ordering::Amd };
-    let failed = |error: chladni_algebra::FactorError| ApproximationError::Factor(error.to_string());
+    let failed = |error: FactorError| match error {
+        FactorError::Promise { .. } => ApproximationError::Memory(error.to_string()),
+        other => ApproximationError::Factor(other.to_string()),
+    };
     let order = fill_reducing_order(&problem.stiffness, ordering).map_err(failed)?;
     monitor.checkpoint()?;
     let stiffness = problem.stiffness.reordered(&order);
     let mass = problem.mass.reordered(&order);
-    let symbolic = SymbolicFactor::new(&stiffness, &mass).map_err(failed)?;
+    let symbolic =
+        SymbolicFactor::new(&stiffness, &mass).and_then(|symbolic| symbolic.within(1, monitor)).map_err(failed)?;
     let factor = symbolic.factor(&stiffness, &mass, -shift).map_err(failed)?;
     monitor.checkpoint()?;
     for iteration in 1.. {

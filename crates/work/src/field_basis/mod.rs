@@ -213,6 +213,12 @@ impl Work for FieldBasisParameters {
 
     fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {
         monitor.stage("surface");
+        if let (FieldKind::Vector {}, Some(promised)) = (&self.space.field, monitor.promised_bytes()) {
+            let needed = pairs_around_vertices(mesh).saturating_mul(12 * 4 + 8);
+            if needed > promised {
+                return Err(JobError::Memory { needed, promised });
+            }
+        }
         let surface = FieldSurface::new(mesh.clone())?;
         let mut space = FieldParameters { dimension: self.dimension(surface.faces()), ..self.space.clone() };
         if !self.examples.is_empty() {
@@ -227,6 +233,13 @@ impl Work for FieldBasisParameters {
         };
         Ok(StoredFields { basis, ritz, metadata: json!({}) }.into())
     }
+}
+
+/// Pairs of faces with a common vertex, which the operator of vector fields couples: a dozen for each face, unless very many meet at one vertex.
+fn pairs_around_vertices(mesh: &TriangleMesh) -> u64 {
+    let mut faces = vec![0u64; mesh.positions.len()];
+    mesh.faces.as_flattened().iter().for_each(|&v| faces[v as usize] += 1);
+    faces.into_iter().fold(0u64, |sum, valence| sum.saturating_add(valence * valence))
 }
 
 #[cfg(test)]

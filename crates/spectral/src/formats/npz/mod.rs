@@ -25,7 +25,7 @@ use crate::basis::{Basis, BasisError, CHUNK_COLUMNS, Certificate, Compact, Dense
 pub use family::{read_family, write_family};
 pub use fields::{fields_to_bytes, read_fields, write_fields};
 pub use modal::{read_modes, write_modes};
-pub use read::{check_sums, read, read_frame};
+pub use read::{check_sums, read, read_frame, read_head};
 
 /// Why bytes are not a basis, or a basis could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -245,6 +245,17 @@ pub fn write_dense<W: Write>(basis: &Basis, functions: DenseFunctions, out: W) -
     members.archive.finish()?.into_inner().flush()?;
     let frame = track.frame.borrow().finalize().to_hex().to_string();
     Ok(DenseLayout { precision, start, end, total: track.position.get(), frame, chunks })
+}
+
+/// Writes everything of a basis but its eigenfunctions, for whoever passes those on by themselves.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_head<W: Write + Seek>(basis: &Basis, out: W) -> Result<(), FormatError> {
+    let mut members = Members { archive: ZipWriter::new(out) };
+    members.common(basis)?;
+    members.archive.finish()?.flush()?;
+    Ok(())
 }
 
 /// What a writer counts and hashes on the way.

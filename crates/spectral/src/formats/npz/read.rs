@@ -330,3 +330,16 @@ pub fn read_frame(
     let functions = DenseFunctions::elsewhere(rows, columns, layout.precision, source);
     archive.basis(Functions::Dense(functions), rows)
 }
+
+/// Reads what [`write_head()`](super::write_head) wrote, and gives it its eigenfunctions.
+///
+/// # Errors
+/// [`FormatError`] names the member that is missing, damaged or of another shape than the eigenfunctions.
+pub fn read_head(bytes: &[u8], functions: DenseFunctions) -> Result<Basis, FormatError> {
+    let mut archive = Archive::open(Frame::whole(bytes))?;
+    if archive.pairs()? != functions.columns() {
+        return Err(wrong("eigenvalues", format!("there are {} eigenfunctions", functions.columns())));
+    }
+    let rows = functions.rows();
+    archive.basis(Functions::Dense(functions), rows)
+}

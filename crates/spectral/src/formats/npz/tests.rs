@@ -55,6 +55,13 @@ fn a_dense_basis_is_read_whole_and_by_its_layout() {
             framed.lift::<f64>(31..33).unwrap_err().to_string(),
             "chunk 1 of the eigenfunctions cannot be read: damaged"
         );
+        // Columns and all else may travel apart.
+        let mut alone = std::io::Cursor::new(Vec::new());
+        write_head(&basis, &mut alone).unwrap();
+        let Functions::Dense(functions) = basis.functions.clone() else { panic!() };
+        assert_eq!(read_head(alone.get_ref(), functions).unwrap(), basis);
+        let fewer = DenseFunctions::elsewhere(3, 71, precision, Arc::new(Bytes(Vec::new(), layout.clone(), 3)));
+        assert!(read_head(alone.get_ref(), fewer).is_err());
         let source = Arc::new(Bytes(Vec::new(), layout.clone(), 3));
         assert!(read_frame(&head, &tail, &layout, [3, 71], source.clone()).is_err());
         assert!(read_frame(&head[1..], &tail, &layout, [3, 72], source).is_err());

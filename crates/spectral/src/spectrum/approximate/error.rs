@@ -38,6 +38,9 @@ pub enum ApproximationError {
     /// The refinement's factorisation failed.
     #[error("{0}")]
     Factor(String),
+    /// What a factorisation needs was counted, and is more than was promised.
+    #[error("{0}")]
+    Memory(String),
     /// The pairs could not be enclosed.
     #[error("the pairs could not be certified: {reason}")]
     Unproven {
@@ -85,6 +88,7 @@ impl ApproximationError {
             Self::Eigen(_) => "eigenproblem-failed",
             Self::Certificate(_) => "certificate-failed",
             Self::Factor(_) => "factorisation-failed",
+            Self::Memory(_) => "memory-exceeded",
             Self::Unproven { .. } => "unproven",
             Self::Parameter { .. } | Self::Count { .. } => "invalid-parameters",
         }

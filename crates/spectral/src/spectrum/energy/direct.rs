@@ -59,7 +59,10 @@ impl Energy<'_> {
         let Ok(order) = fill_reducing_order(&problem.stiffness, Ordering::Amd) else { return Ok(()) };
         let (stiffness, mass) = (problem.stiffness.reordered(&order), problem.mass.reordered(&order));
         monitor.checkpoint()?;
-        let Ok(symbolic) = SymbolicFactor::new(&stiffness, &mass) else { return Ok(()) };
+        let Ok(symbolic) = SymbolicFactor::new(&stiffness, &mass).and_then(|symbolic| symbolic.within(1, monitor))
+        else {
+            return Ok(());
+        };
         let Ok(factor) = symbolic.factor(&stiffness, &mass, -(sigma + self.floor)) else { return Ok(()) };
         let mut place_of = vec![0u32; order.len()];
         self.order.iter().zip(0..).for_each(|(&row, place)| place_of[row as usize] = place);

@@ -267,7 +267,11 @@ fn condense(
             let mut row: Vec<Link> = Vec::new();
             for cell in range {
                 row.clear();
-                for &t in fans.around(cell as u32) {
+                for (count, &t) in fans.around(cell as u32).iter().enumerate() {
+                    // Each looks its neighbours up in the row: at a vertex of many triangles that takes long.
+                    if count % 1024 == 1023 {
+                        monitor.checkpoint()?;
+                    }
                     add_triangle(cell as u32, coarse, coarse.triangles[t as usize], &mut row);
                 }
                 let triangulated = row.len();

@@ -90,7 +90,7 @@ pub(super) fn start(
             continue;
         }
         let kernel = Kernel::new(level);
-        let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass)?;
+        let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass)?.within(1, monitor)?;
         let vectors_here = prolong(&spaces[k + 1], &vectors);
         let mut iteration = Iteration::new(level, &symbolic, &kernel, vectors_here, values, monitor);
         let wanted = q - (q / 8).min(16);

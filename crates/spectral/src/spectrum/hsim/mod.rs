@@ -117,6 +117,9 @@ pub enum HsimError {
     /// A factorisation or a dense eigenproblem failed.
     #[error("{0}")]
     Numerical(String),
+    /// What a factorisation needs was counted, and is more than was promised.
+    #[error("{0}")]
+    Memory(String),
     /// Some pairs did not reach the tolerance.
     #[error(
         "{count} pairs did not reach the tolerance of {tolerance:e} in {iterations} iterations; the worst residual is {worst:e}"
@@ -162,6 +165,7 @@ impl HsimError {
             Self::Cancelled(_) => "cancelled",
             Self::Parameter { .. } | Self::Count { .. } => "invalid-parameters",
             Self::Numerical(_) => "eigenproblem-failed",
+            Self::Memory(_) => "memory-exceeded",
             Self::NotConverged { .. } => "not-converged",
             Self::Incomplete { .. } => "incomplete",
             Self::Floor { .. } => "tolerance-below-rounding",
@@ -222,7 +226,10 @@ impl Default for HsimParameters {
 
 impl From<chladni_algebra::FactorError> for HsimError {
     fn from(error: chladni_algebra::FactorError) -> Self {
-        Self::Numerical(error.to_string())
+        match error {
+            chladni_algebra::FactorError::Promise { .. } => Self::Memory(error.to_string()),
+            other => Self::Numerical(other.to_string()),
+        }
     }
 }
 

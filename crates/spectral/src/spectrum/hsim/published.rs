@@ -101,7 +101,7 @@ pub(super) fn start(
             continue;
         }
         let kernel = Kernel::new(level);
-        let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass)?;
+        let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass)?.within(1, monitor)?;
         let shift = shift(&values, wanted, parameters.shift_ratio);
         let mut iteration =
             Iteration::new(level, &symbolic, &kernel, prolong(&spaces[k + 1], &vectors), values, monitor);

@@ -392,7 +392,7 @@ impl Finest {
         let order = base.factor_order(ordering)?;
         monitor.checkpoint()?;
         let level = base.in_order(&order);
-        let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass)?;
+        let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass)?.within(1, monitor)?;
         Ok(Self { order, level, symbolic })
     }
 

@@ -109,7 +109,7 @@ pub(super) fn envelope(
     let order = fill_reducing_order(&laplacian, Ordering::Amd)?;
     let mass: Vec<f64> = order.iter().map(|&k| lumped[3 * k as usize]).collect();
     let (stiffness, mass) = (laplacian.reordered(&order), MassMatrix::Diagonal(mass));
-    let symbolic = SymbolicFactor::new(&stiffness, &mass)?;
+    let symbolic = SymbolicFactor::new(&stiffness, &mass)?.within(1, monitor)?;
     let factor = symbolic.factor(&stiffness, &mass, -1.0 / time)?;
     let mut panel = vec![0.0; n * PANEL_WIDTH];
     for (place, &k) in order.iter().enumerate() {

@@ -139,6 +139,9 @@ cancelled_apart!(
 
 impl From<FactorError> for VibrationError {
     fn from(error: FactorError) -> Self {
+        if let FactorError::Promise { .. } = error {
+            return Self::Iteration(error.into());
+        }
         Self::Numerical(error.to_string())
     }
 }

@@ -1,0 +1,284 @@
+//! A worker process: takes one order after the other from its server, and ends when that is gone.
+
+use std::{
+    fs::File,
+    io::{self, BufReader, Read, Write},
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicU64, Ordering},
+        mpsc,
+    },
+    time::Instant,
+};
+
+use chladni_algebra::gpu;
+use chladni_base::{Cancelled, Monitor};
+use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::basis::{Basis, Functions, Product};
+use chladni_spectral::formats::npz;
+
+use super::{
+    frame::{self, Pieces, Tag},
+    limit,
+    messages::{Delivery, Failure, Order, Taken},
+};
+use crate::{
+    queue::{JobFailure, Runner, Watch},
+    store::read_body,
+};
+
+/// Milliseconds between two signs of life.
+const BEAT_MS: u64 = 20;
+/// A worker that holds so many more bytes than it began with is replaced.
+const SWOLLEN: u64 = 256 << 20;
+
+/// Where frames go.
+type Output = Arc<Mutex<io::BufWriter<File>>>;
+
+/// Takes orders from `input` until it ends, and answers on `output`; then the process ends.
+///
+/// # Errors
+/// [`io::Error`] where the first answer cannot be written, or no thread be started.
+pub fn work(input: File, output: File, runner: &dyn Runner) -> io::Result<()> {
+    limit::go_first();
+    let output: Output = Arc::new(Mutex::new(io::BufWriter::with_capacity(1 << 16, output)));
+    let cancelled = Arc::new(AtomicU64::new(0));
+    let (sender, orders) = mpsc::channel();
+    std::thread::Builder::new().name("orders".to_owned()).spawn({
+        let cancelled = Arc::clone(&cancelled);
+        move || {
+            if let Err(error) = listen(input, &sender, &cancelled) {
+                tracing::error!(%error, "a worker does not understand its server");
+            }
+            // The server is gone, or has no use for this process: whatever runs here is void.
+            end();
+        }
+    })?;
+    // Requests go first where both want a core; threads that begin from here on inherit it.
+    #[cfg(target_os = "linux")]
+    if let Err(error) = rustix::process::setpriority_process(None, 10) {
+        tracing::debug!(%error, "a worker keeps its priority");
+    }
+    say(&output, Tag::Ready, &[])?;
+    let began = limit::allocated();
+    let mut threads: Option<rayon::ThreadPool> = None;
+    for incoming in orders {
+        let size = incoming.order.threads.max(1);
+        let pool = match threads.take().filter(|pool| pool.current_num_threads() == size) {
+            Some(pool) => pool,
+            None => rayon::ThreadPoolBuilder::new().num_threads(size).build().map_err(io::Error::other)?,
+        };
+        obey(incoming, &pool, runner, &output, &cancelled, began)?;
+        threads = Some(pool);
+    }
+    Ok(())
+}
+
+/// An order and what it is about.
+struct Incoming {
+    order: Order,
+    mesh: Arc<TriangleMesh>,
+    solid: Option<Arc<TetMesh>>,
+}
+
+/// Reads orders, and requests to stop, until the server is gone.
+fn listen(input: impl Read, orders: &mpsc::Sender<Incoming>, cancelled: &AtomicU64) -> io::Result<()> {
+    let broken = |what: &str| io::Error::new(io::ErrorKind::InvalidData, what.to_owned());
+    let mut input = BufReader::with_capacity(1 << 16, input);
+    let (mut text, mut mesh) = (Vec::new(), Vec::new());
+    while let Some(frame) = frame::read(&mut input)? {
+        match frame.tag {
+            Tag::Order => text.extend(frame.body),
+            Tag::Mesh => mesh.extend(frame.body),
+            Tag::Begin => {
+                let order: Order = serde_json::from_slice(&std::mem::take(&mut text))?;
+                let (mesh, solid) =
+                    read_body(&std::mem::take(&mut mesh)).ok_or_else(|| broken("what came is no mesh"))?;
+                let incoming = Incoming { order, mesh: Arc::new(mesh), solid: solid.map(Arc::new) };
+                if orders.send(incoming).is_err() {
+                    return Ok(());
+                }
+            }
+            Tag::Cancel => {
+                let number = frame.body.try_into().map_err(|_| broken("an order has a number of 8 bytes"))?;
+                cancelled.store(u64::from_le_bytes(number), Ordering::Relaxed);
+            }
+            _ => return Err(broken("a worker is not told such things")),
+        }
+    }
+    Ok(())
+}
+
+/// Ends the process at once, whatever its other threads do.
+fn end() -> ! {
+    #[cfg(unix)]
+    let _ = rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL);
+    std::process::abort()
+}
+
+fn say(output: &Output, tag: Tag, body: &[u8]) -> io::Result<()> {
+    let mut output = output.lock().unwrap_or_else(PoisonError::into_inner);
+    frame::write(&mut *output, tag, body)?;
+    output.flush()
+}
+
+fn say_json(output: &Output, tag: Tag, body: &impl serde::Serialize) -> io::Result<()> {
+    say(output, tag, &serde_json::to_vec(body)?)
+}
+
+/// Does one order.
+fn obey(
+    Incoming { order, mesh, solid }: Incoming,
+    threads: &rayon::ThreadPool,
+    runner: &dyn Runner,
+    output: &Output,
+    cancelled: &Arc<AtomicU64>,
+    began: Option<u64>,
+) -> io::Result<()> {
+    say(output, Tag::Accepted, &[])?;
+    let fallbacks = gpu::accelerator().fallbacks();
+    let monitor = Speaking {
+        output: Arc::clone(output),
+        number: order.number,
+        promised: order.job.memory_bytes,
+        cancelled: Arc::clone(cancelled),
+        begun: Instant::now(),
+        beaten_ms: AtomicU64::new(0),
+        advanced_ms: AtomicU64::new(0),
+    };
+    if let Some(bytes) = order.memory {
+        limit::allow(bytes);
+    }
+    let run = || runner.run_body(&order.job, mesh, solid, &monitor);
+    let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| threads.install(run)));
+    let result = result.unwrap_or_else(|_| {
+        let detail = "the worker panicked".to_owned();
+        Err(JobFailure::Failed { kind: "worker-panicked".to_owned(), detail, retryable: true })
+    });
+    let result = match result {
+        Ok(outcome) => deliver(outcome.product, output)?,
+        Err(failure) => Err(failure),
+    };
+    limit::lift();
+    let swollen = began.zip(limit::allocated()).is_some_and(|(began, now)| now > began + SWOLLEN);
+    let taken = Taken { gpu_fallbacks: gpu::accelerator().fallbacks() - fallbacks, swollen };
+    match result {
+        Ok(()) => say_json(output, Tag::Done, &taken),
+        Err(failure) => say_json(output, Tag::Failed, &Failure::new(failure, taken)),
+    }
+}
+
+/// Sends a product. What cannot be written down is a failure of the job.
+fn deliver(product: Product, output: &Output) -> io::Result<Result<(), JobFailure>> {
+    let unwritten = |error: &dyn std::fmt::Display| {
+        let detail = format!("the result cannot be written down: {error}");
+        Err(JobFailure::Failed { kind: "storage-unavailable".to_owned(), detail, retryable: true })
+    };
+    let kind = product.kind().name().to_owned();
+    match product.in_columns() {
+        Ok(basis) => deliver_columns(basis, output, unwritten),
+        Err(product) => {
+            let mut content = io::Cursor::new(Vec::with_capacity(product.stored_bytes() as usize + (1 << 16)));
+            if let Err(error) = product.write_npz(&mut content) {
+                return Ok(unwritten(&error));
+            }
+            drop(product);
+            let content = content.into_inner();
+            say_json(output, Tag::Product, &Delivery::Whole { kind, bytes: content.len() as u64 })?;
+            let mut output = output.lock().unwrap_or_else(PoisonError::into_inner);
+            frame::write_pieces(&mut *output, Tag::Content, &content)?;
+            output.flush()?;
+            Ok(Ok(()))
+        }
+    }
+}
+
+/// Sends a dense basis, its columns chunk by chunk, each given up when it is sent.
+fn deliver_columns(
+    basis: Basis,
+    output: &Output,
+    unwritten: impl Fn(&dyn std::fmt::Display) -> Result<(), JobFailure>,
+) -> io::Result<Result<(), JobFailure>> {
+    let mut head = io::Cursor::new(Vec::new());
+    if let Err(error) = npz::write_head(&basis, &mut head) {
+        return Ok(unwritten(&error));
+    }
+    let Functions::Dense(functions) = basis.functions else { return Ok(unwritten(&"the basis is not dense")) };
+    let head = head.into_inner();
+    let delivery = Delivery::Columns {
+        head: head.len() as u64,
+        rows: functions.rows(),
+        columns: functions.columns(),
+        precision: functions.precision().name().to_owned(),
+    };
+    say_json(output, Tag::Product, &delivery)?;
+    let mut output = output.lock().unwrap_or_else(PoisonError::into_inner);
+    frame::write_pieces(&mut *output, Tag::Content, &head)?;
+    for chunk in functions.into_chunks() {
+        // Columns of a fresh basis lie in memory.
+        let chunk = chunk.map_err(io::Error::other)?;
+        let mut pieces = Pieces::new(&mut *output, Tag::Content);
+        pieces.write_all(chunk.bytes())?;
+        pieces.flush()?;
+    }
+    output.flush()?;
+    Ok(Ok(()))
+}
+
+/// Tells the server what the work says.
+struct Speaking {
+    output: Output,
+    number: u64,
+    promised: u64,
+    cancelled: Arc<AtomicU64>,
+    begun: Instant,
+    beaten_ms: AtomicU64,
+    advanced_ms: AtomicU64,
+}
+
+impl Speaking {
+    /// Whether it is time to speak again; one of many threads is told so.
+    fn due(&self, spoken_ms: &AtomicU64) -> bool {
+        let now = self.begun.elapsed().as_millis() as u64;
+        let spoken = spoken_ms.load(Ordering::Relaxed);
+        now >= spoken + BEAT_MS && spoken_ms.compare_exchange(spoken, now, Ordering::Relaxed, Ordering::Relaxed).is_ok()
+    }
+
+    fn say(&self, tag: Tag, body: &[u8]) {
+        // Where the server is gone, the thread that listens to it ends the process.
+        let _ = say(&self.output, tag, body);
+    }
+}
+
+impl Monitor for Speaking {
+    fn stage(&self, name: &'static str) {
+        self.say(Tag::Stage, name.as_bytes());
+    }
+    fn progress(&self, fraction: f64) {
+        if self.due(&self.advanced_ms) {
+            self.say(Tag::Progress, &fraction.to_le_bytes());
+        }
+    }
+    fn detail(&self, text: &str) {
+        let text: String = text.chars().take(1000).collect();
+        self.say(Tag::Detail, text.as_bytes());
+    }
+    fn checkpoint(&self) -> Result<(), Cancelled> {
+        if self.due(&self.beaten_ms) {
+            self.say(Tag::Beat, &[]);
+        }
+        if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
+    }
+    fn promised_bytes(&self) -> Option<u64> {
+        (self.promised > 0).then_some(self.promised)
+    }
+}
+
+impl Watch for Speaking {
+    fn is_cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed) >= self.number
+    }
+    fn stage_named(&self, name: &str) {
+        self.say(Tag::Stage, name.as_bytes());
+    }
+}
