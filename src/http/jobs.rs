@@ -72,21 +72,28 @@ problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_HEADER, UNKNOWN_MESH, INVA
     ),
     security(("bearer" = ["submit"]))
 )]
-async fn submit(state: ClientState, headers: HeaderMap, body: Body) -> Result<Response, Problem> {
+async fn submit(
+    state: ClientState,
+    numbered: Numbered,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Problem> {
     if state.is_draining() {
         return Err(Problem::new(&problem::DRAINING, "The server is shutting down and takes no jobs.").retry_after(10));
     }
     extract::require_json(&headers)?;
     let key = idempotency_key(&headers)?;
     let body = body::read(&state, &headers, body, JSON_BYTES).await?;
-    let request: JobRequest = exchange::parse(&state, body, BYTES_PER_NUMBER).await?;
+    let mut request: JobRequest = exchange::parse(&state, body, BYTES_PER_NUMBER).await?;
     if !(-100..=100).contains(&request.priority) {
         return Err(Problem::new(
             &problem::INVALID_REQUEST,
             format!("priority: must be between -100 and 100, not {}.", request.priority),
         ));
     }
-    let parameters = JobParameters::parse(&request.kind, &request.parameters)?;
+    if !KINDS.contains(&&request.kind[..]) {
+        JobParameters::parse(&request.kind, &request.parameters)?;
+    }
     let mesh = state.store.mesh(&request.mesh).await.map_err(|error| match error {
         StoreError::NotFound { .. } => Problem::new(
             &problem::UNKNOWN_MESH,
@@ -101,6 +108,9 @@ async fn submit(state: ClientState, headers: HeaderMap, body: Body) -> Result<Re
         solid_vertices: solid_vertices as usize,
         tetrahedra: tetrahedra as usize,
     };
+    let to = numbered.on_mesh(&state, &mesh.id).await?;
+    translate_parameters(&mut request.parameters, &to, size)?;
+    let parameters = JobParameters::parse(&request.kind, &request.parameters)?;
     parameters.check_mesh(size)?;
     let (estimate, limit) = (parameters.memory_bytes(size), state.config.limits.max_job_bytes);
     if estimate > limit {

@@ -159,7 +159,7 @@ struct Inner {
     bases: Cache<Uuid, Weighed<Product>, ByWeight>,
     /// Chunks of dense bases, by the hash of the content and the position.
     chunks: Cache<(String, usize), Weighed<Arc<ColumnChunk>>, ByWeight>,
-    meshes: Cache<String, Weighed<Arc<TriangleMesh>>, ByWeight>,
+    meshes: Cache<String, Weighed<meshes::Decoded>, ByWeight>,
     hits: AtomicU64,
     misses: AtomicU64,
 }

@@ -32,6 +32,9 @@ pub struct RawMesh {
     pub positions: Vec<[f64; 3]>,
     /// Triangles; polygons and strips have been triangulated. A face may repeat a vertex.
     pub faces: Vec<[u32; 3]>,
+    /// Which face of the file each triangle is or is a part of, where a polygon of more than three corners was triangulated or a face left out;
+    /// `None` where triangles and faces are the same.
+    pub polygons: Option<Polygons>,
     /// Tetrahedra, for the formats that have them.
     pub tetrahedra: Vec<[u32; 4]>,
     /// Polygons of more than three corners that were triangulated.
@@ -40,6 +43,15 @@ pub struct RawMesh {
     pub short_faces_dropped: usize,
     /// Whether the format repeats positions by design (STL), so that equal positions have to be merged.
     pub splits_vertices: bool,
+}
+
+/// Which face of a file each triangle belongs to.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Polygons {
+    /// For each triangle its face, numbered from 0 in the order of the file.
+    pub of_triangle: Vec<u32>,
+    /// Faces of the file, those that were left out among them.
+    pub count: usize,
 }
 
 /// The formats that can be read.

@@ -18,6 +18,7 @@ mod target;
 
 pub use drawing::{CameraRequest, FieldSource, FurRequest, HatchingAnswer, HatchingRequest, Line};
 pub use fault::DesignFault;
+pub(crate) use request::refused;
 pub use forms::{Form, written};
 pub use request::{
     AlignmentRequest, BiharmonicEnergy, DesignRequest, MOST_CONSTRAINTS, NamedTarget, NamedWeights, PerFace, Pin,
