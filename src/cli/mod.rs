@@ -13,6 +13,7 @@ mod error;
 mod field;
 mod input;
 mod memory;
+mod output;
 mod private;
 mod progress;
 mod restore;
@@ -25,7 +26,7 @@ mod verify;
 mod work;
 
 pub use error::CliError;
-pub use input::{MeshInput, read_bytes};
+pub use input::{MeshInput, NumberingArguments, read_bytes};
 pub use progress::StageBars;
 pub use text::{Table, bytes, grouped, number, seconds};
 

@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use axum::body::Body;
 use axum::http::HeaderMap;
-use chladni_spectral::analysis::functional_map::{MapRequest, functional_map};
 use chladni_mesh::numbering::Translation;
+use chladni_spectral::analysis::functional_map::{MapRequest, functional_map};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;

@@ -13,7 +13,7 @@
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `numbering` | whose numbering of vertices and faces they are in |
 //! | `wire`, `certificate` | what goes over the wire |
-//! | `meshes`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
+//! | `meshes`, `mesh_maps`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
 //! | `page` | the web page, embedded |
 
 mod access;
@@ -40,6 +40,7 @@ mod fields;
 mod ids;
 mod jobs;
 mod maps;
+mod mesh_maps;
 mod meshes;
 mod middleware;
 mod modes;

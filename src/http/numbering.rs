@@ -136,9 +136,7 @@ impl From<NumberingError> for Problem {
             NumberingError::Length { .. }
             | NumberingError::NotFinite { .. }
             | NumberingError::Disagreement { .. }
-            | NumberingError::Frames => {
-                Self::new(&problem::INVALID_FUNCTION, text)
-            }
+            | NumberingError::Frames => Self::new(&problem::INVALID_FUNCTION, text),
         }
     }
 }

@@ -3,10 +3,10 @@
 use std::{io::Cursor, sync::Arc};
 
 use bytes::Bytes;
+use chladni_mesh::numbering::Numbering;
 use chladni_spectral::basis::family::FamilyBasis;
 use chladni_spectral::basis::modal::ModalBasis;
 use chladni_spectral::basis::{Basis, Product, ProductKind, StoredFields, Summary};
-use chladni_mesh::numbering::Numbering;
 use chladni_spectral::formats::FormatError;
 use sqlx::{QueryBuilder, Row, sqlite::SqliteRow};
 use uuid::Uuid;

@@ -272,7 +272,10 @@ impl Store {
             let (mesh, _, numbering) = blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?;
             let numbering = numbering.unwrap_or_else(|| own_numbering(&record));
             let bytes = bytes + numbering.bytes();
-            Ok::<_, StoreError>(Weighed { value: Decoded { mesh: Arc::new(mesh), numbering: Arc::new(numbering) }, bytes })
+            Ok::<_, StoreError>(Weighed {
+                value: Decoded { mesh: Arc::new(mesh), numbering: Arc::new(numbering) },
+                bytes,
+            })
         });
         Ok(loaded.await?.value)
     }

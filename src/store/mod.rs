@@ -59,7 +59,6 @@ use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
 use tokio::sync::{Notify, RwLock, broadcast};
 use uuid::Uuid;
 
-use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{ColumnChunk, Product};
 use database::{Database, DatabaseSettings};
 use folder::DataFolder;

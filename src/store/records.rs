@@ -62,8 +62,11 @@ impl MeshRecord {
     /// Whether repairs have renumbered vertices or faces, so that a numbering which is not stored is not known.
     pub fn is_renumbered(&self) -> bool {
         let kept = ["flipped_faces"];
-        let kinds = self.report["repairs"].as_array().into_iter().flatten().filter_map(|repair| repair["kind"].as_str());
-        self.is_solid() || self.report["subdivisions"].as_u64().is_some_and(|times| times > 0) || !kinds.clone().all(|kind| kept.contains(&kind))
+        let kinds =
+            self.report["repairs"].as_array().into_iter().flatten().filter_map(|repair| repair["kind"].as_str());
+        self.is_solid()
+            || self.report["subdivisions"].as_u64().is_some_and(|times| times > 0)
+            || !kinds.clone().all(|kind| kept.contains(&kind))
     }
 
     /// The vertices and tetrahedra of the solid; zeros where there is none.

@@ -11,6 +11,7 @@ use std::{
 
 use bytes::Bytes;
 use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix};
+use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{Basis, Certificate, Compact, Functions};
 use futures_util::StreamExt;
 use serde_json::json;

@@ -247,8 +247,15 @@ struct Examined {
 }
 
 fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
-    let RawMesh { mut positions, faces, polygons, tetrahedra, polygons_triangulated, short_faces_dropped, splits_vertices } =
-        raw;
+    let RawMesh {
+        mut positions,
+        faces,
+        polygons,
+        tetrahedra,
+        polygons_triangulated,
+        short_faces_dropped,
+        splits_vertices,
+    } = raw;
     let given = [positions.len(), faces.len()];
     let mut report = MeshReport { vertices: given[0], faces: given[1], ..MeshReport::default() };
     for (elements, count, most) in [("vertices", given[0], DROPPED as usize - 1), ("faces", given[1], MOST_FACES)] {

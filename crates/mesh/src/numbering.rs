@@ -160,6 +160,16 @@ impl Numbering {
         (0..self.kept[1]).map(|face| self.faces.as_ref().map_or(face as u32, |faces| faces[face]))
     }
 
+    /// For each kept vertex the lowest of the file that became it, or `None` where subdivision made it.
+    pub fn file_vertex_map(&self) -> impl Iterator<Item = Option<u32>> + '_ {
+        (0..self.kept[0] as u32).map(|kept| (!self.is_midpoint(kept)).then(|| self.file_vertex(kept)))
+    }
+
+    /// For each face of the file the first kept one that it is or that is a part of it, or `None` where it was dropped.
+    pub fn kept_face_map(&self) -> impl Iterator<Item = Option<u32>> + '_ {
+        (0..self.file[1]).map(|face| self.kept_face(face))
+    }
+
     fn kept_vertex(&self, vertex: usize) -> Option<u32> {
         match &self.vertices {
             None => Some(vertex as u32),

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::check::{
-    CheckOptions, CheckedMesh, DROPPED, Defect, DefectKind, EXAMPLES, FileSize, Merge, MeshError, MeshReport, Repair, RepairKind, SurfaceOf,
-    check, inspect,
+    CheckOptions, CheckedMesh, DROPPED, Defect, DefectKind, EXAMPLES, FileSize, Merge, MeshError, MeshReport, Repair,
+    RepairKind, SurfaceOf, check, inspect,
 };
 use super::numbering::{self, Numbering, nearest_vertices};
 use super::read::{Polygons, RawMesh};
@@ -177,12 +177,7 @@ fn differences(faces: &[[u32; 3]], polygons: Option<&Polygons>, tetrahedra: &[[u
 }
 
 /// Where the vertices of a file went that became a solid; its faces are numbered as the boundary itself.
-fn solid_numbering(
-    numbers: Vec<u32>,
-    given: &[[f64; 3]],
-    kept: &[[f64; 3]],
-    surface: &CheckedMesh,
-) -> Numbering {
+fn solid_numbering(numbers: Vec<u32>, given: &[[f64; 3]], kept: &[[f64; 3]], surface: &CheckedMesh) -> Numbering {
     let unused = numbers.iter().zip(given).filter(|(place, _)| **place == DROPPED).map(|(_, &position)| position);
     let nearest = nearest_vertices(kept, &unused.collect::<Vec<_>>());
     let (vertices, faces) = (surface.mesh.positions.len(), surface.mesh.faces.len());

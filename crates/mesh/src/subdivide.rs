@@ -34,9 +34,9 @@ pub(crate) fn midpoints(faces: &[[u32; 3]], times: u8) -> Vec<[u32; 2]> {
     let mut level = faces.to_vec();
     for _ in 0..times {
         let (groups, _) = level.as_chunks::<4>();
-        found.extend(groups.iter().flat_map(|[a, b, c, _]| {
-            [(a[1], [a[0], b[0]]), (b[1], [b[0], c[0]]), (c[1], [c[0], a[0]])]
-        }));
+        found.extend(
+            groups.iter().flat_map(|[a, b, c, _]| [(a[1], [a[0], b[0]]), (b[1], [b[0], c[0]]), (c[1], [c[0], a[0]])]),
+        );
         level = groups.iter().map(|[a, b, c, _]| [a[0], b[0], c[0]]).collect();
     }
     found.sort_unstable_by_key(|&(middle, [a, b])| (middle, a.min(b)));

@@ -276,10 +276,7 @@ mod tests {
         translate_parameters(&mut parameters, &to, mesh).unwrap();
         assert_eq!(parameters["clamped"], json!([0, 4]));
         assert_eq!(parameters["weights"], json!([1.0, 1.0, 3.0]));
-        assert_eq!(
-            parameters["operator"]["hamiltonian"]["potential"]["values"],
-            json!([0.5, 2.0, 3.0, 4.0, 5.0])
-        );
+        assert_eq!(parameters["operator"]["hamiltonian"]["potential"]["values"], json!([0.5, 2.0, 3.0, 4.0, 5.0]));
         for (wrong, expected) in [
             (json!({"clamped": [1]}), "\"clamped\": vertex 1 of the file was dropped"),
             (json!({"clamped": [6]}), "no vertex 6; the file has 6"),

@@ -5,7 +5,7 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::http::HeaderMap;
 use bytes::Bytes;
-use chladni_spectral::field::singularities;
+use chladni_spectral::field::{Singularity, singularities};
 use chladni_work::design::{DesignRequest, Form, SingularVertex, written as written_as};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
@@ -139,7 +139,8 @@ async fn design(
                 false => None,
                 true => singularities(surface, kind, &field),
             };
-            let written = |form: Form| to.push_faces(&written_as(surface.frames(), kind, form, field), form.columns(kind));
+            let written =
+                |form: Form| to.push_faces(&written_as(surface.frames(), kind, form, field), form.columns(kind));
             if let (true, Some(form)) = (raw, form) {
                 let energies = [Some(design.harmonic_energy), Some(design.biharmonic_energy), design.alignment_energy];
                 let energies: Vec<String> = energies.iter().flatten().map(f64::to_string).collect();
@@ -168,7 +169,8 @@ async fn design(
                     }),
                     euler_characteristic: found.is_some().then(|| surface.dual().euler_characteristic()),
                     singularities: found.map(|found| {
-                        let told = |s: &Singularity| SingularVertex { vertex: to.told_vertex(s.vertex), index: s.index() };
+                        let told =
+                            |s: &Singularity| SingularVertex { vertex: to.told_vertex(s.vertex), index: s.index() };
                         found.iter().map(told).collect()
                     }),
                 },

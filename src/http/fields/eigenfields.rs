@@ -78,8 +78,8 @@ async fn eigenfields(
     let npy = extract::negotiated(&headers, &[NPY, OCTETS])? == NPY;
     let ready = Ready::load(&state, id).await?;
     let model = ready.model();
-    let to = numbered.on_basis(&state, id, &ready.fields.metadata).await?;
-    let (kind, form, faces) = (ready.kind(), query.form, to.faces(ready.surface.surface.faces()));
+    let via = numbered.on_basis(&state, id, &ready.fields.metadata).await?;
+    let (kind, form, faces) = (ready.kind(), query.form, via.faces(ready.surface.surface.faces()));
     let (from, to) = (query.from, query.to.unwrap_or(query.from.saturating_add(1)));
     let count = model.dimension();
     let refused = |detail: String| Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail).with("count", count));
@@ -102,7 +102,7 @@ async fn eigenfields(
                 monitor.checkpoint()?;
                 let field = ready.lift(&model.eigenfield(k))?;
                 let written = written_as(ready.surface.surface.frames(), kind, form, field);
-                bytes.extend_from_slice(&octets::to_bytes(to.push_faces(&written, columns)));
+                bytes.extend_from_slice(&octets::to_bytes(via.push_faces(&written, columns)));
             }
             Ok(Answer::new(bytes, if npy { NPY } else { OCTETS }, begin)
                 .with("chladni-rows", faces)

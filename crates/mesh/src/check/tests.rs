@@ -184,8 +184,14 @@ fn a_divided_mesh_is_reported_as_if_it_had_been_given_so() {
     assert_eq!((divided.report.faces, divided.report.subdivisions), (32, 2));
     assert_eq!((&divided.report.defects, &divided.report.repairs), (&plain.defects, &plain.repairs));
     let area = divided.report.area;
-    let own =
-        MeshReport { subdivisions: 0, file: None, defects: Vec::new(), repairs: Vec::new(), area: again.area, ..divided.report };
+    let own = MeshReport {
+        subdivisions: 0,
+        file: None,
+        defects: Vec::new(),
+        repairs: Vec::new(),
+        area: again.area,
+        ..divided.report
+    };
     assert_eq!(own, again);
     assert!((area - again.area).abs() < 1e-12);
     let few = CheckOptions { most_faces: 31, ..options };

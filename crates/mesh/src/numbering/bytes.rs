@@ -16,7 +16,16 @@ impl Numbering {
         for count in self.file.into_iter().chain(self.kept).chain([self.inner]) {
             out.extend((count as u64).to_le_bytes());
         }
-        out.extend([maps[0].is_some().into(), maps[1].is_some().into(), self.subdivisions, self.assumed.into(), 0, 0, 0, 0]);
+        out.extend([
+            maps[0].is_some().into(),
+            maps[1].is_some().into(),
+            self.subdivisions,
+            self.assumed.into(),
+            0,
+            0,
+            0,
+            0,
+        ]);
         for number in maps.into_iter().flatten().flatten().chain(&self.nearest) {
             out.extend(number.to_le_bytes());
         }
@@ -52,7 +61,10 @@ impl Numbering {
             return None;
         }
         let midpoints = subdivide::midpoints(faces, subdivisions);
-        if midpoints.len() > kept[0] || midpoints.iter().flatten().any(|&end| end as usize >= kept[0]) || inner > kept[0] {
+        if midpoints.len() > kept[0]
+            || midpoints.iter().flatten().any(|&end| end as usize >= kept[0])
+            || inner > kept[0]
+        {
             return None;
         }
         Some(Self {

@@ -117,18 +117,12 @@ fn merged_vertices_agree_or_are_named() {
         NumberingError::Disagreement { first: first as u64, second: second as u64, one: 1.0, other: 2.0 }
     );
     values[second] = f64::NAN;
-    assert_eq!(
-        to.pull(&values, rows),
-        Err(NumberingError::NotFinite { element: "vertex", number: second as u64 })
-    );
+    assert_eq!(to.pull(&values, rows), Err(NumberingError::NotFinite { element: "vertex", number: second as u64 }));
     assert_eq!(
         to.pull(&values[1..], rows),
         Err(NumberingError::Length { elements: "vertices", found: map.len() - 1, needed: map.len() })
     );
-    assert_eq!(
-        to.vertex(u64::MAX, rows),
-        Err(NumberingError::NoVertex { vertex: u64::MAX, vertices: map.len() })
-    );
+    assert_eq!(to.vertex(u64::MAX, rows), Err(NumberingError::NoVertex { vertex: u64::MAX, vertices: map.len() }));
 }
 
 #[test]

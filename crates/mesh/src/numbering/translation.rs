@@ -74,10 +74,14 @@ pub enum NumberingError {
         number: u64,
     },
     /// Numbers in frames are given, and a face of the file is several triangles, each with a frame of its own.
-    #[error("numbers in the frames of faces need the numbering \"kept\" on this mesh, since a face of the file is several of its triangles")]
+    #[error(
+        "numbers in the frames of faces need the numbering \"kept\" on this mesh, since a face of the file is several of its triangles"
+    )]
     Frames,
     /// A function has two values at vertices that are one.
-    #[error("vertices {first} and {second} of the file are one vertex of the mesh, but have the values {one:e} and {other:e}")]
+    #[error(
+        "vertices {first} and {second} of the file are one vertex of the mesh, but have the values {one:e} and {other:e}"
+    )]
     Disagreement {
         /// The first vertex.
         first: u64,
@@ -286,7 +290,9 @@ impl Translation {
             let near = if kept.is_none() { dropped.next() } else { None };
             let near = near.copied().filter(|&near| self.extend == Extension::Nearest && near != DROPPED);
             // A vertex inside a solid has no value of a function on the surface.
-            if let Some(own) = kept.or(near).and_then(|kept| values.get(kept as usize * width..(kept as usize + 1) * width)) {
+            if let Some(own) =
+                kept.or(near).and_then(|kept| values.get(kept as usize * width..(kept as usize + 1) * width))
+            {
                 slot.copy_from_slice(own);
             }
         }

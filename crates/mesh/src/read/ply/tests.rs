@@ -108,8 +108,12 @@ fn faces_of_any_number_of_corners_in_the_usual_layout() {
 
 #[test]
 fn strips_turn_every_other_triangle_and_restart() {
-    let expected =
-        RawMesh { faces: vec![[0, 1, 2], [2, 1, 3], [3, 2, 0], [2, 0, 1]], polygons_triangulated: 0, polygons: None, ..square() };
+    let expected = RawMesh {
+        faces: vec![[0, 1, 2], [2, 1, 3], [3, 2, 0], [2, 0, 1]],
+        polygons_triangulated: 0,
+        polygons: None,
+        ..square()
+    };
     for item in ["int", "uint"] {
         let mut values = plain_vertices(&expected);
         values.push(("int", 11.0));
