@@ -36,7 +36,10 @@ const GUARDED: &[(&str, &[&str])] = &[
     ("wgpu", &["algebra"]),
     ("zip", &["mesh", "formats"]),
     // A product knows no mesh; geodesics need gradients, hence analysis the mesh. Files hold the numbering of the one that a product lives on.
-    ("chladni_mesh", &["operator", "spectrum", "field", "formats", "analysis", "work", "store", "queue", "http", "cli"]),
+    (
+        "chladni_mesh",
+        &["operator", "spectrum", "field", "formats", "analysis", "work", "store", "queue", "http", "cli"],
+    ),
     ("chladni_spectral", &["work", "store", "queue", "http", "cli"]),
     ("chladni_work", &["queue", "http", "cli"]),
     ("sqlx", &["store"]),
