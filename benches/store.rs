@@ -75,10 +75,12 @@ impl Bench {
 
 /// 36 bytes a vertex.
 fn mesh(seed: usize, vertices: usize) -> NewMesh {
-    let positions = (0..vertices).map(|i| [i as f64, seed as f64, 0.5]).collect();
-    let faces = (2..vertices as u32).map(|i| [0, i - 1, i]).collect();
+    let positions: Vec<_> = (0..vertices).map(|i| [i as f64, seed as f64, 0.5]).collect();
+    let faces: Vec<_> = (2..vertices as u32).map(|i| [0, i - 1, i]).collect();
+    let numbering = Arc::new(chladni_mesh::numbering::Numbering::identity(positions.len(), faces.len()));
     NewMesh {
         solid: None,
+        numbering,
         mesh: Arc::new(TriangleMesh { positions, faces }),
         report: json!({}),
         name: None,

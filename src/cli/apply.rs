@@ -8,6 +8,7 @@ use std::sync::Arc;
 use chladni_algebra::DenseMatrix;
 use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::numbering::{NumberingError, Translation};
 use chladni_mesh::write::{PlyPrecision, write_ply_with};
 use chladni_spectral::analysis::filter::{Transfer, filter};
 use chladni_spectral::basis::{Basis, StoredFields};
@@ -18,7 +19,7 @@ use serde::de::DeserializeOwned;
 use serde_json::json;
 
 use super::work::{OutputFile, json_argument};
-use super::{CliError, MeshInput, read_bytes};
+use super::{CliError, MeshInput, NumberingArguments, read_bytes};
 
 /// A stored basis and the mesh that it lives on.
 #[derive(Debug, clap::Args)]
@@ -29,6 +30,9 @@ struct Stored {
 
     #[command(flatten)]
     input: MeshInput,
+
+    #[command(flatten)]
+    numbered: NumberingArguments,
 }
 
 impl Stored {
@@ -41,14 +45,15 @@ impl Stored {
     }
 
     /// The basis of functions on the vertices of the mesh.
-    fn functions(&self) -> Result<(Basis, TriangleMesh), CliError> {
-        let (basis, mesh) = (self.read(npz::read)?, self.input.load()?);
+    fn functions(&self) -> Result<(Basis, TriangleMesh, Translation), CliError> {
+        let (basis, checked) = (self.read(npz::read)?, self.input.load_body()?.surface);
+        let (mesh, to) = (checked.mesh, self.numbered.translation(Arc::new(checked.numbering)));
         let (rows, vertices) = (basis.vertices(), mesh.positions.len());
         if rows != vertices {
             let reason = format!("the basis has {rows} rows and the mesh {vertices} vertices");
             return Err(CliError::mesh(&self.basis, reason));
         }
-        Ok((basis, mesh))
+        Ok((basis, mesh, to))
     }
 }
 
@@ -116,10 +121,13 @@ fn form(text: &str) -> Result<Form, String> {
 
 /// Runs `chladni distances`.
 pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
-    let request: DistanceRequest = typed("--request", &arguments.request)?;
+    let mut request: DistanceRequest = typed("--request", &arguments.request)?;
     let output = arguments.output.as_deref().map(OutputFile::probe).transpose()?;
-    let (basis, mesh) = arguments.stored.functions()?;
+    let (basis, mesh, to) = arguments.stored.functions()?;
+    let refused = |error: NumberingError| CliError::Refused(error.to_string());
+    request.translate(&to, basis.vertices()).map_err(refused)?;
     let table = request.distances(&basis, Some(&mesh)).map_err(|error| CliError::Refused(error.to_string()))?;
+    let table = request.told(&to, table);
     match output {
         None => print(&chladni_work::table::Table::from(&table)),
         Some(file) => array(&file, &table),
@@ -130,7 +138,7 @@ pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
 pub fn filtered(arguments: FilterArguments) -> Result<ExitCode, CliError> {
     let transfer: Transfer = typed("--transfer", &arguments.transfer)?;
     let output = OutputFile::probe(&arguments.output)?;
-    let (basis, mesh) = arguments.stored.functions()?;
+    let (basis, mesh, _) = arguments.stored.functions()?;
     let mut coordinates = DenseMatrix::zeros(mesh.positions.len(), 3);
     for axis in 0..3 {
         coordinates.column_mut(axis).iter_mut().zip(&mesh.positions).for_each(|(x, position)| *x = position[axis]);
@@ -145,11 +153,14 @@ pub fn filtered(arguments: FilterArguments) -> Result<ExitCode, CliError> {
 /// Runs `chladni design`.
 pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
     let refused = |fault: chladni_work::design::DesignFault| CliError::Refused(fault.to_string());
-    let request: DesignRequest = typed("--request", &arguments.request)?;
+    let mut request: DesignRequest = typed("--request", &arguments.request)?;
     let output = arguments.output.as_deref().map(OutputFile::probe).transpose()?;
     let fields: StoredFields = arguments.stored.read(npz::read_fields)?;
-    let surface = Surface::new(&arguments.stored.input.load()?).map_err(refused)?;
+    let checked = arguments.stored.input.load_body()?.surface;
+    let to = arguments.stored.numbered.translation(Arc::new(checked.numbering));
+    let surface = Surface::new(&checked.mesh).map_err(refused)?;
     let setting = Setting::new(Arc::new(fields), Arc::new(surface)).map_err(refused)?;
+    request.translate(&to, setting.kind(), checked.mesh.positions.len()).map_err(refused)?;
     let designed = setting.design(&request, &Unwatched).map_err(refused)?;
     let Some(file) = output else {
         let design = designed.design;
@@ -158,15 +169,16 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
             "harmonic_energy": design.harmonic_energy,
             "biharmonic_energy": design.biharmonic_energy,
             "alignment_energy": design.alignment_energy,
-            "faces": designed.constraints.iter().map(|constraint| constraint.face).collect::<Vec<_>>(),
+            "faces": designed.constraints.iter().map(|constraint| to.told_face(constraint.face)).collect::<Vec<_>>(),
             "residuals": design.residuals,
         }));
     };
     let field = setting.lift(&designed.design.coefficients).map_err(refused)?;
     let (kind, surface) = (setting.kind(), &setting.surface.surface);
     let numbers = written(surface.frames(), kind, arguments.form, field);
+    let numbers = to.push_faces(&numbers, arguments.form.columns(kind));
     let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
-    let whole = npz::npy("<f4", false, &[surface.faces(), arguments.form.columns(kind)], &bytes);
+    let whole = npz::npy("<f4", false, &[to.faces(surface.faces()), arguments.form.columns(kind)], &bytes);
     file.write(|out| Ok(out.write_all(&whole)?))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -1,6 +1,7 @@
 //! `check`: the report of a mesh.
 
-use chladni_mesh::check::{Element, MeshError, MeshReport, inspect};
+use chladni_mesh::check::{Element, MeshError, MeshReport, RepairKind, SurfaceOf};
+use chladni_mesh::solid::inspect_body;
 
 use super::{CliError, MeshInput, Table, grouped, number};
 use serde_json::{Value, json};
@@ -29,7 +30,7 @@ Exit codes: 0 the mesh can be used, as it is or after the listed repairs; 1 it c
 
 /// Prints the report of a mesh.
 pub fn check(arguments: CheckArguments) -> Result<ExitCode, CliError> {
-    let (report, refusal) = inspect(arguments.input.read()?, &arguments.input.options());
+    let (report, refusal) = inspect_body(arguments.input.read()?, &arguments.input.options());
     let text = if arguments.json { line(&report, refusal.as_ref())? } else { page(&report, refusal.as_ref()) };
     writeln!(std::io::stdout().lock(), "{}", text.trim_end()).map_err(CliError::stdout)?;
     Ok(if refusal.is_some() { ExitCode::from(1) } else { ExitCode::SUCCESS })
@@ -69,6 +70,22 @@ fn page(report: &MeshReport, refusal: Option<&MeshError>) -> String {
     ] {
         counts.row([name.to_owned(), value]);
     }
+    if let Some(solid) = &report.solid {
+        counts.row(["vertices of the solid".to_owned(), grouped(solid.vertices)]);
+        counts.row(["tetrahedra".to_owned(), grouped(solid.tetrahedra)]);
+        counts.row(["volume".to_owned(), number(solid.volume)]);
+    }
+    if let Some(surface) = report.surface {
+        let which = match surface {
+            SurfaceOf::Boundary => "the boundary of the tetrahedra",
+            SurfaceOf::Given => "the triangles of the file",
+        };
+        counts.row(["surface".to_owned(), which.to_owned()]);
+    }
+    if let Some(file) = &report.file {
+        counts.row(["vertices of the file".to_owned(), grouped(file.vertices)]);
+        counts.row(["faces of the file".to_owned(), grouped(file.faces)]);
+    }
     let mut text = counts.to_string();
     if !report.defects.is_empty() {
         let mut defects = Table::new(&["found", "count", "first, numbered from 0"]);
@@ -78,6 +95,8 @@ fn page(report: &MeshReport, refusal: Option<&MeshError>) -> String {
                 Element::Vertex => "vertices",
                 Element::Face if defect.examples.len() == 1 => "face",
                 Element::Face => "faces",
+                Element::Tetrahedron if defect.examples.len() == 1 => "tetrahedron",
+                Element::Tetrahedron => "tetrahedra",
             };
             let examples: Vec<String> = defect.examples.iter().map(u64::to_string).collect();
             let more = if defect.count > examples.len() { ", …" } else { "" };
@@ -93,8 +112,13 @@ fn page(report: &MeshReport, refusal: Option<&MeshError>) -> String {
         }
         text += &format!("\n{repairs}");
     }
+    let left_out = report.repaired(RepairKind::LeftOutTetrahedra);
     text += &match refusal {
         Some(error) => format!("\n  The mesh cannot be used: {error}.\n"),
+        None if left_out > 0 => format!(
+            "\n  The triangles of the file can be used as a surface. Its {} tetrahedra and what is inside are left out.\n",
+            grouped(left_out)
+        ),
         None if report.repairs.is_empty() => "\n  The mesh can be used as it is.\n".to_owned(),
         None => "\n  The mesh can be used after these repairs, which lose nothing.\n".to_owned(),
     };
@@ -110,7 +134,7 @@ mod tests {
     fn square(height: f64) -> (MeshReport, Option<MeshError>) {
         let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, height], [0.0, 1.0, 0.0], [7.0; 3]];
         let faces = vec![[0, 1, 2], [0, 2, 3], [2, 3, 0]];
-        inspect(RawMesh { positions, faces, ..RawMesh::default() }, &CheckOptions::default())
+        inspect_body(RawMesh { positions, faces, ..RawMesh::default() }, &CheckOptions::default())
     }
 
     #[test]

@@ -1,28 +1,34 @@
 //! Mesh files from the local disk.
 
-use chladni_mesh::TriangleMesh;
-use chladni_mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge, check};
+use chladni_mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge, SurfaceOf};
+use chladni_mesh::numbering::{Extension, Numbering, Translation};
 use chladni_mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
 use chladni_mesh::solid::{CheckedBody, check_body};
 
 use super::CliError;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A mesh file and how it is read.
 #[derive(Debug, Clone, clap::Args)]
 pub struct MeshInput {
-    /// Mesh file: OBJ, PLY, OFF, STL or MEDIT, as it is or compressed by gzip
+    /// Mesh file: OBJ, PLY, OFF, STL, MEDIT, or arrays as NPZ or JSON, as it is or compressed by gzip
     #[arg(value_name = "MESH")]
     pub mesh: PathBuf,
 
-    /// Format of the file, where its name does not tell: obj, ply, off, stl, medit
+    /// Format of the file, where its name does not tell: obj, ply, off, stl, medit, npz, json
     #[arg(long, value_name = "FORMAT", value_parser = format, help_heading = "Input")]
     pub format: Option<MeshFormat>,
 
     /// Whether vertices at equal positions become one: auto (where the format splits them, as STL does), always, never
     #[arg(long, value_name = "WHEN", value_parser = merge, default_value = "auto", help_heading = "Input")]
     pub merge: Merge,
+
+    /// Which surface is meant where a file has tetrahedra: boundary, where they have no neighbour (closed, and the solid's own), or given, the
+    /// triangles of the file, without an inside
+    #[arg(long, value_name = "WHICH", value_parser = surface, default_value = "boundary", help_heading = "Input")]
+    pub surface: SurfaceOf,
 
     /// Divide every face into four before the work begins, so many times: eigenvalues come nearer to those of the surface
     #[arg(long, value_name = "TIMES", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=i64::from(MOST_SUBDIVISIONS)), help_heading = "Input")]
@@ -46,18 +52,72 @@ impl MeshInput {
 
     /// How the mesh is checked.
     pub fn options(&self) -> CheckOptions {
-        CheckOptions { merge: self.merge, subdivisions: self.subdivide, ..CheckOptions::default() }
+        CheckOptions {
+            merge: self.merge,
+            surface: self.surface,
+            subdivisions: self.subdivide,
+            ..CheckOptions::default()
+        }
     }
 
     /// Reads, checks and repairs the mesh, with its solid where the file has one.
     pub fn load_body(&self) -> Result<CheckedBody, CliError> {
         check_body(self.read()?, &self.options()).map_err(|error| CliError::mesh(&self.mesh, error))
     }
+}
 
-    /// Reads, checks and repairs the mesh.
-    pub fn load(&self) -> Result<TriangleMesh, CliError> {
-        let checked = check(self.read()?, &self.options()).map_err(|error| CliError::mesh(&self.mesh, error))?;
-        Ok(checked.mesh)
+/// In which numbering vertices and faces are named, and functions taken and given.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct NumberingArguments {
+    /// How vertices and faces are numbered: as in the file, or as in the mesh that is kept after repairs
+    #[arg(long, value_name = "NUMBERING", value_parser = whose, default_value = "file", help_heading = "Input")]
+    pub numbering: Whose,
+
+    /// What vertices of the file are given that no face uses: none (not a number), or what the nearest vertex has
+    #[arg(long, value_name = "HOW", value_parser = extension, default_value = "none", help_heading = "Input")]
+    pub extend: Extension,
+}
+
+impl NumberingArguments {
+    /// How vertices and faces of a mesh are translated.
+    pub fn translation(&self, numbering: Arc<Numbering>) -> Translation {
+        match self.numbering {
+            Whose::File => Translation::of_file(numbering, self.extend),
+            Whose::Kept => Translation::default(),
+        }
+    }
+}
+
+/// Whose numbering.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Whose {
+    /// That of the file.
+    File,
+    /// That of the kept mesh.
+    Kept,
+}
+
+fn whose(text: &str) -> Result<Whose, &'static str> {
+    match text {
+        "file" => Ok(Whose::File),
+        "kept" => Ok(Whose::Kept),
+        _ => Err("one of file, kept"),
+    }
+}
+
+fn extension(text: &str) -> Result<Extension, &'static str> {
+    match text {
+        "none" => Ok(Extension::None),
+        "nearest" => Ok(Extension::Nearest),
+        _ => Err("one of none, nearest"),
+    }
+}
+
+fn surface(text: &str) -> Result<SurfaceOf, &'static str> {
+    match text {
+        "boundary" => Ok(SurfaceOf::Boundary),
+        "given" => Ok(SurfaceOf::Given),
+        _ => Err("one of boundary, given"),
     }
 }
 

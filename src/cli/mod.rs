@@ -14,6 +14,7 @@ mod error;
 mod field;
 mod input;
 mod memory;
+mod output;
 mod poison;
 mod private;
 mod progress;
@@ -28,7 +29,7 @@ mod work;
 mod worker;
 
 pub use error::CliError;
-pub use input::{MeshInput, read_bytes};
+pub use input::{MeshInput, NumberingArguments, read_bytes};
 pub use progress::StageBars;
 pub use text::{Table, bytes, grouped, number, seconds};
 

@@ -1,16 +1,19 @@
 //! `verify`: a basis judged again, from its mesh alone.
 
+use chladni_mesh::numbering::{Extension, Translation};
 use chladni_spectral::basis::Basis;
 use chladni_spectral::formats::npz;
 use chladni_spectral::operator;
 use chladni_spectral::verify::{Verification, verify as judge};
-use chladni_work::{EigenbasisParameters, JobError};
+use chladni_work::numbered::translate_parameters;
+use chladni_work::{EigenbasisParameters, JobError, MeshSize};
 
 use super::{CliError, MeshInput, StageBars, Table, grouped, number, seconds};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Judge an eigenbasis again, from its mesh: residuals, orthonormality, and a count of eigenvalues by another factorisation
@@ -89,8 +92,15 @@ pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
     pool.install(|| npz::check_sums(&bytes)).map_err(|error| unreadable(error.to_string()))?;
     let basis = npz::read(&bytes).map_err(|error| unreadable(error.to_string()))?;
     drop(bytes);
-    let parameters = parameters(&basis, arguments.operator.as_deref())?;
-    let mesh = pool.install(|| arguments.input.load())?;
+    let mut parameters = parameters(&basis, arguments.operator.as_deref())?;
+    let checked = pool.install(|| arguments.input.load_body())?.surface;
+    let (mesh, file) = (checked.mesh, Translation::of_file(Arc::new(checked.numbering), Extension::None));
+    if arguments.operator.is_some() {
+        // A potential that is given here is given as the file numbers its vertices.
+        let mut own = parameters.canonical();
+        translate_parameters(&mut own, &file, MeshSize::from(&mesh))?;
+        parameters = EigenbasisParameters::parse(&own)?;
+    }
     let outcome = pool.install(|| {
         let operator = operator::assemble(&mesh, &parameters.operator, &bars).map_err(JobError::from)?;
         judge(&basis, &operator, &bars).map_err(|error| unreadable(error.to_string()))

@@ -2,22 +2,30 @@
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use chladni_algebra::gpu::{self, GpuChoice};
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::check::SurfaceOf;
+use chladni_mesh::numbering::Numbering;
 use chladni_spectral::basis::Product;
 use chladni_spectral::formats::FormatError;
+use chladni_work::numbered::translate_parameters;
 use chladni_work::{JobParameters, MeshSize, SOLVER_VERSION, abbreviate};
 use serde_json::{Map, Value, json};
 
-use super::{CliError, MeshInput, StageBars, memory};
+use super::output::OutputFormat;
+use super::{CliError, MeshInput, NumberingArguments, StageBars, memory};
 
 /// The mesh, and what does not depend on the kind of work.
 #[derive(Debug, clap::Args)]
 pub struct WorkArguments {
     #[command(flatten)]
     pub input: MeshInput,
+
+    #[command(flatten)]
+    pub numbered: NumberingArguments,
 
     /// Any parameter of the job by name, as the API takes it, such as radial.distance=dijkstra; may be given several times
     #[arg(long = "parameter", short = 'p', value_name = "NAME=VALUE", help_heading = "Method")]
@@ -35,7 +43,8 @@ pub struct WorkArguments {
     #[arg(long, help_heading = "Method")]
     pub ignore_memory: bool,
 
-    /// Write the result to this NPZ file
+    /// Write the result to this file: .npz with everything; of an eigenbasis also .mat (MATLAB, Octave), .csv (a row for each vertex), .vtp or .ply (the
+    /// surface with its eigenfunctions)
     #[arg(long, short = 'o', value_name = "FILE", help_heading = "Output")]
     pub output: Option<PathBuf>,
 
@@ -56,6 +65,10 @@ fn card(text: &str) -> Result<GpuChoice, &'static str> {
 pub struct Finished {
     /// The mesh.
     pub mesh: TriangleMesh,
+    /// Where the vertices and faces of the file went.
+    pub numbering: Arc<Numbering>,
+    /// Which surface this is, where the file has tetrahedra.
+    pub surface: Option<SurfaceOf>,
     /// What was made.
     pub product: Product,
     /// Seconds of each stage, reading first.
@@ -100,17 +113,25 @@ impl WorkArguments {
             .build()
             .map_err(|error| CliError::Service(format!("cannot start {} threads: {error}", self.threads)))?;
         // Before the work: a solve of minutes must not end at a folder that does not exist.
-        let output = self.output.as_deref().map(OutputFile::probe).transpose()?;
+        let output = self
+            .output
+            .as_deref()
+            .map(|path| Ok::<_, CliError>((OutputFormat::of(path, job.kind())?, OutputFile::probe(path)?)));
+        let output = output.transpose()?;
         let bars = StageBars::new(self.json || self.quiet);
         let began = Instant::now();
         bars.begin("read");
         let body = pool.install(|| self.input.load_body())?;
-        let (mesh, solid) = (body.surface.mesh, body.solid);
+        let (mesh, solid, numbering) = (body.surface.mesh, body.solid, Arc::new(body.surface.numbering));
         let mut stages = vec![("read", began.elapsed().as_secs_f64())];
         let mut size = MeshSize::from(&mesh);
         if let Some(solid) = &solid {
             (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
         }
+        let to = self.numbered.translation(Arc::clone(&numbering));
+        let mut parameters = job.canonical();
+        translate_parameters(&mut parameters, &to, size)?;
+        let job = &JobParameters::parse(job.kind(), &parameters)?;
         job.check_mesh(size)?;
         let memory_estimate = job.memory_bytes(size);
         if let Some(free) = memory::available().filter(|free| memory_estimate > *free && !self.ignore_memory) {
@@ -126,14 +147,25 @@ impl WorkArguments {
         let product = outcome.product;
         let write = match output {
             None => None,
-            Some(file) => {
+            Some((format, file)) => {
                 let began = Instant::now();
-                file.write(|out| product.write_npz(out))?;
+                file.write(|out| format.write(&product, &mesh, &numbering, &to, out))?;
                 Some(began.elapsed().as_secs_f64())
             }
         };
         let threads = pool.current_num_threads();
-        Ok(Finished { mesh, product, stages, total, write, threads, memory_estimate, peak_rss })
+        Ok(Finished {
+            mesh,
+            numbering,
+            surface: body.surface.report.surface,
+            product,
+            stages,
+            total,
+            write,
+            threads,
+            memory_estimate,
+            peak_rss,
+        })
     }
 }
 
@@ -147,6 +179,8 @@ impl Finished {
             "kind": job.kind(),
             "vertices": self.mesh.positions.len(),
             "faces": self.mesh.faces.len(),
+            "file": {"vertices": self.numbering.file_vertices(), "faces": self.numbering.file_faces()},
+            "surface": self.surface,
             "dimension": summary.dimension,
             "details": summary.details,
             "parameters": parameters,

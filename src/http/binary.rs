@@ -1,7 +1,9 @@
 //! Per-vertex functions and coefficients as numbers on the wire: raw little-endian, row after row, or JSON.
 
 use chladni_algebra::DenseMatrix;
-use chladni_work::table::{TableError, matrix};
+use chladni_mesh::numbering::Translation;
+use chladni_work::numbered::pull;
+use chladni_work::table::{TableError, any_matrix, matrix};
 use serde::Deserialize;
 use utoipa::ToSchema;
 
@@ -51,6 +53,28 @@ impl Dtype {
 /// # Errors
 /// `invalid-function` names a length that does not fit or the first value that is not finite.
 pub fn decode(bytes: &[u8], dtype: Dtype, rows: usize) -> Result<DenseMatrix, Problem> {
+    decode_by(bytes, dtype, rows, |columns, value| matrix(rows, columns, value))
+}
+
+/// Reads raw functions with a value for each vertex as a request numbers them, and brings them to the first `rows` kept ones.
+///
+/// # Errors
+/// `invalid-function`, as [`decode`], and where the values do not fit the numbering.
+pub fn decode_functions(bytes: &[u8], dtype: Dtype, rows: usize, to: &Translation) -> Result<DenseMatrix, Problem> {
+    if to.is_identity() {
+        return decode(bytes, dtype, rows);
+    }
+    let given = to.rows(rows);
+    let functions = decode_by(bytes, dtype, given, |columns, value| any_matrix(given, columns, value))?;
+    Ok(pull(to, functions, rows)?)
+}
+
+fn decode_by(
+    bytes: &[u8],
+    dtype: Dtype,
+    rows: usize,
+    make: impl FnOnce(usize, &dyn Fn(usize) -> f64) -> Result<DenseMatrix, TableError>,
+) -> Result<DenseMatrix, Problem> {
     let row = rows * dtype.bytes();
     if row == 0 || bytes.is_empty() || !bytes.len().is_multiple_of(row) {
         return Err(Problem::new(
@@ -62,11 +86,11 @@ pub fn decode(bytes: &[u8], dtype: Dtype, rows: usize) -> Result<DenseMatrix, Pr
     match dtype {
         Dtype::F32 => {
             let (numbers, _) = bytes.as_chunks::<4>();
-            Ok(matrix(rows, columns, |i| f64::from(f32::from_le_bytes(numbers[i])))?)
+            Ok(make(columns, &|i| f64::from(f32::from_le_bytes(numbers[i])))?)
         }
         Dtype::F64 => {
             let (numbers, _) = bytes.as_chunks::<8>();
-            Ok(matrix(rows, columns, |i| f64::from_le_bytes(numbers[i]))?)
+            Ok(make(columns, &|i| f64::from_le_bytes(numbers[i]))?)
         }
     }
 }

@@ -44,6 +44,24 @@ impl WholeBody {
         reserve(&mut self.share, (self.bytes.len() as u64).saturating_add(more))
     }
 
+    /// Some bytes of this body, unpacked where they are gzip by their first two: a file that was packed before it was sent, with no word about it in the
+    /// headers.
+    ///
+    /// # Errors
+    /// `damaged-encoding`, `body-too-large`, and those of [`reserve`].
+    pub async fn gunzipped(self, bytes: Bytes, limit: u64) -> Result<Self, Problem> {
+        if !bytes.starts_with(&[0x1f, 0x8b]) {
+            return Ok(Self { bytes, share: self.share });
+        }
+        let mut share = self.share;
+        let unpacked = tokio::task::spawn_blocking(move || {
+            let mut grow = |bytes: u64| reserve(&mut share, bytes);
+            let unpacked = decompress(&bytes, Encoding::Gzip, limit, &mut grow);
+            unpacked.map(|bytes| Self { bytes: bytes.into(), share })
+        });
+        unpacked.await.map_err(Problem::internal)?
+    }
+
     /// Drops the bytes, and leaves the share of what was made of them.
     pub fn spent(mut self, made: u64) -> Share {
         self.share.shrink_to(made);

@@ -5,6 +5,7 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::http::HeaderMap;
 use chladni_spectral::analysis::compression::{compress, decompress};
+use chladni_work::numbered::push;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -18,6 +19,7 @@ use super::client::ClientState;
 use super::exchange::{self, Answer, JSON, OCTETS, Sent, raw_answer, read};
 use super::extract::{self, QueryOf};
 use super::ids::BasisId;
+use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::solves::{Functions, PLY, Source, ply};
@@ -95,7 +97,7 @@ problems!(CompressProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_ANALYSIS]
 /// `Chladni-Relative-Error`. A raw body is the functions, as for `filter`; the rest of the request stands in the query then.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/compress", tag = "analysis", operation_id = "compress",
-    params(BasisId, CompressionQuery),
+    params(BasisId, NumberingQuery, CompressionQuery),
     request_body(description = "The functions", content((CompressionRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "Rate and distortion, or the bytes", content((CompressionAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
@@ -107,11 +109,13 @@ problems!(CompressProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_ANALYSIS]
 async fn compress_functions(
     state: ClientState,
     BasisId(id): BasisId,
+    numbered: Numbered,
     QueryOf(query): QueryOf<CompressionQuery>,
     headers: HeaderMap,
     content: Body,
 ) -> Result<Answer, Problem> {
     let basis = on_vertices(&state, id).await?;
+    let to = numbered.on_basis(&state, id, &basis.metadata).await?;
     let sent = read::<CompressionRequest>(&state, &headers, content).await?;
     let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
     let (source, pairs, bits) = match sent {
@@ -124,7 +128,7 @@ async fn compress_functions(
     state
         .solve("compress", move |_| {
             let begin = Instant::now();
-            let functions = source.matrix(basis.vertices())?;
+            let functions = source.functions(basis.vertices(), &to)?;
             drop(source);
             let (pairs, bits) = (pairs.unwrap_or(basis.count()), bits.unwrap_or(14));
             let packed = compress(&basis, &functions, pairs, bits)?;
@@ -167,7 +171,7 @@ problems!(DecompressProblems: SOLVE BODY [UNSUPPORTED_MEDIA_TYPE, INVALID_STREAM
 /// three functions, as `model/ply`, the mesh with them as its coordinates.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/decompress", tag = "analysis", operation_id = "decompress",
-    params(BasisId, DecompressionQuery),
+    params(BasisId, NumberingQuery, DecompressionQuery),
     request_body(description = "Compressed functions", content((super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The functions", content((super::docs::Binary = "application/octet-stream"), (Table = "application/json"), (super::docs::Binary = "model/ply")),
@@ -179,11 +183,13 @@ problems!(DecompressProblems: SOLVE BODY [UNSUPPORTED_MEDIA_TYPE, INVALID_STREAM
 async fn decompress_functions(
     state: ClientState,
     BasisId(id): BasisId,
+    numbered: Numbered,
     QueryOf(query): QueryOf<DecompressionQuery>,
     headers: HeaderMap,
     content: Body,
 ) -> Result<Answer, Problem> {
     let basis = on_vertices(&state, id).await?;
+    let to = numbered.on_basis(&state, id, &basis.metadata).await?;
     if let Some(other) = extract::media_type(&headers).filter(|name| name != OCTETS) {
         let detail = format!("This route reads {OCTETS}, not {:?}.", problem::shorten(other));
         return Err(Problem::new(&problem::UNSUPPORTED_MEDIA_TYPE, detail));
@@ -197,7 +203,7 @@ async fn decompress_functions(
             let functions = decompress(&basis, &body.bytes)?;
             match mesh {
                 Some(mesh) => ply(&mesh, &functions, begin),
-                None => Answer::table(&functions, media_type != JSON, query.dtype, begin),
+                None => Answer::table(&push(&to, functions), media_type != JSON, query.dtype, begin),
             }
         })
         .await

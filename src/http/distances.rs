@@ -16,6 +16,7 @@ use super::client::ClientState;
 use super::exchange::{self, Answer};
 use super::extract::QueryOf;
 use super::ids::BasisId;
+use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
@@ -54,7 +55,7 @@ problems!(DistancesProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYSIS])
 /// vertices of pairs, and the rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/distances", tag = "analysis", operation_id = "distances",
-    params(BasisId, DistanceQuery),
+    params(BasisId, NumberingQuery, DistanceQuery),
     request_body(description = "The sources or pairs", content((DistanceRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The distances", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream")),
@@ -66,11 +67,13 @@ problems!(DistancesProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYSIS])
 async fn distances(
     state: ClientState,
     BasisId(id): BasisId,
+    numbered: Numbered,
     QueryOf(query): QueryOf<DistanceQuery>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
     let basis = on_vertices(&state, id).await?;
+    let to = numbered.on_basis(&state, id, &basis.metadata).await?;
     let fill = |request: &mut DistanceRequest, bytes: &[u8]| {
         if query.pairs {
             request.pairs = binary::decode_tuples(bytes)?;
@@ -79,8 +82,9 @@ async fn distances(
         }
         Ok(())
     };
-    let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
+    let (mut request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
     request.check()?;
+    request.translate(&to, basis.vertices())?;
     let mesh = match request.needs_mesh() {
         true => Some(state.store.load_mesh(&state.store.basis(id).await?.mesh).await?),
         false => None,
@@ -89,7 +93,7 @@ async fn distances(
         .solve("distances", move |_| {
             let begin = Instant::now();
             let table = request.distances(&basis, mesh.as_deref())?;
-            Answer::table(&table, raw, query.dtype, begin)
+            Answer::table(&request.told(&to, table), raw, query.dtype, begin)
         })
         .await
 }

@@ -6,6 +6,7 @@ use axum::body::Body;
 use axum::http::HeaderMap;
 use chladni_algebra::DenseMatrix;
 use chladni_spectral::analysis::family::{Member, spectrum};
+use chladni_work::numbered::push;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
@@ -17,6 +18,7 @@ use super::client::ClientState;
 use super::exchange::{self, Answer};
 use super::extract;
 use super::ids::BasisId;
+use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
@@ -93,7 +95,7 @@ problems!(FamilySpectrumProblems: SOLVE BODY JSON [INVALID_SPECTRUM]);
 /// stand in `Chladni-Eigenvalues`.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/spectrum", tag = "bases", operation_id = "familySpectrum",
-    params(BasisId),
+    params(BasisId, NumberingQuery),
     request_body = SpectrumRequest,
     responses(
         (status = 200, description = "The pairs", content((SpectrumAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
@@ -105,12 +107,14 @@ problems!(FamilySpectrumProblems: SOLVE BODY JSON [INVALID_SPECTRUM]);
 async fn family_spectrum(
     state: ClientState,
     BasisId(id): BasisId,
+    numbered: Numbered,
     headers: HeaderMap,
     content: Body,
 ) -> Result<Answer, Problem> {
     extract::require_json(&headers)?;
     let raw = exchange::raw_answer(&headers, false)?;
     let family = state.store.load_family(id).await?;
+    let to = numbered.on_basis(&state, id, &family.metadata).await?;
     let body = body::read(&state, &headers, content, MOST_BYTES).await?;
     let request: SpectrumRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
     state
@@ -135,6 +139,7 @@ async fn family_spectrum(
                 Wanted::Modes => Some(
                     family
                         .lift(&found.coefficients)
+                        .map(|modes| push(&to, modes))
                         .ok_or_else(|| Problem::internal("the coefficients do not fit the functions"))?,
                 ),
             };

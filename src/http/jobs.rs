@@ -6,6 +6,7 @@ use axum::Json;
 use axum::body::Body;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use chladni_work::numbered::translate_parameters;
 use chladni_work::{JobParameters, MeshSize, SOLVER_VERSION};
 use headers::HeaderMapExt;
 use serde::Deserialize;
@@ -17,6 +18,7 @@ use super::client::ClientState;
 use super::events::{self, look, next_change};
 use super::extract::{self, QueryOf};
 use super::ids::JobId;
+use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
@@ -46,15 +48,18 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(retry))
 }
 
-problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_HEADER, UNKNOWN_MESH, INVALID_PARAMETER, JOB_TOO_LARGE, IDEMPOTENCY_CONFLICT, QUEUE_FULL, DRAINING]);
+problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_QUERY, INVALID_HEADER, UNKNOWN_MESH, INVALID_PARAMETER, JOB_TOO_LARGE, IDEMPOTENCY_CONFLICT, QUEUE_FULL, DRAINING]);
 
 /// Submits a job
+///
+/// Vertices and faces that parameters name, and functions among them, are those of the uploaded file, unless `numbering=kept`; the job shows them as
+/// the mesh numbers them.
 ///
 /// The same mesh, kind and parameters are worked on once: where an equal job waits, runs or is done, that job is the answer.
 /// With an `Idempotency-Key` a request that is sent twice makes one job, whatever happened to the first answer.
 #[utoipa::path(
     post, path = "/v1/jobs", tag = "jobs", operation_id = "submitJob",
-    params(("Idempotency-Key" = Option<String>, Header, description = "1 to 200 visible ASCII characters that stand for this request", example = "8f14e45f")),
+    params(NumberingQuery, ("Idempotency-Key" = Option<String>, Header, description = "1 to 200 visible ASCII characters that stand for this request", example = "8f14e45f")),
     request_body(content = JobRequest, examples(
         ("approximate" = (summary = "500 pairs, fast", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"count": 500}}))),
         ("hsim" = (summary = "250 pairs to 1e-6, proven complete, as columns in double precision", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"method": "hsim", "count": 250, "tolerance": 1e-6, "precision": "f64"}}))),
@@ -72,22 +77,26 @@ problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_HEADER, UNKNOWN_MESH, INVA
     ),
     security(("bearer" = ["submit"]))
 )]
-async fn submit(state: ClientState, headers: HeaderMap, body: Body) -> Result<Response, Problem> {
+async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body: Body) -> Result<Response, Problem> {
     if state.is_draining() {
         return Err(Problem::new(&problem::DRAINING, "The server is shutting down and takes no jobs.").retry_after(10));
     }
     extract::require_json(&headers)?;
     let key = idempotency_key(&headers)?;
     let body = body::read(&state, &headers, body, JSON_BYTES).await?;
-    let request: JobRequest = exchange::parse(&state, body, BYTES_PER_NUMBER).await?;
+    let mut request: JobRequest = exchange::parse(&state, body, BYTES_PER_NUMBER).await?;
     if !(-100..=100).contains(&request.priority) {
         return Err(Problem::new(
             &problem::INVALID_REQUEST,
             format!("priority: must be between -100 and 100, not {}.", request.priority),
         ));
     }
-    let parameters = JobParameters::parse(&request.kind, &request.parameters)?;
-    let mesh = state.store.mesh(&request.mesh).await.map_err(|error| match error {
+    let found = state.store.mesh(&request.mesh).await;
+    if found.is_err() {
+        // What can be told without a mesh is told first.
+        JobParameters::parse(&request.kind, &request.parameters)?;
+    }
+    let mesh = found.map_err(|error| match error {
         StoreError::NotFound { .. } => Problem::new(
             &problem::UNKNOWN_MESH,
             format!("mesh: no mesh has the id {:?}.", problem::shorten(request.mesh.clone())),
@@ -101,6 +110,9 @@ async fn submit(state: ClientState, headers: HeaderMap, body: Body) -> Result<Re
         solid_vertices: solid_vertices as usize,
         tetrahedra: tetrahedra as usize,
     };
+    let to = numbered.on_mesh(&state, &mesh.id).await?;
+    translate_parameters(&mut request.parameters, &to, size)?;
+    let parameters = JobParameters::parse(&request.kind, &request.parameters)?;
     parameters.check_mesh(size)?;
     let (estimate, limit) = (parameters.memory_bytes(size), state.config.limits.max_job_bytes);
     if estimate > limit {

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use axum::body::Body;
 use axum::http::HeaderMap;
+use chladni_mesh::numbering::Translation;
 use chladni_spectral::analysis::functional_map::{MapRequest, functional_map};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
@@ -16,6 +17,7 @@ use super::client::ClientState;
 use super::exchange::{self, Answer, OCTETS};
 use super::extract::QueryOf;
 use super::ids::BasisId;
+use super::numbering::{Numbered, NumberingQuery};
 use super::problem::Problem;
 use super::problems::problems;
 use super::state::AppState;
@@ -81,8 +83,8 @@ struct FunctionalMapAnswer {
     matrix: Table,
     /// The vertices of the target that were matched; null: all of them, in order.
     matched: Option<Vec<u32>>,
-    /// For each of them the vertex of the source that corresponds to it.
-    points: Vec<u32>,
+    /// For each of them the vertex of the source that corresponds to it; null at vertices of the target's file that were dropped.
+    points: Vec<Option<u32>>,
     /// ‖CA − B‖ / ‖B‖ of the first map: how well it takes the known functions to each other.
     descriptor_residual: f64,
     /// ‖CᵀC − I‖ / √k: 0 for a map that preserves areas.
@@ -121,10 +123,10 @@ problems!(FunctionalMapProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_FUNCTI
 /// pairs and two thousand samples are a matter of a second, matching all points of large meshes one of many.
 ///
 /// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is pairs of little-endian u32, the landmarks, and the rest of the
-/// request stands in the query. A raw answer is the matrix, row after row, or with `points=true` the points.
+/// request stands in the query. A raw answer is the matrix, row after row, or with `points=true` the points (4294967295 where a vertex has none).
 #[utoipa::path(
     post, path = "/v1/functional-maps", tag = "analysis", operation_id = "functionalMap",
-    params(MapQuery),
+    params(NumberingQuery, MapQuery),
     request_body(description = "The surfaces and what is known", content((FunctionalMapRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The map", content((FunctionalMapAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
@@ -135,6 +137,7 @@ problems!(FunctionalMapProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_FUNCTI
 )]
 async fn map_functions(
     state: ClientState,
+    numbered: Numbered,
     QueryOf(query): QueryOf<MapQuery>,
     headers: HeaderMap,
     body: Body,
@@ -143,9 +146,16 @@ async fn map_functions(
         request.landmarks = binary::decode_tuples(bytes)?;
         Ok(())
     };
-    let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
-    let source = on_vertices(&state, BasisId::parse(&request.source)?.0).await?;
-    let target = on_vertices(&state, BasisId::parse(&request.target)?.0).await?;
+    let (mut request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
+    let (source_id, target_id) = (BasisId::parse(&request.source)?.0, BasisId::parse(&request.target)?.0);
+    let source = on_vertices(&state, source_id).await?;
+    let target = on_vertices(&state, target_id).await?;
+    let to_source = numbered.on_basis(&state, source_id, &source.metadata).await?;
+    let to_target = numbered.on_basis(&state, target_id, &target.metadata).await?;
+    for [from, onto] in &mut request.landmarks {
+        *from = to_source.vertex(u64::from(*from), source.vertices())?;
+        *onto = to_target.vertex(u64::from(*onto), target.vertices())?;
+    }
     state
         .solve("functional_map", move |_| {
             let begin = Instant::now();
@@ -154,8 +164,8 @@ async fn map_functions(
             let descriptors = match &request.descriptors {
                 None => None,
                 Some(Descriptors { source: a, target: b }) => {
-                    let a = binary::from_table(a, source.vertices())?;
-                    let b = binary::from_table(b, target.vertices())?;
+                    let a = a.functions(source.vertices(), &to_source)?;
+                    let b = b.functions(target.vertices(), &to_target)?;
                     if a.columns() != b.columns() {
                         let detail =
                             format!("descriptors: the source has {} and the target {}.", a.columns(), b.columns());
@@ -176,9 +186,11 @@ async fn map_functions(
                 all_points: request.all_points,
             };
             let found = functional_map(&source, &target, &wanted)?;
+            let (matched, points) = told(found.matched, found.points, &to_source, &to_target);
             if raw && query.points {
-                return Ok(Answer::new(binary::encode_u32(&found.points), OCTETS, begin)
-                    .with("chladni-rows", found.points.len())
+                let points: Vec<u32> = points.iter().map(|point| point.unwrap_or(u32::MAX)).collect();
+                return Ok(Answer::new(binary::encode_u32(&points), OCTETS, begin)
+                    .with("chladni-rows", points.len())
                     .with("chladni-columns", 1)
                     .with("chladni-dtype", "u32"));
             }
@@ -187,8 +199,8 @@ async fn map_functions(
             }
             let answer = FunctionalMapAnswer {
                 matrix: binary::to_table(&found.matrix),
-                matched: found.matched,
-                points: found.points,
+                matched,
+                points,
                 descriptor_residual: found.descriptor_residual,
                 orthogonality_defect: found.orthogonality_defect,
                 commutativity_defect: found.commutativity_defect,
@@ -198,4 +210,19 @@ async fn map_functions(
             Answer::json(&answer, begin)
         })
         .await
+}
+
+/// Matched vertices of the target and the points of the source that they correspond to, as the files number them.
+fn told(
+    matched: Option<Vec<u32>>,
+    points: Vec<u32>,
+    source: &Translation,
+    target: &Translation,
+) -> (Option<Vec<u32>>, Vec<Option<u32>>) {
+    let points: Vec<Option<u32>> = points.into_iter().map(|point| Some(source.told_vertex(point))).collect();
+    match matched {
+        Some(matched) => (Some(matched.into_iter().map(|vertex| target.told_vertex(vertex)).collect()), points),
+        // A point for every vertex: one for each of the file.
+        None => (None, target.push(&points, 1)),
+    }
 }

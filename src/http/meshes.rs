@@ -9,7 +9,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use chladni_mesh::TriangleMesh;
-use chladni_mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge};
+use chladni_mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge, SurfaceOf};
 use chladni_mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
 use chladni_mesh::solid::check_body;
 use chladni_mesh::write::{write_obj, write_ply};
@@ -39,7 +39,11 @@ const BUFFERS: &str = "application/vnd.chladni.mesh";
 
 /// The routes of meshes.
 pub fn routes() -> OpenApiRouter<AppState> {
-    OpenApiRouter::new().routes(routes!(upload, list)).routes(routes!(show, rename, delete)).routes(routes!(content))
+    OpenApiRouter::new()
+        .routes(routes!(upload, list))
+        .routes(routes!(show, rename, delete))
+        .routes(routes!(content))
+        .merge(super::mesh_maps::routes())
 }
 
 /// How to read an upload.
@@ -47,13 +51,17 @@ pub fn routes() -> OpenApiRouter<AppState> {
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct UploadQuery {
-    /// The format: `obj`, `ply`, `off`, `stl` or `medit`. Takes the place of `Content-Type`.
+    /// The format: `obj`, `ply`, `off`, `stl`, `medit`, `npz` or `json`. Takes the place of `Content-Type`.
     #[param(example = "ply")]
     format: Option<String>,
     /// Whether vertices at exactly equal positions become one: `auto` (where the format repeats positions by design, as STL
     /// does), `always` or `never`.
     #[param(value_type = Option<String>, example = "auto")]
     merge: Option<Merge>,
+    /// Which surface is meant where a file has triangles and tetrahedra: `boundary`, where its tetrahedra have no neighbour (that is closed, and the
+    /// solid's own), or `given`, its triangles, without an inside. By what the two differ is told among the defects.
+    #[param(value_type = Option<String>, example = "boundary")]
+    surface: Option<SurfaceOf>,
     /// How often every face is divided into four before the mesh is stored, 0 to 6. Eigenvalues of the finer mesh are nearer to those of the surface.
     #[param(minimum = 0, maximum = 6, example = 0)]
     subdivide: Option<u8>,
@@ -67,11 +75,18 @@ problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKN
 /// Uploads a mesh
 ///
 /// The body is the file itself, or `multipart/form-data` with the file in a part named `mesh` (and, optionally, parts `format`,
-/// `merge`, `subdivide` and `name`). The format comes from `format`, from `Content-Type` or the file name, or, for general types such as
-/// `application/octet-stream`, from the first bytes. `Content-Encoding` may be gzip or zstd.
+/// `merge`, `surface`, `subdivide` and `name`). The format comes from `format`, from `Content-Type` or the file name, or, for general types such as
+/// `application/octet-stream`, from the first bytes. `Content-Encoding` may be gzip or zstd; a file that is gzip itself is
+/// unpacked as well.
 ///
-/// A MEDIT file with tetrahedra is a solid: the mesh is then the surface of its tetrahedra, the report has the member `solid`, and
+/// Arrays come as NPZ (`numpy.savez`: `vertices`, n × 3; `faces`, f × k; `tetrahedra`, t × 4) or JSON (`{"vertices": [[x, y, z], …], "faces": [[0, 1, 2], …]}`),
+/// vertices counted from 0.
+///
+/// A file with tetrahedra is a solid: the mesh is then the surface of its tetrahedra, unless `surface=given`, the report has the member `solid`, and
 /// the vertices of the surface are the first of the solid, both in the order of the file.
+///
+/// Where repairs renumber vertices or faces, the report has the member `file`, and all other routes take and give the numbering of the file unless
+/// they are asked for `numbering=kept`; so two files with the same surface and other numbers are two meshes.
 ///
 /// The mesh is checked; repairs that lose nothing are done and listed in the report. The same content has the same id: sending
 /// it again answers 200 with what is stored.
@@ -80,6 +95,7 @@ problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKN
     request_body(description = "The mesh", content(
         (super::docs::Binary = "model/obj", example = json!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")),
         (super::docs::Binary = "model/ply"), (super::docs::Binary = "model/off"), (super::docs::Binary = "model/stl"), (super::docs::Binary = "model/x-medit"),
+        (super::docs::Binary = "application/x-npz"), (serde_json::Value = "application/json", example = json!({"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]})),
         (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "multipart/form-data"))),
     responses(
         (status = 201, description = "The mesh is stored; `Location` names it", body = MeshResource, headers(("Location" = String), ("ETag" = String))),
@@ -100,11 +116,14 @@ async fn upload(
     }
     let (parts, content) = request.into_parts();
     let body = body::read(&state, &parts.headers, content, state.config.limits.max_body_bytes).await?;
+    let limit = state.config.limits.max_body_bytes;
     let mut sent = if extract::media_type(&parts.headers).as_deref() == Some("multipart/form-data") {
         Sent::from_multipart(parts, body.bytes.clone()).await?
     } else {
         Sent { bytes: body.bytes.clone(), media_type: extract::media_type(&parts.headers), ..Sent::default() }
     };
+    let body = body.gunzipped(std::mem::take(&mut sent.bytes), limit).await?;
+    sent.bytes = body.bytes.clone();
     let name = query.name.or(sent.name.take()).filter(|name| !name.trim().is_empty());
     if name.as_ref().is_some_and(|name| name.chars().count() > LONGEST_NAME) {
         return Err(Problem::new(
@@ -120,6 +139,7 @@ async fn upload(
     }
     let options = CheckOptions {
         merge: query.merge.or(sent.merge).unwrap_or_default(),
+        surface: query.surface.or(sent.surface).unwrap_or_default(),
         subdivisions,
         most_faces: state.config.limits.max_faces,
         ..CheckOptions::default()
@@ -151,7 +171,8 @@ async fn upload(
             let body = check_body(raw, &options)?;
             let report = serde_json::to_value(&body.surface.report).map_err(Problem::internal)?;
             let (mesh, solid) = (Arc::new(body.surface.mesh), body.solid.map(Arc::new));
-            Ok(NewMesh { mesh, solid, report, name, format: format.name().to_owned(), source_bytes })
+            let numbering = Arc::new(body.surface.numbering);
+            Ok(NewMesh { mesh, solid, numbering, report, name, format: format.name().to_owned(), source_bytes })
         })
         .await?;
     let stored = state.store.add_mesh(new).await?;

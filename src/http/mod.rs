@@ -11,8 +11,9 @@
 //! | `problem`, `problems`, `convert` | every error as RFC 9457, and which ones a route has |
 //! | `body`, `extract`, `ids`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, ids, negotiation, ranges |
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
+//! | `numbering` | whose numbering of vertices and faces they are in |
 //! | `wire`, `certificate` | what goes over the wire |
-//! | `meshes`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
+//! | `meshes`, `mesh_maps`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
 //! | `page` | the web page, embedded |
 
 mod access;
@@ -39,9 +40,11 @@ mod fields;
 mod ids;
 mod jobs;
 mod maps;
+mod mesh_maps;
 mod meshes;
 mod middleware;
 mod modes;
+mod numbering;
 mod origin;
 mod page;
 mod problem;

@@ -7,6 +7,7 @@ use axum::body::Body;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
+use chladni_mesh::numbering::{Missing, Translation};
 use chladni_mesh::read::MeshFormat;
 use chladni_mesh::write::write_ply;
 use chladni_spectral::basis::{Basis, ProductKind};
@@ -25,8 +26,10 @@ use super::conditional;
 use super::content::Immutable;
 use super::extract::{self, QueryOf};
 use super::ids::BasisId;
+use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
+use super::solves::translation;
 use super::state::AppState;
 
 /// Bytes of one panel of a streamed answer: large enough to be worth a task, small enough to hold many.
@@ -80,7 +83,7 @@ problems!(GetModesProblems: [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE, RANGE
 /// nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these modes are read.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/modes", tag = "bases", operation_id = "getModes",
-    params(BasisId, ModesQuery),
+    params(BasisId, NumberingQuery, ModesQuery),
     responses(
         (status = 200, description = "The modes", content((super::docs::Binary = "application/x-npy"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply")),
             headers(("ETag" = String), ("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String))),
@@ -92,6 +95,7 @@ problems!(GetModesProblems: [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE, RANGE
 async fn modes(
     state: ClientState,
     BasisId(id): BasisId,
+    numbered: Numbered,
     QueryOf(query): QueryOf<ModesQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
@@ -117,7 +121,8 @@ async fn modes(
         return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail));
     }
     let dtype = query.dtype;
-    let tag = format!("{}-modes-{}-{}-{format:?}-{}", record.content_hash, range.start, range.end, dtype.name());
+    let (which, hash) = (numbered.tag(), &record.content_hash);
+    let tag = format!("{hash}-modes-{}-{}-{format:?}-{}{which}", range.start, range.end, dtype.name());
     let basis = match format {
         Format::Ply => on_vertices(&state, id).await?,
         _ => state.store.load_basis(record.id).await?,
@@ -138,7 +143,8 @@ async fn modes(
     }
     let tag = conditional::strong(&tag)?;
     let known = conditional::matches(&headers, &tag);
-    let (n, k) = (basis.vertices(), range.len());
+    let to = translation(&state, numbered, id, &basis).await?;
+    let (n, k) = (to.rows(basis.vertices()), range.len());
     let mut response = if known { StatusCode::NOT_MODIFIED.into_response() } else { StatusCode::OK.into_response() };
     let head = response.headers_mut();
     head.typed_insert(tag);
@@ -157,9 +163,9 @@ async fn modes(
     let panel = (PANEL_BYTES / (dtype.bytes() * n).max(1)).clamp(1, 64);
     let first = range.start..range.end.min(range.start + panel);
     let rest = first.end..range.end;
-    let begin = lifted(&state, &basis, first, dtype).await?;
+    let begin = lifted(&state, &basis, &to, first, dtype).await?;
     let parts = stream::iter([Ok(Bytes::from(prefix)), Ok(begin)]).chain(stream::try_unfold(rest, move |rest| {
-        let (state, basis) = (state.clone(), basis.clone());
+        let (state, basis, to) = (state.clone(), basis.clone(), to.clone());
         async move {
             if rest.is_empty() {
                 return Ok::<_, std::io::Error>(None);
@@ -167,7 +173,7 @@ async fn modes(
             let now = rest.start..rest.end.min(rest.start + panel);
             let after = now.end..rest.end;
             // A slow client holds no thread: the next panel is computed when the last one is taken.
-            let bytes = lifted(&state, &basis, now, dtype)
+            let bytes = lifted(&state, &basis, &to, now, dtype)
                 .await
                 .map_err(|refused| std::io::Error::other(refused.detail().to_owned()))?;
             Ok(Some((bytes, after)))
@@ -178,16 +184,31 @@ async fn modes(
 }
 
 /// Some modes as little-endian numbers, mode after mode.
-async fn lifted(state: &ClientState, basis: &Arc<Basis>, range: Range<usize>, dtype: Dtype) -> Result<Bytes, Problem> {
-    let basis = basis.clone();
+async fn lifted(
+    state: &ClientState,
+    basis: &Arc<Basis>,
+    to: &Translation,
+    range: Range<usize>,
+    dtype: Dtype,
+) -> Result<Bytes, Problem> {
+    let (basis, to) = (basis.clone(), to.clone());
     state
         .solve("modes", move |_| {
             Ok(match dtype {
-                Dtype::F32 => bytemuck::cast_slice(&basis.lift::<f32>(range)?).to_vec().into(),
-                Dtype::F64 => bytemuck::cast_slice(&basis.lift::<f64>(range)?).to_vec().into(),
+                Dtype::F32 => bytes_of(&basis.lift::<f32>(range)?, basis.vertices(), &to),
+                Dtype::F64 => bytes_of(&basis.lift::<f64>(range)?, basis.vertices(), &to),
             })
         })
         .await
+}
+
+/// Columns of `rows` numbers as the request numbers vertices.
+fn bytes_of<T: Missing + bytemuck::NoUninit>(columns: &[T], rows: usize, to: &Translation) -> Bytes {
+    if to.is_identity() || rows == 0 {
+        return bytemuck::cast_slice(columns).to_vec().into();
+    }
+    let pushed: Vec<T> = columns.chunks_exact(rows).flat_map(|column| to.push(column, 1)).collect();
+    bytemuck::cast_slice(&pushed).to_vec().into()
 }
 
 /// Blue for the least value, white for zero, red for the largest; the scale is the same on both sides.

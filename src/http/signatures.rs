@@ -8,6 +8,7 @@ use chladni_algebra::DenseMatrix;
 use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::analysis::signature::{Signature, nearest_items};
 use chladni_spectral::basis::Basis;
+use chladni_work::numbered::push;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -19,6 +20,7 @@ use super::client::ClientState;
 use super::exchange::{self, Answer};
 use super::extract::QueryOf;
 use super::ids::BasisId;
+use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
@@ -135,7 +137,7 @@ problems!(SignaturesProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYSIS]
 /// rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/signatures", tag = "analysis", operation_id = "signatures",
-    params(BasisId, SignatureQuery),
+    params(BasisId, NumberingQuery, SignatureQuery),
     request_body(description = "The vertices", content((SignatureRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The signatures", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream")),
@@ -147,25 +149,28 @@ problems!(SignaturesProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYSIS]
 async fn signatures(
     state: ClientState,
     BasisId(id): BasisId,
+    numbered: Numbered,
     QueryOf(query): QueryOf<SignatureQuery>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
     let basis = on_vertices(&state, id).await?;
+    let to = numbered.on_basis(&state, id, &basis.metadata).await?;
     let fill = |request: &mut SignatureRequest, bytes: &[u8]| {
         if !bytes.is_empty() {
             request.vertices = Some(binary::decode_tuples::<1>(bytes)?.into_flattened());
         }
         Ok(())
     };
-    let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
+    let (mut request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
+    request.vertices.iter_mut().try_for_each(|vertices| to.vertices(vertices, basis.vertices()))?;
     state
         .solve("signatures", move |_| {
             let begin = Instant::now();
             let signature = request.signature.signature(&basis)?;
             let table = match &request.vertices {
                 Some(vertices) => signature.at(&basis, vertices)?,
-                None => signature.everywhere(&basis)?,
+                None => push(&to, signature.everywhere(&basis)?),
             };
             Answer::table(&table, raw, query.dtype, begin)
         })
@@ -183,7 +188,7 @@ problems!(SimilarPointsProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYS
 /// the rest of the request stands in the query then.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/similar-points", tag = "analysis", operation_id = "similarPoints",
-    params(BasisId, SignatureQuery),
+    params(BasisId, NumberingQuery, SignatureQuery),
     request_body(description = "The point", content((SimilarRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "Similar points, or the difference of every vertex", content((SimilarAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
@@ -195,11 +200,13 @@ problems!(SimilarPointsProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYS
 async fn similar_points(
     state: ClientState,
     BasisId(id): BasisId,
+    numbered: Numbered,
     QueryOf(query): QueryOf<SignatureQuery>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
     let basis = on_vertices(&state, id).await?;
+    let to = numbered.on_basis(&state, id, &basis.metadata).await?;
     let fill = |request: &mut SimilarRequest, bytes: &[u8]| {
         let points = binary::decode_tuples::<1>(bytes)?;
         let [[point]] = points[..] else {
@@ -209,22 +216,32 @@ async fn similar_points(
         request.vertex = point;
         Ok(())
     };
-    let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
+    let (mut request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
     if !(1..=MOST_SIMILAR).contains(&request.count) {
         let detail = format!("count: must be between 1 and {MOST_SIMILAR}, not {}.", request.count);
         return Err(Problem::new(&problem::INVALID_ANALYSIS, detail));
     }
+    request.vertex = to.vertex(request.vertex.into(), basis.vertices())?;
     state
         .solve("similar_points", move |_| {
             let begin = Instant::now();
             let signature = request.signature.signature(&basis)?;
-            let differences = signature.similarity(&basis, request.vertex)?;
+            let mut differences = signature.similarity(&basis, request.vertex)?;
             if raw {
                 let table = DenseMatrix::from_columns(differences.len(), 1, differences).unwrap_or_default();
-                return Ok(Answer::raw(&table, query.dtype, begin));
+                return Ok(Answer::raw(&push(&to, table), query.dtype, begin));
             }
-            let vertices = nearest_items(&differences, request.count);
+            // What subdivision made is no vertex of the file.
+            let mut told = 0;
+            for (vertex, difference) in differences.iter_mut().enumerate() {
+                match to.is_told(vertex as u32) {
+                    true => told += 1,
+                    false => *difference = f64::INFINITY,
+                }
+            }
+            let vertices = nearest_items(&differences, request.count.min(told));
             let differences = vertices.iter().map(|&vertex| differences[vertex as usize]).collect();
+            let vertices = vertices.into_iter().map(|vertex| to.told_vertex(vertex)).collect();
             Answer::json(&SimilarAnswer { vertices, differences }, begin)
         })
         .await

@@ -7,10 +7,12 @@ use axum::body::Body;
 use axum::http::HeaderMap;
 use chladni_algebra::DenseMatrix;
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::numbering::Translation;
 use chladni_mesh::write::{PlyPrecision, write_ply_with};
 use chladni_spectral::analysis::filter::{Transfer, filter};
 use chladni_spectral::analysis::projection::project;
 use chladni_spectral::basis::Basis;
+use chladni_work::numbered::push;
 use chladni_work::word_or;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
@@ -18,12 +20,14 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use uuid::Uuid;
 
+use super::bases::is_of_fields;
 use super::binary::{self, Dtype, Table};
 use super::body::WholeBody;
 use super::client::ClientState;
 use super::exchange::{Answer, OCTETS, Sent, answer_type, raw_answer, read};
 use super::extract::QueryOf;
 use super::ids::BasisId;
+use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
@@ -206,12 +210,21 @@ impl Source {
         }
     }
 
-    /// The functions, `rows × k`.
+    /// What is given row by row, `rows × k`.
     pub fn matrix(&self, rows: usize) -> Result<DenseMatrix, Problem> {
         match self {
             Self::Mesh(mesh) => Ok(coordinates(mesh)),
             Self::Table(table) => binary::from_table(table, rows),
             Self::Raw(body, dtype) => binary::decode(&body.bytes, *dtype, rows),
+        }
+    }
+
+    /// Functions with a value for each vertex, as the request numbers them, on the first `rows` kept vertices.
+    pub fn functions(&self, rows: usize, to: &Translation) -> Result<DenseMatrix, Problem> {
+        match self {
+            Self::Mesh(mesh) => Ok(coordinates(mesh)),
+            Self::Table(table) => Ok(table.functions(rows, to)?),
+            Self::Raw(body, dtype) => binary::decode_functions(&body.bytes, *dtype, rows, to),
         }
     }
 }
@@ -228,7 +241,7 @@ problems!(FilterProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_TRANSFER]);
 /// is of the same kind unless `Accept` says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/filter", tag = "bases", operation_id = "filter",
-    params(BasisId, RawQuery),
+    params(BasisId, NumberingQuery, RawQuery),
     request_body(description = "The functions", content((FilterRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The filtered functions: a row for each vertex; of three functions, also the mesh with them as its coordinates", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply")),
@@ -240,11 +253,13 @@ problems!(FilterProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_TRANSFER]);
 async fn filter_functions(
     state: ClientState,
     BasisId(id): BasisId,
+    numbered: Numbered,
     QueryOf(query): QueryOf<RawQuery>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
     let basis = load(&state, id).await?;
+    let to = translation(&state, numbered, id, &basis).await?;
     let sent = read::<FilterRequest>(&state, &headers, body).await?;
     let media_type = answer_type(&headers, matches!(sent, Sent::Raw(_)), &[PLY])?;
     let mesh = Source::mesh_if(&state, id, media_type == PLY).await?;
@@ -265,15 +280,26 @@ async fn filter_functions(
     state
         .solve("filter", move |_| {
             let begin = Instant::now();
-            let functions = source.matrix(basis.vertices())?;
+            let functions = source.functions(basis.vertices(), &to)?;
             drop(source);
             let filtered = filter(&basis, &functions, &transfer)?;
             match mesh {
                 Some(mesh) => ply(&mesh, &filtered, begin),
-                None => Answer::table(&filtered, media_type == OCTETS, query.dtype, begin),
+                None => Answer::table(&push(&to, filtered), media_type == OCTETS, query.dtype, begin),
             }
         })
         .await
+}
+
+/// How functions in a basis are translated: eigenfields are two numbers in the frame of each face.
+pub async fn translation(
+    state: &ClientState,
+    numbered: Numbered,
+    id: Uuid,
+    basis: &Basis,
+) -> Result<Translation, Problem> {
+    let to = numbered.on_basis(state, id, &basis.metadata).await?;
+    Ok(if is_of_fields(basis) { to.in_frames(2) } else { to })
 }
 
 async fn load(state: &ClientState, id: Uuid) -> Result<Arc<Basis>, Problem> {
@@ -289,7 +315,7 @@ problems!(ProjectProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_ANALYSIS])
 /// has the relative errors in `Chladni-Relative-Error`.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/project", tag = "bases", operation_id = "project",
-    params(BasisId, RawQuery),
+    params(BasisId, NumberingQuery, RawQuery),
     request_body(description = "The functions", content((ProjectRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The coefficients; of three functions, also the mesh with the projected ones as its coordinates", content((ProjectAnswer = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply")),
@@ -301,12 +327,14 @@ problems!(ProjectProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_ANALYSIS])
 async fn project_functions(
     state: ClientState,
     BasisId(id): BasisId,
+    numbered: Numbered,
     QueryOf(query): QueryOf<RawQuery>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
     no_transfer(&query)?;
     let basis = load(&state, id).await?;
+    let to = translation(&state, numbered, id, &basis).await?;
     let sent = read::<ProjectRequest>(&state, &headers, body).await?;
     let media_type = answer_type(&headers, matches!(sent, Sent::Raw(_)), &[PLY])?;
     let mesh = Source::mesh_if(&state, id, media_type == PLY).await?;
@@ -323,11 +351,14 @@ async fn project_functions(
     state
         .solve("project", move |_| {
             let begin = Instant::now();
-            let functions = source.matrix(basis.vertices())?;
+            let functions = source.functions(basis.vertices(), &to)?;
             drop(source);
-            let projection = project(&basis, &functions, pairs.unwrap_or(basis.count()))?;
+            let mut projection = project(&basis, &functions, pairs.unwrap_or(basis.count()))?;
             if let Some(mesh) = mesh {
                 return ply(&mesh, &projection.reconstruction, begin);
+            }
+            if whole {
+                projection.reconstruction = push(&to, projection.reconstruction);
             }
             if media_type == OCTETS {
                 let errors: Vec<String> = projection.relative_errors.iter().map(|error| format!("{error:e}")).collect();
@@ -359,7 +390,7 @@ problems!(ReconstructProblems: SOLVE BODY JSON [INVALID_FUNCTION]);
 /// for `filter`; the answer has a row for each vertex.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/reconstruct", tag = "bases", operation_id = "reconstruct",
-    params(BasisId,
+    params(BasisId, NumberingQuery,
         ("dtype" = inline(Option<Dtype>), Query, description = "The type of the numbers of a raw body and of a raw answer")),
     request_body(description = "The coefficients", content((Table = "application/json", example = json!({"columns": 1, "values": [0.49, 0.01, -0.02]})), (super::docs::Binary = "application/octet-stream"))),
     responses(
@@ -372,11 +403,13 @@ problems!(ReconstructProblems: SOLVE BODY JSON [INVALID_FUNCTION]);
 async fn reconstruct(
     state: ClientState,
     BasisId(id): BasisId,
+    numbered: Numbered,
     QueryOf(query): QueryOf<DtypeQuery>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Answer, Problem> {
     let basis = load(&state, id).await?;
+    let to = translation(&state, numbered, id, &basis).await?;
     let sent = read::<Table>(&state, &headers, body).await?;
     let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
     let source = match sent {
@@ -388,7 +421,7 @@ async fn reconstruct(
             let begin = Instant::now();
             let coefficients = source.matrix(basis.count())?;
             drop(source);
-            Answer::table(&basis.evaluate(&coefficients)?, raw, query.dtype, begin)
+            Answer::table(&push(&to, basis.evaluate(&coefficients)?), raw, query.dtype, begin)
         })
         .await
 }

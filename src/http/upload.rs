@@ -4,7 +4,7 @@ use axum::body::Body;
 use axum::extract::{FromRequest, Multipart, Request};
 use axum::http::request::Parts;
 use bytes::Bytes;
-use chladni_mesh::check::Merge;
+use chladni_mesh::check::{Merge, SurfaceOf};
 use chladni_mesh::read::MeshFormat;
 
 use super::problem::{self, Problem};
@@ -25,6 +25,8 @@ pub struct Sent {
     pub named_format: Option<String>,
     /// Whether equal positions become one vertex.
     pub merge: Option<Merge>,
+    /// Which surface is meant where there are tetrahedra.
+    pub surface: Option<SurfaceOf>,
     /// How often faces are divided.
     pub subdivide: Option<u8>,
     /// A name for people.
@@ -63,6 +65,12 @@ impl Sent {
                     let merge = serde_json::from_value(value).map_err(|error| malformed(format!("merge: {error}.")))?;
                     sent.merge = Some(merge);
                 }
+                "surface" => {
+                    let value = serde_json::Value::String(text(32)?);
+                    let surface =
+                        serde_json::from_value(value).map_err(|error| malformed(format!("surface: {error}.")))?;
+                    sent.surface = Some(surface);
+                }
                 "subdivide" => {
                     let count = text(8)?.parse();
                     sent.subdivide = Some(count.map_err(|error| malformed(format!("subdivide: {error}.")))?);
@@ -70,7 +78,7 @@ impl Sent {
                 other => {
                     let other = problem::shorten(other.to_owned());
                     return Err(malformed(format!(
-                        "The part {other:?} is unknown; the parts are mesh, format, merge, subdivide and name."
+                        "The part {other:?} is unknown; the parts are mesh, format, merge, surface, subdivide and name."
                     )));
                 }
             }
@@ -90,8 +98,12 @@ impl Sent {
                 )
             });
         }
-        let extension =
-            self.file_name.as_deref().and_then(|name| name.rsplit_once('.')).map(|(_, extension)| extension);
+        let extension = self
+            .file_name
+            .as_deref()
+            .map(plain_name)
+            .and_then(|name| name.rsplit_once('.'))
+            .map(|(_, extension)| extension);
         if let Some(format) = (self.media_type.as_deref().and_then(MeshFormat::from_media_type))
             .or_else(|| extension.and_then(MeshFormat::from_extension))
         {
@@ -119,5 +131,14 @@ impl Sent {
                 format!("The format cannot be recognised from the first bytes; name one of {} with ?format=.", list()),
             )
         })
+    }
+}
+
+/// The name of a file without the ending of one that was packed.
+fn plain_name(name: &str) -> &str {
+    let ending = name.len().saturating_sub(3);
+    match name.get(ending..).is_some_and(|ending| ending.eq_ignore_ascii_case(".gz")) {
+        true => &name[..ending],
+        false => name,
     }
 }

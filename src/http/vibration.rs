@@ -14,6 +14,7 @@ use super::client::ClientState;
 use super::exchange::{self, Answer, OCTETS};
 use super::extract;
 use super::ids::BasisId;
+use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
@@ -47,7 +48,7 @@ problems!(SimulateProblems: SOLVE BODY JSON [INVALID_SIMULATION]);
 /// largest pressure in pascal, if the mesh is in metres and the material in SI units.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/simulate", tag = "bases", operation_id = "simulate",
-    params(BasisId),
+    params(BasisId, NumberingQuery),
     request_body(content = SimulateRequest, examples(
         ("frames" = (summary = "Three frames after a tap", value = json!({"loads": [{"impulse": {"vertex": 17, "momentum": [0.0, 0.0, -0.01]}}], "times": [0.0, 0.001, 0.002]}))),
         ("sound" = (summary = "The sound of a tap", value = json!({"damping": {"alpha": 5.0, "beta": 2e-7}, "loads": [{"impulse": {"vertex": 17, "momentum": [0.0, 0.0, -0.01]}}], "sound": {"listener": [0.0, 0.0, 1.0], "sample_rate": 44100, "seconds": 2.0}}))),
@@ -62,14 +63,19 @@ problems!(SimulateProblems: SOLVE BODY JSON [INVALID_SIMULATION]);
 async fn simulate(
     state: ClientState,
     BasisId(id): BasisId,
+    numbered: Numbered,
     headers: HeaderMap,
     content: Body,
 ) -> Result<Answer, Problem> {
     extract::require_json(&headers)?;
     let media_type = exchange::answer_type(&headers, false, &[WAV])?;
     let modes = state.store.load_modes(id).await?;
+    let to = numbered.on_basis(&state, id, &modes.metadata).await?;
     let body = body::read(&state, &headers, content, MOST_BYTES).await?;
-    let request: SimulateRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
+    let mut request: SimulateRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
+    request.translate(&to, modes.vertices()).map_err(|error| {
+        Problem::within(&problem::INVALID_SIMULATION, "vertex-out-of-range", super::convert::sentence(&error))
+    })?;
     let surface = match (&request.sound, media_type) {
         (Some(_), _) => Some(state.store.load_mesh(&state.store.basis(id).await?.mesh).await?),
         (None, WAV) => {
@@ -88,10 +94,15 @@ async fn simulate(
                 .with("chladni-modes", sound.modes)
                 .with("chladni-modes-too-high", sound.too_high));
         }
-        if !raw {
-            return Answer::json(&request.answer(&modes, MOST_JSON_NUMBERS, monitor)?, begin);
+        let (most, numbers) =
+            (if raw { MOST_FRAME_BYTES / 4 } else { MOST_JSON_NUMBERS }, request.told_numbers(&to, modes.vertices()));
+        if numbers > most {
+            return Err(SimulationFault::Times { times: request.times.len(), numbers, most }.into());
         }
-        let frames = request.frames(&modes, MOST_FRAME_BYTES / 4, monitor)?;
+        if !raw {
+            return Answer::json(&request.told(&to, request.answer(&modes, most, monitor)?), begin);
+        }
+        let frames = request.told_frames(&to, request.frames(&modes, most, monitor)?);
         let bytes: Vec<u8> = frames.numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
         Ok(Answer::new(bytes, OCTETS, begin)
             .with("chladni-rows", frames.rows)

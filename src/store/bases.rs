@@ -3,6 +3,7 @@
 use std::{io::Cursor, sync::Arc};
 
 use bytes::Bytes;
+use chladni_mesh::numbering::Numbering;
 use chladni_spectral::basis::family::FamilyBasis;
 use chladni_spectral::basis::modal::ModalBasis;
 use chladni_spectral::basis::{Basis, Product, ProductKind, StoredFields, Summary};
@@ -179,11 +180,16 @@ pub(super) struct WrittenBasis {
 impl Store {
     /// Writes the content of a product. Deterministic, so that equal ones have equal hashes. `None` where the attempt that holds the lease
     /// `token` is not wanted any more. The caller holds `blob_use` for reading until something refers to the content.
-    pub(super) async fn put_product(&self, token: Uuid, product: Product) -> Result<Option<WrittenBasis>, StoreError> {
+    pub(super) async fn put_product(
+        &self,
+        token: Uuid,
+        product: Product,
+        numbering: Option<Arc<Numbering>>,
+    ) -> Result<Option<WrittenBasis>, StoreError> {
         let summary = product.summary();
         let product = match product.in_columns() {
             Ok(basis) => {
-                return Ok(self.put_dense(token, basis).await?.map(|dense| WrittenBasis {
+                return Ok(self.put_dense(token, basis, numbering).await?.map(|dense| WrittenBasis {
                     product: dense.basis.into(),
                     summary,
                     storage: BasisStorage::Dense(dense.layout),
@@ -194,7 +200,7 @@ impl Store {
             Err(other) => other,
         };
         let shared = product.clone();
-        let content = blobs::blocking(move || encode(&shared)).await??;
+        let content = blobs::blocking(move || encode(&shared, numbering.as_deref())).await??;
         let hash = blobs::hash_of(&content).await?;
         self.put_blob(&hash, &content).await?;
         let bytes = content.len() as u64;
@@ -306,9 +312,12 @@ fn basis_from_row(row: &SqliteRow) -> Result<BasisRecord, StoreError> {
     })
 }
 
-fn encode(product: &Product) -> Result<Bytes, StoreError> {
-    let mut out = Cursor::new(Vec::with_capacity(product.stored_bytes() as usize + (1 << 16)));
-    product.write_npz(&mut out).map_err(|error| StoreError::Unavailable { detail: format!("the basis: {error}") })?;
+fn encode(product: &Product, numbering: Option<&Numbering>) -> Result<Bytes, StoreError> {
+    let maps = numbering.map_or(0, |numbering| 4 * (numbering.file_vertices() + numbering.kept_faces()));
+    let mut out = Cursor::new(Vec::with_capacity(product.stored_bytes() as usize + maps + (1 << 16)));
+    product
+        .write_npz_numbered(numbering, &mut out)
+        .map_err(|error| StoreError::Unavailable { detail: format!("the basis: {error}") })?;
     Ok(out.into_inner().into())
 }
 

@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Weak};
 
+use chladni_mesh::numbering::Numbering;
 use chladni_spectral::basis::{
     Basis, CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Functions,
 };
@@ -46,9 +47,15 @@ impl ColumnSource for StoredColumns {
 impl Store {
     /// Writes the content of a dense basis. Its chunks are given up one by one, so that memory falls while the disk fills. `None` where
     /// the attempt that holds the lease `token` is not wanted any more.
-    pub(super) async fn put_dense(&self, token: Uuid, basis: Basis) -> Result<Option<WrittenDense>, StoreError> {
+    pub(super) async fn put_dense(
+        &self,
+        token: Uuid,
+        basis: Basis,
+        numbering: Option<Arc<Numbering>>,
+    ) -> Result<Option<WrittenDense>, StoreError> {
         let (rows, columns) = (basis.vertices(), basis.count());
-        let expected = basis.stored_bytes() + 8 * rows as u64;
+        let maps = numbering.as_ref().map_or(0, |numbering| 4 * (numbering.file_vertices() + numbering.kept_faces()));
+        let expected = basis.stored_bytes() + 8 * rows as u64 + maps as u64;
         let make = move |out: &mut blobs::PieceWriter| {
             let Basis { functions, eigenvalues, mass, certificate, metadata } = basis;
             let Functions::Dense(dense) = functions else {
@@ -59,7 +66,7 @@ impl Store {
             let nowhere = Arc::new(Nowhere);
             let functions = Functions::Dense(DenseFunctions::elsewhere(rows, columns, precision, nowhere));
             let head = Basis { functions, eigenvalues, mass, certificate, metadata };
-            let layout = npz::write_dense(&head, dense, out)
+            let layout = npz::write_dense(&head, dense, numbering.as_deref(), out)
                 .map_err(|error| StoreError::Unavailable { detail: format!("the basis: {error}") })?;
             Ok((head, layout))
         };

@@ -225,9 +225,11 @@ impl Store {
         stage_seconds: Vec<(String, f64)>,
     ) -> Result<CompleteAnswer, StoreError> {
         self.faults().meet(FailPoint::BeforeChunks);
+        // Before the lock, which may not be taken twice.
+        let numbering = self.numbering_of(&product).await?;
         let (written, answer) = {
             let _in_use = self.inner.blob_use.read().await;
-            let written = self.put_product(token, product).await?;
+            let written = self.put_product(token, product, numbering).await?;
             let answer = self.make_visible(token, written.as_ref(), &stage_seconds).await;
             (written, answer)
         };

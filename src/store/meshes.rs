@@ -3,7 +3,9 @@
 use std::{io::Write, sync::Arc};
 
 use bytes::Bytes;
+use chladni_mesh::numbering::Numbering;
 use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::basis::Product;
 use sqlx::{QueryBuilder, Row, Sqlite, sqlite::SqliteRow};
 
 use super::{
@@ -17,12 +19,23 @@ const MAGIC: &[u8; 8] = b"CHLMESH1";
 /// The head of a solid's: behind those of its surface come the counts of inner vertices and of tetrahedra, then the positions of both kinds
 /// of vertices, faces and tetrahedra.
 const SOLID_MAGIC: &[u8; 8] = b"CHLSOLI1";
+/// The same two where the file numbers vertices or faces in another way: its numbering comes last. Files of different numbering are different
+/// meshes, though their surfaces be equal, since answers are given in the numbering of the file.
+const NUMBERED_MAGIC: &[u8; 8] = b"CHLMESH2";
+const NUMBERED_SOLID_MAGIC: &[u8; 8] = b"CHLSOLI2";
 const HEAD_BYTES: usize = 24;
 const POSITION_BYTES: usize = 24;
 const FACE_BYTES: usize = 12;
 const TETRAHEDRON_BYTES: usize = 16;
 /// Digits of a mesh's identifier: 128 bits of its hash.
 const ID_DIGITS: usize = 32;
+
+/// A mesh as the cache holds it.
+#[derive(Debug, Clone)]
+pub(super) struct Decoded {
+    mesh: Arc<TriangleMesh>,
+    numbering: Arc<Numbering>,
+}
 
 impl Store {
     /// Stores a mesh, or finds it where the same content is known. A name or report of a known mesh stays as it was; content that was damaged is
@@ -36,8 +49,8 @@ impl Store {
     }
 
     async fn add_mesh_now(&self, new: NewMesh) -> Result<Stored<MeshRecord>, StoreError> {
-        let (mesh, solid) = (Arc::clone(&new.mesh), new.solid.clone());
-        let content = blobs::blocking(move || Bytes::from(encode(&mesh, solid.as_deref()))).await?;
+        let (mesh, solid, numbering) = (Arc::clone(&new.mesh), new.solid.clone(), Arc::clone(&new.numbering));
+        let content = blobs::blocking(move || Bytes::from(encode(&mesh, solid.as_deref(), &numbering))).await?;
         let hash = blobs::hash_of(&content).await?;
         let id = hash[..ID_DIGITS].to_owned();
         let _in_use = self.inner.blob_use.read().await;
@@ -213,6 +226,37 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`]; [`StoreError::Damaged`] where the content does not verify.
     pub async fn load_mesh(&self, id: &str) -> Result<Arc<TriangleMesh>, StoreError> {
+        Ok(self.load_decoded(id).await?.mesh)
+    }
+
+    /// Where the vertices and faces of the file went that a mesh came from. Of a mesh that was stored before this was, and whose repairs have
+    /// renumbered it, its own numbering is given, as assumed.
+    ///
+    /// # Errors
+    /// As [`load_mesh`](Self::load_mesh).
+    pub async fn load_numbering(&self, id: &str) -> Result<Arc<Numbering>, StoreError> {
+        if let Some(found) = self.inner.meshes.get(id) {
+            return Ok(found.value.numbering);
+        }
+        // Where the report has no word of another numbering, the mesh need not be read.
+        let record = self.mesh(id).await?;
+        if record.report["file"].is_null() {
+            return Ok(Arc::new(own_numbering(&record)));
+        }
+        Ok(self.load_decoded(id).await?.numbering)
+    }
+
+    /// The numbering of the file that the mesh of a product came from; `None` where the product does not say which mesh that is, or it is gone.
+    pub(super) async fn numbering_of(&self, product: &Product) -> Result<Option<Arc<Numbering>>, StoreError> {
+        let Some(mesh) = product.mesh() else { return Ok(None) };
+        match self.load_numbering(mesh).await {
+            Ok(numbering) => Ok(Some(numbering)),
+            Err(StoreError::NotFound { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    async fn load_decoded(&self, id: &str) -> Result<Decoded, StoreError> {
         self.use_mesh(id);
         if let Some(found) = self.inner.meshes.get(id) {
             self.count_hit(true);
@@ -225,8 +269,13 @@ impl Store {
             let record = self.mesh(id).await?;
             let content = self.verified_blob(&record.content_hash).await?;
             let bytes = content.len() as u64;
-            let mesh = blobs::blocking(move || read_body(&content)).await?.ok_or_else(|| no_mesh(id))?.0;
-            Ok::<_, StoreError>(Weighed { value: Arc::new(mesh), bytes })
+            let (mesh, _, numbering) = blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?;
+            let numbering = numbering.unwrap_or_else(|| own_numbering(&record));
+            let bytes = bytes + numbering.bytes();
+            Ok::<_, StoreError>(Weighed {
+                value: Decoded { mesh: Arc::new(mesh), numbering: Arc::new(numbering) },
+                bytes,
+            })
         });
         Ok(loaded.await?.value)
     }
@@ -243,8 +292,17 @@ impl Store {
         }
         let _in_use = self.inner.blob_use.read().await;
         let content = self.verified_blob(&record.content_hash).await?;
-        let (_, solid) = blobs::blocking(move || read_body(&content)).await?.ok_or_else(|| no_mesh(id))?;
+        let (_, solid, _) = blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?;
         Ok((mesh, solid.map(Arc::new)))
+    }
+}
+
+/// The numbering of a mesh without a stored one.
+fn own_numbering(record: &MeshRecord) -> Numbering {
+    let (vertices, faces) = (record.vertices as usize, record.faces as usize);
+    match record.is_renumbered() {
+        true => Numbering::assumed(vertices, faces),
+        false => Numbering::identity(vertices, faces),
     }
 }
 
@@ -278,22 +336,38 @@ pub(super) fn push_filter(query: &mut QueryBuilder<Sqlite>, column: &'static str
     }
 }
 
-fn encode(mesh: &TriangleMesh, solid: Option<&TetMesh>) -> Vec<u8> {
+fn encode(mesh: &TriangleMesh, solid: Option<&TetMesh>, numbering: &Numbering) -> Vec<u8> {
     let numbers = mesh.positions.len() + solid.map_or(0, |solid| solid.positions.len());
     let corners = FACE_BYTES * mesh.faces.len() + solid.map_or(0, |solid| TETRAHEDRON_BYTES * solid.tetrahedra.len());
-    let mut bytes = Vec::with_capacity(HEAD_BYTES + 16 + POSITION_BYTES * numbers + corners);
+    let numbering = if numbering.is_identity() { Vec::new() } else { numbering.to_bytes() };
+    let mut bytes = Vec::with_capacity(HEAD_BYTES + 16 + POSITION_BYTES * numbers + corners + numbering.len());
     // A vector takes all that is written to it.
-    let _written = write_body(mesh, solid, &mut bytes);
+    let _written = write_numbered(mesh, solid, &numbering, &mut bytes);
     bytes
 }
 
-/// Writes a mesh, and the solid whose surface it is, as the store keeps it.
+/// Writes a mesh, and the solid whose surface it is, as the store keeps it, without the numbering of its file.
 pub(crate) fn write_body(mesh: &TriangleMesh, solid: Option<&TetMesh>, out: &mut impl Write) -> std::io::Result<()> {
+    write_numbered(mesh, solid, &[], out)
+}
+
+/// `numbering` is what [`Numbering::to_bytes`] makes, or nothing.
+fn write_numbered(
+    mesh: &TriangleMesh,
+    solid: Option<&TetMesh>,
+    numbering: &[u8],
+    out: &mut impl Write,
+) -> std::io::Result<()> {
     let surface = mesh.positions.len();
     let (inner, tetrahedra) = solid.map_or((&[][..], &[][..]), |solid| {
         (solid.positions.get(surface..).unwrap_or_default(), &solid.tetrahedra[..])
     });
-    out.write_all(if solid.is_some() { SOLID_MAGIC } else { MAGIC })?;
+    out.write_all(match (solid.is_some(), numbering.is_empty()) {
+        (false, true) => MAGIC,
+        (true, true) => SOLID_MAGIC,
+        (false, false) => NUMBERED_MAGIC,
+        (true, false) => NUMBERED_SOLID_MAGIC,
+    })?;
     out.write_all(&(surface as u64).to_le_bytes())?;
     out.write_all(&(mesh.faces.len() as u64).to_le_bytes())?;
     if solid.is_some() {
@@ -306,15 +380,22 @@ pub(crate) fn write_body(mesh: &TriangleMesh, solid: Option<&TetMesh>, out: &mut
     for vertex in mesh.faces.as_flattened().iter().chain(tetrahedra.as_flattened()) {
         out.write_all(&vertex.to_le_bytes())?;
     }
-    Ok(())
+    out.write_all(numbering)
 }
 
 /// Reads what [`write_body`] wrote.
 pub(crate) fn read_body(bytes: &[u8]) -> Option<(TriangleMesh, Option<TetMesh>)> {
+    let (mesh, solid, _) = decode(bytes)?;
+    Some((mesh, solid))
+}
+
+fn decode(bytes: &[u8]) -> Option<(TriangleMesh, Option<TetMesh>, Option<Numbering>)> {
     let (magic, body) = bytes.split_first_chunk::<8>()?;
-    let is_solid = match magic {
-        MAGIC => false,
-        SOLID_MAGIC => true,
+    let (is_solid, is_numbered) = match magic {
+        MAGIC => (false, false),
+        SOLID_MAGIC => (true, false),
+        NUMBERED_MAGIC => (false, true),
+        NUMBERED_SOLID_MAGIC => (true, true),
         _ => return None,
     };
     let (counts, body) = body.split_at_checked(if is_solid { 32 } else { 16 })?;
@@ -326,7 +407,8 @@ pub(crate) fn read_body(bytes: &[u8]) -> Option<(TriangleMesh, Option<TetMesh>)>
     let position_bytes = surface.checked_add(inner)?.checked_mul(POSITION_BYTES)?;
     let face_bytes = faces.checked_mul(FACE_BYTES)?;
     let expected = position_bytes.checked_add(face_bytes)?.checked_add(tetrahedra.checked_mul(TETRAHEDRON_BYTES)?)?;
-    if body.len() != expected {
+    let (body, numbering) = body.split_at_checked(expected)?;
+    if numbering.is_empty() == is_numbered {
         return None;
     }
     let (positions, corners) = body.split_at(position_bytes);
@@ -338,5 +420,9 @@ pub(crate) fn read_body(bytes: &[u8]) -> Option<(TriangleMesh, Option<TetMesh>)>
     let mesh = TriangleMesh { positions: positions[..surface].to_vec(), faces: numbers(faces).as_chunks().0.to_vec() };
     let solid = is_solid
         .then(|| TetMesh { positions: positions.to_vec(), tetrahedra: numbers(tetrahedra).as_chunks().0.to_vec() });
-    Some((mesh, solid))
+    let numbering = match is_numbered {
+        true => Some(Numbering::from_bytes(numbering, &mesh.faces)?),
+        false => None,
+    };
+    Some((mesh, solid, numbering))
 }

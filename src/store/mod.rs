@@ -59,7 +59,6 @@ use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
 use tokio::sync::{Notify, RwLock, broadcast};
 use uuid::Uuid;
 
-use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{ColumnChunk, Product};
 use database::{Database, DatabaseSettings};
 use folder::DataFolder;
@@ -160,7 +159,7 @@ struct Inner {
     bases: Cache<Uuid, Weighed<Product>, ByWeight>,
     /// Chunks of dense bases, by the hash of the content and the position.
     chunks: Cache<(String, usize), Weighed<Arc<ColumnChunk>>, ByWeight>,
-    meshes: Cache<String, Weighed<Arc<TriangleMesh>>, ByWeight>,
+    meshes: Cache<String, Weighed<meshes::Decoded>, ByWeight>,
     hits: AtomicU64,
     misses: AtomicU64,
 }

@@ -2,6 +2,7 @@
 
 use std::{fmt, str::FromStr, sync::Arc};
 
+use chladni_mesh::numbering::Numbering;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::formats::DenseLayout;
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,8 @@ pub struct NewMesh {
     pub mesh: Arc<TriangleMesh>,
     /// The solid whose surface it is, if it is one: the vertices of the surface come first.
     pub solid: Option<Arc<TetMesh>>,
+    /// Where the vertices and faces of the file went.
+    pub numbering: Arc<Numbering>,
     /// The report of the check, a JSON object.
     pub report: Value,
     /// A name for people.
@@ -54,6 +57,16 @@ impl MeshRecord {
     /// Whether the mesh is the surface of a solid.
     pub fn is_solid(&self) -> bool {
         self.report["solid"].is_object()
+    }
+
+    /// Whether repairs have renumbered vertices or faces, so that a numbering which is not stored is not known.
+    pub fn is_renumbered(&self) -> bool {
+        let kept = ["flipped_faces"];
+        let kinds =
+            self.report["repairs"].as_array().into_iter().flatten().filter_map(|repair| repair["kind"].as_str());
+        self.is_solid()
+            || self.report["subdivisions"].as_u64().is_some_and(|times| times > 0)
+            || !kinds.clone().all(|kind| kept.contains(&kind))
     }
 
     /// The vertices and tetrahedra of the solid; zeros where there is none.

@@ -11,6 +11,7 @@ use std::{
 
 use bytes::Bytes;
 use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix};
+use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{Basis, Certificate, Compact, Functions};
 use futures_util::StreamExt;
 use serde_json::json;
@@ -39,10 +40,12 @@ pub(super) async fn an_hour_later(folder: &TempDir) -> Store {
 }
 
 pub(crate) fn mesh(seed: usize, vertices: usize) -> NewMesh {
-    let positions = (0..vertices).map(|i| [i as f64, (i * i + seed) as f64, 0.5]).collect();
-    let faces = (2..vertices as u32).map(|i| [0, i - 1, i]).collect();
+    let positions: Vec<_> = (0..vertices).map(|i| [i as f64, (i * i + seed) as f64, 0.5]).collect();
+    let faces: Vec<_> = (2..vertices as u32).map(|i| [0, i - 1, i]).collect();
+    let numbering = Arc::new(chladni_mesh::numbering::Numbering::identity(positions.len(), faces.len()));
     NewMesh {
         solid: None,
+        numbering,
         mesh: Arc::new(TriangleMesh { positions, faces }),
         report: json!({"genus": 0}),
         name: Some(format!("mesh {seed}")),

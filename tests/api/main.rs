@@ -22,5 +22,6 @@ mod hostile;
 mod jobs;
 mod journeys;
 mod meshes;
+mod numbering;
 mod system;
 mod vibration;

@@ -120,13 +120,20 @@ export const key = {
   set: (secret: string) => (secret ? sessionStorage.setItem(KEY, secret) : sessionStorage.removeItem(KEY)),
 };
 
+// The page draws the mesh that was kept of a file, and numbers vertices and faces as that does.
+const numbered = /^\/v1\/(functional-maps|meshes\/[^/?]+\/frames|bases\/[^/?]+\/(?!content)[^?]+)(\?|$)/;
+
+/** The path of a request in which vertices and faces are numbered as the kept mesh does. */
+export const kept = (path: string, method = "GET") =>
+  numbered.test(path) || (path === "/v1/jobs" && method === "POST") ? `${path}${path.includes("?") ? "&" : "?"}numbering=kept` : path;
+
 /** Sends a request; whatever is no success becomes an [`ApiError`]. */
 export async function send(path: string, init: RequestInit = {}): Promise<Response> {
   const headers = new Headers(init.headers);
   if (key.get()) headers.set("Authorization", `Bearer ${key.get()}`);
   let response: Response;
   try {
-    response = await fetch(path, { ...init, headers });
+    response = await fetch(kept(path, init.method), { ...init, headers });
   } catch (error) {
     if (error instanceof DOMException && error.name === "AbortError") throw error;
     throw new ApiError({ type: "", title: "The server cannot be reached", detail: "No answer came. Is it still running?" });

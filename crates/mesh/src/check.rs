@@ -4,11 +4,12 @@
 //! else that a client may want to mend. What cannot be used is refused with a [`MeshError`].
 
 use super::TriangleMesh;
-use super::read::{RawMesh, ReadLimits};
+use super::numbering::{self, Numbering, nearest_vertices};
+use super::read::{Polygons, RawMesh, ReadLimits};
 pub use super::repair::DROPPED;
 use super::repair::{Faces, compact, equal_positions};
 use super::report::Tally;
-pub use super::report::{Defect, DefectKind, EXAMPLES, Element, MeshReport, Repair, RepairKind};
+pub use super::report::{Defect, DefectKind, EXAMPLES, Element, FileSize, MeshReport, Repair, RepairKind};
 use super::subdivide::subdivided;
 use super::topology::{EdgeTable, MOST_FACES, Topology};
 use rayon::prelude::*;
@@ -31,11 +32,25 @@ pub enum Merge {
     Never,
 }
 
+/// Which surface a mesh with tetrahedra stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SurfaceOf {
+    /// Where its tetrahedra have no neighbour. The default: that surface is closed and the solid's own, whereas the triangles of such files may be any
+    /// part of it, sheets inside it, or another surface altogether.
+    #[default]
+    Boundary,
+    /// The triangles that the file gives. The tetrahedra are left out.
+    Given,
+}
+
 /// What a check may do and what it takes for usable.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CheckOptions {
     /// Whether vertices at exactly equal positions become one.
     pub merge: Merge,
+    /// Which surface is meant where there are tetrahedra.
+    pub surface: SurfaceOf,
     /// The largest magnitude of a coordinate. The default, 1e30, also keeps positions finite in single precision.
     pub largest_coordinate: f64,
     /// The smallest usable extent: the longest side of the bounding box. Default 1e-30.
@@ -51,6 +66,7 @@ impl Default for CheckOptions {
     fn default() -> Self {
         Self {
             merge: Merge::Auto,
+            surface: SurfaceOf::default(),
             largest_coordinate: 1e30,
             smallest_extent: 1e-30,
             subdivisions: 0,
@@ -196,8 +212,8 @@ pub struct CheckedMesh {
     pub mesh: TriangleMesh,
     /// What was found and done.
     pub report: MeshReport,
-    /// For each vertex of the input its number in `mesh`, or [`DROPPED`]; `None` where they are the same.
-    pub vertex_map: Option<Vec<u32>>,
+    /// Where the vertices and faces of the input went.
+    pub numbering: Numbering,
 }
 
 /// Checks a mesh and repairs what can be repaired without loss.
@@ -209,10 +225,10 @@ pub struct CheckedMesh {
 /// # Errors
 /// [`MeshError`] names the first element that makes the mesh unusable.
 pub fn check(raw: RawMesh, options: &CheckOptions) -> Result<CheckedMesh, MeshError> {
-    let Examined { mesh, report, vertex_map, error } = examine(raw, options);
+    let Examined { mesh, report, numbering, error } = examine(raw, options);
     match error {
         Some(error) => Err(error),
-        None => Ok(CheckedMesh { mesh, report, vertex_map }),
+        None => Ok(CheckedMesh { mesh, report, numbering }),
     }
 }
 
@@ -225,19 +241,27 @@ pub fn inspect(raw: RawMesh, options: &CheckOptions) -> (MeshReport, Option<Mesh
 struct Examined {
     mesh: TriangleMesh,
     report: MeshReport,
-    vertex_map: Option<Vec<u32>>,
+    numbering: Numbering,
     /// The first reason to refuse the mesh; the mesh is then not to be used, but the report still tells what it can.
     error: Option<MeshError>,
 }
 
 fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
-    let RawMesh { mut positions, faces, tetrahedra, polygons_triangulated, short_faces_dropped, splits_vertices } = raw;
+    let RawMesh {
+        mut positions,
+        faces,
+        polygons,
+        tetrahedra,
+        polygons_triangulated,
+        short_faces_dropped,
+        splits_vertices,
+    } = raw;
     let given = [positions.len(), faces.len()];
     let mut report = MeshReport { vertices: given[0], faces: given[1], ..MeshReport::default() };
     for (elements, count, most) in [("vertices", given[0], DROPPED as usize - 1), ("faces", given[1], MOST_FACES)] {
         if count > most {
             let error = Some(MeshError::TooLarge { elements, count, most });
-            return Examined { mesh: TriangleMesh::default(), report, vertex_map: None, error };
+            return Examined { mesh: TriangleMesh::default(), report, numbering: Numbering::default(), error };
         }
     }
     let mut found = Found::default();
@@ -305,6 +329,11 @@ fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
     }
     found.repair(RepairKind::DroppedUnreferencedVertices, unreferenced.count);
     let all_used = unreferenced.count == 0 && (!merges || equal.is_empty());
+    let gone = |v: &usize| topology.valences[*v] == 0;
+    let unused: Vec<[f64; 3]> = match unreferenced.count {
+        0 => Vec::new(),
+        _ => (0..given[0]).filter(gone).map(|v| positions[v]).collect(),
+    };
     let vertex_map = (!all_used).then(|| {
         let mut numbers = compact(&mut positions, &mut faces.corners, |v| topology.valences[v] > 0);
         if merges {
@@ -359,11 +388,43 @@ fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
     found.defects.sort_by_key(|defect| defect.kind);
     report.defects = found.defects;
     report.repairs = found.repairs;
+    let nearest = match &vertex_map {
+        Some(map) if found.error.is_none() && !unused.is_empty() => {
+            // Merged vertices without faces are dropped only where the one that they merged with is.
+            let left = (0..given[0]).filter(gone).zip(nearest_vertices(&positions, &unused));
+            left.filter(|(v, _)| map[*v] == DROPPED).map(|(_, near)| near).collect()
+        }
+        _ => Vec::new(),
+    };
+    let numbered = numbering::Found {
+        file: [given[0], polygons.as_ref().map_or(given[1], |polygons| polygons.count)],
+        vertices: vertex_map,
+        faces: face_origins(&faces, polygons),
+        nearest,
+        inner: 0,
+    };
     let mut mesh = TriangleMesh { positions, faces: faces.corners };
+    let mut numbering = Numbering::found(numbered, [mesh.positions.len(), mesh.faces.len()]);
     if found.error.is_none() {
         found.error = subdivide(&mut mesh, &mut report, options).err();
+        if found.error.is_none() {
+            numbering = numbering.divided(&mesh, options.subdivisions);
+        }
     }
-    Examined { mesh, report, vertex_map, error: found.error }
+    report.file = FileSize::of(&numbering);
+    Examined { mesh, report, numbering, error: found.error }
+}
+
+/// The face of the file that each face left is or is a part of; `None` where they are the same.
+fn face_origins(faces: &Faces, polygons: Option<Polygons>) -> Option<Vec<u32>> {
+    match (faces.origins(), polygons) {
+        (None, None) => None,
+        (Some(origins), None) => Some(origins.to_vec()),
+        (None, Some(polygons)) => Some(polygons.of_triangle),
+        (Some(origins), Some(polygons)) => {
+            Some(origins.iter().map(|&triangle| polygons.of_triangle[triangle as usize]).collect())
+        }
+    }
 }
 
 /// Divides every face into four, as often as asked, and brings the counts up to date. What defects name keeps its number in the input.

@@ -19,6 +19,11 @@ impl Faces {
         self.origins.as_ref().map_or(face, |origins| u64::from(origins[face as usize]))
     }
 
+    /// The number in the input of every face, where some were dropped.
+    pub(super) fn origins(&self) -> Option<&[u32]> {
+        self.origins.as_deref()
+    }
+
     /// Drops faces, given ascending.
     pub(super) fn drop_faces(&mut self, faces: &[u32]) {
         if faces.is_empty() {

@@ -46,14 +46,45 @@ pub struct MeshReport {
     /// How often every face was divided into four.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub subdivisions: u8,
+    /// Which surface this is, where the file has tetrahedra.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surface: Option<super::check::SurfaceOf>,
+    /// Vertices and faces of the file, where it numbers them in another way than the mesh that was made of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<FileSize>,
     /// What is wrong with the mesh as given, by kind; kinds that do not occur are left out.
     pub defects: Vec<Defect>,
-    /// What was done about it; none of it loses anything.
+    /// What was done about it; none of it loses anything, but for [`RepairKind::LeftOutTetrahedra`], which is done on request alone.
     pub repairs: Vec<Repair>,
 }
 
 fn is_zero(count: &u8) -> bool {
     *count == 0
+}
+
+/// What a file has, and what became of its vertices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileSize {
+    /// Vertices of the file.
+    pub vertices: usize,
+    /// Faces of the file, a polygon counted once.
+    pub faces: usize,
+    /// Vertices of the file that have no counterpart in the mesh.
+    pub dropped: usize,
+    /// Vertices of the file that became one with an earlier one.
+    pub merged: usize,
+}
+
+impl FileSize {
+    /// What there is to say of a numbering; `None` where it is that of the mesh.
+    pub(super) fn of(numbering: &super::numbering::Numbering) -> Option<Self> {
+        (!numbering.is_identity()).then(|| Self {
+            vertices: numbering.file_vertices(),
+            faces: numbering.file_faces(),
+            dropped: numbering.dropped_vertices(),
+            merged: numbering.merged_vertices(),
+        })
+    }
 }
 
 impl MeshReport {
@@ -89,6 +120,8 @@ pub enum Element {
     Vertex,
     /// Faces of the input.
     Face,
+    /// Tetrahedra of the input.
+    Tetrahedron,
 }
 
 /// The kinds of defect.
@@ -117,6 +150,10 @@ pub enum DefectKind {
     NonManifoldVertex,
     /// Both faces of an edge run along it in the same direction.
     InconsistentOrientation,
+    /// The file has tetrahedra, and this triangle of it is not on their boundary.
+    TriangleOffBoundary,
+    /// The file has triangles and tetrahedra, and a side of this tetrahedron that has no neighbour is not among the triangles.
+    BoundaryNotGiven,
 }
 
 impl DefectKind {
@@ -133,7 +170,9 @@ impl DefectKind {
             | Self::ZeroArea
             | Self::DuplicateFace
             | Self::NonManifoldEdge
-            | Self::InconsistentOrientation => Element::Face,
+            | Self::InconsistentOrientation
+            | Self::TriangleOffBoundary => Element::Face,
+            Self::BoundaryNotGiven => Element::Tetrahedron,
         }
     }
 }
@@ -152,6 +191,8 @@ impl fmt::Display for DefectKind {
             Self::NonManifoldEdge => "non-manifold edges",
             Self::NonManifoldVertex => "non-manifold vertices",
             Self::InconsistentOrientation => "edges between faces of opposite orientation",
+            Self::TriangleOffBoundary => "triangles that are not on the boundary of the tetrahedra",
+            Self::BoundaryNotGiven => "boundary triangles of tetrahedra that the file does not give",
         })
     }
 }
@@ -183,6 +224,8 @@ pub enum RepairKind {
     FlippedFaces,
     /// Vertices that no face uses were dropped.
     DroppedUnreferencedVertices,
+    /// Tetrahedra were left out, since the triangles of the file were asked for.
+    LeftOutTetrahedra,
 }
 
 impl fmt::Display for RepairKind {
@@ -195,6 +238,7 @@ impl fmt::Display for RepairKind {
             Self::DroppedDuplicateFaces => "duplicate faces dropped",
             Self::FlippedFaces => "faces turned over",
             Self::DroppedUnreferencedVertices => "unreferenced vertices dropped",
+            Self::LeftOutTetrahedra => "tetrahedra left out",
         })
     }
 }

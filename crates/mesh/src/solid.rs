@@ -2,8 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::check::{CheckOptions, CheckedMesh, DROPPED, Merge, MeshError, check};
-use super::read::RawMesh;
+use super::check::{
+    CheckOptions, CheckedMesh, DROPPED, Defect, DefectKind, EXAMPLES, FileSize, Merge, MeshError, MeshReport, Repair,
+    RepairKind, SurfaceOf, check, inspect,
+};
+use super::numbering::{self, Numbering, nearest_vertices};
+use super::read::{Polygons, RawMesh};
 use super::{TetMesh, TriangleMesh};
 
 /// What is known about the tetrahedra of a solid after they were checked.
@@ -23,7 +27,7 @@ pub struct SolidReport {
     pub dropped: usize,
     /// Triangles that more than two tetrahedra share.
     pub overfull_triangles: usize,
-    /// Triangles of the file; the surface is that of the tetrahedra instead.
+    /// Triangles of the file; the surface is that of the tetrahedra instead. Where the two differ, defects say by what.
     pub given_triangles: usize,
 }
 
@@ -39,7 +43,8 @@ pub struct CheckedBody {
 /// The share of the cube over its longest edge below which a tetrahedron counts as flat.
 const FLAT: f64 = 1e-9;
 
-/// Checks a mesh; where it has tetrahedra, as a solid: the surface is where they have no neighbour.
+/// Checks a mesh; where it has tetrahedra, as a solid: the surface is where they have no neighbour, or, by [`SurfaceOf::Given`], the triangles of
+/// the file, without an inside. Vertices are numbered as in the file, faces of a boundary by the mesh itself.
 ///
 /// Tetrahedra that repeat a vertex or equal an earlier one are dropped, those given inside out are turned. Linear in the size of the
 /// mesh up to sorting.
@@ -50,7 +55,10 @@ pub fn check_body(raw: RawMesh, options: &CheckOptions) -> Result<CheckedBody, M
     if raw.tetrahedra.is_empty() {
         return Ok(CheckedBody { surface: check(raw, options)?, solid: None });
     }
-    let RawMesh { positions, faces, tetrahedra, .. } = raw;
+    if options.surface == SurfaceOf::Given && !raw.faces.is_empty() {
+        return given_surface(raw, options);
+    }
+    let RawMesh { positions, faces, polygons, tetrahedra, .. } = raw;
     if options.subdivisions > 0 {
         return Err(MeshError::SubdividedSolid { tetrahedra: tetrahedra.len() });
     }
@@ -62,6 +70,7 @@ pub fn check_body(raw: RawMesh, options: &CheckOptions) -> Result<CheckedBody, M
         return Err(MeshError::TooLarge { elements: "tetrahedra", count: tetrahedra.len(), most: MOST_TETRAHEDRA });
     }
     let mut report = SolidReport { given_triangles: faces.len(), ..SolidReport::default() };
+    let differing = differences(&faces, polygons.as_ref(), &tetrahedra);
     drop(faces);
     let tetrahedra = sound(&positions, tetrahedra, options, &mut report)?;
     if !(report.volume > 0.0) {
@@ -98,10 +107,89 @@ pub fn check_body(raw: RawMesh, options: &CheckOptions) -> Result<CheckedBody, M
 
     let outside = RawMesh { positions: ordered[..used.len()].to_vec(), faces: triangles, ..RawMesh::default() };
     let mut surface = check(outside, &CheckOptions { merge: Merge::Never, ..*options })?;
-    debug_assert!(surface.vertex_map.is_none(), "every vertex of the surface has a triangle");
-    surface.vertex_map = numbers.iter().enumerate().any(|(v, &place)| v as u32 != place).then_some(numbers);
+    debug_assert!(surface.numbering.same_vertices(), "every vertex of the surface has a triangle");
+    surface.numbering = solid_numbering(numbers, &positions, &ordered, &surface);
+    surface.report.file = FileSize::of(&surface.numbering);
     surface.report.solid = Some(report);
+    tell(&mut surface.report, SurfaceOf::Boundary, differing);
     Ok(CheckedBody { surface, solid: Some(TetMesh { positions: ordered, tetrahedra }) })
+}
+
+/// The report of any mesh, with its solid where it has one, usable or not, and why it would be refused.
+pub fn inspect_body(raw: RawMesh, options: &CheckOptions) -> (MeshReport, Option<MeshError>) {
+    if raw.tetrahedra.is_empty() {
+        return inspect(raw, options);
+    }
+    match check_body(raw.clone(), options) {
+        Ok(body) => (body.surface.report, None),
+        // What can be told of a solid that cannot be used is told of its triangles.
+        Err(error) => (inspect(raw, options).0, Some(error)),
+    }
+}
+
+/// The triangles of a file with tetrahedra, as a surface without an inside.
+fn given_surface(mut raw: RawMesh, options: &CheckOptions) -> Result<CheckedBody, MeshError> {
+    let tetrahedra = std::mem::take(&mut raw.tetrahedra);
+    let differing = differences(&raw.faces, raw.polygons.as_ref(), &tetrahedra);
+    let mut surface = check(raw, options)?;
+    surface.report.repairs.push(Repair { kind: RepairKind::LeftOutTetrahedra, count: tetrahedra.len() });
+    tell(&mut surface.report, SurfaceOf::Given, differing);
+    Ok(CheckedBody { surface, solid: None })
+}
+
+fn tell(report: &mut MeshReport, surface: SurfaceOf, differing: Vec<Defect>) {
+    report.surface = Some(surface);
+    report.defects.extend(differing);
+    report.defects.sort_by_key(|defect| defect.kind);
+}
+
+/// By what the triangles of a file differ from the boundary of its tetrahedra; nothing where it has no triangles.
+fn differences(faces: &[[u32; 3]], polygons: Option<&Polygons>, tetrahedra: &[[u32; 4]]) -> Vec<Defect> {
+    if faces.is_empty() {
+        return Vec::new();
+    }
+    let sorted = |mut corners: [u32; 3]| {
+        corners.sort_unstable();
+        corners
+    };
+    let sides = single_sides(tetrahedra, &mut SolidReport::default());
+    let mut outside: Vec<([u32; 3], u32)> =
+        sides.iter().map(|&place| (sorted(side(tetrahedra, place)), place / 4)).collect();
+    outside.sort_unstable();
+    let mut given: Vec<[u32; 3]> = faces.iter().map(|&face| sorted(face)).collect();
+    let off = |face: &[u32; 3]| outside.binary_search_by_key(face, |side| side.0).is_err();
+    let number = |triangle: usize| polygons.map_or(triangle as u64, |polygons| polygons.of_triangle[triangle].into());
+    let mut off: Vec<u64> =
+        given.iter().enumerate().filter(|(_, face)| off(face)).map(|(triangle, _)| number(triangle)).collect();
+    off.dedup();
+    given.sort_unstable();
+    let mut missing: Vec<u64> =
+        outside.iter().filter(|side| given.binary_search(&side.0).is_err()).map(|side| side.1.into()).collect();
+    missing.sort_unstable();
+    let defect = |kind: DefectKind, found: Vec<u64>| {
+        let examples = found.iter().take(EXAMPLES).copied().collect();
+        (!found.is_empty()).then(|| Defect { kind, count: found.len(), element: kind.element(), examples })
+    };
+    [defect(DefectKind::TriangleOffBoundary, off), defect(DefectKind::BoundaryNotGiven, missing)]
+        .into_iter()
+        .flatten()
+        .collect()
+}
+
+/// Where the vertices of a file went that became a solid; its faces are numbered as the boundary itself.
+fn solid_numbering(numbers: Vec<u32>, given: &[[f64; 3]], kept: &[[f64; 3]], surface: &CheckedMesh) -> Numbering {
+    let unused = numbers.iter().zip(given).filter(|(place, _)| **place == DROPPED).map(|(_, &position)| position);
+    let nearest = nearest_vertices(kept, &unused.collect::<Vec<_>>());
+    let (vertices, faces) = (surface.mesh.positions.len(), surface.mesh.faces.len());
+    let moved = numbers.iter().enumerate().any(|(v, &place)| v as u32 != place);
+    let found = numbering::Found {
+        file: [numbers.len(), faces],
+        vertices: moved.then_some(numbers),
+        faces: None,
+        nearest,
+        inner: kept.len() - vertices,
+    };
+    Numbering::found(found, [kept.len(), faces])
 }
 
 /// As many tetrahedra as can be numbered with their triangles.
@@ -178,10 +266,21 @@ fn volume(positions: &[[f64; 3]], corners: &[u32; 4]) -> (f64, bool) {
     (volume, !(volume.abs() > FLAT * longest * longest.sqrt()))
 }
 
+/// The sides of a positively oriented tetrahedron, opposite to each corner.
+const SIDES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+
+/// The corners of a side, by its place: four times the tetrahedron plus the corner that it is opposite to.
+fn side(tetrahedra: &[[u32; 4]], place: u32) -> [u32; 3] {
+    SIDES[place as usize % 4].map(|i| tetrahedra[place as usize / 4][i])
+}
+
 /// Triangles of one tetrahedron alone, counter-clockwise seen from outside, in the order of the tetrahedra.
 fn boundary(tetrahedra: &[[u32; 4]], report: &mut SolidReport) -> Vec<[u32; 3]> {
-    // Opposite to each corner of a positively oriented tetrahedron.
-    const SIDES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+    single_sides(tetrahedra, report).into_iter().map(|place| side(tetrahedra, place)).collect()
+}
+
+/// The places of sides that one tetrahedron alone has, ascending.
+fn single_sides(tetrahedra: &[[u32; 4]], report: &mut SolidReport) -> Vec<u32> {
     let mut sides: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * tetrahedra.len());
     for (t, corners) in tetrahedra.iter().enumerate() {
         for (k, side) in SIDES.iter().enumerate() {
@@ -201,8 +300,7 @@ fn boundary(tetrahedra: &[[u32; 4]], report: &mut SolidReport) -> Vec<[u32; 3]> 
         }
     }
     single.sort_unstable();
-    let corners = |&place: &u32| SIDES[place as usize % 4].map(|i| tetrahedra[place as usize / 4][i]);
-    single.iter().map(corners).collect()
+    single
 }
 
 /// The surface of a solid that was checked, for callers that have the solid alone.
@@ -238,7 +336,8 @@ mod tests {
         let mesh = &body.surface.mesh;
         assert_eq!((mesh.positions.len(), mesh.faces.len(), body.surface.report.genus), (4, 4, Some(0)));
         assert_eq!(mesh.positions[..], solid.positions[..4]);
-        assert_eq!(body.surface.vertex_map, Some(vec![4, 0, 1, 2, 3]));
+        let map: Vec<_> = body.surface.numbering.vertex_map().flatten().collect();
+        assert_eq!(map, [4, 0, 1, 2, 3]);
         let middle = [0.25; 3];
         for face in &mesh.faces {
             let [a, b, c] = face.map(|v| mesh.positions[v as usize]);

@@ -27,6 +27,23 @@ pub fn subdivided(mesh: &TriangleMesh) -> Option<TriangleMesh> {
     Some(TriangleMesh { positions, faces })
 }
 
+/// The ends of the edge that each vertex made by [`subdivided`] halves, in the order of these vertices, told from the faces of a mesh that was
+/// divided so many times: four follow each other, the corner of the whole first in three of them.
+pub(crate) fn midpoints(faces: &[[u32; 3]], times: u8) -> Vec<[u32; 2]> {
+    let mut found: Vec<(u32, [u32; 2])> = Vec::new();
+    let mut level = faces.to_vec();
+    for _ in 0..times {
+        let (groups, _) = level.as_chunks::<4>();
+        found.extend(
+            groups.iter().flat_map(|[a, b, c, _]| [(a[1], [a[0], b[0]]), (b[1], [b[0], c[0]]), (c[1], [c[0], a[0]])]),
+        );
+        level = groups.iter().map(|[a, b, c, _]| [a[0], b[0], c[0]]).collect();
+    }
+    found.sort_unstable_by_key(|&(middle, [a, b])| (middle, a.min(b)));
+    found.dedup_by_key(|&mut (middle, _)| middle);
+    found.into_iter().map(|(_, ends)| ends).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -72,6 +72,25 @@ fn kind(bytes: &[u8], format: MeshFormat) -> &'static str {
     survive(bytes, format, &ReadLimits::default()).map_or_else(|error| error.kind(), |_| "no error")
 }
 
+/// Arrays as `numpy.savez` writes them.
+fn arrays() -> Vec<u8> {
+    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    let stored = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    let positions: Vec<u8> =
+        [0f64, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.5].iter().flat_map(|x| x.to_le_bytes()).collect();
+    for (name, kind, shape, data) in [
+        ("vertices", "<f8", "3, 3", positions),
+        ("faces", "|u1", "1, 3", vec![0, 1, 2]),
+        ("tetrahedra", "|u1", "1, 4", vec![0, 1, 2, 1]),
+    ] {
+        let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}\n");
+        archive.start_file(format!("{name}.npy"), stored).unwrap();
+        let head = [&b"\x93NUMPY\x01\x00"[..], &(header.len() as u16).to_le_bytes(), header.as_bytes(), &data].concat();
+        std::io::Write::write_all(&mut archive, &head).unwrap();
+    }
+    archive.finish().unwrap().into_inner()
+}
+
 /// A tetrahedron or a square in every format and encoding.
 fn seeds() -> Vec<(MeshFormat, Vec<u8>)> {
     let obj = "mtllib a.mtl\no a\nv 0 0 0 1 0 0\nv 1 0 0\nv 1 1e0 0.0\nv 0 1 -0\nvt 0 0\nvn 0 0 1\ng b\nusemtl m\n\
@@ -80,11 +99,14 @@ fn seeds() -> Vec<(MeshFormat, Vec<u8>)> {
     let medit = "MeshVersionFormatted 2\nDimension 3\nVertices\n4\n0 0 0 0\n1 0 0 0\n0 1 0 1\n0 0 1 0\nTriangles\n2\n1 2 3 0\n1 2 4 0\n\
                  Quadrilaterals 1 1 2 3 4 0\nTetrahedra\n1\n1 2 3 4 0\nRidges\n1\n1\nEnd\n";
     let stl = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1e0 0\nendloop\nendfacet\nendsolid a\n";
+    let json = r#"{"name": [{"a": null}], "vertices": [[0, 0, 0], [1, 0, 0], [1, 1e0, 0], [0, 1, -0.5]], "faces": [[0, 1, 2], [0, 1, 2, 3], []], "tetrahedra": [[0, 1, 2, 3]]}"#;
     let mut seeds = vec![
         (MeshFormat::Obj, obj.into()),
         (MeshFormat::Off, off.into()),
         (MeshFormat::Medit, medit.into()),
         (MeshFormat::Stl, stl.into()),
+        (MeshFormat::Json, json.into()),
+        (MeshFormat::Npz, arrays()),
     ];
     let mut binary = b"solid but binary".to_vec();
     binary.resize(80, 0);

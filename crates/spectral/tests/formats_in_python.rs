@@ -115,3 +115,69 @@ assert (np.frombuffer(raw[8 + size:][begin:end], DTYPE).reshape(entry["shape"]) 
         run(&script.replace("DTYPE", dtype), &dense);
     }
 }
+
+#[test]
+fn scipy_opens_the_mat_file_and_numpy_the_table() {
+    use chladni_mesh::check::{CheckOptions, check};
+    use chladni_mesh::numbering::{Extension, Translation};
+    use chladni_mesh::read::{MeshFormat, ReadLimits, read};
+    use chladni_spectral::formats::{matlab, surface};
+    let Some(python) = python() else {
+        eprintln!("skipped: no Python with SciPy was found");
+        return;
+    };
+    let file = "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 0 1 0.5\nf 2 3 4\n";
+    let raw = read(file.as_bytes(), MeshFormat::Obj, &ReadLimits::default()).unwrap();
+    let checked = check(raw, &CheckOptions::default()).unwrap();
+    let (mesh, numbering) = (&checked.mesh, &checked.numbering);
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: Vec<u8>| std::fs::write(folder.path().join(name), bytes).unwrap();
+    let sparse = MassMatrix::Sparse(
+        SparseMatrix::new(3, 3, vec![0, 2, 4, 5], vec![0, 1, 0, 1, 2], vec![0.5, 0.1, 0.1, 0.5, 0.25]).unwrap(),
+    );
+    for (name, mass) in [("a.mat", MassMatrix::Diagonal(vec![0.5, 0.25, 0.25])), ("b.mat", sparse)] {
+        let mut bytes = Vec::new();
+        matlab::write(&basis(mass), mesh, numbering, &mut bytes).unwrap();
+        write(name, bytes);
+    }
+    let basis = basis(MassMatrix::Diagonal(vec![0.5, 0.25, 0.25]));
+    let to = Translation::of_file(numbering.clone().into(), Extension::None);
+    let mut bytes = Vec::new();
+    surface::write_csv(&basis, &to, &mut bytes).unwrap();
+    write("a.csv", bytes);
+    let mut bytes = Vec::new();
+    surface::write_vtp(&basis, mesh, &mut bytes).unwrap();
+    write("a.vtp", bytes);
+    let mut bytes = Vec::new();
+    surface::write_ply(&basis, mesh, &mut bytes).unwrap();
+    let back = read(&bytes, MeshFormat::Ply, &ReadLimits::default()).unwrap();
+    assert_eq!((&back.positions, &back.faces), (&mesh.positions, &mesh.faces));
+    let script = r#"
+import numpy as np, re, scipy.io, scipy.sparse
+functions = np.array([[1, 3], [1.75, 3.75], [2, 4]])
+a, b = scipy.io.loadmat("a.mat"), scipy.io.loadmat("b.mat")
+assert (a["functions"] == functions).all() and (a["eigenvalues"].ravel() == [0, 3.25]).all()
+assert (a["mass"].ravel() == [.5, .25, .25]).all() and (a["faces"] == [[1, 2, 3]]).all()
+assert (a["vertices"] == [[0, 0, 0], [1, 0, 0], [0, 1, .5]]).all()
+assert (a["vertex_map"].ravel() == [0, 1, 2, 3]).all() and (a["face_map"].ravel() == [1]).all()
+assert scipy.sparse.issparse(b["mass"]) and (b["mass"].toarray() == [[.5, .1, 0], [.1, .5, 0], [0, 0, .25]]).all()
+table = np.genfromtxt("a.csv", delimiter=",", skip_header=2)
+assert table.shape == (4, 3) and np.isnan(table[0, 1:]).all() and (table[1:, 1:] == functions).all()
+lines = open("a.csv").read().splitlines()
+assert lines[0] == "vertex,mode_0,mode_1" and lines[1] == "eigenvalue,0.0,3.25"
+data = open("a.vtp", "rb").read()
+start = data.index(b"<AppendedData encoding=\"raw\">\n_") + len(b"<AppendedData encoding=\"raw\">\n_")
+found = {}
+for kind, name, offset in re.findall(rb'type="(\w+)" Name="(\w+)" [^>]*offset="(\d+)"', data[:start]):
+    at = start + int(offset)
+    size = int(np.frombuffer(data, "<u8", 1, at)[0])
+    dtype = {b"Float64": "<f8", b"Float32": "<f4", b"UInt32": "<u4", b"Int64": "<i8"}[kind]
+    found[name.decode()] = np.frombuffer(data, dtype, size // np.dtype(dtype).itemsize, at + 8)
+assert (found["eigenvalues"] == [0, 3.25]).all() and (found["mode_1"] == functions[:, 1]).all()
+assert (found["Points"].reshape(3, 3) == a["vertices"]).all()
+assert (found["connectivity"] == [0, 1, 2]).all() and (found["offsets"] == [3]).all()
+assert data[at + 8 + size:] == b"\n</AppendedData>\n</VTKFile>\n"
+"#;
+    let out = Command::new(python).args(["-c", script]).current_dir(folder.path()).output().unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+}

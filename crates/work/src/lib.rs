@@ -11,6 +11,7 @@ pub mod design;
 pub mod distances;
 mod eigenbasis;
 mod field_basis;
+pub mod numbered;
 mod operator_family;
 mod provenance;
 pub mod simulate;

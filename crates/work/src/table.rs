@@ -14,8 +14,41 @@ pub struct Table {
     /// Functions side by side.
     #[serde(default = "one")]
     pub columns: usize,
-    /// Values, row after row.
+    /// Values, row after row; null, or not a number, at vertices and faces of a file that have none.
+    #[serde(deserialize_with = "numbers")]
     pub values: Vec<f64>,
+}
+
+/// Numbers, in which null stands for none, straight into one array.
+fn numbers<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+    struct Number(f64);
+
+    impl<'de> Deserialize<'de> for Number {
+        fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+            Ok(Self(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN)))
+        }
+    }
+
+    struct Numbers;
+
+    impl<'de> serde::de::Visitor<'de> for Numbers {
+        type Value = Vec<f64>;
+
+        fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            f.write_str("an array of numbers")
+        }
+
+        fn visit_seq<A: serde::de::SeqAccess<'de>>(self, mut list: A) -> Result<Vec<f64>, A::Error> {
+            // A hint beyond this is believed only as numbers come.
+            let mut values = Vec::with_capacity(list.size_hint().unwrap_or(0).min(1 << 16));
+            while let Some(Number(value)) = list.next_element()? {
+                values.push(value);
+            }
+            Ok(values)
+        }
+    }
+
+    deserializer.deserialize_seq(Numbers)
 }
 
 fn one() -> usize {
@@ -52,6 +85,14 @@ pub enum TableError {
 }
 
 impl Table {
+    /// The table as a matrix of `rows` rows, whatever its values.
+    pub(crate) fn any_matrix(&self, rows: usize) -> Result<DenseMatrix, TableError> {
+        if self.columns == 0 || rows.checked_mul(self.columns) != Some(self.values.len()) {
+            return Err(TableError::Length { found: self.values.len(), rows, columns: self.columns });
+        }
+        any_matrix(rows, self.columns, |i| self.values[i])
+    }
+
     /// The table as a matrix of `rows` rows.
     ///
     /// # Errors
@@ -69,24 +110,27 @@ impl Table {
 /// # Errors
 /// [`TableError`]: more than [`MOST_COLUMNS`] columns, or a value that is not finite.
 pub fn matrix(rows: usize, columns: usize, value: impl Fn(usize) -> f64) -> Result<DenseMatrix, TableError> {
+    let matrix = any_matrix(rows, columns, value)?;
+    let odd = |column: usize| Some((matrix.column(column).iter().position(|x| !x.is_finite())?, column));
+    match (0..columns).find_map(odd) {
+        None => Ok(matrix),
+        Some((row, column)) => Err(TableError::NotFinite { row, column }),
+    }
+}
+
+/// The same, whatever the values: functions on the vertices of a file may have none at some.
+///
+/// # Errors
+/// [`TableError::Columns`].
+pub fn any_matrix(rows: usize, columns: usize, value: impl Fn(usize) -> f64) -> Result<DenseMatrix, TableError> {
     if columns > MOST_COLUMNS {
         return Err(TableError::Columns { columns });
     }
     let mut matrix = DenseMatrix::zeros(rows, columns);
-    let mut odd = None;
     for column in 0..columns {
-        for (row, slot) in matrix.column_mut(column).iter_mut().enumerate() {
-            let found = value(row * columns + column);
-            if !found.is_finite() && odd.is_none() {
-                odd = Some((row, column));
-            }
-            *slot = found;
-        }
+        matrix.column_mut(column).iter_mut().enumerate().for_each(|(row, slot)| *slot = value(row * columns + column));
     }
-    match odd {
-        None => Ok(matrix),
-        Some((row, column)) => Err(TableError::NotFinite { row, column }),
-    }
+    Ok(matrix)
 }
 
 impl From<&DenseMatrix> for Table {

@@ -18,6 +18,7 @@ use crate::http::docs::Binary;
 use crate::http::exchange::{Answer, JSON, OCTETS};
 use crate::http::extract;
 use crate::http::ids::BasisId;
+use crate::http::numbering::{Numbered, NumberingQuery};
 use crate::http::problem::{self, Problem};
 use crate::http::problems::problems;
 use crate::http::state::AppState;
@@ -40,7 +41,7 @@ problems!(CombFurProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE]);
 /// the units of the mesh, for a renderer. JSON, or with `Accept: application/octet-stream` little-endian f32.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/fur", tag = "fields", operation_id = "combFur",
-    params(BasisId),
+    params(BasisId, NumberingQuery),
     request_body(content = FurRequest, examples(
         ("strokes" = (summary = "Combed by a stroke", value = json!({"field": {"design": {"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}]}}, "length": 0.05, "tilt": 1.1, "full": 0.5}))),
     )),
@@ -51,22 +52,32 @@ problems!(CombFurProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE]);
     ),
     security(("bearer" = ["read"]))
 )]
-async fn comb(state: ClientState, BasisId(id): BasisId, headers: HeaderMap, content: Body) -> Result<Answer, Problem> {
+async fn comb(
+    state: ClientState,
+    BasisId(id): BasisId,
+    numbered: Numbered,
+    headers: HeaderMap,
+    content: Body,
+) -> Result<Answer, Problem> {
     let begin = Instant::now();
     let raw = extract::negotiated(&headers, &[JSON, OCTETS])? == OCTETS;
-    let request: FurRequest = read(&state, &headers, content).await?;
+    let mut request: FurRequest = read(&state, &headers, content).await?;
     let ready = Ready::load(&state, id).await?;
+    let to = numbered.on_basis(&state, id, &ready.fields.metadata).await?;
+    request.translate(&to, ready.kind(), ready.vertices())?;
     request.check(&ready)?;
     let field = solve::lifted(&state, &ready, &request.field).await?;
     state
         .solve("fur", move |_| {
             let strands = request.strands(&ready, &field)?;
-            let rows = strands.iter().flat_map(|strand| strand.root.into_iter().chain(strand.tip));
+            let rows: Vec<f64> = strands.iter().flat_map(|strand| strand.root.into_iter().chain(strand.tip)).collect();
+            let rows = to.push_faces(&rows, 6);
             if !raw {
-                return Answer::json(&Table { columns: 6, values: rows.collect() }, begin);
+                return Answer::json(&Table { columns: 6, values: rows }, begin);
             }
-            Ok(Answer::new(octets::to_bytes(rows.map(|x| x as f32).collect()), OCTETS, begin)
-                .with("chladni-rows", strands.len())
+            let strands = rows.len() / 6;
+            Ok(Answer::new(octets::to_bytes(rows.into_iter().map(|x| x as f32).collect()), OCTETS, begin)
+                .with("chladni-rows", strands)
                 .with("chladni-columns", 6)
                 .with("chladni-dtype", "f32"))
         })
@@ -92,7 +103,7 @@ problems!(DrawHatchingProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFAC
 /// eigendirections. As polylines on the surface, or with `Accept: image/svg+xml` as a drawing from a camera, without what the surface hides.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/hatching", tag = "fields", operation_id = "drawHatching",
-    params(BasisId),
+    params(BasisId, NumberingQuery),
     request_body(content = HatchingRequest, examples(
         ("curvature" = (summary = "A 2-field along smoothed principal directions", value = json!({"field": {"design": {"weights": {"harmonic": 0.1}, "alignment": {"to": "curvature", "weight": 1.0, "per_face": "anisotropy"}}}, "spacing": 0.02, "camera": {"eye": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "width": 800, "height": 800}}))),
     )),
@@ -102,20 +113,30 @@ problems!(DrawHatchingProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFAC
     ),
     security(("bearer" = ["read"]))
 )]
-async fn hatch(state: ClientState, BasisId(id): BasisId, headers: HeaderMap, content: Body) -> Result<Answer, Problem> {
+async fn hatch(
+    state: ClientState,
+    BasisId(id): BasisId,
+    numbered: Numbered,
+    headers: HeaderMap,
+    content: Body,
+) -> Result<Answer, Problem> {
     let begin = Instant::now();
     let drawn = extract::negotiated(&headers, &[JSON, SVG])? == SVG;
-    let request: HatchingRequest = read(&state, &headers, content).await?;
+    let mut request: HatchingRequest = read(&state, &headers, content).await?;
     if drawn && request.camera.is_none() {
         return Err(Problem::within(&problem::INVALID_DESIGN, "camera", "camera: is missing; an SVG needs one."));
     }
     let ready = Ready::load(&state, id).await?;
+    let to = numbered.on_basis(&state, id, &ready.fields.metadata).await?;
+    request.field.translate(&to, ready.kind(), ready.vertices())?;
     let field = solve::lifted(&state, &ready, &request.field).await?;
     state
         .solve("hatching", move |monitor| {
             let lines = request.lines(&ready, field, &Patience(begin, monitor)).map_err(too_long)?;
             if !drawn {
-                return Answer::json(&HatchingAnswer { lines: lines.into_iter().map(Line::from).collect() }, begin);
+                let mut lines: Vec<Line> = lines.into_iter().map(Line::from).collect();
+                lines.iter_mut().flat_map(|line| &mut line.faces).for_each(|face| *face = to.told_face(*face));
+                return Answer::json(&HatchingAnswer { lines }, begin);
             }
             let drawing = request.drawing(&ready, &lines)?;
             Ok(Answer::new(drawing.into_bytes(), SVG, begin).with("chladni-lines", lines.len()))

@@ -5,7 +5,7 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::http::HeaderMap;
 use bytes::Bytes;
-use chladni_spectral::field::singularities;
+use chladni_spectral::field::{Singularity, singularities};
 use chladni_work::design::{DesignRequest, Form, SingularVertex, written as written_as};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
@@ -20,6 +20,7 @@ use crate::http::docs::Binary;
 use crate::http::exchange::{self, Answer, OCTETS, answer_type};
 use crate::http::extract::{self, QueryOf};
 use crate::http::ids::BasisId;
+use crate::http::numbering::{Numbered, NumberingQuery};
 use crate::http::problem::Problem;
 use crate::http::problems::problems;
 use crate::http::state::AppState;
@@ -98,7 +99,7 @@ problems!(DesignFieldProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE
 /// constraint in `Chladni-Residual`.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/design", tag = "fields", operation_id = "designField",
-    params(BasisId, DesignQuery),
+    params(BasisId, NumberingQuery, DesignQuery),
     request_body(content = DesignRequest, examples(
         ("strokes" = (summary = "Two strokes, one of them a line", value = json!({"weights": {"harmonic": 1.0, "biharmonic": 0.1}, "strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}, {"points": [[0.1, 0.2, 0.9], [0.2, 0.2, 0.9], [0.3, 0.1, 0.9]], "strength": 50.0}]}))),
         ("interpolation" = (summary = "Directions that are met exactly, aligned to curvature elsewhere", value = json!({"constraints": [{"face": 17, "direction": [0.0, 0.0, 1.0]}, {"point": [0.4, 0.0, 0.8], "direction": [1.0, 0.0, 0.0]}], "alignment": {"to": "curvature", "weight": 2.0, "per_face": "anisotropy"}}))),
@@ -115,14 +116,17 @@ problems!(DesignFieldProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE
 async fn design(
     state: ClientState,
     BasisId(id): BasisId,
+    numbered: Numbered,
     QueryOf(query): QueryOf<DesignQuery>,
     headers: HeaderMap,
     content: Body,
 ) -> Result<Answer, Problem> {
     let begin = Instant::now();
     let raw = answer_type(&headers, false, &[])? == OCTETS;
-    let request: DesignRequest = read(&state, &headers, content).await?;
+    let mut request: DesignRequest = read(&state, &headers, content).await?;
     let ready = Ready::load(&state, id).await?;
+    let to = numbered.on_basis(&state, id, &ready.fields.metadata).await?;
+    request.translate(&to, ready.kind(), ready.vertices())?;
     let designed = solve::design(&state, &ready, &request).await?;
     let form = query.form.or(raw.then_some(Form::World));
     state
@@ -135,13 +139,14 @@ async fn design(
                 false => None,
                 true => singularities(surface, kind, &field),
             };
-            let written = |form| written_as(surface.frames(), kind, form, field);
+            let written =
+                |form: Form| to.push_faces(&written_as(surface.frames(), kind, form, field), form.columns(kind));
             if let (true, Some(form)) = (raw, form) {
                 let energies = [Some(design.harmonic_energy), Some(design.biharmonic_energy), design.alignment_energy];
                 let energies: Vec<String> = energies.iter().flatten().map(f64::to_string).collect();
                 let residual = design.residuals.iter().copied().fold(0.0, f64::max);
                 let bytes = octets::to_bytes(written(form));
-                return Ok(described(bytes, surface.faces(), form, kind, begin)
+                return Ok(described(bytes, to.faces(surface.faces()), form, kind, begin)
                     .with("chladni-energies", energies.join(", "))
                     .with("chladni-residual", residual));
             }
@@ -150,7 +155,7 @@ async fn design(
                     harmonic_energy: design.harmonic_energy,
                     biharmonic_energy: design.biharmonic_energy,
                     alignment_energy: design.alignment_energy,
-                    faces: designed.constraints.iter().map(|constraint| constraint.face).collect(),
+                    faces: designed.constraints.iter().map(|constraint| to.told_face(constraint.face)).collect(),
                     residuals: design.residuals,
                     coefficients: design.coefficients,
                     field: form.map(|form| LiftedField {
@@ -164,7 +169,9 @@ async fn design(
                     }),
                     euler_characteristic: found.is_some().then(|| surface.dual().euler_characteristic()),
                     singularities: found.map(|found| {
-                        found.iter().map(|s| SingularVertex { vertex: s.vertex, index: s.index() }).collect()
+                        let told =
+                            |s: &Singularity| SingularVertex { vertex: to.told_vertex(s.vertex), index: s.index() };
+                        found.iter().map(told).collect()
                     }),
                 },
                 begin,

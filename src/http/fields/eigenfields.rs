@@ -17,6 +17,7 @@ use crate::http::docs::Binary;
 use crate::http::exchange::{Answer, OCTETS};
 use crate::http::extract::{self, QueryOf};
 use crate::http::ids::BasisId;
+use crate::http::numbering::{Numbered, NumberingQuery};
 use crate::http::problem::{self, Problem};
 use crate::http::problems::problems;
 use crate::http::state::AppState;
@@ -58,7 +59,7 @@ problems!(GetEigenfieldsProblems: SOLVE [INVALID_RANGE_OF_MODES, INVALID_DESIGN]
 /// for `numpy.load`; `application/octet-stream`, the same little-endian f32 without a header.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/eigenfields", tag = "fields", operation_id = "getEigenfields",
-    params(BasisId, EigenfieldsQuery),
+    params(BasisId, NumberingQuery, EigenfieldsQuery),
     responses(
         (status = 200, description = "The fields", content((Binary = "application/x-npy"), (Binary = "application/octet-stream")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String))),
@@ -69,6 +70,7 @@ problems!(GetEigenfieldsProblems: SOLVE [INVALID_RANGE_OF_MODES, INVALID_DESIGN]
 async fn eigenfields(
     state: ClientState,
     BasisId(id): BasisId,
+    numbered: Numbered,
     QueryOf(query): QueryOf<EigenfieldsQuery>,
     headers: HeaderMap,
 ) -> Result<Answer, Problem> {
@@ -76,7 +78,8 @@ async fn eigenfields(
     let npy = extract::negotiated(&headers, &[NPY, OCTETS])? == NPY;
     let ready = Ready::load(&state, id).await?;
     let model = ready.model();
-    let (kind, form, faces) = (ready.kind(), query.form, ready.surface.surface.faces());
+    let via = numbered.on_basis(&state, id, &ready.fields.metadata).await?;
+    let (kind, form, faces) = (ready.kind(), query.form, via.faces(ready.surface.surface.faces()));
     let (from, to) = (query.from, query.to.unwrap_or(query.from.saturating_add(1)));
     let count = model.dimension();
     let refused = |detail: String| Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail).with("count", count));
@@ -99,7 +102,7 @@ async fn eigenfields(
                 monitor.checkpoint()?;
                 let field = ready.lift(&model.eigenfield(k))?;
                 let written = written_as(ready.surface.surface.frames(), kind, form, field);
-                bytes.extend_from_slice(&octets::to_bytes(written));
+                bytes.extend_from_slice(&octets::to_bytes(via.push_faces(&written, columns)));
             }
             Ok(Answer::new(bytes, if npy { NPY } else { OCTETS }, begin)
                 .with("chladni-rows", faces)

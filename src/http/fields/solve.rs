@@ -34,6 +34,11 @@ impl Deref for Ready {
 }
 
 impl Ready {
+    /// Vertices of the surface.
+    pub fn vertices(&self) -> usize {
+        self.surface.surface.mesh().positions.len()
+    }
+
     /// Loads a basis.
     ///
     /// # Errors

@@ -74,7 +74,7 @@ proptest! {
 
     #[test]
     fn reports_agree_with_a_naive_count(raw in soup()) {
-        let Ok(CheckedMesh { mesh, report, vertex_map }) = check(raw.clone(), &CheckOptions::default()) else {
+        let Ok(CheckedMesh { mesh, report, numbering }) = check(raw.clone(), &CheckOptions::default()) else {
             return Ok(());
         };
         let edges = edges(&mesh.faces);
@@ -119,16 +119,25 @@ proptest! {
         }
 
         // What the map says is where each vertex went.
-        if let Some(map) = &vertex_map {
-            for (old, &new) in map.iter().enumerate().filter(|&(_, &new)| new != DROPPED) {
+        for (old, new) in numbering.vertex_map().enumerate() {
+            if let Some(new) = new {
                 prop_assert_eq!(mesh.positions[new as usize], raw.positions[old]);
             }
+        }
+        for (new, old) in numbering.face_map().enumerate() {
+            let at = |mesh: &[[f64; 3]], face: [u32; 3]| {
+                let mut corners = face.map(|v| mesh[v as usize].map(|x| (x + 0.0).to_bits()));
+                corners.sort_unstable();
+                corners
+            };
+            prop_assert_eq!(at(&mesh.positions, mesh.faces[new]), at(&raw.positions, raw.faces[old as usize]));
         }
 
         // A repaired mesh needs no repair.
         let again = RawMesh { positions: mesh.positions.clone(), faces: mesh.faces.clone(), ..RawMesh::default() };
         let again = check(again, &CheckOptions::default()).unwrap();
-        prop_assert_eq!((&again.mesh, again.vertex_map), (&mesh, None));
+        prop_assert!(again.numbering.is_identity());
+        prop_assert_eq!(&again.mesh, &mesh);
         prop_assert!(again.report.repairs.is_empty());
     }
 }

@@ -96,7 +96,7 @@ fn positions_that_a_file_splits_join_where_asked() {
     let options = CheckOptions { merge: Merge::Always, ..CheckOptions::default() };
     let joined = check(raw, &options).unwrap();
     assert_eq!((joined.report.vertices, joined.report.genus, joined.report.closed), (14_472, Some(1), true));
-    assert_eq!(joined.vertex_map.unwrap().len(), 3 * 28_944);
+    assert_eq!(joined.numbering.file_vertices(), 3 * 28_944);
 }
 
 #[test]

@@ -8,6 +8,11 @@ fn corners() -> Vec<[f64; 3]> {
     vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 }
 
+/// For each vertex of the file its kept one.
+fn kept(numbering: &Numbering) -> Vec<u32> {
+    numbering.vertex_map().map(|kept| kept.unwrap_or(DROPPED)).collect()
+}
+
 fn raw(positions: Vec<[f64; 3]>, faces: Vec<[u32; 3]>) -> RawMesh {
     RawMesh { positions, faces, ..RawMesh::default() }
 }
@@ -26,8 +31,8 @@ fn refused(raw: RawMesh) -> MeshError {
 
 #[test]
 fn a_clean_mesh_passes_untouched() {
-    let CheckedMesh { mesh, report, vertex_map } = checked(raw(corners(), TETRAHEDRON.to_vec()));
-    assert_eq!((mesh.positions, mesh.faces, vertex_map), (corners(), TETRAHEDRON.to_vec(), None));
+    let CheckedMesh { mesh, report, numbering } = checked(raw(corners(), TETRAHEDRON.to_vec()));
+    assert_eq!((mesh.positions, mesh.faces, numbering.is_identity()), (corners(), TETRAHEDRON.to_vec(), true));
     assert!(report.defects.is_empty() && report.repairs.is_empty());
     assert!(report.closed && report.manifold && report.orientable);
     assert_eq!((report.genus, report.euler_characteristic, report.components), (Some(0), 2, 1));
@@ -45,9 +50,9 @@ fn what_carries_no_surface_is_dropped_and_listed_in_the_numbers_of_the_input() {
     faces.push([4, 3, 0]);
     faces.push([3, 0, 4]);
     faces.push([0, 2, 0]);
-    let CheckedMesh { mesh, report, vertex_map } = checked(raw(positions, faces));
+    let CheckedMesh { mesh, report, numbering } = checked(raw(positions, faces));
     assert_eq!((mesh.positions, mesh.faces), (corners(), TETRAHEDRON.to_vec()));
-    assert_eq!(vertex_map, Some(vec![0, DROPPED, 1, 2, 3, DROPPED]));
+    assert_eq!(kept(&numbering), [0, DROPPED, 1, 2, 3, DROPPED]);
     let examples = |kind| report.defects.iter().find(|d| d.kind == kind).map(|d| d.examples.clone());
     assert_eq!(examples(DefectKind::NonFinite), Some(vec![1]));
     assert_eq!(examples(DefectKind::RepeatedVertex), Some(vec![0, 7]));
@@ -65,11 +70,11 @@ fn equal_positions_are_merged_where_the_format_splits_them_and_hinted_at_elsewhe
     let split = raw(positions, (0..4).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect());
     let apart = checked(split.clone());
     assert_eq!((apart.report.components, apart.report.count(DefectKind::EqualPosition)), (4, 8));
-    assert_eq!((apart.vertex_map, apart.report.boundary_loops), (None, 4));
+    assert_eq!((apart.numbering.same_vertices(), apart.report.boundary_loops), (true, 4));
     let merged = checked(RawMesh { splits_vertices: true, ..split.clone() });
     assert_eq!((merged.report.vertices, merged.report.genus), (4, Some(0)));
     assert_eq!(merged.report.repairs, [Repair { kind: RepairKind::MergedVertices, count: 8 }]);
-    assert_eq!(merged.vertex_map, Some(vec![0, 1, 2, 0, 2, 3, 2, 1, 3, 1, 0, 3]));
+    assert_eq!(kept(&merged.numbering), [0, 1, 2, 0, 2, 3, 2, 1, 3, 1, 0, 3]);
     let options = CheckOptions { merge: Merge::Always, ..CheckOptions::default() };
     assert_eq!(check(split, &options).unwrap().mesh, merged.mesh);
 }
@@ -179,8 +184,14 @@ fn a_divided_mesh_is_reported_as_if_it_had_been_given_so() {
     assert_eq!((divided.report.faces, divided.report.subdivisions), (32, 2));
     assert_eq!((&divided.report.defects, &divided.report.repairs), (&plain.defects, &plain.repairs));
     let area = divided.report.area;
-    let own =
-        MeshReport { subdivisions: 0, defects: Vec::new(), repairs: Vec::new(), area: again.area, ..divided.report };
+    let own = MeshReport {
+        subdivisions: 0,
+        file: None,
+        defects: Vec::new(),
+        repairs: Vec::new(),
+        area: again.area,
+        ..divided.report
+    };
     assert_eq!(own, again);
     assert!((area - again.area).abs() < 1e-12);
     let few = CheckOptions { most_faces: 31, ..options };

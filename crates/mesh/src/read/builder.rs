@@ -1,7 +1,7 @@
 //! Collects vertices and polygons under the limits; every reader ends here.
 
 use super::error::{Place, ReadError};
-use super::{MeshFormat, RawMesh, ReadLimits, polygon};
+use super::{MeshFormat, Polygons, RawMesh, ReadLimits, polygon};
 
 /// A polygon that was entered as a fan: its first triangle and its number of corners. Its corners can be told from the
 /// fan, so nothing else is kept until all positions are known.
@@ -15,6 +15,8 @@ pub(super) struct Builder<'l> {
     pub mesh: RawMesh,
     limits: &'l ReadLimits,
     fans: Vec<Fan>,
+    /// For each face that was left out, how many triangles came before it.
+    left_out: Vec<u32>,
     /// Polygons begun so far, the current one excluded.
     pub polygons: usize,
     first: u32,
@@ -38,6 +40,7 @@ impl<'l> Builder<'l> {
             mesh: RawMesh::default(),
             limits,
             fans: Vec::new(),
+            left_out: Vec::new(),
             polygons: 0,
             first: 0,
             previous: 0,
@@ -114,7 +117,10 @@ impl<'l> Builder<'l> {
     #[inline]
     pub fn end_polygon(&mut self) {
         match self.corners {
-            0..=2 => self.mesh.short_faces_dropped += 1,
+            0..=2 => {
+                self.mesh.short_faces_dropped += 1;
+                self.left_out.push(self.mesh.faces.len() as u32);
+            }
             3 => {}
             // The limit on faces keeps both below `u32::MAX`.
             corners => self
@@ -180,8 +186,28 @@ impl<'l> Builder<'l> {
         }
         polygon::triangulate(&self.mesh.positions, &mut self.mesh.faces, &self.fans);
         self.mesh.polygons_triangulated = self.fans.len();
+        self.mesh.polygons = polygons(self.mesh.faces.len(), &self.fans, &self.left_out);
         Ok(self.mesh)
     }
+}
+
+/// Which face of the file each triangle belongs to, where that is not its own number.
+fn polygons(triangles: usize, fans: &[Fan], left_out: &[u32]) -> Option<Polygons> {
+    if fans.is_empty() && left_out.is_empty() {
+        return None;
+    }
+    let (mut fans, mut left_out) = (fans.iter().peekable(), left_out.iter().peekable());
+    let (mut of_triangle, mut face) = (Vec::with_capacity(triangles), 0u32);
+    while of_triangle.len() < triangles {
+        let at = of_triangle.len() as u32;
+        while left_out.next_if_eq(&&at).is_some() {
+            face += 1;
+        }
+        let parts = fans.next_if(|fan| fan.first_face == at).map_or(1, |fan| fan.corners as usize - 2);
+        of_triangle.extend(std::iter::repeat_n(face, parts));
+        face += 1;
+    }
+    Some(Polygons { of_triangle, count: face as usize + left_out.count() })
 }
 
 /// An index of a format that counts from zero and announces its vertices.

@@ -48,6 +48,14 @@ pub enum ReadError {
         /// The kind, as the file writes it.
         encoding: String,
     },
+    /// Arrays, as NPZ or JSON, that are no mesh.
+    #[error("{format}: {reason}")]
+    Arrays {
+        /// The format that was asked for.
+        format: MeshFormat,
+        /// What does not fit, and where.
+        reason: String,
+    },
     /// A PLY property of an unknown type.
     #[error("{place}: `{name}` is not a PLY type")]
     UnknownType {
@@ -240,6 +248,7 @@ impl ReadError {
             ReadError::NoVertices => "no-vertices",
             ReadError::Header { .. } => "invalid-header",
             ReadError::UnsupportedEncoding { .. } => "unsupported-encoding",
+            ReadError::Arrays { .. } => "invalid-arrays",
             ReadError::UnknownType { .. } => "unknown-type",
             ReadError::MissingProperty { .. } => "missing-property",
             ReadError::DuplicateElement { .. } => "duplicate-element",

@@ -7,10 +7,12 @@
 //! | Geomview OFF | `off` | ASCII, with the `ST`, `C`, `N`, `4` and `n` prefixes |
 //! | STL | `stl` | ASCII and binary; positions are repeated by design |
 //! | MEDIT `.mesh` | `medit` | ASCII; triangles, quadrilaterals, tetrahedra |
+//! | arrays | `arrays` | `vertices`, `faces`, `tetrahedra` as NPZ without compression or as JSON |
 //!
 //! Every reader takes a byte slice, is linear in its length, allocates in proportion to the bytes that are really there
 //! (never to a count that a header claims), and answers with a [`RawMesh`] or a [`ReadError`] that names the offender.
 
+mod arrays;
 mod builder;
 mod error;
 mod medit;
@@ -32,6 +34,9 @@ pub struct RawMesh {
     pub positions: Vec<[f64; 3]>,
     /// Triangles; polygons and strips have been triangulated. A face may repeat a vertex.
     pub faces: Vec<[u32; 3]>,
+    /// Which face of the file each triangle is or is a part of, where a polygon of more than three corners was triangulated or a face left out;
+    /// `None` where triangles and faces are the same.
+    pub polygons: Option<Polygons>,
     /// Tetrahedra, for the formats that have them.
     pub tetrahedra: Vec<[u32; 4]>,
     /// Polygons of more than three corners that were triangulated.
@@ -40,6 +45,15 @@ pub struct RawMesh {
     pub short_faces_dropped: usize,
     /// Whether the format repeats positions by design (STL), so that equal positions have to be merged.
     pub splits_vertices: bool,
+}
+
+/// Which face of a file each triangle belongs to.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Polygons {
+    /// For each triangle its face, numbered from 0 in the order of the file.
+    pub of_triangle: Vec<u32>,
+    /// Faces of the file, those that were left out among them.
+    pub count: usize,
 }
 
 /// The formats that can be read.
@@ -56,12 +70,23 @@ pub enum MeshFormat {
     Stl,
     /// MEDIT (INRIA) `.mesh`, ASCII.
     Medit,
+    /// Arrays `vertices`, `faces` and `tetrahedra` in an NPZ file, as `numpy.savez` writes them.
+    Npz,
+    /// The same as a JSON object.
+    Json,
 }
 
 impl MeshFormat {
     /// Every format, in the order in which documentation lists them.
-    pub const ALL: [MeshFormat; 5] =
-        [MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Off, MeshFormat::Stl, MeshFormat::Medit];
+    pub const ALL: [MeshFormat; 7] = [
+        MeshFormat::Obj,
+        MeshFormat::Ply,
+        MeshFormat::Off,
+        MeshFormat::Stl,
+        MeshFormat::Medit,
+        MeshFormat::Npz,
+        MeshFormat::Json,
+    ];
 
     /// The name on the wire and on the command line.
     pub fn name(self) -> &'static str {
@@ -71,6 +96,8 @@ impl MeshFormat {
             MeshFormat::Off => "off",
             MeshFormat::Stl => "stl",
             MeshFormat::Medit => "medit",
+            MeshFormat::Npz => "npz",
+            MeshFormat::Json => "json",
         }
     }
 
@@ -82,6 +109,8 @@ impl MeshFormat {
             MeshFormat::Off => "model/off",
             MeshFormat::Stl => "model/stl",
             MeshFormat::Medit => "model/x-medit",
+            MeshFormat::Npz => "application/x-npz",
+            MeshFormat::Json => "application/json",
         }
     }
 
@@ -93,6 +122,8 @@ impl MeshFormat {
             "off" | "coff" | "noff" => Some(MeshFormat::Off),
             "stl" => Some(MeshFormat::Stl),
             "mesh" | "medit" => Some(MeshFormat::Medit),
+            "npz" => Some(MeshFormat::Npz),
+            "json" => Some(MeshFormat::Json),
             _ => None,
         }
     }
@@ -116,6 +147,8 @@ impl MeshFormat {
             | "application/x-stl"
             | "application/vnd.ms-pki.stl" => Some(MeshFormat::Stl),
             "model/medit" | "model/x-medit" | "application/x-medit" => Some(MeshFormat::Medit),
+            "application/x-npz" => Some(MeshFormat::Npz),
+            "application/json" => Some(MeshFormat::Json),
             _ => None,
         }
     }
@@ -125,6 +158,9 @@ impl MeshFormat {
         if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
             return Some(MeshFormat::Ply);
         }
+        if bytes.starts_with(b"PK\x03\x04") {
+            return Some(MeshFormat::Npz);
+        }
         if stl::is_binary_by_size(bytes) {
             return Some(MeshFormat::Stl);
         }
@@ -133,6 +169,7 @@ impl MeshFormat {
             return None;
         }
         match text.token() {
+            word if word.starts_with(b"{") => Some(MeshFormat::Json),
             b"solid" => Some(MeshFormat::Stl),
             b"MeshVersionFormatted" => Some(MeshFormat::Medit),
             b"v" | b"vt" | b"vn" | b"vp" | b"f" | b"o" | b"g" | b"s" | b"mtllib" | b"usemtl" => Some(MeshFormat::Obj),
@@ -150,6 +187,8 @@ impl std::fmt::Display for MeshFormat {
             MeshFormat::Off => "OFF",
             MeshFormat::Stl => "STL",
             MeshFormat::Medit => "MEDIT",
+            MeshFormat::Npz => "NPZ",
+            MeshFormat::Json => "JSON",
         })
     }
 }
@@ -194,6 +233,8 @@ pub fn read(bytes: &[u8], format: MeshFormat, limits: &ReadLimits) -> Result<Raw
         MeshFormat::Off => off::read(bytes, limits),
         MeshFormat::Stl => stl::read(bytes, limits),
         MeshFormat::Medit => medit::read(bytes, limits),
+        MeshFormat::Npz => arrays::read_npz(bytes, limits),
+        MeshFormat::Json => arrays::read_json(bytes, limits),
     }?;
     if mesh.positions.is_empty() {
         return Err(ReadError::NoVertices);
@@ -223,7 +264,9 @@ mod tests {
 
     #[test]
     fn the_first_words_tell_the_format() {
-        let cases: [(&[u8], Option<MeshFormat>); 11] = [
+        let cases: [(&[u8], Option<MeshFormat>); 13] = [
+            (b"PK\x03\x04\x14\0", Some(MeshFormat::Npz)),
+            (b" {\"vertices\": []}", Some(MeshFormat::Json)),
             (b"ply\r\nformat ascii 1.0\r\n", Some(MeshFormat::Ply)),
             (b"# made by hand\n\nv 0 0 0\n", Some(MeshFormat::Obj)),
             (b"\xef\xbb\xbfmtllib a.mtl\n", Some(MeshFormat::Obj)),

@@ -99,6 +99,11 @@ impl Product {
         summary
     }
 
+    /// The identifier of the mesh that it lives on, where that is known.
+    pub fn mesh(&self) -> Option<&str> {
+        self.metadata()["mesh"].as_str()
+    }
+
     fn metadata(&self) -> &Value {
         match self {
             Self::Eigenbasis(basis) => &basis.metadata,

@@ -2,6 +2,8 @@
 
 use std::io::{Seek, Write};
 
+use chladni_mesh::numbering::Numbering;
+
 use super::npz::{self, FormatError};
 use crate::basis::{Product, ProductKind};
 
@@ -11,11 +13,23 @@ impl Product {
     /// # Errors
     /// [`FormatError`], as [`npz::write()`].
     pub fn write_npz<W: Write + Seek>(&self, out: W) -> Result<(), FormatError> {
+        self.write_npz_numbered(None, out)
+    }
+
+    /// The same with the numbering of the file that the mesh came from.
+    ///
+    /// # Errors
+    /// [`FormatError`], as [`npz::write_numbered()`].
+    pub fn write_npz_numbered<W: Write + Seek>(
+        &self,
+        numbering: Option<&Numbering>,
+        out: W,
+    ) -> Result<(), FormatError> {
         match self {
-            Self::Eigenbasis(basis) => npz::write(basis, out),
-            Self::FieldBasis(fields) => npz::write_fields(fields, out),
-            Self::OperatorFamily(family) => npz::write_family(family, out),
-            Self::VibrationBasis(modes) => npz::write_modes(modes, out),
+            Self::Eigenbasis(basis) => npz::write_numbered(basis, numbering, out),
+            Self::FieldBasis(fields) => npz::write_fields(fields, numbering, out),
+            Self::OperatorFamily(family) => npz::write_family(family, numbering, out),
+            Self::VibrationBasis(modes) => npz::write_modes(modes, numbering, out),
         }
     }
 

@@ -19,6 +19,7 @@ mod target;
 pub use drawing::{CameraRequest, FieldSource, FurRequest, HatchingAnswer, HatchingRequest, Line};
 pub use fault::DesignFault;
 pub use forms::{Form, written};
+pub(crate) use request::refused;
 pub use request::{
     AlignmentRequest, BiharmonicEnergy, DesignRequest, MOST_CONSTRAINTS, NamedTarget, NamedWeights, PerFace, Pin,
     SingularVertex, SingularitiesRequest, Stroke, Target, Weights,

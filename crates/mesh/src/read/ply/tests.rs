@@ -1,4 +1,5 @@
 use super::*;
+use crate::read::Polygons;
 
 fn read(bytes: &[u8]) -> Result<RawMesh, ReadError> {
     super::read(bytes, &ReadLimits::default())
@@ -47,6 +48,7 @@ fn square() -> RawMesh {
         positions: vec![[0.0, 0.0, 0.5], [1.0, 0.0, -0.5], [1.0, 1.0, 0.5], [0.0, 1.0, -0.5]],
         faces: vec![[0, 1, 2], [0, 2, 3]],
         polygons_triangulated: 1,
+        polygons: Some(Polygons { of_triangle: vec![0, 0], count: 1 }),
         ..Default::default()
     }
 }
@@ -95,6 +97,7 @@ fn faces_of_any_number_of_corners_in_the_usual_layout() {
     let mut mesh = square();
     mesh.faces.push([3, 2, 1]);
     mesh.short_faces_dropped = 2;
+    mesh.polygons = Some(Polygons { of_triangle: vec![0, 0, 2], count: 4 });
     let mut values = plain_vertices(&mesh);
     for face in [&[0.0, 1.0, 2.0, 3.0][..], &[], &[3.0, 2.0, 1.0], &[1.0, 2.0]] {
         values.push(("uchar", face.len() as f64));
@@ -105,8 +108,12 @@ fn faces_of_any_number_of_corners_in_the_usual_layout() {
 
 #[test]
 fn strips_turn_every_other_triangle_and_restart() {
-    let expected =
-        RawMesh { faces: vec![[0, 1, 2], [2, 1, 3], [3, 2, 0], [2, 0, 1]], polygons_triangulated: 0, ..square() };
+    let expected = RawMesh {
+        faces: vec![[0, 1, 2], [2, 1, 3], [3, 2, 0], [2, 0, 1]],
+        polygons_triangulated: 0,
+        polygons: None,
+        ..square()
+    };
     for item in ["int", "uint"] {
         let mut values = plain_vertices(&expected);
         values.push(("int", 11.0));

@@ -5,6 +5,7 @@
 use std::io::{Seek, Write};
 
 use chladni_algebra::{MassMatrix, space_times_single};
+use chladni_mesh::numbering::Numbering;
 use zip::ZipWriter;
 
 use super::read::{Archive, Frame};
@@ -15,7 +16,11 @@ use crate::basis::family::FamilyBasis;
 ///
 /// # Errors
 /// As [`write()`](super::write()).
-pub fn write_family<W: Write + Seek>(family: &FamilyBasis, out: W) -> Result<(), FormatError> {
+pub fn write_family<W: Write + Seek>(
+    family: &FamilyBasis,
+    numbering: Option<&Numbering>,
+    out: W,
+) -> Result<(), FormatError> {
     let mut members = Members { archive: ZipWriter::new(out) };
     let shape = [family.vertices(), family.dimension()];
     members.add("functions", "<f4", true, &shape, bytemuck::cast_slice(&family.functions))?;
@@ -24,6 +29,7 @@ pub fn write_family<W: Write + Seek>(family: &FamilyBasis, out: W) -> Result<(),
     members.floats("eigenvalues", &family.eigenvalues)?;
     members.floats("mass", &family.mass.lumped())?;
     members.text("metadata", &family.metadata.to_string())?;
+    members.maps(numbering)?;
     members.archive.finish()?.flush()?;
     Ok(())
 }

@@ -7,6 +7,7 @@
 use std::io::{Cursor, Seek, Write};
 use std::sync::Arc;
 
+use chladni_mesh::numbering::Numbering;
 use zip::ZipWriter;
 
 use super::read::{Archive, Frame};
@@ -17,7 +18,11 @@ use crate::basis::{FieldBasis, FieldSpace, RitzFields, StoredFields};
 ///
 /// # Errors
 /// [`FormatError::Write`] or [`FormatError::Archive`] where the destination fails, [`FormatError::TooLarge`] where there are more than 2³¹ blocks.
-pub fn write_fields<W: Write + Seek>(fields: &StoredFields, out: W) -> Result<(), FormatError> {
+pub fn write_fields<W: Write + Seek>(
+    fields: &StoredFields,
+    numbering: Option<&Numbering>,
+    out: W,
+) -> Result<(), FormatError> {
     let FieldBasis { kind, space, stiffness, mass, samples, area } = &fields.basis;
     let (b, rows) = (space.block(), fields.rows());
     if i32::try_from(space.entries()).is_err() {
@@ -48,6 +53,7 @@ pub fn write_fields<W: Write + Seek>(fields: &StoredFields, out: W) -> Result<()
     members.floats("area", &[*area])?;
     members.text("kind", &serde_json::to_value(kind).unwrap_or_default().to_string())?;
     members.text("metadata", &fields.metadata.to_string())?;
+    members.maps(numbering)?;
     members.archive.finish()?.flush()?;
     Ok(())
 }
@@ -58,7 +64,7 @@ pub fn write_fields<W: Write + Seek>(fields: &StoredFields, out: W) -> Result<()
 /// As [`write_fields`].
 pub fn fields_to_bytes(fields: &StoredFields) -> Result<Vec<u8>, FormatError> {
     let mut out = Cursor::new(Vec::with_capacity(fields.stored_bytes() as usize + (1 << 14)));
-    write_fields(fields, &mut out)?;
+    write_fields(fields, None, &mut out)?;
     Ok(out.into_inner())
 }
 

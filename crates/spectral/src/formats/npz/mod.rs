@@ -5,9 +5,12 @@
 //! `mass_data, mass_indices, mass_indptr` where it is not diagonal) and the JSON texts `certificate` and `metadata`. A dense basis has one
 //! member `functions` (`n × m`, columns first) instead of `U` and `coefficients`; it comes last, is written chunk by chunk, and can be
 //! read in parts by the [`DenseLayout`] that writing it gives. Equal bases give equal bytes.
+//!
+//! Every product has the members `vertex_map` and `face_map` as well, where the numbering of the file is known that the mesh came from.
 
 mod family;
 mod fields;
+mod maps;
 mod modal;
 mod read;
 
@@ -17,6 +20,7 @@ use std::ops::Range;
 use std::rc::Rc;
 
 use chladni_algebra::{MassMatrix, SparseMatrix};
+use chladni_mesh::numbering::Numbering;
 use serde::{Deserialize, Serialize};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
@@ -24,6 +28,7 @@ use crate::basis::{Basis, BasisError, CHUNK_COLUMNS, Certificate, Compact, Dense
 
 pub use family::{read_family, write_family};
 pub use fields::{fields_to_bytes, read_fields, write_fields};
+pub use maps::maps;
 pub use modal::{read_modes, write_modes};
 pub use read::{check_sums, read, read_frame, read_head};
 
@@ -179,9 +184,21 @@ impl<W: Write + Seek> Members<W> {
 /// [`FormatError::Write`] or [`FormatError::Archive`] where the destination fails, [`FormatError::TooLarge`] where the basis has
 /// 2³¹ columns or more, [`FormatError::Functions`] where columns of a dense basis cannot be read.
 pub fn write<W: Write + Seek>(basis: &Basis, out: W) -> Result<(), FormatError> {
+    write_numbered(basis, None, out)
+}
+
+/// Writes a basis with the numbering of the file that its mesh came from.
+///
+/// # Errors
+/// As [`write()`], and [`FormatError::TooLarge`] where a map has 2³¹ entries.
+pub fn write_numbered<W: Write + Seek>(
+    basis: &Basis,
+    numbering: Option<&Numbering>,
+    out: W,
+) -> Result<(), FormatError> {
     let (space, dense) = match &basis.functions {
         Functions::Compact(Compact { space, coefficients, .. }) => (space, coefficients),
-        Functions::Dense(dense) => return write_dense(basis, dense.clone(), out).map(|_| ()),
+        Functions::Dense(dense) => return write_dense(basis, dense.clone(), numbering, out).map(|_| ()),
     };
     let mut members = Members { archive: ZipWriter::new(out) };
     members.add("format", "|S3", false, &[], b"csr")?;
@@ -190,6 +207,7 @@ pub fn write<W: Write + Seek>(basis: &Basis, out: W) -> Result<(), FormatError> 
     members.pattern("", space)?;
     members.add("coefficients", "<f8", true, &[dense.rows(), dense.columns()], bytemuck::cast_slice(dense.values()))?;
     members.common(basis)?;
+    members.maps(numbering)?;
     members.archive.finish()?.flush()?;
     Ok(())
 }
@@ -221,15 +239,21 @@ impl DenseLayout {
 }
 
 /// Writes a dense basis to where nothing can be changed afterwards. `basis` gives everything but the eigenfunctions; `functions` are
-/// given up chunk by chunk.
+/// given up chunk by chunk. `numbering` is that of the file that the mesh came from.
 ///
 /// # Errors
 /// As [`write()`].
-pub fn write_dense<W: Write>(basis: &Basis, functions: DenseFunctions, out: W) -> Result<DenseLayout, FormatError> {
+pub fn write_dense<W: Write>(
+    basis: &Basis,
+    functions: DenseFunctions,
+    numbering: Option<&Numbering>,
+    out: W,
+) -> Result<DenseLayout, FormatError> {
     let track = Rc::new(Track::default());
     let tracked = Tracked { inner: out, track: Rc::clone(&track) };
     let mut members = Members { archive: ZipWriter::new_stream(tracked) };
     members.common(basis)?;
+    members.maps(numbering)?;
     let (precision, shape) = (functions.precision(), [functions.rows(), functions.columns()]);
     members.begin("functions", precision.descriptor(), true, &shape, functions.bytes())?;
     let start = track.position.get();

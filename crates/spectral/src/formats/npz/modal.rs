@@ -7,6 +7,7 @@
 use std::io::{Seek, Write};
 
 use chladni_algebra::DenseMatrix;
+use chladni_mesh::numbering::Numbering;
 use zip::ZipWriter;
 
 use super::read::{Archive, Frame};
@@ -17,7 +18,11 @@ use crate::basis::modal::{FIXED, ModalBasis, ModalFunctions};
 ///
 /// # Errors
 /// As [`write()`](super::write()).
-pub fn write_modes<W: Write + Seek>(modes: &ModalBasis, out: W) -> Result<(), FormatError> {
+pub fn write_modes<W: Write + Seek>(
+    modes: &ModalBasis,
+    numbering: Option<&Numbering>,
+    out: W,
+) -> Result<(), FormatError> {
     let (n, m) = (modes.vertices(), modes.count());
     let mut members = Members { archive: ZipWriter::new(out) };
     match &modes.functions {
@@ -41,6 +46,7 @@ pub fn write_modes<W: Write + Seek>(modes: &ModalBasis, out: W) -> Result<(), Fo
     members.columns("affine", &modes.affine)?;
     members.floats("frame", &[modes.rigid as f64, modes.length])?;
     members.text("metadata", &modes.metadata.to_string())?;
+    members.maps(numbering)?;
     members.archive.finish()?.flush()?;
     Ok(())
 }

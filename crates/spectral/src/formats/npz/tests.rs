@@ -34,7 +34,7 @@ fn a_dense_basis_is_read_whole_and_by_its_layout() {
         let basis = dense_basis(precision, 70);
         let mut bytes = Vec::new();
         let Functions::Dense(functions) = basis.functions.clone() else { panic!() };
-        let layout = write_dense(&basis, functions, &mut bytes).unwrap();
+        let layout = write_dense(&basis, functions, None, &mut bytes).unwrap();
         assert_eq!(bytes, to_bytes(&basis).unwrap());
         assert_eq!((layout.total, layout.chunks.len()), (bytes.len() as u64, 3));
         assert_eq!(layout.end - layout.start, (3 * 72 * precision.bytes()) as u64);

@@ -1,0 +1,122 @@
+//! Eigenfunctions on their surface, for viewers and tables: VTK's XML (`.vtp`), PLY and CSV.
+
+use std::io::Write;
+
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::numbering::Translation;
+
+use super::npz::FormatError;
+use crate::basis::Basis;
+
+fn fits(basis: &Basis, mesh: &TriangleMesh) -> Result<(), FormatError> {
+    let (rows, vertices) = (basis.vertices(), mesh.positions.len());
+    if rows == vertices {
+        return Ok(());
+    }
+    let reason = format!("a function has {rows} numbers, and the surface {vertices} vertices");
+    Err(FormatError::Member { member: "functions".to_owned(), reason })
+}
+
+/// Writes the surface as VTK PolyData: points in double precision, one array `mode_k` in single precision for each eigenfunction, and the field
+/// `eigenvalues`. Columns are lifted one by one.
+///
+/// # Errors
+/// [`FormatError::Member`] where the functions are not on the vertices, else as [`npz::write`](super::npz::write()).
+pub fn write_vtp<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Result<(), FormatError> {
+    fits(basis, mesh)?;
+    let (n, f, m) = (mesh.positions.len(), mesh.faces.len(), basis.count());
+    let mut offset = 0u64;
+    let mut array = |kind: &str, name: &str, more: &str, bytes: usize| {
+        let line =
+            format!("<DataArray type=\"{kind}\" Name=\"{name}\" {more}format=\"appended\" offset=\"{offset}\"/>\n");
+        offset += 8 + bytes as u64;
+        line
+    };
+    let mut text = String::from(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n<PolyData>\n<FieldData>\n",
+    );
+    text += &array("Float64", "eigenvalues", &format!("NumberOfTuples=\"{m}\" "), 8 * m);
+    text += &format!(
+        "</FieldData>\n<Piece NumberOfPoints=\"{n}\" NumberOfVerts=\"0\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"{f}\">\n<PointData>\n"
+    );
+    for mode in 0..m {
+        text += &array("Float32", &format!("mode_{mode}"), "", 4 * n);
+    }
+    text += "</PointData>\n<Points>\n";
+    text += &array("Float64", "Points", "NumberOfComponents=\"3\" ", 24 * n);
+    text += "</Points>\n<Polys>\n";
+    text += &array("UInt32", "connectivity", "", 12 * f);
+    text += &array("Int64", "offsets", "", 8 * f);
+    text += "</Polys>\n</Piece>\n</PolyData>\n<AppendedData encoding=\"raw\">\n_";
+    out.write_all(text.as_bytes())?;
+    let mut piece = |bytes: &[u8]| -> Result<(), FormatError> {
+        out.write_all(&(bytes.len() as u64).to_le_bytes())?;
+        Ok(out.write_all(bytes)?)
+    };
+    piece(bytemuck::cast_slice(&basis.eigenvalues))?;
+    for mode in 0..m {
+        piece(bytemuck::cast_slice(&basis.lift::<f32>(mode..mode + 1)?))?;
+    }
+    piece(bytemuck::cast_slice(mesh.positions.as_flattened()))?;
+    piece(bytemuck::cast_slice(mesh.faces.as_flattened()))?;
+    let ends: Vec<i64> = (1..=f as i64).map(|face| 3 * face).collect();
+    piece(bytemuck::cast_slice(&ends))?;
+    out.write_all(b"\n</AppendedData>\n</VTKFile>\n")?;
+    Ok(out.flush()?)
+}
+
+/// Writes the surface as little-endian PLY, with a property `mode_k` in single precision for each eigenfunction, and the eigenvalues as comments. All
+/// functions are in memory at once, in single precision.
+///
+/// # Errors
+/// As [`write_vtp`].
+pub fn write_ply<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Result<(), FormatError> {
+    fits(basis, mesh)?;
+    let (n, m) = (mesh.positions.len(), basis.count());
+    writeln!(out, "ply\nformat binary_little_endian 1.0")?;
+    for (mode, value) in basis.eigenvalues.iter().enumerate() {
+        writeln!(out, "comment eigenvalue {mode} {value:?}")?;
+    }
+    writeln!(out, "element vertex {n}\nproperty double x\nproperty double y\nproperty double z")?;
+    for mode in 0..m {
+        writeln!(out, "property float mode_{mode}")?;
+    }
+    writeln!(out, "element face {}\nproperty list uchar int vertex_indices\nend_header", mesh.faces.len())?;
+    let functions: Vec<f32> = basis.lift(0..m)?;
+    for (vertex, position) in mesh.positions.iter().enumerate() {
+        out.write_all(bytemuck::cast_slice(position))?;
+        for mode in 0..m {
+            out.write_all(&functions[mode * n + vertex].to_le_bytes())?;
+        }
+    }
+    for face in &mesh.faces {
+        out.write_all(&[3])?;
+        out.write_all(bytemuck::cast_slice(face))?;
+    }
+    Ok(out.flush()?)
+}
+
+/// Writes the eigenfunctions as a table with a row for each vertex, as the translation numbers them: `vertex, mode_0, …`. The first row after the
+/// header, whose vertex is the word `eigenvalue`, has the eigenvalues; where a vertex has no value, nothing stands. All functions are in memory at once.
+///
+/// # Errors
+/// As [`write_vtp`], but for any functions.
+pub fn write_csv<W: Write>(basis: &Basis, to: &Translation, mut out: W) -> Result<(), FormatError> {
+    let (n, m) = (basis.vertices(), basis.count());
+    let names: Vec<String> = (0..m).map(|mode| format!(",mode_{mode}")).collect();
+    writeln!(out, "vertex{}", names.concat())?;
+    let values: Vec<String> = basis.eigenvalues.iter().map(|value| format!(",{value:?}")).collect();
+    writeln!(out, "eigenvalue{}", values.concat())?;
+    let functions: Vec<f64> = basis.lift(0..m)?;
+    let functions: Vec<f64> = functions.chunks_exact(n.max(1)).flat_map(|column| to.push(column, 1)).collect();
+    let rows = to.rows(n);
+    for vertex in 0..rows {
+        write!(out, "{vertex}")?;
+        for mode in 0..m {
+            let value = functions[mode * rows + vertex];
+            if value.is_finite() { write!(out, ",{value:?}")? } else { out.write_all(b",")? }
+        }
+        out.write_all(b"\n")?;
+    }
+    Ok(out.flush()?)
+}

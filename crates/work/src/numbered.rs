@@ -1,0 +1,305 @@
+//! Requests and answers in the numbering of a file, by way of the one [`Translation`].
+//!
+//! Requests are brought into the numbering of the kept mesh before anything else is done with them; answers are brought back last.
+
+use chladni_algebra::DenseMatrix;
+use chladni_mesh::numbering::{NumberingError, Translation};
+use chladni_spectral::operator::transport::FieldKind;
+use serde_json::Value;
+
+use crate::design::{DesignFault, DesignRequest, FieldSource, FurRequest, PerFace, Target};
+use crate::distances::DistanceRequest;
+use crate::simulate::{LoadRequest, SimulateAnswer, SimulateRequest};
+use crate::table::{Table, TableError};
+use crate::{MeshSize, ParameterError};
+
+/// Functions on the vertices of the file as functions on the first `rows` kept ones, column by column.
+///
+/// # Errors
+/// As [`Translation::pull`].
+pub fn pull(to: &Translation, functions: DenseMatrix, rows: usize) -> Result<DenseMatrix, NumberingError> {
+    if to.rows(rows) == rows && to.is_identity() {
+        return Ok(functions);
+    }
+    let mut pulled = Vec::with_capacity(rows * functions.columns());
+    for column in 0..functions.columns() {
+        pulled.extend(to.pull(functions.column(column), rows)?);
+    }
+    Ok(DenseMatrix::from_columns(rows, functions.columns(), pulled).unwrap_or_default())
+}
+
+/// Functions on kept vertices as functions on those of the file, column by column.
+pub fn push(to: &Translation, functions: DenseMatrix) -> DenseMatrix {
+    if to.is_identity() {
+        return functions;
+    }
+    let columns = functions.columns();
+    let pushed: Vec<f64> = (0..columns).flat_map(|column| to.push(functions.column(column), 1)).collect();
+    let rows = pushed.len().checked_div(columns).unwrap_or(0);
+    DenseMatrix::from_columns(rows, columns, pushed).unwrap_or_default()
+}
+
+/// Why a table is no function on the vertices of a mesh.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FunctionError {
+    /// The numbers are no functions.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// They do not fit the numbering of the file.
+    #[error(transparent)]
+    Numbering(#[from] NumberingError),
+}
+
+impl Table {
+    /// The table, a row for each vertex of the file, as functions on the first `rows` kept vertices.
+    ///
+    /// # Errors
+    /// [`FunctionError`].
+    pub fn functions(&self, rows: usize, to: &Translation) -> Result<DenseMatrix, FunctionError> {
+        if to.is_identity() {
+            return Ok(self.matrix(rows)?);
+        }
+        Ok(pull(to, self.any_matrix(to.rows(rows))?, rows)?)
+    }
+}
+
+/// Brings the parameters of a job, as a client wrote them, into the numbering of the kept mesh: `clamped`, a potential, and weights and examples
+/// of faces. What is not of the form that the job expects is left to its parser.
+///
+/// # Errors
+/// [`ParameterError::Value`] names the parameter and the vertex or face.
+pub fn translate_parameters(parameters: &mut Value, to: &Translation, mesh: MeshSize) -> Result<(), ParameterError> {
+    if to.is_identity() {
+        return Ok(());
+    }
+    let shell = parameters.get("thickness").is_some_and(|thickness| !thickness.is_null());
+    let rows = if shell || mesh.solid_vertices == 0 { mesh.vertices } else { mesh.solid_vertices };
+    let refused =
+        |name: &'static str| move |error: NumberingError| ParameterError::Value { name, reason: error.to_string() };
+    for vertex in parameters.get_mut("clamped").and_then(Value::as_array_mut).into_iter().flatten() {
+        if let Some(number) = vertex.as_u64() {
+            *vertex = to.vertex(number, rows).map_err(refused("clamped"))?.into();
+        }
+    }
+    if let Some(values) = parameters.pointer_mut("/operator/hamiltonian/potential/values")
+        && let Some(numbers) = numbers(values)
+    {
+        let pulled = to.pull(&numbers, mesh.vertices);
+        *values = pulled.map_err(refused("operator.hamiltonian.potential.values"))?.into();
+    }
+    if let Some(values) = parameters.get_mut("weights")
+        && let Some(numbers) = numbers(values)
+    {
+        *values = to.pull_faces(&numbers, 1).map_err(refused("weights"))?.into();
+    }
+    for example in parameters.get_mut("examples").and_then(Value::as_array_mut).into_iter().flatten() {
+        if let Some(numbers) = numbers(example) {
+            if to.divides_faces() {
+                return Err(ParameterError::Value { name: "examples", reason: NumberingError::Frames.to_string() });
+            }
+            let width = numbers.len().checked_div(to.faces(mesh.faces)).unwrap_or(0);
+            *example = to.pull_faces(&numbers, width).map_err(refused("examples"))?.into();
+        }
+    }
+    Ok(())
+}
+
+/// An array of numbers, in which null stands for none.
+fn numbers(values: &Value) -> Option<Vec<f64>> {
+    values.as_array()?.iter().map(|x| if x.is_null() { Some(f64::NAN) } else { x.as_f64() }).collect()
+}
+
+impl DistanceRequest {
+    /// Brings sources and pairs into the numbering of the kept mesh, which has so many vertices.
+    ///
+    /// # Errors
+    /// [`NumberingError`] names the vertex.
+    pub fn translate(&mut self, to: &Translation, rows: usize) -> Result<(), NumberingError> {
+        to.vertices(&mut self.sources, rows)?;
+        self.pairs.iter_mut().try_for_each(|pair| to.vertices(pair, rows))
+    }
+
+    /// Brings an answer back: a row for each vertex is one for each of the file; pairs stay as they are.
+    pub fn told(&self, to: &Translation, answer: DenseMatrix) -> DenseMatrix {
+        if self.pairs.is_empty() { push(to, answer) } else { answer }
+    }
+}
+
+impl SimulateRequest {
+    /// Brings loads and vertices into the numbering of the kept object, which has so many vertices.
+    ///
+    /// # Errors
+    /// [`NumberingError`] names the vertex.
+    pub fn translate(&mut self, to: &Translation, rows: usize) -> Result<(), NumberingError> {
+        if to.is_identity() {
+            return Ok(());
+        }
+        let kept = |vertex: usize| to.vertex(vertex as u64, rows).map(|kept| kept as usize);
+        for load in &mut self.loads {
+            let (LoadRequest::Impulse { vertex, .. } | LoadRequest::Force { vertex, .. }) = load;
+            *vertex = kept(*vertex)?;
+        }
+        for vertex in self.vertices.iter_mut().flatten() {
+            *vertex = kept(*vertex)?;
+        }
+        Ok(())
+    }
+
+    /// Whether frames have a row for each vertex, which is then one for each of the file.
+    fn is_of_all(&self, to: &Translation) -> bool {
+        self.vertices.is_none() && self.give == crate::simulate::MotionForm::Displacements && !to.is_identity()
+    }
+
+    /// The numbers that an answer in the numbering of the file has, of an object of so many vertices.
+    pub fn told_numbers(&self, to: &Translation, rows: usize) -> usize {
+        if self.is_of_all(to) { self.times.len().saturating_mul(3 * to.rows(rows)) } else { 0 }
+    }
+
+    /// Brings an answer back.
+    pub fn told(&self, to: &Translation, mut answer: SimulateAnswer) -> SimulateAnswer {
+        if self.is_of_all(to) {
+            answer.displacements.iter_mut().flatten().for_each(|frame| *frame = to.push(frame, 3));
+        }
+        answer
+    }
+
+    /// Brings frames back.
+    pub fn told_frames(&self, to: &Translation, mut frames: crate::simulate::Frames) -> crate::simulate::Frames {
+        if self.is_of_all(to) && frames.columns > 0 {
+            let pushed: Vec<Vec<f32>> = frames.numbers.chunks_exact(frames.columns).map(|f| to.push(f, 3)).collect();
+            frames.columns = pushed.first().map_or(frames.columns, Vec::len);
+            frames.numbers = pushed.concat();
+        }
+        frames
+    }
+}
+
+fn misnumbered(place: String, within: &'static str, error: NumberingError) -> DesignFault {
+    let face = match error {
+        NumberingError::NoFace { face, .. } | NumberingError::DroppedFace { face } => u32::try_from(face).ok(),
+        _ => None,
+    };
+    DesignFault::Request { within, place, reason: error.to_string(), face }
+}
+
+impl DesignRequest {
+    /// Brings faces, vertices and functions on faces into the numbering of the kept mesh, which has so many vertices.
+    ///
+    /// # Errors
+    /// [`DesignFault::Request`] names the member, and the face or vertex.
+    pub fn translate(&mut self, to: &Translation, kind: FieldKind, rows: usize) -> Result<(), DesignFault> {
+        if to.is_identity() {
+            return Ok(());
+        }
+        let faces = self.strokes.iter_mut().map(|stroke| ("strokes", &mut stroke.face)).enumerate();
+        let pins = self.constraints.iter_mut().map(|pin| ("constraints", &mut pin.face)).enumerate();
+        for (at, (list, face)) in faces.chain(pins) {
+            if let Some(face) = face {
+                *face = to.face(*face).map_err(|error| misnumbered(format!("{list}[{at}]"), "face", error))?;
+            }
+        }
+        for (at, singular) in self.singularities.iter_mut().flat_map(|wanted| &mut wanted.at).enumerate() {
+            let place = || format!("singularities.at[{at}]");
+            let kept = to.vertex(singular.vertex.into(), rows);
+            singular.vertex = kept.map_err(|error| misnumbered(place(), "singularities", error))?;
+        }
+        let Some(alignment) = &mut self.alignment else { return Ok(()) };
+        if let Target::Field(table) = &mut alignment.to {
+            let place = "alignment.to";
+            if to.divides_faces() && table.columns == kind.block() {
+                return Err(super::design::refused("alignment", place, NumberingError::Frames));
+            }
+            let pulled = to.pull_faces(&table.values, table.columns);
+            table.values = pulled.map_err(|error| misnumbered(place.to_owned(), "alignment", error))?;
+        }
+        if let Some(PerFace::Values(values)) = &mut alignment.per_face {
+            let pulled = to.pull_faces(values, 1);
+            *values = pulled.map_err(|error| misnumbered("alignment.per_face".to_owned(), "alignment", error))?;
+        }
+        Ok(())
+    }
+}
+
+impl FieldSource {
+    /// Brings a design into the numbering of the kept mesh.
+    ///
+    /// # Errors
+    /// As [`DesignRequest::translate`].
+    pub fn translate(&mut self, to: &Translation, kind: FieldKind, rows: usize) -> Result<(), DesignFault> {
+        match self {
+            Self::Design(request) => request.translate(to, kind, rows),
+            Self::Coefficients(_) | Self::Eigenfield(_) => Ok(()),
+        }
+    }
+}
+
+impl FurRequest {
+    /// Brings the field and the lengths into the numbering of the kept mesh.
+    ///
+    /// # Errors
+    /// As [`DesignRequest::translate`].
+    pub fn translate(&mut self, to: &Translation, kind: FieldKind, rows: usize) -> Result<(), DesignFault> {
+        self.field.translate(to, kind, rows)?;
+        if let Some(lengths) = &mut self.lengths {
+            let numbers: Vec<f64> = lengths.iter().copied().map(f64::from).collect();
+            let pulled = to.pull_faces(&numbers, 1);
+            let pulled = pulled.map_err(|error| misnumbered("lengths".to_owned(), "fur", error))?;
+            *lengths = pulled.into_iter().map(|x| x as f32).collect();
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chladni_mesh::check::{CheckOptions, check};
+    use chladni_mesh::numbering::Extension;
+    use chladni_mesh::read::{MeshFormat, ReadLimits, read};
+    use serde_json::json;
+
+    /// A quadrilateral and a triangle; vertex 1 is of no face, face 1 is left out.
+    fn translation() -> (Translation, MeshSize) {
+        let text = "v 0 0 0\nv 7 7 7\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nf 1 3 4 5\nf 1 1 3\nf 3 6 4\n";
+        let raw = read(text.as_bytes(), MeshFormat::Obj, &ReadLimits::default()).unwrap();
+        let checked = check(raw, &CheckOptions::default()).unwrap();
+        (Translation::of_file(checked.numbering.into(), Extension::None), MeshSize::from(&checked.mesh))
+    }
+
+    #[test]
+    fn parameters_of_jobs_are_those_of_the_kept_mesh_and_misfits_are_named() {
+        let (to, mesh) = translation();
+        let mut parameters = json!({
+            "clamped": [0, 5], "weights": [1.0, null, 3.0],
+            "operator": {"hamiltonian": {"potential": {"values": [0.5, null, 2.0, 3.0, 4.0, 5.0]}}}
+        });
+        translate_parameters(&mut parameters, &to, mesh).unwrap();
+        assert_eq!(parameters["clamped"], json!([0, 4]));
+        assert_eq!(parameters["weights"], json!([1.0, 1.0, 3.0]));
+        assert_eq!(parameters["operator"]["hamiltonian"]["potential"]["values"], json!([0.5, 2.0, 3.0, 4.0, 5.0]));
+        for (wrong, expected) in [
+            (json!({"clamped": [1]}), "\"clamped\": vertex 1 of the file was dropped"),
+            (json!({"clamped": [6]}), "no vertex 6; the file has 6"),
+            (json!({"weights": [1.0]}), "1 values are given; the file has 3 faces"),
+            (json!({"examples": [[1.0, 2.0]]}), "numbering \"kept\""),
+        ] {
+            let refused = translate_parameters(&mut wrong.clone(), &to, mesh).unwrap_err().to_string();
+            assert!(refused.contains(expected), "{refused}");
+        }
+        let mut odd = json!({"clamped": "all", "weights": ["a"]});
+        translate_parameters(&mut odd, &to, mesh).unwrap();
+        assert_eq!(odd, json!({"clamped": "all", "weights": ["a"]}));
+    }
+
+    #[test]
+    fn tables_have_a_row_for_each_vertex_of_the_file() {
+        let (to, mesh) = translation();
+        let table: Table = serde_json::from_value(json!({"columns": 1, "values": [1, null, 2, 3, 4, 5]})).unwrap();
+        let functions = table.functions(mesh.vertices, &to).unwrap();
+        assert_eq!(functions.column(0), [1.0, 2.0, 3.0, 4.0, 5.0]);
+        let back = serde_json::to_value(Table::from(&push(&to, functions))).unwrap();
+        assert_eq!(back, json!({"columns": 1, "values": [1.0, null, 2.0, 3.0, 4.0, 5.0]}));
+        let short = Table { columns: 1, values: vec![0.0; 5] };
+        assert!(short.functions(mesh.vertices, &to).unwrap_err().to_string().contains("6 rows"));
+    }
+}

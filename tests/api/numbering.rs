@@ -1,0 +1,616 @@
+//! The user's vertices are the user's: every route answers about a file with unreferenced, duplicate and permuted vertices as it does about the mesh
+//! that is left of it, up to the map between the two. That map is found here by positions, not asked for.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::sync::Arc;
+
+use chladni::queue::Solver;
+use chladni_base::SplitMix64;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::read::{MeshFormat, ReadLimits, read};
+use chladni_mesh::shape::{Shape, generate, noisy};
+use serde_json::{Value, json};
+
+use crate::common::{TestApp, meshes, problem, text};
+
+const OCTETS: &str = "application/octet-stream";
+
+fn app() -> TestApp {
+    let mut builder = TestApp::builder();
+    builder.runner = Arc::new(Solver);
+    builder.start()
+}
+
+/// A file that is a surface with accidents, and what became of its vertices and faces.
+struct Case {
+    dirty: String,
+    clean: String,
+    /// For each vertex of the file that of the mesh.
+    vertices: Vec<Option<usize>>,
+    /// For each face of the file that of the mesh.
+    faces: Vec<Option<usize>>,
+    mesh: TriangleMesh,
+}
+
+/// An OBJ of a surface: its vertices in random order, a third of them twice, as many that no face uses, every tenth face twice and a face that
+/// repeats a vertex after every twentieth.
+fn disturbed(surface: &TriangleMesh, random: &mut SplitMix64) -> String {
+    let n = surface.positions.len();
+    let mut order: Vec<Option<usize>> = (0..n).map(Some).collect();
+    for _ in 0..n / 3 {
+        order.extend([Some(random.below(n)), None]);
+    }
+    for at in (1..order.len()).rev() {
+        order.swap(at, random.below(at + 1));
+    }
+    let mut places = vec![Vec::new(); n];
+    let mut out = String::new();
+    for (file, own) in order.iter().enumerate() {
+        own.iter().for_each(|&own| places[own].push(file + 1));
+        let [x, y, z] = own.map_or_else(|| [0; 3].map(|_| 3.0 + random.unit()), |own| surface.positions[own]);
+        writeln!(out, "v {x:?} {y:?} {z:?}").unwrap();
+    }
+    let mut corners = |face: [u32; 3]| face.map(|v| places[v as usize][random.below(places[v as usize].len())]);
+    for (f, &face) in surface.faces.iter().enumerate() {
+        for _ in 0..1 + usize::from(f % 10 == 0) {
+            let [a, b, c] = corners(face);
+            writeln!(out, "f {a} {b} {c}").unwrap();
+        }
+        if f % 20 == 0 {
+            writeln!(out, "f 1 1 2").unwrap();
+        }
+    }
+    out
+}
+
+impl Case {
+    async fn new(app: &TestApp, seed: u64) -> Self {
+        let mut random = SplitMix64::new(seed);
+        let shape = [Shape::Sphere, Shape::Torus][random.below(2)];
+        let surface = noisy(&generate(shape, 150).unwrap(), 0.3, seed).unwrap();
+        let file = disturbed(&surface, &mut random);
+        let answer: Value = app
+            .post("/v1/meshes?format=obj&merge=always")
+            .body(file.clone())
+            .send()
+            .await
+            .unwrap()
+            .json()
+            .await
+            .unwrap();
+        assert_eq!(answer["report"]["file"]["dropped"], surface.positions.len() / 3, "{answer}");
+        let dirty = text(&answer["id"]);
+        let content =
+            app.get(&format!("/v1/meshes/{dirty}/content?format=ply")).send().await.unwrap().bytes().await.unwrap();
+        let clean = text(&app.upload("ply", content.clone()).await["id"]);
+        assert_ne!(clean, dirty, "files of other numbering are other meshes");
+
+        let raw = read(file.as_bytes(), MeshFormat::Obj, &ReadLimits::default()).unwrap();
+        let kept = read(&content, MeshFormat::Ply, &ReadLimits::default()).unwrap();
+        let bits = |p: &[f64; 3]| p.map(|x| (x + 0.0).to_bits());
+        let find = |p: &[f64; 3]| kept.positions.iter().position(|q| bits(p) == bits(q));
+        let vertices: Vec<Option<usize>> = raw.positions.iter().map(find).collect();
+        let sorted = |mut corners: [Option<usize>; 3]| {
+            corners.sort_unstable();
+            corners
+        };
+        let own: Vec<_> = kept.faces.iter().map(|face| sorted(face.map(|v| Some(v as usize)))).collect();
+        let mut taken = BTreeSet::new();
+        let mut faces = Vec::new();
+        for face in &raw.faces {
+            let corners = sorted(face.map(|v| vertices[v as usize]));
+            // Of equal faces the first is kept.
+            faces.push(own.iter().position(|own| *own == corners).filter(|&found| taken.insert(found)));
+        }
+        assert_eq!(taken.len(), kept.faces.len());
+        Self { dirty, clean, vertices, faces, mesh: TriangleMesh { positions: kept.positions, faces: kept.faces } }
+    }
+
+    /// A vertex of the file and the one of the mesh that it is.
+    fn vertex(&self, random: &mut SplitMix64) -> (usize, usize) {
+        let at = random.below(self.vertices.len());
+        self.vertices[at].map_or_else(|| self.vertex(random), |kept| (at, kept))
+    }
+
+    fn face(&self, random: &mut SplitMix64) -> (usize, usize) {
+        let at = random.below(self.faces.len());
+        self.faces[at].map_or_else(|| self.face(random), |kept| (at, kept))
+    }
+
+    fn dropped(&self) -> usize {
+        self.vertices.iter().position(Option::is_none).unwrap()
+    }
+}
+
+/// Values of a file, from those of the mesh, `width` each; none where there is none.
+fn told(values: &[f64], width: usize, map: &[Option<usize>]) -> Vec<f64> {
+    map.iter()
+        .flat_map(|kept| (0..width).map(move |k| kept.map_or(f64::NAN, |kept| values[width * kept + k])))
+        .collect()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    let list = value.as_array().unwrap_or_else(|| panic!("{value}"));
+    list.iter().map(|x| x.as_f64().unwrap_or(f64::NAN)).collect()
+}
+
+fn assert_close(found: &[f64], expected: &[f64], what: &str) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    let largest = expected.iter().filter(|x| x.is_finite()).fold(1e-300f64, |most, x| most.max(x.abs()));
+    for (at, (a, b)) in found.iter().zip(expected).enumerate() {
+        assert!((a.is_nan() && b.is_nan()) || (a - b).abs() <= 1e-6 * largest, "{what}: {a} is not {b} at {at}");
+    }
+}
+
+async fn job(app: &TestApp, kind: &str, mesh: &str, parameters: &Value, query: &str) -> Value {
+    let body = json!({"kind": kind, "mesh": mesh, "parameters": parameters});
+    let job: Value = app.post(&format!("/v1/jobs{query}")).json(&body).send().await.unwrap().json().await.unwrap();
+    let job = app.finished(&text(&job["id"])).await;
+    assert_eq!(job["status"], "succeeded", "{job}");
+    app.get(job["links"]["basis"].as_str().unwrap()).send().await.unwrap().json().await.unwrap()
+}
+
+/// The same job on both meshes: the paths of both bases.
+async fn bases(app: &TestApp, case: &Case, kind: &str, parameters: [&Value; 2]) -> [String; 2] {
+    let [own, other] =
+        [job(app, kind, &case.dirty, parameters[0], "").await, job(app, kind, &case.clean, parameters[1], "").await];
+    assert_close(&numbers(&own["eigenvalues"]), &numbers(&other["eigenvalues"]), kind);
+    [own, other].map(|basis| text(&basis["links"]["self"]))
+}
+
+async fn ask(app: &TestApp, url: &str, body: &Value) -> Value {
+    let response = app.post(url).json(body).send().await.unwrap();
+    let status = response.status();
+    let value: Value = response.json().await.unwrap();
+    assert_eq!(status, 200, "{url} {body}: {value}");
+    value
+}
+
+/// A raw answer as numbers.
+async fn raw(request: reqwest::RequestBuilder) -> Vec<f64> {
+    let response = request.header("accept", OCTETS).send().await.unwrap();
+    assert_eq!(response.status(), 200, "{:?}", response.text().await);
+    let rows: usize = response.headers()["chladni-rows"].to_str().unwrap().parse().unwrap();
+    let bytes = response.bytes().await.unwrap();
+    let numbers: Vec<f64> = bytes.as_chunks::<4>().0.iter().map(|&b| f64::from(f32::from_le_bytes(b))).collect();
+    assert_eq!(numbers.len() % rows, 0);
+    numbers
+}
+
+/// Every operation that takes part; the test below wants them to be all that the document has.
+const COVERED: &[&str] = &[
+    "submitJob",
+    "filter",
+    "project",
+    "reconstruct",
+    "compress",
+    "decompress",
+    "distances",
+    "signatures",
+    "similarPoints",
+    "functionalMap",
+    "getModes",
+    "familySpectrum",
+    "simulate",
+    "designField",
+    "getEigenfields",
+    "combFur",
+    "drawHatching",
+    "getFrames",
+];
+
+/// Operations that name vertices or faces, or give functions, and convert nothing, and why.
+const EXEMPT: &[(&str, &str)] = &[
+    ("uploadMesh", "takes the file itself"),
+    ("listMeshes", "counts"),
+    ("showMesh", "counts, and defects that are numbered as in the file"),
+    ("renameMesh", "counts"),
+    ("getMeshContent", "gives the kept mesh"),
+    ("getVertexMap", "is the map"),
+    ("getFaceMap", "is the map"),
+    ("listBases", "counts"),
+    ("showBasis", "counts"),
+    ("getBasisContent", "has both maps inside"),
+    ("compareShapes", "its descriptors are spectra"),
+];
+
+#[test]
+fn no_operation_is_forgotten() {
+    let document: Value = serde_json::from_str(&chladni::http::openapi().unwrap()).unwrap();
+    let words = ["vertex", "vertices", "face", "faces", "functions", "sources", "landmarks", "descriptors", "modes"];
+    let mut numbered = BTreeSet::new();
+    for (path, operations) in document["paths"].as_object().unwrap() {
+        for operation in
+            operations.as_object().unwrap().values().filter(|operation| operation["operationId"].is_string())
+        {
+            let id = operation["operationId"].as_str().unwrap();
+            let has = |name: &str| {
+                operation["parameters"].as_array().is_some_and(|all| all.iter().any(|p| p["name"] == name))
+            };
+            assert_eq!(has("numbering"), has("extend"), "{path}");
+            if has("numbering") {
+                numbered.insert(id.to_owned());
+                continue;
+            }
+            let mut found = BTreeSet::new();
+            members(&document, &operation["requestBody"], &mut BTreeSet::new(), &mut found);
+            members(&document, &operation["responses"]["200"], &mut BTreeSet::new(), &mut found);
+            let named = found.iter().find(|name| words.contains(&&name[..]));
+            let exempt = EXEMPT.iter().any(|(own, _)| *own == id);
+            assert!(named.is_none() || exempt, "{id} has the member {named:?}, but no parameter numbering");
+        }
+    }
+    assert_eq!(numbered, COVERED.iter().map(|&id| id.to_owned()).collect(), "every numbered operation is tested here");
+}
+
+/// The names of all members of the schemas that a part of the document refers to.
+fn members(document: &Value, part: &Value, seen: &mut BTreeSet<String>, found: &mut BTreeSet<String>) {
+    match part {
+        Value::Object(object) => {
+            for (name, value) in object {
+                match (name.as_str(), value) {
+                    ("$ref", Value::String(place)) if seen.insert(place.clone()) => {
+                        members(document, document.pointer(&place[1..]).unwrap(), seen, found);
+                    }
+                    ("properties", Value::Object(own)) => {
+                        found.extend(own.keys().cloned());
+                        own.values().for_each(|value| members(document, value, seen, found));
+                    }
+                    ("example" | "examples", _) => {}
+                    _ => members(document, value, seen, found),
+                }
+            }
+        }
+        Value::Array(items) => items.iter().for_each(|item| members(document, item, seen, found)),
+        _ => {}
+    }
+}
+
+const EXACT: &str = "hsim";
+
+#[tokio::test]
+async fn functions_on_vertices_are_those_of_the_file() {
+    let app = app();
+    for seed in 0..3 {
+        let case = Case::new(&app, seed).await;
+        let random = &mut SplitMix64::new(seed);
+        let parameters = json!({"method": EXACT, "count": 20, "tolerance": 1e-8});
+        let [dirty, clean] = bases(&app, &case, "eigenbasis", [&parameters, &parameters]).await;
+        let own: Vec<f64> = (0..case.mesh.positions.len()).map(|_| random.unit()).collect();
+        let file = told(&own, 1, &case.vertices);
+        let table = |values: &[f64]| json!({"columns": 1, "values": values});
+
+        let transfer = json!({"kind": "heat", "time": 0.01});
+        let filtered = |values: &[f64]| json!({"functions": table(values), "transfer": transfer});
+        let a = ask(&app, &format!("{dirty}/filter"), &filtered(&file)).await;
+        let b = ask(&app, &format!("{clean}/filter"), &filtered(&own)).await;
+        assert_close(&numbers(&a["values"]), &told(&numbers(&b["values"]), 1, &case.vertices), "filter");
+        let bytes: Vec<u8> = file.iter().flat_map(|&x| (x as f32).to_le_bytes()).collect();
+        let request = app.post(&format!("{dirty}/filter")).query(&[("transfer", transfer.to_string())]);
+        let c = raw(request.header("content-type", OCTETS).body(bytes)).await;
+        assert_close(&c, &numbers(&a["values"]), "raw filter");
+
+        let a = ask(&app, &format!("{dirty}/project"), &json!({"functions": table(&file), "reconstruct": true})).await;
+        let b = ask(&app, &format!("{clean}/project"), &json!({"functions": table(&own), "reconstruct": true})).await;
+        let expected = told(&numbers(&b["reconstruction"]["values"]), 1, &case.vertices);
+        assert_close(&numbers(&a["reconstruction"]["values"]), &expected, "project");
+        let again = ask(&app, &format!("{dirty}/reconstruct"), &a["coefficients"]).await;
+        assert_close(&numbers(&again["values"]), &expected, "reconstruct");
+        // What came out goes in again, nulls and all.
+        let round = ask(&app, &format!("{dirty}/project"), &json!({"functions": a["reconstruction"]})).await;
+        assert_close(&numbers(&round["coefficients"]["values"]), &numbers(&a["coefficients"]["values"]), "round");
+        let near = ask(&app, &format!("{dirty}/reconstruct?extend=nearest"), &a["coefficients"]).await;
+        assert!(near["values"].as_array().unwrap().iter().all(Value::is_number));
+
+        let packed =
+            app.post(&format!("{dirty}/compress")).header("accept", OCTETS).json(&json!({"functions": table(&file)}));
+        let packed = packed.send().await.unwrap().bytes().await.unwrap();
+        let request = app.post(&format!("{dirty}/decompress")).header("content-type", OCTETS).body(packed);
+        let unpacked = raw(request).await;
+        for (found, expected) in unpacked.iter().zip(&expected) {
+            assert!((found.is_nan() && expected.is_nan()) || (found - expected).abs() < 0.01, "decompress");
+        }
+
+        let a = raw(app.get(&format!("{dirty}/modes?from=3&to=6"))).await;
+        let b = raw(app.get(&format!("{clean}/modes?from=3&to=6"))).await;
+        let expected: Vec<f64> =
+            b.chunks_exact(case.mesh.positions.len()).flat_map(|mode| told(mode, 1, &case.vertices)).collect();
+        assert_close(&a, &expected, "modes");
+        assert_close(&raw(app.get(&format!("{dirty}/modes?from=3&to=6&numbering=kept"))).await, &b, "kept modes");
+    }
+}
+
+#[tokio::test]
+async fn vertices_are_those_of_the_file() {
+    let app = app();
+    for seed in 3..6 {
+        let case = Case::new(&app, seed).await;
+        let random = &mut SplitMix64::new(seed);
+        let parameters = json!({"method": EXACT, "count": 30, "tolerance": 1e-8});
+        let [dirty, clean] = bases(&app, &case, "eigenbasis", [&parameters, &parameters]).await;
+        let (p, q) = (case.vertex(random), case.vertex(random));
+        for kind in ["biharmonic", "geodesic"] {
+            let body = |p: usize, q: usize| json!({"distance": {"kind": kind}, "sources": [p, q]});
+            let a = ask(&app, &format!("{dirty}/distances"), &body(p.0, q.0)).await;
+            let b = ask(&app, &format!("{clean}/distances"), &body(p.1, q.1)).await;
+            assert_close(&numbers(&a["values"]), &told(&numbers(&b["values"]), 2, &case.vertices), kind);
+            let body = |p: usize, q: usize| json!({"distance": {"kind": kind}, "pairs": [[p, q]]});
+            let a = ask(&app, &format!("{dirty}/distances"), &body(p.0, q.0)).await;
+            let b = ask(&app, &format!("{clean}/distances"), &body(p.1, q.1)).await;
+            assert_close(&numbers(&a["values"]), &numbers(&b["values"]), kind);
+        }
+        let dropped = case.dropped();
+        let lost = json!({"distance": {"kind": "biharmonic"}, "sources": [dropped]});
+        let refused = app.post(&format!("{dirty}/distances")).json(&lost).send().await.unwrap();
+        let refused = problem(refused, 422, "invalid-vertex").await;
+        assert_eq!(
+            (&refused["vertex"], refused["detail"].as_str().unwrap().contains("was dropped")),
+            (&json!(dropped), true)
+        );
+        ask(&app, &format!("{dirty}/distances?extend=nearest"), &lost).await;
+
+        let signature = json!({"kind": "wave_kernel", "count": 40});
+        let body = |p: usize, q: usize| json!({"signature": signature, "vertices": [p, q]});
+        let a = ask(&app, &format!("{dirty}/signatures"), &body(p.0, q.0)).await;
+        let b = ask(&app, &format!("{clean}/signatures"), &body(p.1, q.1)).await;
+        assert_close(&numbers(&a["values"]), &numbers(&b["values"]), "signatures");
+        let a = ask(&app, &format!("{dirty}/signatures"), &json!({"signature": signature})).await;
+        let b = ask(&app, &format!("{clean}/signatures"), &json!({"signature": signature})).await;
+        assert_close(&numbers(&a["values"]), &told(&numbers(&b["values"]), 40, &case.vertices), "all signatures");
+
+        let body = |p: usize| json!({"signature": signature, "vertex": p, "count": 7});
+        let a = ask(&app, &format!("{dirty}/similar-points"), &body(p.0)).await;
+        let b = ask(&app, &format!("{clean}/similar-points"), &body(p.1)).await;
+        let back = |vertex: &Value| case.vertices[vertex.as_u64().unwrap() as usize].unwrap() as u64;
+        let found: Vec<u64> = a["vertices"].as_array().unwrap().iter().map(back).collect();
+        let expected: Vec<u64> = b["vertices"].as_array().unwrap().iter().map(|v| v.as_u64().unwrap()).collect();
+        assert_eq!(found, expected);
+        let a = raw(app.post(&format!("{dirty}/similar-points")).json(&body(p.0))).await;
+        let b = raw(app.post(&format!("{clean}/similar-points")).json(&body(p.1))).await;
+        assert_close(&a, &told(&b, 1, &case.vertices), "all differences");
+
+        let marks: Vec<_> = (0..6).map(|_| (case.vertex(random), case.vertex(random))).collect();
+        let id = |path: &str| path.rsplit('/').next().unwrap().to_owned();
+        let body = |path: &str, marks: Vec<[usize; 2]>| json!({"source": id(path), "target": id(path), "landmarks": marks, "pairs": 20, "start": 10, "all_points": true});
+        let on_file = marks.iter().map(|(p, q)| [p.0, q.0]).collect();
+        let on_mesh = marks.iter().map(|(p, q)| [p.1, q.1]).collect();
+        let a = ask(&app, "/v1/functional-maps", &body(&dirty, on_file)).await;
+        let b = ask(&app, "/v1/functional-maps", &body(&clean, on_mesh)).await;
+        assert_close(&numbers(&a["matrix"]["values"]), &numbers(&b["matrix"]["values"]), "map");
+        let points = a["points"].as_array().unwrap();
+        assert_eq!(points.len(), case.vertices.len());
+        for (file, point) in points.iter().enumerate() {
+            let expected = case.vertices[file].map(|kept| b["points"][kept].as_u64().unwrap());
+            assert_eq!(point.as_u64().map(|_| back(point)), expected);
+        }
+    }
+}
+
+#[tokio::test]
+async fn jobs_and_motions_take_the_vertices_of_the_file() {
+    let app = app();
+    for seed in 6..8 {
+        let case = Case::new(&app, seed).await;
+        let random = &mut SplitMix64::new(seed);
+        let own: Vec<f64> = (0..case.mesh.positions.len()).map(|_| 5.0 * random.unit()).collect();
+        let potential = |values: &[f64]| {
+            let operator = json!({"hamiltonian": {"potential": {"values": values}}});
+            json!({"method": EXACT, "count": 10, "tolerance": 1e-8, "operator": operator})
+        };
+        let file = told(&own, 1, &case.vertices);
+        bases(&app, &case, "eigenbasis", [&potential(&file), &potential(&own)]).await;
+
+        let held: Vec<_> = (0..4).map(|_| case.vertex(random)).collect();
+        let modes =
+            |clamped: Vec<usize>| json!({"count": 12, "thickness": 0.01, "tolerance": 1e-6, "clamped": clamped});
+        let on_file = modes(held.iter().map(|v| v.0).collect());
+        let on_mesh = modes(held.iter().map(|v| v.1).collect());
+        let [dirty, clean] = bases(&app, &case, "vibration_basis", [&on_file, &on_mesh]).await;
+        let (struck, seen) = (case.vertex(random), case.vertex(random));
+        let tap = |vertex: usize, more: Value| {
+            let mut body =
+                json!({"loads": [{"impulse": {"vertex": vertex, "momentum": [0.1, 0.2, -0.3]}}], "times": [0.1, 0.2]});
+            body.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+            body
+        };
+        let a = ask(&app, &format!("{dirty}/simulate"), &tap(struck.0, json!({}))).await;
+        let b = ask(&app, &format!("{clean}/simulate"), &tap(struck.1, json!({}))).await;
+        for time in 0..2 {
+            let expected = told(&numbers(&b["displacements"][time]), 3, &case.vertices);
+            assert_close(&numbers(&a["displacements"][time]), &expected, "motion");
+        }
+        let frames = raw(app.post(&format!("{dirty}/simulate")).json(&tap(struck.0, json!({})))).await;
+        assert_close(&frames[..3 * case.vertices.len()], &numbers(&a["displacements"][0]), "frames");
+        let a = ask(&app, &format!("{dirty}/simulate"), &tap(struck.0, json!({"vertices": [seen.0]}))).await;
+        let b = ask(&app, &format!("{clean}/simulate"), &tap(struck.1, json!({"vertices": [seen.1]}))).await;
+        assert_close(&numbers(&a["displacements"][1]), &numbers(&b["displacements"][1]), "one vertex");
+        let lost = app.post(&format!("{dirty}/simulate")).json(&tap(case.dropped(), json!({}))).send().await.unwrap();
+        problem(lost, 422, "invalid-simulation/vertex-out-of-range").await;
+        let body = json!({"kind": "vibration_basis", "mesh": case.dirty, "parameters": modes(vec![case.dropped()])});
+        let refused =
+            problem(app.post("/v1/jobs").json(&body).send().await.unwrap(), 422, "invalid-parameter/clamped").await;
+        assert!(refused["detail"].as_str().unwrap().contains("was dropped"), "{refused}");
+
+        let family = json!({"dimension": 60});
+        let [dirty, clean] = bases(&app, &case, "operator_family", [&family, &family]).await;
+        let body = json!({"extrinsic": 0.5, "count": 5, "give": "modes"});
+        let a = ask(&app, &format!("{dirty}/spectrum"), &body).await;
+        let b = ask(&app, &format!("{clean}/spectrum"), &body).await;
+        let expected = told(&numbers(&b["modes"]["values"]), 5, &case.vertices);
+        assert_close(&numbers(&a["modes"]["values"]), &expected, "family");
+    }
+}
+
+#[tokio::test]
+async fn faces_are_those_of_the_file() {
+    let app = app();
+    for seed in 8..10 {
+        let case = Case::new(&app, seed).await;
+        let random = &mut SplitMix64::new(seed);
+        let weights: Vec<f64> = (0..case.mesh.faces.len()).map(|_| 0.5 + random.unit()).collect();
+        let space = |weights: Vec<f64>| json!({"dimension": 40, "weights": weights});
+        let on_file = space(told(&weights, 1, &case.faces));
+        let [dirty, clean] = bases(&app, &case, "field_basis", [&on_file, &space(weights)]).await;
+
+        let a = raw(app.get(&format!("/v1/meshes/{}/frames", case.dirty))).await;
+        let b = raw(app.get(&format!("/v1/meshes/{}/frames", case.clean))).await;
+        assert_close(&a, &told(&b, 6, &case.faces), "frames");
+        let a = raw(app.get(&format!("{dirty}/eigenfields?from=0&to=2"))).await;
+        let b = raw(app.get(&format!("{clean}/eigenfields?from=0&to=2"))).await;
+        let expected: Vec<f64> =
+            b.chunks_exact(3 * case.mesh.faces.len()).flat_map(|field| told(field, 3, &case.faces)).collect();
+        assert_close(&a, &expected, "eigenfields");
+
+        let (p, q) = (case.face(random), case.face(random));
+        let vectors: Vec<f64> = (0..3 * case.mesh.faces.len()).map(|_| random.signed_unit()).collect();
+        let factors: Vec<f64> = (0..case.mesh.faces.len()).map(|_| random.unit()).collect();
+        let strokes = |p: usize, q: usize, to: Vec<f64>, factors: Vec<f64>| {
+            json!({"strokes": [{"face": p, "direction": [0.1, 0.7, 0.3]}],
+                   "constraints": [{"face": q, "frame_direction": [1.0, 0.5]}],
+                   "alignment": {"to": {"columns": 3, "values": to}, "weight": 2.0, "per_face": factors}})
+        };
+        let zero =
+            |values: Vec<f64>| values.into_iter().map(|x| if x.is_nan() { 0.0 } else { x }).collect::<Vec<f64>>();
+        let on_file = strokes(p.0, q.0, told(&vectors, 3, &case.faces), zero(told(&factors, 1, &case.faces)));
+        let on_mesh = strokes(p.1, q.1, vectors, factors.clone());
+        let a = ask(&app, &format!("{dirty}/design?form=world"), &on_file).await;
+        let b = ask(&app, &format!("{clean}/design?form=world"), &on_mesh).await;
+        let expected = told(&numbers(&b["field"]["values"]), 3, &case.faces);
+        assert_close(&numbers(&a["field"]["values"]), &expected, "design");
+        assert_eq!(a["faces"], json!([p.0, q.0]));
+
+        let lengths =
+            |factors: Vec<f64>, design: &Value| json!({"field": {"design": design}, "length": 0.1, "lengths": factors});
+        let on_file = lengths(zero(told(&factors, 1, &case.faces)), &on_file);
+        let a = ask(&app, &format!("{dirty}/fur"), &on_file).await;
+        let b = ask(&app, &format!("{clean}/fur"), &lengths(factors, &on_mesh)).await;
+        assert_close(&numbers(&a["values"]), &told(&numbers(&b["values"]), 6, &case.faces), "fur");
+        let hatch = |design: &Value| json!({"field": {"design": design}, "spacing": 0.2});
+        let a = ask(&app, &format!("{dirty}/hatching"), &hatch(&on_file["field"]["design"])).await;
+        let b = ask(&app, &format!("{clean}/hatching"), &hatch(&on_mesh)).await;
+        let faces = |answer: &Value| -> Vec<u64> {
+            let lines = answer["lines"].as_array().unwrap().iter();
+            lines.flat_map(|line| line["faces"].as_array().unwrap()).map(|face| face.as_u64().unwrap()).collect()
+        };
+        let back: Vec<u64> = faces(&a).into_iter().map(|face| case.faces[face as usize].unwrap() as u64).collect();
+        assert_eq!((back.is_empty(), back), (false, faces(&b)), "hatching");
+
+        let free = json!({"strokes": [{"face": p.0, "direction": [0.1, 0.7, 0.3]}]});
+        let a = ask(&app, &format!("{dirty}/design?singularities=true"), &free).await;
+        let free = json!({"strokes": [{"face": p.1, "direction": [0.1, 0.7, 0.3]}]});
+        let b = ask(&app, &format!("{clean}/design?singularities=true"), &free).await;
+        let singular = |answer: &Value| answer["singularities"].as_array().unwrap().clone();
+        for (a, b) in singular(&a).iter().zip(&singular(&b)) {
+            assert_eq!(case.vertices[a["vertex"].as_u64().unwrap() as usize], b["vertex"].as_u64().map(|v| v as usize));
+        }
+        assert_eq!(singular(&a).len(), singular(&b).len());
+        let lost = case.faces.iter().position(Option::is_none).unwrap();
+        let body = json!({"strokes": [{"face": lost, "direction": [0.1, 0.7, 0.3]}]});
+        let refused = app.post(&format!("{dirty}/design")).json(&body).send().await.unwrap();
+        problem(refused, 422, "invalid-design/face").await;
+    }
+}
+
+#[tokio::test]
+async fn maps_are_served_and_stored_with_every_basis() {
+    let app = app();
+    let case = Case::new(&app, 20).await;
+    let url = |map: &str| format!("/v1/meshes/{}/{map}", case.dirty);
+    let map: Value = app.get(&url("vertex-map")).send().await.unwrap().json().await.unwrap();
+    assert_eq!(
+        (&map["known"], &map["identical"], &map["kept"]),
+        (&json!(true), &json!(false), &json!(case.mesh.positions.len()))
+    );
+    let found: Vec<Option<usize>> =
+        map["map"].as_array().unwrap().iter().map(|v| v.as_u64().map(|v| v as usize)).collect();
+    assert_eq!(found, case.vertices);
+    let map: Value = app.get(&url("face-map?of=file")).send().await.unwrap().json().await.unwrap();
+    let found: Vec<Option<usize>> =
+        map["map"].as_array().unwrap().iter().map(|v| v.as_u64().map(|v| v as usize)).collect();
+    assert_eq!(found, case.faces);
+    let npy = app.get(&url("face-map?format=npy")).send().await.unwrap().bytes().await.unwrap();
+    let (head, data) = npy.split_at(128);
+    assert!(
+        String::from_utf8_lossy(head)
+            .contains(&format!("'<i4', 'fortran_order': False, 'shape': ({},)", case.mesh.faces.len()))
+    );
+    let data: Vec<usize> = data.as_chunks::<4>().0.iter().map(|&w| i32::from_le_bytes(w) as usize).collect();
+    assert!(data.iter().enumerate().all(|(kept, &file)| case.faces[file] == Some(kept)));
+
+    for (kind, parameters) in [
+        ("eigenbasis", json!({"method": "hsim", "count": 5})),
+        ("eigenbasis", json!({"method": "approximate", "count": 5, "dimension": 40})),
+        ("field_basis", json!({"dimension": 40})),
+        ("operator_family", json!({"dimension": 40})),
+        ("vibration_basis", json!({"count": 8, "thickness": 0.01})),
+    ] {
+        let basis = job(&app, kind, &case.dirty, &parameters, "").await;
+        let file =
+            app.get(&format!("{}/content", text(&basis["links"]["self"]))).send().await.unwrap().bytes().await.unwrap();
+        let mut archive = zip::ZipArchive::new(std::io::Cursor::new(file)).unwrap();
+        for (name, length) in [("vertex_map.npy", case.vertices.len()), ("face_map.npy", case.mesh.faces.len())] {
+            let mut bytes = Vec::new();
+            std::io::Read::read_to_end(&mut archive.by_name(name).unwrap(), &mut bytes).unwrap();
+            assert_eq!(bytes.len(), 128 + 4 * length, "{kind}: {name}");
+            if name == "vertex_map.npy" {
+                let map = bytes[128..].as_chunks::<4>().0.iter().map(|&w| usize::try_from(i32::from_le_bytes(w)).ok());
+                assert_eq!(map.collect::<Vec<_>>(), case.vertices);
+            }
+        }
+    }
+    let plain: Value =
+        app.get(&format!("/v1/meshes/{}/vertex-map", case.clean)).send().await.unwrap().json().await.unwrap();
+    assert_eq!(
+        (&plain["identical"], plain["map"].as_array().unwrap().len()),
+        (&json!(true), case.mesh.positions.len())
+    );
+}
+
+#[tokio::test]
+async fn a_divided_surface_and_an_stl_have_the_vertices_of_their_files() {
+    let app = app();
+    let quads = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1.5 0\nf 1 2 3 4\nf 2 5 6 3\n";
+    let response = app.post("/v1/meshes?format=obj&subdivide=2").body(quads).send().await.unwrap();
+    let mesh: Value = response.json().await.unwrap();
+    let basis = job(&app, "eigenbasis", &text(&mesh["id"]), &json!({"method": "hsim", "count": 45}), "").await;
+    assert_eq!(basis["vertices"], 45);
+    // A linear function is one of every fine mesh, and all its pairs hold it whole.
+    let linear = [0.0, 1.0, 1.0, 0.0, 2.0, 2.0];
+    let body = json!({"functions": {"columns": 1, "values": linear}, "reconstruct": true});
+    let answer = ask(&app, &format!("{}/project", text(&basis["links"]["self"])), &body).await;
+    assert_close(&numbers(&answer["reconstruction"]["values"]), &linear, "divided");
+    assert!(answer["relative_errors"][0].as_f64().unwrap() < 1e-5, "{answer}");
+
+    let stl = "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n\
+               facet normal 0 0 1\nouter loop\nvertex 1 0 0\nvertex 1 1 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid s\n";
+    let mesh = app.upload("stl", stl).await;
+    assert_eq!((&mesh["vertices"], &mesh["report"]["file"]["vertices"]), (&json!(4), &json!(6)));
+    let basis = job(&app, "eigenbasis", &text(&mesh["id"]), &json!({"method": "hsim", "count": 4}), "").await;
+    let url = format!("{}/project", text(&basis["links"]["self"]));
+    let values = [5.0, 1.0, 2.0, 1.0, 7.0, 2.0];
+    let answer = ask(&app, &url, &json!({"functions": {"columns": 1, "values": values}, "reconstruct": true})).await;
+    assert_close(&numbers(&answer["reconstruction"]["values"]), &values, "STL");
+    let torn = json!({"functions": {"columns": 1, "values": [5.0, 1.0, 2.0, 3.0, 7.0, 2.0]}});
+    let refused = problem(app.post(&url).json(&torn).send().await.unwrap(), 422, "invalid-function").await;
+    assert!(refused["detail"].as_str().unwrap().contains("Vertices 1 and 3 of the file are one vertex"), "{refused}");
+}
+
+#[tokio::test]
+async fn the_bunny_has_35947_values() {
+    let Some(folder) = meshes() else { return };
+    let app = app();
+    let file = std::fs::read(folder.join("bunny.obj")).unwrap();
+    let mesh = app.upload("obj", file).await;
+    assert_eq!((&mesh["vertices"], &mesh["report"]["file"]["vertices"]), (&json!(34_834), &json!(35_947)));
+    let basis = job(&app, "eigenbasis", &text(&mesh["id"]), &json!({"method": "approximate", "count": 20}), "").await;
+    let url = text(&basis["links"]["self"]);
+    let values: Vec<f64> = (0..35_947).map(|v| f64::from(v).sin()).collect();
+    let answer = ask(&app, &format!("{url}/project"), &json!({"functions": {"columns": 1, "values": values}})).await;
+    let answer = ask(&app, &format!("{url}/reconstruct"), &answer["coefficients"]).await;
+    let found = numbers(&answer["values"]);
+    assert_eq!((found.len(), found.iter().filter(|x| x.is_nan()).count()), (35_947, 35_947 - 34_834));
+    let far = json!({"distance": {"kind": "biharmonic"}, "sources": [35_000]});
+    let answer = ask(&app, &format!("{url}/distances"), &far).await;
+    assert_eq!(numbers(&answer["values"]).len(), 35_947);
+}
