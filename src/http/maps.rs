@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use axum::body::Body;
 use axum::http::HeaderMap;
-use chladni_spectral::analysis::functional_map::{MapRequest, functional_map};
+use chladni_spectral::analysis::functional_map::{MapRequest, PointMap, Transfer, functional_map};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -33,6 +33,29 @@ struct Descriptors {
     source: Table,
     /// On the target: as many columns.
     target: Table,
+}
+
+/// How functions are carried from the source to the target.
+#[derive(Debug, Clone, Copy, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+enum CarryBy {
+    /// Each vertex of the target gets the value of the vertex that it is matched with: for colours, labels, texture coordinates.
+    #[default]
+    Points,
+    /// By the matrix: smooth, and limited to what the modes hold.
+    Modes,
+}
+
+/// Functions to be carried over.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+struct Carried {
+    /// On the source: a row for each vertex.
+    functions: Table,
+    /// How.
+    #[serde(default)]
+    #[schema(inline)]
+    by: CarryBy,
 }
 
 /// Two surfaces, what is known of the map between them, and how it is refined.
@@ -68,21 +91,51 @@ struct FunctionalMapRequest {
     /// Whether every vertex of the target is matched, or only those that stood for it.
     #[serde(default)]
     all_points: bool,
+    /// Whether vertices of the source are matched with some of the target as well, by a map of their own.
+    #[serde(default)]
+    both_ways: bool,
+    /// Functions on the source, colours or texture coordinates, that are carried over to the target.
+    carry: Option<Carried>,
+}
+
+/// For vertices of the source those of the target.
+#[derive(Debug, Serialize, ToSchema)]
+struct Inverse {
+    /// The vertices of the source that were matched; null: all of them, in order.
+    matched: Option<Vec<u32>>,
+    /// For each of them the vertex of the target that corresponds to it.
+    points: Vec<u32>,
+    /// For each of them how well the two agree, from 0 to 1.
+    confidences: Vec<f32>,
+}
+
+impl From<PointMap> for Inverse {
+    fn from(PointMap { matched, points, confidences }: PointMap) -> Self {
+        Self { matched, points, confidences }
+    }
 }
 
 /// A map between two surfaces, and what tells how good it is.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(example = json!({
-    "matrix": {"columns": 2, "values": [1.0, 0.01, -0.01, 0.99]}, "matched": [0, 3], "points": [5, 9], "descriptor_residual": 0.1,
+    "matrix": {"columns": 2, "values": [1.0, 0.01, -0.01, 0.99]}, "matched": [0, 3], "points": [5, 9], "confidences": [0.98, 0.95],
+    "inverse": null, "carried": null, "descriptor_residual": 0.1,
     "orthogonality_defect": 0.2, "commutativity_defect": 0.05, "embedding_error": 0.1, "coverage": 0.8
 }))]
 struct FunctionalMapAnswer {
-    /// C, k × k: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area.
+    /// C, k × k: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area. Coefficients in the bases as they are
+    /// stored are taken over by √(area of the target / area of the source) C.
     matrix: Table,
     /// The vertices of the target that were matched; null: all of them, in order.
     matched: Option<Vec<u32>>,
     /// For each of them the vertex of the source that corresponds to it.
     points: Vec<u32>,
+    /// For each of them how well its embedding x agrees with the image y of the vertex that corresponds to it: 1 − ‖x − y‖² / (‖x‖² + ‖y‖²), from 0 to 1.
+    confidences: Vec<f32>,
+    /// The other way, where both were asked for.
+    inverse: Option<Inverse>,
+    /// The functions that were to be carried over: a row for each vertex of the target.
+    carried: Option<Table>,
     /// ‖CA − B‖ / ‖B‖ of the first map: how well it takes the known functions to each other.
     descriptor_residual: f64,
     /// ‖CᵀC − I‖ / √k: 0 for a map that preserves areas.
@@ -117,7 +170,8 @@ problems!(FunctionalMapProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_FUNCTI
 /// Maps functions between two surfaces
 ///
 /// A functional map (Ovsjanikov et al. 2012) from landmarks, descriptors or signatures, refined by ZoomOut (Melzi et al. 2019), with the
-/// correspondence of points that it makes: for vertices of the target, vertices of the source. Sizes decide how long it takes: a hundred
+/// correspondence of points that it makes: for vertices of the target, vertices of the source, and with `both_ways` the other way. With `carry` functions on
+/// the source are carried over, colours and texture coordinates among them. Sizes decide how long it takes: a hundred
 /// pairs and two thousand samples are a matter of a second, matching all points of large meshes one of many.
 ///
 /// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is pairs of little-endian u32, the landmarks, and the rest of the
@@ -173,12 +227,24 @@ async fn map_functions(
                 step: request.step.unwrap_or(5),
                 samples: request.samples.unwrap_or(2000),
                 commutativity: request.commutativity.unwrap_or(0.1),
-                all_points: request.all_points,
+                all_points: request.all_points || matches!(&request.carry, Some(Carried { by: CarryBy::Points, .. })),
+                both_ways: request.both_ways,
+            };
+            let carried = match &request.carry {
+                Some(Carried { functions, by }) => Some((binary::from_table(functions, source.vertices())?, *by)),
+                None => None,
             };
             let found = functional_map(&source, &target, &wanted)?;
+            let carried = match carried {
+                Some((functions, by)) => {
+                    let how = if matches!(by, CarryBy::Points) { Transfer::Points } else { Transfer::Modes };
+                    Some(binary::to_table(&found.transfer(&source, &target, &functions, how)?))
+                }
+                None => None,
+            };
             if raw && query.points {
-                return Ok(Answer::new(binary::encode_u32(&found.points), OCTETS, begin)
-                    .with("chladni-rows", found.points.len())
+                return Ok(Answer::new(binary::encode_u32(&found.to_source.points), OCTETS, begin)
+                    .with("chladni-rows", found.to_source.points.len())
                     .with("chladni-columns", 1)
                     .with("chladni-dtype", "u32"));
             }
@@ -187,8 +253,11 @@ async fn map_functions(
             }
             let answer = FunctionalMapAnswer {
                 matrix: binary::to_table(&found.matrix),
-                matched: found.matched,
-                points: found.points,
+                matched: found.to_source.matched,
+                points: found.to_source.points,
+                confidences: found.to_source.confidences,
+                inverse: found.to_target.map(Inverse::from),
+                carried,
                 descriptor_residual: found.descriptor_residual,
                 orthogonality_defect: found.orthogonality_defect,
                 commutativity_defect: found.commutativity_defect,
