@@ -119,7 +119,8 @@ pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
     let request: DistanceRequest = typed("--request", &arguments.request)?;
     let output = arguments.output.as_deref().map(OutputFile::probe).transpose()?;
     let (basis, mesh) = arguments.stored.functions()?;
-    let table = request.distances(&basis, Some(&mesh)).map_err(|error| CliError::Refused(error.to_string()))?;
+    let table =
+        request.distances(&basis, Some(&mesh), &Unwatched).map_err(|error| CliError::Refused(error.to_string()))?;
     match output {
         None => print(&chladni_work::table::Table::from(&table)),
         Some(file) => array(&file, &table),

@@ -7,6 +7,7 @@ pub mod family;
 pub mod filter;
 pub mod functional_map;
 pub mod geodesic;
+pub mod heat;
 pub mod kd_tree;
 pub mod projection;
 pub mod scatter;
