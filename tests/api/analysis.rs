@@ -357,6 +357,10 @@ async fn coordinates_are_compressed_and_come_back() {
     let figures = ask(&app, &compress, &json!({"pairs": 3, "bits": 16})).await;
     assert_eq!((&figures["pairs"], &figures["bits"]), (&json!(3), &json!(16)));
     assert_eq!(numbers(&figures["relative_errors"]).len(), 3);
+    // Six vertices: whoever decompresses must have the basis.
+    let bytes = figures["bytes"].as_f64().unwrap() + figures["basis_bytes"].as_f64().unwrap();
+    assert!(figures["basis_bytes"].as_u64() > Some(0));
+    assert!(close(&[figures["bits_per_vertex_with_basis"].as_f64().unwrap()], &[8.0 * bytes / 6.0]), "{figures}");
     let response = app.post(&compress).json(&json!({})).header("accept", OCTETS).send().await.unwrap();
     let errors = response.headers()["chladni-relative-error"].to_str().unwrap().to_owned();
     assert_eq!(errors.split(", ").count(), 3);
