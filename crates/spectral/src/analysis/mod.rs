@@ -15,6 +15,7 @@ pub mod shape_dna;
 pub mod signature;
 pub mod sound;
 pub mod spectrum;
+pub mod subspace;
 pub mod vibration;
 
 pub use error::AnalysisError;
