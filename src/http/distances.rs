@@ -136,7 +136,7 @@ async fn on_mesh(
     let (method, time) = request.on_mesh().ok_or(DistanceFault::NeedsBasis)?;
     let content = state.store.load_mesh(mesh).await?;
     let (stage, key) = match method {
-        GeodesicMethod::Heat => ("heat_factor", format!("{mesh} {}", time.unwrap_or_default())),
+        GeodesicMethod::Heat => ("heat_factor", format!("{mesh} {time:?}")),
         _ => ("unfolding", mesh.to_owned()),
     };
     let prepared = kept(state, stage, &key, move |monitor| {
