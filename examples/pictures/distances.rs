@@ -1,17 +1,32 @@
 //! Distances from a point: diffusion for three times, biharmonic, commute-time, geodesic; their errors against exact pairs and known
 //! distances.
 
+use std::time::Instant;
+
+use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
-use chladni_mesh::connectivity::Connectivity;
-use chladni_mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
+use chladni_mesh::distance::ExactGeodesics;
 use chladni_mesh::shape::{Shape, generate};
 use chladni_spectral::analysis::distance::SpectralDistance;
 use chladni_spectral::analysis::geodesic::geodesic;
+use chladni_spectral::analysis::heat::HeatGeodesics;
 use chladni_spectral::basis::Basis;
 use serde_json::json;
 
 use crate::paint::{Sheet, View, isolines};
 use crate::{Failure, scene};
+
+/// Meshes on which the methods of geodesic distances are compared.
+const METHODS: [&str; 8] = [
+    "poses/cat0.off",
+    "poses/centaur1.off",
+    "rocker-arm.off",
+    "fandisk.obj",
+    "camelhead.off",
+    "bunny.obj",
+    "horse.ply",
+    "rolling-stage.obj",
+];
 
 /// On the sphere the geodesic distance is known.
 const SPHERE: usize = 5_000;
@@ -19,6 +34,9 @@ const SPHERE: usize = 5_000;
 pub fn draw() -> Result<(), Failure> {
     sphere()?;
     let Some(folder) = scene::meshes() else { return Ok(()) };
+    println!(
+        "| mesh, vertices | heat | spectral | exact, a source | heat, factors + a source |\n|---|---|---|---|---|"
+    );
     let mesh = scene::load(&folder.join("horse.ply"))?;
     let basis = scene::eigenbasis(&mesh, 300)?;
     let source = scene::furthest(&mesh, [0.0, 0.3, 1.0]);
@@ -38,8 +56,11 @@ pub fn draw() -> Result<(), Failure> {
     }
     add("geodesic".to_owned(), geodesic(&basis, &mesh, &[source], false, None)?.column(0));
     scene::save("distances.svg", &sheet.svg())?;
+    for file in METHODS {
+        methods(&folder.join(file))?;
+    }
     for file in ["rocker-arm.off", "horse.ply"] {
-        against_marching(&folder.join(file))?;
+        against_exact_geodesics(&folder.join(file))?;
     }
     for (file, count) in [("kitten.obj", 200), ("rocker-arm.off", 200)] {
         against_exact(&folder.join(file), count)?;
@@ -111,23 +132,48 @@ fn sphere() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Geodesic distances in a basis against fast marching on the mesh.
-fn against_marching(path: &std::path::Path) -> Result<(), Failure> {
+/// Three sources of a mesh, spread over its numbers, and their exact distances, column by column.
+fn exact(mesh: &TriangleMesh) -> Result<([u32; 3], Vec<Vec<f64>>), Failure> {
+    let n = mesh.positions.len() as u32;
+    let sources = [0, n / 3, 2 * n / 3];
+    let geodesics = ExactGeodesics::new(mesh);
+    let truths = sources.iter().map(|&source| geodesics.from_nearest(&[source], &Unwatched));
+    Ok((sources, truths.collect::<Result<_, _>>()?))
+}
+
+/// Heat on the mesh and in a basis of 200 modes against exact distances: errors and seconds.
+fn methods(path: &std::path::Path) -> Result<(), Failure> {
     let mesh = scene::load(path)?;
-    let connectivity = Connectivity::new(&mesh);
-    let geometry = DistanceGeometry::new(&mesh, &connectivity, DistanceKind::FastMarching, 1.0);
-    let mut workspace = DistanceWorkspace::new(&geometry);
-    let n = mesh.positions.len();
-    let sources = [0, n as u32 / 3, 2 * n as u32 / 3];
-    let truths: Vec<Vec<f64>> = sources
-        .iter()
-        .map(|&source| {
-            let mut all = vec![0.0; n];
-            let found = workspace.local_distances(&geometry, source, f32::INFINITY);
-            found.iter().for_each(|&(vertex, distance)| all[vertex as usize] = f64::from(distance));
-            all
-        })
-        .collect();
+    let basis = scene::eigenbasis(&mesh, 200)?;
+    let begin = Instant::now();
+    let (sources, truths) = exact(&mesh)?;
+    let exactly = begin.elapsed().as_secs_f64() / 3.0;
+    let begin = Instant::now();
+    let heat = HeatGeodesics::new(&mesh, None, &Unwatched)?;
+    let prepared = begin.elapsed().as_secs_f64();
+    let groups: Vec<&[u32]> = sources.iter().cycle().take(32).map(std::slice::from_ref).collect();
+    let begin = Instant::now();
+    let warm = heat.from_nearest(&groups, &Unwatched)?;
+    let heated = begin.elapsed().as_secs_f64() / 32.0;
+    let spectral = geodesic(&basis, &mesh, &sources, false, None)?;
+    let mean = |columns: &dyn Fn(usize) -> f64| (0..3).map(columns).sum::<f64>() / 3.0;
+    let by_heat = mean(&|k| scene::relative_error(&basis, warm.column(k), &truths[k]));
+    let by_basis = mean(&|k| scene::relative_error(&basis, spectral.column(k), &truths[k]));
+    let name = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+    println!(
+        "| {name}, {} | {:.1} % | {:.1} % | {exactly:.2} s | {prepared:.2} s + {:.1} ms |",
+        mesh.positions.len(),
+        100.0 * by_heat,
+        100.0 * by_basis,
+        1e3 * heated
+    );
+    Ok(())
+}
+
+/// Geodesic distances in a basis against exact ones, by the number of modes and the time.
+fn against_exact_geodesics(path: &std::path::Path) -> Result<(), Failure> {
+    let mesh = scene::load(path)?;
+    let (sources, truths) = exact(&mesh)?;
     let name = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
     for count in [50, 100, 200, 400, 800] {
         let basis = scene::eigenbasis(&mesh, count)?;
@@ -139,7 +185,7 @@ fn against_marching(path: &std::path::Path) -> Result<(), Failure> {
             })
             .collect::<Result<_, Failure>>()?;
         println!(
-            "{name}, {count} modes, against fast marching: error in % by the ladder, and for t = 1/8, 1/4, 1/2, 1 / λ₁: {}",
+            "{name}, {count} modes, against exact distances: error in % by the ladder, and for t = 1/8, 1/4, 1/2, 1 / λ₁: {}",
             errors.join(", ")
         );
     }

@@ -60,8 +60,9 @@ impl Surface {
             samples: 2000,
             commutativity: 0.1,
             all_points: true,
+            both_ways: false,
         };
-        Ok(functional_map(&self.basis, &target.basis, &request)?.points)
+        Ok(functional_map(&self.basis, &target.basis, &request)?.to_source.points)
     }
 }
 

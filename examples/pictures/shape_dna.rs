@@ -5,7 +5,7 @@ use std::path::Path;
 use chladni_algebra::DenseMatrix;
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::analysis::scatter;
-use chladni_spectral::analysis::shape_dna::{Compared, Comparison, Scale, Spectrum, Weighting, compare};
+use chladni_spectral::analysis::shape_dna::{Compared, Comparison, Scale, Spectrum, Weighting, compare, kernel_of};
 use chladni_spectral::basis::Basis;
 use serde_json::json;
 
@@ -84,7 +84,11 @@ pub fn draw() -> Result<(), Failure> {
 }
 
 fn spectrum(mesh: &TriangleMesh, basis: Basis) -> Spectrum {
-    Spectrum { eigenvalues: basis.eigenvalues, area: chladni_mesh::measure::surface_area(mesh) }
+    Spectrum {
+        kernel: kernel_of(&basis.eigenvalues, 1),
+        eigenvalues: basis.eigenvalues,
+        area: chladni_mesh::measure::surface_area(mesh),
+    }
 }
 
 /// The distance of two descriptors relative to their size.

@@ -126,7 +126,8 @@ pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
     let (basis, mesh, to) = arguments.stored.functions()?;
     let refused = |error: NumberingError| CliError::Refused(error.to_string());
     request.translate(&to, basis.vertices()).map_err(refused)?;
-    let table = request.distances(&basis, Some(&mesh)).map_err(|error| CliError::Refused(error.to_string()))?;
+    let table =
+        request.distances(&basis, Some(&mesh), &Unwatched).map_err(|error| CliError::Refused(error.to_string()))?;
     let table = request.told(&to, table);
     match output {
         None => print(&chladni_work::table::Table::from(&table)),

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use axum::http::HeaderMap;
 use chladni_spectral::analysis::scatter;
-use chladni_spectral::analysis::shape_dna::{Comparison, MOST_SHAPES, Scale, Spectrum, Weighting, compare};
+use chladni_spectral::analysis::shape_dna::{Comparison, MOST_SHAPES, Scale, Spectrum, Weighting, compare, kernel_of};
 use chladni_spectral::analysis::signature::nearest_items;
 use chladni_spectral::basis::ProductKind;
 use serde::{Deserialize, Serialize};
@@ -42,7 +42,7 @@ enum ScaleName {
     /// Times the area of the surface.
     #[default]
     Area,
-    /// Divided by the first eigenvalue above zero.
+    /// Divided by the first eigenvalue above the kernel, which has to be above zero.
     First,
     /// As they are: size matters.
     None,
@@ -68,7 +68,8 @@ struct ComparisonRequest {
     bases: Vec<String>,
     /// Names for the picture; without them, those of the meshes.
     labels: Option<Vec<String>>,
-    /// Eigenvalues, the zero left out; without it, 100, or as many as all bases have.
+    /// Eigenvalues above the kernel of the operator; without it, 100, or as many as all bases have. The kernel is one zero for each part of the
+    /// mesh that is not held and on which no potential acts: it says nothing of the shape, and is left out.
     count: Option<usize>,
     /// What makes them comparable.
     #[serde(default)]
@@ -221,7 +222,9 @@ async fn compare_shapes(
         let mut parameters = record.parameters.clone();
         chladni_work::abbreviate(&mut parameters);
         seen.push((record.id, SpectrumOf::new(&parameters, mesh.report["closed"] == true)));
-        spectra.push(Spectrum { eigenvalues: record.eigenvalues, area });
+        let components = mesh.report["components"].as_u64().unwrap_or(1) as usize;
+        let kernel = kernel_of(&record.eigenvalues, components);
+        spectra.push(Spectrum { eigenvalues: record.eigenvalues, kernel, area });
         labels.push(match &request.labels {
             Some(labels) => problem::shorten(labels[place].clone()),
             None => mesh.name.unwrap_or_else(|| record.mesh.chars().take(8).collect()),
@@ -230,9 +233,9 @@ async fn compare_shapes(
     if !request.mixed {
         check_alike(&seen)?;
     }
-    let shortest = spectra.iter().map(|spectrum| spectrum.eigenvalues.len()).min().unwrap_or(0);
+    let shortest = spectra.iter().map(Spectrum::count).min().unwrap_or(0);
     let how = Comparison {
-        count: request.count.unwrap_or(100.min(shortest.saturating_sub(1))),
+        count: request.count.unwrap_or(100.min(shortest)),
         scale: match request.scale {
             ScaleName::Area => Scale::Area,
             ScaleName::First => Scale::First,

@@ -50,7 +50,7 @@ struct CompressionRequest {
 /// Rate and distortion.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(example = json!({
-    "pairs": 300, "bits": 14, "bytes": 1123, "bits_per_vertex": 0.067, "step": 0.0021, "nonzeros": 812,
+    "pairs": 300, "bits": 14, "bytes": 1123, "bits_per_vertex": 0.067, "basis_bytes": 17400000, "bits_per_vertex_with_basis": 2871.0, "step": 0.0021, "nonzeros": 812,
     "relative_errors": [0.004, 0.003, 0.004], "truncation_errors": [0.004, 0.003, 0.004]
 }))]
 struct CompressionAnswer {
@@ -62,6 +62,10 @@ struct CompressionAnswer {
     bytes: usize,
     /// The same in bits for each vertex, all functions together.
     bits_per_vertex: f64,
+    /// Bytes that the functions of the basis take as they are stored: who decompresses must have them, whatever the number of pairs.
+    basis_bytes: u64,
+    /// Bits for each vertex where the basis has to be sent as well, once.
+    bits_per_vertex_with_basis: f64,
     /// The width of a step of the rounding.
     step: f64,
     /// Coefficients that are not zero.
@@ -91,7 +95,7 @@ problems!(CompressProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_ANALYSIS]
 /// Compresses functions
 ///
 /// The coefficients of functions, coordinates above all, in the first modes of the basis, rounded and packed (Karni and Gotsman 2000). Whoever
-/// has the basis puts them together again with `decompress`.
+/// has the basis puts them together again with `decompress`; `basis_bytes` says what that is, and the rates are told without and with it.
 ///
 /// JSON answers with rate and distortion; `Accept: application/octet-stream` with the bytes, and the distortion in
 /// `Chladni-Relative-Error`. A raw body is the functions, as for `filter`; the rest of the request stands in the query then.
@@ -136,12 +140,15 @@ async fn compress_functions(
                 let errors: Vec<String> = packed.relative_errors.iter().map(|error| format!("{error:e}")).collect();
                 return Ok(Answer::new(packed.bytes, OCTETS, begin).with("chladni-relative-error", errors.join(", ")));
             }
-            let bytes = packed.bytes.len();
+            let (bytes, basis_bytes) = (packed.bytes.len(), basis.stored_bytes());
+            let per_vertex = |bytes: f64| 8.0 * bytes / basis.vertices().max(1) as f64;
             let answer = CompressionAnswer {
                 pairs,
                 bits,
                 bytes,
-                bits_per_vertex: 8.0 * bytes as f64 / basis.vertices().max(1) as f64,
+                bits_per_vertex: per_vertex(bytes as f64),
+                basis_bytes,
+                bits_per_vertex_with_basis: per_vertex(bytes as f64 + basis_bytes as f64),
                 step: packed.step,
                 nonzeros: packed.nonzeros,
                 relative_errors: packed.relative_errors,

@@ -134,6 +134,7 @@ impl From<SimulationError> for Problem {
             SimulationError::Damping { .. } => "damping",
             SimulationError::Time { .. } => "times",
             SimulationError::Sound { .. } => "sound",
+            SimulationError::Initial(_) => "initial",
             SimulationError::Basis(error) => return error.into(),
         };
         Self::within(&problem::INVALID_SIMULATION, within, sentence(&error))
@@ -168,7 +169,8 @@ impl From<AnalysisError> for Problem {
             }
             AnalysisError::Stream { at, .. } => Self::new(&problem::INVALID_STREAM, text).with("at", at),
             AnalysisError::Basis(error) => error.into(),
-            AnalysisError::Eigen(_) => Self::internal(error),
+            AnalysisError::Cancelled(cancelled) => cancelled.into(),
+            AnalysisError::Eigen(_) | AnalysisError::Factor(_) => Self::internal(error),
             _ => Self::new(&problem::INVALID_ANALYSIS, text),
         }
     }

@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use axum::body::Body;
 use axum::http::HeaderMap;
-use chladni_work::distances::{DistanceFault, DistanceRequest};
+use chladni_mesh::numbering::Translation;
+use chladni_work::distances::{DistanceFault, DistanceRequest, GeodesicMethod, MeshDistances};
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -15,7 +16,8 @@ use super::binary::{self, Dtype, Table};
 use super::client::ClientState;
 use super::exchange::{self, Answer};
 use super::extract::QueryOf;
-use super::ids::BasisId;
+use super::fields::kept;
+use super::ids::{BasisId, MeshId};
 use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
@@ -23,7 +25,7 @@ use super::state::AppState;
 
 /// The routes of distances.
 pub fn routes() -> OpenApiRouter<AppState> {
-    OpenApiRouter::new().routes(routes!(distances))
+    OpenApiRouter::new().routes(routes!(distances)).routes(routes!(mesh_distances))
 }
 
 /// What a raw body does not say.
@@ -51,6 +53,9 @@ problems!(DistancesProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYSIS])
 /// Diffusion, biharmonic, commute-time and geodesic distances, from one or many sources to all vertices or between pairs. A table with a row
 /// for each vertex (or pair) and a column for each source and, within a source, each time; with `nearest`, for each time.
 ///
+/// Geodesic distances by `heat` and `exact` ones are computed on the mesh of the basis; what they prepare of it is kept for further requests. An infinite
+/// distance is `null` in JSON.
+///
 /// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32, sources or with `pairs=true` the
 /// vertices of pairs, and the rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
 #[utoipa::path(
@@ -74,34 +79,107 @@ async fn distances(
 ) -> Result<Answer, Problem> {
     let basis = on_vertices(&state, id).await?;
     let to = numbered.on_basis(&state, id, &basis.metadata).await?;
-    let fill = |request: &mut DistanceRequest, bytes: &[u8]| {
-        if query.pairs {
-            request.pairs = binary::decode_tuples(bytes)?;
-        } else {
-            request.sources = binary::decode_tuples::<1>(bytes)?.into_flattened();
-        }
-        Ok(())
-    };
+    let fill = filled(query.pairs);
     let (mut request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
     request.check()?;
+    if request.on_mesh().is_some() {
+        let mesh = state.store.basis(id).await?.mesh;
+        return on_mesh(&state, &mesh, request, to, raw, query.dtype).await;
+    }
     request.translate(&to, basis.vertices())?;
     let mesh = match request.needs_mesh() {
         true => Some(state.store.load_mesh(&state.store.basis(id).await?.mesh).await?),
         false => None,
     };
     state
-        .solve("distances", move |_| {
+        .solve("distances", move |monitor| {
             let begin = Instant::now();
-            let table = request.distances(&basis, mesh.as_deref())?;
+            let table = request.distances(&basis, mesh.as_deref(), monitor)?;
             Answer::table(&request.told(&to, table), raw, query.dtype, begin)
         })
         .await
 }
 
+problems!(MeshDistancesProblems: BODY JSON [INVALID_QUERY, UNKNOWN_MESH, NOT_ACCEPTABLE, INVALID_VERTEX, INVALID_ANALYSIS]);
+
+/// Computes geodesic distances on a mesh
+///
+/// As the route of a basis, for geodesic distances by `heat` and `exact` ones: no basis is needed.
+#[utoipa::path(
+    post, path = "/v1/meshes/{id}/distances", tag = "analysis", operation_id = "meshDistances",
+    params(MeshId, NumberingQuery, DistanceQuery),
+    request_body(description = "The sources or pairs", content((DistanceRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
+    responses(
+        (status = 200, description = "The distances", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream")),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
+        MeshDistancesProblems,
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn mesh_distances(
+    state: ClientState,
+    MeshId(id): MeshId,
+    numbered: Numbered,
+    QueryOf(query): QueryOf<DistanceQuery>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Answer, Problem> {
+    let to = numbered.on_mesh(&state, &id).await?;
+    let fill = filled(query.pairs);
+    let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
+    request.check()?;
+    on_mesh(&state, &id, request, to, raw, query.dtype).await
+}
+
+/// Geodesic distances on a mesh, with what was prepared of it at an earlier request or is now.
+async fn on_mesh(
+    state: &ClientState,
+    mesh: &str,
+    mut request: DistanceRequest,
+    to: Translation,
+    raw: bool,
+    dtype: Dtype,
+) -> Result<Answer, Problem> {
+    let (method, time) = request.on_mesh().ok_or(DistanceFault::NeedsBasis)?;
+    let content = state.store.load_mesh(mesh).await?;
+    request.translate(&to, content.positions.len())?;
+    let (stage, key) = match method {
+        GeodesicMethod::Heat => ("heat_factor", format!("{mesh} {time:?}")),
+        _ => ("unfolding", mesh.to_owned()),
+    };
+    let prepared = kept(state, stage, &key, move |monitor| {
+        let made = MeshDistances::new(&content, method, time, monitor)?.ok_or(DistanceFault::NeedsBasis)?;
+        let bytes = made.bytes();
+        Ok((made, bytes))
+    });
+    let prepared = prepared.await?;
+    state
+        .solve("distances", move |monitor| {
+            let begin = Instant::now();
+            let table = request.geodesics(&prepared, monitor)?;
+            Answer::table(&request.told(&to, table), raw, dtype, begin)
+        })
+        .await
+}
+
+/// Puts the vertices of a raw body into a request.
+fn filled(pairs: bool) -> impl FnOnce(&mut DistanceRequest, &[u8]) -> Result<(), Problem> {
+    move |request, bytes| {
+        if pairs {
+            request.pairs = binary::decode_tuples(bytes)?;
+        } else {
+            request.sources = binary::decode_tuples::<1>(bytes)?.into_flattened();
+        }
+        Ok(())
+    }
+}
+
 impl From<DistanceFault> for Problem {
     fn from(fault: DistanceFault) -> Self {
         match fault {
-            DistanceFault::Between => Self::new(&problem::INVALID_REQUEST, super::convert::sentence(&fault)),
+            DistanceFault::Between | DistanceFault::Time | DistanceFault::NeedsBasis => {
+                Self::new(&problem::INVALID_REQUEST, super::convert::sentence(&fault))
+            }
             DistanceFault::Analysis(error) => error.into(),
         }
     }

@@ -5,7 +5,8 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::http::HeaderMap;
 use chladni_mesh::numbering::Translation;
-use chladni_spectral::analysis::functional_map::{MapRequest, functional_map};
+use chladni_spectral::analysis::functional_map::{MapRequest, PointMap, Transfer, functional_map};
+use chladni_work::numbered;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -35,6 +36,29 @@ struct Descriptors {
     source: Table,
     /// On the target: as many columns.
     target: Table,
+}
+
+/// How functions are carried from the source to the target.
+#[derive(Debug, Clone, Copy, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+enum CarryBy {
+    /// Each vertex of the target gets the value of the vertex that it is matched with: for colours, labels, texture coordinates.
+    #[default]
+    Points,
+    /// By the matrix: smooth, and limited to what the modes hold.
+    Modes,
+}
+
+/// Functions to be carried over.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+struct Carried {
+    /// On the source: a row for each vertex.
+    functions: Table,
+    /// How.
+    #[serde(default)]
+    #[schema(inline)]
+    by: CarryBy,
 }
 
 /// Two surfaces, what is known of the map between them, and how it is refined.
@@ -70,21 +94,46 @@ struct FunctionalMapRequest {
     /// Whether every vertex of the target is matched, or only those that stood for it.
     #[serde(default)]
     all_points: bool,
+    /// Whether vertices of the source are matched with some of the target as well, by a map of their own.
+    #[serde(default)]
+    both_ways: bool,
+    /// Functions on the source, colours or texture coordinates, that are carried over to the target.
+    carry: Option<Carried>,
+}
+
+/// For vertices of the source those of the target.
+#[derive(Debug, Serialize, ToSchema)]
+struct Inverse {
+    /// The vertices of the source that were matched; null: all of them, in order.
+    matched: Option<Vec<u32>>,
+    /// For each of them the vertex of the target that corresponds to it; null at vertices of the source's file that were dropped.
+    points: Vec<Option<u32>>,
+    /// For each of them how well the two agree, from 0 to 1; null where `points` is.
+    confidences: Vec<Option<f32>>,
 }
 
 /// A map between two surfaces, and what tells how good it is.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(example = json!({
-    "matrix": {"columns": 2, "values": [1.0, 0.01, -0.01, 0.99]}, "matched": [0, 3], "points": [5, 9], "descriptor_residual": 0.1,
+    "matrix": {"columns": 2, "values": [1.0, 0.01, -0.01, 0.99]}, "matched": [0, 3], "points": [5, 9], "confidences": [0.98, 0.95],
+    "inverse": null, "carried": null, "descriptor_residual": 0.1,
     "orthogonality_defect": 0.2, "commutativity_defect": 0.05, "embedding_error": 0.1, "coverage": 0.8
 }))]
 struct FunctionalMapAnswer {
-    /// C, k × k: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area.
+    /// C, k × k: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area. Coefficients in the bases as they are
+    /// stored are taken over by √(area of the target / area of the source) C.
     matrix: Table,
     /// The vertices of the target that were matched; null: all of them, in order.
     matched: Option<Vec<u32>>,
     /// For each of them the vertex of the source that corresponds to it; null at vertices of the target's file that were dropped.
     points: Vec<Option<u32>>,
+    /// For each of them how well its embedding x agrees with the image y of the vertex that corresponds to it: 1 − ‖x − y‖² / (‖x‖² + ‖y‖²), from 0 to 1; null
+    /// where `points` is.
+    confidences: Vec<Option<f32>>,
+    /// The other way, where both were asked for.
+    inverse: Option<Inverse>,
+    /// The functions that were to be carried over: a row for each vertex of the target.
+    carried: Option<Table>,
     /// ‖CA − B‖ / ‖B‖ of the first map: how well it takes the known functions to each other.
     descriptor_residual: f64,
     /// ‖CᵀC − I‖ / √k: 0 for a map that preserves areas.
@@ -119,7 +168,8 @@ problems!(FunctionalMapProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_FUNCTI
 /// Maps functions between two surfaces
 ///
 /// A functional map (Ovsjanikov et al. 2012) from landmarks, descriptors or signatures, refined by ZoomOut (Melzi et al. 2019), with the
-/// correspondence of points that it makes: for vertices of the target, vertices of the source. Sizes decide how long it takes: a hundred
+/// correspondence of points that it makes: for vertices of the target, vertices of the source, and with `both_ways` the other way. With `carry` functions on
+/// the source are carried over, colours and texture coordinates among them. Sizes decide how long it takes: a hundred
 /// pairs and two thousand samples are a matter of a second, matching all points of large meshes one of many.
 ///
 /// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is pairs of little-endian u32, the landmarks, and the rest of the
@@ -183,12 +233,25 @@ async fn map_functions(
                 step: request.step.unwrap_or(5),
                 samples: request.samples.unwrap_or(2000),
                 commutativity: request.commutativity.unwrap_or(0.1),
-                all_points: request.all_points,
+                all_points: request.all_points || matches!(&request.carry, Some(Carried { by: CarryBy::Points, .. })),
+                both_ways: request.both_ways,
+            };
+            let carried = match &request.carry {
+                Some(Carried { functions, by }) => Some((functions.functions(source.vertices(), &to_source)?, *by)),
+                None => None,
             };
             let found = functional_map(&source, &target, &wanted)?;
-            let (matched, points) = told(found.matched, found.points, &to_source, &to_target);
+            let carried = match carried {
+                Some((functions, by)) => {
+                    let how = if matches!(by, CarryBy::Points) { Transfer::Points } else { Transfer::Modes };
+                    let functions = found.transfer(&source, &target, &functions, how)?;
+                    Some(binary::to_table(&numbered::push(&to_target, functions)))
+                }
+                None => None,
+            };
+            let forward = told(found.to_source, &to_source, &to_target);
             if raw && query.points {
-                let points: Vec<u32> = points.iter().map(|point| point.unwrap_or(u32::MAX)).collect();
+                let points: Vec<u32> = forward.points.iter().map(|point| point.unwrap_or(u32::MAX)).collect();
                 return Ok(Answer::new(binary::encode_u32(&points), OCTETS, begin)
                     .with("chladni-rows", points.len())
                     .with("chladni-columns", 1)
@@ -199,8 +262,11 @@ async fn map_functions(
             }
             let answer = FunctionalMapAnswer {
                 matrix: binary::to_table(&found.matrix),
-                matched,
-                points,
+                matched: forward.matched,
+                points: forward.points,
+                confidences: forward.confidences,
+                inverse: found.to_target.map(|inverse| told(inverse, &to_target, &to_source)),
+                carried,
                 descriptor_residual: found.descriptor_residual,
                 orthogonality_defect: found.orthogonality_defect,
                 commutativity_defect: found.commutativity_defect,
@@ -212,17 +278,16 @@ async fn map_functions(
         .await
 }
 
-/// Matched vertices of the target and the points of the source that they correspond to, as the files number them.
-fn told(
-    matched: Option<Vec<u32>>,
-    points: Vec<u32>,
-    source: &Translation,
-    target: &Translation,
-) -> (Option<Vec<u32>>, Vec<Option<u32>>) {
-    let points: Vec<Option<u32>> = points.into_iter().map(|point| Some(source.told_vertex(point))).collect();
+/// A map of points as the files number them: from vertices of `from` to those of `onto`.
+fn told(PointMap { matched, points, confidences }: PointMap, onto: &Translation, from: &Translation) -> Inverse {
+    let points: Vec<Option<u32>> = points.into_iter().map(|point| Some(onto.told_vertex(point))).collect();
+    let confidences: Vec<Option<f32>> = confidences.into_iter().map(Some).collect();
     match matched {
-        Some(matched) => (Some(matched.into_iter().map(|vertex| target.told_vertex(vertex)).collect()), points),
+        Some(matched) => {
+            let matched = matched.into_iter().map(|vertex| from.told_vertex(vertex)).collect();
+            Inverse { matched: Some(matched), points, confidences }
+        }
         // A point for every vertex: one for each of the file.
-        None => (None, target.push(&points, 1)),
+        None => Inverse { matched: None, points: from.push(&points, 1), confidences: from.push(&confidences, 1) },
     }
 }

@@ -85,10 +85,66 @@ async fn distances_come_from_sources_and_between_pairs() {
     assert_eq!(default["columns"], 1);
     for sources in [json!({"sources": [0, 1]}), json!({"pairs": [[0, 1], [0, 2]]})] {
         let mut body = sources;
-        body["distance"] = json!({"kind": "geodesic"});
+        body["distance"] = json!({"kind": "geodesic", "method": "spectral"});
         let found = numbers(&ask(&app, &url, &body).await["values"]);
         assert!(found.iter().all(|d| d.is_finite() && *d >= 0.0));
     }
+}
+
+/// Over the faces of the octahedron from a vertex to the opposite one: twice the height of a face.
+#[tokio::test]
+async fn geodesic_distances_need_no_basis_and_reach_what_a_path_leads_to() {
+    let app = TestApp::start();
+    let basis = app.basis().await;
+    let mesh = text(&app.upload("off", OCTAHEDRON).await["id"]);
+    let (edge, across) = (2f64.sqrt(), 6f64.sqrt());
+    let expected = [0.0, across, edge, edge, edge, edge];
+    for url in [format!("/v1/meshes/{mesh}/distances"), format!("/v1/bases/{basis}/distances")] {
+        let exact = json!({"kind": "geodesic", "method": "exact"});
+        let all = ask(&app, &url, &json!({"distance": exact, "sources": [0]})).await;
+        assert!(close(&numbers(&all["values"]), &expected), "{url} {all}");
+        let pairs = ask(&app, &url, &json!({"distance": exact, "pairs": [[2, 3], [1, 2], [4, 4], [3, 1]]})).await;
+        assert!(close(&numbers(&pairs["values"]), &[across, edge, 0.0, edge]), "{pairs}");
+        let both = json!({"distance": exact, "sources": [0, 3], "nearest": true});
+        let both = ask(&app, &url, &both).await;
+        assert!(close(&numbers(&both["values"]), &[0.0, edge, edge, 0.0, edge, edge]), "{both}");
+        let heat = ask(&app, &url, &json!({"distance": {"kind": "geodesic"}, "sources": [0]})).await;
+        let heat = numbers(&heat["values"]);
+        assert!(heat[0] == 0.0 && heat.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.4), "{heat:?}");
+        let timed = json!({"kind": "geodesic", "method": "exact", "time": 0.1});
+        let cases = [
+            (json!({"distance": timed, "sources": [0]}), 422, "invalid-request", "exact distances have none"),
+            (json!({"distance": exact, "sources": [1, 6]}), 422, "invalid-vertex", "Source 1 is vertex 6 of 6"),
+            (json!({"distance": exact, "pairs": [[1, 6]]}), 422, "invalid-vertex", "Pair 0 is vertex 6 of 6"),
+            (json!({"distance": exact, "sources": vec![0; 257]}), 422, "invalid-analysis", "257"),
+            (
+                json!({"distance": {"kind": "geodesic", "method": "guess"}, "sources": [0]}),
+                422,
+                "invalid-request",
+                "guess",
+            ),
+        ];
+        refused(&app, &url, &cases).await;
+    }
+    let url = format!("/v1/meshes/{mesh}/distances");
+    let needs = json!({"distance": {"kind": "biharmonic"}, "sources": [0]});
+    let spectral = json!({"distance": {"kind": "geodesic", "method": "spectral"}, "sources": [0]});
+    for body in [needs, spectral] {
+        refused(&app, &url, &[(body, 422, "invalid-request", "without a basis")]).await;
+    }
+    // Two triangles apart from each other: no path leads over.
+    let apart = "OFF\n6 2 0\n0 0 0\n1 0 0\n0 1 0\n5 0 0\n6 0 0\n5 1 0\n3 0 1 2\n3 3 4 5\n";
+    let url = format!("/v1/meshes/{}/distances", text(&app.upload("off", apart).await["id"]));
+    for method in ["heat", "exact"] {
+        let body = json!({"distance": {"kind": "geodesic", "method": method}, "sources": [1]});
+        let told = ask(&app, &url, &body).await;
+        let values = told["values"].as_array().unwrap();
+        assert!(values[..3].iter().all(Value::is_number) && values[3..].iter().all(Value::is_null), "{told}");
+        let raw = raw(&app, &url, &json!({"distance": {"kind": "geodesic", "method": method}}), words(&[1])).await;
+        assert!(doubles(&raw.bytes().await.unwrap())[3..].iter().all(|d| *d == f64::INFINITY));
+    }
+    let nowhere = app.post("/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3/distances").json(&json!({})).send().await;
+    problem(nowhere.unwrap(), 404, "unknown-mesh").await;
 }
 
 #[tokio::test]
@@ -301,6 +357,10 @@ async fn coordinates_are_compressed_and_come_back() {
     let figures = ask(&app, &compress, &json!({"pairs": 3, "bits": 16})).await;
     assert_eq!((&figures["pairs"], &figures["bits"]), (&json!(3), &json!(16)));
     assert_eq!(numbers(&figures["relative_errors"]).len(), 3);
+    // Six vertices: whoever decompresses must have the basis.
+    let bytes = figures["bytes"].as_f64().unwrap() + figures["basis_bytes"].as_f64().unwrap();
+    assert!(figures["basis_bytes"].as_u64() > Some(0));
+    assert!(close(&[figures["bits_per_vertex_with_basis"].as_f64().unwrap()], &[8.0 * bytes / 6.0]), "{figures}");
     let response = app.post(&compress).json(&json!({})).header("accept", OCTETS).send().await.unwrap();
     let errors = response.headers()["chladni-relative-error"].to_str().unwrap().to_owned();
     assert_eq!(errors.split(", ").count(), 3);
@@ -443,6 +503,19 @@ async fn functions_are_mapped_between_surfaces() {
     let points: Vec<u64> = answer["points"].as_array().unwrap().iter().map(|v| v.as_u64().unwrap() % 3).collect();
     assert_eq!(points, [0, 1, 2, 0, 1, 2]);
     assert!(answer["matched"].is_null() && answer["orthogonality_defect"].as_f64().unwrap() < 1e-3);
+    assert_eq!(answer["confidences"].as_array().unwrap().len(), 6);
+    assert!(answer["inverse"].is_null() && answer["carried"].is_null());
+    let mut both = body.clone();
+    both["both_ways"] = json!(true);
+    both["carry"] = json!({"functions": {"columns": 2, "values": [0, 5, 1, 6, 2, 7, 0, 5, 1, 6, 2, 7]}});
+    let both = ask(&app, url, &both).await;
+    let back: Vec<u64> =
+        both["inverse"]["points"].as_array().unwrap().iter().map(|v| v.as_u64().unwrap() % 3).collect();
+    assert_eq!(back, [0, 1, 2, 0, 1, 2]);
+    assert!(close(&numbers(&both["carried"]["values"]), &[0.0, 5.0, 1.0, 6.0, 2.0, 7.0, 0.0, 5.0, 1.0, 6.0, 2.0, 7.0]));
+    let mut short = body.clone();
+    short["carry"] = json!({"functions": {"values": [1.0, 2.0]}, "by": "modes"});
+    problem(app.post(url).json(&short).send().await.unwrap(), 422, "invalid-function").await;
     let rest = json!({"source": basis, "target": basis});
     let landmarks = words(&[0, 0, 1, 1, 2, 2]);
     assert!(near(&doubles(&raw(&app, url, &rest, landmarks.clone()).await.bytes().await.unwrap())));

@@ -94,7 +94,27 @@ async fn a_shell_vibrates_is_struck_and_heard() {
     let content = app.get(&text(&shown["links"]["content"])).send().await.unwrap().bytes().await.unwrap();
     assert_eq!(chladni_spectral::formats::npz::read_modes(&content).unwrap().count(), 20);
 
+    // What a request gives back another one goes on from: two halves of a motion are the whole.
+    let fall = json!([{"body": {"acceleration": [0.0, 0.0, -9.81]}}]);
+    let asked = async |body: Value| -> Value { app.post(&url).json(&body).send().await.unwrap().json().await.unwrap() };
+    let whole = asked(json!({"loads": fall, "times": [0.002, 0.005], "vertices": [3]})).await;
+    let first = asked(json!({"loads": fall, "times": [0.002], "vertices": [3]})).await;
+    let second = asked(json!({"initial": {"state": first["state"]}, "loads": fall, "times": [0.003], "vertices": [3]}));
+    let second = second.await;
+    for k in 0..3 {
+        let [a, b] = [&whole["displacements"][1][k], &second["displacements"][0][k]].map(|x| x.as_f64().unwrap());
+        assert!((a - b).abs() < 1e-9, "{whole} {second}");
+    }
+    let thrown = json!({"vertices": {"velocities": vec![[0.0, 2.0, 0.0]; n]}});
+    let thrown = asked(json!({"initial": thrown, "times": [0.5], "vertices": [3]})).await;
+    assert!((thrown["displacements"][0][1].as_f64().unwrap() - 1.0).abs() < 1e-3, "{thrown}");
+    assert!(thrown["left_out"].as_f64().unwrap() < 1e-3);
+
     for (body, within) in [
+        (json!({"initial": {"state": {"positions": [0.0], "velocities": [0.0]}}}), "initial"),
+        (json!({"initial": {"state": {"positions": [0.0], "velocities": []}}}), "initial"),
+        (json!({"initial": {"vertices": {"displacements": [[0.0, 0.0, 1.0]]}}}), "initial"),
+        (json!({"loads": [{"body": {"from": 1.0, "to": 0.5, "acceleration": [0, 0, 1]}}]}), "loads"),
         (json!({"loads": [{"impulse": {"vertex": n, "momentum": [0, 0, 1]}}]}), "vertex-out-of-range"),
         (json!({"vertices": [n], "times": [0.0]}), "vertex-out-of-range"),
         (json!({"times": [1.0, 0.5]}), "times"),

@@ -1,13 +1,34 @@
-//! Distances on a surface, computed in a stored basis of it.
+//! Distances on a surface: by a stored basis of it, or on the mesh itself.
 
 use chladni_algebra::DenseMatrix;
+use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::distance::ExactGeodesics;
 use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::analysis::distance::{SpectralDistance, nearest};
 use chladni_spectral::analysis::geodesic::geodesic;
+use chladni_spectral::analysis::heat::HeatGeodesics;
 use chladni_spectral::analysis::spectrum::kernel_size;
 use chladni_spectral::basis::Basis;
+use rayon::prelude::*;
 use serde::Deserialize;
+
+/// The most sources of one request for geodesic distances on a mesh.
+const MOST_SOURCES: usize = 256;
+
+/// How geodesic distances are computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum GeodesicMethod {
+    /// The heat method on the mesh, with the robust Laplacian: a percent or two off, milliseconds a source once the mesh is prepared.
+    #[default]
+    Heat,
+    /// The lengths of shortest paths over the faces, to rounding.
+    Exact,
+    /// The heat method with both of its solves in the basis: some percent off, since a basis cannot resolve the tip of a cone.
+    Spectral,
+}
 
 /// A distance on the surface.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -23,9 +44,14 @@ pub enum DistanceKind {
     Biharmonic,
     /// `d² = Σ (φ(x) − φ(y))² / λ`.
     CommuteTime,
-    /// Geodesic distance by the heat method, both of its solves in the basis.
+    /// Geodesic distance. Vertices that no path leads to are at an infinite distance, `null` in JSON, but for `spectral`, which cannot tell.
     Geodesic {
-        /// How long heat flows, in length² of the mesh; without it, for each face the shortest of a ladder of times at which heat reaches it.
+        /// How it is computed.
+        #[serde(default)]
+        #[cfg_attr(feature = "schema", schema(inline))]
+        method: GeodesicMethod,
+        /// How long heat flows, in length² of the mesh; without it, the square of the mean edge, and by `spectral` for each face the shortest of a ladder of
+        /// times at which heat reaches it. Not for `exact`.
         time: Option<f64>,
     },
 }
@@ -55,30 +81,170 @@ pub enum DistanceFault {
     /// It is not clear between what.
     #[error("either sources or pairs are needed, not both")]
     Between,
+    /// Nothing flows.
+    #[error("time: exact distances have none")]
+    Time,
+    /// Without a basis there are geodesic distances on the mesh alone.
+    #[error("distance: on a mesh without a basis, geodesic distances by heat or exact ones are to be had")]
+    NeedsBasis,
     /// A vertex, a time or the basis does not fit.
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
 }
 
-impl DistanceRequest {
-    /// Checks what no basis is needed for.
+/// What geodesic distances on a mesh are computed with; it serves any number of requests.
+#[derive(Debug)]
+pub enum MeshDistances {
+    /// Two factors.
+    Heat(HeatGeodesics),
+    /// The shapes of all faces, and who lies beside whom.
+    Exact(ExactGeodesics),
+}
+
+impl MeshDistances {
+    /// Prepares a mesh for a method; `None` for the one that needs a basis.
     ///
     /// # Errors
-    /// [`DistanceFault::Between`].
-    pub fn check(&self) -> Result<(), DistanceFault> {
-        if self.sources.is_empty() == self.pairs.is_empty() { Err(DistanceFault::Between) } else { Ok(()) }
+    /// [`AnalysisError`]: a time that is not above zero, a mesh that cannot be prepared, cancellation.
+    pub fn new(
+        mesh: &TriangleMesh,
+        method: GeodesicMethod,
+        time: Option<f64>,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Self>, AnalysisError> {
+        Ok(match method {
+            GeodesicMethod::Heat => Some(Self::Heat(HeatGeodesics::new(mesh, time, monitor)?)),
+            GeodesicMethod::Exact => Some(Self::Exact(ExactGeodesics::new(mesh))),
+            GeodesicMethod::Spectral => None,
+        })
     }
 
-    /// Whether the mesh is needed beside the basis.
+    /// About the bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        match self {
+            Self::Heat(heat) => heat.bytes(),
+            // Six faces around a vertex, three half-edges to a face.
+            Self::Exact(exact) => 300 * exact.vertices() as u64,
+        }
+    }
+
+    fn vertices(&self) -> usize {
+        match self {
+            Self::Heat(heat) => heat.vertices(),
+            Self::Exact(exact) => exact.vertices(),
+        }
+    }
+
+    /// Distances of all vertices from the nearest of each group: a column for each.
+    fn from_nearest(&self, groups: &[&[u32]], monitor: &dyn Monitor) -> Result<DenseMatrix, AnalysisError> {
+        match self {
+            Self::Heat(heat) => heat.from_nearest(groups, monitor),
+            Self::Exact(exact) => {
+                let columns: Result<Vec<Vec<f64>>, _> =
+                    groups.par_iter().map(|group| exact.from_nearest(group, monitor)).collect();
+                let values = columns?.concat();
+                Ok(DenseMatrix::from_columns(exact.vertices(), groups.len(), values).unwrap_or_default())
+            }
+        }
+    }
+}
+
+/// Checks that sources, or the vertices of pairs, are vertices.
+fn check_vertices(
+    what: &'static str,
+    at: impl Iterator<Item = (usize, u32)>,
+    vertices: usize,
+) -> Result<(), AnalysisError> {
+    match at.into_iter().find(|&(_, vertex)| vertex as usize >= vertices) {
+        Some((place, vertex)) => Err(AnalysisError::Vertex { what, place, vertex, vertices }),
+        None => Ok(()),
+    }
+}
+
+/// Takes the distances of pairs out of those of all vertices from their first vertices, which `from` computes for each once.
+fn of_pairs(
+    pairs: &[[u32; 2]],
+    vertices: usize,
+    from: impl FnOnce(&[u32]) -> Result<DenseMatrix, AnalysisError>,
+) -> Result<DenseMatrix, AnalysisError> {
+    check_vertices("pair", pairs.iter().enumerate().flat_map(|(k, pair)| pair.map(|v| (k, v))), vertices)?;
+    let mut sources: Vec<u32> = pairs.iter().map(|pair| pair[0]).collect();
+    sources.sort_unstable();
+    sources.dedup();
+    let all = from(&sources)?;
+    let mut distances = DenseMatrix::zeros(pairs.len(), 1);
+    for (slot, [a, b]) in distances.column_mut(0).iter_mut().zip(pairs) {
+        let column = sources.partition_point(|source| source < a);
+        *slot = all.column(column)[*b as usize];
+    }
+    Ok(distances)
+}
+
+impl DistanceRequest {
+    /// Checks what neither mesh nor basis is needed for.
+    ///
+    /// # Errors
+    /// [`DistanceFault::Between`], [`DistanceFault::Time`].
+    pub fn check(&self) -> Result<(), DistanceFault> {
+        if self.sources.is_empty() == self.pairs.is_empty() {
+            return Err(DistanceFault::Between);
+        }
+        match self.distance {
+            DistanceKind::Geodesic { method: GeodesicMethod::Exact, time: Some(_) } => Err(DistanceFault::Time),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether the mesh is needed, beside or instead of the basis.
     pub fn needs_mesh(&self) -> bool {
         matches!(self.distance, DistanceKind::Geodesic { .. })
     }
 
-    /// A row for each vertex or pair, a column for each source and, within it, each time.
+    /// How and for which time a mesh has to be [prepared](MeshDistances::new), where no basis is needed.
+    pub fn on_mesh(&self) -> Option<(GeodesicMethod, Option<f64>)> {
+        match self.distance {
+            DistanceKind::Geodesic { method: GeodesicMethod::Spectral, .. } => None,
+            DistanceKind::Geodesic { method, time } => Some((method, time)),
+            _ => None,
+        }
+    }
+
+    /// Geodesic distances on a mesh that was prepared: a row for each vertex or pair, a column for each source.
+    ///
+    /// # Errors
+    /// [`DistanceFault`] names what does not fit, or says that it was cancelled.
+    pub fn geodesics(&self, mesh: &MeshDistances, monitor: &dyn Monitor) -> Result<DenseMatrix, DistanceFault> {
+        self.check()?;
+        let vertices = mesh.vertices();
+        let from = |sources: &[u32]| -> Result<DenseMatrix, AnalysisError> {
+            if sources.len() > MOST_SOURCES {
+                return Err(AnalysisError::Count {
+                    what: "sources",
+                    found: sources.len(),
+                    least: 1,
+                    most: MOST_SOURCES,
+                });
+            }
+            let groups: Vec<&[u32]> = sources.chunks(1).collect();
+            mesh.from_nearest(&groups, monitor)
+        };
+        if !self.pairs.is_empty() {
+            return Ok(of_pairs(&self.pairs, vertices, from)?);
+        }
+        check_vertices("source", self.sources.iter().copied().enumerate(), vertices)?;
+        Ok(if self.nearest { mesh.from_nearest(&[&self.sources], monitor)? } else { from(&self.sources)? })
+    }
+
+    /// A row for each vertex or pair, a column for each source and, within it, each time. What a mesh is needed for is prepared, and forgotten.
     ///
     /// # Errors
     /// [`DistanceFault`] names what does not fit.
-    pub fn distances(&self, basis: &Basis, mesh: Option<&TriangleMesh>) -> Result<DenseMatrix, DistanceFault> {
+    pub fn distances(
+        &self,
+        basis: &Basis,
+        mesh: Option<&TriangleMesh>,
+        monitor: &dyn Monitor,
+    ) -> Result<DenseMatrix, DistanceFault> {
         self.check()?;
         let spectral = match &self.distance {
             DistanceKind::Diffusion { times: Some(times) } => SpectralDistance::Diffusion { times: times.clone() },
@@ -88,10 +254,14 @@ impl DistanceRequest {
             }
             DistanceKind::Biharmonic => SpectralDistance::Biharmonic,
             DistanceKind::CommuteTime => SpectralDistance::CommuteTime,
-            DistanceKind::Geodesic { time } => {
+            DistanceKind::Geodesic { method, time } => {
                 let mesh = mesh.ok_or(AnalysisError::Mesh { basis: basis.vertices(), mesh: 0 })?;
+                if let Some(prepared) = MeshDistances::new(mesh, *method, *time, monitor)? {
+                    return self.geodesics(&prepared, monitor);
+                }
                 if !self.pairs.is_empty() {
-                    return Ok(between(basis, mesh, &self.pairs, *time)?);
+                    let from = |sources: &[u32]| geodesic(basis, mesh, sources, false, *time);
+                    return Ok(of_pairs(&self.pairs, basis.vertices(), from)?);
                 }
                 return Ok(geodesic(basis, mesh, &self.sources, self.nearest, *time)?);
             }
@@ -102,29 +272,4 @@ impl DistanceRequest {
         let all = spectral.from_sources(basis, &self.sources)?;
         Ok(if self.nearest { nearest(&all, spectral.columns()) } else { all })
     }
-}
-
-/// Geodesic distances of pairs: from each of their first vertices, once.
-fn between(
-    basis: &Basis,
-    mesh: &TriangleMesh,
-    pairs: &[[u32; 2]],
-    time: Option<f64>,
-) -> Result<DenseMatrix, AnalysisError> {
-    let mut sources: Vec<u32> = pairs.iter().map(|pair| pair[0]).collect();
-    sources.sort_unstable();
-    sources.dedup();
-    let vertices = basis.vertices();
-    for (place, pair) in pairs.iter().enumerate() {
-        if let Some(&vertex) = pair.iter().find(|&&vertex| vertex as usize >= vertices) {
-            return Err(AnalysisError::Vertex { what: "pair", place, vertex, vertices });
-        }
-    }
-    let all = geodesic(basis, mesh, &sources, false, time)?;
-    let mut distances = DenseMatrix::zeros(pairs.len(), 1);
-    for (slot, [a, b]) in distances.column_mut(0).iter_mut().zip(pairs) {
-        let column = sources.partition_point(|source| source < a);
-        *slot = all.column(column)[*b as usize];
-    }
-    Ok(distances)
 }

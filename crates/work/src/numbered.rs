@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::design::{DesignFault, DesignRequest, FieldSource, FurRequest, PerFace, Target};
 use crate::distances::DistanceRequest;
-use crate::simulate::{LoadRequest, SimulateAnswer, SimulateRequest};
+use crate::simulate::{InitialRequest, LoadRequest, SimulateAnswer, SimulateRequest};
 use crate::table::{Table, TableError};
 use crate::{MeshSize, ParameterError};
 
@@ -26,6 +26,16 @@ pub fn pull(to: &Translation, functions: DenseMatrix, rows: usize) -> Result<Den
         pulled.extend(to.pull(functions.column(column), rows)?);
     }
     Ok(DenseMatrix::from_columns(rows, functions.columns(), pulled).unwrap_or_default())
+}
+
+/// Vectors on the vertices of the file as vectors on the first `rows` kept ones.
+///
+/// # Errors
+/// As [`Translation::pull`].
+fn pull_vectors(to: &Translation, vectors: &[[f64; 3]], rows: usize) -> Result<Vec<[f64; 3]>, NumberingError> {
+    let part = |axis: usize| to.pull(&vectors.iter().map(|vector| vector[axis]).collect::<Vec<_>>(), rows);
+    let (x, y, z) = (part(0)?, part(1)?, part(2)?);
+    Ok(x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect())
 }
 
 /// Functions on kept vertices as functions on those of the file, column by column.
@@ -136,8 +146,14 @@ impl SimulateRequest {
         }
         let kept = |vertex: usize| to.vertex(vertex as u64, rows).map(|kept| kept as usize);
         for load in &mut self.loads {
-            let (LoadRequest::Impulse { vertex, .. } | LoadRequest::Force { vertex, .. }) = load;
-            *vertex = kept(*vertex)?;
+            if let LoadRequest::Impulse { vertex, .. } | LoadRequest::Force { vertex, .. } = load {
+                *vertex = kept(*vertex)?;
+            }
+        }
+        if let Some(InitialRequest::Vertices { displacements, velocities }) = &mut self.initial {
+            for vectors in [displacements, velocities].into_iter().flatten() {
+                *vectors = pull_vectors(to, vectors, rows)?;
+            }
         }
         for vertex in self.vertices.iter_mut().flatten() {
             *vertex = kept(*vertex)?;

@@ -3,7 +3,7 @@
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::analysis::sound::{Listening, Sound, listen};
-use chladni_spectral::analysis::vibration::{Damping, Load, Motion, SimulationError, check_times};
+use chladni_spectral::analysis::vibration::{Damping, Load, ModeState, Motion, SimulationError, check_times, in_modes};
 use chladni_spectral::basis::modal::ModalBasis;
 use serde::{Deserialize, Serialize};
 
@@ -21,7 +21,7 @@ pub struct DampingRequest {
     pub beta: f64,
 }
 
-/// What acts on one vertex.
+/// What acts on one vertex, or on all that has mass.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
@@ -47,6 +47,43 @@ pub enum LoadRequest {
         to: f64,
         /// In mass · length / time².
         force: [f64; 3],
+    },
+    /// A constant acceleration of the whole object, as by its weight.
+    Body {
+        /// Since when.
+        #[serde(default)]
+        from: f64,
+        /// Until when; without it, for ever.
+        to: Option<f64>,
+        /// In length / time².
+        acceleration: [f64; 3],
+    },
+}
+
+/// A state of the modes, as an answer gives it back.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct ModalState {
+    /// The coordinate of each mode.
+    pub positions: Vec<f64>,
+    /// How fast it changes.
+    pub velocities: Vec<f64>,
+}
+
+/// In which state an object is at time 0.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum InitialRequest {
+    /// In coordinates of the modes.
+    State(ModalState),
+    /// By a vector for each vertex, or none for zeros. What no mode holds is left out, and told.
+    Vertices {
+        /// How far it is displaced, in units of the mesh.
+        displacements: Option<Vec<[f64; 3]>>,
+        /// How fast it moves.
+        velocities: Option<Vec<[f64; 3]>>,
     },
 }
 
@@ -87,7 +124,7 @@ fn one_second() -> f64 {
     1.0
 }
 
-/// What happens to an object at rest, and what is to be told of it.
+/// What happens to an object, and what is to be told of it.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
@@ -100,7 +137,9 @@ pub struct SimulateRequest {
     /// Damping; none, unless it is given.
     #[serde(default)]
     pub damping: DampingRequest,
-    /// Impulses and forces; those on clamped vertices do nothing.
+    /// In which state it is at time 0, before whatever happens then; at rest, unless it is given.
+    pub initial: Option<InitialRequest>,
+    /// Impulses, forces and accelerations; those on clamped vertices do nothing.
     #[serde(default)]
     pub loads: Vec<LoadRequest>,
     /// Times, ascending.
@@ -119,7 +158,7 @@ pub struct SimulateRequest {
 /// A motion at some times.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[cfg_attr(feature = "schema", schema(example = json!({"times": [0.0, 0.001], "energies": [0.5, 0.49], "displacements": [[0.0, 0.0, 0.0], [0.0, 0.0, -0.001]], "positions": null, "velocities": null})))]
+#[cfg_attr(feature = "schema", schema(example = json!({"times": [0.0, 0.001], "energies": [0.5, 0.49], "displacements": [[0.0, 0.0, 0.0], [0.0, 0.0, -0.001]], "positions": null, "velocities": null, "state": {"positions": [0.1], "velocities": [-2.0]}, "left_out": 0.0})))]
 pub struct SimulateAnswer {
     /// The times.
     pub times: Vec<f64>,
@@ -131,6 +170,10 @@ pub struct SimulateAnswer {
     pub positions: Option<Vec<Vec<f64>>>,
     /// At each time the velocities of these.
     pub velocities: Option<Vec<Vec<f64>>>,
+    /// The state at the last of the times: as `initial` of a further request, whose time 0 that is, it lets the motion go on.
+    pub state: Option<ModalState>,
+    /// Which share of initial displacements and velocities, the larger of the two, no mode holds.
+    pub left_out: f64,
 }
 
 /// Why nothing can be simulated.
@@ -177,10 +220,36 @@ pub struct Frames {
 }
 
 impl SimulateRequest {
-    fn motion(&self, modes: &ModalBasis) -> Result<Motion, SimulationFault> {
+    /// The motion, and which share of what it begins with no mode holds.
+    fn motion(&self, modes: &ModalBasis) -> Result<(Motion, f64), SimulationFault> {
         let damping = Damping { mass: self.damping.alpha, stiffness: self.damping.beta };
         let loads: Vec<Load> = self.loads.iter().map(load).collect();
-        Ok(Motion::new(modes, damping, &loads)?)
+        let (initial, lost) = self.initial(modes)?;
+        Ok((Motion::starting(modes, damping, &loads, &initial)?, lost))
+    }
+
+    fn initial(&self, modes: &ModalBasis) -> Result<(Vec<ModeState>, f64), SimulationFault> {
+        let m = modes.count();
+        let (positions, velocities, lost) = match &self.initial {
+            None => (vec![0.0; m], vec![0.0; m], 0.0),
+            Some(InitialRequest::State(ModalState { positions, velocities })) => {
+                if positions.len() != velocities.len() {
+                    let reason = format!("{} positions and {} velocities are given", positions.len(), velocities.len());
+                    return Err(SimulationError::Initial(reason).into());
+                }
+                (positions.clone(), velocities.clone(), 0.0)
+            }
+            Some(InitialRequest::Vertices { displacements, velocities }) => {
+                let project = |vectors: &Option<Vec<[f64; 3]>>| match vectors {
+                    Some(vectors) => in_modes(modes, vectors),
+                    None => Ok((vec![0.0; m], 0.0)),
+                };
+                let ((positions, lost), (velocities, also)) = (project(displacements)?, project(velocities)?);
+                (positions, velocities, lost.max(also))
+            }
+        };
+        let states = positions.into_iter().zip(velocities);
+        Ok((states.map(|(position, velocity)| ModeState { position, velocity }).collect(), lost))
     }
 
     fn check(&self) -> Result<(), SimulationFault> {
@@ -199,7 +268,7 @@ impl SimulateRequest {
         let Some(sound) = &self.sound else { return Ok(None) };
         let listening = Listening { point: sound.listener, rate: sound.sample_rate, seconds: sound.seconds };
         listening.check()?;
-        Ok(Some(listen(modes, &self.motion(modes)?, &surface.positions, &surface.faces, &listening)?))
+        Ok(Some(listen(modes, &self.motion(modes)?.0, &surface.positions, &surface.faces, &listening)?))
     }
 
     /// Calls `take` with each frame: the numbers of its form (positions before velocities of a state), and its energy.
@@ -209,7 +278,7 @@ impl SimulateRequest {
         most: usize,
         monitor: &dyn Monitor,
         mut take: impl FnMut(Frame<'_>, f64),
-    ) -> Result<usize, SimulationFault> {
+    ) -> Result<Told, SimulationFault> {
         self.check()?;
         let vertices = modes.vertices();
         if let Some(&vertex) = self.vertices.iter().flatten().find(|&&vertex| vertex >= vertices) {
@@ -223,7 +292,7 @@ impl SimulateRequest {
         if numbers > most {
             return Err(SimulationFault::Times { times: self.times.len(), numbers, most });
         }
-        let motion = self.motion(modes)?;
+        let (motion, left_out) = self.motion(modes)?;
         let lifter = modes.lifter();
         let mut whole = vec![0f32; 3 * vertices];
         for &time in &self.times {
@@ -244,7 +313,12 @@ impl SimulateRequest {
                 }
             }
         }
-        Ok(columns)
+        let last = self.times.last().map(|&time| motion.at(time));
+        let state = last.map(|state| ModalState {
+            positions: state.iter().map(|mode| mode.position).collect(),
+            velocities: state.iter().map(|mode| mode.velocity).collect(),
+        });
+        Ok(Told { columns, state, left_out })
     }
 
     /// The motion at the times, at most `most` numbers.
@@ -259,7 +333,7 @@ impl SimulateRequest {
     ) -> Result<SimulateAnswer, SimulationFault> {
         let state = self.give == MotionForm::State;
         let (mut displacements, mut positions, mut velocities, mut energies) = (vec![], vec![], vec![], vec![]);
-        self.each(modes, most, monitor, |frame, energy| {
+        let told = self.each(modes, most, monitor, |frame, energy| {
             energies.push(energy);
             match frame {
                 Frame::Displacements(frame) => displacements.push(frame.to_vec()),
@@ -275,6 +349,8 @@ impl SimulateRequest {
             displacements: (!state).then_some(displacements),
             positions: state.then_some(positions),
             velocities: state.then_some(velocities),
+            state: told.state,
+            left_out: told.left_out,
         })
     }
 
@@ -284,14 +360,23 @@ impl SimulateRequest {
     /// [`SimulationFault`] names what does not fit.
     pub fn frames(&self, modes: &ModalBasis, most: usize, monitor: &dyn Monitor) -> Result<Frames, SimulationFault> {
         let mut numbers = Vec::new();
-        let columns = self.each(modes, most, monitor, |frame, _| match frame {
+        let told = self.each(modes, most, monitor, |frame, _| match frame {
             Frame::Displacements(frame) => numbers.extend_from_slice(frame),
             Frame::State(positions, velocities) => {
                 numbers.extend(positions.iter().chain(&velocities).map(|&x| x as f32));
             }
         })?;
-        Ok(Frames { numbers, rows: self.times.len(), columns })
+        Ok(Frames { numbers, rows: self.times.len(), columns: told.columns })
     }
+}
+
+/// What is told of a motion beside its frames.
+struct Told {
+    /// Numbers of a frame.
+    columns: usize,
+    /// At the last time.
+    state: Option<ModalState>,
+    left_out: f64,
 }
 
 /// One frame of a motion.
@@ -304,5 +389,8 @@ fn load(load: &LoadRequest) -> Load {
     match *load {
         LoadRequest::Impulse { vertex, time, momentum } => Load::Impulse { vertex, time, momentum },
         LoadRequest::Force { vertex, from, to, force } => Load::Force { vertex, from, to, force },
+        LoadRequest::Body { from, to, acceleration } => {
+            Load::Body { from, to: to.unwrap_or(f64::INFINITY), acceleration }
+        }
     }
 }

@@ -58,9 +58,9 @@ fn poses_cluster_remeshings_agree_and_approximate_spectra_do_as_exact_ones() {
         let mesh = load(folder.join(file));
         let area = surface_area(&mesh);
         let fast = basis(&mesh, json!({"count": COUNT + 1}));
-        approximate.push(Spectrum { eigenvalues: fast.eigenvalues, area });
+        approximate.push(Spectrum { eigenvalues: fast.eigenvalues, kernel: 1, area });
         let slow = basis(&mesh, json!({"count": COUNT + 1, "method": "hsim", "tolerance": 1e-3, "storage": "compact"}));
-        exact.push(Spectrum { eigenvalues: slow.eigenvalues, area });
+        exact.push(Spectrum { eigenvalues: slow.eigenvalues, kernel: 1, area });
     }
     let how = Comparison { count: COUNT, scale: Scale::Area, weighting: Weighting::Index, dimensions: 2 };
     let (fast, slow) = (compare(&approximate, &how).unwrap(), compare(&exact, &how).unwrap());
@@ -96,7 +96,7 @@ fn the_first_hundred_eigenvalues_of_remeshings_agree_within_one_percent_after_fa
             let options = CheckOptions { subdivisions: 2, ..CheckOptions::default() };
             let mesh = load_with(folder.join(file), &options);
             let exact = basis(&mesh, json!({"count": 101, "method": "hsim", "tolerance": 1e-3, "storage": "compact"}));
-            Spectrum { eigenvalues: exact.eigenvalues, area: surface_area(&mesh) }
+            Spectrum { eigenvalues: exact.eigenvalues, kernel: 1, area: surface_area(&mesh) }
         })
         .collect();
     let how = Comparison { count: 100, scale: Scale::Area, weighting: Weighting::Index, dimensions: 2 };
@@ -170,11 +170,12 @@ fn maps_between_meshes_of_one_figure_lead_near_to_where_points_belong_and_zoom_o
             samples: 2000,
             commutativity: 0.1,
             all_points: true,
+            both_ways: false,
         };
         let map = functional_map(&from, &to, &request).unwrap();
         let errors = (0..b.len()).step_by(20).map(|vertex| {
             let reached = workspace.local_distances(&geometry, nearest(&b[vertex]) as u32, f32::INFINITY);
-            let there = reached.iter().find(|(at, _)| *at == map.points[vertex]);
+            let there = reached.iter().find(|(at, _)| *at == map.to_source.points[vertex]);
             there.map_or(f64::INFINITY, |(_, distance)| f64::from(*distance) / unit)
         });
         let errors: Vec<f64> = errors.collect();

@@ -17,7 +17,7 @@ mod frames;
 mod octets;
 mod solve;
 
-pub use cache::FieldCache;
+pub use cache::{FieldCache, kept};
 
 use chladni_spectral::field::{DesignError, FieldError, PrescribedError, StreamlineError};
 use chladni_work::design::DesignFault;

@@ -5,6 +5,7 @@
 
 mod dijkstra;
 mod euclidean;
+mod exact;
 mod fast_marching;
 mod queue;
 mod stvd;
@@ -12,6 +13,7 @@ mod stvd;
 use super::TriangleMesh;
 use super::connectivity::Connectivity;
 
+pub use exact::ExactGeodesics;
 pub(super) use queue::Queue;
 
 /// How the distance from a source to the vertices around it is measured.

@@ -1,8 +1,10 @@
 //! Why something was not computed in a basis.
 
-use chladni_algebra::{DefiniteError, EigenError};
+use chladni_algebra::{DefiniteError, EigenError, FactorError};
+use chladni_base::Cancelled;
 
 use crate::basis::BasisError;
+use crate::operator::OperatorError;
 
 /// Why something was not computed in a basis.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -49,6 +51,16 @@ pub enum AnalysisError {
         /// Its value.
         value: f64,
     },
+    /// A shape has nothing that it could be scaled by.
+    #[error("shape {shape} has no scale: its {what} is {value}, not above zero")]
+    NoScale {
+        /// Which shape, from 0.
+        shape: usize,
+        /// What it should be scaled by.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
     /// All eigenvalues are zero.
     #[error("the basis has no eigenvalue above zero")]
     OnlyKernel,
@@ -74,6 +86,15 @@ pub enum AnalysisError {
     /// A least-squares problem failed.
     #[error("a small system was not solved: {0}")]
     System(#[from] DefiniteError),
+    /// A sparse matrix was not factored.
+    #[error(transparent)]
+    Factor(#[from] FactorError),
+    /// The operator cannot be made.
+    #[error(transparent)]
+    Operator(#[from] OperatorError),
+    /// It was asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     /// The basis cannot be evaluated.
     #[error(transparent)]
     Basis(#[from] BasisError),

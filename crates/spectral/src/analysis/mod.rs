@@ -7,6 +7,7 @@ pub mod family;
 pub mod filter;
 pub mod functional_map;
 pub mod geodesic;
+pub mod heat;
 pub mod kd_tree;
 pub mod projection;
 pub mod scatter;
@@ -14,6 +15,7 @@ pub mod shape_dna;
 pub mod signature;
 pub mod sound;
 pub mod spectrum;
+pub mod subspace;
 pub mod vibration;
 
 pub use error::AnalysisError;

@@ -4,6 +4,7 @@ use chladni_algebra::{CpuSolver, DenseMatrix, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
 
 use super::error::{self, AnalysisError};
+use super::spectrum::ZERO;
 
 /// The most shapes of one comparison.
 pub const MOST_SHAPES: usize = 512;
@@ -11,10 +12,32 @@ pub const MOST_SHAPES: usize = 512;
 /// What a comparison is given of a shape.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spectrum {
-    /// Ascending eigenvalues in 1/length², the zero included.
+    /// Ascending eigenvalues in 1/length², the kernel included.
     pub eigenvalues: Vec<f64>,
+    /// How many of the first of them are the kernel of the operator, and say nothing of the shape: see [`kernel_of`].
+    pub kernel: usize,
     /// The area of the surface.
     pub area: f64,
+}
+
+impl Spectrum {
+    /// How many eigenvalues there are above the kernel.
+    pub fn count(&self) -> usize {
+        self.eigenvalues.len().saturating_sub(self.kernel)
+    }
+}
+
+/// The dimension of the kernel of an operator with these ascending eigenvalues, on a surface of so many components: how many of the first values are
+/// zero, but at most one for each component. It is 0 where a boundary is held everywhere or a potential acts, and where a value is below zero: then
+/// every eigenvalue tells something.
+pub fn kernel_of(eigenvalues: &[f64], components: usize) -> usize {
+    let zero = ZERO * magnitude(eigenvalues);
+    eigenvalues.iter().take(components).take_while(|value| value.abs() <= zero).count()
+}
+
+/// The largest magnitude of some ascending values.
+fn magnitude(values: &[f64]) -> f64 {
+    [values.first(), values.last()].into_iter().flatten().fold(0.0, |most, value| value.abs().max(most))
 }
 
 /// What makes spectra of shapes of any size comparable.
@@ -24,7 +47,7 @@ pub enum Scale {
     /// Times the area: as if every surface had unit area.
     #[default]
     Area,
-    /// Divided by the first eigenvalue that is not dropped.
+    /// Divided by the first eigenvalue above the kernel.
     First,
     /// As they are: size matters.
     None,
@@ -44,7 +67,7 @@ pub enum Weighting {
 /// How shapes are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Comparison {
-    /// How many eigenvalues, the zero left out.
+    /// How many eigenvalues, those of the kernel left out.
     pub count: usize,
     /// What makes them comparable.
     pub scale: Scale,
@@ -71,26 +94,25 @@ pub struct Compared {
 /// Compares shapes.
 ///
 /// # Errors
-/// [`AnalysisError`]: too few shapes or too many, a spectrum shorter than `count + 1`, an area or a first eigenvalue that is not above zero.
+/// [`AnalysisError`]: too few shapes or too many, a spectrum with fewer than `count` eigenvalues above its kernel;
+/// [`AnalysisError::NoScale`] names the first shape whose area, or whose first eigenvalue above the kernel, is not above zero.
 pub fn compare(spectra: &[Spectrum], how: &Comparison) -> Result<Compared, AnalysisError> {
     error::count("shapes", spectra.len(), 2, MOST_SHAPES)?;
     error::count("dimensions", how.dimensions, 2, 3)?;
-    let shortest = spectra.iter().map(|s| s.eigenvalues.len()).min().unwrap_or(0);
-    error::count("count", how.count, 1, shortest.saturating_sub(1))?;
+    let shortest = spectra.iter().map(Spectrum::count).min().unwrap_or(0);
+    error::count("count", how.count, 1, shortest)?;
     let mut descriptors = DenseMatrix::zeros(how.count, spectra.len());
     for (shape, spectrum) in spectra.iter().enumerate() {
-        let values = &spectrum.eigenvalues[1..=how.count];
-        let factor = match how.scale {
-            Scale::Area => {
-                error::positive("area", spectrum.area)?;
-                spectrum.area
-            }
-            Scale::First => {
-                error::positive("first eigenvalue", values[0])?;
-                1.0 / values[0]
-            }
-            Scale::None => 1.0,
+        let values = &spectrum.eigenvalues[spectrum.kernel..][..how.count];
+        let (what, scale, least) = match how.scale {
+            Scale::Area => ("area", spectrum.area, 0.0),
+            Scale::First => ("first eigenvalue above the kernel", values[0], ZERO * magnitude(&spectrum.eigenvalues)),
+            Scale::None => ("", 1.0, 0.0),
         };
+        if !(scale > least && scale.is_finite()) {
+            return Err(AnalysisError::NoScale { shape, what, value: scale });
+        }
+        let factor = if how.scale == Scale::First { 1.0 / scale } else { scale };
         for (index, (slot, value)) in descriptors.column_mut(shape).iter_mut().zip(values).enumerate() {
             let divisor = if how.weighting == Weighting::Index { (index + 1) as f64 } else { 1.0 };
             *slot = factor * value / divisor;
@@ -150,11 +172,14 @@ fn scale(distances: &DenseMatrix, dimensions: usize) -> Result<(DenseMatrix, Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::operator::{Boundary, OperatorKind, OperatorParameters, Potential, assemble};
+    use crate::spectrum::hsim::{self, HsimParameters, Wanted};
+    use chladni_mesh::TriangleMesh;
 
     const PLAIN: Comparison = Comparison { count: 3, scale: Scale::None, weighting: Weighting::None, dimensions: 2 };
 
     fn spectrum(values: &[f64], area: f64) -> Spectrum {
-        Spectrum { eigenvalues: values.to_vec(), area }
+        Spectrum { eigenvalues: values.to_vec(), kernel: kernel_of(values, 1), area }
     }
 
     #[test]
@@ -208,10 +233,82 @@ mod tests {
         let two = [shape.clone(), shape.clone()];
         assert!(error(&two[..1], PLAIN).starts_with("shapes: 1, where 2"));
         assert!(error(&two, PLAIN).starts_with("count: 3, where 1 to 2"));
+        let held = [shape.clone(), spectrum(&[1.0, 2.0, 3.0], 1.0)];
+        assert!(error(&held, PLAIN).starts_with("count: 3, where 1 to 2"));
         assert!(error(&two, Comparison { dimensions: 4, count: 2, ..PLAIN }).starts_with("dimensions: 4"));
         let flat = [shape, spectrum(&[0.0, 1.0, 2.0], 0.0)];
-        assert!(error(&flat, Comparison { scale: Scale::Area, count: 2, ..PLAIN }).starts_with("area is 0"));
-        let still = [spectrum(&[0.0, 0.0, 2.0], 1.0), spectrum(&[0.0, 0.0, 2.0], 1.0)];
-        assert!(error(&still, Comparison { scale: Scale::First, count: 2, ..PLAIN }).starts_with("first eigenvalue"));
+        let told = error(&flat, Comparison { scale: Scale::Area, count: 2, ..PLAIN });
+        assert_eq!(told, "shape 1 has no scale: its area is 0, not above zero");
+        for first in [0.0, 1e-12, -1e-12, -0.3] {
+            let still = [spectrum(&[0.0, 1.0, 2.0], 1.0), spectrum(&[first, first, 2.0, 3.0], 1.0)];
+            let told = error(&still, Comparison { scale: Scale::First, count: 2, ..PLAIN });
+            assert!(told.starts_with("shape 1 has no scale: its first eigenvalue above the kernel is "), "{told}");
+        }
+    }
+
+    #[test]
+    fn the_kernel_is_counted_by_components_and_values() {
+        assert_eq!(kernel_of(&[0.0, 0.0, 2.0], 1), 1);
+        assert_eq!(kernel_of(&[1e-11, -1e-12, 2.0], 2), 2);
+        assert_eq!(kernel_of(&[0.0, 1.0, 2.0], 3), 1, "two of three parts are held");
+        assert_eq!(kernel_of(&[19.7, 49.3], 1), 0);
+        assert_eq!(kernel_of(&[-5.0, 0.0, 3.0], 2), 0, "a potential below zero");
+        assert_eq!(kernel_of(&[], 4), 0);
+    }
+
+    /// The lowest pairs of an operator on the unit square, or on two of them apart from each other.
+    fn solved(squares: usize, parameters: &OperatorParameters, count: usize) -> Spectrum {
+        let side = 40u32;
+        let mut mesh = TriangleMesh::default();
+        for square in 0..squares as u32 {
+            let first = mesh.positions.len() as u32;
+            let at = |i: u32| f64::from(i) / f64::from(side);
+            let points = (0..=side).flat_map(|i| (0..=side).map(move |j| [at(i), at(j), 2.0 * f64::from(square)]));
+            mesh.positions.extend(points);
+            for (i, j) in (0..side).flat_map(|i| (0..side).map(move |j| (i, j))) {
+                let corner = |i: u32, j: u32| first + i * (side + 1) + j;
+                let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i, j + 1), corner(i + 1, j + 1)];
+                mesh.faces.extend([[a, b, d], [a, d, c]]);
+            }
+        }
+        let operator = assemble(&mesh, parameters, &Unwatched).unwrap();
+        let wanted = HsimParameters { wanted: Wanted::Count(count), ..HsimParameters::default() };
+        let eigenvalues = hsim::solve(&mesh, &operator.problem, &wanted, false, &Unwatched).unwrap().values;
+        let area = operator.laplacian().area;
+        let eigenvalues: Vec<f64> = eigenvalues.iter().map(|value| value / area).collect();
+        Spectrum { kernel: kernel_of(&eigenvalues, squares), eigenvalues, area }
+    }
+
+    fn described(shape: &Spectrum, scale: Scale) -> Vec<f64> {
+        let how = Comparison { count: 5, scale, ..PLAIN };
+        compare(&[shape.clone(), shape.clone()], &how).unwrap().descriptors.column(0).to_vec()
+    }
+
+    fn near(found: &[f64], expected: [f64; 5]) -> bool {
+        found.iter().zip(expected).all(|(found, expected)| (found / expected - 1.0).abs() < 0.01)
+    }
+
+    /// On the square `sin πax sin πby` has the eigenvalue `(a² + b²) π²` under the Dirichlet condition, `cos πax cos πby` under Neumann's.
+    #[test]
+    fn held_boundaries_and_potentials_keep_their_first_eigenvalue() {
+        let square = std::f64::consts::PI.powi(2);
+        let held = OperatorParameters { boundary: Boundary::Dirichlet, ..OperatorParameters::default() };
+        let found = described(&solved(1, &held, 8), Scale::Area);
+        assert!(near(&found, [2.0, 5.0, 5.0, 8.0, 10.0].map(|x| x * square)), "{found:?}");
+        let free = described(&solved(1, &OperatorParameters::default(), 8), Scale::Area);
+        assert!(near(&free, [1.0, 1.0, 2.0, 4.0, 4.0].map(|x| x * square)), "{free:?}");
+        let potential = Potential::Values(vec![3.0 * square; 41 * 41]);
+        let hamiltonian =
+            OperatorParameters { operator: OperatorKind::Hamiltonian { potential }, ..OperatorParameters::default() };
+        let raised = described(&solved(1, &hamiltonian, 8), Scale::Area);
+        assert!(near(&raised, [3.0, 4.0, 4.0, 5.0, 7.0].map(|x| x * square)), "{raised:?}");
+    }
+
+    #[test]
+    fn a_shape_of_two_parts_has_the_scale_of_its_first_eigenvalue_above_zero() {
+        let parts = solved(2, &OperatorParameters::default(), 8);
+        assert_eq!(parts.kernel, 2);
+        let found = described(&parts, Scale::First);
+        assert!(near(&found, [1.0, 1.0, 1.0, 1.0, 2.0]), "{found:?}");
     }
 }

@@ -3,7 +3,7 @@
 use super::error::AnalysisError;
 
 /// Eigenvalues below this share of the largest count as zero.
-const ZERO: f64 = 1e-8;
+pub(super) const ZERO: f64 = 1e-8;
 
 /// How many of the ascending eigenvalues are zero: the functions that are constant on each component.
 ///

@@ -1,6 +1,6 @@
 //! Simulation in modal coordinates (thesis, §2.6): every mode is a damped oscillator whose motion is known exactly, at any time.
 //!
-//! `q̈ + (α + βλ) q̇ + λ q = f` (eq. 2.16). Loads are impulses, which change velocities at once, and forces that are constant over an interval;
+//! `q̈ + (α + βλ) q̇ + λ q = f` (eq. 2.16). Loads are impulses, which change velocities at once, and forces and accelerations that are constant over an interval;
 //! between their beginnings and ends the exact flow is evaluated, so no step is ever made, and nothing is damped that should not be.
 
 use crate::basis::BasisError;
@@ -15,9 +15,18 @@ pub struct Damping {
     pub stiffness: f64,
 }
 
-/// What acts on an object that is at rest before.
+/// What acts on an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Load {
+    /// A constant acceleration of all that has mass, as by weight.
+    Body {
+        /// Since when.
+        from: f64,
+        /// Until when; infinite: for ever.
+        to: f64,
+        /// Which.
+        acceleration: [f64; 3],
+    },
     /// A sudden change of momentum.
     Impulse {
         /// Where.
@@ -69,6 +78,9 @@ pub enum SimulationError {
         /// Its value.
         value: f64,
     },
+    /// A state does not fit the modes.
+    #[error("initial: {0}")]
+    Initial(String),
     /// A time is negative, not finite, or before the one that precedes it.
     #[error("time {index} is {value}; times must be finite, at least 0, and ascend")]
     Time {
@@ -206,6 +218,20 @@ impl Motion {
     /// # Errors
     /// [`SimulationError`] names the first load or coefficient that does not fit.
     pub fn new(basis: &ModalBasis, damping: Damping, loads: &[Load]) -> Result<Self, SimulationError> {
+        Self::starting(basis, damping, loads, &vec![ModeState::default(); basis.count()])
+    }
+
+    /// The same for an object that is in some state at time 0, one for each mode, before whatever happens then.
+    ///
+    /// # Errors
+    /// As for [`new`](Self::new); [`SimulationError::Initial`] unless there is a finite state for each mode.
+    pub fn starting(
+        basis: &ModalBasis,
+        damping: Damping,
+        loads: &[Load],
+        initial: &[ModeState],
+    ) -> Result<Self, SimulationError> {
+        check_initial(initial, basis.count())?;
         for (name, value) in [("alpha", damping.mass), ("beta", damping.stiffness)] {
             if !(value >= 0.0 && value.is_finite()) {
                 return Err(SimulationError::Damping { name, value });
@@ -217,6 +243,7 @@ impl Motion {
             match *load {
                 Load::Impulse { time, .. } => times.push(time),
                 Load::Force { from, to, .. } => times.extend([from, to]),
+                Load::Body { from, to, .. } => times.extend([from, to].into_iter().filter(|time| time.is_finite())),
             }
         }
         times.sort_by(f64::total_cmp);
@@ -237,10 +264,19 @@ impl Motion {
                     add(&mut changes[place(from)], &modal, 1.0);
                     add(&mut changes[place(to)], &modal, -1.0);
                 }
+                Load::Body { from, to, acceleration } => {
+                    let weights: Vec<[f64; 3]> =
+                        basis.masses.iter().map(|mass| acceleration.map(|a| mass * a)).collect();
+                    let modal = basis.transposed_times(&weights)?;
+                    add(&mut changes[place(from)], &modal, 1.0);
+                    if to.is_finite() {
+                        add(&mut changes[place(to)], &modal, -1.0);
+                    }
+                }
             }
         }
         let (mut states, mut forces) = (Vec::with_capacity(times.len()), Vec::with_capacity(times.len()));
-        let (mut state, mut force) = (vec![ModeState::default(); m], vec![0.0; m]);
+        let (mut state, mut force) = (initial.to_vec(), vec![0.0; m]);
         for (k, &time) in times.iter().enumerate() {
             if k > 0 {
                 let duration = time - times[k - 1];
@@ -336,10 +372,49 @@ pub fn check_times(times: &[f64]) -> Result<(), SimulationError> {
     Ok(())
 }
 
+/// Vectors for each vertex in coordinates of the modes, `Φᵀ M u`, and which share of their size, in the norm of the mass, no mode holds.
+///
+/// # Errors
+/// [`SimulationError::Initial`] unless there is a finite vector for each vertex.
+pub fn in_modes(basis: &ModalBasis, vectors: &[[f64; 3]]) -> Result<(Vec<f64>, f64), SimulationError> {
+    let n = basis.vertices();
+    if vectors.len() != n {
+        return Err(SimulationError::Initial(format!(
+            "{} vectors are given; the object has {n} vertices",
+            vectors.len()
+        )));
+    }
+    if let Some(vertex) = vectors.iter().position(|vector| !vector.iter().all(|x| x.is_finite())) {
+        return Err(SimulationError::Initial(format!("the vector of vertex {vertex} is not finite")));
+    }
+    let weighted: Vec<[f64; 3]> =
+        vectors.iter().zip(&basis.masses).map(|(vector, mass)| vector.map(|x| mass * x)).collect();
+    let modal = basis.transposed_times(&weighted)?;
+    let dots = weighted.iter().zip(vectors).map(|(a, b)| (0..3).map(|k| a[k] * b[k]).sum::<f64>());
+    let (whole, held) = (dots.sum::<f64>(), modal.iter().map(|q| q * q).sum::<f64>());
+    let lost = if whole > 0.0 { (1.0 - held / whole).max(0.0).sqrt() } else { 0.0 };
+    Ok((modal, lost))
+}
+
+fn check_initial(initial: &[ModeState], modes: usize) -> Result<(), SimulationError> {
+    if initial.len() != modes {
+        return Err(SimulationError::Initial(format!(
+            "{} states are given; the basis has {modes} modes",
+            initial.len()
+        )));
+    }
+    match initial.iter().position(|state| !(state.position.is_finite() && state.velocity.is_finite())) {
+        Some(mode) => Err(SimulationError::Initial(format!("the state of mode {mode} is not finite"))),
+        None => Ok(()),
+    }
+}
+
 fn check(load: usize, what: &Load, vertices: usize) -> Result<(), SimulationError> {
     let (vertex, vector, times) = match what {
         Load::Impulse { vertex, time, momentum } => (*vertex, momentum, [*time, *time]),
         Load::Force { vertex, from, to, force } => (*vertex, force, [*from, *to]),
+        // Every object has a first vertex.
+        Load::Body { from, to, acceleration } => (0, acceleration, [*from, *to]),
     };
     let wrong = |reason| Err(SimulationError::Load { load, reason });
     if vertex >= vertices {
@@ -348,10 +423,11 @@ fn check(load: usize, what: &Load, vertices: usize) -> Result<(), SimulationErro
     if !vector.iter().all(|x| x.is_finite()) {
         return wrong("its vector must be finite");
     }
-    if !times.iter().all(|t| t.is_finite() && *t >= 0.0) {
+    let endless = matches!(what, Load::Body { .. }) && times[1] == f64::INFINITY;
+    if !times[..if endless { 1 } else { 2 }].iter().all(|t| t.is_finite() && *t >= 0.0) {
         return wrong("its times must be finite and at least 0");
     }
-    if matches!(what, Load::Force { .. }) && !(times[0] < times[1]) {
+    if matches!(what, Load::Force { .. } | Load::Body { .. }) && !(times[0] < times[1]) {
         return wrong("it must end after it begins");
     }
     Ok(())

@@ -207,3 +207,69 @@ fn loads_and_times_that_do_not_fit_are_named() {
     assert_eq!(check_times(&[0.0, 1.0, 1.0, 0.5]), Err(SimulationError::Time { index: 3, value: 0.5 }));
     assert!(check_times(&[f64::NAN]).is_err() && check_times(&[-0.1]).is_err() && check_times(&[]).is_ok());
 }
+
+/// A state that is given back and taken up again goes on as if nothing had been asked.
+#[test]
+fn a_motion_goes_on_from_its_own_state() {
+    let mesh = generate(Shape::Sphere, 200).unwrap();
+    let basis = modes(&mesh, 20, HSIM);
+    let damping = Damping { mass: 0.5, stiffness: 1e-6 };
+    let body = |from: f64, to: f64| Load::Body { from, to, acceleration: [0.0, 1.0, -9.81] };
+    let whole = Motion::new(&basis, damping, &[body(0.0, f64::INFINITY)]).unwrap();
+    let begun = whole.at(0.3);
+    let rest = Motion::starting(&basis, damping, &[body(0.0, f64::INFINITY)], &begun).unwrap();
+    for t in [0.0, 0.01, 0.7] {
+        for (a, b) in whole.at(0.3 + t).iter().zip(rest.at(t)) {
+            assert!((a.position - b.position).abs() < 1e-10 * (1.0 + b.position.abs()));
+            assert!((a.velocity - b.velocity).abs() < 1e-8 * (1.0 + b.velocity.abs()));
+        }
+    }
+}
+
+/// Nothing holds the object, so that it falls as a stone does and nothing in it moves: `s = ½ g t²`, also after the weight is gone.
+#[test]
+fn weight_accelerates_every_vertex_alike() {
+    let mesh = generate(Shape::Sphere, 200).unwrap();
+    let basis = modes(&mesh, 20, HSIM);
+    let load = Load::Body { from: 0.5, to: 1.5, acceleration: [0.0, 0.0, -9.81] };
+    let motion = Motion::new(&basis, Damping::default(), &[load]).unwrap();
+    let mut out = vec![0f32; 3 * basis.vertices()];
+    for (time, fallen) in [(0.5, 0.0), (1.0, 9.81 / 8.0), (2.5, 9.81 * (0.5 + 1.0))] {
+        let q: Vec<f64> = motion.at(time).iter().map(|state| state.position).collect();
+        basis.lifter().lift(&q, &mut out);
+        for moved in out.as_chunks::<3>().0 {
+            assert!(
+                moved[0].abs() < 1e-3 && moved[1].abs() < 1e-3 && (f64::from(moved[2]) + fallen).abs() < 1e-3,
+                "{moved:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn initial_vectors_are_projected_and_what_no_mode_holds_is_told() {
+    let mesh = generate(Shape::Sphere, 200).unwrap();
+    let basis = modes(&mesh, 20, HSIM);
+    let mut out = vec![0f32; 3 * basis.vertices()];
+    let wanted: Vec<f64> = (0..20).map(|k| 0.3 * (k as f64).cos()).collect();
+    basis.lifter().lift(&wanted, &mut out);
+    let vectors: Vec<[f64; 3]> = out.as_chunks::<3>().0.iter().map(|v| v.map(f64::from)).collect();
+    let (found, lost) = in_modes(&basis, &vectors).unwrap();
+    assert!(lost < 2e-3 && found.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-4), "{lost}");
+    // What alternates from vertex to vertex is in none of the lowest modes.
+    let rough: Vec<[f64; 3]> = (0..vectors.len()).map(|v| [if v % 2 == 0 { 1.0 } else { -1.0 }, 0.0, 0.0]).collect();
+    assert!(in_modes(&basis, &rough).unwrap().1 > 0.9);
+    let told = |vectors: &[[f64; 3]]| in_modes(&basis, vectors).unwrap_err().to_string();
+    let n = rough.len();
+    assert_eq!(told(&rough[1..]), format!("initial: {} vectors are given; the object has {n} vertices", n - 1));
+    let mut odd = rough.clone();
+    odd[7][1] = f64::NAN;
+    assert_eq!(told(&odd), "initial: the vector of vertex 7 is not finite");
+    let states = vec![ModeState::default(); 19];
+    let told = Motion::starting(&basis, Damping::default(), &[], &states).unwrap_err().to_string();
+    assert_eq!(told, "initial: 19 states are given; the basis has 20 modes");
+    for (from, to) in [(1.0, 1.0), (f64::INFINITY, f64::INFINITY), (f64::NAN, 1.0), (0.0, f64::NAN)] {
+        let load = Load::Body { from, to, acceleration: [0.0; 3] };
+        assert!(matches!(Motion::new(&basis, Damping::default(), &[load]), Err(SimulationError::Load { load: 0, .. })));
+    }
+}

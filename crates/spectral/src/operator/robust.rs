@@ -48,6 +48,20 @@ pub fn assemble(
     of_triangulation(mesh, &measured, &triangulation, report, mass)
 }
 
+/// The robust Laplacian with barycentric masses, and the triangulation that it was made of, in a unit of length of its own.
+///
+/// # Errors
+/// As [`assemble`].
+pub fn triangulated(
+    mesh: &TriangleMesh,
+    monitor: &dyn Monitor,
+) -> Result<(EigenProblem, IntrinsicTriangulation), OperatorError> {
+    let measured = super::laplace::measure(mesh)?;
+    let (triangulation, report) = triangulate(mesh, &measured, Rim::Free, monitor)?;
+    let (problem, _) = of_triangulation(mesh, &measured, &triangulation, report, MassKind::Barycentric)?;
+    Ok((problem, triangulation))
+}
+
 /// The intrinsic Delaunay triangulation, in the scaled units of `measured`.
 pub(super) fn triangulate(
     mesh: &TriangleMesh,

@@ -1,0 +1,100 @@
+//! Windows in the plane of an edge: the edge lies on the first axis, from 0 on, and the face that is entered above it.
+
+/// Vertices that lie so near beside a window are seen, in multiples of the edge.
+const SLACK: f64 = 1e-10;
+
+/// An interval of an edge that straight paths come through from one point below it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Window {
+    /// The half-edge of the face that is entered.
+    pub edge: u32,
+    /// Where it begins, along the edge.
+    pub from: f64,
+    /// Where it ends.
+    pub to: f64,
+    /// Where the point that paths come from lies, along the edge.
+    pub along: f64,
+    /// How far it lies below the edge, at least 0.
+    pub behind: f64,
+    /// The distance of that point from the source.
+    pub before: f64,
+}
+
+impl Window {
+    /// The same, seen from the other end of the edge.
+    pub fn mirrored(&self, length: f64) -> Self {
+        Self { from: length - self.to, to: length - self.from, along: length - self.along, ..*self }
+    }
+
+    /// The distance of a place on the edge.
+    fn at(&self, place: f64) -> f64 {
+        self.before + (place - self.along).hypot(self.behind)
+    }
+
+    /// The least distance in the window.
+    pub fn nearest(&self) -> f64 {
+        self.at(self.along.clamp(self.from, self.to))
+    }
+
+    /// The part where this is shorter than the way through the begin of the edge, which lies at `distance`. Along the edge that way grows as the
+    /// place does, and this no faster, so the part is what lies beyond some place.
+    pub fn beyond(mut self, distance: f64) -> Option<Self> {
+        if !(self.from < self.to) {
+            return None;
+        }
+        if distance == f64::INFINITY || self.at(self.from) < distance + self.from {
+            return Some(self);
+        }
+        if self.at(self.to) >= distance + self.to {
+            return None;
+        }
+        // |x − p| = x + c
+        let c = distance - self.before;
+        let place = (self.along * self.along + self.behind * self.behind - c * c) / (2.0 * (c + self.along));
+        if place > self.from {
+            self.from = place.min(self.to);
+        }
+        (self.from < self.to).then_some(self)
+    }
+
+    /// The distance of the third corner of the face, if it is seen through the window. `length` is that of the edge.
+    pub fn sees(&self, (along, above): (f64, f64), length: f64) -> Option<f64> {
+        let height = self.behind + above;
+        let place = if height > 0.0 { self.along + (along - self.along) * self.behind / height } else { along };
+        let slack = SLACK * length;
+        let seen = place >= self.from - slack && place <= self.to + slack;
+        seen.then(|| self.before + (along - self.along).hypot(height))
+    }
+
+    /// What leaves the face by the side between the begin of the edge and the third corner, in the plane of that side and measured from the begin of the
+    /// edge; `side` is its length.
+    pub fn through(&self, (along, above): (f64, f64), side: f64) -> Option<Self> {
+        let height = self.behind + above;
+        // A source on the line of the edge sees nothing above it.
+        if !(self.behind > 0.0 && height > 0.0 && side > 0.0) {
+            return None;
+        }
+        let corner = self.along + (along - self.along) * self.behind / height;
+        let last = self.to.min(corner);
+        if !(self.from < last) {
+            return None;
+        }
+        let (x, y) = (along / side, above / side);
+        // Where the ray through a place of the edge meets the side.
+        let meet = |place: f64| {
+            let slope = self.behind * x - (place - self.along) * y;
+            if slope > 0.0 { (place * self.behind / slope).clamp(0.0, side) } else { side }
+        };
+        let to = if corner <= self.to { side } else { meet(last) };
+        let from = meet(self.from);
+        // The point that paths come from, along the side and away from it.
+        let child = Self {
+            from,
+            to,
+            along: self.along * x - self.behind * y,
+            behind: (self.along * y + self.behind * x).max(0.0),
+            ..*self
+        };
+        (child.from < child.to).then_some(child)
+    }
+}

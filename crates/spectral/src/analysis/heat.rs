@@ -1,0 +1,338 @@
+//! Geodesic distance by the heat method (Crane, Weischedel and Wardetzky 2013) on the mesh, with two sparse factors that serve every source.
+//!
+//! Heat that starts at the sources flows for a short time, `(M + t S) u = δ`; of its gradients the directions are kept, `X = −∇u / |∇u|`, and of all functions
+//! the one whose gradient is nearest to `X` solves `S φ = ∇·X`. Both systems are those of the robust Laplacian (Sharp and Crane 2020), and gradients are taken on its
+//! intrinsic Delaunay triangulation: no weight is negative, so that heat is positive everywhere and is known to full relative precision however small.
+//!
+//! Nothing but half cotangents `h` and the area `A` is needed of a triangle: with `w_k = h_k (u_i − u_j)` the flux `∫ ∇u · ∇λ_i` of corner `i` is
+//! `w_k − w_j`, and `A |∇u|² = Σ h_k (u_i − u_j)²`.
+
+use std::sync::{Mutex, PoisonError};
+
+use chladni_algebra::{
+    DenseMatrix, FactorNumbers, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order,
+};
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::intrinsic::IntrinsicTriangulation;
+
+use super::error::{self, AnalysisError};
+use crate::operator::robust;
+
+/// Heat flows at least so long, as a share of the diagonal of the mesh: else it would be below the least number on the far side.
+const SHORTEST: f64 = 1.0 / 200.0;
+
+/// What is added to the stiffness, as a share of the mass, to make it definite: it changes distances by less than rounding does.
+const FLOOR: f64 = 1e-9;
+
+/// Both factors of a mesh, and what gradients need of it.
+pub struct HeatGeodesics {
+    triangulation: IntrinsicTriangulation,
+    /// The unit of length of the triangulation, in units of the mesh.
+    unit: f64,
+    /// Which component each vertex belongs to; vertices of no face are ones of their own.
+    component: Vec<u32>,
+    /// Where each vertex is in the order of the factors.
+    place: Vec<u32>,
+    heat: Inverse,
+    poisson: Inverse,
+}
+
+impl std::fmt::Debug for HeatGeodesics {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("HeatGeodesics").field("vertices", &self.vertices()).finish_non_exhaustive()
+    }
+}
+
+/// The inverse of a sparse definite matrix.
+struct Inverse {
+    symbolic: SymbolicFactor,
+    /// Taken out for the length of a solve, for which they need the structure beside them.
+    numbers: Mutex<Option<FactorNumbers>>,
+}
+
+impl Inverse {
+    /// Of `a + shift · b`.
+    fn new(a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Result<Self, AnalysisError> {
+        let symbolic = SymbolicFactor::new(a, b)?;
+        let numbers = symbolic.factor(a, b, -shift)?.into_numbers();
+        Ok(Self { symbolic, numbers: Mutex::new(Some(numbers)) })
+    }
+
+    fn solve(&self, panel: &mut [f64]) {
+        let mut numbers = self.numbers.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(factor) = numbers.take().and_then(|numbers| self.symbolic.with_numbers(numbers)) {
+            factor.solve_panel(panel);
+            *numbers = Some(factor.into_numbers());
+        }
+    }
+}
+
+impl HeatGeodesics {
+    /// Factors both systems. `time` is how long heat flows, in length² of the mesh; without it, the square of the mean edge.
+    ///
+    /// # Errors
+    /// [`AnalysisError`]: a time that is not above zero, a mesh without area or with corners or coordinates that cannot be, a matrix that cannot be factored,
+    /// cancellation.
+    pub fn new(mesh: &TriangleMesh, time: Option<f64>, monitor: &dyn Monitor) -> Result<Self, AnalysisError> {
+        if let Some(time) = time {
+            error::positive("time", time)?;
+        }
+        let (problem, triangulation) = robust::triangulated(mesh, monitor)?;
+        let order = fill_reducing_order(&problem.stiffness, Ordering::Amd)?;
+        monitor.checkpoint()?;
+        let (stiffness, mass) = (problem.stiffness.reordered(&order), problem.mass.reordered(&order));
+        let area: f64 =
+            triangulation.shapes().iter().map(|shape| shape.area).sum::<f64>() / triangulation.sheets() as f64;
+        let unit = (problem.area / area).sqrt();
+        let time = time.unwrap_or_else(|| default_time(&triangulation, mesh, unit)) / problem.area;
+        let heat = Inverse::new(&stiffness, &mass, 1.0 / time)?;
+        monitor.checkpoint()?;
+        let poisson = Inverse::new(&stiffness, &mass, FLOOR)?;
+        let mut place = vec![0; order.len()];
+        order.iter().zip(0..).for_each(|(&vertex, at)| place[vertex as usize] = at);
+        Ok(Self { component: components(mesh), unit, place, heat, poisson, triangulation })
+    }
+
+    /// The number of vertices, `n`.
+    pub fn vertices(&self) -> usize {
+        self.place.len()
+    }
+
+    /// About the bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        let factors = 8 * (self.heat.symbolic.entries() + self.poisson.symbolic.entries());
+        (3 * factors / 2 + 200 * self.vertices() + 100 * self.triangulation.faces().len()) as u64
+    }
+
+    /// Distances in the units of the mesh of all vertices from the nearest vertex of each of some groups: `n × groups`, infinite in components without one.
+    ///
+    /// # Errors
+    /// [`AnalysisError::Vertex`] names a source that is no vertex; cancellation.
+    pub fn from_nearest(&self, groups: &[&[u32]], monitor: &dyn Monitor) -> Result<DenseMatrix, AnalysisError> {
+        let n = self.vertices();
+        for (place, &vertex) in groups.iter().flat_map(|group| group.iter()).enumerate() {
+            if vertex as usize >= n {
+                return Err(AnalysisError::Vertex { what: "source", place, vertex, vertices: n });
+            }
+        }
+        let mut distances = DenseMatrix::zeros(n, groups.len());
+        let mut panel = vec![0.0; n * PANEL_WIDTH];
+        for (batch, groups) in groups.chunks(PANEL_WIDTH).enumerate() {
+            monitor.checkpoint()?;
+            panel.fill(0.0);
+            for (column, group) in groups.iter().enumerate() {
+                group
+                    .iter()
+                    .for_each(|&source| panel[self.place[source as usize] as usize * PANEL_WIDTH + column] = 1.0);
+            }
+            self.heat.solve(&mut panel);
+            let divergence = self.unit_divergence(&panel, groups.len());
+            panel.copy_from_slice(&divergence);
+            monitor.checkpoint()?;
+            self.poisson.solve(&mut panel);
+            for (column, group) in groups.iter().enumerate() {
+                self.finish(&panel, column, group, distances.column_mut(batch * PANEL_WIDTH + column));
+            }
+        }
+        Ok(distances)
+    }
+
+    /// `∫ X · ∇λ_i` at each vertex, for the first columns of a panel of heat.
+    fn unit_divergence(&self, heat: &[f64], columns: usize) -> Vec<f64> {
+        let mut divergence = vec![0.0; heat.len()];
+        let share = 1.0 / self.triangulation.sheets() as f64;
+        for (face, shape) in self.triangulation.faces().iter().zip(self.triangulation.shapes()) {
+            let rows = face.map(|v| self.place[v as usize] as usize * PANEL_WIDTH);
+            for column in 0..columns {
+                let [p, q, r] = rows.map(|row| heat[row + column]);
+                // Along the edge opposite to each corner. Heat may be so small that squares would be zero.
+                let steps = [q - r, r - p, p - q];
+                let most = steps.iter().fold(0.0f64, |most, step| most.max(step.abs()));
+                if !(most > 0.0) {
+                    continue;
+                }
+                let flux: [f64; 3] = std::array::from_fn(|k| shape.half_cotangents[k] * (steps[k] / most));
+                let energy: f64 = (0..3).map(|k| flux[k] * (steps[k] / most)).sum();
+                if !(energy > 0.0) {
+                    continue;
+                }
+                let factor = -share * (shape.area / energy).sqrt();
+                divergence[rows[0] + column] += factor * (flux[2] - flux[1]);
+                divergence[rows[1] + column] += factor * (flux[0] - flux[2]);
+                divergence[rows[2] + column] += factor * (flux[1] - flux[0]);
+            }
+        }
+        divergence
+    }
+
+    /// Distances of one column, zero at its sources.
+    fn finish(&self, panel: &[f64], column: usize, sources: &[u32], distances: &mut [f64]) {
+        let value = |vertex: u32| panel[self.place[vertex as usize] as usize * PANEL_WIDTH + column];
+        let mut bases = vec![f64::INFINITY; self.vertices()];
+        for &source in sources {
+            let base = &mut bases[self.component[source as usize] as usize];
+            *base = base.min(value(source));
+        }
+        for (vertex, distance) in distances.iter_mut().enumerate() {
+            let base = bases[self.component[vertex] as usize];
+            let known = base < f64::INFINITY;
+            *distance = if known { ((value(vertex as u32) - base) * self.unit).max(0.0) } else { f64::INFINITY };
+        }
+        sources.iter().for_each(|&source| distances[source as usize] = 0.0);
+    }
+}
+
+/// The square of the mean edge of the triangulation, but no time in which heat would not get across the mesh; in length² of the mesh.
+fn default_time(triangulation: &IntrinsicTriangulation, mesh: &TriangleMesh, unit: f64) -> f64 {
+    let mut sum = 0.0;
+    for shape in triangulation.shapes() {
+        let [a, b, c] = shape.half_cotangents;
+        // |e_k|² = 4 A (h_i + h_j)
+        sum += [a + b, b + c, c + a].iter().map(|h| (4.0 * shape.area * h).max(0.0).sqrt()).sum::<f64>();
+    }
+    let mean = unit * sum / (3 * triangulation.faces().len()).max(1) as f64;
+    let side = |k: usize| {
+        let along = mesh.positions.iter().map(|p| p[k]);
+        along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
+    };
+    let diagonal = [0, 1, 2].map(side).iter().map(|side| side * side).sum::<f64>().sqrt();
+    mean.max(SHORTEST * diagonal).powi(2)
+}
+
+/// The component of each vertex: the least vertex that it is joined with through faces.
+fn components(mesh: &TriangleMesh) -> Vec<u32> {
+    let mut parent: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+    fn root(parent: &mut [u32], mut v: u32) -> u32 {
+        while parent[v as usize] != v {
+            parent[v as usize] = parent[parent[v as usize] as usize];
+            v = parent[v as usize];
+        }
+        v
+    }
+    for face in &mesh.faces {
+        for other in [face[1], face[2]] {
+            let (a, b) = (root(&mut parent, face[0]), root(&mut parent, other));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    (0..parent.len() as u32).map(|v| root(&mut parent, v)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chladni_base::{SplitMix64, Unwatched};
+    use chladni_mesh::distance::ExactGeodesics;
+    use chladni_mesh::shape::{Shape, generate};
+
+    /// The error in the norm of L², relative, over vertices.
+    fn error(found: &[f64], expected: &[f64]) -> f64 {
+        let lost: f64 = found.iter().zip(expected).map(|(a, b)| (a - b) * (a - b)).sum();
+        (lost / expected.iter().map(|b| b * b).sum::<f64>()).sqrt()
+    }
+
+    fn square(side: usize, height: impl Fn(f64, f64) -> f64) -> TriangleMesh {
+        let at = |i: usize| i as f64 / (side - 1) as f64;
+        let place = |k: usize| [at(k % side), at(k / side), height(at(k % side), at(k / side))];
+        let corner = |i: usize, j: usize| (j * side + i) as u32;
+        let cells = (0..side - 1).flat_map(|j| (0..side - 1).map(move |i| (i, j)));
+        let faces = cells.flat_map(|(i, j)| {
+            let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+            [[a, b, c], [a, c, d]]
+        });
+        TriangleMesh { positions: (0..side * side).map(place).collect(), faces: faces.collect() }
+    }
+
+    #[test]
+    fn distances_are_near_to_exact_ones_and_nearer_on_finer_meshes() {
+        let bumpy = |x: f64, y: f64| 0.1 * (7.0 * x).sin() * (5.0 * y).cos();
+        let errors = [20, 40, 80].map(|side| {
+            let mesh = square(side, bumpy);
+            let source = (side / 3 * side + side / 4) as u32;
+            let exact = ExactGeodesics::new(&mesh).from_nearest(&[source], &Unwatched).unwrap();
+            let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
+            let found = heat.from_nearest(&[&[source]], &Unwatched).unwrap();
+            assert_eq!(found.column(0)[source as usize], 0.0);
+            error(found.column(0), &exact)
+        });
+        assert!(errors[2] < 0.015 && errors[1] < 0.75 * errors[0] && errors[2] < errors[1], "{errors:?}");
+    }
+
+    #[test]
+    fn on_the_sphere_distances_are_angles_whatever_the_unit() {
+        for scale in [1e-20, 1.0, 1e15] {
+            let mut mesh = generate(Shape::Sphere, 4000).unwrap();
+            mesh.positions.iter_mut().for_each(|p| *p = p.map(|x| x * scale));
+            let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
+            let sources: Vec<u32> = (0..40).map(|k| 97 * k).collect();
+            let groups: Vec<&[u32]> = sources.chunks(1).collect();
+            let found = heat.from_nearest(&groups, &Unwatched).unwrap();
+            for (column, &source) in sources.iter().enumerate() {
+                let angle = |p: &[f64; 3]| {
+                    let from = mesh.positions[source as usize];
+                    let cosine: f64 = (0..3).map(|k| p[k] / scale * (from[k] / scale)).sum();
+                    scale * cosine.clamp(-1.0, 1.0).acos()
+                };
+                let expected: Vec<f64> = mesh.positions.iter().map(angle).collect();
+                let error = error(found.column(column), &expected);
+                assert!(error < 0.02, "{scale} {source}: {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn other_components_are_out_of_reach_and_each_has_its_nearest_source() {
+        let mut mesh = square(30, |_, _| 0.0);
+        let other = square(20, |_, _| 2.0);
+        mesh.faces.extend(other.faces.iter().map(|f| f.map(|v| v + 900)));
+        mesh.positions.extend(&other.positions);
+        mesh.positions.push([5.0; 3]);
+        let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
+        let found = heat.from_nearest(&[&[0], &[950], &[0, 899, 950], &[1300]], &Unwatched).unwrap();
+        assert!(found.column(0)[900..].iter().all(|d| *d == f64::INFINITY));
+        assert!(found.column(1)[..900].iter().all(|d| *d == f64::INFINITY) && found.column(1)[1300] == f64::INFINITY);
+        assert!(found.column(3)[..1300].iter().all(|d| *d == f64::INFINITY) && found.column(3)[1300] == 0.0);
+        for vertex in 0..900 {
+            let [x, y, _] = mesh.positions[vertex];
+            let expected = x.hypot(y).min((1.0 - x).hypot(1.0 - y));
+            let found = found.column(2)[vertex];
+            assert!((found - expected).abs() < 0.06, "{x} {y}: {found} {expected}");
+        }
+        assert!(error(&found.column(2)[900..1300], &found.column(1)[900..1300]) < 1e-6);
+    }
+
+    #[test]
+    fn needles_holes_and_pages_do_no_harm() {
+        let mut random = SplitMix64::new(4);
+        let mut mesh = square(40, |_, _| 0.0);
+        // Squeezed to needles along one axis, with a third page on one side, and holes.
+        mesh.positions.iter_mut().for_each(|p| p[0] = p[0].powi(4));
+        mesh.faces.retain(|_| random.unit() < 0.98);
+        let exact = ExactGeodesics::new(&mesh).from_nearest(&[820], &Unwatched).unwrap();
+        let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
+        let found = heat.from_nearest(&[&[820]], &Unwatched).unwrap();
+        for (d, e) in found.column(0).iter().zip(&exact) {
+            assert_eq!(d.is_finite(), e.is_finite());
+        }
+        let reached = |values: &[f64]| -> Vec<f64> {
+            values.iter().zip(&exact).filter(|(_, e)| e.is_finite()).map(|(v, _)| *v).collect()
+        };
+        let error = error(&reached(found.column(0)), &reached(&exact));
+        assert!(error < 0.1, "{error}");
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named() {
+        let mesh = square(5, |_, _| 0.0);
+        let heat = HeatGeodesics::new(&mesh, Some(0.01), &Unwatched).unwrap();
+        let told = heat.from_nearest(&[&[3], &[4, 25]], &Unwatched).unwrap_err().to_string();
+        assert_eq!(told, "source 2 is vertex 25 of 25");
+        for time in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let told = HeatGeodesics::new(&mesh, Some(time), &Unwatched).unwrap_err().to_string();
+            assert!(told.starts_with("time is "), "{told}");
+        }
+        let flat = TriangleMesh { positions: vec![[0.0; 3]; 3], faces: vec![[0, 1, 2]] };
+        assert!(HeatGeodesics::new(&flat, None, &Unwatched).is_err());
+    }
+}
