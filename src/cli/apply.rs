@@ -162,7 +162,7 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
             "residuals": design.residuals,
         }));
     };
-    let field = setting.lift(&designed.design.coefficients).map_err(refused)?;
+    let field = setting.lifted(&designed).map_err(refused)?;
     let (kind, surface) = (setting.kind(), &setting.surface.surface);
     let numbers = written(surface.frames(), kind, arguments.form, field);
     let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
