@@ -281,7 +281,11 @@ async fn what_cannot_be_designed_is_a_problem_that_names_it() {
         ),
         (json!({"strokes": [{"points": [[0, 0, 1], [0.1, 0, 1]], "face": 3}]}), "points", "face does not go"),
         (json!({"strokes": [{"point": [0, 0, 1000], "direction": up}]}), "face", "999.0"),
-        (json!({"constraints": (0..40).map(|f| at(f, &up)).collect::<Vec<_>>()}), "dependent", "directions on 40 faces"),
+        (
+            json!({"constraints": (0..40).map(|f| at(f, &up)).collect::<Vec<_>>()}),
+            "dependent",
+            "directions on 40 faces",
+        ),
         (
             json!({"constraints": [at(3, &up)], "singularities": {"at": [], "exact": true}}),
             "singularities",
