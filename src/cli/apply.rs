@@ -174,7 +174,7 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
             "residuals": design.residuals,
         }));
     };
-    let field = setting.lift(&designed.design.coefficients).map_err(refused)?;
+    let field = setting.lifted(&designed).map_err(refused)?;
     let (kind, surface) = (setting.kind(), &setting.surface.surface);
     let numbers = written(surface.frames(), kind, arguments.form, field);
     let numbers = to.push_faces(&numbers, arguments.form.columns(kind));

@@ -186,6 +186,18 @@ async fn n_fields_and_tensors_are_aligned_to_curvature_and_singular_where_it_is_
     let told = designed(&app, &cross, "singularities=true", json!({"singularities": singular})).await;
     assert_eq!(told["index_sum"], 0.0);
     assert!(!told["singularities"].as_array().unwrap().is_empty());
+    assert_eq!(told["matching"], Value::Null);
+    // The field itself, which has these and no others, is of length 1 and goes along a stroke.
+    let wanted = json!([{"vertex": 10, "index": 0.25}, {"vertex": 300, "index": -0.25}]);
+    let stroke = json!([{"face": 700, "frame_direction": [0.6, 0.8]}]);
+    let request = json!({"strokes": stroke, "singularities": {"at": wanted, "exact": true}});
+    let exact = designed(&app, &cross, "singularities=true&form=frames", request.clone()).await;
+    assert_eq!((&exact["singularities"], exact["matching"].is_array()), (&wanted, true), "{exact}");
+    assert!(exact["residuals"][0].as_f64().unwrap() < 1e-5, "{}", exact["residuals"]);
+    let field = numbers(&exact["field"]["values"]);
+    assert!(field.chunks(2).all(|u| (u[0].hypot(u[1]) - 1.0).abs() < 1e-5));
+    let (bytes, _) = raw(&app, &cross, "design?form=frames", &request).await;
+    assert!(bytes.iter().zip(&field).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-6));
 
     let tensors = made(&app, &mesh, json!({"field": "tensor", "dimension": 150})).await;
     assert_eq!(tensors["rows"], 3 * mesh["faces"].as_u64().unwrap());
@@ -260,6 +272,25 @@ async fn what_cannot_be_designed_is_a_problem_that_names_it() {
         (json!({}), "no-data", "either"),
         (json!({"alignment": {"to": "curvature", "weight": 1.0}}), "alignment", "even n"),
         (json!({"alignment": {"to": {"columns": 3, "values": [1.0]}, "weight": 1.0}}), "alignment", "320 rows"),
+        (json!({"strokes": [at(5, &json!([1e39, 0.0, 0.0]))]}), "value", "strokes[0]: the number 1e39"),
+        (json!({"constraints": [{"face": 5, "frame_direction": [1e-30, 0.0]}]}), "value", "not between 1e-12 and 1e12"),
+        (
+            json!({"strokes": [{"points": [[0, 0, 1], [0.1, 0, 1]], "direction": up}]}),
+            "points",
+            "strokes[0]: direction does not go with points",
+        ),
+        (json!({"strokes": [{"points": [[0, 0, 1], [0.1, 0, 1]], "face": 3}]}), "points", "face does not go"),
+        (json!({"strokes": [{"point": [0, 0, 1000], "direction": up}]}), "face", "999.0"),
+        (
+            json!({"constraints": (0..40).map(|f| at(f, &up)).collect::<Vec<_>>()}),
+            "dependent",
+            "directions on 40 faces",
+        ),
+        (
+            json!({"constraints": [at(3, &up)], "singularities": {"at": [], "exact": true}}),
+            "singularities",
+            "give strokes in their place",
+        ),
         (singular(1.0), "singularities", "Euler characteristic is 2"),
         (singular(0.5), "singularities", "multiple"),
     ] {
@@ -271,6 +302,18 @@ async fn what_cannot_be_designed_is_a_problem_that_names_it() {
         );
         assert!(text(&problem["detail"]).contains(words), "{request}: {problem}");
     }
+    for (field, words) in [
+        (json!({"eigenfield": 0, "coefficients": [1.0]}), "not by several"),
+        (json!({}), "one of design, coefficients and eigenfield"),
+    ] {
+        let (status, problem) = post(&app, &basis, "fur", &json!({"field": field, "length": 1.0})).await;
+        assert_eq!((status.as_u16(), &problem["type"]), (422, &json!("/problems/invalid-request")), "{problem}");
+        assert!(text(&problem["detail"]).contains(words), "{problem}");
+    }
+    let crease = json!({"alignment": {"to": "crease", "weight": 1.0}});
+    let (status, problem) = post(&app, &basis, "design", &crease).await;
+    assert_eq!((status.as_u16(), &problem["type"]), (422, &json!("/problems/invalid-request")), "{problem}");
+    assert!(text(&problem["detail"]).contains("curvature"), "{problem}");
     let (status, problem) = post(&app, &basis, "design", &json!({"stroke": []})).await;
     assert_eq!((status.as_u16(), &problem["type"]), (422, &json!("/problems/invalid-request")), "{problem}");
     let (status, problem) = post(&app, &basis, "fur", &json!({"field": {"coefficients": [1.0]}, "length": 1.0})).await;

@@ -7,6 +7,7 @@
 //! - Projection: fields of least energy `B + M` under 10 to 50 random constraints, projected to the space; mean and largest of ten.
 //! - Smoothing: minimisers of (3.8) close to such a field with noise of its own size, with weights for the energies `S`, both, and `B`.
 //! - Patches: the same with directions given on twelve disks alone.
+//! - Pins and strokes: 16 directions that are met exactly, and 16 strokes of some twenty faces with strength 1, with the default weights.
 //!
 //! Beside the table, how far the fields of the space that are nearest to these minimisers are from them: no design in it can be closer.
 
@@ -16,7 +17,7 @@ use chladni_base::Unwatched;
 use chladni_mesh::check::check;
 use chladni_mesh::read::{MeshFormat, read};
 use chladni_spectral::field::{
-    Constraint, Construction, DesignModel, EnergyWeights, FieldBasis, FieldHeat, FieldParameters, FieldSurface,
+    Constraint, Construction, DesignModel, EnergyWeights, FieldBasis, FieldHeat, FieldParameters, FieldSurface, Hold,
     LocalEigenfields, direction_in_frame, field_basis, whole_space,
 };
 use chladni_spectral::operator::hodge::FieldBoundary;
@@ -31,9 +32,9 @@ fn main() {
     let Some(folder) = std::env::var_os("CHLADNI_MESHES") else { return println!("CHLADNI_MESHES is not set") };
     let dimension = setting("CHLADNI_ACCURACY_DIMENSION", "2000").parse().expect("a number");
     println!(
-        "| mesh | field | basis | dimensions | numbers a row | projection, mean | max | smoothing S | S and B | B | patches S | S and B | B |"
+        "| mesh | field | basis | dimensions | numbers a row | projection, mean | max | smoothing S | S and B | B | patches S | S and B | B | 16 pins | 16 strokes |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for name in setting("CHLADNI_ACCURACY_MESHES", "armadillo.obj").split(',') {
         let format =
             MeshFormat::from_extension(name.rsplit('.').next().unwrap_or_default()).expect("a format of meshes");
@@ -108,6 +109,8 @@ struct Exact {
     /// 1 on the patches.
     inside: Vec<f64>,
     given: Vec<f64>,
+    pins: Vec<Constraint>,
+    strokes: Vec<Constraint>,
     designs: Vec<Vec<f64>>,
 }
 
@@ -130,7 +133,7 @@ impl Exact {
                         Constraint {
                             face,
                             value: [cosine, sine, if b == 3 { random.unit() } else { 0.0 }],
-                            weight: Some(1e8),
+                            hold: Hold::Weight(1e8),
                         }
                     })
                     .collect();
@@ -156,7 +159,9 @@ impl Exact {
                 inside[face] = 1.0;
             }
         }
-        let mut exact = Self { smooth, noisy, inside, given, designs: Vec::new() };
+        let pins = (0..16).map(|_| pin(surface, kind, &mut random)).collect();
+        let strokes = (0..16).flat_map(|_| stroke(surface, kind, &mut random)).collect();
+        let mut exact = Self { smooth, noisy, inside, given, pins, strokes, designs: Vec::new() };
         exact.designs = exact.designs_in(surface, &whole, &model);
         exact
     }
@@ -172,7 +177,11 @@ impl Exact {
         };
         let smoothed = SMOOTHING.map(|weights| one(weights, &self.noisy, None));
         let spread = PATCHES.map(|weights| one(weights, &self.given, Some(&self.inside)));
-        smoothed.into_iter().chain(spread).collect()
+        let points = [&self.pins, &self.strokes].map(|constraints| {
+            let design = model.weighted(EnergyWeights::default(), None).unwrap().solve(basis, constraints).unwrap();
+            basis.space.lift(&design.coefficients).unwrap().into_iter().map(f64::from).collect()
+        });
+        smoothed.into_iter().chain(spread).chain(points).collect()
     }
 
     /// Mean and largest error of projections, and the errors of the minimisers.
@@ -199,6 +208,48 @@ impl Exact {
         errors.extend(own.iter().zip(&self.designs).map(|(own, exact)| error(own, exact)));
         errors
     }
+}
+
+/// A direction on a random face.
+fn pin(surface: &FieldSurface, kind: FieldKind, random: &mut Random) -> Constraint {
+    let face = random.face(surface) as u32;
+    let (sine, cosine) = (std::f64::consts::TAU * random.unit()).sin_cos();
+    Constraint { face, value: value(kind, [cosine, sine]), hold: Hold::Exact }
+}
+
+/// The stored numbers of a unit vector in the frame of a face.
+fn value(kind: FieldKind, [x, y]: [f64; 2]) -> [f64; 3] {
+    if kind == (FieldKind::Tensor {}) {
+        return [x * x, y * y, std::f64::consts::SQRT_2 * x * y];
+    }
+    let [x, y] = chladni_spectral::operator::frames::power([x, y], kind.order());
+    [x, y, 0.0]
+}
+
+/// A walk straight ahead over twenty faces from a random one, each with the direction of the walk.
+fn stroke(surface: &FieldSurface, kind: FieldKind, random: &mut Random) -> Vec<Constraint> {
+    let frames = surface.frames();
+    let mut face = random.face(surface);
+    let (sine, cosine) = (std::f64::consts::TAU * random.unit()).sin_cos();
+    let along = frames.to_world(face, [cosine, sine]);
+    let mut found: Vec<Constraint> = Vec::new();
+    for _ in 0..20 {
+        let Some([x, y, _]) = direction_in_frame(FieldKind::Vector {}, frames, face, along) else { break };
+        let length = x.hypot(y).max(1e-9);
+        let here = [x / length, y / length];
+        if found.iter().all(|c| c.face != face as u32) {
+            found.push(Constraint { face: face as u32, value: value(kind, here), hold: Hold::Strength(1.0) });
+        }
+        // Across the edge that lies furthest ahead: outwards of edge (x, y) is (y, −x).
+        let edges = frames.edges(face);
+        let ahead = |k: usize| (edges[k][1] * here[0] - edges[k][0] * here[1]) / edges[k][0].hypot(edges[k][1]);
+        let next = (0..3).max_by(|&a, &b| ahead(a).total_cmp(&ahead(b))).map(|k| surface.dual().neighbours(face)[k]);
+        match next {
+            Some(next) if (next as usize) < surface.faces() => face = next as usize,
+            _ => break,
+        }
+    }
+    found
 }
 
 fn norm(areas: &[f64], b: usize, field: &[f64]) -> f64 {

@@ -12,8 +12,8 @@ use chladni_mesh::check::check;
 use chladni_mesh::read::{MeshFormat, read};
 use chladni_mesh::shape::{Shape, generate, noisy};
 use chladni_spectral::field::{
-    Constraint, Construction, DesignModel, EnergyWeights, FieldBasis, FieldParameters, FieldSurface, LocalEigenfields,
-    field_basis, singularities,
+    Constraint, Construction, DesignModel, EnergyWeights, FieldBasis, FieldParameters, FieldSurface, Hold,
+    LocalEigenfields, field_basis, singularities,
 };
 use chladni_spectral::operator::transport::FieldKind;
 use divan::Bencher;
@@ -115,7 +115,7 @@ fn row(name: &str, surface: &FieldSurface, kind: FieldKind, dimension: usize) {
         .map(|i| Constraint {
             face: (i * faces / 10) as u32,
             value: [(i as f64).cos(), (i as f64).sin(), 0.0],
-            weight: None,
+            hold: Hold::Exact,
         })
         .collect();
     // The least of five.
@@ -169,7 +169,7 @@ fn constraints(count: usize) -> Vec<Constraint> {
     let at = |i: usize| Constraint {
         face: (i * faces / count) as u32,
         value: [(i as f64).cos(), (i as f64).sin(), 0.0],
-        weight: None,
+        hold: Hold::Exact,
     };
     (0..count).map(at).collect()
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::http::HeaderMap;
 use bytes::Bytes;
-use chladni_spectral::field::{Singularity, singularities};
+use chladni_spectral::field::{Singularity, matched_singularities};
 use chladni_work::design::{DesignRequest, Form, SingularVertex, written as written_as};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
@@ -60,7 +60,7 @@ pub struct LiftedField {
 #[schema(example = json!({
     "coefficients": [0.31, -0.02], "harmonic_energy": 4.81, "biharmonic_energy": 122.4, "alignment_energy": null,
     "faces": [17, 4031], "residuals": [0.013, 0.0], "field": null,
-    "singularities": [{"vertex": 88, "index": 1.0}, {"vertex": 2101, "index": 1.0}], "index_sum": 2.0, "euler_characteristic": 2
+    "singularities": [{"vertex": 88, "index": 1.0}, {"vertex": 2101, "index": 1.0}], "index_sum": 2.0, "euler_characteristic": 2, "matching": null
 }))]
 struct DesignAnswer {
     /// Coefficients in the space.
@@ -83,6 +83,18 @@ struct DesignAnswer {
     index_sum: Option<f64>,
     /// The Euler characteristic of the surface.
     euler_characteristic: Option<i64>,
+    /// With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a turn; all others match by the least angle.
+    matching: Option<Vec<MatchedFaces>>,
+}
+
+/// Two neighbouring faces between which a field does not turn by the least angle.
+#[derive(Debug, Serialize, ToSchema)]
+struct MatchedFaces {
+    /// The faces.
+    faces: [u32; 2],
+    /// Full turns of the representation from the first face to the second, beyond the least angle: of n directions number k goes on as the `turns` next one
+    /// after that which is nearest to it.
+    turns: i32,
 }
 
 problems!(DesignFieldProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE]);
@@ -101,10 +113,10 @@ problems!(DesignFieldProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE
     post, path = "/v1/bases/{id}/design", tag = "fields", operation_id = "designField",
     params(BasisId, NumberingQuery, DesignQuery),
     request_body(content = DesignRequest, examples(
-        ("strokes" = (summary = "Two strokes, one of them a line", value = json!({"weights": {"harmonic": 1.0, "biharmonic": 0.1}, "strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}, {"points": [[0.1, 0.2, 0.9], [0.2, 0.2, 0.9], [0.3, 0.1, 0.9]], "strength": 50.0}]}))),
+        ("strokes" = (summary = "Two strokes, one of them a line", value = json!({"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}, {"points": [[0.1, 0.2, 0.9], [0.2, 0.2, 0.9], [0.3, 0.1, 0.9]], "strength": 0.5}]}))),
         ("interpolation" = (summary = "Directions that are met exactly, aligned to curvature elsewhere", value = json!({"constraints": [{"face": 17, "direction": [0.0, 0.0, 1.0]}, {"point": [0.4, 0.0, 0.8], "direction": [1.0, 0.0, 0.0]}], "alignment": {"to": "curvature", "weight": 2.0, "per_face": "anisotropy"}}))),
         ("smoothing" = (summary = "Smoothed curvature tensors: the weights steer how smooth", value = json!({"weights": {"harmonic": 0.01, "biharmonic": 0.0001}, "alignment": {"to": "curvature", "weight": 1.0}}))),
-        ("singularities" = (summary = "Singular vertices at will", value = json!({"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}], "singularities": {"at": [{"vertex": 88, "index": 1.0}, {"vertex": 2101, "index": 1.0}], "weight": 1000.0}}))),
+        ("singularities" = (summary = "Singular vertices at will", value = json!({"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}], "singularities": {"at": [{"vertex": 88, "index": 1.0}, {"vertex": 2101, "index": 1.0}], "exact": true}}))),
     )),
     responses(
         (status = 200, description = "The field", content((DesignAnswer = "application/json"), (Binary = "application/octet-stream")),
@@ -133,11 +145,15 @@ async fn design(
         .solve("lift", move |_| {
             let design = designed.design;
             let (kind, surface) = (ready.kind(), &ready.surface.surface);
-            let field =
-                if form.is_some() || query.singularities { ready.lift(&design.coefficients)? } else { Vec::new() };
+            let matching = designed.exact.as_ref().map(|exact| exact.matching.clone());
+            let field = match (designed.exact, form.is_some() || query.singularities) {
+                (_, false) => Vec::new(),
+                (Some(exact), true) => exact.field,
+                (None, true) => ready.lift(&design.coefficients)?,
+            };
             let found = match query.singularities && !raw {
                 false => None,
-                true => singularities(surface, kind, &field),
+                true => matched_singularities(surface, kind, &field, matching.as_deref().unwrap_or_default()),
             };
             let written =
                 |form: Form| to.push_faces(&written_as(surface.frames(), kind, form, field), form.columns(kind));
@@ -168,6 +184,12 @@ async fn design(
                         f64::from(found.iter().map(|s| s.numerator).sum::<i32>()) / f64::from(kind.order().max(1))
                     }),
                     euler_characteristic: found.is_some().then(|| surface.dual().euler_characteristic()),
+                    matching: matching.map(|matching| {
+                        matching
+                            .iter()
+                            .map(|m| MatchedFaces { faces: m.faces.map(|face| to.told_face(face)), turns: m.turns })
+                            .collect()
+                    }),
                     singularities: found.map(|found| {
                         let told =
                             |s: &Singularity| SingularVertex { vertex: to.told_vertex(s.vertex), index: s.index() };

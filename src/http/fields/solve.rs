@@ -65,9 +65,10 @@ pub async fn design(state: &ClientState, ready: &Ready, request: &DesignRequest)
     let model = if full { full_energy_model(state, ready).await? } else { ready.model() };
     let constraints = request.resolve(&ready.surface, ready.kind())?;
     let (key, goal, per_face) = goal(state, ready, &model, request).await?;
+    let exact = goal.exact(request);
     let weighted = if per_face || full || ready.fields.ritz.is_none() {
         let shares = [goal.alignment.as_ref().map_or(0.0, |a| a.1), goal.prescription.as_ref().map_or(0.0, |p| p.1)];
-        let key = format!("{key} {:?} {:?} {full} {shares:?}", weights.harmonic, weights.biharmonic);
+        let key = format!("{key} {:?} {:?} {full} {shares:?}", weights.harmonic, weights.bending());
         let own = ready.clone();
         let make = move |_: &dyn Monitor| {
             let weighted = own.weighted(&model, weights, goal)?;
@@ -80,7 +81,11 @@ pub async fn design(state: &ClientState, ready: &Ready, request: &DesignRequest)
         Arc::new(ready.weighted(&model, weights, goal)?)
     };
     let ready = ready.clone();
-    state.solve("design", move |_| Ok(ready.solve(&weighted, constraints)?)).await
+    let solve = move |_: &dyn Monitor| {
+        let designed = ready.solve(&weighted, constraints)?;
+        Ok(ready.exactly(exact, designed))
+    };
+    state.solve("design", solve).await
 }
 
 /// The stored numbers of all faces of the field that a request names.
@@ -88,12 +93,13 @@ pub async fn design(state: &ClientState, ready: &Ready, request: &DesignRequest)
 /// # Errors
 /// Those of [`design`].
 pub async fn lifted(state: &ClientState, ready: &Ready, source: &FieldSource) -> Result<Vec<f32>, Problem> {
-    let coefficients = match source {
-        FieldSource::Design(request) => design(state, ready, request).await?.design.coefficients,
-        other => other.coefficients(ready)?.unwrap_or_default(),
-    };
-    let ready = ready.clone();
-    state.solve("lift", move |_| Ok(ready.lift(&coefficients)?)).await
+    let own = ready.clone();
+    if let FieldSource::Design(request) = source {
+        let designed = design(state, ready, request).await?;
+        return state.solve("lift", move |_| Ok(own.lifted(&designed)?)).await;
+    }
+    let coefficients = source.coefficients(ready)?.unwrap_or_default();
+    state.solve("lift", move |_| Ok(own.lift(&coefficients)?)).await
 }
 
 /// The model whose biharmonic energy is that of the whole mesh.

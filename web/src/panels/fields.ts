@@ -13,7 +13,7 @@ interface Design {
   weights: { harmonic: number; biharmonic: number };
   strokes: { points: number[][]; strength: number }[];
   constraints: { point: number[]; direction: number[] }[];
-  singularities?: { at: { vertex: number; index: number }[]; weight: number };
+  singularities?: { at: { vertex: number; index: number }[]; weight: number; exact: boolean };
   alignment?: { to: "curvature"; weight: number; per_face?: "anisotropy" };
 }
 
@@ -50,10 +50,10 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const design = (): Design => {
     const along = alignment.control.valueAsNumber;
     return {
-      weights: { harmonic: 10 ** smooth.control.valueAsNumber, biharmonic: 10 ** (smooth.control.valueAsNumber - 1) * bending.control.valueAsNumber },
+      weights: { harmonic: 10 ** smooth.control.valueAsNumber, biharmonic: 10 ** smooth.control.valueAsNumber * bending.control.valueAsNumber },
       strokes: (kind() === "tensor" ? [] : strokes).filter((points) => points.length > 1).map((points) => ({ points, strength: 10 ** strength.control.valueAsNumber })),
       constraints: (kind() === "tensor" ? [] : pins).filter(({ from, to }) => from !== to).map(({ from, to }) => ({ point: from, direction: unit(from, to) })),
-      ...(singular.length > 0 && balanced() ? { singularities: { at: singular, weight: 1000 } } : {}),
+      ...(singular.length > 0 && balanced() ? { singularities: { at: singular, weight: 1000, exact: pins.length === 0 } } : {}),
       ...(aligned() && along > 0 ? { alignment: { to: "curvature" as const, weight: along, ...(kind() === "tensor" ? {} : { per_face: "anisotropy" as const }) } } : {}),
     };
   };
@@ -226,9 +226,9 @@ export function fieldsPanel(app: App, look: Look): Panel {
     made.control.addEventListener("change", release);
     return made;
   };
-  const strength = knob("Strength", { min: 0, max: 4, step: 0.1, value: 2 }, (value) => brief(10 ** value));
+  const strength = knob("Strength", { min: -2, max: 2, step: 0.1, value: 0 }, (value) => brief(10 ** value));
   const smooth = knob("Smoothness", { min: -4, max: 1, step: 0.1, value: 0 }, (value) => brief(10 ** value));
-  const bending = knob("Biharmonic", { min: 0, max: 1, step: 0.05, value: 0.2 }, brief);
+  const bending = knob("Biharmonic", { min: 0.05, max: 1, step: 0.05, value: 0.05 }, brief);
   const alignment = knob("Curvature", { min: 0, max: 5, step: 0.1, value: 0 }, (value) => (value ? brief(value) : "ignored"));
   const spacing = slider("Spacing", { min: -2.2, max: -1, step: 0.05, value: -1.85 }, () => {}, (value) => brief(10 ** value));
   spacing.control.addEventListener("change", settled);

@@ -10,10 +10,11 @@ use crate::operator::frames::{Planar, normalise};
 use crate::operator::transport::FieldKind;
 
 use super::basis::{FieldSurface, restricted};
-use super::design::{Constraint, DesignError, DesignModel, length};
+use super::design::{Constraint, DesignError, DesignModel, FIRM, Hold, length};
 use super::pencil::Pencil;
 use super::prescribed::PrescribedField;
 use super::reading::tensor_deviator;
+use super::singularity::Matching;
 
 /// A field to stay close to, projected once: `Σ_f a_f w_f |u_f − target_f|²` with areas `a` and weights `w` per face.
 #[derive(Debug, Clone, PartialEq)]
@@ -122,8 +123,29 @@ impl Prescription {
         &self.field
     }
 
+    /// The field itself, of unit length with the prescribed singularities and no others, on each component turned to fit the constraints there; as it is
+    /// stored, with the matching that goes with it.
+    pub fn exact(&self, surface: &FieldSurface, constraints: &[Constraint]) -> (Vec<f32>, Vec<Matching>) {
+        let (components, count) = surface.dual().components();
+        let turns: Vec<Planar> = (0..count as u32)
+            .map(|component| self.turn_of(constraints.iter().filter(|c| components[c.face as usize] == component)))
+            .collect();
+        let b = self.field.kind().block();
+        let values = (0..self.field.faces()).flat_map(|face| {
+            let value = self.field.value(face, turns[components[face] as usize]);
+            value.into_iter().take(b).map(|x| x as f32).collect::<Vec<f32>>()
+        });
+        let field: Vec<f32> = values.collect();
+        let matching = self.field.matching(surface, &field);
+        (field, matching)
+    }
+
     /// The turn that brings the field closest to constraints.
     pub(super) fn turn(&self, constraints: &[Constraint]) -> Planar {
+        self.turn_of(constraints.iter())
+    }
+
+    fn turn_of<'a>(&self, constraints: impl Iterator<Item = &'a Constraint>) -> Planar {
         let mut sum = [0.0; 2];
         for c in constraints {
             let planar = |value: [f64; 3]| match self.field.kind() {
@@ -131,7 +153,11 @@ impl Prescription {
                 _ => [value[0], value[1]],
             };
             let (wanted, own) = (planar(c.value), planar(self.field.value(c.face as usize, [1.0, 0.0])));
-            let weight = c.weight.unwrap_or(1e6);
+            let weight = match c.hold {
+                Hold::Strength(strength) => FIRM * strength,
+                Hold::Weight(weight) => weight,
+                Hold::Exact => 1e6,
+            };
             sum[0] += weight * (wanted[0] * own[0] + wanted[1] * own[1]);
             sum[1] += weight * (wanted[1] * own[0] - wanted[0] * own[1]);
         }

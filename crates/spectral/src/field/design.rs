@@ -130,11 +130,43 @@ pub struct Constraint {
     pub face: u32,
     /// The numbers in its frame, as they are stored for the kind of field: two or three.
     pub value: [f64; 3],
-    /// Weight of the squared deviation; `None` for a constraint that has to be met exactly.
-    pub weight: Option<f64>,
+    /// How firmly.
+    pub hold: Hold,
 }
 
+/// How firmly a constraint holds a field.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Hold {
+    /// Softly, against what the field resists with at this face: a lone constraint of strength `s` misses the share `1 / (1 + 100 s)` of its length, whatever the
+    /// surface, its scale, the energies and the space. At 1 that is a percent.
+    Strength(f64),
+    /// Softly, with a weight of the squared deviation on the surface of unit area.
+    Weight(f64),
+    /// Exactly.
+    Exact,
+}
+
+impl Hold {
+    /// The number that says how softly.
+    pub(super) fn softness(self) -> Option<f64> {
+        match self {
+            Self::Strength(number) | Self::Weight(number) => Some(number),
+            Self::Exact => None,
+        }
+    }
+
+    pub(super) fn is_exact(self) -> bool {
+        self == Self::Exact
+    }
+}
+
+/// The pull of a constraint of strength 1, in units of what the field resists with.
+pub(super) const FIRM: f64 = 100.0;
+
 /// Weights of the energies, on the surface of unit area.
+///
+/// With points alone and no biharmonic energy there is no answer: a field of finite harmonic energy has no value at a point, and what a space gives depends on its
+/// dimension. See [`BENDING`].
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EnergyWeights {
@@ -142,6 +174,16 @@ pub struct EnergyWeights {
     pub harmonic: f64,
     /// Of the biharmonic energy.
     pub biharmonic: f64,
+}
+
+/// The biharmonic weight that goes with a harmonic weight of 1 where nobody says otherwise: below a length of `√BENDING`, of a surface of unit area, the
+/// energy that takes values at points rules, above it the harmonic one.
+pub const BENDING: f64 = 0.05;
+
+impl Default for EnergyWeights {
+    fn default() -> Self {
+        Self { harmonic: 1.0, biharmonic: BENDING }
+    }
 }
 
 /// A designed field.

@@ -28,11 +28,11 @@ const HARMONIC: EnergyWeights = EnergyWeights { harmonic: 1.0, biharmonic: 0.0 }
 const MIXED: EnergyWeights = EnergyWeights { harmonic: 1.0, biharmonic: 0.01 };
 
 fn soft(face: u32, x: f64, y: f64, weight: f64) -> Constraint {
-    Constraint { face, value: [x, y, 0.0], weight: Some(weight) }
+    Constraint { face, value: [x, y, 0.0], hold: Hold::Weight(weight) }
 }
 
 fn hard(face: u32, x: f64, y: f64) -> Constraint {
-    Constraint { face, value: [x, y, 0.0], weight: None }
+    Constraint { face, value: [x, y, 0.0], hold: Hold::Exact }
 }
 
 /// The dense system of the same problem, assembled and solved directly.
@@ -52,7 +52,7 @@ fn directly(r: &Ready, weights: EnergyWeights, constraints: &[Constraint]) -> Ve
     for c in constraints {
         let mut rows: Vec<(usize, [f64; 2])> = Vec::new();
         r.basis.space.row_entries(c.face as usize, |column, u| rows.push((column, [u[0], u[1]])));
-        let w = c.weight.unwrap();
+        let Hold::Weight(w) = c.hold else { unreachable!() };
         for &(i, u) in &rows {
             rhs.column_mut(0)[i] += w * (u[0] * c.value[0] + u[1] * c.value[1]);
             for &(j, v) in &rows {

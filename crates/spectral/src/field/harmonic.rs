@@ -6,11 +6,12 @@
 
 use chladni_algebra::{DenseMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, orthonormalise};
 use chladni_base::Monitor;
+use chladni_mesh::dual::NO_FACE;
 
 use crate::operator::hodge::FieldBoundary;
 
 use super::basis::FieldSurface;
-use super::loops::{FaceTree, Form, closed_forms};
+use super::loops::{FaceTree, Form, closed_forms, closed_loops, ends};
 use super::poisson::{self, PoissonError};
 
 /// The most harmonic fields that are computed: each is a dense column.
@@ -32,8 +33,11 @@ pub enum HarmonicError {
     Poisson(#[from] PoissonError),
 }
 
-/// An orthonormal basis of the harmonic fields, `2F` numbers each, on unit area: `2g` for a closed surface of genus `g`; with boundaries that fields run
-/// along, one for each independent loop. Empty for other boundaries.
+/// An orthonormal basis of the harmonic fields, `2F` numbers each, on unit area: `2g` for a closed surface of genus `g`, and `b − 1` more where it has `b`
+/// boundaries that fields run along, or that they run across. None for clamped boundaries.
+///
+/// Fields that run across a boundary have no integral along it: their forms are those of closed loops, which do not cross it, and the potentials of what is
+/// taken away vanish there.
 ///
 /// One sparse factorisation on the vertices, and a solve for each 32 fields.
 ///
@@ -44,10 +48,12 @@ pub fn harmonic_fields(
     boundary: FieldBoundary,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Vec<f64>>, HarmonicError> {
-    if boundary != FieldBoundary::Tangential && !surface.dual().is_closed() {
-        return Ok(Vec::new());
-    }
-    let forms = closed_forms(surface, &FaceTree::new(surface));
+    let tree = FaceTree::new(surface);
+    let forms = match boundary {
+        FieldBoundary::Tangential => closed_forms(surface, &tree),
+        FieldBoundary::Clamped if !surface.dual().is_closed() => return Ok(Vec::new()),
+        FieldBoundary::Normal | FieldBoundary::Clamped => closed_loops(surface, &tree),
+    };
     if forms.len() > MOST_HARMONIC {
         return Err(HarmonicError::Loops { loops: forms.len() });
     }
@@ -55,7 +61,9 @@ pub fn harmonic_fields(
         return Ok(Vec::new());
     }
     let fields: Vec<Vec<f64>> = forms.iter().map(|form| field_of(surface, form)).collect();
-    Ok(without_gradients(surface, fields, monitor)?)
+    let rim =
+        if boundary == FieldBoundary::Normal { rim(surface) } else { vec![false; surface.mesh().positions.len()] };
+    Ok(without_gradients(surface, fields, &rim, monitor)?)
 }
 
 /// The field that has the integrals of a form along the edges of each face.
@@ -75,10 +83,22 @@ fn field_of(surface: &FieldSurface, form: &Form) -> Vec<f64> {
     field
 }
 
-/// Takes the gradients of hat functions out of fields and makes what is left orthonormal.
+/// Which vertices lie on the boundary.
+fn rim(surface: &FieldSurface) -> Vec<bool> {
+    let mut rim = vec![false; surface.mesh().positions.len()];
+    for (edge, faces) in surface.dual().edge_faces().iter().enumerate() {
+        if faces[1] == NO_FACE {
+            ends(surface, edge).into_iter().for_each(|v| rim[v as usize] = true);
+        }
+    }
+    rim
+}
+
+/// Takes the gradients of hat functions out of fields, but for those of the vertices in `held`, and makes what is left orthonormal.
 fn without_gradients(
     surface: &FieldSurface,
     mut fields: Vec<Vec<f64>>,
+    held: &[bool],
     monitor: &dyn Monitor,
 ) -> Result<Vec<Vec<f64>>, PoissonError> {
     let (mesh, frames) = (surface.mesh(), surface.frames());
@@ -92,12 +112,15 @@ fn without_gradients(
             for (k, e) in frames.edges(f).into_iter().enumerate() {
                 // A ⟨∇λ, X⟩ with ∇λ = J e / 2A.
                 let vertex = mesh.faces[f][k] as usize;
+                if held[vertex] {
+                    continue;
+                }
                 panel[vertex * PANEL_WIDTH + c % PANEL_WIDTH] += 0.5 * (e[0] * x[1] - e[1] * x[0]);
             }
         }
     }
     // Right-hand sides add up to zero on each component, as those of gradients do: grounding a vertex of each changes nothing but a constant.
-    poisson::solve(&cotangents(surface), &mut potentials, monitor)?;
+    poisson::solve(&cotangents(surface, held), &mut potentials, monitor)?;
     for (c, field) in fields.iter_mut().enumerate() {
         let panel = &potentials.panels()[c / PANEL_WIDTH];
         for (f, face) in mesh.faces.iter().enumerate() {
@@ -130,20 +153,22 @@ fn orthonormal(surface: &FieldSurface, fields: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     (0..columns).map(|c| matrix.column(c).to_vec()).collect()
 }
 
-/// `Gᵀ M_F G`: the stiffness of hat functions, one vertex of each component grounded.
-fn cotangents(surface: &FieldSurface) -> SparseMatrix {
+/// `Gᵀ M_F G`: the stiffness of hat functions, those of the vertices in `held` left out, one vertex of each component grounded that has none of them.
+fn cotangents(surface: &FieldSurface, held: &[bool]) -> SparseMatrix {
     let (mesh, frames) = (surface.mesh(), surface.frames());
     let mut entries: Vec<(u32, u32, f64)> = Vec::with_capacity(9 * mesh.faces.len());
+    let free = |v: u32| !held[v as usize];
     for (f, face) in mesh.faces.iter().enumerate() {
         let e = frames.edges(f);
         let scale = 0.25 / frames.areas()[f];
-        for i in 0..3 {
-            for j in 0..3 {
+        for i in (0..3).filter(|&i| free(face[i])) {
+            for j in (0..3).filter(|&j| free(face[j])) {
                 entries.push((face[i], face[j], scale * (e[i][0] * e[j][0] + e[i][1] * e[j][1])));
             }
         }
     }
-    poisson::ground(surface, |_| false, &mut entries);
+    entries.extend((0..held.len() as u32).filter(|&v| !free(v)).map(|v| (v, v, 1.0)));
+    poisson::ground(surface, |v| !free(v), &mut entries);
     poisson::assemble(mesh.positions.len(), entries)
 }
 
@@ -157,15 +182,21 @@ mod tests {
     use chladni_mesh::shape::{Shape, generate, noisy};
 
     fn check(mesh: chladni_mesh::TriangleMesh, expected: usize) {
+        for boundary in [FieldBoundary::Tangential, FieldBoundary::Normal] {
+            check_with(mesh.clone(), boundary, expected);
+        }
+    }
+
+    fn check_with(mesh: chladni_mesh::TriangleMesh, boundary: FieldBoundary, expected: usize) {
         let surface = FieldSurface::new(mesh).unwrap();
-        let fields = harmonic_fields(&surface, FieldBoundary::Tangential, &Unwatched).unwrap();
-        assert_eq!(fields.len(), expected);
+        let fields = harmonic_fields(&surface, boundary, &Unwatched).unwrap();
+        assert_eq!(fields.len(), expected, "{boundary:?}");
         let operator = FieldOperator::<2>::assemble(
             FieldKind::Vector {},
             surface.mesh(),
             surface.dual(),
             surface.frames(),
-            FieldBoundary::Tangential,
+            boundary,
         )
         .unwrap();
         for field in &fields {
@@ -197,5 +228,41 @@ mod tests {
         };
         check(without(Shape::Sphere, 642, |p| p[2].abs() > 0.6), 1);
         check(without(Shape::Torus, 600, |p| p[0] > 1.1 && p[1].abs() < 0.4), 2);
+    }
+
+    /// A plate with square holes, its vertices moved within the plane.
+    fn pierced(holes: &[[f64; 2]], seed: u64) -> chladni_mesh::TriangleMesh {
+        let mut mesh = generate(Shape::Rectangle, 2500).unwrap();
+        let centre = |mesh: &chladni_mesh::TriangleMesh, f: &[u32; 3]| {
+            [0, 1].map(|i| f.iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>() / 3.0)
+        };
+        let extent = [0, 1].map(|i| mesh.positions.iter().map(|p| p[i]).fold(f64::NEG_INFINITY, f64::max));
+        let least = [0, 1].map(|i| mesh.positions.iter().map(|p| p[i]).fold(f64::INFINITY, f64::min));
+        let whole = mesh.clone();
+        mesh.faces.retain(|f| {
+            let c = centre(&whole, f);
+            let at = [0, 1].map(|i| (c[i] - least[i]) / (extent[i] - least[i]));
+            !holes.iter().any(|hole| (at[0] - hole[0]).abs() < 0.09 && (at[1] - hole[1]).abs() < 0.12)
+        });
+        let mut random = chladni_base::SplitMix64::new(seed);
+        mesh.positions.iter_mut().for_each(|p| *p = [p[0] + 0.003 * random.unit(), p[1] + 0.003 * random.unit(), 0.0]);
+        mesh
+    }
+
+    #[test]
+    fn plates_with_holes_have_a_field_for_each_hole_whatever_fields_do_at_the_boundary() {
+        use crate::field::{DesignModel, FieldParameters, field_basis};
+        let holes = [[0.25, 0.5], [0.7, 0.4], [0.5, 0.8]];
+        for count in 1..=3 {
+            check(pierced(&holes[..count], count as u64), count);
+        }
+        // Spaces hold them as fields without energy, and no more of those.
+        let surface = FieldSurface::new(pierced(&holes[..2], 9)).unwrap();
+        for boundary in [FieldBoundary::Tangential, FieldBoundary::Normal] {
+            let parameters = FieldParameters { boundary, ..FieldParameters::new(FieldKind::Vector {}, 200) };
+            let basis = field_basis(&surface, &parameters, &Unwatched).unwrap();
+            let values = DesignModel::new(&basis, &Unwatched).unwrap().values().to_vec();
+            assert!(values[1] < 1e-6 && values[2] > 0.1, "{boundary:?}: {:?}", &values[..4]);
+        }
     }
 }

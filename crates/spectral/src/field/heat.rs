@@ -6,7 +6,8 @@
 //! 2. `k` implicit heat steps `(M + τS) x = M x_prev` on a patch, zero outside, by conjugate gradients; where there are many faces a sample
 //!    with multigrid cycles as preconditioner;
 //! 3. blocks shrunk by their magnitude `a` to `(a − t)²/a²` of their size: a hard cut would cost ten times the error;
-//! 4. smoothed on the final pattern by a polynomial in the stiffness: without this the shrinking leaves noise of high energy.
+//! 4. smoothed on the final pattern by a polynomial in the stiffness: without this the shrinking leaves noise of high energy;
+//! 5. divided by what they add up to (see [`super::unity`]), without which no space holds the parallel fields of a flat surface.
 
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::dual::{DiskGrower, DualGraph, NO_FACE};
@@ -21,6 +22,7 @@ use crate::operator::transport::{FieldKind, transport_block, turn};
 use super::hierarchy::hierarchy;
 use super::smooth::{Heat, Small, Smoother};
 use super::space::Column;
+use super::unity;
 
 /// Distances along the dual graph are longer than on the surface, by about this factor.
 pub(super) const DUAL_TO_SURFACE: f32 = 0.83;
@@ -142,14 +144,21 @@ pub(super) fn columns<const B: usize>(
     shrink(&mut columns, finest.roots.len(), threshold as f32);
     monitor.stage("smoothing");
     let smoother = Smoother::new(finest, degree, parameters.least, time);
-    columns.par_iter_mut().try_for_each_init(
-        || vec![[[0f32; B]; B]; finest.roots.len()],
-        |scratch, column| {
-            monitor.checkpoint()?;
-            smoother.smooth(column, scratch);
-            Ok(())
-        },
-    )?;
+    let weights: Vec<Vec<unity::Parts>> = columns
+        .par_iter_mut()
+        .map_init(
+            || vec![[[0f32; B]; B]; finest.roots.len()],
+            |scratch, column| {
+                monitor.checkpoint()?;
+                let before = column.blocks.clone();
+                smoother.smooth(column, scratch);
+                Ok(unity::weights(operator.kind, &before, &column.blocks))
+            },
+        )
+        .collect::<Result<_, Cancelled>>()?;
+    if operator.kind != (FieldKind::Vector {}) {
+        unity::divide(operator.kind, &mut columns, &weights, dual.faces());
+    }
     Ok(columns)
 }
 

@@ -8,8 +8,11 @@ mod drawing;
 mod harmonic;
 mod heat;
 mod hierarchy;
+mod idle;
 mod local;
 mod loops;
+#[cfg(test)]
+mod patch_tests;
 mod pencil;
 mod poisson;
 mod prescribed;
@@ -21,13 +24,14 @@ mod singularity;
 mod smooth;
 mod space;
 mod streamline;
+mod unity;
 mod weighted;
 mod whole;
 
 pub use adaptive::adaptive_weights;
 pub use alignment::{Alignment, Prescription};
 pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis, literal_biharmonic};
-pub use design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS};
+pub use design::{BENDING, Constraint, Design, DesignError, DesignModel, EnergyWeights, Hold, MOST_DIMENSIONS};
 pub use drawing::{Camera, MOST_PIXELS, svg};
 pub use harmonic::{HarmonicError, MOST_HARMONIC, harmonic_fields};
 pub use heat::FieldHeat;
@@ -38,7 +42,7 @@ pub use principal::{DirectionField, Strand, curvature_tensors, fur, principal_di
 pub use reading::{
     TensorAxes, direction_in_frame, representation, roots, tensor_axes, tensor_deviator, tensor_in_frame, to_world,
 };
-pub use singularity::{Singularity, singularities};
+pub use singularity::{Matching, Singularity, matched_singularities, singularities};
 pub use streamline::{HatchingParameters, Streamline, StreamlineError, streamlines};
 pub use weighted::WeightedModel;
 pub use whole::whole_space;

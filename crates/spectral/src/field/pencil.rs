@@ -15,6 +15,11 @@ use crate::basis::FieldBasis;
 /// What is added to make `A` definite, as a weight of `M̄`: far below the lowest positive eigenvalue of a surface of unit area.
 const FLOOR: f64 = 1e-6;
 
+/// What holds fields of norm 1 without energy, for weights of the energies.
+pub(super) fn floor(harmonic: f64, biharmonic: f64) -> f64 {
+    FLOOR * (harmonic + biharmonic)
+}
+
 /// From so many unknowns on, an order by nested dissection saves more than it costs.
 const LARGE: usize = 6000;
 
@@ -155,7 +160,7 @@ impl Pencil {
         let size = structure.offsets.len() - 1;
         let mut values = vec![0.0; structure.indices.len()];
         let root = sum.biharmonic.sqrt();
-        let floor = FLOOR * (sum.harmonic + sum.biharmonic);
+        let floor = floor(sum.harmonic, sum.biharmonic);
         let mut slots = vec![u32::MAX; self.node(self.size())];
         for (node, neighbours) in &structure.nodes {
             let own = self.columns(*node as usize);

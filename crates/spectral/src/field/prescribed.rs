@@ -6,7 +6,7 @@
 //! independent loop. The field follows from them face by face, up to one angle for each component. Its indices are the prescribed ones exactly: they
 //! are read by the same angles.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use chladni_algebra::{DefiniteError, DenseMatrix, PANEL_WIDTH, PanelMatrix, solve_definite};
 use chladni_base::Monitor;
@@ -18,12 +18,10 @@ use crate::operator::transport::{FieldKind, edge_weight, turn};
 use super::basis::FieldSurface;
 use super::loops::{FaceTree, closed_loops, ends};
 use super::poisson::{self, PoissonError};
+use super::singularity::{Matching, least_angles};
 
 /// The most independent loops: their harmonic parts are a dense matrix.
 const MOST_LOOPS: usize = 1024;
-
-/// The largest turn between neighbouring faces that is told from its opposite.
-const LARGEST_TURN: f64 = 0.99 * PI;
 
 /// A vertex at which a field is to be singular.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -85,14 +83,6 @@ pub enum PrescribedError {
         /// What the indices have to add up to.
         characteristic: i64,
     },
-    /// The faces around a vertex are too few for its index.
-    #[error("the faces {} and {} would have to differ by half a turn or more: the mesh is too coarse for the index at vertex {vertex}", faces[0], faces[1])]
-    TooSharp {
-        /// A vertex of the edge, a prescribed one if there is one.
-        vertex: u32,
-        /// The two faces.
-        faces: [u32; 2],
-    },
     /// The surface has too many loops.
     #[error("the surface has {loops} independent loops, more than {MOST_LOOPS}")]
     Loops {
@@ -117,6 +107,8 @@ fn fraction(sum: i64, order: u32) -> String {
 pub struct PrescribedField {
     kind: FieldKind,
     phases: Vec<Planar>,
+    /// By which angle it turns from the lower face of each edge to the upper one, beside what transport does; it may be more than half a turn.
+    turns: Vec<f64>,
     prescribed: Vec<Prescribed>,
     /// For each singularity the faces around its vertex, and how much shorter or longer than their mean a field is there that vanishes at the vertex.
     fans: Vec<Vec<(u32, f64)>>,
@@ -141,7 +133,7 @@ impl PrescribedField {
         monitor.checkpoint().map_err(PoissonError::Cancelled)?;
         let tree = FaceTree::new(surface);
         let connection = Connection::new(surface, kind);
-        let turns = connection.turns(turning, &tree, prescribed, monitor)?;
+        let turns = connection.turns(turning, &tree, monitor)?;
         let phases = connection.integrate(&turns, &tree);
         let (mut fans, mut distances) = (Vec::new(), Vec::new());
         for p in prescribed {
@@ -149,7 +141,7 @@ impl PrescribedField {
             fans.push(fan);
             distances.push(distance);
         }
-        Ok(Self { kind, phases, prescribed: prescribed.to_vec(), fans, distances })
+        Ok(Self { kind, phases, turns, prescribed: prescribed.to_vec(), fans, distances })
     }
 
     /// What is stored in a face.
@@ -180,6 +172,24 @@ impl PrescribedField {
     /// The stored numbers of a face, turned by the unit number `turn`.
     pub fn value(&self, face: usize, turn: Planar) -> [f64; 3] {
         stored(self.kind, multiply(turn, self.phases[face]))
+    }
+
+    /// The edges across which the field turns by more than half a turn, so that the least angle between the numbers stored there, `field`, is another one: with
+    /// few and large faces around a vertex, or much curvature in it, there is no other way. Empty unless the numbers fit.
+    pub fn matching(&self, surface: &FieldSurface, field: &[f32]) -> Vec<Matching> {
+        let least = least_angles(surface, self.kind, field).unwrap_or_default();
+        let edges = surface.dual().edge_faces().iter().zip(self.turns.iter().zip(&least)).enumerate();
+        edges
+            .filter_map(|(edge, (&faces, (turn, least)))| {
+                let turns = ((turn - least) / TAU).round() as i32;
+                (turns != 0).then_some(Matching { edge: edge as u32, faces, turns })
+            })
+            .collect()
+    }
+
+    /// About the bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        16 * self.phases.len() as u64 + 8 * self.turns.len() as u64
     }
 
     /// For each singularity the faces around its vertex, with the length there relative to their mean of a field that vanishes at the vertex.
@@ -310,13 +320,7 @@ impl<'a> Connection<'a> {
     }
 
     /// The turns of least energy with a given sum around each inner vertex that close along every loop.
-    fn turns(
-        &self,
-        turning: Vec<f64>,
-        tree: &FaceTree,
-        prescribed: &[Prescribed],
-        monitor: &dyn Monitor,
-    ) -> Result<Vec<f64>, PrescribedError> {
+    fn turns(&self, turning: Vec<f64>, tree: &FaceTree, monitor: &dyn Monitor) -> Result<Vec<f64>, PrescribedError> {
         let dual = self.surface.dual();
         // Where loops cross edges, from the lower face to the upper one or back.
         let loops: Vec<Vec<(u32, f64)>> = closed_loops(self.surface, tree)
@@ -385,14 +389,7 @@ impl<'a> Connection<'a> {
                 turns.iter_mut().zip(form).for_each(|(t, h)| *t += amount * h);
             }
         }
-        match turns.iter().position(|t| !(t.abs() < LARGEST_TURN)) {
-            Some(edge) => {
-                let both = ends(self.surface, edge);
-                let vertex = both.into_iter().find(|&v| prescribed.iter().any(|p| p.vertex == v)).unwrap_or(both[0]);
-                Err(PrescribedError::TooSharp { vertex, faces: dual.edge_faces()[edge] })
-            }
-            None => Ok(turns),
-        }
+        Ok(turns)
     }
 
     /// `(D C Dᵀ) x = b` on the inner vertices, zero on the boundary.

@@ -31,7 +31,7 @@ fn kernels_have_two_dimensions_for_each_handle_and_indices_add_up() {
             .map(|i| Constraint {
                 face: (i * surface.faces() / 12) as u32,
                 value: [(i as f64).cos(), (i as f64).sin(), 0.0],
-                weight: None,
+                hold: Hold::Exact,
             })
             .collect();
         let design = model.weighted(weights, None).unwrap().solve(&basis, &constraints).unwrap();
@@ -61,7 +61,7 @@ fn designs_have_the_singularities_that_are_prescribed() {
         let weights = EnergyWeights { harmonic: 1.0, biharmonic: 0.0 };
         let weighted =
             model.weighted_with(weights, Vec::new(), Some((std::sync::Arc::new(prescription), 300.0))).unwrap();
-        let stroke = Constraint { face: 100, value: [1.0, 0.0, 0.0], weight: Some(10.0) };
+        let stroke = Constraint { face: 100, value: [1.0, 0.0, 0.0], hold: Hold::Weight(10.0) };
         for constraints in [&[][..], &[stroke]] {
             let design = weighted.solve(&basis, constraints).unwrap();
             let found = singularities(&surface, kind, &basis.space.lift(&design.coefficients).unwrap()).unwrap();

@@ -30,32 +30,34 @@ impl Singularity {
 
 /// The singular vertices of a field of `block` numbers per face, ascending; `None` unless it fits. Vertices at a boundary have no index.
 pub fn singularities(surface: &FieldSurface, kind: FieldKind, field: &[f32]) -> Option<Vec<Singularity>> {
-    let (b, order) = (kind.block(), kind.order());
-    if field.len() != b * surface.faces() {
-        return None;
-    }
+    matched_singularities(surface, kind, field, &[])
+}
+
+/// By how many full turns, beyond the least angle, the representation of a field turns across an edge.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Matching {
+    /// The edge, as the dual graph counts.
+    pub edge: u32,
+    /// The lower face of the edge and the upper one.
+    pub faces: [u32; 2],
+    /// Full turns from the lower face to the upper one, not 0. Of the `n` directions number `k` of the lower face goes on as the `turns` next one beyond that
+    /// which is nearest to it.
+    pub turns: i32,
+}
+
+/// The singular vertices of a field whose faces are matched: without a matching, a turn of more than 180° is read as the smaller one the other way round.
+pub fn matched_singularities(
+    surface: &FieldSurface,
+    kind: FieldKind,
+    field: &[f32],
+    matching: &[Matching],
+) -> Option<Vec<Singularity>> {
     let (dual, frames, mesh) = (surface.dual(), surface.frames(), surface.mesh());
-    let value = |face: usize| -> Planar {
-        let own = &field[b * face..b * (face + 1)];
-        match kind {
-            FieldKind::Tensor {} => tensor_deviator([0, 1, 2].map(|i| f64::from(own[i]))),
-            _ => [f64::from(own[0]), f64::from(own[1])],
-        }
-    };
-    // From the lower face of each edge to the upper one.
-    let angles: Vec<f64> = dual
-        .edge_faces()
-        .iter()
-        .enumerate()
-        .map(|(edge, &[low, high])| {
-            let Some(k) = dual.edges(low as usize).iter().position(|&e| e as usize == edge) else { return 0.0 };
-            // The turn carries the upper face's numbers into the lower one.
-            let Some(carried) = turn(kind, dual, frames, low as usize, k) else { return 0.0 };
-            let there = multiply(carried, value(high as usize));
-            let step = multiply(there, conjugate(value(low as usize)));
-            step[1].atan2(step[0])
-        })
-        .collect();
+    let order = kind.order();
+    let mut angles = least_angles(surface, kind, field)?;
+    for matched in matching {
+        *angles.get_mut(matched.edge as usize)? += std::f64::consts::TAU * f64::from(matched.turns);
+    }
     let mut corners = Vec::new();
     let mut found = Vec::new();
     for vertex in 0..mesh.positions.len() as u32 {
@@ -81,6 +83,36 @@ pub fn singularities(surface: &FieldSurface, kind: FieldKind, field: &[f32]) -> 
         }
     }
     Some(found)
+}
+
+/// From the lower face of each edge to the upper one, by which angle from −180° to 180° a field turns; 0 at a boundary. `None` unless it fits.
+pub(super) fn least_angles(surface: &FieldSurface, kind: FieldKind, field: &[f32]) -> Option<Vec<f64>> {
+    let b = kind.block();
+    if field.len() != b * surface.faces() {
+        return None;
+    }
+    let (dual, frames) = (surface.dual(), surface.frames());
+    let value = |face: usize| -> Planar {
+        let own = &field[b * face..b * (face + 1)];
+        match kind {
+            FieldKind::Tensor {} => tensor_deviator([0, 1, 2].map(|i| f64::from(own[i]))),
+            _ => [f64::from(own[0]), f64::from(own[1])],
+        }
+    };
+    let angles = dual
+        .edge_faces()
+        .iter()
+        .enumerate()
+        .map(|(edge, &[low, high])| {
+            let Some(k) = dual.edges(low as usize).iter().position(|&e| e as usize == edge) else { return 0.0 };
+            // The turn carries the upper face's numbers into the lower one.
+            let Some(carried) = turn(kind, dual, frames, low as usize, k) else { return 0.0 };
+            let there = multiply(carried, value(high as usize));
+            let step = multiply(there, conjugate(value(low as usize)));
+            step[1].atan2(step[0])
+        })
+        .collect();
+    Some(angles)
 }
 
 #[cfg(test)]

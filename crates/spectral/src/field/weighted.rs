@@ -1,6 +1,6 @@
 //! Solving for fields: a model with weights, and what constraints add to it.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, SparseMatrix, solve_definite};
 
@@ -9,8 +9,11 @@ use crate::operator::frames::Planar;
 use crate::operator::transport::FieldKind;
 
 use super::alignment::{Alignment, Prescription};
-use super::design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, add_row, length};
-use super::pencil::{Pencil, SparseInverse, Sum};
+use super::design::{
+    Constraint, Design, DesignError, DesignModel, EnergyWeights, FIRM, Hold, MOST_DIMENSIONS, add_row, length,
+};
+use super::idle::{self, Idle};
+use super::pencil::{Pencil, SparseInverse, Sum, floor};
 
 /// Ritz values below this share of the largest count as zero.
 const KERNEL: f64 = 1e-10;
@@ -49,6 +52,8 @@ pub struct WeightedModel {
     turned: Option<[Pull; 2]>,
     /// Ritz coordinates of no energy.
     kernel: Vec<usize>,
+    /// Fields of next to no energy, where the inverse is a sparse factor: found when they are needed.
+    idle: OnceLock<Vec<Idle>>,
 }
 
 /// A right-hand side and its solution, in the coordinates of the inverse.
@@ -78,6 +83,52 @@ enum Give {
     Weight(f64),
     /// A share of what a unit pull moves.
     Share(f64),
+    /// A share of what a unit pull moves on the face itself, what has no energy left out.
+    Own(f64),
+}
+
+impl From<Hold> for Give {
+    fn from(hold: Hold) -> Self {
+        match hold {
+            Hold::Strength(strength) => Self::Own(1.0 / (FIRM * strength)),
+            Hold::Weight(weight) => Self::Weight(1.0 / weight),
+            Hold::Exact => Self::Share(HARD),
+        }
+    }
+}
+
+/// The fields of no energy.
+#[derive(Clone, Copy)]
+enum Kernel<'a> {
+    /// Ritz coordinates.
+    Coordinates(&'a [usize]),
+    /// Coefficients in the space.
+    Fields(&'a [Idle]),
+}
+
+impl Kernel<'_> {
+    fn count(self) -> usize {
+        match self {
+            Self::Coordinates(at) => at.len(),
+            Self::Fields(idle) => idle.len(),
+        }
+    }
+
+    /// What field `j` has at a row.
+    fn along(self, j: usize, row: &[f64]) -> f64 {
+        match self {
+            Self::Coordinates(at) => row[at[j]],
+            Self::Fields(idle) => idle::dot(&idle[j].field, row),
+        }
+    }
+
+    /// `z += amount · field j`.
+    fn add(self, j: usize, amount: f64, z: &mut [f64]) {
+        match self {
+            Self::Coordinates(at) => z[at[j]] += amount,
+            Self::Fields(idle) => z.iter_mut().zip(&idle[j].field).for_each(|(z, u)| *z += amount * u),
+        }
+    }
 }
 
 impl Condition {
@@ -181,7 +232,18 @@ impl DesignModel {
         let turned =
             prescription.as_ref().map(|(p, weight)| [pull(&[(&p.along, *weight)]), pull(&[(&p.across, *weight)])]);
         let model = self.clone();
-        Ok(WeightedModel { model, pencil, weights, alignments, prescription, inverse, free, turned, kernel })
+        Ok(WeightedModel {
+            model,
+            pencil,
+            weights,
+            alignments,
+            prescription,
+            inverse,
+            free,
+            turned,
+            kernel,
+            idle: OnceLock::new(),
+        })
     }
 }
 
@@ -217,7 +279,7 @@ impl WeightedModel {
             .map(|&c| Condition {
                 face: constraints[c].face,
                 value: constraints[c].value,
-                give: constraints[c].weight.map_or(Give::Share(HARD), |w| Give::Weight(1.0 / w)),
+                give: constraints[c].hold.into(),
             })
             .collect();
         let turn = self.prescription.as_ref().map(|(p, _)| p.turn(constraints));
@@ -322,13 +384,31 @@ impl WeightedModel {
             return Ok(());
         }
         let mut solved = rows.clone();
-        self.inverse.apply(solved.values_mut());
-        let y = self.multipliers(rows, &solved, conditions, b, &mut found.field)?;
+        let kernel = self.free(conditions);
+        match kernel {
+            Kernel::Fields(idle) => idle::without(idle, solved.values_mut(), |x| self.inverse.apply(x)),
+            Kernel::Coordinates(_) => self.inverse.apply(solved.values_mut()),
+        }
+        let y = self.multipliers(rows, &solved, conditions, (b, kernel), &mut found.field)?;
         for (column, &y) in y.iter().enumerate() {
             found.field.iter_mut().zip(solved.column(column)).for_each(|(z, s)| *z += y * s);
             found.force.iter_mut().zip(rows.column(column)).for_each(|(f, r)| *f += y * r);
         }
         Ok(())
+    }
+
+    /// What has no energy and is to be told apart from what yields: strengths are measured by the latter. Ritz coordinates know it; with a sparse factor it is
+    /// looked for once.
+    fn free(&self, conditions: &[Condition]) -> Kernel<'_> {
+        let (Inverse::Sparse(inverse), Some(pencil)) = (&self.inverse, &self.pencil) else {
+            return Kernel::Coordinates(&self.kernel);
+        };
+        let held = self.prescription.is_some() || !self.alignments.is_empty();
+        if held || !conditions.iter().any(|c| matches!(c.give, Give::Own(_))) {
+            return Kernel::Coordinates(&[]);
+        }
+        let floor = floor(self.weights.harmonic, self.weights.biharmonic);
+        Kernel::Fields(self.idle.get_or_init(|| idle::find(|x| inverse.apply(x), &pencil.mass, floor)))
     }
 
     /// What pulls at each constrained number; puts the part of the solution that has no energy into `z`.
@@ -337,10 +417,10 @@ impl WeightedModel {
         rows: &DenseMatrix,
         solved: &DenseMatrix,
         conditions: &[Condition],
-        b: usize,
+        (b, kernel): (usize, Kernel<'_>),
         z: &mut [f64],
     ) -> Result<Vec<f64>, DesignError> {
-        let (d, k, free) = (rows.rows(), rows.columns(), self.kernel.len());
+        let (d, k, free) = (rows.rows(), rows.columns(), kernel.count());
         let misfit = || DesignError::Length { what: "constraints", got: k, wanted: d };
         let mut system = match &self.inverse {
             Inverse::Ritz(diagonal) => {
@@ -358,20 +438,25 @@ impl WeightedModel {
         };
         let mean = (0..k).map(|i| system.column(i)[i]).sum::<f64>() / k as f64;
         for (at, condition) in conditions.iter().enumerate() {
-            for i in b * at..b * (at + 1) {
-                system.column_mut(i)[i] += match condition.give {
-                    Give::Weight(give) => give,
-                    Give::Share(share) => share * mean,
-                };
-            }
+            let own = b * at..b * (at + 1);
+            let give = match condition.give {
+                Give::Weight(give) => give,
+                Give::Share(share) => share * mean,
+                Give::Own(share) => {
+                    let moved = own.clone().map(|i| system.column(i)[i]);
+                    // A pull moves everything somewhere; if not, the mean does.
+                    share * (moved.sum::<f64>() / b as f64).max(1e-6 * mean)
+                }
+            };
+            own.for_each(|i| system.column_mut(i)[i] += give);
         }
         // Right-hand sides: what is missing, and the rows of the kernel.
         let mut rhs = DenseMatrix::zeros(k, 1 + free);
         for i in 0..k {
             let reached: f64 = rows.column(i).iter().zip(z.iter()).map(|(r, z)| r * z).sum();
             rhs.column_mut(0)[i] = conditions[i / b].value[i % b] - reached;
-            for (j, &at) in self.kernel.iter().enumerate() {
-                rhs.column_mut(1 + j)[i] = rows.column(i)[at];
+            for j in 0..free {
+                rhs.column_mut(1 + j)[i] = kernel.along(j, rows.column(i));
             }
         }
         let right = rhs.clone();
@@ -409,9 +494,9 @@ impl WeightedModel {
                 known.column_mut(0)[j] = products.column(0)[1 + j];
             }
             solve_definite(square, &mut known).map_err(DesignError::Factor)?;
-            for (j, &at) in self.kernel.iter().enumerate() {
+            for j in 0..free {
                 let amount = known.column(0)[j];
-                z[at] += amount;
+                kernel.add(j, amount, z);
                 y.iter_mut().zip(rhs.column(1 + j)).for_each(|(y, t)| *y -= amount * t);
             }
         }
@@ -519,11 +604,11 @@ impl WeightedModel {
             if nothing || !value.iter().all(|v| v.is_finite()) {
                 return Err(DesignError::Direction { constraint, face: c.face });
             }
-            if let Some(value) = c.weight.filter(|w| !(*w > 0.0 && w.is_finite())) {
+            if let Some(value) = c.hold.softness().filter(|w| !(*w > 0.0 && w.is_finite())) {
                 return Err(DesignError::Weight { name: "constraint", value });
             }
         }
-        let mut hard: Vec<&Constraint> = constraints.iter().filter(|c| c.weight.is_none()).collect();
+        let mut hard: Vec<&Constraint> = constraints.iter().filter(|c| c.hold.is_exact()).collect();
         hard.sort_by_key(|c| c.face);
         match hard.windows(2).find(|w| w[0].face == w[1].face && !same(w[0], w[1])) {
             Some(pair) => Err(DesignError::Contradiction { face: pair[0].face }),
@@ -534,13 +619,13 @@ impl WeightedModel {
 
 /// Two hard constraints that say the same.
 fn same(a: &Constraint, b: &Constraint) -> bool {
-    a.weight.is_none() && b.weight.is_none() && a.face == b.face && a.value == b.value
+    a.hold.is_exact() && b.hold.is_exact() && a.face == b.face && a.value == b.value
 }
 
 /// The constraints without hard ones that say again what an earlier one says.
 fn without_repetitions(constraints: &[Constraint]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..constraints.len()).collect();
-    order.sort_by_key(|&c| (constraints[c].face, constraints[c].weight.is_some(), c));
+    order.sort_by_key(|&c| (constraints[c].face, !constraints[c].hold.is_exact(), c));
     let mut kept: Vec<usize> = Vec::with_capacity(order.len());
     for &c in &order {
         if !kept.last().is_some_and(|&last| same(&constraints[last], &constraints[c])) {

@@ -49,7 +49,7 @@ fn whole<const B: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::{Constraint, DesignModel, EnergyWeights, FieldParameters, field_basis};
+    use crate::field::{Constraint, DesignModel, EnergyWeights, FieldParameters, Hold, field_basis};
     use chladni_base::Unwatched;
     use chladni_mesh::shape::{Shape, generate};
 
@@ -61,7 +61,7 @@ mod tests {
             assert_eq!(whole.space.dimension(), kind.block() * surface.faces());
             let small = field_basis(&surface, &FieldParameters::new(kind, 240), &Unwatched).unwrap();
             let constraints: Vec<Constraint> = (0..5)
-                .map(|i| Constraint { face: 200 * i, value: [1.0, 0.3 * f64::from(i), 0.2], weight: None })
+                .map(|i| Constraint { face: 200 * i, value: [1.0, 0.3 * f64::from(i), 0.2], hold: Hold::Exact })
                 .collect();
             for (harmonic, biharmonic) in [(1.0, 0.0), (1.0, 0.01), (0.0, 1.0)] {
                 let weights = EnergyWeights { harmonic, biharmonic };

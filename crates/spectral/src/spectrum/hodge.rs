@@ -54,11 +54,42 @@ pub struct HodgeSpectrum {
 /// Computes the lowest `count` eigenfields of a surface whose fields run along its boundary, if it has one. `harmonic` are its harmonic fields, `2F`
 /// numbers each, orthonormal on unit area; they count among the eigenfields.
 ///
-/// Tolerance and seed are those of `parameters`.
+/// Tolerance and seed are those of `parameters`. The tolerance is that of the fields: a gradient weighs what is left of its function by frequency, so that the
+/// scalar problems are solved to less than it, and once more where that was not enough.
 ///
 /// # Errors
 /// [`HsimError`]: more fields than there are, pairs that do not converge, cancellation.
 pub fn hodge_spectrum(
+    mesh: &TriangleMesh,
+    (dual, frames): (&DualGraph, &FaceFrames),
+    harmonic: &[Vec<f64>],
+    count: usize,
+    parameters: &HsimParameters,
+    monitor: &dyn Monitor,
+) -> Result<HodgeSpectrum, HsimError> {
+    let (mut tolerance, mut best): (f64, Option<HodgeSpectrum>) = (parameters.tolerance, None);
+    loop {
+        let own = HsimParameters { tolerance, ..*parameters };
+        let found = match (spectrum_of_scalars(mesh, (dual, frames), harmonic, count, &own, monitor), best) {
+            (Ok(found), _) => found,
+            // Below what rounding allows: what there is says by its residuals how far it got.
+            (Err(HsimError::Floor { .. } | HsimError::NotConverged { .. }), Some(best)) => return Ok(best),
+            (Err(error), _) => return Err(error),
+        };
+        let worst = found.residuals.iter().copied().fold(0.0, f64::max);
+        let next = (0.3 * tolerance * parameters.tolerance / worst).max(LEAST_TOLERANCE);
+        if worst <= parameters.tolerance || !(next < tolerance) {
+            return Ok(found);
+        }
+        (tolerance, best) = (next, Some(found));
+    }
+}
+
+/// The least tolerance that rounding leaves room for.
+const LEAST_TOLERANCE: f64 = 1e-12;
+
+/// The same with the tolerance for the scalar problems.
+fn spectrum_of_scalars(
     mesh: &TriangleMesh,
     (dual, frames): (&DualGraph, &FaceFrames),
     harmonic: &[Vec<f64>],

@@ -11,7 +11,7 @@ use super::{DesignFault, Setting};
 /// Which field: exactly one of the three.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "snake_case", try_from = "Sources")]
 pub enum FieldSource {
     /// A field that is designed now.
     Design(DesignRequest),
@@ -19,6 +19,29 @@ pub enum FieldSource {
     Coefficients(Vec<f32>),
     /// An approximate eigenfield, counted from 0.
     Eigenfield(usize),
+}
+
+/// The members that a source may have.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Sources {
+    design: Option<DesignRequest>,
+    coefficients: Option<Vec<f32>>,
+    eigenfield: Option<usize>,
+}
+
+impl TryFrom<Sources> for FieldSource {
+    type Error = &'static str;
+
+    fn try_from(sources: Sources) -> Result<Self, Self::Error> {
+        match (sources.design, sources.coefficients, sources.eigenfield) {
+            (Some(design), None, None) => Ok(Self::Design(design)),
+            (None, Some(coefficients), None) => Ok(Self::Coefficients(coefficients)),
+            (None, None, Some(eigenfield)) => Ok(Self::Eigenfield(eigenfield)),
+            (None, None, None) => Err("a field is given by one of design, coefficients and eigenfield"),
+            _ => Err("a field is given by one of design, coefficients and eigenfield, not by several"),
+        }
+    }
 }
 
 impl FieldSource {
@@ -53,12 +76,11 @@ impl FieldSource {
     /// # Errors
     /// [`DesignFault`].
     pub fn lifted(&self, setting: &Setting, monitor: &dyn Monitor) -> Result<Vec<f32>, DesignFault> {
-        let coefficients = match (self, self.coefficients(setting)?) {
-            (_, Some(coefficients)) => coefficients,
-            (Self::Design(request), None) => setting.design(request, monitor)?.design.coefficients,
-            (_, None) => Vec::new(),
-        };
-        setting.lift(&coefficients)
+        match (self, self.coefficients(setting)?) {
+            (_, Some(coefficients)) => setting.lift(&coefficients),
+            (Self::Design(request), None) => setting.lifted(&setting.design(request, monitor)?),
+            (_, None) => setting.lift(&[]),
+        }
     }
 }
 

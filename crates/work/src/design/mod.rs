@@ -24,4 +24,4 @@ pub use request::{
     AlignmentRequest, BiharmonicEnergy, DesignRequest, MOST_CONSTRAINTS, NamedTarget, NamedWeights, PerFace, Pin,
     SingularVertex, SingularitiesRequest, Stroke, Target, Weights,
 };
-pub use setting::{Designed, Goal, Setting, Surface, numerators};
+pub use setting::{Designed, ExactField, Goal, Setting, Surface, numerators};

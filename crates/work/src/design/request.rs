@@ -1,6 +1,6 @@
 //! What a design is asked for with, and the constraints that it means.
 
-use chladni_spectral::field::{Constraint, direction_in_frame};
+use chladni_spectral::field::{BENDING, Constraint, Hold, direction_in_frame};
 use chladni_spectral::operator::frames::power;
 use chladni_spectral::operator::transport::FieldKind;
 use serde::Deserialize;
@@ -41,10 +41,10 @@ pub struct Weights {
     #[serde(default = "one")]
     #[cfg_attr(feature = "schema", schema(default = 1.0, minimum = 0.0))]
     pub harmonic: f64,
-    /// Of the biharmonic energy: makes fields smoother around constraints.
-    #[serde(default)]
-    #[cfg_attr(feature = "schema", schema(default = 0.0, minimum = 0.0))]
-    pub biharmonic: f64,
+    /// Of the biharmonic energy, without which a field has no value at a point: with 0 the answer to strokes and constraints on single faces depends on the
+    /// dimension of the basis. By default a twentieth of `harmonic`.
+    #[cfg_attr(feature = "schema", schema(minimum = 0.0))]
+    pub biharmonic: Option<f64>,
     /// Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the literal one of the whole mesh
     /// restricted to the space, which sees the noise of its columns. The second is for comparison; every choice of weights costs a factorisation.
     #[serde(default)]
@@ -64,9 +64,14 @@ pub enum BiharmonicEnergy {
 }
 
 impl Weights {
+    /// The weight of the biharmonic energy: what is given, or in proportion to that of the harmonic one.
+    pub fn bending(&self) -> f64 {
+        self.biharmonic.unwrap_or(BENDING * self.harmonic)
+    }
+
     /// Whether the design has to do with the literal biharmonic energy.
     pub fn literal(&self) -> bool {
-        self.biharmonic > 0.0 && self.biharmonic_energy == BiharmonicEnergy::Literal
+        self.bending() > 0.0 && self.biharmonic_energy == BiharmonicEnergy::Literal
     }
 }
 
@@ -76,7 +81,7 @@ fn one() -> f64 {
 
 impl Default for Weights {
     fn default() -> Self {
-        Self { harmonic: 1.0, biharmonic: 0.0, biharmonic_energy: BiharmonicEnergy::default() }
+        Self { harmonic: 1.0, biharmonic: None, biharmonic_energy: BiharmonicEnergy::default() }
     }
 }
 
@@ -100,8 +105,9 @@ pub struct Stroke {
     pub values: Option<[f64; 2]>,
     /// A symmetric tensor in the frame of the face: a₁₁, a₂₂, a₁₂.
     pub tensor: Option<[f64; 3]>,
-    /// The weight of the squared deviation.
-    #[cfg_attr(feature = "schema", schema(default = 100.0))]
+    /// How firmly the stroke holds, against what the field resists with there: alone, a stroke of strength `s` on one face misses the share `1 / (1 + 100 s)` of its
+    /// length. 1 is met to a percent, 0.1 to a tenth, on every surface, at every scale and with all weights of the energies.
+    #[cfg_attr(feature = "schema", schema(default = 1.0))]
     pub strength: Option<f64>,
 }
 
@@ -198,6 +204,10 @@ pub struct SingularitiesRequest {
     #[serde(default = "hundred")]
     #[cfg_attr(feature = "schema", schema(default = 100.0))]
     pub weight: f64,
+    /// Whether the field itself is wanted: of length 1 everywhere, not of the space, with exactly these singularities, on each component turned to fit the
+    /// strokes there. Coefficients and energies are those of the design that stays close to it.
+    #[serde(default)]
+    pub exact: bool,
 }
 
 fn hundred() -> f64 {
@@ -216,7 +226,31 @@ pub struct SingularVertex {
 }
 
 /// The strength of a stroke that does not say.
-const STRENGTH: f64 = 100.0;
+const STRENGTH: f64 = 1.0;
+
+/// Lengths of values beyond these are not told from zero, or from infinity, in single precision.
+const LEAST_LENGTH: f64 = 1e-12;
+const MOST_LENGTH: f64 = 1e12;
+
+impl Stroke {
+    /// Refuses what a line of points does not take: it has its places and directions from the points.
+    fn along_points(&self, place: &str) -> Result<(), DesignFault> {
+        let others = [
+            ("face", self.face.is_some()),
+            ("point", self.point.is_some()),
+            ("direction", self.direction.is_some()),
+            ("frame_direction", self.frame_direction.is_some()),
+            ("tensor", self.tensor.is_some()),
+        ];
+        match others.into_iter().find(|other| other.1) {
+            Some((name, _)) => {
+                let reason = format!("{name} does not go with points, which say where the line is and where it leads");
+                Err(refused("points", place, reason))
+            }
+            None => Ok(()),
+        }
+    }
+}
 
 /// A refusal that names a member of the request.
 pub fn refused(within: &'static str, place: &str, reason: impl std::fmt::Display) -> DesignFault {
@@ -254,6 +288,11 @@ impl DesignRequest {
             let reason = "give either an alignment or prescribed singularities, not both";
             return Err(refused("alignment", "singularities", reason));
         }
+        if self.singularities.as_ref().is_some_and(|wanted| wanted.exact) && !self.constraints.is_empty() {
+            let reason =
+                "a field of length 1 that is turned as a whole meets no direction exactly: give strokes in their place";
+            return Err(refused("singularities", "constraints", reason));
+        }
         self.alignment.iter().try_for_each(|wanted| weight_fits(wanted.weight, "alignment.weight"))?;
         self.singularities.iter().try_for_each(|wanted| weight_fits(wanted.weight, "singularities.weight"))
     }
@@ -266,10 +305,11 @@ impl DesignRequest {
         let mut found = Vec::new();
         for (at, stroke) in self.strokes.iter().enumerate() {
             let place = format!("strokes[{at}]");
-            let weight = stroke.strength.unwrap_or(STRENGTH);
-            if !(weight > 0.0 && weight.is_finite()) {
-                return Err(refused("weight", &place, format!("the strength {weight} is not a positive number")));
+            let strength = stroke.strength.unwrap_or(STRENGTH);
+            if !(strength > 0.0 && strength.is_finite()) {
+                return Err(refused("weight", &place, format!("the strength {strength} is not a positive number")));
             }
+            let hold = Hold::Strength(strength);
             let value = Value {
                 direction: stroke.direction,
                 frame_direction: stroke.frame_direction,
@@ -280,9 +320,12 @@ impl DesignRequest {
                 None => {
                     let face = face(surface, stroke.face, stroke.point, &place)?;
                     let value = value.stored(surface, kind, face, &place)?;
-                    found.push(Constraint { face, value, weight: Some(weight) });
+                    found.push(Constraint { face, value, hold });
                 }
-                Some(points) => line(surface, kind, points, value.values, weight, &place, &mut found)?,
+                Some(points) => {
+                    stroke.along_points(&place)?;
+                    line(surface, kind, (points, value.values), hold, &place, &mut found)?;
+                }
             }
             if found.len() > MOST_CONSTRAINTS {
                 return Err(too_many());
@@ -297,7 +340,7 @@ impl DesignRequest {
                 tensor: pin.tensor,
             };
             let face = face(surface, pin.face, pin.point, &place)?;
-            found.push(Constraint { face, value: value.stored(surface, kind, face, &place)?, weight: None });
+            found.push(Constraint { face, value: value.stored(surface, kind, face, &place)?, hold: Hold::Exact });
         }
         if found.len() > MOST_CONSTRAINTS { Err(too_many()) } else { Ok(found) }
     }
@@ -322,16 +365,23 @@ fn face(surface: &Surface, face: Option<u32>, point: Option<[f64; 3]>, place: &s
 
 fn nearest(surface: &Surface, point: [f64; 3], place: &str) -> Result<u32, DesignFault> {
     let found = surface.tree.nearest(surface.surface.mesh(), point);
-    found.map(|(face, _)| face).ok_or_else(|| refused("face", place, "the point is not finite"))
+    let (face, distance) = found.ok_or_else(|| refused("face", place, "the point is not finite"))?;
+    if distance > surface.reach {
+        let reason = format!(
+            "the point {point:?} is {distance:.3} from the surface, further than the surface is long ({:.3})",
+            surface.reach
+        );
+        return Err(refused_at(face, "face", place, reason));
+    }
+    Ok(face)
 }
 
 /// A line of points: each face once, with the direction of the piece that comes to it or leaves it.
 fn line(
     surface: &Surface,
     kind: FieldKind,
-    points: &[[f64; 3]],
-    values: Option<[f64; 2]>,
-    weight: f64,
+    (points, values): (&[[f64; 3]], Option<[f64; 2]>),
+    hold: Hold,
     place: &str,
     found: &mut Vec<Constraint>,
 ) -> Result<(), DesignFault> {
@@ -354,7 +404,7 @@ fn line(
         let value = Value { direction: Some(along.map(|x| x / length)), values, ..Value::default() };
         // A piece that goes straight into the surface says nothing there.
         if let Ok(value) = value.stored(surface, kind, face, place) {
-            found.push(Constraint { face, value, weight: Some(weight) });
+            found.push(Constraint { face, value, hold });
         }
     }
     if found.len() == begin {
@@ -366,6 +416,25 @@ fn line(
 impl Value {
     /// The numbers to store in a face.
     fn stored(self, surface: &Surface, kind: FieldKind, face: u32, place: &str) -> Result<[f64; 3], DesignFault> {
+        let given = self.direction.into_iter().flatten().chain(self.frame_direction.into_iter().flatten());
+        if let Some(number) = given.into_iter().find(|x| !(x.abs() <= MOST_LENGTH)) {
+            let reason = format!("the number {number:e} of the direction on face {face} is beyond {MOST_LENGTH:e}");
+            return Err(refused_at(face, "value", place, reason));
+        }
+        let stored = self.converted(surface, kind, face, place)?;
+        let length = stored.iter().map(|x| x * x).sum::<f64>().sqrt();
+        // Fields are single numbers, and energies squares of them.
+        let told = !(length > 0.0) || (LEAST_LENGTH..=MOST_LENGTH).contains(&length);
+        if length.is_finite() && told {
+            return Ok(stored);
+        }
+        let reason = format!(
+            "the length {length:e} of the value on face {face} is not between {LEAST_LENGTH:e} and {MOST_LENGTH:e}"
+        );
+        Err(refused_at(face, "value", place, reason))
+    }
+
+    fn converted(self, surface: &Surface, kind: FieldKind, face: u32, place: &str) -> Result<[f64; 3], DesignFault> {
         let no_direction =
             |why: &str| refused_at(face, "direction", place, format!("the direction on face {face} {why}"));
         let frames = surface.surface.frames();

@@ -7,8 +7,8 @@ use chladni_mesh::TriangleMesh;
 use chladni_mesh::nearest::FaceTree;
 use chladni_spectral::basis::StoredFields;
 use chladni_spectral::field::{
-    Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, FieldSurface, Prescribed, PrescribedField,
-    Prescription, WeightedModel, literal_biharmonic,
+    Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, FieldSurface, Hold, Matching, Prescribed,
+    PrescribedField, Prescription, WeightedModel, literal_biharmonic,
 };
 use chladni_spectral::operator::transport::FieldKind;
 
@@ -29,6 +29,8 @@ pub struct Surface {
     pub surface: FieldSurface,
     /// The faces in a tree.
     pub tree: FaceTree,
+    /// The diagonal of the box around the mesh: points further away than that are not meant for this surface.
+    pub reach: f64,
 }
 
 impl Surface {
@@ -38,7 +40,13 @@ impl Surface {
     /// [`DesignFault::Field`] names the edge, vertex or faces where it is no oriented manifold.
     pub fn new(mesh: &TriangleMesh) -> Result<Self, DesignFault> {
         let tree = FaceTree::new(mesh);
-        Ok(Self { surface: FieldSurface::new(mesh.clone())?, tree })
+        let extent = |i: usize| {
+            let along = mesh.faces.iter().flatten().filter_map(|&v| mesh.positions.get(v as usize)).map(|p| p[i]);
+            let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+            high - low
+        };
+        let reach = (0..3).map(|i| extent(i).powi(2)).sum::<f64>().sqrt();
+        Ok(Self { surface: FieldSurface::new(mesh.clone())?, tree, reach })
     }
 
     /// About the bytes that it takes.
@@ -63,6 +71,17 @@ pub struct Designed {
     pub design: Design,
     /// The constraints that the request means, soft ones first.
     pub constraints: Vec<Constraint>,
+    /// The field of exactly the prescribed singularities, where it is wanted; residuals are then its own.
+    pub exact: Option<ExactField>,
+}
+
+/// A field of length 1, as it is stored, with the matching of faces by which its singularities are those prescribed.
+#[derive(Debug)]
+pub struct ExactField {
+    /// `block` numbers for each face.
+    pub field: Vec<f32>,
+    /// The edges across which it turns by more than half a turn.
+    pub matching: Vec<Matching>,
 }
 
 /// What a field is drawn to as a whole: by which weight, and to what.
@@ -72,6 +91,14 @@ pub struct Goal {
     pub alignment: Option<(Arc<Alignment>, f64)>,
     /// The smoothest field of prescribed singularities.
     pub prescription: Option<(Arc<Prescription>, f64)>,
+}
+
+impl Goal {
+    /// The prescription whose field itself a request asks for.
+    pub fn exact(&self, request: &DesignRequest) -> Option<Arc<Prescription>> {
+        let wanted = request.singularities.as_ref().is_some_and(|wanted| wanted.exact);
+        self.prescription.as_ref().filter(|_| wanted).map(|prescription| prescription.0.clone())
+    }
 }
 
 impl Setting {
@@ -138,7 +165,7 @@ impl Setting {
         let prescribed = numerators(&wanted.at, self.kind())?;
         let surface = &self.surface.surface;
         let field = PrescribedField::new(surface, self.kind(), &prescribed, monitor)?;
-        let bytes = 16 * surface.faces() as u64 + 64 * model.dimension() as u64;
+        let bytes = field.bytes() + 64 * model.dimension() as u64;
         Ok((model.prescription(&self.fields.basis, surface, field)?, bytes))
     }
 
@@ -147,7 +174,7 @@ impl Setting {
     /// # Errors
     /// [`DesignFault::Design`] names the weight that cannot be used.
     pub fn weighted(&self, model: &DesignModel, weights: Weights, goal: Goal) -> Result<WeightedModel, DesignFault> {
-        let weights = EnergyWeights { harmonic: weights.harmonic, biharmonic: weights.biharmonic };
+        let weights = EnergyWeights { harmonic: weights.harmonic, biharmonic: weights.bending() };
         Ok(model.weighted_with(weights, goal.alignment.into_iter().collect(), goal.prescription)?)
     }
 
@@ -156,15 +183,36 @@ impl Setting {
     /// # Errors
     /// [`DesignFault::Design`] names the constraint that cannot be met.
     pub fn solve(&self, weighted: &WeightedModel, constraints: Vec<Constraint>) -> Result<Designed, DesignFault> {
+        self.enough_freedom(&constraints)?;
         let design = weighted.solve(&self.fields.basis, &constraints)?;
-        // More hard constraints than the space has freedom come out as small errors everywhere: a promise that is not kept.
+        // More hard constraints in one place than the space has freedom there come out as small errors everywhere: a promise that is not kept.
         let length = |c: &Constraint| c.value.iter().map(|x| x * x).sum::<f64>().sqrt();
-        let missed =
-            |&(c, &residual): &(&Constraint, &f64)| c.weight.is_none() && residual > MISSED * length(c).max(1e-3);
-        match constraints.iter().zip(&design.residuals).find(missed) {
-            Some((constraint, _)) => Err(DesignError::Dependent { face: constraint.face }.into()),
-            None => Ok(Designed { design, constraints }),
+        let share = |(c, residual): (&Constraint, &f64)| match c.hold {
+            Hold::Exact => (residual / length(c).max(1e-3), c.face),
+            _ => (0.0, c.face),
+        };
+        let worst = constraints.iter().zip(&design.residuals).map(share).max_by(|a, b| a.0.total_cmp(&b.0));
+        match worst.filter(|(missed, _)| !(*missed <= MISSED)) {
+            Some((_, face)) => Err(DesignError::Dependent { face }.into()),
+            None => Ok(Designed { design, constraints, exact: None }),
         }
+    }
+
+    /// Refuses more numbers that have to be met exactly than the basis has dimensions.
+    fn enough_freedom(&self, constraints: &[Constraint]) -> Result<(), DesignFault> {
+        let mut exact: Vec<u32> = constraints.iter().filter(|c| c.hold == Hold::Exact).map(|c| c.face).collect();
+        exact.sort_unstable();
+        exact.dedup();
+        let (asked, dimension) = (self.kind().block() * exact.len(), self.fields.dimension());
+        if asked <= dimension {
+            return Ok(());
+        }
+        let reason = format!(
+            "directions on {} faces are {asked} numbers to be met exactly, more than the {dimension} dimensions of the basis: make some of them strokes, \
+             or take a larger basis",
+            exact.len()
+        );
+        Err(refused("dependent", "constraints", reason))
     }
 
     /// All steps after one another, for who keeps nothing between requests.
@@ -183,7 +231,35 @@ impl Setting {
             goal.prescription = Some((Arc::new(self.prescription(&model, wanted, monitor)?.0), wanted.weight));
         }
         monitor.checkpoint()?;
-        self.solve(&self.weighted(&model, request.weights, goal)?, constraints)
+        let exact = goal.exact(request);
+        let designed = self.solve(&self.weighted(&model, request.weights, goal)?, constraints)?;
+        Ok(self.exactly(exact, designed))
+    }
+
+    /// What was designed with the field of exactly the prescribed singularities, where [`Goal::exact`] says that it is wanted.
+    pub fn exactly(&self, wanted: Option<Arc<Prescription>>, mut designed: Designed) -> Designed {
+        if let Some(prescription) = wanted {
+            let (field, matching) = prescription.exact(&self.surface.surface, &designed.constraints);
+            let b = self.kind().block();
+            let missing = |c: &Constraint| {
+                let own = field.iter().skip(b * c.face as usize).take(b);
+                own.zip(c.value).map(|(&u, v)| (f64::from(u) - v).powi(2)).sum::<f64>().sqrt()
+            };
+            designed.design.residuals = designed.constraints.iter().map(missing).collect();
+            designed.exact = Some(ExactField { field, matching });
+        }
+        designed
+    }
+
+    /// The stored numbers of all faces of what was designed.
+    ///
+    /// # Errors
+    /// As for [`lift`](Self::lift).
+    pub fn lifted(&self, designed: &Designed) -> Result<Vec<f32>, DesignFault> {
+        match &designed.exact {
+            Some(exact) => Ok(exact.field.clone()),
+            None => self.lift(&designed.design.coefficients),
+        }
     }
 
     /// Lifts coefficients: the stored numbers of all faces.

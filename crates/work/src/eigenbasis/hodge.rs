@@ -74,11 +74,14 @@ pub fn run(exact: &Exact, mesh: &TriangleMesh, seed: u64, monitor: &dyn Monitor)
             "harmonic": part(FieldPart::Harmonic),
             "gradients": part(FieldPart::Gradient),
             "co_gradients": part(FieldPart::CoGradient),
+            "parts": found.parts,
             "inertia": {"gradients": found.inertia[0], "co_gradients": found.inertia[1]},
         },
         "zero_area_faces": frames.degenerate_faces(),
     }});
     let area = frames.area();
+    // Where rounding left no room for what was asked for, the certificate says what was met.
+    let met = found.residuals.iter().copied().fold(exact.solver.tolerance, f64::max);
     Ok(Basis {
         functions: Functions::Dense(DenseFunctions::from_panels(found.fields, exact.precision)),
         eigenvalues: found.values,
@@ -88,7 +91,7 @@ pub fn run(exact: &Exact, mesh: &TriangleMesh, seed: u64, monitor: &dyn Monitor)
             residuals: found.residuals,
             bounds: found.bounds,
             orthonormality_defect: found.orthonormality_defect,
-            tolerance: Some(exact.solver.tolerance),
+            tolerance: Some(met),
             levels: found.levels,
             ..Certificate::default()
         },
@@ -112,6 +115,11 @@ mod tests {
         assert_eq!((basis.vertices(), basis.mass.size(), basis.count()), (1200, 1200, 20));
         assert_eq!(basis.metadata["operator"]["hodge"]["harmonic"], 2);
         assert_eq!(basis.certificate.complete, Some(true));
+        assert!(basis.certificate.tolerance == Some(1e-6) && basis.certificate.residuals.iter().all(|r| *r <= 1e-6));
+        let parts = basis.metadata["operator"]["hodge"]["parts"].as_array().unwrap();
+        let count = |name: &str| parts.iter().filter(|part| *part == name).count() as u64;
+        assert_eq!((parts.len(), count("harmonic")), (20, 2));
+        assert_eq!(basis.metadata["operator"]["hodge"]["gradients"], count("gradient"));
         // Of what was counted, at least the fields that are there.
         for (part, kernel) in [("gradients", 1), ("co_gradients", 1)] {
             let counts = basis.metadata["operator"]["hodge"]["inertia"][part].as_array().unwrap().clone();
