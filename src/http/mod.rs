@@ -12,7 +12,7 @@
 //! | `body`, `extract`, `ids`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, ids, negotiation, ranges |
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `wire`, `certificate` | what goes over the wire |
-//! | `meshes`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
+//! | `meshes`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `subspaces`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
 //! | `page` | the web page, embedded |
 
 mod access;
@@ -52,6 +52,7 @@ mod shares;
 mod signatures;
 mod solves;
 mod state;
+mod subspaces;
 mod system;
 mod upload;
 mod vibration;
@@ -94,6 +95,7 @@ fn routes() -> OpenApiRouter<AppState> {
         .merge(signatures::routes())
         .merge(compressions::routes())
         .merge(comparisons::routes())
+        .merge(subspaces::routes())
         .merge(maps::routes())
         .merge(fields::routes())
         .merge(family::routes())
