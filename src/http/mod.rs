@@ -13,7 +13,7 @@
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `numbering` | whose numbering of vertices and faces they are in |
 //! | `wire`, `certificate` | what goes over the wire |
-//! | `meshes`, `mesh_maps`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
+//! | `meshes`, `mesh_maps`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `subspaces`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
 //! | `page` | the web page, embedded |
 
 mod access;
@@ -55,6 +55,7 @@ mod shares;
 mod signatures;
 mod solves;
 mod state;
+mod subspaces;
 mod system;
 mod upload;
 mod vibration;
@@ -97,6 +98,7 @@ fn routes() -> OpenApiRouter<AppState> {
         .merge(signatures::routes())
         .merge(compressions::routes())
         .merge(comparisons::routes())
+        .merge(subspaces::routes())
         .merge(maps::routes())
         .merge(fields::routes())
         .merge(family::routes())

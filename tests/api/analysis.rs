@@ -459,6 +459,43 @@ async fn shapes_are_compared_and_drawn() {
     spectra_of_different_operators_are_refused(&app, &round, &bases).await;
 }
 
+#[tokio::test]
+async fn two_bases_are_compared_function_by_function() {
+    let app = TestApp::start();
+    let (basis, round) = (app.basis().await, app.sphere().await.0);
+    let url = "/v1/basis-comparisons";
+    let body = json!({"reference": basis, "other": basis, "coefficients": true});
+    let same = ask(&app, url, &body).await;
+    assert_eq!((&same["pairs"], same["eigenspaces"].as_array().unwrap().len()), (&json!(3), 3));
+    assert!(close(&numbers(&same["coefficients"]["values"]), &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]), "{same}");
+    for name in ["eigenvalue_errors", "projection_errors", "angles"] {
+        assert!(numbers(&same[name]).iter().all(|x| x.abs() < 1e-6), "{same}");
+    }
+    // With a wide gap the eigenvalues 1 and 2 are one cluster; zero is none of it.
+    let wide = ask(&app, url, &json!({"reference": basis, "other": basis, "gap": 0.6, "pairs": 3})).await;
+    assert_eq!((&wide["eigenspaces"][1]["from"], &wide["eigenspaces"][1]["to"]), (&json!(1), &json!(3)));
+    assert!(wide["coefficients"].is_null());
+    let elsewhere = app.submit(&round, json!({"count": 3})).await;
+    let elsewhere = text(&app.finished(&text(&elsewhere["id"])).await["basis"]);
+    refused(
+        &app,
+        url,
+        &[
+            (json!({"reference": basis, "other": elsewhere}), 409, "incomparable-bases", "6 vertices"),
+            (
+                json!({"reference": basis, "other": basis, "pairs": 4}),
+                422,
+                "invalid-analysis",
+                "pairs: must be between 1 and 3",
+            ),
+            (json!({"reference": basis, "other": basis, "gap": -1.0}), 422, "invalid-analysis", "gap: must be"),
+            (json!({"reference": basis, "other": "x"}), 404, "unknown-basis", "x"),
+            (json!({"reference": basis}), 422, "invalid-request", "other"),
+        ],
+    )
+    .await;
+}
+
 async fn spectra_of_different_operators_are_refused(app: &TestApp, round: &str, bases: &[String]) {
     let made = async |parameters: Value| {
         let job = app.submit(round, parameters).await;
