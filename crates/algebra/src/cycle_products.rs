@@ -38,9 +38,12 @@ pub fn weighted_gram(x: &[Vec<CycleRow>], weights: &[f64], monitor: &dyn Monitor
     products(&[(x, x)], 1.0, Some(weights), monitor)
 }
 
+/// Columns in blocks of [`CYCLE_WIDTH`], each row after row.
+type Blocks<'a> = &'a [Vec<CycleRow>];
+
 /// The sum of `factor · AᵀWB` over some pairs of blocks, which is symmetric.
 fn products(
-    pairs: &[(&[Vec<CycleRow>], &[Vec<CycleRow>])],
+    pairs: &[(Blocks<'_>, Blocks<'_>)],
     factor: f64,
     weights: Option<&[f64]>,
     monitor: &dyn Monitor,

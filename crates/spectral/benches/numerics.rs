@@ -222,6 +222,7 @@ fn map_to_itself(bencher: Bencher) {
         samples: 2000,
         commutativity: 0.1,
         all_points: false,
+        both_ways: false,
     };
     bencher.bench(|| functional_map(&CASE.basis, &CASE.basis, &request));
 }

@@ -96,7 +96,7 @@ pub enum DistanceFault {
 #[derive(Debug)]
 pub enum MeshDistances {
     /// Two factors.
-    Heat(HeatGeodesics),
+    Heat(Box<HeatGeodesics>),
     /// The shapes of all faces, and who lies beside whom.
     Exact(ExactGeodesics),
 }
@@ -113,7 +113,7 @@ impl MeshDistances {
         monitor: &dyn Monitor,
     ) -> Result<Option<Self>, AnalysisError> {
         Ok(match method {
-            GeodesicMethod::Heat => Some(Self::Heat(HeatGeodesics::new(mesh, time, monitor)?)),
+            GeodesicMethod::Heat => Some(Self::Heat(HeatGeodesics::new(mesh, time, monitor)?.into())),
             GeodesicMethod::Exact => Some(Self::Exact(ExactGeodesics::new(mesh))),
             GeodesicMethod::Spectral => None,
         })
@@ -136,7 +136,7 @@ impl MeshDistances {
     }
 
     /// Distances of all vertices from the nearest of each group: a column for each.
-    fn from_nearest(&self, groups: &[&[u32]], monitor: &dyn Monitor) -> Result<DenseMatrix, AnalysisError> {
+    fn nearest_of(&self, groups: &[&[u32]], monitor: &dyn Monitor) -> Result<DenseMatrix, AnalysisError> {
         match self {
             Self::Heat(heat) => heat.from_nearest(groups, monitor),
             Self::Exact(exact) => {
@@ -226,13 +226,13 @@ impl DistanceRequest {
                 });
             }
             let groups: Vec<&[u32]> = sources.chunks(1).collect();
-            mesh.from_nearest(&groups, monitor)
+            mesh.nearest_of(&groups, monitor)
         };
         if !self.pairs.is_empty() {
             return Ok(of_pairs(&self.pairs, vertices, from)?);
         }
         check_vertices("source", self.sources.iter().copied().enumerate(), vertices)?;
-        Ok(if self.nearest { mesh.from_nearest(&[&self.sources], monitor)? } else { from(&self.sources)? })
+        Ok(if self.nearest { mesh.nearest_of(&[&self.sources], monitor)? } else { from(&self.sources)? })
     }
 
     /// A row for each vertex or pair, a column for each source and, within it, each time. What a mesh is needed for is prepared, and forgotten.

@@ -186,7 +186,7 @@ mod tests {
     #[test]
     fn clusters_are_runs_of_small_gaps() {
         assert_eq!(clusters(&[0.0, 1e-12, 1.0, 1.005, 1.009, 2.0], 0.01), [0..2, 2..5, 5..6]);
-        assert_eq!(clusters(&[1.0, 2.0], 1.0), [0..2]);
+        assert_eq!(clusters(&[1.0, 2.0, 9.0], 0.6), [0..2, 2..3]);
         assert!(clusters(&[], 0.1).is_empty());
     }
 

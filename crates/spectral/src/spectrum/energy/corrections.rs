@@ -103,7 +103,7 @@ impl Energy<'_> {
         let found = symmetric_product(&y, &sums, monitor)?;
         monitor.progress(0.9);
         let left = weighted_gram(&rests, &inverse, monitor)?;
-        Ok(self.from_above(&found, &left, &columns, sigma))
+        Ok(self.bounded(&found, &left, &columns, sigma))
     }
 
     /// Cycles until little is left of sixteen residuals.
@@ -146,7 +146,7 @@ impl Energy<'_> {
     }
 
     /// `found` is `½(Yᵀ(R + E) + (R + E)ᵀY)`, `left` is `EᵀM⁻¹E` of the lumped mass; both have more columns than there are pairs.
-    fn from_above(&self, found: &DenseMatrix, left: &DenseMatrix, columns: &[Column], sigma: f64) -> DenseMatrix {
+    fn bounded(&self, found: &DenseMatrix, left: &DenseMatrix, columns: &[Column], sigma: f64) -> DenseMatrix {
         let m = columns.len();
         let norm = |of: &dyn Fn(&Column) -> f64| columns.iter().map(|column| of(column).powi(2)).sum::<f64>().sqrt();
         // The ratio that the products below are split by: any is right, this one makes both parts alike.
