@@ -187,6 +187,7 @@ const COVERED: &[&str] = &[
     "compress",
     "decompress",
     "distances",
+    "meshDistances",
     "signatures",
     "similarPoints",
     "functionalMap",
@@ -340,6 +341,13 @@ async fn vertices_are_those_of_the_file() {
             let b = ask(&app, &format!("{clean}/distances"), &body(p.1, q.1)).await;
             assert_close(&numbers(&a["values"]), &numbers(&b["values"]), kind);
         }
+        for method in ["heat", "exact"] {
+            let body =
+                |p: usize, q: usize| json!({"distance": {"kind": "geodesic", "method": method}, "sources": [p, q]});
+            let a = ask(&app, &format!("/v1/meshes/{}/distances", case.dirty), &body(p.0, q.0)).await;
+            let b = ask(&app, &format!("/v1/meshes/{}/distances", case.clean), &body(p.1, q.1)).await;
+            assert_close(&numbers(&a["values"]), &told(&numbers(&b["values"]), 2, &case.vertices), method);
+        }
         let dropped = case.dropped();
         let lost = json!({"distance": {"kind": "biharmonic"}, "sources": [dropped]});
         let refused = app.post(&format!("{dirty}/distances")).json(&lost).send().await.unwrap();
@@ -372,17 +380,36 @@ async fn vertices_are_those_of_the_file() {
 
         let marks: Vec<_> = (0..6).map(|_| (case.vertex(random), case.vertex(random))).collect();
         let id = |path: &str| path.rsplit('/').next().unwrap().to_owned();
-        let body = |path: &str, marks: Vec<[usize; 2]>| json!({"source": id(path), "target": id(path), "landmarks": marks, "pairs": 20, "start": 10, "all_points": true});
+        let own: Vec<f64> = (0..case.mesh.positions.len()).map(|_| random.unit()).collect();
+        let carried = [told(&own, 1, &case.vertices), own];
+        let body = |path: &str, marks: Vec<[usize; 2]>, carried: &[f64]| {
+            json!({
+                "source": id(path), "target": id(path), "landmarks": marks, "pairs": 20, "start": 10, "all_points": true,
+                "both_ways": true, "carry": {"functions": {"columns": 1, "values": carried}}
+            })
+        };
         let on_file = marks.iter().map(|(p, q)| [p.0, q.0]).collect();
         let on_mesh = marks.iter().map(|(p, q)| [p.1, q.1]).collect();
-        let a = ask(&app, "/v1/functional-maps", &body(&dirty, on_file)).await;
-        let b = ask(&app, "/v1/functional-maps", &body(&clean, on_mesh)).await;
+        let a = ask(&app, "/v1/functional-maps", &body(&dirty, on_file, &carried[0])).await;
+        let b = ask(&app, "/v1/functional-maps", &body(&clean, on_mesh, &carried[1])).await;
         assert_close(&numbers(&a["matrix"]["values"]), &numbers(&b["matrix"]["values"]), "map");
-        let points = a["points"].as_array().unwrap();
-        assert_eq!(points.len(), case.vertices.len());
-        for (file, point) in points.iter().enumerate() {
-            let expected = case.vertices[file].map(|kept| b["points"][kept].as_u64().unwrap());
-            assert_eq!(point.as_u64().map(|_| back(point)), expected);
+        assert_close(
+            &numbers(&a["carried"]["values"]),
+            &told(&numbers(&b["carried"]["values"]), 1, &case.vertices),
+            "carried",
+        );
+        for (a, b) in [(&a, &b), (&a["inverse"], &b["inverse"])] {
+            assert_close(
+                &numbers(&a["confidences"]),
+                &told(&numbers(&b["confidences"]), 1, &case.vertices),
+                "confidences",
+            );
+            let points = a["points"].as_array().unwrap();
+            assert_eq!(points.len(), case.vertices.len());
+            for (file, point) in points.iter().enumerate() {
+                let expected = case.vertices[file].map(|kept| b["points"][kept].as_u64().unwrap());
+                assert_eq!(point.as_u64().map(|_| back(point)), expected);
+            }
         }
     }
 }
@@ -425,6 +452,15 @@ async fn jobs_and_motions_take_the_vertices_of_the_file() {
         let a = ask(&app, &format!("{dirty}/simulate"), &tap(struck.0, json!({"vertices": [seen.0]}))).await;
         let b = ask(&app, &format!("{clean}/simulate"), &tap(struck.1, json!({"vertices": [seen.1]}))).await;
         assert_close(&numbers(&a["displacements"][1]), &numbers(&b["displacements"][1]), "one vertex");
+        let pushed: Vec<f64> = (0..3 * case.mesh.positions.len()).map(|_| random.signed_unit()).collect();
+        // What dropped vertices are given does not matter.
+        let in_file: Vec<f64> =
+            told(&pushed, 3, &case.vertices).iter().map(|x| if x.is_nan() { 7.0 } else { *x }).collect();
+        let rows = |vectors: &[f64]| vectors.chunks(3).map(<[f64]>::to_vec).collect::<Vec<_>>();
+        let swing = |vectors: &[f64]| json!({"initial": {"vertices": {"velocities": rows(vectors)}}});
+        let a = ask(&app, &format!("{dirty}/simulate"), &tap(struck.0, swing(&in_file))).await;
+        let b = ask(&app, &format!("{clean}/simulate"), &tap(struck.1, swing(&pushed))).await;
+        assert_close(&numbers(&a["state"]["positions"]), &numbers(&b["state"]["positions"]), "begun in motion");
         let lost = app.post(&format!("{dirty}/simulate")).json(&tap(case.dropped(), json!({}))).send().await.unwrap();
         problem(lost, 422, "invalid-simulation/vertex-out-of-range").await;
         let body = json!({"kind": "vibration_basis", "mesh": case.dirty, "parameters": modes(vec![case.dropped()])});

@@ -235,7 +235,7 @@ try {
     await page.locator(".panel:not([hidden])").getByText(/modes? from .* Hz; 6 rigid/).waitFor();
     const [x, y] = await onSurface(page);
     const sizes = [];
-    page.on("response", (response) => response.url().endsWith("/simulate") && response.headers()["content-type"] === "application/octet-stream" && sizes.push(Number(response.headers()["content-length"])));
+    page.on("response", (response) => new URL(response.url()).pathname.endsWith("/simulate") && response.headers()["content-type"] === "application/octet-stream" && sizes.push(Number(response.headers()["content-length"])));
     await page.mouse.click(x, y);
     await page.waitForFunction(() => Number(document.body.dataset.vibrating) > 3);
     // Each frame asks for the displacement that it shows: three single-precision numbers for each vertex.
