@@ -218,3 +218,46 @@ fn columns_that_all_but_equal_others_add_no_pairs() {
         }
     }
 }
+
+#[test]
+fn certified_pairs_enclose_the_exact_ones_index_by_index_or_are_refused() {
+    let mesh = generate(Shape::Torus, 3_000).unwrap();
+    let made = operator(&mesh, OperatorKind::Auto, MassKind::Barycentric, Boundary::Neumann);
+    let parameters = ApproximationParameters {
+        count: 40,
+        dimension: 190,
+        space: Space::Heat(HeatParameters::default()),
+        goal: Some(Goal { error: 0.01, rounds: MOST_ROUNDS }),
+        certify: true,
+        seed: 0,
+    };
+    let basis = approximate(&mesh, &made, &parameters, &Unwatched).unwrap();
+    let finer = ApproximationParameters { dimension: 700, certify: false, ..parameters };
+    let finer = approximate(&mesh, &made, &finer, &Unwatched).unwrap();
+    let certificate = &basis.certificate;
+    assert_eq!((certificate.complete, certificate.inertia.len()), (Some(true), 1));
+    assert!(certificate.inertia[0].below >= 40);
+    for k in 1..40 {
+        let (value, bound) = (basis.eigenvalues[k], certificate.bounds[k]);
+        assert!(bound < 0.05 * value, "pair {k}: {bound} of {value}");
+        // Another space has its values above the exact ones, too, and nearer.
+        assert!(value - finer.eigenvalues[k] <= bound, "pair {k}: {value} and {}", finer.eigenvalues[k]);
+    }
+    // Triangles whose sizes differ by orders of magnitude leave nothing to enclose with: that is said.
+    let graded = chladni_mesh::TriangleMesh {
+        positions: mesh
+            .positions
+            .iter()
+            .map(|p| if p[0] > 0.0 { [p[0] * 1e-4, p[1] * 1e-4, p[2] * 1e-4] } else { *p })
+            .collect(),
+        faces: mesh.faces.clone(),
+    };
+    let made = operator(&graded, OperatorKind::Auto, MassKind::Barycentric, Boundary::Neumann);
+    match approximate(&graded, &made, &parameters, &Unwatched) {
+        Ok(basis) => {
+            let largest = basis.certificate.bounds.iter().zip(&basis.eigenvalues).skip(1);
+            assert!(largest.into_iter().all(|(bound, value)| *bound <= 0.5 * value));
+        }
+        Err(error) => assert_eq!(error.kind(), "unproven", "{error}"),
+    }
+}

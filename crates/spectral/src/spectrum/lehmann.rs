@@ -44,6 +44,9 @@ const LEAST_AGAIN: usize = 12;
 /// Where more eigenvalues are counted than values lie below, the next gap is tried: so many at most.
 const MOST_COUNTS: usize = 3;
 
+/// A bound above this share of its value says nothing.
+const LARGEST_BOUND: f64 = 0.5;
+
 /// A count that rounding makes uncertain by more than this share of its shift proves nothing of pairs that are next to each other.
 const LARGEST_RADIUS: f64 = 1e-3;
 
@@ -103,8 +106,17 @@ pub(super) fn enclose(
     }
     let above = deviation.upper_bounds(&values[..count], energy.floor() + sigma);
     let bounds = (0..count).map(|k| (values[k] - lowest[k]).max(above[k] - values[k]).max(0.0)).collect::<Vec<_>>();
-    if let Some(pair) = bounds.iter().position(|bound| !bound.is_finite()) {
-        return Err(ApproximationError::Unproven { reason: format!("pair {pair} could not be enclosed") });
+    // Zeros have rounding errors for a bound, which are no share of them.
+    let is_vacuous = |k: usize| {
+        !(bounds[k] <= LARGEST_BOUND * values[k].abs() || values[k].abs() <= KERNEL && bounds[k].is_finite())
+    };
+    if let Some(pair) = (0..count).find(|&k| is_vacuous(k)) {
+        let percent = 100.0 * bounds[pair] / values[pair].abs();
+        let reason = format!(
+            "the bound of pair {pair} would be {percent:.0} % of its value, as happens where triangles differ in size by orders of \
+             magnitude; take the method \"hsim\""
+        );
+        return Err(ApproximationError::Unproven { reason });
     }
     Ok(Enclosed { shift, below, bounds })
 }
