@@ -113,8 +113,7 @@ pub(super) fn enclose(
     if let Some(pair) = (0..count).find(|&k| is_vacuous(k)) {
         let percent = 100.0 * bounds[pair] / values[pair].abs();
         let reason = format!(
-            "the bound of pair {pair} would be {percent:.0} % of its value, as happens where triangles differ in size by orders of \
-             magnitude; take the method \"hsim\""
+            "the bound of pair {pair} would be {percent:.0} % of its value; take a larger dimension, or the method \"hsim\""
         );
         return Err(ApproximationError::Unproven { reason });
     }
