@@ -6,6 +6,7 @@ use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
+use super::dense::sum_of_lower;
 use super::{CYCLE_WIDTH, CycleRow, DenseMatrix};
 
 /// Rows that are multiplied at once.
@@ -84,15 +85,7 @@ fn products(
             Ok(sums)
         })
         .collect::<Result<_, Cancelled>>()?;
-    let mut sum = DenseMatrix::zeros(width, width);
-    for column in 0..width {
-        for row in column..width {
-            let value = parts.iter().map(|part| part.column(column)[row]).sum();
-            sum.column_mut(column)[row] = value;
-            sum.column_mut(row)[column] = value;
-        }
-    }
-    Ok(sum)
+    Ok(sum_of_lower(&parts, width))
 }
 
 /// Some rows of all blocks in double precision, one row after the other, each times its weight.

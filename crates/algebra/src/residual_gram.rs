@@ -5,6 +5,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
+use super::dense::sum_of_lower;
 use super::panels::PanelRow;
 use super::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, residual_panel_rows, vectorized};
 
@@ -69,15 +70,7 @@ pub fn residual_gram(
             Ok(sums)
         })
         .collect::<Result<_, Cancelled>>()?;
-    let mut gram = DenseMatrix::zeros(q, q);
-    for column in 0..q {
-        for row in column..q {
-            let value = parts.iter().map(|part| part.column(column)[row]).sum();
-            gram.column_mut(column)[row] = value;
-            gram.column_mut(row)[column] = value;
-        }
-    }
-    Ok(gram)
+    Ok(sum_of_lower(&parts, q))
 }
 
 /// Sums over `t = |A| |x| + (|θ| + |offset|) |M| |x|`, the magnitudes that the residual of one column is a difference of: rounding errors are a few units of

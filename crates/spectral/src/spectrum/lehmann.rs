@@ -214,7 +214,7 @@ fn lower_bounds(
         let hats: Vec<f64> = theta.iter().map(|value| value + offset).collect();
         let rounding = deviation.rows(start, &hats, hat);
         for (j, bound) in goerisch(&hats, hat, &energies, &rounding, monitor)?.into_iter().enumerate() {
-            if let Some(lowest) = (most - 1).checked_sub(j).and_then(|index| lowest.get_mut(index)) {
+            if let Some(lowest) = most.checked_sub(j + 1).and_then(|index| lowest.get_mut(index)) {
                 *lowest = lowest.max(bound - offset);
             }
         }

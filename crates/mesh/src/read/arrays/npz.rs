@@ -138,8 +138,8 @@ impl<'a> Array<'a> {
     fn float(&self, row: usize, column: usize) -> Result<f64, ReadError> {
         let bytes = self.bytes(row, column);
         match self.descriptor.as_str() {
-            "<f4" => Ok(f64::from(f32::from_le_bytes(bytes.try_into().unwrap_or_default()))),
-            "<f8" => Ok(f64::from_le_bytes(bytes.try_into().unwrap_or_default())),
+            "<f4" => Ok(f64::from(f32::from_le_bytes(std::array::from_fn(|k| bytes[k])))),
+            "<f8" => Ok(f64::from_le_bytes(std::array::from_fn(|k| bytes[k]))),
             _ => self.integer(row, column).map(|x| x as f64),
         }
     }
