@@ -25,7 +25,10 @@ pub fn pull(to: &Translation, functions: DenseMatrix, rows: usize) -> Result<Den
     for column in 0..functions.columns() {
         pulled.extend(to.pull(functions.column(column), rows)?);
     }
-    Ok(DenseMatrix::from_columns(rows, functions.columns(), pulled).unwrap_or_default())
+    let Some(pulled) = DenseMatrix::from_columns(rows, functions.columns(), pulled) else {
+        panic!("a translation gives {rows} rows to each function")
+    };
+    Ok(pulled)
 }
 
 /// Vectors on the vertices of the file as vectors on the first `rows` kept ones.
@@ -46,7 +49,10 @@ pub fn push(to: &Translation, functions: DenseMatrix) -> DenseMatrix {
     let columns = functions.columns();
     let pushed: Vec<f64> = (0..columns).flat_map(|column| to.push(functions.column(column), 1)).collect();
     let rows = pushed.len().checked_div(columns).unwrap_or(0);
-    DenseMatrix::from_columns(rows, columns, pushed).unwrap_or_default()
+    let Some(pushed) = DenseMatrix::from_columns(rows, columns, pushed) else {
+        panic!("a translation gives {rows} rows to each function")
+    };
+    pushed
 }
 
 /// Why a table is no function on the vertices of a mesh.

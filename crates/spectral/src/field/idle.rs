@@ -41,9 +41,7 @@ pub(super) fn find(inverse: impl Fn(&mut [f64]), mass: &SparseMatrix, floor: f64
     let count = MOST.min(d);
     let mut random = SplitMix64::new(1);
     let mut x: Vec<f64> = (0..d * count).map(|_| random.signed_unit()).collect();
-    let times = |x: &[f64]| -> Vec<f64> {
-        x.chunks_exact(d.max(1)).flat_map(|column| mass.multiply(column).unwrap_or_default()).collect()
-    };
+    let times = |x: &[f64]| -> Vec<f64> { x.chunks_exact(d.max(1)).flat_map(|column| product(mass, column)).collect() };
     for _ in 0..2 {
         let mut image = times(&x);
         inverse(&mut image);
@@ -58,8 +56,8 @@ pub(super) fn find(inverse: impl Fn(&mut [f64]), mass: &SparseMatrix, floor: f64
     for j in 0..count {
         identity.column_mut(j)[j] = 1.0;
         for i in 0..count {
-            let product = |a: usize, b: usize| dot(&image[a * d..(a + 1) * d], &moved[b * d..(b + 1) * d]);
-            products.column_mut(j)[i] = 0.5 * (product(i, j) + product(j, i));
+            let form = |a: usize, b: usize| dot(&image[a * d..(a + 1) * d], &moved[b * d..(b + 1) * d]);
+            products.column_mut(j)[i] = 0.5 * (form(i, j) + form(j, i));
         }
     }
     let Ok(pairs) = CpuSolver.lowest(identity, products, count, &Unwatched) else { return Vec::new() };
@@ -72,10 +70,19 @@ pub(super) fn find(inverse: impl Fn(&mut [f64]), mass: &SparseMatrix, floor: f64
             for (column, &v) in x.chunks_exact(d).zip(v) {
                 field.iter_mut().zip(column).for_each(|(u, x)| *u += v / size * x);
             }
-            let image = mass.multiply(&field).unwrap_or_default();
+            let image = product(mass, &field);
             Idle { field, image }
         })
         .collect()
+}
+
+/// `M̄ x`.
+///
+/// # Panics
+/// Where `x` has another size than the matrix.
+fn product(mass: &SparseMatrix, x: &[f64]) -> Vec<f64> {
+    let Some(image) = mass.multiply(x) else { panic!("{} numbers for a mass of {} columns", x.len(), mass.columns()) };
+    image
 }
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -89,7 +96,7 @@ fn orthonormalise(x: &mut [f64], mass: &SparseMatrix) {
         let (before, rest) = x.split_at_mut(at * d);
         let own = &mut rest[..d];
         for _ in 0..2 {
-            let image = mass.multiply(own).unwrap_or_default();
+            let image = product(mass, own);
             let size = dot(&image, own).sqrt().max(f64::MIN_POSITIVE);
             let shares: Vec<f64> = before.chunks_exact(d).map(|column| dot(column, &image)).collect();
             for (column, share) in before.chunks_exact(d).zip(shares) {
@@ -97,7 +104,7 @@ fn orthonormalise(x: &mut [f64], mass: &SparseMatrix) {
             }
             own.iter_mut().for_each(|x| *x /= size);
         }
-        let image = mass.multiply(own).unwrap_or_default();
+        let image = product(mass, own);
         let size = dot(&image, own).sqrt().max(f64::MIN_POSITIVE);
         own.iter_mut().for_each(|x| *x /= size);
     }

@@ -175,9 +175,14 @@ impl PrescribedField {
     }
 
     /// The edges across which the field turns by more than half a turn, so that the least angle between the numbers stored there, `field`, is another one: with
-    /// few and large faces around a vertex, or much curvature in it, there is no other way. Empty unless the numbers fit.
+    /// few and large faces around a vertex, or much curvature in it, there is no other way.
+    ///
+    /// # Panics
+    /// Where `field` has another size than the surface has numbers of this kind.
     pub fn matching(&self, surface: &FieldSurface, field: &[f32]) -> Vec<Matching> {
-        let least = least_angles(surface, self.kind, field).unwrap_or_default();
+        let Some(least) = least_angles(surface, self.kind, field) else {
+            panic!("{} numbers for {} faces", field.len(), surface.faces())
+        };
         let edges = surface.dual().edge_faces().iter().zip(self.turns.iter().zip(&least)).enumerate();
         edges
             .filter_map(|(edge, (&faces, (turn, least)))| {
