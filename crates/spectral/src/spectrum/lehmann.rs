@@ -84,13 +84,15 @@ pub(super) fn enclose(
     let first = (count.max(1) - 1 + (last + 1 - count) / 3).min(last);
     let (shift, below, radius) = counter.anchor(values, estimates, first..last, monitor)?;
     if !(radius < LARGEST_RADIUS * shift.abs()) {
-        let reason = format!("rounding makes the count of eigenvalues at {shift} uncertain by {radius:e}");
+        let (at, by) = (shift / problem.area, radius / problem.area);
+        let reason = format!("rounding makes the count of eigenvalues at {at} uncertain by {by:e}");
         return Err(ApproximationError::Unproven { reason });
     }
     // Ritz values lie above the eigenvalues of their index.
     let least = values.partition_point(|&value| value < shift - radius);
     if below < least {
-        let reason = format!("{below} eigenvalues were counted below {shift}, where {least} Ritz values lie");
+        let at = shift / problem.area;
+        let reason = format!("{below} eigenvalues were counted below {at}, where {least} Ritz values lie");
         return Err(ApproximationError::Unproven { reason });
     }
     let space = energy.in_order(&ritz.space);
@@ -106,18 +108,24 @@ pub(super) fn enclose(
     }
     let above = deviation.upper_bounds(&values[..count], energy.floor() + sigma);
     let bounds = (0..count).map(|k| (values[k] - lowest[k]).max(above[k] - values[k]).max(0.0)).collect::<Vec<_>>();
-    // Zeros have rounding errors for a bound, which are no share of them.
-    let is_vacuous = |k: usize| {
-        !(bounds[k] <= LARGEST_BOUND * values[k].abs() || values[k].abs() <= KERNEL && bounds[k].is_finite())
-    };
-    if let Some(pair) = (0..count).find(|&k| is_vacuous(k)) {
-        let percent = 100.0 * bounds[pair] / values[pair].abs();
-        let reason = format!(
-            "the bound of pair {pair} would be {percent:.0} % of its value; take a larger dimension, or the method \"hsim\""
-        );
-        return Err(ApproximationError::Unproven { reason });
-    }
+    require_meaning(values, &bounds)?;
     Ok(Enclosed { shift, below, bounds })
+}
+
+/// That every bound says something of its value.
+fn require_meaning(values: &[f64], bounds: &[f64]) -> Result<(), ApproximationError> {
+    for (pair, (bound, value)) in bounds.iter().zip(values).enumerate() {
+        // Zeros have rounding errors for a bound, which are no share of them.
+        let is_of_zero = value.abs() <= KERNEL && bound.is_finite();
+        if !(is_of_zero || *bound <= LARGEST_BOUND * value.abs()) {
+            let percent = 100.0 * bound / value.abs();
+            let reason = format!(
+                "the bound of pair {pair} would be {percent:.0} % of its value; take a larger dimension, or the method \"hsim\""
+            );
+            return Err(ApproximationError::Unproven { reason });
+        }
+    }
+    Ok(())
 }
 
 /// Shifts in the widest gaps behind the values of some indices, those first. Where there is no gap, one behind the last of them.
@@ -184,8 +192,8 @@ impl Counter {
     }
 }
 
+/// Lower bounds of the eigenvalues of the lowest indices, from a pole below which at most so many lie; that of the whole operator where there is none.
 #[expect(clippy::too_many_arguments, reason = "pairs in three parts, and where they are enclosed")]
-/// Lower bounds of the eigenvalues of the lowest indices.
 fn lower_bounds(
     energy: &Energy<'_>,
     space: &SparseMatrix<f32>,
