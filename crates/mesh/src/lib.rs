@@ -8,6 +8,7 @@ pub mod fixtures;
 pub mod intrinsic;
 pub mod measure;
 pub mod nearest;
+pub mod npy;
 pub mod numbering;
 pub mod read;
 mod repair;

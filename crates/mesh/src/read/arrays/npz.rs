@@ -8,6 +8,7 @@ use super::super::builder::Builder;
 use super::super::error::{Place, ReadError, shorten};
 use super::super::{MeshFormat, RawMesh, ReadLimits};
 use super::{finish, wrong};
+use crate::npy::NpyHeader;
 
 fn refuse(reason: impl Into<String>) -> ReadError {
     wrong(MeshFormat::Npz, reason)
@@ -81,29 +82,8 @@ fn member<'a>(
 impl<'a> Array<'a> {
     fn parse(name: &'static str, bytes: &'a [u8]) -> Result<Self, ReadError> {
         let wrong = |what: &str| refuse(format!("the array `{name}`: {what}"));
-        let short = || wrong("its header is cut short");
-        let (magic, rest) = bytes.split_first_chunk::<8>().ok_or_else(short)?;
-        let (length, rest) = match magic {
-            b"\x93NUMPY\x01\x00" => {
-                let (length, rest) = rest.split_first_chunk::<2>().ok_or_else(short)?;
-                (u16::from_le_bytes(*length) as usize, rest)
-            }
-            b"\x93NUMPY\x02\x00" | b"\x93NUMPY\x03\x00" => {
-                let (length, rest) = rest.split_first_chunk::<4>().ok_or_else(short)?;
-                (u32::from_le_bytes(*length) as usize, rest)
-            }
-            _ => return Err(wrong("it is not an NPY array")),
-        };
-        let (header, data) = rest.split_at_checked(length).ok_or_else(short)?;
-        let text = std::str::from_utf8(header).map_err(|_| wrong("its header is not text"))?;
-        let after = |key: &str| {
-            let found = text.split_once(&format!("'{key}':")).map(|(_, rest)| rest.trim_start());
-            found.ok_or_else(|| wrong(&format!("its header lacks '{key}'")))
-        };
-        let plain = |text: &'_ str| {
-            text.strip_prefix('\'').and_then(|rest| rest.split_once('\'')).map(|(own, _)| own.to_owned())
-        };
-        let descriptor = plain(after("descr")?).ok_or_else(|| wrong("its type is not a plain number"))?;
+        let (NpyHeader { descriptor, fortran, shape }, data) =
+            NpyHeader::parse(bytes).map_err(|error| wrong(&error.to_string()))?;
         let width: usize = match descriptor.as_str() {
             "|u1" | "|i1" => 1,
             "<u2" | "<i2" => 2,
@@ -111,11 +91,6 @@ impl<'a> Array<'a> {
             "<f8" | "<i8" | "<u8" => 8,
             other => return Err(wrong(&format!("numbers of the type `{}` are not read", shorten(other.as_bytes())))),
         };
-        let fortran = after("fortran_order")?.starts_with("True");
-        let tuple = after("shape")?.strip_prefix('(').and_then(|rest| rest.split_once(')'));
-        let axes = tuple.ok_or_else(|| wrong("its shape is not a tuple"))?.0.split(',').map(str::trim);
-        let axes = axes.filter(|axis| !axis.is_empty()).map(|axis| axis.parse::<usize>());
-        let shape: Vec<usize> = axes.collect::<Result<_, _>>().map_err(|_| wrong("its shape holds no numbers"))?;
         let needed = shape.iter().try_fold(width, |total, &axis| total.checked_mul(axis));
         if needed.is_none_or(|needed| needed != data.len()) {
             return Err(wrong(&format!("{} bytes do not fill its shape", data.len())));

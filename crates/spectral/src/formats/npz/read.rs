@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix};
+use chladni_mesh::npy::NpyHeader;
 use zip::{CompressionMethod, ZipArchive};
 
 use super::{DenseLayout, FormatError, wrong};
@@ -23,44 +24,8 @@ pub(super) struct Array<'a> {
 
 impl<'a> Array<'a> {
     fn parse(name: &'a str, bytes: &'a [u8]) -> Result<Self, FormatError> {
-        let short = || wrong(name, "the NPY header is cut short");
-        let (magic, rest) = bytes.split_first_chunk::<8>().ok_or_else(short)?;
-        let (length, rest) = match magic {
-            b"\x93NUMPY\x01\x00" => {
-                let (length, rest) = rest.split_first_chunk::<2>().ok_or_else(short)?;
-                (u16::from_le_bytes(*length) as usize, rest)
-            }
-            b"\x93NUMPY\x02\x00" | b"\x93NUMPY\x03\x00" => {
-                let (length, rest) = rest.split_first_chunk::<4>().ok_or_else(short)?;
-                (u32::from_le_bytes(*length) as usize, rest)
-            }
-            _ => return Err(wrong(name, "it is not an NPY array")),
-        };
-        let (header, data) = rest.split_at_checked(length).ok_or_else(short)?;
-        let text = std::str::from_utf8(header).map_err(|_| wrong(name, "the NPY header is not text"))?;
-        let after = |key: &str| {
-            text.split_once(&format!("'{key}':"))
-                .map(|(_, rest)| rest.trim_start())
-                .ok_or_else(|| wrong(name, format!("the NPY header lacks '{key}'")))
-        };
-        let descriptor = after("descr")?
-            .strip_prefix('\'')
-            .and_then(|rest| rest.split_once('\''))
-            .ok_or_else(|| wrong(name, "'descr' is not a plain type"))?
-            .0
-            .to_owned();
-        let fortran = after("fortran_order")?.starts_with("True");
-        let tuple = after("shape")?
-            .strip_prefix('(')
-            .and_then(|rest| rest.split_once(')'))
-            .ok_or_else(|| wrong(name, "'shape' is not a tuple"))?
-            .0;
-        let shape = tuple
-            .split(',')
-            .map(str::trim)
-            .filter(|axis| !axis.is_empty())
-            .map(|axis| axis.parse::<usize>().map_err(|_| wrong(name, "'shape' holds something else than numbers")))
-            .collect::<Result<Vec<_>, _>>()?;
+        let (NpyHeader { descriptor, fortran, shape }, data) =
+            NpyHeader::parse(bytes).map_err(|error| wrong(name, error.to_string()))?;
         Ok(Self { name, descriptor, fortran, shape, data })
     }
 
