@@ -32,7 +32,7 @@ impl DataFolder {
     {
         if !["meta.db", "blobs.db"].iter().any(|name| self.folder.join(name).exists()) {
             let folder = self.folder.display();
-            return Err(CliError::Usage(format!("{folder} is no data folder: it holds no databases")));
+            return Err(CliError::Usage(format!("{folder} is not a data folder: it holds no databases")));
         }
         let options = settings(StoreOptions { least_free_bytes: 0, ..StoreOptions::new(&self.folder) });
         self.wait(async {

@@ -38,7 +38,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Runs `chladni worker` until its standard input ends.
 pub fn worker(arguments: WorkerArguments) -> Result<ExitCode, CliError> {
-    let failed = |error: io::Error| CliError::Service(format!("a worker cannot begin: {error}"));
+    let failed = |error: io::Error| CliError::Service(format!("the worker could not start: {error}"));
     let (input, output) = pipes().map_err(failed)?;
     start_logs(&LogSettings { log_format: arguments.log_format, log_level: arguments.log_level })?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
@@ -98,7 +98,7 @@ pub(super) fn runner(config: &Config, observer: Arc<dyn QueueObserver>) -> Resul
         idle: config.workers,
     };
     let processes = Processes::start(options, observer).map_err(|error| {
-        CliError::Service(format!("no process can be started for jobs: {error}; --jobs-in threads does without"))
+        CliError::Service(format!("no worker process can be started: {error}; --jobs-in threads needs none"))
     })?;
     Ok(Arc::new(processes))
 }

@@ -150,7 +150,7 @@ async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
             let age_ms = since_ms.map_or(0, |since_ms| (state.store.now_ms() - since_ms).max(0));
             metrics.queue_age_seconds.set(age_ms / 1000);
         }
-        Err(error) => tracing::warn!(%error, "the age of the queue cannot be told"),
+        Err(error) => tracing::warn!(%error, "the age of the queue could not be read"),
     }
     metrics.solves_held.set(state.solve_places.held() as i64);
     metrics.request_bytes.set(state.request_memory.held() as i64);

@@ -277,9 +277,9 @@ async fn what_cannot_be_designed_is_a_problem_that_names_it() {
         (
             json!({"strokes": [{"points": [[0, 0, 1], [0.1, 0, 1]], "direction": up}]}),
             "points",
-            "strokes[0]: direction does not go with points",
+            "strokes[0]: direction cannot be given with points",
         ),
-        (json!({"strokes": [{"points": [[0, 0, 1], [0.1, 0, 1]], "face": 3}]}), "points", "face does not go"),
+        (json!({"strokes": [{"points": [[0, 0, 1], [0.1, 0, 1]], "face": 3}]}), "points", "face cannot be given"),
         (json!({"strokes": [{"point": [0, 0, 1000], "direction": up}]}), "face", "999.0"),
         (
             json!({"constraints": (0..40).map(|f| at(f, &up)).collect::<Vec<_>>()}),

@@ -82,10 +82,10 @@ pub enum DistanceFault {
     #[error("either sources or pairs are needed, not both")]
     Between,
     /// Nothing flows.
-    #[error("time: exact distances have none")]
+    #[error("time: exact distances take none")]
     Time,
     /// Without a basis there are geodesic distances on the mesh alone.
-    #[error("distance: on a mesh without a basis, geodesic distances by heat or exact ones are to be had")]
+    #[error("distance: without a basis, only geodesic distances by heat or exact ones can be computed")]
     NeedsBasis,
     /// A vertex, a time or the basis does not fit.
     #[error(transparent)]

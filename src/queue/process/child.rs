@@ -90,7 +90,9 @@ impl Worker {
         let mut worker = Self { process, orders, frames, lacked_memory, errors: Some(errors), number: 0 };
         match worker.hear(patience) {
             Heard::Frame(Frame { tag: Tag::Ready, .. }) => Ok(worker),
-            Heard::Frame(frame) => Err(io::Error::other(format!("a worker began with {:?}", frame.tag))),
+            Heard::Frame(frame) => {
+                Err(io::Error::other(format!("the worker started with {:?} instead of Ready", frame.tag)))
+            }
             Heard::Silence => Err(io::Error::other(format!("a worker was not ready within {patience:?}"))),
             Heard::Ended(how) => Err(io::Error::other(format!("a worker ended {how} before it was ready"))),
         }
@@ -103,7 +105,7 @@ impl Worker {
             Err(RecvTimeoutError::Timeout) => Heard::Silence,
             Ok(Err(error)) if error.kind() == io::ErrorKind::InvalidData => {
                 self.kill();
-                Heard::Ended(format!("after it had said what cannot be understood: {error}"))
+                Heard::Ended(format!("after a message that could not be decoded: {error}"))
             }
             Ok(Err(_)) | Err(RecvTimeoutError::Disconnected) => Heard::Ended(self.end()),
         }

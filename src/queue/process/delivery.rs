@@ -37,7 +37,7 @@ pub(super) fn take(mut worker: Worker, head: &[u8], promised: u64, pool: &Weak<P
             let content = stream.bytes(bytes, most)?;
             worker = stream.into_worker();
             finish(worker, pool)?;
-            Product::read_npz(kind, &content).map_err(|error| format!("a product that cannot be read: {error}"))
+            Product::read_npz(kind, &content).map_err(|error| format!("a result that could not be decoded: {error}"))
         }
         Delivery::Columns { head, rows, columns, precision } => {
             let precision = Precision::from_name(&precision).ok_or("numbers of no precision")?;
@@ -55,7 +55,7 @@ pub(super) fn take(mut worker: Worker, head: &[u8], promised: u64, pool: &Weak<P
             };
             let functions = DenseFunctions::elsewhere(rows, columns, precision, Arc::new(source));
             let basis = npz::read_head(&head, functions);
-            Ok(basis.map_err(|error| format!("a product that cannot be read: {error}"))?.into())
+            Ok(basis.map_err(|error| format!("a result that could not be decoded: {error}"))?.into())
         }
     }
 }

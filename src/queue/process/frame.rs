@@ -92,7 +92,7 @@ pub(super) fn read(from: &mut impl Read) -> io::Result<Option<Frame>> {
     let [tag, length @ ..] = head;
     let length = u32::from_le_bytes(length) as usize;
     let (Some(&tag), true) = (Tag::ALL.get(usize::from(tag)), length <= MOST) else {
-        return Err(io::Error::new(io::ErrorKind::InvalidData, format!("tag {tag} with {length} bytes is no frame")));
+        return Err(io::Error::new(io::ErrorKind::InvalidData, format!("not a frame: tag {tag} with {length} bytes")));
     };
     let mut body = vec![0; length];
     from.read_exact(&mut body)?;

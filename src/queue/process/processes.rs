@@ -70,7 +70,7 @@ impl Pool {
                 return Ok(worker);
             }
             // One that was killed while it waited harms nobody.
-            tracing::warn!("a worker ended while it had nothing to do");
+            tracing::warn!("an idle worker process ended");
         }
     }
 
@@ -109,13 +109,13 @@ impl Processes {
 
     fn memory(&self, promised: u64) -> Option<u64> {
         let limited = self.0.options.limit_memory && promised > 0;
-        limited.then(|| promised.saturating_add(promised / 2).saturating_add(ProcessOptions::SLACK))
+        limited.then(|| memory_limit(promised))
     }
 }
 
 impl Runner for Processes {
     fn run(&self, _job: &JobRecord, _mesh: Arc<TriangleMesh>, _monitor: &dyn Monitor) -> Result<Outcome, JobFailure> {
-        let detail = "work in another process has to be watched".to_owned();
+        let detail = "jobs in worker processes need a watch".to_owned();
         Err(JobFailure::Failed { kind: "worker-lost".to_owned(), detail, retryable: false })
     }
 
@@ -209,7 +209,7 @@ fn attend(mut worker: Worker, job: &JobRecord, watch: &dyn Watch, pool: &Arc<Poo
             }
             Tag::Failed => {
                 let Ok(failure) = serde_json::from_slice::<Failure>(&body) else {
-                    return died("with a failure that cannot be read".to_owned());
+                    return died("with a failure report that could not be decoded".to_owned());
                 };
                 pool.put_back(worker, &failure.taken);
                 return Err(match failure.reason {
@@ -222,16 +222,20 @@ fn attend(mut worker: Worker, job: &JobRecord, watch: &dyn Watch, pool: &Arc<Poo
                     }
                 });
             }
-            _ => return died(format!("after it had said {tag:?} to its server")),
+            _ => return died(format!("after an unexpected message, {tag:?}")),
         }
     }
+}
+
+/// The bytes that a job may allocate.
+fn memory_limit(promised: u64) -> u64 {
+    promised.saturating_add(promised / 2).saturating_add(ProcessOptions::SLACK)
 }
 
 /// Another attempt would need as much.
 fn too_little(job: &JobRecord) -> JobFailure {
     let promised = job.memory_bytes;
-    let detail = format!(
-        "the job was promised {promised} bytes of memory, by estimate, and needed more than half of that again beyond it"
-    );
+    let limit = memory_limit(promised);
+    let detail = format!("the job was estimated to need {promised} bytes of memory, and exceeded its limit of {limit}");
     JobFailure::Failed { kind: "memory-exceeded".to_owned(), detail, retryable: false }
 }

@@ -48,7 +48,7 @@ pub fn work(input: File, output: File, runner: &dyn Runner) -> io::Result<()> {
         let cancelled = Arc::clone(&cancelled);
         move || {
             if let Err(error) = listen(input, &sender, &cancelled) {
-                tracing::error!(%error, "a worker does not understand its server");
+                tracing::error!(%error, "a worker could not read what its server sent");
             }
             // The server is gone, or has no use for this process: whatever runs here is void.
             end();
@@ -93,17 +93,17 @@ fn listen(input: impl Read, orders: &mpsc::Sender<Incoming>, cancelled: &AtomicU
             Tag::Begin => {
                 let order: Order = serde_json::from_slice(&std::mem::take(&mut text))?;
                 let (mesh, solid) =
-                    read_body(&std::mem::take(&mut mesh)).ok_or_else(|| broken("what came is no mesh"))?;
+                    read_body(&std::mem::take(&mut mesh)).ok_or_else(|| broken("the mesh could not be decoded"))?;
                 let incoming = Incoming { order, mesh: Arc::new(mesh), solid: solid.map(Arc::new) };
                 if orders.send(incoming).is_err() {
                     return Ok(());
                 }
             }
             Tag::Cancel => {
-                let number = frame.body.try_into().map_err(|_| broken("an order has a number of 8 bytes"))?;
+                let number = frame.body.try_into().map_err(|_| broken("the number of an order is not 8 bytes long"))?;
                 cancelled.store(u64::from_le_bytes(number), Ordering::Relaxed);
             }
-            _ => return Err(broken("a worker is not told such things")),
+            _ => return Err(broken("unexpected frame from the server")),
         }
     }
     Ok(())
@@ -171,7 +171,7 @@ fn obey(
 /// Sends a product. What cannot be written down is a failure of the job.
 fn deliver(product: Product, output: &Output) -> io::Result<Result<(), JobFailure>> {
     let unwritten = |error: &dyn std::fmt::Display| {
-        let detail = format!("the result cannot be written down: {error}");
+        let detail = format!("the result could not be encoded: {error}");
         Err(JobFailure::Failed { kind: "storage-unavailable".to_owned(), detail, retryable: true })
     };
     let kind = product.kind().name().to_owned();

@@ -13,7 +13,7 @@ fn fits(basis: &Basis, mesh: &TriangleMesh) -> Result<(), FormatError> {
     if rows == vertices {
         return Ok(());
     }
-    let reason = format!("a function has {rows} numbers, and the surface {vertices} vertices");
+    let reason = format!("a function has {rows} values, but the surface has {vertices} vertices");
     Err(FormatError::Member { member: "functions".to_owned(), reason })
 }
 

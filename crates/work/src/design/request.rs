@@ -244,7 +244,8 @@ impl Stroke {
         ];
         match others.into_iter().find(|other| other.1) {
             Some((name, _)) => {
-                let reason = format!("{name} does not go with points, which say where the line is and where it leads");
+                let reason =
+                    format!("{name} cannot be given with points, which already define the line and its direction");
                 Err(refused("points", place, reason))
             }
             None => Ok(()),
