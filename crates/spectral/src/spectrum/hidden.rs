@@ -5,10 +5,10 @@
 //! damped above the shift: what the space does not hold of them is little but where it lacks an eigenfunction.
 
 use super::approximate::ApproximationError;
+use super::shifted::ShiftedPencil;
 use crate::operator::EigenProblem;
 use chladni_algebra::{
-    DenseMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order, mass_times_panel,
-    solve_definite, space_times, space_transposed_mass_times,
+    DenseMatrix, PANEL_WIDTH, SparseMatrix, mass_times_panel, solve_definite, space_times, space_transposed_mass_times,
 };
 use chladni_base::{Monitor, SplitMix64};
 
@@ -56,17 +56,13 @@ pub(super) fn hidden(
     monitor: &dyn Monitor,
 ) -> Result<Option<Hidden>, ApproximationError> {
     let Some((shift, expected)) = place(ritz, errors, count) else { return Ok(None) };
-    let Ok(order) = fill_reducing_order(&problem.stiffness, Ordering::Amd) else { return Ok(None) };
-    monitor.checkpoint()?;
-    let stiffness = problem.stiffness.reordered(&order);
-    let mass = problem.mass.reordered(&order);
-    let Ok(symbolic) = SymbolicFactor::new(&stiffness, &mass).and_then(|symbolic| symbolic.within(1, monitor)) else {
-        return Ok(None);
+    let pencil = match ShiftedPencil::new(problem, monitor) {
+        Ok(pencil) => pencil,
+        Err(ApproximationError::Cancelled(cancelled)) => return Err(cancelled.into()),
+        Err(_) => return Ok(None),
     };
-    let Ok(counted) = symbolic.factor(&stiffness, &mass, shift) else { return Ok(None) };
-    let found = counted.eigenvalues_below();
+    let Ok((found, radius)) = pencil.count(shift) else { return Ok(None) };
     // A count whose rounding errors reach the next values says nothing.
-    let radius = counted.uncertainty(&stiffness, &mass, shift);
     if found <= expected || !(radius < 1e-3 * shift.abs()) {
         return Ok(None);
     }
@@ -74,13 +70,13 @@ pub(super) fn hidden(
     let damping = (shift - floor.min(0.0)).abs().max(f64::MIN_POSITIVE);
     // What was counted stands, whether or not it can be said where.
     let nowhere = Ok(Some(Hidden { count: found - expected, density: None }));
-    let Ok(factor) = symbolic.factor(&stiffness, &mass, -damping + floor.min(0.0)) else { return nowhere };
+    let Ok(factor) = pencil.factor(-damping + floor.min(0.0)) else { return nowhere };
     let n = problem.size();
     let mut random = SplitMix64::new(1);
     let mut panel: Vec<f64> = (0..n * PANEL_WIDTH).map(|_| random.signed_unit()).collect();
     let mut image = vec![0.0; panel.len()];
     for _ in 0..DAMPINGS {
-        mass_times_panel(&mass, &panel, &mut image);
+        mass_times_panel(&pencil.mass, &panel, &mut image);
         panel.iter_mut().zip(&image).for_each(|(x, image)| *x = damping * image);
         factor.solve_panel(&mut panel);
         monitor.checkpoint()?;
@@ -88,7 +84,11 @@ pub(super) fn hidden(
     let mut functions = DenseMatrix::zeros(n, PANEL_WIDTH);
     for column in 0..PANEL_WIDTH {
         let to = functions.column_mut(column);
-        order.iter().enumerate().for_each(|(row, &place)| to[place as usize] = panel[row * PANEL_WIDTH + column]);
+        pencil
+            .order
+            .iter()
+            .enumerate()
+            .for_each(|(row, &place)| to[place as usize] = panel[row * PANEL_WIDTH + column]);
     }
     let Some(mut projection) = space_transposed_mass_times(space, &problem.mass, &functions) else { return nowhere };
     if solve_definite(reduced.to_dense(), &mut projection).is_err() {

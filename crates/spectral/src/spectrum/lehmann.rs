@@ -19,11 +19,9 @@ use std::ops::Range;
 use super::approximate::{ApproximationError, Ritz};
 use super::certificate::KERNEL;
 use super::energy::Energy;
+use super::shifted::ShiftedPencil;
 use crate::operator::EigenProblem;
-use chladni_algebra::{
-    DenseMatrix, FactorError, MassMatrix, Ordering, SparseMatrix, SymbolicFactor, fill_reducing_order, galerkin,
-    lowest_symmetric,
-};
+use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix, galerkin, lowest_symmetric};
 use chladni_base::Monitor;
 
 /// σ as a share of the pole. Larger ones make cycles converge faster, and widen the bounds by about as much.
@@ -78,11 +76,11 @@ pub(super) fn enclose(
     monitor: &dyn Monitor,
 ) -> Result<Enclosed, ApproximationError> {
     let values = &ritz.pairs.values;
-    let counter = Counter::new(problem, monitor)?;
+    let pencil = ShiftedPencil::new(problem, monitor)?;
     // Bounds are the closer, the farther the pole.
     let last = values.len() - 1;
     let first = (count.max(1) - 1 + (last + 1 - count) / 3).min(last);
-    let (shift, below, radius) = counter.anchor(values, estimates, first..last, monitor)?;
+    let (shift, below, radius) = anchor(&pencil, values, estimates, first..last, monitor)?;
     if !(radius < LARGEST_RADIUS * shift.abs()) {
         let (at, by) = (shift / problem.area, radius / problem.area);
         let reason = format!("rounding makes the count of eigenvalues at {at} uncertain by {by:e}");
@@ -102,7 +100,7 @@ pub(super) fn enclose(
     // Where indices are shifted, bounds of the lowest pairs are those of their neighbours: another count, where gaps are wider, puts them right.
     let end = values.partition_point(|&value| value < shift);
     if end < below && end > LEAST_AGAIN {
-        let (shift, below, radius) = counter.anchor(values, estimates, end / 4..3 * end / 4, monitor)?;
+        let (shift, below, radius) = anchor(&pencil, values, estimates, end / 4..3 * end / 4, monitor)?;
         let again = lower_bounds(energy, &space, ritz, &deviation, (shift - radius, below), sigma, WINDOW, monitor)?;
         lowest.iter_mut().zip(again).for_each(|(lowest, again)| *lowest = lowest.max(again));
     }
@@ -142,54 +140,25 @@ fn gaps(values: &[f64], estimates: &[f64], places: Range<usize>) -> Vec<f64> {
     wide.into_iter().map(|k| values[k] + 0.75 * gap(k) * size(k)).collect()
 }
 
-/// A matrix ready to be factored at any shift.
-struct Counter {
-    stiffness: SparseMatrix,
-    mass: MassMatrix,
-    symbolic: SymbolicFactor,
-}
-
-impl Counter {
-    fn new(problem: &EigenProblem, monitor: &dyn Monitor) -> Result<Self, ApproximationError> {
-        let failed = |error: FactorError| match error {
-            FactorError::Promise { .. } => ApproximationError::Memory(error.to_string()),
-            _ => ApproximationError::Factor(error.to_string()),
-        };
-        let order = fill_reducing_order(&problem.stiffness, Ordering::Amd).map_err(failed)?;
+/// A shift behind one of some values, how many eigenvalues lie below, and how uncertain that is: the first of a few where no more lie below than values, if
+/// there is one.
+fn anchor(
+    pencil: &ShiftedPencil,
+    values: &[f64],
+    estimates: &[f64],
+    places: Range<usize>,
+    monitor: &dyn Monitor,
+) -> Result<(f64, usize, f64), ApproximationError> {
+    let mut found = (f64::NAN, 0, f64::INFINITY);
+    for shift in gaps(values, estimates, places) {
         monitor.checkpoint()?;
-        let (stiffness, mass) = (problem.stiffness.reordered(&order), problem.mass.reordered(&order));
-        let symbolic =
-            SymbolicFactor::new(&stiffness, &mass).and_then(|symbolic| symbolic.within(1, monitor)).map_err(failed)?;
-        Ok(Self { stiffness, mass, symbolic })
-    }
-
-    /// A shift behind one of some values, how many eigenvalues lie below, and how uncertain that is: the first of a few where no more lie below than values, if
-    /// there is one.
-    fn anchor(
-        &self,
-        values: &[f64],
-        estimates: &[f64],
-        places: Range<usize>,
-        monitor: &dyn Monitor,
-    ) -> Result<(f64, usize, f64), ApproximationError> {
-        let mut found = (f64::NAN, 0, f64::INFINITY);
-        for shift in gaps(values, estimates, places) {
-            monitor.checkpoint()?;
-            let (below, radius) = self.count(shift)?;
-            found = (shift, below, radius);
-            if below == values.partition_point(|&value| value < shift) {
-                break;
-            }
+        let (below, radius) = pencil.count(shift)?;
+        found = (shift, below, radius);
+        if below == values.partition_point(|&value| value < shift) {
+            break;
         }
-        Ok(found)
     }
-
-    /// Eigenvalues below a shift, and how far off that they may be which were counted.
-    fn count(&self, shift: f64) -> Result<(usize, f64), ApproximationError> {
-        let factor = self.symbolic.factor(&self.stiffness, &self.mass, shift);
-        let factor = factor.map_err(|error| ApproximationError::Factor(error.to_string()))?;
-        Ok((factor.eigenvalues_below(), factor.uncertainty(&self.stiffness, &self.mass, shift)))
-    }
+    Ok(found)
 }
 
 /// Lower bounds of the eigenvalues of the lowest indices, from a pole below which at most so many lie; that of the whole operator where there is none.

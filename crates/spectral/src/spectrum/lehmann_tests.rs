@@ -41,7 +41,7 @@ fn hold(mesh: &TriangleMesh, operator: &MeshOperator, count: usize, dimension: u
     let values = &ritz.pairs.values;
     let energy = Energy::new(problem, operator.floor, &Unwatched).unwrap();
     let shift = gaps(values, &vec![0.0; values.len()], count - 1..values.len() - 1)[0];
-    let (below, radius) = Counter::new(problem, &Unwatched).unwrap().count(shift).unwrap();
+    let (below, radius) = ShiftedPencil::new(problem, &Unwatched).unwrap().count(shift).unwrap();
     let exact = exact(problem, values.len().max(below) + 1);
     assert_eq!(below, exact.partition_point(|&value| value < shift));
     let sigma = SHIFT * (shift + energy.floor());
@@ -113,7 +113,7 @@ fn bad_pairs_have_wide_bounds_and_none_that_is_wrong() {
         let pairs = CpuSolver.lowest(stiffness.to_dense(), mass.to_dense(), 30, &Unwatched).unwrap();
         let ritz = Ritz { space, mass, stiffness, pairs };
         let shift = 0.5 * (exact[25] + exact[24]);
-        let (below, radius) = Counter::new(problem, &Unwatched).unwrap().count(shift).unwrap();
+        let (below, radius) = ShiftedPencil::new(problem, &Unwatched).unwrap().count(shift).unwrap();
         let sigma = SHIFT * shift;
         let deviation = Deviation::new(problem, &ritz, sigma, &Unwatched).unwrap();
         let space = energy.in_order(&ritz.space);

@@ -14,6 +14,7 @@ mod lehmann;
 mod local;
 pub mod radial;
 mod refine;
+mod shifted;
 pub mod vibration;
 
 pub use approximate::{ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Space, approximate, subspace};

@@ -5,11 +5,11 @@
 
 use rayon::prelude::*;
 
+use super::super::approximate::ApproximationError;
+use super::super::shifted::ShiftedPencil;
 use super::rows::Enclosure;
 use super::{CLOSE, Energy, HALVES, Measure, SHIFT, Wanted, Workspace};
-use chladni_algebra::{
-    CYCLE_WIDTH, Factor, LIFT_WIDTH, Ordering, PANEL_WIDTH, RowLifter, SymbolicFactor, fill_reducing_order,
-};
+use chladni_algebra::{CYCLE_WIDTH, Factor, LIFT_WIDTH, PANEL_WIDTH, RowLifter};
 use chladni_base::{Cancelled, Monitor};
 
 /// A panel with a bound above this share of its value is measured anew.
@@ -55,18 +55,15 @@ impl Energy<'_> {
         }
         let sigma = SHIFT * lowest;
         monitor.checkpoint()?;
-        let problem = self.problem;
-        let Ok(order) = fill_reducing_order(&problem.stiffness, Ordering::Amd) else { return Ok(()) };
-        let (stiffness, mass) = (problem.stiffness.reordered(&order), problem.mass.reordered(&order));
-        monitor.checkpoint()?;
-        let Ok(symbolic) = SymbolicFactor::new(&stiffness, &mass).and_then(|symbolic| symbolic.within(1, monitor))
-        else {
-            return Ok(());
+        let pencil = match ShiftedPencil::new(self.problem, monitor) {
+            Ok(pencil) => pencil,
+            Err(ApproximationError::Cancelled(cancelled)) => return Err(cancelled),
+            Err(_) => return Ok(()),
         };
-        let Ok(factor) = symbolic.factor(&stiffness, &mass, -(sigma + self.floor)) else { return Ok(()) };
-        let mut place_of = vec![0u32; order.len()];
+        let Ok(factor) = pencil.factor(-(sigma + self.floor)) else { return Ok(()) };
+        let mut place_of = vec![0u32; pencil.order.len()];
         self.order.iter().zip(0..).for_each(|(&row, place)| place_of[row as usize] = place);
-        let places = order.iter().map(|&row| place_of[row as usize]).collect();
+        let places = pencil.order.iter().map(|&row| place_of[row as usize]).collect();
         let solver = Solver { factor, places, sigma };
         let found: Vec<(usize, Vec<Measure>)> = wide
             .into_par_iter()
