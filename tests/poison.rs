@@ -70,7 +70,7 @@ async fn poison_of_every_kind_ends_its_job_and_not_the_server() {
     let mut server = Server::start(folder.path(), &SETTINGS);
     let mesh = server.upload().await;
     for (kind, expected, words) in [
-        (MEMORY, "memory-exceeded", "promised"),
+        (MEMORY, "memory-exceeded", "exceeded its limit"),
         (ABORT, "quarantined", "signal 6 (SIGABRT)"),
         (FAULT, "quarantined", "signal 11 (SIGSEGV)"),
         (KILL, "quarantined", "signal 9 (SIGKILL)"),

@@ -113,7 +113,7 @@ async fn geodesic_distances_need_no_basis_and_reach_what_a_path_leads_to() {
         assert!(heat[0] == 0.0 && heat.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.4), "{heat:?}");
         let timed = json!({"kind": "geodesic", "method": "exact", "time": 0.1});
         let cases = [
-            (json!({"distance": timed, "sources": [0]}), 422, "invalid-request", "exact distances have none"),
+            (json!({"distance": timed, "sources": [0]}), 422, "invalid-request", "take no time step"),
             (json!({"distance": exact, "sources": [1, 6]}), 422, "invalid-vertex", "Source 1 is vertex 6 of 6"),
             (json!({"distance": exact, "pairs": [[1, 6]]}), 422, "invalid-vertex", "Pair 0 is vertex 6 of 6"),
             (json!({"distance": exact, "sources": vec![0; 257]}), 422, "invalid-analysis", "257"),

@@ -392,27 +392,16 @@ impl std::fmt::Debug for Factor<'_> {
 
 /// The numbers of a factor without the structure that they belong to: to be kept where a factor cannot borrow.
 pub struct FactorNumbers {
-    values: Vec<f64>,
-    inverse: Vec<f64>,
-    pivoting: Option<Pivoting>,
-    below: usize,
-    growth: f64,
-}
-
-impl SymbolicFactor {
-    /// A factor from its numbers. `None` unless they came from a structure of this size.
-    pub fn with_numbers(&self, numbers: FactorNumbers) -> Option<Factor<'_>> {
-        let FactorNumbers { values, inverse, pivoting, below, growth } = numbers;
-        let fits = values.len() == self.entries() && inverse.len() == self.size();
-        fits.then_some(Factor { symbolic: self, values, inverse, pivoting, below, growth })
-    }
+    pub(super) values: Vec<f64>,
+    pub(super) inverse: Vec<f64>,
+    pub(super) pivoting: Option<Pivoting>,
 }
 
 impl Factor<'_> {
-    /// Its numbers, without its structure.
+    /// Its numbers, without its structure: [`SymbolicFactor::solve_panel`] solves with them.
     pub fn into_numbers(self) -> FactorNumbers {
-        let Self { values, inverse, pivoting, below, growth, .. } = self;
-        FactorNumbers { values, inverse, pivoting, below, growth }
+        let Self { values, inverse, pivoting, .. } = self;
+        FactorNumbers { values, inverse, pivoting }
     }
 
     /// How many eigenvalues of the pencil lie below the shift, with multiplicity (Sylvester's law of inertia), if `B` is positive

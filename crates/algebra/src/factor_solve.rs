@@ -3,28 +3,59 @@
 
 use pulp::Simd;
 
-use super::factor::{Factor, Node};
+use super::factor::{Factor, FactorNumbers, Node, Pivoting, SymbolicFactor};
 use super::{PANEL_WIDTH, panels::PanelRow};
 
 /// Columns of a supernode that are eliminated together: their rows of the panel stay in the first-level cache.
 const BLOCK: usize = 16;
 
 impl Factor<'_> {
-    /// `X ← (A − μB)⁻¹ X` for a panel of 32 columns, row after row. A panel with another number of rows is left as it is.
+    /// `X ← (A − μB)⁻¹ X` for a panel of 32 columns, row after row.
+    ///
+    /// # Panics
+    /// Where the panel has another number of rows than the matrix.
     pub fn solve_panel(&self, panel: &mut [f64]) {
-        let (rows, rest) = panel.as_chunks_mut::<PANEL_WIDTH>();
-        if rest.is_empty() && rows.len() == self.symbolic.size() {
-            pulp::Arch::new().dispatch(Solve { factor: self, x: rows });
-        }
+        let Self { symbolic, values, inverse, pivoting, .. } = self;
+        Parts { symbolic, values, inverse, pivoting: pivoting.as_ref() }.solve(panel);
     }
 }
 
-struct Solve<'a, 'b> {
-    factor: &'a Factor<'b>,
+impl SymbolicFactor {
+    /// The same with the numbers of a factor of this structure.
+    ///
+    /// # Panics
+    /// Where the panel has another number of rows than the matrix, or the numbers came from another structure.
+    pub fn solve_panel(&self, numbers: &FactorNumbers, panel: &mut [f64]) {
+        let FactorNumbers { values, inverse, pivoting, .. } = numbers;
+        let found = (values.len(), inverse.len());
+        assert_eq!(found, (self.entries(), self.size()), "numbers of a factor of this structure");
+        Parts { symbolic: self, values, inverse, pivoting: pivoting.as_ref() }.solve(panel);
+    }
+}
+
+/// What solving needs of a factor.
+#[derive(Clone, Copy)]
+struct Parts<'a> {
+    symbolic: &'a SymbolicFactor,
+    values: &'a [f64],
+    inverse: &'a [f64],
+    pivoting: Option<&'a Pivoting>,
+}
+
+impl Parts<'_> {
+    fn solve(self, panel: &mut [f64]) {
+        assert_eq!(panel.len(), self.symbolic.size() * PANEL_WIDTH, "a row of the panel for each of the matrix");
+        let (rows, _) = panel.as_chunks_mut::<PANEL_WIDTH>();
+        pulp::Arch::new().dispatch(Solve { factor: self, x: rows });
+    }
+}
+
+struct Solve<'a> {
+    factor: Parts<'a>,
     x: &'a mut [PanelRow],
 }
 
-impl pulp::WithSimd for Solve<'_, '_> {
+impl pulp::WithSimd for Solve<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -42,7 +73,7 @@ impl pulp::WithSimd for Solve<'_, '_> {
 
 /// `VECTORS` vectors are handled at once, in `GROUPS` groups that make up a row.
 #[inline(always)]
-fn solve<S: Simd, const VECTORS: usize, const GROUPS: usize>(simd: S, factor: &Factor<'_>, x: &mut [PanelRow]) {
+fn solve<S: Simd, const VECTORS: usize, const GROUPS: usize>(simd: S, factor: Parts<'_>, x: &mut [PanelRow]) {
     let symbolic = factor.symbolic;
     let mut scratch: Vec<PanelRow> = Vec::new();
     for node in &symbolic.nodes {
@@ -81,7 +112,7 @@ struct NodePart<'a> {
 
 impl<'a> NodePart<'a> {
     #[inline(always)]
-    fn new(factor: &'a Factor<'_>, node: &Node) -> Self {
+    fn new(factor: Parts<'a>, node: &Node) -> Self {
         let (columns, end) = (node.columns, node.start + node.columns);
         let rows = columns + node.pattern.1;
         Self {
@@ -91,10 +122,7 @@ impl<'a> NodePart<'a> {
             values: &factor.values[node.values..node.values + rows * columns],
             below: &factor.symbolic.patterns[node.pattern.0..node.pattern.0 + node.pattern.1],
             inverse: &factor.inverse[node.start..end],
-            pivoting: factor
-                .pivoting
-                .as_ref()
-                .map(|p| (node.start, &p.order[node.start..end], &p.beside[node.start..end])),
+            pivoting: factor.pivoting.map(|p| (node.start, &p.order[node.start..end], &p.beside[node.start..end])),
         }
     }
 

@@ -82,7 +82,7 @@ pub enum DistanceFault {
     #[error("either sources or pairs are needed, not both")]
     Between,
     /// Nothing flows.
-    #[error("time: exact distances take none")]
+    #[error("time: exact geodesic distances take no time step")]
     Time,
     /// Without a basis there are geodesic distances on the mesh alone.
     #[error("distance: without a basis, only geodesic distances by heat or exact ones can be computed")]

@@ -7,8 +7,6 @@
 //! Nothing but half cotangents `h` and the area `A` is needed of a triangle: with `w_k = h_k (u_i − u_j)` the flux `∫ ∇u · ∇λ_i` of corner `i` is
 //! `w_k − w_j`, and `A |∇u|² = Σ h_k (u_i − u_j)²`.
 
-use std::sync::{Mutex, PoisonError};
-
 use chladni_algebra::{
     DenseMatrix, FactorNumbers, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order,
 };
@@ -47,8 +45,7 @@ impl std::fmt::Debug for HeatGeodesics {
 /// The inverse of a sparse definite matrix.
 struct Inverse {
     symbolic: SymbolicFactor,
-    /// Taken out for the length of a solve, for which they need the structure beside them.
-    numbers: Mutex<Option<FactorNumbers>>,
+    numbers: FactorNumbers,
 }
 
 impl Inverse {
@@ -56,15 +53,11 @@ impl Inverse {
     fn new(a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Result<Self, AnalysisError> {
         let symbolic = SymbolicFactor::new(a, b)?;
         let numbers = symbolic.factor(a, b, -shift)?.into_numbers();
-        Ok(Self { symbolic, numbers: Mutex::new(Some(numbers)) })
+        Ok(Self { symbolic, numbers })
     }
 
     fn solve(&self, panel: &mut [f64]) {
-        let mut numbers = self.numbers.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(factor) = numbers.take().and_then(|numbers| self.symbolic.with_numbers(numbers)) {
-            factor.solve_panel(panel);
-            *numbers = Some(factor.into_numbers());
-        }
+        self.symbolic.solve_panel(&self.numbers, panel);
     }
 }
 

@@ -4,7 +4,7 @@
 //! `K = A + μ S̄ M̄⁻¹ S̄` is never formed: its second part is dense. With `y = √μ M̄⁻¹ S̄ x` the system `K x = f` becomes
 //! `[A, √μ S̄; √μ S̄, −M̄] (x, y) = (f, 0)`, which is sparse, and quasi-definite if `A` is definite: `LDLᵀ` exists in every order (Vanderbei 1995).
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 use chladni_algebra::{
     FactorError, FactorNumbers, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order,
@@ -214,7 +214,7 @@ impl Pencil {
             (x, if self.copies() == 2 { x + own.len() as u32 } else { u32::MAX })
         };
         let root = if self.copies() == 2 { sum.biharmonic.sqrt() } else { 0.0 };
-        let numbers = Mutex::new(Some(factor.into_numbers()));
+        let numbers = factor.into_numbers();
         let places = (0..self.size()).map(place).collect();
         Ok(SparseInverse { structure: structure.clone(), numbers, rows: matrix.rows(), places, root })
     }
@@ -223,8 +223,7 @@ impl Pencil {
 /// `K⁻¹`.
 pub(super) struct SparseInverse {
     structure: Arc<Structure>,
-    /// Taken out for the length of a solve, for which they need the structure beside them.
-    numbers: Mutex<Option<FactorNumbers>>,
+    numbers: FactorNumbers,
     rows: usize,
     /// Where `x` and `y` of each column are in the system; `u32::MAX` where there is no `y`.
     places: Vec<(u32, u32)>,
@@ -232,14 +231,6 @@ pub(super) struct SparseInverse {
 }
 
 impl SparseInverse {
-    fn solve(&self, panel: &mut [f64]) {
-        let mut numbers = self.numbers.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(factor) = numbers.take().and_then(|numbers| self.structure.symbolic.with_numbers(numbers)) {
-            factor.solve_panel(panel);
-            *numbers = Some(factor.into_numbers());
-        }
-    }
-
     /// About the bytes that the factor takes.
     pub fn bytes(&self) -> u64 {
         8 * self.structure.symbolic.entries() as u64 + 16 * self.places.len() as u64
@@ -255,7 +246,7 @@ impl SparseInverse {
                     panel[x as usize * PANEL_WIDTH + k] = value;
                 }
             }
-            self.solve(&mut panel);
+            self.structure.symbolic.solve_panel(&self.numbers, &mut panel);
             for (k, column) in columns.chunks_exact_mut(d).enumerate() {
                 for (value, &(x, _)) in column.iter_mut().zip(&self.places) {
                     *value = panel[x as usize * PANEL_WIDTH + k];
@@ -277,7 +268,7 @@ impl SparseInverse {
                 panel[y as usize * PANEL_WIDTH] = -image[at];
             }
         }
-        self.solve(&mut panel);
+        self.structure.symbolic.solve_panel(&self.numbers, &mut panel);
         let scale = if self.root > 0.0 { 1.0 / self.root } else { 1.0 };
         Some(self.places.iter().map(|&(_, y)| scale * panel[y as usize * PANEL_WIDTH]).collect())
     }
