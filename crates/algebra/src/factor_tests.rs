@@ -299,15 +299,30 @@ fn a_shift_close_to_an_eigenvalue_still_counts() {
 }
 
 #[test]
-fn a_panel_of_another_size_is_left_alone() {
+fn a_panel_of_another_size_is_refused() {
     let (a, mass) = (grid(5, 5), MassMatrix::Diagonal(vec![1.0; 25]));
     let symbolic = SymbolicFactor::new(&a, &mass).unwrap();
     let factor = symbolic.factor(&a, &mass, 0.5).unwrap();
-    for rows in [0, 24 * PANEL_WIDTH, 25 * PANEL_WIDTH - 1, 26 * PANEL_WIDTH] {
-        let mut panel = vec![1.0; rows];
-        factor.solve_panel(&mut panel);
-        assert!(panel.iter().all(|&x| x == 1.0));
+    for size in [0, 24 * PANEL_WIDTH, 25 * PANEL_WIDTH - 1, 26 * PANEL_WIDTH] {
+        let solve = std::panic::AssertUnwindSafe(|| factor.solve_panel(&mut vec![1.0; size]));
+        assert!(std::panic::catch_unwind(solve).is_err(), "{size} numbers");
     }
+}
+
+#[test]
+fn numbers_solve_beside_their_structure_and_no_other() {
+    let (a, mass) = (grid(5, 5), MassMatrix::Diagonal(vec![1.0; 25]));
+    let symbolic = SymbolicFactor::new(&a, &mass).unwrap();
+    let factor = symbolic.factor(&a, &mass, 0.5).unwrap();
+    let right: Vec<f64> = (0..25 * PANEL_WIDTH).map(|k| (k % 17) as f64 - 8.0).collect();
+    let (mut by_factor, mut by_numbers) = (right.clone(), right);
+    factor.solve_panel(&mut by_factor);
+    let numbers = factor.into_numbers();
+    symbolic.solve_panel(&numbers, &mut by_numbers);
+    assert_eq!(by_factor, by_numbers);
+    let other = SymbolicFactor::new(&grid(4, 4), &MassMatrix::Diagonal(vec![1.0; 16])).unwrap();
+    let solve = std::panic::AssertUnwindSafe(|| other.solve_panel(&numbers, &mut vec![1.0; 16 * PANEL_WIDTH]));
+    assert!(std::panic::catch_unwind(solve).is_err());
 }
 
 #[test]
