@@ -31,7 +31,10 @@ pub fn draw() -> Result<(), Failure> {
     let (mut approximate, mut exact, mut labels) = (Vec::new(), Vec::new(), Vec::new());
     for file in &files {
         let mesh = scene::load(&folder.join(file))?;
-        approximate.push(spectrum(&mesh, scene::eigenbasis(&mesh, COUNT + 1)?));
+        approximate.push(spectrum(
+            &mesh,
+            scene::eigenbasis_with(&mesh, json!({"method": "approximate", "count": COUNT + 1}))?,
+        ));
         let parameters = json!({"method": "hsim", "count": COUNT + 1, "tolerance": 1e-3, "storage": "compact"});
         exact.push(spectrum(&mesh, scene::eigenbasis_with(&mesh, parameters)?));
         labels.push(Path::new(file).file_stem().and_then(|stem| stem.to_str()).unwrap_or_default().to_owned());
