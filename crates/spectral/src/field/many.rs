@@ -22,7 +22,7 @@ const MANY: f64 = 0.25;
 /// So many are added to a factor that is kept; beyond, another is made.
 const MOST_ADDED: f64 = 0.15;
 
-/// Dimensions whose dense matrices are not kept: two of them take 256 MB at the most.
+/// Spaces of more dimensions have no dense matrices kept: three of them take 400 MB here.
 const MOST_DIMENSIONS: usize = 4096;
 
 /// What fields of no energy resist with, as a share of what the constraints hold them with. Where these do not say how much of such a field there is, it is as little
@@ -36,15 +36,18 @@ pub(super) struct Many {
     energy: OnceLock<DenseMatrix>,
     /// What a unit pull on a face moves there: the mean over its numbers.
     moved: Mutex<HashMap<u32, f64>>,
-    kept: Mutex<Kept>,
+    /// Of designs before, the latest first: one for each hand that drags.
+    kept: Mutex<Vec<Kept>>,
 }
 
-/// Of the designs before.
-#[derive(Default)]
+/// Hands that may drag at once on one choice of weights before they cost each other a factor.
+const MOST_KEPT: usize = 3;
+
+/// What a design has left.
 struct Kept {
-    /// The soft constraints of the last one.
+    /// Its soft constraints.
     last: Vec<Held>,
-    base: Option<Arc<Base>>,
+    base: Arc<Base>,
 }
 
 /// A face that is held softly: the sum of the weights there.
@@ -74,13 +77,22 @@ pub(super) struct Setting<'a> {
     pub kernel: &'a [usize],
 }
 
-impl Setting<'_> {
-    /// Whether so many constraints are better met in the space itself.
+impl DesignModel {
+    /// Whether so many constraints are met by factors that a [`WeightedModel`](super::WeightedModel) keeps from one design to the next.
     pub fn has_many(&self, constraints: usize) -> bool {
-        let d = self.model.dimension();
-        d <= MOST_DIMENSIONS && (self.basis.space.block() * constraints) as f64 > MANY * d as f64
+        let d = self.dimension();
+        self.has_ritz() && d <= MOST_DIMENSIONS && (self.kind.block() * constraints) as f64 > MANY * d as f64
     }
 
+    /// About the bytes that those factors take in the end.
+    pub fn bytes_of_many(&self) -> u64 {
+        let d = self.dimension() as u64;
+        // Two energies, and a factor for each design that is kept.
+        8 * d * d * (2 + MOST_KEPT as u64)
+    }
+}
+
+impl Setting<'_> {
     /// The entries of the rows of a face, column by column.
     fn row(&self, face: u32) -> Vec<(usize, [f64; 3])> {
         let mut entries = Vec::new();
@@ -95,17 +107,12 @@ impl Setting<'_> {
     /// `K = h S̄ + μ S̄ M̄⁻¹ S̄ + a M̄`, all of it.
     fn energy(&self) -> Result<DenseMatrix, DesignError> {
         let (stiffness, mass) = (&self.basis.stiffness, &self.basis.mass);
-        let mut energy = if self.weights.biharmonic > 0.0 {
-            let mut inverse = stiffness.to_dense();
-            solve_definite(mass.to_dense(), &mut inverse).map_err(DesignError::Factor)?;
-            let Some(mut product) = stiffness.multiply_dense(&inverse) else {
-                panic!("matrices of {} and {} rows on one space", stiffness.rows(), mass.rows())
-            };
-            product.values_mut().iter_mut().for_each(|value| *value *= self.weights.biharmonic);
-            product
-        } else {
-            DenseMatrix::zeros(stiffness.rows(), stiffness.rows())
-        };
+        let mut energy = DenseMatrix::zeros(stiffness.rows(), stiffness.rows());
+        if self.weights.biharmonic > 0.0 {
+            let bending = self.model.bending.of(self.basis)?;
+            let into = energy.values_mut().iter_mut().zip(bending.values());
+            into.for_each(|(to, value)| *to = self.weights.biharmonic * value);
+        }
         add(&mut energy, stiffness, self.weights.harmonic);
         add(&mut energy, mass, self.uniform);
         Ok(energy)
@@ -266,15 +273,25 @@ impl Many {
     /// A factor that holds most of some constraints, and nothing else: one that is kept, or one of what has stayed since the design before.
     fn base(&self, setting: &Setting<'_>, held: &[Held]) -> Result<Option<Arc<Base>>, DesignError> {
         let most = (MOST_ADDED * setting.model.dimension() as f64) as usize / setting.basis.space.block();
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let last = std::mem::replace(&mut kept.last, held.to_vec());
         let fits =
             |base: &Base| base.held.iter().all(|own| held.contains_face(own)) && held.len() - base.held.len() <= most;
-        if let Some(base) = kept.base.as_ref().filter(|base| fits(base)) {
-            return Ok(Some(base.clone()));
+        let mut of = held.to_vec();
+        {
+            let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(at) = kept.iter().position(|kept| fits(&kept.base)) {
+                let base = kept[at].base.clone();
+                kept[at].last = held.to_vec();
+                kept[..=at].rotate_right(1);
+                return Ok(Some(base));
+            }
+            // What has stayed since a design before will stay: most of what is dragged has left its faces.
+            let stayed =
+                |kept: &Kept| held.iter().filter(|own| kept.last.contains_face(own)).copied().collect::<Vec<_>>();
+            let before = kept.iter().map(stayed).position(|stayed| held.len() - stayed.len() <= most);
+            if let Some(at) = before {
+                of = stayed(&kept.remove(at));
+            }
         }
-        let stayed: Vec<Held> = held.iter().filter(|own| last.contains_face(own)).copied().collect();
-        let of = if held.len() - stayed.len() <= most { stayed } else { held.to_vec() };
         let energy = match self.energy.get() {
             Some(energy) => energy,
             None => {
@@ -282,13 +299,11 @@ impl Many {
                 self.energy.get_or_init(|| energy)
             }
         };
-        kept.base = setting.base(energy, of)?.map(Arc::new);
-        Ok(kept.base.clone())
-    }
-
-    /// About the bytes that are kept.
-    pub fn bytes(&self, dimension: usize) -> u64 {
-        if self.energy.get().is_some() { 16 * (dimension * dimension) as u64 } else { 0 }
+        let Some(base) = setting.base(energy, of)?.map(Arc::new) else { return Ok(None) };
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.insert(0, Kept { last: held.to_vec(), base: base.clone() });
+        kept.truncate(MOST_KEPT);
+        Ok(Some(base))
     }
 }
 

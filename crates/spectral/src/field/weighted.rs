@@ -343,7 +343,7 @@ impl WeightedModel {
         let uniform = self.alignments.iter().map(|alignment| alignment.1).sum();
         let (model, weights) = (&self.model, self.weights);
         let setting = Setting { model, basis, weights, uniform, inverse, kernel: &self.kernel };
-        if self.prescription.is_some() || !setting.has_many(kept.len()) {
+        if self.prescription.is_some() || !model.has_many(kept.len()) {
             return Ok(None);
         }
         let mut force = vec![0.0; model.dimension()];
@@ -614,13 +614,13 @@ impl WeightedModel {
         sum
     }
 
-    /// About the bytes that it takes beside the model.
+    /// About the bytes that it takes beside the model, without what it keeps of many constraints.
     pub fn bytes(&self) -> u64 {
         let inverse = match &self.inverse {
             Inverse::Ritz(diagonal) => 8 * diagonal.len() as u64,
             Inverse::Sparse(inverse) => inverse.bytes(),
         };
-        inverse + self.many.bytes(self.model.dimension()) + 48 * self.model.dimension() as u64
+        inverse + 48 * self.model.dimension() as u64
     }
 
     /// The weights it was made for.
