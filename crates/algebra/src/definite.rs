@@ -86,6 +86,30 @@ impl DefiniteFactor {
     }
 }
 
+impl DefiniteFactor {
+    /// `X ← L⁻¹ X` for `A = L Lᵀ` and `X`, `d × k`: half of [`solve`](Self::solve).
+    ///
+    /// # Errors
+    /// [`DefiniteError::Shape`]; `X` is unchanged then.
+    pub fn solve_lower(&self, rhs: &mut DenseMatrix) -> Result<(), DefiniteError> {
+        check(&self.factor, rhs.rows() == self.size(), rhs)?;
+        let par = par(self.size() * self.size() * rhs.columns());
+        triangular_solve::solve_lower_triangular_in_place(view(&self.factor), view_mut(rhs), par);
+        Ok(())
+    }
+
+    /// `X ← L⁻ᵀ X`: the other half.
+    ///
+    /// # Errors
+    /// [`DefiniteError::Shape`]; `X` is unchanged then.
+    pub fn solve_upper(&self, rhs: &mut DenseMatrix) -> Result<(), DefiniteError> {
+        check(&self.factor, rhs.rows() == self.size(), rhs)?;
+        let par = par(self.size() * self.size() * rhs.columns());
+        triangular_solve::solve_upper_triangular_in_place(view(&self.factor).transpose(), view_mut(rhs), par);
+        Ok(())
+    }
+}
+
 /// Makes the columns of `X`, `d × m`, orthonormal for the inner product in which `gram`, `m × m`, holds their products: `X ← X L⁻ᵀ`
 /// with `gram = L Lᵀ`, which changes each column by those before it alone.
 ///
@@ -161,6 +185,18 @@ mod tests {
             solve_definite(matrix.clone(), &mut x).unwrap();
             assert!(distance(&matrix.times(&x).unwrap(), &rhs) < 1e-9, "{d}×{k}");
         }
+    }
+
+    #[test]
+    fn two_halves_of_a_solution_are_the_whole() {
+        let (d, k) = (120, 9);
+        let factor = DefiniteFactor::new(definite(d)).unwrap();
+        let (mut whole, mut halves) = (scattered(d, k, 2), scattered(d, k, 2));
+        factor.solve(&mut whole).unwrap();
+        factor.solve_lower(&mut halves).unwrap();
+        factor.solve_upper(&mut halves).unwrap();
+        assert!(distance(&whole, &halves) < 1e-12);
+        assert!(matches!(factor.solve_lower(&mut DenseMatrix::zeros(d + 1, 1)), Err(DefiniteError::Shape { .. })));
     }
 
     #[test]

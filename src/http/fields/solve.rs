@@ -76,6 +76,16 @@ pub async fn design(state: &ClientState, ready: &Ready, request: &DesignRequest)
             Ok((weighted, bytes))
         };
         cache::kept(state, "weights", &key, make).await?
+    } else if goal.prescription.is_none() && model.has_many(constraints.len()) {
+        // What stays while a stroke is dragged is factored once.
+        let share = goal.alignment.as_ref().map_or(0.0, |a| a.1);
+        let key = format!("{key} {:?} {:?} {share:?} many", weights.harmonic, weights.bending());
+        let own = ready.clone();
+        let make = move |_: &dyn Monitor| {
+            let bytes = model.bytes_of_many();
+            Ok((own.weighted(&model, weights, goal)?, bytes))
+        };
+        cache::kept(state, "weights", &key, make).await?
     } else {
         // Without weights per face everything is diagonal: nothing is worth keeping.
         Arc::new(ready.weighted(&model, weights, goal)?)

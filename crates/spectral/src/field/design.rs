@@ -10,10 +10,11 @@
 //! In larger spaces, for alignments with weights per face and for the literal biharmonic energy `K⁻¹` is a sparse factor (see [`super::pencil`]), made once
 //! for given weights.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use chladni_algebra::{
-    CpuSolver, DefiniteError, EigenError, FactorError, GalerkinError, SparseMatrix, SymmetricDefiniteSolver, vectorized,
+    CpuSolver, DefiniteError, DenseMatrix, EigenError, FactorError, GalerkinError, SparseMatrix,
+    SymmetricDefiniteSolver, solve_definite, vectorized,
 };
 use chladni_base::{Cancelled, Monitor};
 use rayon::prelude::*;
@@ -121,6 +122,33 @@ pub struct DesignModel {
     pub(super) ritz: Arc<RitzFields>,
     /// The restricted matrices, where they are known.
     pub(super) pencil: Option<Arc<Pencil>>,
+    pub(super) bending: Bending,
+}
+
+/// `S̄ M̄⁻¹ S̄`, dense, once it was needed. It follows from the space, and tells no models apart.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Bending(Arc<OnceLock<DenseMatrix>>);
+
+impl PartialEq for Bending {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl Bending {
+    /// It is computed once; `O(d³)`.
+    pub fn of(&self, basis: &FieldBasis) -> Result<&DenseMatrix, DesignError> {
+        if let Some(known) = self.0.get() {
+            return Ok(known);
+        }
+        let (stiffness, mass) = (&basis.stiffness, &basis.mass);
+        let mut inverse = stiffness.to_dense();
+        solve_definite(mass.to_dense(), &mut inverse).map_err(DesignError::Factor)?;
+        let Some(product) = stiffness.multiply_dense(&inverse) else {
+            panic!("matrices of {} and {} rows on one space", stiffness.rows(), mass.rows())
+        };
+        Ok(self.0.get_or_init(|| product))
+    }
 }
 
 /// What a face should carry.
@@ -225,21 +253,22 @@ impl DesignModel {
         }
         let values = pairs.values.into_iter().map(|v| v.max(0.0)).collect();
         let ritz = Arc::new(RitzFields { values, vectors: rows });
-        Ok(Self { kind: basis.kind, dimension: d, ritz, pencil: None })
+        Ok(Self { kind: basis.kind, dimension: d, ritz, pencil: None, bending: Bending::default() })
     }
 
     /// A model without Ritz coordinates, for spaces of any size: ready at once, but every choice of weights takes a sparse factorisation.
     pub fn sparse(basis: &FieldBasis) -> Self {
         let d = basis.stiffness.rows();
         let ritz = Arc::new(RitzFields { values: Vec::new(), vectors: Vec::new() });
-        Self { kind: basis.kind, dimension: d, ritz, pencil: Some(Arc::new(Pencil::new(basis))) }
+        let pencil = Some(Arc::new(Pencil::new(basis)));
+        Self { kind: basis.kind, dimension: d, ritz, pencil, bending: Bending::default() }
     }
 
     /// A model from eigenpairs that were computed before. `None` unless they are `d × d`.
     pub fn from_ritz(kind: FieldKind, ritz: Arc<RitzFields>) -> Option<Self> {
         let d = ritz.values.len();
         let square = d.checked_mul(d) == Some(ritz.vectors.len());
-        square.then_some(Self { kind, dimension: d, ritz, pencil: None })
+        square.then_some(Self { kind, dimension: d, ritz, pencil: None, bending: Bending::default() })
     }
 
     /// The eigenpairs that the model is made of; none in a space without Ritz coordinates.

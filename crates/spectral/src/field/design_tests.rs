@@ -102,6 +102,70 @@ fn hard_constraints_are_met_and_are_the_limit_of_soft_ones() {
     }
 }
 
+/// Strokes over many faces: as many numbers as the space has, or more.
+fn strokes(r: &Ready, count: usize, turn: f64, hold: Hold) -> Vec<Constraint> {
+    let faces = r.surface.faces();
+    (0..count)
+        .map(|k| {
+            let angle = turn + 0.01 * k as f64;
+            Constraint { face: ((37 * k) % faces) as u32, value: [angle.cos(), angle.sin(), 0.0], hold }
+        })
+        .collect()
+}
+
+fn distance(a: &Design, b: &[f64]) -> f64 {
+    let scale = b.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    a.coefficients.iter().zip(b).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max) / scale
+}
+
+#[test]
+fn many_constraints_give_what_the_assembled_system_gives_whatever_was_asked_before() {
+    let r = ready(Shape::Sphere, 642, FieldKind::Vector {}, 120);
+    for weights in [HARMONIC, MIXED] {
+        let model = r.model.weighted(weights, None).unwrap();
+        let mut constraints = strokes(&r, 150, 0.3, Hold::Weight(20.0));
+        // A stroke is drawn, dragged over other faces, turned, made firmer, and mostly taken away.
+        for frame in 0..8 {
+            match frame {
+                1..=3 => (140..150).for_each(|k| constraints[k].face = (700 + 13 * k + 31 * frame) as u32 % 1280),
+                4 => constraints.iter_mut().for_each(|c| c.value = [-c.value[1], c.value[0], 0.0]),
+                5 => constraints.iter_mut().for_each(|c| c.hold = Hold::Weight(50.0)),
+                6 => constraints.truncate(70),
+                7 => constraints.push(soft(constraints[3].face, 1.0, 1.0, 5.0)),
+                _ => {}
+            }
+            let design = model.solve(&r.basis, &constraints).unwrap();
+            let off = distance(&design, &directly(&r, weights, &constraints));
+            assert!(off < 1e-5, "frame {frame}: {off}");
+            let residual = |k: usize| {
+                let lifted = r.basis.space.lift(&design.coefficients).unwrap();
+                let face = constraints[k].face as usize;
+                let own = [lifted[2 * face], lifted[2 * face + 1]].map(f64::from);
+                ((own[0] - constraints[k].value[0]).powi(2) + (own[1] - constraints[k].value[1]).powi(2)).sqrt()
+            };
+            assert!([0, 20, 60].iter().all(|&k| (residual(k) - design.residuals[k]).abs() < 1e-4), "frame {frame}");
+        }
+    }
+}
+
+#[test]
+fn few_and_many_constraints_are_held_by_the_same_strengths_and_hard_ones_exactly() {
+    let r = ready(Shape::Torus, 600, FieldKind::NVector { n: 2 }, 150);
+    let model = r.model.weighted(MIXED, None).unwrap();
+    // Eighteen constraints are few, nineteen many: the nineteenth hardly pulls.
+    let mut constraints = strokes(&r, 17, 0.0, Hold::Strength(1.0));
+    constraints.push(hard(500, 0.6, -0.8));
+    let few = model.solve(&r.basis, &constraints).unwrap();
+    for k in 0..4 {
+        constraints.push(Constraint { face: 900 + k, value: [1.0, 0.0, 0.0], hold: Hold::Strength(1e-9) });
+    }
+    let many = model.solve(&r.basis, &constraints).unwrap();
+    let expected: Vec<f64> = few.coefficients.iter().map(|&x| f64::from(x)).collect();
+    assert!(distance(&many, &expected) < 1e-4, "{}", distance(&many, &expected));
+    assert!(many.residuals[17] < 1e-5, "{}", many.residuals[17]);
+    assert!((many.harmonic_energy / few.harmonic_energy - 1.0).abs() < 1e-3);
+}
+
 #[test]
 fn a_designed_field_has_less_energy_than_others_that_meet_the_constraints() {
     let r = ready(Shape::Torus, 600, FieldKind::NVector { n: 2 }, 100);

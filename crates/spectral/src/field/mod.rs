@@ -3,6 +3,7 @@
 mod adaptive;
 mod alignment;
 mod basis;
+mod constraints;
 mod design;
 mod drawing;
 mod harmonic;
@@ -11,6 +12,7 @@ mod hierarchy;
 mod idle;
 mod local;
 mod loops;
+mod many;
 #[cfg(test)]
 mod patch_tests;
 mod pencil;

@@ -6,20 +6,21 @@ use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, SparseMatrix, 
 
 use crate::basis::FieldBasis;
 use crate::operator::frames::Planar;
-use crate::operator::transport::FieldKind;
 
 use super::alignment::{Alignment, Prescription};
+use super::constraints::{check, same, without_repetitions};
 use super::design::{
     Constraint, Design, DesignError, DesignModel, EnergyWeights, FIRM, Hold, MOST_DIMENSIONS, add_row, length,
 };
 use super::idle::{self, Idle};
+use super::many::{Many, Setting};
 use super::pencil::{Pencil, SparseInverse, Sum, floor};
 
 /// Ritz values below this share of the largest count as zero.
 const KERNEL: f64 = 1e-10;
 
 /// What hard constraints may give way, as a share of what a unit pull moves them by: what rounding needs and no more.
-const HARD: f64 = 1e-12;
+pub(super) const HARD: f64 = 1e-12;
 
 /// Steps that take that share back where it matters.
 const REFINEMENTS: usize = 2;
@@ -54,6 +55,7 @@ pub struct WeightedModel {
     kernel: Vec<usize>,
     /// Fields of next to no energy, where the inverse is a sparse factor: found when they are needed.
     idle: OnceLock<Vec<Idle>>,
+    many: Many,
 }
 
 /// A right-hand side and its solution, in the coordinates of the inverse.
@@ -243,6 +245,7 @@ impl DesignModel {
             turned,
             kernel,
             idle: OnceLock::new(),
+            many: Many::default(),
         })
     }
 }
@@ -269,10 +272,13 @@ impl WeightedModel {
     pub fn solve(&self, basis: &FieldBasis, constraints: &[Constraint]) -> Result<Design, DesignError> {
         let b = basis.space.block();
         length("the space", basis.space.dimension(), self.model.dimension())?;
-        self.check(basis, constraints)?;
+        check(basis, self.model.kind, constraints)?;
         let kept = without_repetitions(constraints);
         if kept.is_empty() && self.alignments.is_empty() && self.prescription.is_none() {
             return Err(DesignError::NoData);
+        }
+        if let Some(design) = self.solve_many(basis, &kept, constraints)? {
+            return Ok(design);
         }
         let mut conditions: Vec<Condition> = kept
             .iter()
@@ -320,7 +326,44 @@ impl WeightedModel {
                 }
             }
         }
-        self.finish(found, turn, &rows, &kept, constraints, b)
+        let own = &found.field;
+        let number = |at: usize, i: usize| rows.column(b * at + i).iter().zip(own).map(|(r, z)| r * z).sum();
+        let residuals = residuals(&kept, constraints, b, number);
+        self.finish(found, turn, residuals, None)
+    }
+
+    /// The same in the space itself, where there are many constraints; `None` where there are not, or where that cannot be.
+    fn solve_many(
+        &self,
+        basis: &FieldBasis,
+        kept: &[usize],
+        constraints: &[Constraint],
+    ) -> Result<Option<Design>, DesignError> {
+        let Inverse::Ritz(inverse) = &self.inverse else { return Ok(None) };
+        let uniform = self.alignments.iter().map(|alignment| alignment.1).sum();
+        let (model, weights) = (&self.model, self.weights);
+        let setting = Setting { model, basis, weights, uniform, inverse, kernel: &self.kernel };
+        if self.prescription.is_some() || !model.has_many(kept.len()) {
+            return Ok(None);
+        }
+        let mut force = vec![0.0; model.dimension()];
+        for (field, weight) in &self.alignments {
+            force.iter_mut().zip(&field.reduced).for_each(|(f, r)| *f += weight * r);
+        }
+        let own: Vec<Constraint> = kept.iter().map(|&c| constraints[c]).collect();
+        let Some(field) = self.many.solve(&setting, &own, &force)? else { return Ok(None) };
+        let mut reached = vec![[0.0; 3]; own.len()];
+        for (constraint, reached) in own.iter().zip(&mut reached) {
+            basis.space.row_entries(constraint.face as usize, |column, u| {
+                reached.iter_mut().zip(u).for_each(|(sum, u)| *sum += u * field[column]);
+            });
+        }
+        let residuals = residuals(kept, constraints, basis.space.block(), |at, i| reached[at][i]);
+        let image = basis.mass.multiply(&field);
+        let misfit = || DesignError::Length { what: "a field", got: field.len(), wanted: model.dimension() };
+        let found = Pull { force: Vec::new(), field: model.project(&image.ok_or_else(misfit)?) };
+        let coefficients = field.iter().map(|&x| x as f32).collect();
+        self.finish(found, None, residuals, Some(coefficients)).map(Some)
     }
 
     /// The rows of the space at conditions, in the coordinates of the inverse: `d × b k`.
@@ -503,29 +546,21 @@ impl WeightedModel {
         Ok(y)
     }
 
+    /// The design of a field in the coordinates of the inverse; `coefficients` where they are known.
     fn finish(
         &self,
         found: Pull,
         turn: Option<Planar>,
-        rows: &DenseMatrix,
-        kept: &[usize],
-        constraints: &[Constraint],
-        b: usize,
+        residuals: Vec<f64>,
+        coefficients: Option<Vec<f32>>,
     ) -> Result<Design, DesignError> {
         let (model, own) = (&self.model, &found.field);
         let product = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
-        let residual = |c: usize| {
-            // Repeated hard constraints share the rows of the first.
-            let at = kept.iter().position(|&k| k == c || same(&constraints[k], &constraints[c]));
-            let deviation = |at: usize, i: usize| product(rows.column(b * at + i), own) - constraints[c].value[i];
-            at.map_or(0.0, |at| (0..b).map(|i| deviation(at, i).powi(2)).sum::<f64>().sqrt())
-        };
-        let residuals = (0..constraints.len()).map(residual).collect();
         let deviation = self.deviation(own, turn);
         let (coefficients, ritz, harmonic_energy, biharmonic_energy) = match &self.inverse {
             Inverse::Ritz(_) => {
                 let sum = |power: i32| own.iter().zip(model.values()).map(|(z, v)| v.powi(power) * z * z).sum::<f64>();
-                (model.expand(own), own.clone(), sum(1), sum(2))
+                (coefficients.unwrap_or_else(|| model.expand(own)), own.clone(), sum(1), sum(2))
             }
             Inverse::Sparse(inverse) => {
                 let misfit = || DesignError::Length { what: "a field", got: own.len(), wanted: model.dimension() };
@@ -579,7 +614,7 @@ impl WeightedModel {
         sum
     }
 
-    /// About the bytes that it takes beside the model.
+    /// About the bytes that it takes beside the model, without what it keeps of many constraints.
     pub fn bytes(&self) -> u64 {
         let inverse = match &self.inverse {
             Inverse::Ritz(diagonal) => 8 * diagonal.len() as u64,
@@ -592,45 +627,17 @@ impl WeightedModel {
     pub fn weights(&self) -> EnergyWeights {
         self.weights
     }
-
-    fn check(&self, basis: &FieldBasis, constraints: &[Constraint]) -> Result<(), DesignError> {
-        let (b, faces) = (basis.space.block(), basis.space.faces());
-        for (constraint, c) in constraints.iter().enumerate() {
-            if c.face as usize >= faces {
-                return Err(DesignError::Face { constraint, face: c.face, faces });
-            }
-            let value = &c.value[..b];
-            let nothing = self.model.kind != FieldKind::Tensor {} && value.iter().all(|&v| v == 0.0);
-            if nothing || !value.iter().all(|v| v.is_finite()) {
-                return Err(DesignError::Direction { constraint, face: c.face });
-            }
-            if let Some(value) = c.hold.softness().filter(|w| !(*w > 0.0 && w.is_finite())) {
-                return Err(DesignError::Weight { name: "constraint", value });
-            }
-        }
-        let mut hard: Vec<&Constraint> = constraints.iter().filter(|c| c.hold.is_exact()).collect();
-        hard.sort_by_key(|c| c.face);
-        match hard.windows(2).find(|w| w[0].face == w[1].face && !same(w[0], w[1])) {
-            Some(pair) => Err(DesignError::Contradiction { face: pair[0].face }),
-            None => Ok(()),
-        }
-    }
 }
 
-/// Two hard constraints that say the same.
-fn same(a: &Constraint, b: &Constraint) -> bool {
-    a.hold.is_exact() && b.hold.is_exact() && a.face == b.face && a.value == b.value
-}
-
-/// The constraints without hard ones that say again what an earlier one says.
-fn without_repetitions(constraints: &[Constraint]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..constraints.len()).collect();
-    order.sort_by_key(|&c| (constraints[c].face, !constraints[c].hold.is_exact(), c));
-    let mut kept: Vec<usize> = Vec::with_capacity(order.len());
-    for &c in &order {
-        if !kept.last().is_some_and(|&last| same(&constraints[last], &constraints[c])) {
-            kept.push(c);
-        }
-    }
-    kept
+/// For each constraint the length of what is missing; `number` tells the numbers of the field at those without repetitions.
+fn residuals(kept: &[usize], constraints: &[Constraint], b: usize, number: impl Fn(usize, usize) -> f64) -> Vec<f64> {
+    let mut places = vec![None; constraints.len()];
+    kept.iter().enumerate().for_each(|(at, &c)| places[c] = Some(at));
+    let residual = |c: usize| {
+        // Repeated hard constraints share the numbers of the first.
+        let at = places[c].or_else(|| kept.iter().position(|&k| same(&constraints[k], &constraints[c])));
+        let deviation = |at: usize, i: usize| number(at, i) - constraints[c].value[i];
+        at.map_or(0.0, |at| (0..b).map(|i| deviation(at, i).powi(2)).sum::<f64>().sqrt())
+    };
+    (0..constraints.len()).map(residual).collect()
 }

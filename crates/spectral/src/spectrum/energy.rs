@@ -26,6 +26,7 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+pub(super) use corrections::Corrections;
 pub use direct::MOST_FACTORED;
 pub use measure::Measure;
 use rows::{Enclosure, Residuals, rounding_weights};

@@ -18,7 +18,7 @@ use std::ops::Range;
 
 use super::approximate::{ApproximationError, Ritz};
 use super::certificate::KERNEL;
-use super::energy::Energy;
+use super::energy::{Corrections, Energy, MOST_FACTORED};
 use super::shifted::ShiftedPencil;
 use crate::operator::EigenProblem;
 use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix, galerkin, lowest_symmetric};
@@ -36,14 +36,17 @@ const NEAREST: f64 = 1e-4;
 /// Estimates may be wrong by this factor before a pole is no longer in a gap.
 const DOUBT: f64 = 1.3;
 
-/// Fewer pairs than this are not enclosed a second time.
-const LEAST_AGAIN: usize = 12;
+/// Fewer pairs than this are not counted apart.
+const LEAST_AGAIN: usize = 2;
 
 /// Where more eigenvalues are counted than values lie below, the next gap is tried: so many at most.
 const MOST_COUNTS: usize = 3;
 
 /// A bound above this share of its value says nothing.
 const LARGEST_BOUND: f64 = 0.5;
+
+/// Where the largest bound that cycles lead to exceeds this share of its value, a factor takes their place.
+const WIDE: f64 = 0.1;
 
 /// A count that rounding makes uncertain by more than this share of its shift proves nothing of pairs that are next to each other.
 const LARGEST_RADIUS: f64 = 1e-3;
@@ -93,37 +96,84 @@ pub(super) fn enclose(
         let reason = format!("{below} eigenvalues were counted below {at}, where {least} Ritz values lie");
         return Err(ApproximationError::Unproven { reason });
     }
-    let space = energy.in_order(&ritz.space);
     let sigma = SHIFT * (shift + energy.floor()).abs().max(KERNEL);
+    let poles = poles(&pencil, values, estimates, (shift, below, radius), monitor)?;
+    let space = energy.in_order(&ritz.space);
     let deviation = Deviation::new(problem, ritz, energy.floor() + sigma, monitor)?;
-    let mut lowest = lower_bounds(energy, &space, ritz, &deviation, (shift - radius, below), sigma, WINDOW, monitor)?;
-    // Where indices are shifted, bounds of the lowest pairs are those of their neighbours: another count, where gaps are wider, puts them right.
-    let end = values.partition_point(|&value| value < shift);
-    if end < below && end > LEAST_AGAIN {
-        let (shift, below, radius) = anchor(&pencil, values, estimates, end / 4..3 * end / 4, monitor)?;
-        let again = lower_bounds(energy, &space, ritz, &deviation, (shift - radius, below), sigma, WINDOW, monitor)?;
-        lowest.iter_mut().zip(again).for_each(|(lowest, again)| *lowest = lowest.max(again));
-    }
     let above = deviation.upper_bounds(&values[..count], energy.floor() + sigma);
-    let bounds = (0..count).map(|k| (values[k] - lowest[k]).max(above[k] - values[k]).max(0.0)).collect::<Vec<_>>();
-    require_meaning(values, &bounds)?;
-    Ok(Enclosed { shift, below, bounds })
+    let bounds = |corrections: Corrections<'_>| -> Result<Vec<f64>, ApproximationError> {
+        let mut lowest = vec![f64::NEG_INFINITY; count];
+        for &pole in &poles {
+            let found = lower_bounds(energy, &space, ritz, &deviation, pole, corrections, WINDOW, monitor)?;
+            lowest.iter_mut().zip(found).for_each(|(lowest, found)| *lowest = lowest.max(found));
+        }
+        Ok((0..count).map(|k| (values[k] - lowest[k]).max(above[k] - values[k]).max(0.0)).collect())
+    };
+    let mut found = bounds(Corrections::Cycles(sigma))?;
+    if largest_share(values, &found).1 > WIDE && energy.size() <= MOST_FACTORED {
+        let solver = energy.solver(&pencil, sigma)?;
+        let closer = bounds(Corrections::Factor(&solver))?;
+        found.iter_mut().zip(closer).for_each(|(bound, closer)| *bound = bound.min(closer));
+    }
+    require_meaning(values, &found)?;
+    Ok(Enclosed { shift, below, bounds: found })
+}
+
+/// A pole behind the last pair, and those below that put indices right: where more eigenvalues were counted than Ritz values lie below, the pairs below the one that is
+/// missing have bounds of their own index only from a pole below it.
+fn poles(
+    pencil: &ShiftedPencil,
+    values: &[f64],
+    estimates: &[f64],
+    (shift, below, radius): (f64, usize, f64),
+    monitor: &dyn Monitor,
+) -> Result<Vec<(f64, usize)>, ApproximationError> {
+    let mut poles = vec![(shift - radius, below)];
+    let mut end = values.partition_point(|&value| value < shift);
+    let mut missing = below.saturating_sub(end);
+    while missing > 0 && end > LEAST_AGAIN {
+        let (shift, below, radius) = anchor(pencil, values, estimates, end / 4..(3 * end / 4).max(1), monitor)?;
+        let next = values.partition_point(|&value| value < shift);
+        if next >= end {
+            break;
+        }
+        end = next;
+        if below.saturating_sub(end) < missing {
+            missing = below.saturating_sub(end);
+            poles.push((shift - radius, below));
+        }
+    }
+    Ok(poles)
+}
+
+/// The bound that is the largest share of its value, the values that are zero apart: its pair, and that share.
+fn largest_share(values: &[f64], bounds: &[f64]) -> (usize, f64) {
+    // Zeros have rounding errors for a bound, which are no share of them.
+    let is_of_zero = |value: f64, bound: f64| value.abs() <= KERNEL && bound.is_finite();
+    let shares = bounds.iter().zip(values).map(|(&bound, &value)| {
+        let share = bound / value.abs();
+        if is_of_zero(value, bound) {
+            0.0
+        } else if share.is_nan() {
+            f64::INFINITY
+        } else {
+            share
+        }
+    });
+    shares.enumerate().fold((0, 0.0), |worst, (pair, share)| if share > worst.1 { (pair, share) } else { worst })
 }
 
 /// That every bound says something of its value.
 fn require_meaning(values: &[f64], bounds: &[f64]) -> Result<(), ApproximationError> {
-    for (pair, (bound, value)) in bounds.iter().zip(values).enumerate() {
-        // Zeros have rounding errors for a bound, which are no share of them.
-        let is_of_zero = value.abs() <= KERNEL && bound.is_finite();
-        if !(is_of_zero || *bound <= LARGEST_BOUND * value.abs()) {
-            let percent = 100.0 * bound / value.abs();
-            let reason = format!(
-                "the bound of pair {pair} would be {percent:.0} % of its value; take a larger dimension, or the method \"hsim\""
-            );
-            return Err(ApproximationError::Unproven { reason });
-        }
+    let (pair, share) = largest_share(values, bounds);
+    if share <= LARGEST_BOUND {
+        return Ok(());
     }
-    Ok(())
+    let percent = 100.0 * share;
+    let reason = format!(
+        "the bound of pair {pair} would be {percent:.0} % of its value; take a larger dimension, or the method \"hsim\""
+    );
+    Err(ApproximationError::Unproven { reason })
 }
 
 /// Shifts in the widest gaps behind the values of some indices, those first. Where there is no gap, one behind the last of them.
@@ -169,12 +219,12 @@ fn lower_bounds(
     ritz: &Ritz,
     deviation: &Deviation,
     (mut pole, mut most): (f64, usize),
-    sigma: f64,
+    corrections: Corrections<'_>,
     window: usize,
     monitor: &dyn Monitor,
 ) -> Result<Vec<f64>, ApproximationError> {
     let values = &ritz.pairs.values;
-    let offset = energy.floor() + sigma;
+    let offset = energy.floor() + corrections.sigma();
     let mut lowest = vec![-energy.floor(); values.len().max(most)];
     loop {
         // At most `most` eigenvalues lie below the pole.
@@ -187,7 +237,7 @@ fn lower_bounds(
         let pairs = start..end;
         let theta = &values[pairs.clone()];
         let vectors = ritz.pairs.vectors.slice_columns(pairs.clone());
-        let energies = energy.residual_energies(space, &vectors, theta, sigma, monitor)?;
+        let energies = energy.residual_energies(space, &vectors, theta, corrections, monitor)?;
         let hats: Vec<f64> = theta.iter().map(|value| value + offset).collect();
         let rounding = deviation.rows(start, &hats, hat);
         for (j, bound) in goerisch(&hats, hat, &energies, &rounding, monitor)?.into_iter().enumerate() {

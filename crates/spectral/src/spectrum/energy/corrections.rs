@@ -3,13 +3,17 @@
 //! With any `Y` and `E = R − AY` it is `YᵀR + EᵀY + EᵀA⁻¹E`, and the last term is at most `Eᵀ(σM)⁻¹E`. Columns come from the same cycles as those of single
 //! pairs. Whatever rounding does to a column is one more vector with a known norm; `‖a + b‖² ≤ (1 + s)‖a‖² + (1 + 1/s)‖b‖²` takes it apart, and what
 //! rounding does to an entry of a product goes to the diagonal by Cauchy and Schwarz.
+//!
+//! Where triangles differ in size by many orders of magnitude, cycles in single precision leave too much of `E`, and a factor takes their place. `Y` is then kept as the
+//! sum of two columns in single precision, and of `E`, which is next to nothing, the norms are enough.
 
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+use super::direct::Solver;
 use super::rows::{Enclosure, Residuals};
-use super::{Energy, MASS_ROUNDING, MOST_STEPS, SINGLE, Step, Workspace};
+use super::{Energy, HALVES, MASS_ROUNDING, MOST_STEPS, SINGLE, Step, Workspace};
 use chladni_algebra::{
     CYCLE_WIDTH, CycleRow, DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, SparseMatrix, symmetric_product,
     weighted_gram,
@@ -19,16 +23,36 @@ use chladni_base::{Cancelled, Monitor};
 /// Another cycle is taken where what is left of a residual may weigh more than this share of what was found of it.
 const SLACK: f64 = 0.1;
 
-/// The `s` that takes rounding apart.
+/// The `s` that takes rounding apart, at least.
 const PART: f64 = 1e-3;
 
 /// Of a sum over all rows, over the sum of its magnitudes: chunks of a few hundred rows, then hundreds of chunks.
 const SUMMED: f64 = 1e-12;
 
+/// Where `Y` comes from.
+#[derive(Clone, Copy)]
+pub(in crate::spectrum) enum Corrections<'a> {
+    /// Multigrid cycles, with this σ.
+    Cycles(f64),
+    /// A factor.
+    Factor(&'a Solver<'a>),
+}
+
+impl Corrections<'_> {
+    /// σ.
+    pub(in crate::spectrum) fn sigma(self) -> f64 {
+        match self {
+            Self::Cycles(sigma) => sigma,
+            Self::Factor(solver) => solver.sigma,
+        }
+    }
+}
+
 /// Sixteen residuals, what was found of them, and the sums.
 struct Half {
     right: Vec<CycleRow>,
     y: Vec<CycleRow>,
+    /// `E` of cycles; of a factor what storing `Y` in single precision leaves of it.
     rest: Vec<CycleRow>,
     columns: Vec<Column>,
 }
@@ -60,7 +84,7 @@ impl Energy<'_> {
         space: &SparseMatrix<f32>,
         coefficients: &DenseMatrix,
         ritz: &[f64],
-        sigma: f64,
+        corrections: Corrections<'_>,
         monitor: &dyn Monitor,
     ) -> Result<DenseMatrix, Cancelled> {
         assert_eq!(coefficients.columns(), ritz.len(), "a value for each column");
@@ -77,11 +101,20 @@ impl Energy<'_> {
                 let mut workspace = left.unwrap_or_else(|| Workspace::new(self.size(), &self.hierarchy));
                 let theta = &ritz[panel * LIFT_WIDTH..ritz.len().min((panel + 1) * LIFT_WIDTH)];
                 let residuals = self.residuals(&lifter, panel, theta, &mut workspace);
-                let mut halves = Vec::with_capacity(2);
-                for (half, theta) in theta.chunks(CYCLE_WIDTH).enumerate() {
-                    monitor.checkpoint()?;
-                    halves.push(self.corrected(&mut workspace, half, theta.len(), &residuals[half], sigma));
-                }
+                let halves = match corrections {
+                    Corrections::Cycles(sigma) => {
+                        let mut halves = Vec::with_capacity(2);
+                        for (half, theta) in theta.chunks(CYCLE_WIDTH).enumerate() {
+                            monitor.checkpoint()?;
+                            halves.push(self.corrected(&mut workspace, half, theta.len(), &residuals[half], sigma));
+                        }
+                        halves
+                    }
+                    Corrections::Factor(solver) => {
+                        monitor.checkpoint()?;
+                        self.solved_for(&workspace, theta.len(), &residuals, solver)
+                    }
+                };
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 monitor.progress(0.6 * done as f64 / panels as f64);
                 idle.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
@@ -89,21 +122,72 @@ impl Energy<'_> {
             })
             .collect::<Result<_, Cancelled>>()?;
         drop(idle);
-        let (mut y, mut sums, mut rests, mut columns) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut y, mut right, mut rests, mut columns) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for half in halves.into_iter().flatten() {
-            let mut sum = half.right;
-            let add = |(sum, rest): (&mut CycleRow, &CycleRow)| sum.iter_mut().zip(rest).for_each(|(a, b)| *a += b);
-            sum.par_iter_mut().zip(&half.rest).for_each(add);
-            sums.push(sum);
+            right.push(half.right);
             y.push(half.y);
             rests.push(half.rest);
             columns.extend(half.columns);
         }
-        let inverse: Vec<f64> = self.lumped.iter().map(|mass| mass.recip()).collect();
-        let found = symmetric_product(&y, &sums, monitor)?;
-        monitor.progress(0.9);
-        let left = weighted_gram(&rests, &inverse, monitor)?;
-        Ok(self.bounded(&found, &left, &columns, sigma))
+        let found = match corrections {
+            Corrections::Cycles(sigma) => {
+                for (sum, rest) in right.iter_mut().zip(&rests) {
+                    let add =
+                        |(sum, rest): (&mut CycleRow, &CycleRow)| sum.iter_mut().zip(rest).for_each(|(a, b)| *a += b);
+                    sum.par_iter_mut().zip(rest).for_each(add);
+                }
+                let mut found = symmetric_product(&y, &right, monitor)?;
+                monitor.progress(0.9);
+                let inverse: Vec<f64> = self.lumped.iter().map(|mass| mass.recip()).collect();
+                let tail = (1.0 + PART) * self.mass_ratio() / sigma;
+                add_scaled(&mut found, tail, &weighted_gram(&rests, &inverse, monitor)?);
+                found
+            }
+            Corrections::Factor(_) => {
+                let mut found = symmetric_product(&y, &right, monitor)?;
+                monitor.progress(0.9);
+                add_scaled(&mut found, 1.0, &symmetric_product(&rests, &right, monitor)?);
+                found
+            }
+        };
+        Ok(self.bounded(&found, &columns, corrections))
+    }
+
+    /// The solutions of a panel, and what rounding has left of their residuals.
+    fn solved_for(
+        &self,
+        workspace: &Workspace,
+        count: usize,
+        residuals: &[Residuals; HALVES],
+        solver: &Solver<'_>,
+    ) -> Vec<Half> {
+        let solutions = solver.solve(&workspace.right);
+        let halves = solutions.into_iter().zip(&workspace.right).zip(residuals).take(count.div_ceil(CYCLE_WIDTH));
+        let half = |(half, ((solution, right), residuals)): (usize, ((Vec<_>, &Vec<CycleRow>), &Residuals))| {
+            let enclosed = self.enclose_all(&solution, right, solver.sigma);
+            let y: Vec<CycleRow> = solution.iter().map(|row| row.map(|y| y as f32)).collect();
+            let low = |(row, high): (&[f64; CYCLE_WIDTH], &CycleRow)| {
+                std::array::from_fn(|k| (row[k] - f64::from(high[k])) as f32)
+            };
+            let rest = solution.iter().zip(&y).map(low).collect();
+            let columns = (0..(count - half * CYCLE_WIDTH).min(CYCLE_WIDTH)).map(|k| {
+                let Norms { y, rest, computed } = self.norms(&enclosed, k, solver.sigma);
+                let sum = residuals.sums[k].dual.sqrt();
+                Column { y, sum, of_rest: (1.0 + MASS_ROUNDING) * rest + computed, of_residual: residuals.rounding[k] }
+            });
+            Half { right: right.clone(), columns: columns.collect(), y, rest }
+        };
+        halves.enumerate().map(half).collect()
+    }
+
+    /// The norms of column `k` of an enclosure.
+    fn norms(&self, enclosed: &Enclosure, k: usize, sigma: f64) -> Norms {
+        let mass_of_y = enclosed.mass[k].max(0.0).sqrt();
+        Norms {
+            y: self.mass_ratio().sqrt() * mass_of_y,
+            rest: enclosed.excess[k].sqrt(),
+            computed: enclosed.rounding[k].sqrt() + MASS_ROUNDING * (sigma + self.floor) * mass_of_y,
+        }
     }
 
     /// Cycles until little is left of sixteen residuals.
@@ -123,15 +207,14 @@ impl Energy<'_> {
                 break;
             }
         }
-        let factor = self.mass_ratio().sqrt();
         let columns = (0..count).map(|k| {
-            let mass_of_y = enclosed.mass[k].max(0.0).sqrt();
-            let computed = enclosed.rounding[k].sqrt() + MASS_ROUNDING * (sigma + self.floor) * mass_of_y;
+            let Norms { y, rest, computed } = self.norms(&enclosed, k, sigma);
+            let dual = residuals.sums[k].dual.sqrt();
             Column {
-                y: factor * mass_of_y,
-                sum: residuals.sums[k].dual.sqrt() + enclosed.excess[k].sqrt(),
+                y,
+                sum: dual + rest,
                 // `R + E` is stored in single precision once more.
-                of_rest: computed + SINGLE * (residuals.sums[k].dual.sqrt() + 2.0 * enclosed.excess[k].sqrt()),
+                of_rest: computed + SINGLE * (dual + 2.0 * rest),
                 of_residual: residuals.rounding[k],
             }
         });
@@ -145,30 +228,52 @@ impl Energy<'_> {
         if matches!(self.mass, MassMatrix::Diagonal(_)) { 1.0 } else { 4.0 }
     }
 
-    /// `found` is `½(Yᵀ(R + E) + (R + E)ᵀY)`, `left` is `EᵀM⁻¹E` of the lumped mass; both have more columns than there are pairs.
-    fn bounded(&self, found: &DenseMatrix, left: &DenseMatrix, columns: &[Column], sigma: f64) -> DenseMatrix {
+    /// `found` is what was computed of `YᵀR + EᵀY + Eᵀ(σM)⁻¹E`; it has more columns than there are pairs.
+    fn bounded(&self, found: &DenseMatrix, columns: &[Column], corrections: Corrections<'_>) -> DenseMatrix {
         let m = columns.len();
-        let norm = |of: &dyn Fn(&Column) -> f64| columns.iter().map(|column| of(column).powi(2)).sum::<f64>().sqrt();
-        // The ratio that the products below are split by: any is right, this one makes both parts alike.
-        let balance = norm(&|column| column.sum + column.of_rest) / norm(&|column| column.y).max(f64::MIN_POSITIVE);
-        let balance = if balance.is_finite() && balance > 0.0 { balance } else { 1.0 };
-        let tail = self.mass_ratio() / sigma;
+        let squares = |of: &dyn Fn(&Column) -> f64| columns.iter().map(|column| of(column).powi(2)).sum::<f64>();
+        // Products are split by the ratio of their factors: any is right, this one makes both parts alike.
+        let ratio = |of: &dyn Fn(&Column) -> f64| {
+            let ratio = (squares(of) / squares(&|column| column.y).max(f64::MIN_POSITIVE)).sqrt();
+            if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
+        };
+        let (by_sum, by_rest) = (ratio(&|column| column.sum), ratio(&|column| column.of_rest));
+        let tail = self.mass_ratio() / corrections.sigma();
+        // So is the part that rounding is taken apart by: where rounding is much, a larger one.
+        let trace: f64 = (0..m).map(|j| found.column(j)[j].abs()).sum();
+        let lost = tail * m as f64 * squares(&|column| column.of_residual);
+        let part = (lost / trace.max(f64::MIN_POSITIVE)).sqrt().clamp(PART, 1.0);
+        // Cycles leave an `E` that is summed, this is what rounding does to it; a factor leaves nothing else.
+        let apart = if matches!(corrections, Corrections::Cycles(_)) { 1.0 + 1.0 / PART } else { 1.0 };
         let mut bound = DenseMatrix::zeros(m, m);
         for j in 0..m {
             let into = bound.column_mut(j);
             for i in 0..m {
-                into[i] = (1.0 + PART) * (found.column(j)[i] + tail * (1.0 + PART) * left.column(j)[i]);
+                into[i] = (1.0 + part) * found.column(j)[i];
             }
         }
-        let split = |a: f64, b: f64| 0.5 * m as f64 * (balance * a * a + b * b / balance);
+        let split = |ratio: f64, a: f64, b: f64| 0.5 * m as f64 * (ratio * a * a + b * b / ratio);
         for (j, column) in columns.iter().enumerate() {
             let Column { y, sum, of_rest, of_residual } = *column;
             // `|yᵢᵀδⱼ|`: what is wrong with `E`, and with the sums.
-            let products = split(SINGLE.sqrt() * y, of_rest / SINGLE.sqrt()) + SUMMED * split(y, sum);
-            let rest = tail * (1.0 + 1.0 / PART) * m as f64 * (1.0 + PART) * of_rest * of_rest;
-            let residual = tail * (1.0 + 1.0 / PART) * m as f64 * of_residual * of_residual;
-            bound.column_mut(j)[j] += (1.0 + PART) * (products + rest) + residual;
+            let products = split(by_rest, y, of_rest) + SUMMED * split(by_sum, y, sum);
+            let rest = apart * tail * m as f64 * of_rest * of_rest;
+            let residual = tail * (1.0 + 1.0 / part) * m as f64 * of_residual * of_residual;
+            bound.column_mut(j)[j] += (1.0 + part) * (products + rest) + residual;
         }
         bound
     }
+}
+
+/// The norms of what was found of a column: in the mass `y`, in the inverse lumped mass `R − Ay` and what rounding does to it.
+struct Norms {
+    y: f64,
+    rest: f64,
+    computed: f64,
+}
+
+/// `A ← A + s B`.
+fn add_scaled(a: &mut DenseMatrix, s: f64, b: &DenseMatrix) {
+    assert_eq!((a.rows(), a.columns()), (b.rows(), b.columns()), "matrices of one shape");
+    a.values_mut().iter_mut().zip(b.values()).for_each(|(a, b)| *a += s * b);
 }

@@ -9,7 +9,7 @@ use super::super::approximate::ApproximationError;
 use super::super::shifted::ShiftedPencil;
 use super::rows::Enclosure;
 use super::{CLOSE, Energy, HALVES, Measure, SHIFT, Wanted, Workspace};
-use chladni_algebra::{CYCLE_WIDTH, Factor, LIFT_WIDTH, PANEL_WIDTH, RowLifter};
+use chladni_algebra::{CYCLE_WIDTH, CycleRow, Factor, LIFT_WIDTH, PANEL_WIDTH, RowLifter};
 use chladni_base::{Cancelled, Monitor};
 
 /// A panel with a bound above this share of its value is measured anew.
@@ -22,11 +22,34 @@ pub const MOST_FACTORED: usize = 250_000;
 const _: () = assert!(PANEL_WIDTH == LIFT_WIDTH, "a panel that is lifted is solved at once");
 
 /// A factor of `S + (c + σ) M` whose rows are in another order than the patches.
-struct Solver<'a> {
+pub(in crate::spectrum) struct Solver<'a> {
     factor: Factor<'a>,
     /// For each row of the factor its place among the patches.
     places: Vec<u32>,
-    sigma: f64,
+    pub(super) sigma: f64,
+}
+
+impl Solver<'_> {
+    /// `A⁻¹ r` of both halves of a panel, in the order of the patches.
+    pub(super) fn solve(&self, right: &[Vec<CycleRow>; HALVES]) -> [Vec<[f64; CYCLE_WIDTH]>; HALVES] {
+        let n = self.places.len();
+        let mut solution = vec![0.0; n * PANEL_WIDTH];
+        let (rows, _) = solution.as_chunks_mut::<PANEL_WIDTH>();
+        for (row, &place) in rows.iter_mut().zip(&self.places) {
+            let (halves, _) = row.as_chunks_mut::<CYCLE_WIDTH>();
+            for (half, right) in halves.iter_mut().zip(right) {
+                *half = right[place as usize].map(f64::from);
+            }
+        }
+        self.factor.solve_panel(&mut solution);
+        let (rows, _) = solution.as_chunks::<PANEL_WIDTH>();
+        let mut y: [Vec<[f64; CYCLE_WIDTH]>; HALVES] = std::array::from_fn(|_| vec![[0.0; CYCLE_WIDTH]; n]);
+        for (row, &place) in rows.iter().zip(&self.places) {
+            let (halves, _) = row.as_chunks::<CYCLE_WIDTH>();
+            y.iter_mut().zip(halves).for_each(|(y, half)| y[place as usize] = *half);
+        }
+        y
+    }
 }
 
 impl Energy<'_> {
@@ -60,11 +83,7 @@ impl Energy<'_> {
             Err(ApproximationError::Cancelled(cancelled)) => return Err(cancelled),
             Err(_) => return Ok(()),
         };
-        let Ok(factor) = pencil.factor(-(sigma + self.floor)) else { return Ok(()) };
-        let mut place_of = vec![0u32; pencil.order.len()];
-        self.order.iter().zip(0..).for_each(|(&row, place)| place_of[row as usize] = place);
-        let places = pencil.order.iter().map(|&row| place_of[row as usize]).collect();
-        let solver = Solver { factor, places, sigma };
+        let Ok(solver) = self.solver(&pencil, sigma) else { return Ok(()) };
         let found: Vec<(usize, Vec<Measure>)> = wide
             .into_par_iter()
             .map(|panel| {
@@ -82,41 +101,51 @@ impl Energy<'_> {
         Ok(())
     }
 
+    /// What solves with `A = S + (c + σ) M`.
+    ///
+    /// # Errors
+    /// As [`ShiftedPencil::factor`].
+    ///
+    /// # Panics
+    /// Where the pencil is of another problem.
+    pub(in crate::spectrum) fn solver<'p>(
+        &self,
+        pencil: &'p ShiftedPencil,
+        sigma: f64,
+    ) -> Result<Solver<'p>, ApproximationError> {
+        assert_eq!(pencil.order.len(), self.size(), "the pencil of the same problem");
+        let factor = pencil.factor(-(sigma + self.floor))?;
+        let mut place_of = vec![0u32; self.size()];
+        self.order.iter().zip(0..).for_each(|(&row, place)| place_of[row as usize] = place);
+        let places = pencil.order.iter().map(|&row| place_of[row as usize]).collect();
+        Ok(Solver { factor, places, sigma })
+    }
+
     /// The measures of a panel with `y` solved for.
     fn solved(&self, solver: &Solver<'_>, lifter: &RowLifter<'_>, panel: usize, ritz: &[f64]) -> Vec<Measure> {
-        let n = self.size();
         let theta = &ritz[panel * LIFT_WIDTH..ritz.len().min((panel + 1) * LIFT_WIDTH)];
-        let mut workspace = Workspace::new(n, &self.hierarchy);
+        let mut workspace = Workspace::new(self.size(), &self.hierarchy);
         let residuals = self.residuals(lifter, panel, theta, &mut workspace);
-        let mut solution = vec![0.0; n * PANEL_WIDTH];
-        let (rows, _) = solution.as_chunks_mut::<PANEL_WIDTH>();
-        for (row, &place) in rows.iter_mut().zip(&solver.places) {
-            let (halves, _) = row.as_chunks_mut::<CYCLE_WIDTH>();
-            for (half, right) in halves.iter_mut().zip(&workspace.right) {
-                *half = right[place as usize].map(f64::from);
-            }
-        }
-        solver.factor.solve_panel(&mut solution);
-        let (rows, _) = solution.as_chunks::<PANEL_WIDTH>();
-        let mut y: [Vec<[f64; CYCLE_WIDTH]>; HALVES] = std::array::from_fn(|_| vec![[0.0; CYCLE_WIDTH]; n]);
-        for (row, &place) in rows.iter().zip(&solver.places) {
-            let (halves, _) = row.as_chunks::<CYCLE_WIDTH>();
-            y.iter_mut().zip(halves).for_each(|(y, half)| y[place as usize] = *half);
-        }
+        let y = solver.solve(&workspace.right);
         let mut measures = Vec::with_capacity(theta.len());
-        let mut local = Vec::new();
         for (half, theta) in theta.chunks(CYCLE_WIDTH).enumerate() {
-            let mut enclosed = Enclosure::default();
-            for patch in self.hierarchy.patches() {
-                local.clear();
-                local.extend(patch.vertices(1).iter().map(|&vertex| y[half][vertex as usize]));
-                let right = &workspace.right[half][patch.rows()];
-                self.enclose(patch, &local, right, solver.sigma, &mut enclosed, &mut []);
-            }
+            let enclosed = self.enclose_all(&y[half], &workspace.right[half], solver.sigma);
             measures.extend(
                 (0..theta.len()).map(|k| self.conclude(&residuals[half], &enclosed, k, theta[k], solver.sigma)),
             );
         }
         measures
+    }
+
+    /// The terms of the enclosure for sixteen columns `y` in double precision.
+    pub(super) fn enclose_all(&self, y: &[[f64; CYCLE_WIDTH]], right: &[CycleRow], sigma: f64) -> Enclosure {
+        let mut enclosed = Enclosure::default();
+        let mut local = Vec::new();
+        for patch in self.hierarchy.patches() {
+            local.clear();
+            local.extend(patch.vertices(1).iter().map(|&vertex| y[vertex as usize]));
+            self.enclose(patch, &local, &right[patch.rows()], sigma, &mut enclosed, &mut []);
+        }
+        enclosed
     }
 }

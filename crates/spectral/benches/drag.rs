@@ -1,0 +1,49 @@
+//! A stroke of sixty faces is dragged beside others that stay: `cargo bench --bench drag`. Milliseconds of a frame, the solution alone: the first, the second,
+//! and the median and the 95th percentile of those after, over the number of constrained faces; on a sphere of 82,000 faces, vector fields.
+//!
+//! `CHLADNI_DRAG_DIMENSION` (2000), `CHLADNI_DRAG_FACES` (60,240,600,1200,2000).
+
+use std::time::Instant;
+
+use chladni_base::Unwatched;
+use chladni_mesh::shape::{Shape, generate, noisy};
+use chladni_spectral::field::{
+    Constraint, DesignModel, EnergyWeights, FieldParameters, FieldSurface, Hold, field_basis,
+};
+use chladni_spectral::operator::transport::FieldKind;
+
+const MOVING: usize = 60;
+const FRAMES: usize = 40;
+
+fn main() {
+    let setting = |name: &str, usual: &str| std::env::var(name).unwrap_or(usual.to_owned());
+    let dimension = setting("CHLADNI_DRAG_DIMENSION", "2000").parse().expect("a dimension");
+    let counts = setting("CHLADNI_DRAG_FACES", "60,240,600,1200,2000");
+    let mesh = noisy(&generate(Shape::Sphere, 41_000).unwrap(), 0.2, 0).unwrap();
+    let surface = FieldSurface::new(mesh).unwrap();
+    let basis = field_basis(&surface, &FieldParameters::new(FieldKind::Vector {}, dimension), &Unwatched).unwrap();
+    let model = DesignModel::new(&basis, &Unwatched).unwrap();
+    println!("| faces | first | second | median | p95 |\n|---|---|---|---|---|");
+    for count in counts.split(',').map(|count| count.parse::<usize>().expect("a number of faces")) {
+        let weighted = model.weighted(EnergyWeights::default(), None).unwrap();
+        let mut constraints: Vec<Constraint> = (0..count)
+            .map(|k| Constraint {
+                face: (k * surface.faces() / count) as u32,
+                value: [(k as f64).cos(), (k as f64).sin(), 0.0],
+                hold: Hold::Strength(1.0),
+            })
+            .collect();
+        let mut times = Vec::with_capacity(FRAMES);
+        for _ in 0..FRAMES {
+            let begun = Instant::now();
+            weighted.solve(&basis, &constraints).unwrap();
+            times.push(1e3 * begun.elapsed().as_secs_f64());
+            constraints.iter_mut().take(MOVING).for_each(|c| c.face = (c.face + 3) % surface.faces() as u32);
+        }
+        let (first, second) = (times[0], times[1]);
+        times.drain(..2);
+        times.sort_by(f64::total_cmp);
+        let at = |share: f64| times[(share * (times.len() - 1) as f64) as usize];
+        println!("| {count} | {first:.0} | {second:.0} | {:.1} | {:.1} |", at(0.5), at(0.95));
+    }
+}

@@ -1,0 +1,330 @@
+//! Designs under many constraints.
+//!
+//! A system of the size of the constraints grows with their cube, though a space of `d` dimensions cannot follow more than `d` of them. Beyond a share of `d` they
+//! go into the matrix of the energies: `H = K + Σ w rᵀr`, `d × d`, with the rows `r` of the space at their faces, which have a few dozen entries. `H` does not
+//! depend on the directions that are asked for.
+//!
+//! While a stroke is dragged most constraints stay as they are. The factor of those that stay is kept; what is new or has another weight is added by a system of
+//! its own size, `(W⁻¹ + R H⁻¹ Rᵀ) y = v − R H⁻¹ g`. Hard constraints always are.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, SparseMatrix, solve_definite};
+
+use super::design::{Constraint, DesignError, DesignModel, EnergyWeights, FIRM, Hold, add_row};
+use super::weighted::HARD;
+use crate::basis::FieldBasis;
+
+/// Constrained numbers beyond this share of the dimension go into the matrix.
+const MANY: f64 = 0.25;
+
+/// So many are added to a factor that is kept; beyond, another is made.
+const MOST_ADDED: f64 = 0.15;
+
+/// Spaces of more dimensions have no dense matrices kept: three of them take 400 MB here.
+const MOST_DIMENSIONS: usize = 4096;
+
+/// What fields of no energy resist with, as a share of what the constraints hold them with. Where these do not say how much of such a field there is, it is as little
+/// as possible.
+const IDLE: f64 = 1e-9;
+
+/// What is kept for designs under many constraints, for one choice of weights.
+#[derive(Default)]
+pub(super) struct Many {
+    /// `K`, on the coefficients of the space.
+    energy: OnceLock<DenseMatrix>,
+    /// What a unit pull on a face moves there: the mean over its numbers.
+    moved: Mutex<HashMap<u32, f64>>,
+    /// Of designs before, the latest first: one for each hand that drags.
+    kept: Mutex<Vec<Kept>>,
+}
+
+/// Hands that may drag at once on one choice of weights before they cost each other a factor.
+const MOST_KEPT: usize = 3;
+
+/// What a design has left.
+struct Kept {
+    /// Its soft constraints.
+    last: Vec<Held>,
+    base: Arc<Base>,
+}
+
+/// A face that is held softly: the sum of the weights there.
+#[derive(Clone, Copy, PartialEq)]
+struct Held {
+    face: u32,
+    weight: f64,
+}
+
+/// The factor of `H`.
+struct Base {
+    held: Vec<Held>,
+    factor: DefiniteFactor,
+}
+
+/// The model that designs take place in.
+#[derive(Clone, Copy)]
+pub(super) struct Setting<'a> {
+    pub model: &'a DesignModel,
+    pub basis: &'a FieldBasis,
+    pub weights: EnergyWeights,
+    /// The weight of alignments without weights per face.
+    pub uniform: f64,
+    /// `K⁻¹` in Ritz coordinates; zero in the kernel.
+    pub inverse: &'a [f64],
+    /// Ritz coordinates of no energy.
+    pub kernel: &'a [usize],
+}
+
+impl DesignModel {
+    /// Whether so many constraints are met by factors that a [`WeightedModel`](super::WeightedModel) keeps from one design to the next.
+    pub fn has_many(&self, constraints: usize) -> bool {
+        let d = self.dimension();
+        self.has_ritz() && d <= MOST_DIMENSIONS && (self.kind.block() * constraints) as f64 > MANY * d as f64
+    }
+
+    /// About the bytes that those factors take in the end.
+    pub fn bytes_of_many(&self) -> u64 {
+        let d = self.dimension() as u64;
+        // Two energies, and a factor for each design that is kept.
+        8 * d * d * (2 + MOST_KEPT as u64)
+    }
+}
+
+impl Setting<'_> {
+    /// The entries of the rows of a face, column by column.
+    fn row(&self, face: u32) -> Vec<(usize, [f64; 3])> {
+        let mut entries = Vec::new();
+        self.basis.space.row_entries(face as usize, |column, u| {
+            let mut own = [0.0; 3];
+            own[..u.len()].copy_from_slice(u);
+            entries.push((column, own));
+        });
+        entries
+    }
+
+    /// `K = h S̄ + μ S̄ M̄⁻¹ S̄ + a M̄`, all of it.
+    fn energy(&self) -> Result<DenseMatrix, DesignError> {
+        let (stiffness, mass) = (&self.basis.stiffness, &self.basis.mass);
+        let mut energy = DenseMatrix::zeros(stiffness.rows(), stiffness.rows());
+        if self.weights.biharmonic > 0.0 {
+            let bending = self.model.bending.of(self.basis)?;
+            let into = energy.values_mut().iter_mut().zip(bending.values());
+            into.for_each(|(to, value)| *to = self.weights.biharmonic * value);
+        }
+        add(&mut energy, stiffness, self.weights.harmonic);
+        add(&mut energy, mass, self.uniform);
+        Ok(energy)
+    }
+
+    /// What a unit pull on a face moves there, fields of no energy left out: the mean over its numbers.
+    fn moved(&self, face: u32) -> f64 {
+        let (b, d) = (self.basis.space.block(), self.model.dimension());
+        let mut rows = vec![0.0; b * d];
+        for (column, u) in self.row(face) {
+            for (row, &u) in rows.chunks_exact_mut(d).zip(&u) {
+                add_row(row, &self.model.ritz.vectors[d * column..d * (column + 1)], u);
+            }
+        }
+        let sum = |row: &[f64]| row.iter().zip(self.inverse).map(|(r, k)| r * r * k).sum::<f64>();
+        rows.chunks_exact(d).map(sum).sum::<f64>() / b as f64
+    }
+
+    /// `Σ w rᵀr` added to a matrix.
+    fn hold(&self, held: &[Held], matrix: &mut DenseMatrix) {
+        let b = self.basis.space.block();
+        for &Held { face, weight } in held {
+            let entries = self.row(face);
+            for (j, right) in &entries {
+                let column = matrix.column_mut(*j);
+                for (i, left) in &entries {
+                    column[*i] += weight * (0..b).map(|k| left[k] * right[k]).sum::<f64>();
+                }
+            }
+        }
+    }
+
+    /// Fields of no energy, and their images under the mass.
+    fn idle(&self) -> Vec<(Vec<f64>, Vec<f64>)> {
+        let d = self.model.dimension();
+        let field = |&k: &usize| {
+            let field: Vec<f64> = (0..d).map(|row| f64::from(self.model.ritz.vectors[d * row + k])).collect();
+            let Some(image) = self.basis.mass.multiply(&field) else { panic!("{d} numbers for the mass") };
+            (field, image)
+        };
+        self.kernel.iter().map(field).collect()
+    }
+
+    /// The factor of `H`; `None` where it is not definite, as far as rounding lets one tell.
+    fn base(&self, energy: &DenseMatrix, held: Vec<Held>) -> Result<Option<Base>, DesignError> {
+        let mut matrix = energy.clone();
+        self.hold(&held, &mut matrix);
+        if !self.kernel.is_empty() {
+            let d = self.model.dimension();
+            let idle = self.idle();
+            let mut of_held = DenseMatrix::zeros(d, d);
+            self.hold(&held, &mut of_held);
+            let form = |field: &[f64]| -> f64 {
+                (0..d).map(|j| field[j] * of_held.column(j).iter().zip(field).map(|(a, b)| a * b).sum::<f64>()).sum()
+            };
+            let resist = IDLE * idle.iter().map(|(field, _)| form(field)).fold(0.0, f64::max);
+            for (_, image) in &idle {
+                for j in 0..d {
+                    let factor = resist * image[j];
+                    matrix.column_mut(j).iter_mut().zip(image).for_each(|(a, b)| *a += factor * b);
+                }
+            }
+        }
+        match DefiniteFactor::new(matrix) {
+            Ok(factor) => Ok(Some(Base { held, factor })),
+            Err(DefiniteError::NotPositiveDefinite { .. }) => Ok(None),
+            Err(other) => Err(DesignError::Factor(other)),
+        }
+    }
+}
+
+impl Many {
+    /// The coefficients of least energy under constraints without repetitions, and the pull `force` of alignments. `None` where the matrix is not definite.
+    ///
+    /// # Errors
+    /// [`DesignError`]: a hard constraint that the space cannot meet besides the others, or too little memory.
+    pub fn solve(
+        &self,
+        setting: &Setting<'_>,
+        constraints: &[Constraint],
+        force: &[f64],
+    ) -> Result<Option<Vec<f64>>, DesignError> {
+        let b = setting.basis.space.block();
+        let weights = self.weights(setting, constraints);
+        let (mut held, mut pulls): (Vec<Held>, Vec<f64>) = (Vec::new(), force.to_vec());
+        for (constraint, weight) in constraints.iter().zip(&weights) {
+            let Some(weight) = *weight else { continue };
+            for (column, u) in setting.row(constraint.face) {
+                pulls[column] += weight * (0..b).map(|k| u[k] * constraint.value[k]).sum::<f64>();
+            }
+            match held.last_mut().filter(|last| last.face == constraint.face) {
+                Some(last) => last.weight += weight,
+                None => held.push(Held { face: constraint.face, weight }),
+            }
+        }
+        let hard: Vec<&Constraint> = constraints.iter().filter(|c| c.hold.is_exact()).collect();
+        let Some(base) = self.base(setting, &held)? else { return Ok(None) };
+        // What the factor does not hold yet. Its pull is among the others already, so it is held to zero here.
+        let added: Vec<Held> = held.iter().filter(|own| !base.held.contains_face(own)).copied().collect();
+        let faces: Vec<u32> = added.iter().map(|held| held.face).chain(hard.iter().map(|c| c.face)).collect();
+        let (d, k) = (setting.model.dimension(), b * faces.len());
+        // `L⁻¹` of the rows, and of the pull.
+        let mut halves = DenseMatrix::zeros(d, k + 1);
+        for (at, &face) in faces.iter().enumerate() {
+            for (column, u) in setting.row(face) {
+                (0..b).for_each(|i| halves.column_mut(b * at + i)[column] += u[i]);
+            }
+        }
+        halves.column_mut(k).copy_from_slice(&pulls);
+        base.factor.solve_lower(&mut halves).map_err(DesignError::Factor)?;
+        let mut field = DenseMatrix::zeros(d, 1);
+        field.column_mut(0).copy_from_slice(halves.column(k));
+        if k > 0 {
+            let rows = halves.slice_columns(0..k);
+            let Some(mut system) = rows.transposed_times(&rows) else { panic!("{k} columns of {d} numbers") };
+            let mean = (0..k).map(|i| system.column(i)[i]).sum::<f64>() / k as f64;
+            let mut missing = DenseMatrix::zeros(k, 1);
+            for i in 0..k {
+                let (give, value) = match added.get(i / b) {
+                    Some(held) => (1.0 / held.weight, 0.0),
+                    None => (HARD * mean, hard[i / b - added.len()].value[i % b]),
+                };
+                system.column_mut(i)[i] += give;
+                let reached: f64 = rows.column(i).iter().zip(halves.column(k)).map(|(r, g)| r * g).sum();
+                missing.column_mut(0)[i] = value - reached;
+            }
+            solve_definite(system, &mut missing).map_err(|error| match error {
+                DefiniteError::NotPositiveDefinite { pivot } => DesignError::Dependent { face: faces[pivot / b] },
+                other => DesignError::Factor(other),
+            })?;
+            for (i, &y) in missing.column(0).iter().enumerate() {
+                field.column_mut(0).iter_mut().zip(rows.column(i)).for_each(|(z, r)| *z += y * r);
+            }
+        }
+        base.factor.solve_upper(&mut field).map_err(DesignError::Factor)?;
+        Ok(Some(field.column(0).to_vec()))
+    }
+
+    /// The weights of soft constraints, in the order of the constraints.
+    fn weights(&self, setting: &Setting<'_>, constraints: &[Constraint]) -> Vec<Option<f64>> {
+        let mut known = self.moved.lock().unwrap_or_else(PoisonError::into_inner);
+        let strengths = constraints.iter().any(|c| matches!(c.hold, Hold::Strength(_)));
+        let moved: Vec<f64> = if strengths {
+            constraints.iter().map(|c| *known.entry(c.face).or_insert_with(|| setting.moved(c.face))).collect()
+        } else {
+            vec![0.0; constraints.len()]
+        };
+        // A pull moves everything somewhere; if not, the mean does.
+        let least = 1e-6 * moved.iter().sum::<f64>() / moved.len().max(1) as f64;
+        let weight = |(c, moved): (&Constraint, &f64)| match c.hold {
+            Hold::Strength(strength) => Some(FIRM * strength / moved.max(least)),
+            Hold::Weight(weight) => Some(weight),
+            Hold::Exact => None,
+        };
+        constraints.iter().zip(&moved).map(weight).collect()
+    }
+
+    /// A factor that holds most of some constraints, and nothing else: one that is kept, or one of what has stayed since the design before.
+    fn base(&self, setting: &Setting<'_>, held: &[Held]) -> Result<Option<Arc<Base>>, DesignError> {
+        let most = (MOST_ADDED * setting.model.dimension() as f64) as usize / setting.basis.space.block();
+        let fits =
+            |base: &Base| base.held.iter().all(|own| held.contains_face(own)) && held.len() - base.held.len() <= most;
+        let mut of = held.to_vec();
+        {
+            let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(at) = kept.iter().position(|kept| fits(&kept.base)) {
+                let base = kept[at].base.clone();
+                kept[at].last = held.to_vec();
+                kept[..=at].rotate_right(1);
+                return Ok(Some(base));
+            }
+            // What has stayed since a design before will stay: most of what is dragged has left its faces.
+            let stayed =
+                |kept: &Kept| held.iter().filter(|own| kept.last.contains_face(own)).copied().collect::<Vec<_>>();
+            let before = kept.iter().map(stayed).position(|stayed| held.len() - stayed.len() <= most);
+            if let Some(at) = before {
+                of = stayed(&kept.remove(at));
+            }
+        }
+        let energy = match self.energy.get() {
+            Some(energy) => energy,
+            None => {
+                let energy = setting.energy()?;
+                self.energy.get_or_init(|| energy)
+            }
+        };
+        let Some(base) = setting.base(energy, of)?.map(Arc::new) else { return Ok(None) };
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.insert(0, Kept { last: held.to_vec(), base: base.clone() });
+        kept.truncate(MOST_KEPT);
+        Ok(Some(base))
+    }
+}
+
+/// Lists of faces in ascending order.
+trait Faces {
+    /// Whether a face is held with the same weight.
+    fn contains_face(&self, own: &Held) -> bool;
+}
+
+impl Faces for [Held] {
+    fn contains_face(&self, own: &Held) -> bool {
+        self.binary_search_by_key(&own.face, |held| held.face).is_ok_and(|at| self[at] == *own)
+    }
+}
+
+/// `A ← A + s B`.
+fn add(a: &mut DenseMatrix, b: &SparseMatrix, s: f64) {
+    for row in 0..b.rows() {
+        let (columns, values) = b.row(row);
+        for (&column, value) in columns.iter().zip(values) {
+            a.column_mut(column as usize)[row] += s * value;
+        }
+    }
+}
