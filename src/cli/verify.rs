@@ -3,7 +3,6 @@
 use chladni_mesh::numbering::{Extension, Translation};
 use chladni_spectral::basis::Basis;
 use chladni_spectral::formats::npz;
-use chladni_spectral::operator;
 use chladni_spectral::verify::{Verification, verify as judge};
 use chladni_work::numbered::translate_parameters;
 use chladni_work::{EigenbasisParameters, MeshSize};
