@@ -81,6 +81,7 @@ pub enum MeshFormat {
     /// Gmsh's MSH, ASCII.
     Gmsh,
     /// A triangle surface of FreeSurfer.
+    #[serde(rename = "freesurfer")]
     FreeSurfer,
     /// Arrays `vertices`, `faces` and `tetrahedra` in an NPZ file, as `numpy.savez` writes them.
     Npz,

@@ -403,7 +403,7 @@ mod tests {
     #[test]
     fn grids_have_cells_of_several_types() {
         let text = "# vtk DataFile Version 2.0\n\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 double\n0 0 0 1 0 0 1 1 0 0 1 0 .5 .5 -1\n\
-                    CELLS 5 20\n1 0\n2 0 1\n3 0 1 2\n4 0 1 3 2\n4 0 1 2 4\nCELL_TYPES 5\n1 3 5 8 10\n";
+                    CELLS 5 19\n1 0\n2 0 1\n3 0 1 2\n4 0 1 3 2\n4 0 1 2 4\nCELL_TYPES 5\n1 3 5 8 10\n";
         let mesh = read(text.as_bytes()).unwrap();
         assert_eq!((mesh.faces.len(), mesh.polygons_triangulated), (3, 1));
         assert_eq!(mesh.tetrahedra, [[0, 1, 2, 4]]);
