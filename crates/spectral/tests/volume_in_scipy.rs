@@ -49,7 +49,7 @@ fn python() -> Option<String> {
 }
 
 #[test]
-fn a_real_solid_has_the_matrices_and_the_eigenvalues_of_scipy() {
+fn a_real_solid_has_the_matrices_and_eigenvalues_of_scipy() {
     let (Some(folder), Some(python)) = (std::env::var_os("CHLADNI_MESHES"), python()) else {
         eprintln!("skipped: CHLADNI_MESHES is not set, or no Python with SciPy was found");
         return;
