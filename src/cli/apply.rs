@@ -8,6 +8,7 @@ use std::sync::Arc;
 use chladni_algebra::DenseMatrix;
 use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::check::CheckedMesh;
 use chladni_mesh::numbering::{NumberingError, Translation};
 use chladni_mesh::write::{PlyPrecision, write_ply_with};
 use chladni_spectral::analysis::filter::{Transfer, filter};
@@ -44,10 +45,14 @@ impl Stored {
         read(&bytes).map_err(|error| CliError::mesh(&self.basis, error))
     }
 
-    /// The basis of functions on the vertices of the mesh.
+    /// The basis of functions on the vertices of the mesh, and the mesh; where the basis is of the inside of a solid, with its inner vertices too.
     fn functions(&self) -> Result<(Basis, TriangleMesh, Translation), CliError> {
-        let (basis, checked) = (self.read(npz::read)?, self.input.load_body()?.surface);
-        let (mesh, to) = (checked.mesh, self.numbered.translation(Arc::new(checked.numbering)));
+        let (basis, body) = (self.read(npz::read)?, self.input.load_body()?);
+        let CheckedMesh { mut mesh, numbering, .. } = body.surface;
+        let to = self.numbered.translation(Arc::new(numbering));
+        if let (true, Some(solid)) = (basis.is_of_solid(), body.solid) {
+            mesh.positions = solid.positions;
+        }
         let (rows, vertices) = (basis.vertices(), mesh.positions.len());
         if rows != vertices {
             let reason = format!("the basis has {rows} rows and the mesh {vertices} vertices");

@@ -3,10 +3,9 @@
 use chladni_mesh::numbering::{Extension, Translation};
 use chladni_spectral::basis::Basis;
 use chladni_spectral::formats::npz;
-use chladni_spectral::operator;
 use chladni_spectral::verify::{Verification, verify as judge};
 use chladni_work::numbered::translate_parameters;
-use chladni_work::{EigenbasisParameters, JobError, MeshSize};
+use chladni_work::{EigenbasisParameters, MeshSize};
 
 use super::{CliError, MeshInput, StageBars, Table, grouped, number, seconds};
 use serde_json::{Value, json};
@@ -93,7 +92,8 @@ pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
     let basis = npz::read(&bytes).map_err(|error| unreadable(error.to_string()))?;
     drop(bytes);
     let mut parameters = parameters(&basis, arguments.operator.as_deref())?;
-    let checked = pool.install(|| arguments.input.load_body())?.surface;
+    let body = pool.install(|| arguments.input.load_body())?;
+    let (checked, solid) = (body.surface, body.solid);
     let (mesh, file) = (checked.mesh, Translation::of_file(Arc::new(checked.numbering), Extension::None));
     if arguments.operator.is_some() {
         // A potential that is given here is given as the file numbers its vertices.
@@ -102,7 +102,7 @@ pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
         parameters = EigenbasisParameters::parse(&own)?;
     }
     let outcome = pool.install(|| {
-        let operator = operator::assemble(&mesh, &parameters.operator, &bars).map_err(JobError::from)?;
+        let operator = parameters.assemble(&mesh, solid.as_ref(), &bars)?;
         judge(&basis, &operator, &bars).map_err(|error| unreadable(error.to_string()))
     })?;
     let total = began.elapsed().as_secs_f64();

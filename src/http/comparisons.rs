@@ -149,6 +149,17 @@ impl SpectrumOf {
     }
 }
 
+/// What makes the eigenvalues of a shape free of its size: the area of a surface, of a solid the square of the edge of a cube with its volume, of a graph
+/// the number of its vertices.
+fn measure(parameters: &Value, report: &Value) -> f64 {
+    let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+    match parameters["operator"].as_str() {
+        Some("volume") => number(&report["solid"]["volume"]).powf(2.0 / 3.0),
+        Some("graph") => number(&report["vertices"]),
+        _ => number(&report["area"]),
+    }
+}
+
 /// Whether all spectra are of one operator and one condition at the boundary, where there is a boundary.
 fn check_alike(bases: &[(Uuid, SpectrumOf)]) -> Result<(), Problem> {
     let with_boundary = bases.iter().find(|(_, of)| of.boundary.is_some());
@@ -217,7 +228,7 @@ async fn compare_shapes(
         let record = find_kind(&state, BasisId::parse(id)?.0, ProductKind::Eigenbasis).await?;
         let mesh = state.store.mesh(&record.mesh).await?;
         // Eigenvalues stand in the record, so no eigenfunction is read.
-        let area = mesh.report["area"].as_f64().unwrap_or(f64::NAN);
+        let area = measure(&record.parameters, &mesh.report);
         // Records of earlier versions have long lists in full.
         let mut parameters = record.parameters.clone();
         chladni_work::abbreviate(&mut parameters);

@@ -50,7 +50,7 @@ struct CompressionRequest {
 /// Rate and distortion.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(example = json!({
-    "pairs": 300, "bits": 14, "bytes": 1123, "bits_per_vertex": 0.067, "basis_bytes": 17400000, "bits_per_vertex_with_basis": 2871.0, "step": 0.0021, "nonzeros": 812,
+    "pairs": 300, "bits": 14, "bytes": 1123, "bits_per_vertex": 0.067, "basis_bytes": 17400000, "basis_from_faces": false, "bits_per_vertex_with_basis": 2871.0, "step": 0.0021, "nonzeros": 812,
     "relative_errors": [0.004, 0.003, 0.004], "truncation_errors": [0.004, 0.003, 0.004]
 }))]
 struct CompressionAnswer {
@@ -64,6 +64,8 @@ struct CompressionAnswer {
     bits_per_vertex: f64,
     /// Bytes that the functions of the basis take as they are stored: who decompresses must have them, whatever the number of pairs.
     basis_bytes: u64,
+    /// Whether whoever has the faces computes the basis anew, so that it need not be sent: it is of the operator `graph`.
+    basis_from_faces: bool,
     /// Bits for each vertex where the basis has to be sent as well, once.
     bits_per_vertex_with_basis: f64,
     /// The width of a step of the rounding.
@@ -148,6 +150,7 @@ async fn compress_functions(
                 bytes,
                 bits_per_vertex: per_vertex(bytes as f64),
                 basis_bytes,
+                basis_from_faces: basis.metadata["operator"]["laplacian"] == "graph",
                 bits_per_vertex_with_basis: per_vertex(bytes as f64 + basis_bytes as f64),
                 step: packed.step,
                 nonzeros: packed.nonzeros,

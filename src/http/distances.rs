@@ -82,6 +82,7 @@ async fn distances(
     let fill = filled(query.pairs);
     let (mut request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
     request.check()?;
+    request.check_basis(&basis)?;
     if request.on_mesh().is_some() {
         let mesh = state.store.basis(id).await?.mesh;
         return on_mesh(&state, &mesh, request, to, raw, query.dtype).await;
@@ -177,7 +178,7 @@ fn filled(pairs: bool) -> impl FnOnce(&mut DistanceRequest, &[u8]) -> Result<(),
 impl From<DistanceFault> for Problem {
     fn from(fault: DistanceFault) -> Self {
         match fault {
-            DistanceFault::Between | DistanceFault::Time | DistanceFault::NeedsBasis => {
+            DistanceFault::Between | DistanceFault::Time | DistanceFault::NeedsBasis | DistanceFault::Inside => {
                 Self::new(&problem::INVALID_REQUEST, super::convert::sentence(&fault))
             }
             DistanceFault::Analysis(error) => error.into(),

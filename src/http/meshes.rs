@@ -51,7 +51,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct UploadQuery {
-    /// The format: `obj`, `ply`, `off`, `stl`, `medit`, `npz` or `json`. Takes the place of `Content-Type`.
+    /// The format: `obj`, `ply`, `off`, `stl`, `medit`, `vtk`, `gmsh`, `freesurfer`, `npz` or `json`. Takes the place of `Content-Type`.
     #[param(example = "ply")]
     format: Option<String>,
     /// Whether vertices at exactly equal positions become one: `auto` (where the format repeats positions by design, as STL
@@ -94,7 +94,7 @@ problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKN
     post, path = "/v1/meshes", tag = "meshes", operation_id = "uploadMesh", params(UploadQuery),
     request_body(description = "The mesh", content(
         (super::docs::Binary = "model/obj", example = json!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")),
-        (super::docs::Binary = "model/ply"), (super::docs::Binary = "model/off"), (super::docs::Binary = "model/stl"), (super::docs::Binary = "model/x-medit"),
+        (super::docs::Binary = "model/ply"), (super::docs::Binary = "model/off"), (super::docs::Binary = "model/stl"), (super::docs::Binary = "model/x-medit"), (super::docs::Binary = "model/x-vtk"), (super::docs::Binary = "model/x-gmsh"), (super::docs::Binary = "model/x-freesurfer"),
         (super::docs::Binary = "application/x-npz"), (serde_json::Value = "application/json", example = json!({"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]})),
         (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "multipart/form-data"))),
     responses(

@@ -132,7 +132,9 @@ async fn modes(
         let mode = range.start;
         let bytes = state
             .solve("modes", move |_| {
-                let colours = colours(&basis.lift::<f32>(mode..mode + 1)?);
+                let mut colours = colours(&basis.lift::<f32>(mode..mode + 1)?);
+                // Of a solid, its surface, whose vertices come first.
+                colours.truncate(mesh.positions.len());
                 let mut bytes = Vec::new();
                 write_ply(&mesh, Some(&colours), &mut bytes).map_err(Problem::internal)?;
                 Ok(Bytes::from(bytes))

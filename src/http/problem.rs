@@ -141,7 +141,7 @@ kinds! {
     UNUSABLE_MESH = "unusable-mesh", 422, "The mesh cannot be used",
         "The type goes on with what is wrong, as in unusable-mesh/no-faces. The detail names the element.";
     UNKNOWN_FORMAT = "unknown-mesh-format", 415, "The format of the mesh is unknown",
-        "Name the format by Content-Type or ?format=: obj, ply, off, stl or medit.";
+        "Name the format by Content-Type or ?format=: obj, ply, off, stl, medit, vtk, gmsh or freesurfer.";
 }
 
 /// An error on its way to a client.

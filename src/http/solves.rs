@@ -6,9 +6,9 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::http::HeaderMap;
 use chladni_algebra::DenseMatrix;
-use chladni_mesh::TriangleMesh;
 use chladni_mesh::numbering::Translation;
 use chladni_mesh::write::{PlyPrecision, write_ply_with};
+use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::analysis::filter::{Transfer, filter};
 use chladni_spectral::analysis::projection::project;
 use chladni_spectral::basis::Basis;
@@ -138,10 +138,10 @@ struct ProjectAnswer {
     reconstruction: Option<Table>,
 }
 
-fn coordinates(mesh: &TriangleMesh) -> DenseMatrix {
-    let mut matrix = DenseMatrix::zeros(mesh.positions.len(), 3);
+fn coordinates(positions: &[[f64; 3]]) -> DenseMatrix {
+    let mut matrix = DenseMatrix::zeros(positions.len(), 3);
     for axis in 0..3 {
-        matrix.column_mut(axis).iter_mut().zip(&mesh.positions).for_each(|(x, position)| *x = position[axis]);
+        matrix.column_mut(axis).iter_mut().zip(positions).for_each(|(x, position)| *x = position[axis]);
     }
     matrix
 }
@@ -150,13 +150,15 @@ fn coordinates(mesh: &TriangleMesh) -> DenseMatrix {
 pub enum Source {
     /// The coordinates of a mesh.
     Mesh(Arc<TriangleMesh>),
+    /// The coordinates of a solid.
+    Solid(Arc<TetMesh>),
     /// A JSON table.
     Table(Table),
     /// Raw numbers.
     Raw(WholeBody, Dtype),
 }
 
-/// The mesh with three functions as its coordinates.
+/// The mesh with three functions as its coordinates. Of functions on a solid the rows of its surface are taken, which come first.
 ///
 /// # Errors
 /// `invalid-function` unless there are three.
@@ -165,13 +167,14 @@ pub fn ply(mesh: &TriangleMesh, functions: &DenseMatrix, begin: Instant) -> Resu
         let detail = format!("A {PLY} needs exactly three functions as its coordinates, not {}.", functions.columns());
         return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
     }
-    if functions.rows() != mesh.positions.len() {
+    if functions.rows() < mesh.positions.len() {
         let detail =
             format!("A {PLY} needs a row for each of {} vertices, not {}.", mesh.positions.len(), functions.rows());
         return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
     }
     let position = |row: usize| std::array::from_fn(|axis| functions.column(axis)[row]);
-    let moved = TriangleMesh { positions: (0..functions.rows()).map(position).collect(), faces: mesh.faces.clone() };
+    let moved =
+        TriangleMesh { positions: (0..mesh.positions.len()).map(position).collect(), faces: mesh.faces.clone() };
     let mut bytes = Vec::new();
     write_ply_with(&moved, None, PlyPrecision::Single, &mut bytes).map_err(Problem::internal)?;
     Ok(Answer::new(bytes, PLY, begin))
@@ -180,6 +183,11 @@ pub fn ply(mesh: &TriangleMesh, functions: &DenseMatrix, begin: Instant) -> Resu
 impl Source {
     async fn named(state: &ClientState, id: Uuid) -> Result<Self, Problem> {
         let mesh = state.store.basis(id).await?.mesh;
+        if state.store.load_basis(id).await?.is_of_solid()
+            && let (_, Some(solid)) = state.store.load_body(&mesh).await?
+        {
+            return Ok(Self::Solid(solid));
+        }
         Ok(Self::Mesh(state.store.load_mesh(&mesh).await?))
     }
 
@@ -213,7 +221,8 @@ impl Source {
     /// What is given row by row, `rows × k`.
     pub fn matrix(&self, rows: usize) -> Result<DenseMatrix, Problem> {
         match self {
-            Self::Mesh(mesh) => Ok(coordinates(mesh)),
+            Self::Mesh(mesh) => Ok(coordinates(&mesh.positions)),
+            Self::Solid(solid) => Ok(coordinates(&solid.positions)),
             Self::Table(table) => binary::from_table(table, rows),
             Self::Raw(body, dtype) => binary::decode(&body.bytes, *dtype, rows),
         }
@@ -222,7 +231,8 @@ impl Source {
     /// Functions with a value for each vertex, as the request numbers them, on the first `rows` kept vertices.
     pub fn functions(&self, rows: usize, to: &Translation) -> Result<DenseMatrix, Problem> {
         match self {
-            Self::Mesh(mesh) => Ok(coordinates(mesh)),
+            Self::Mesh(mesh) => Ok(coordinates(&mesh.positions)),
+            Self::Solid(solid) => Ok(coordinates(&solid.positions)),
             Self::Table(table) => Ok(table.functions(rows, to)?),
             Self::Raw(body, dtype) => binary::decode_functions(&body.bytes, *dtype, rows, to),
         }

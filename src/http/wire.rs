@@ -102,7 +102,8 @@ pub struct JobRequest {
     pub mesh: String,
     /// Parameters of the kind; what is absent takes its default.
     ///
-    /// `eigenbasis`, whatever the `method`: `count` (eigenpairs, the kernel included), `operator` (`auto`, `laplace`, `robust`, `hodge` for
+    /// `eigenbasis`, whatever the `method`: `count` (eigenpairs, the kernel included), `operator` (`auto`, `laplace`, `robust`, `volume` for the
+    /// Laplacian on the tetrahedra of a solid and `graph` for the combinatorial one, both by the method `hsim`, `hodge` for
     /// exact eigenfields by the method `hsim`, `{"extrinsic": {"t": 0.5}}`, `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}` or
     /// `{"hamiltonian": {"potential": {"values": [one for each vertex]}}}`), `mass` (`barycentric`, `voronoi`, `consistent`), `boundary`
     /// (`neumann`, `dirichlet`), `seed`.
@@ -395,8 +396,8 @@ pub struct BasisResource {
     pub summary: BasisSummary,
     /// m eigenvalues, ascending, in 1/length² of the mesh.
     pub eigenvalues: Vec<f64>,
-    /// How the operator was made, and why: `laplacian` (`cotangent` or `robust`) with its `reason`, what was found of the mesh, how many
-    /// vertices are no unknowns. Null where the kind has no such choice.
+    /// How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh, how many
+    /// vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
     #[schema(value_type = Option<Object>)]
     pub operator: Value,
     /// What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.

@@ -91,6 +91,32 @@ fn arrays() -> Vec<u8> {
     archive.finish().unwrap().into_inner()
 }
 
+/// Numbers with their highest bytes first.
+fn big_endian(floats: &[f32], integers: &[i32]) -> Vec<u8> {
+    floats.iter().flat_map(|x| x.to_be_bytes()).chain(integers.iter().flat_map(|x| x.to_be_bytes())).collect()
+}
+
+const SQUARE: [f32; 12] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.5];
+
+fn freesurfer() -> Vec<u8> {
+    let head = [&b"\xff\xff\xfecreated by hand\n\n"[..], &big_endian(&[], &[4, 2])].concat();
+    [head, big_endian(&SQUARE, &[0, 1, 2, 0, 2, 3])].concat()
+}
+
+fn vtk_binary() -> Vec<u8> {
+    let mut bytes = b"# vtk DataFile Version 5.1\nt\nBINARY\nDATASET POLYDATA\nPOINTS 4 float\n".to_vec();
+    bytes.extend(big_endian(&SQUARE, &[]));
+    bytes.extend(b"\nPOLYGONS 3 7\nOFFSETS int\n");
+    bytes.extend(big_endian(&[], &[0, 3, 7]));
+    bytes.extend(b"\nCONNECTIVITY int\n");
+    bytes.extend(big_endian(&[], &[0, 1, 2, 0, 1, 2, 3]));
+    bytes.extend(b"\nTRIANGLE_STRIPS 2 4\nOFFSETS int\n");
+    bytes.extend(big_endian(&[], &[0, 4]));
+    bytes.extend(b"\nCONNECTIVITY int\n");
+    bytes.extend(big_endian(&[], &[0, 1, 2, 3]));
+    bytes
+}
+
 /// A tetrahedron or a square in every format and encoding.
 fn seeds() -> Vec<(MeshFormat, Vec<u8>)> {
     let obj = "mtllib a.mtl\no a\nv 0 0 0 1 0 0\nv 1 0 0\nv 1 1e0 0.0\nv 0 1 -0\nvt 0 0\nvn 0 0 1\ng b\nusemtl m\n\
@@ -100,12 +126,23 @@ fn seeds() -> Vec<(MeshFormat, Vec<u8>)> {
                  Quadrilaterals 1 1 2 3 4 0\nTetrahedra\n1\n1 2 3 4 0\nRidges\n1\n1\nEnd\n";
     let stl = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1e0 0\nendloop\nendfacet\nendsolid a\n";
     let json = r#"{"name": [{"a": null}], "vertices": [[0, 0, 0], [1, 0, 0], [1, 1e0, 0], [0, 1, -0.5]], "faces": [[0, 1, 2], [0, 1, 2, 3], []], "tetrahedra": [[0, 1, 2, 3]]}"#;
+    let vtk = "# vtk DataFile Version 2.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nFIELD FieldData 1\na 1 1 int\n7\nPOINTS 4 float\n0 0 0 1 0 0 1 1e0 0 0 1 -0.5\n\
+               METADATA\nINFORMATION 0\n\nCELLS 4 18\n3 0 1 2\n4 0 1 2 3\n4 0 1 2 3\n3 0 1 2\nCELL_TYPES 4\n5 9 10 6\nPOINT_DATA 4\n";
+    let gmsh = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n9 1 1e0 0\n4 0 1 -0.5\n$EndNodes\n\
+                $Elements\n3\n1 2 2 0 1 1 2 9\n2 3 0 1 2 9 4\n3 4 1 0 1 2 9 4\n$EndElements\n";
+    let gmsh_of_blocks = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 3 1 3\n2 1 1 3\n1\n2\n3\n0 0 0 1 1\n1 0 0 1 1\n1 1 0 1 1\n$EndNodes\n\
+                          $Elements\n1 1 1 1\n2 1 2 1\n1 1 2 3\n$EndElements\n";
     let mut seeds = vec![
         (MeshFormat::Obj, obj.into()),
         (MeshFormat::Off, off.into()),
         (MeshFormat::Medit, medit.into()),
         (MeshFormat::Stl, stl.into()),
         (MeshFormat::Json, json.into()),
+        (MeshFormat::Vtk, vtk.into()),
+        (MeshFormat::Vtk, vtk_binary()),
+        (MeshFormat::Gmsh, gmsh.into()),
+        (MeshFormat::Gmsh, gmsh_of_blocks.into()),
+        (MeshFormat::FreeSurfer, freesurfer()),
         (MeshFormat::Npz, arrays()),
     ];
     let mut binary = b"solid but binary".to_vec();
@@ -239,6 +276,31 @@ fn forged_counts_are_refused_before_anything_is_allocated() {
             }
         }
     }
+    let mut surface = freesurfer();
+    for at in [20, 24] {
+        surface[at..at + 4].copy_from_slice(&i32::MAX.to_be_bytes());
+        assert_eq!(kind(&surface, MeshFormat::FreeSurfer), "count-exceeds-file");
+        surface[at..at + 4].copy_from_slice(&2i32.to_be_bytes());
+    }
+    for encoding in ["ASCII", "BINARY"] {
+        for (section, count) in [
+            ("POINTS 4000000000 float", ""),
+            ("POLYGONS 4000000000 16000000000", ""),
+            ("FIELD a 1\nb 4000000000 4000000000 int", "0"),
+        ] {
+            let text = format!("# vtk DataFile Version 3.0\nt\n{encoding}\nDATASET POLYDATA\n{section}\n{count}");
+            assert!(
+                matches!(kind(text.as_bytes(), MeshFormat::Vtk), "count-exceeds-file" | "truncated-file"),
+                "{text}"
+            );
+        }
+    }
+    for section in
+        ["$Nodes\n4000000000\n1 0 0 0\n", "$Nodes\n1\n1 0 0 0\n$EndNodes\n$Elements\n4000000000\n1 2 0 1 1 1\n"]
+    {
+        let text = format!("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n{section}");
+        assert_eq!(kind(text.as_bytes(), MeshFormat::Gmsh), "count-exceeds-file");
+    }
     let mut stl = vec![0; 84];
     stl[80..].copy_from_slice(&u32::MAX.to_le_bytes());
     assert_eq!(kind(&stl, MeshFormat::Stl), "count-exceeds-file");
@@ -268,6 +330,12 @@ fn worst_cases_of_memory_stay_below_the_bound() {
         }
         cases.push(faces);
     }
+    let mut strip = b"# vtk DataFile Version 5.1\nt\nBINARY\nDATASET POLYDATA\nPOINTS 1 float\n0123456789ab\n".to_vec();
+    strip.extend(format!("TRIANGLE_STRIPS 2 {body}\nOFFSETS int\n").bytes());
+    strip.extend(big_endian(&[], &[0, body as i32]));
+    strip.extend(b"\nCONNECTIVITY char\n");
+    strip.resize(strip.len() + body, 0);
+    assert_eq!(survive(&strip, MeshFormat::Vtk, &ReadLimits::default()).unwrap().faces.len(), body - 2);
     for bytes in cases {
         survive(&bytes, MeshFormat::Ply, &ReadLimits::default()).unwrap();
     }
@@ -317,6 +385,15 @@ const WORDS: &[&str] = &[
     "property list uchar int vertex_indices\n",
     "property float x\n",
     "end_header\n",
+    "POINTS 3 float\n",
+    "POLYGONS 1 4\n",
+    "OFFSETS int\n",
+    "CELL_TYPES ",
+    "METADATA\n",
+    "FIELD a 1\n",
+    "$Nodes\n",
+    "$Elements\n",
+    "$EndNodes\n",
     "\0",
     "\u{feff}",
     "é",

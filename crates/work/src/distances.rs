@@ -87,6 +87,11 @@ pub enum DistanceFault {
     /// Without a basis there are geodesic distances on the mesh alone.
     #[error("distance: without a basis, only geodesic distances by heat or exact ones can be computed")]
     NeedsBasis,
+    /// The basis is of the inside of a solid, where shortest paths are straight as far as its surface lets them.
+    #[error(
+        "distance: geodesic distances run over surfaces, and the basis is of the inside of a solid; ask its mesh for those of its surface"
+    )]
+    Inside,
     /// A vertex, a time or the basis does not fit.
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
@@ -202,6 +207,14 @@ impl DistanceRequest {
         matches!(self.distance, DistanceKind::Geodesic { .. })
     }
 
+    /// Refuses distances over a surface by a basis of the inside of a solid.
+    ///
+    /// # Errors
+    /// [`DistanceFault::Inside`].
+    pub fn check_basis(&self, basis: &Basis) -> Result<(), DistanceFault> {
+        if self.needs_mesh() && basis.is_of_solid() { Err(DistanceFault::Inside) } else { Ok(()) }
+    }
+
     /// How and for which time a mesh has to be [prepared](MeshDistances::new), where no basis is needed.
     pub fn on_mesh(&self) -> Option<(GeodesicMethod, Option<f64>)> {
         match self.distance {
@@ -248,6 +261,7 @@ impl DistanceRequest {
         monitor: &dyn Monitor,
     ) -> Result<DenseMatrix, DistanceFault> {
         self.check()?;
+        self.check_basis(basis)?;
         let spectral = match &self.distance {
             DistanceKind::Diffusion { times: Some(times) } => SpectralDistance::Diffusion { times: times.clone() },
             DistanceKind::Diffusion { times: None } => {

@@ -7,6 +7,9 @@
 //! | Geomview OFF | `off` | ASCII, with the `ST`, `C`, `N`, `4` and `n` prefixes |
 //! | STL | `stl` | ASCII and binary; positions are repeated by design |
 //! | MEDIT `.mesh` | `medit` | ASCII; triangles, quadrilaterals, tetrahedra |
+//! | VTK legacy | `vtk` | ASCII and binary; polygonal data and unstructured grids |
+//! | Gmsh MSH | `gmsh` | ASCII, versions 2 and 4.1; triangles, quadrilaterals, tetrahedra |
+//! | FreeSurfer | `freesurfer` | triangle surfaces |
 //! | arrays | `arrays` | `vertices`, `faces`, `tetrahedra` as NPZ without compression or as JSON |
 //!
 //! Every reader takes a byte slice, is linear in its length, allocates in proportion to the bytes that are really there
@@ -15,6 +18,8 @@
 mod arrays;
 mod builder;
 mod error;
+mod freesurfer;
+mod gmsh;
 mod medit;
 mod obj;
 mod off;
@@ -22,6 +27,7 @@ mod ply;
 mod polygon;
 mod stl;
 mod text;
+mod vtk;
 
 use serde::{Deserialize, Serialize};
 
@@ -70,6 +76,13 @@ pub enum MeshFormat {
     Stl,
     /// MEDIT (INRIA) `.mesh`, ASCII.
     Medit,
+    /// VTK's legacy format, ASCII or binary.
+    Vtk,
+    /// Gmsh's MSH, ASCII.
+    Gmsh,
+    /// A triangle surface of FreeSurfer.
+    #[serde(rename = "freesurfer")]
+    FreeSurfer,
     /// Arrays `vertices`, `faces` and `tetrahedra` in an NPZ file, as `numpy.savez` writes them.
     Npz,
     /// The same as a JSON object.
@@ -78,12 +91,15 @@ pub enum MeshFormat {
 
 impl MeshFormat {
     /// Every format, in the order in which documentation lists them.
-    pub const ALL: [MeshFormat; 7] = [
+    pub const ALL: [MeshFormat; 10] = [
         MeshFormat::Obj,
         MeshFormat::Ply,
         MeshFormat::Off,
         MeshFormat::Stl,
         MeshFormat::Medit,
+        MeshFormat::Vtk,
+        MeshFormat::Gmsh,
+        MeshFormat::FreeSurfer,
         MeshFormat::Npz,
         MeshFormat::Json,
     ];
@@ -96,6 +112,9 @@ impl MeshFormat {
             MeshFormat::Off => "off",
             MeshFormat::Stl => "stl",
             MeshFormat::Medit => "medit",
+            MeshFormat::Vtk => "vtk",
+            MeshFormat::Gmsh => "gmsh",
+            MeshFormat::FreeSurfer => "freesurfer",
             MeshFormat::Npz => "npz",
             MeshFormat::Json => "json",
         }
@@ -109,6 +128,9 @@ impl MeshFormat {
             MeshFormat::Off => "model/off",
             MeshFormat::Stl => "model/stl",
             MeshFormat::Medit => "model/x-medit",
+            MeshFormat::Vtk => "model/x-vtk",
+            MeshFormat::Gmsh => "model/x-gmsh",
+            MeshFormat::FreeSurfer => "model/x-freesurfer",
             MeshFormat::Npz => "application/x-npz",
             MeshFormat::Json => "application/json",
         }
@@ -122,6 +144,12 @@ impl MeshFormat {
             "off" | "coff" | "noff" => Some(MeshFormat::Off),
             "stl" => Some(MeshFormat::Stl),
             "mesh" | "medit" => Some(MeshFormat::Medit),
+            "vtk" => Some(MeshFormat::Vtk),
+            "msh" | "gmsh" => Some(MeshFormat::Gmsh),
+            // FreeSurfer's files end in what the surface is.
+            "freesurfer" | "fsurf" | "surf" | "pial" | "white" | "orig" | "smoothwm" | "inflated" | "sphere" => {
+                Some(MeshFormat::FreeSurfer)
+            }
             "npz" => Some(MeshFormat::Npz),
             "json" => Some(MeshFormat::Json),
             _ => None,
@@ -147,6 +175,9 @@ impl MeshFormat {
             | "application/x-stl"
             | "application/vnd.ms-pki.stl" => Some(MeshFormat::Stl),
             "model/medit" | "model/x-medit" | "application/x-medit" => Some(MeshFormat::Medit),
+            "model/vtk" | "model/x-vtk" | "application/x-vtk" => Some(MeshFormat::Vtk),
+            "model/gmsh" | "model/x-gmsh" | "application/x-gmsh" => Some(MeshFormat::Gmsh),
+            "model/x-freesurfer" | "application/x-freesurfer" => Some(MeshFormat::FreeSurfer),
             "application/x-npz" => Some(MeshFormat::Npz),
             "application/json" => Some(MeshFormat::Json),
             _ => None,
@@ -161,6 +192,12 @@ impl MeshFormat {
         if bytes.starts_with(b"PK\x03\x04") {
             return Some(MeshFormat::Npz);
         }
+        if bytes.starts_with(freesurfer::MAGIC) {
+            return Some(MeshFormat::FreeSurfer);
+        }
+        if bytes.starts_with(vtk::SIGNATURE) {
+            return Some(MeshFormat::Vtk);
+        }
         if stl::is_binary_by_size(bytes) {
             return Some(MeshFormat::Stl);
         }
@@ -171,6 +208,7 @@ impl MeshFormat {
         match text.token() {
             word if word.starts_with(b"{") => Some(MeshFormat::Json),
             b"solid" => Some(MeshFormat::Stl),
+            b"$MeshFormat" => Some(MeshFormat::Gmsh),
             b"MeshVersionFormatted" => Some(MeshFormat::Medit),
             b"v" | b"vt" | b"vn" | b"vp" | b"f" | b"o" | b"g" | b"s" | b"mtllib" | b"usemtl" => Some(MeshFormat::Obj),
             word if off::Variant::from_keyword(word).is_some() => Some(MeshFormat::Off),
@@ -187,6 +225,9 @@ impl std::fmt::Display for MeshFormat {
             MeshFormat::Off => "OFF",
             MeshFormat::Stl => "STL",
             MeshFormat::Medit => "MEDIT",
+            MeshFormat::Vtk => "VTK",
+            MeshFormat::Gmsh => "Gmsh",
+            MeshFormat::FreeSurfer => "FreeSurfer",
             MeshFormat::Npz => "NPZ",
             MeshFormat::Json => "JSON",
         })
@@ -233,6 +274,9 @@ pub fn read(bytes: &[u8], format: MeshFormat, limits: &ReadLimits) -> Result<Raw
         MeshFormat::Off => off::read(bytes, limits),
         MeshFormat::Stl => stl::read(bytes, limits),
         MeshFormat::Medit => medit::read(bytes, limits),
+        MeshFormat::Vtk => vtk::read(bytes, limits),
+        MeshFormat::Gmsh => gmsh::read(bytes, limits),
+        MeshFormat::FreeSurfer => freesurfer::read(bytes, limits),
         MeshFormat::Npz => arrays::read_npz(bytes, limits),
         MeshFormat::Json => arrays::read_json(bytes, limits),
     }?;

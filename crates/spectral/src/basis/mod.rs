@@ -38,6 +38,13 @@ pub struct Basis {
     pub metadata: serde_json::Value,
 }
 
+impl Basis {
+    /// Whether its rows are the vertices of a solid, those of the surface first, and distances between them run through its inside.
+    pub fn is_of_solid(&self) -> bool {
+        self.metadata["operator"]["laplacian"] == "volume"
+    }
+}
+
 /// The eigenfunctions of a basis.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Functions {

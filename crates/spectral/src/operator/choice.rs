@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::curvature::Surface;
 use super::manifold::Topology;
-use super::{EigenProblem, MassKind, OperatorError, boundary, extrinsic, hamiltonian, laplace, robust};
+use super::{EigenProblem, MassKind, OperatorError, boundary, extrinsic, graph, hamiltonian, laplace, robust};
 
-/// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"robust"`, `"hodge"`, `{"extrinsic": {"t": 0.5}}`,
+/// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"robust"`, `"volume"`, `"graph"`, `"hodge"`, `{"extrinsic": {"t": 0.5}}`,
 /// `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}`, `{"hamiltonian": {"potential": {"values": [0.0, …]}}}`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
@@ -31,6 +31,10 @@ pub enum OperatorKind {
         /// The potential.
         potential: Potential,
     },
+    /// The Laplacian on the tetrahedra of a solid: see [`super::volume`]. [`assemble`], which has a surface alone, refuses it.
+    Volume,
+    /// The combinatorial Laplacian of the edges, from connectivity alone: see [`super::graph`].
+    Graph,
     /// The Hodge–Laplacian of tangential fields, two numbers for each face: see [`super::hodge`]. It acts on no functions, and [`assemble`] refuses it.
     Hodge,
 }
@@ -124,6 +128,10 @@ pub enum Laplacian {
     Cotangent,
     /// From an intrinsic Delaunay triangulation of the tufted cover (Sharp and Crane 2020).
     Robust,
+    /// From linear functions on the tetrahedra of a solid.
+    Volume,
+    /// From the edges, each of weight 1.
+    Graph,
 }
 
 /// Why the Laplacian is made so.
@@ -168,6 +176,13 @@ pub struct OperatorReport {
     pub delaunay: bool,
     /// Vertices that are no unknowns.
     pub removed_vertices: usize,
+    /// Tetrahedra too flat to have a volume: they contribute nothing.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub flat_tetrahedra: usize,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// An eigenproblem on a mesh, and the Laplacian it rests on.
@@ -184,6 +199,23 @@ pub struct MeshOperator {
 }
 
 impl MeshOperator {
+    /// An operator on all vertices, or what is left of it without those of a boundary.
+    ///
+    /// # Errors
+    /// [`OperatorError::NoUnknowns`] where the boundary is everything.
+    pub(super) fn of_problem(
+        whole: EigenProblem,
+        boundary: Option<&[u32]>,
+        mut report: OperatorReport,
+    ) -> Result<Self, OperatorError> {
+        let Some(boundary) = boundary.filter(|boundary| !boundary.is_empty()) else {
+            return Ok(Self { problem: whole, base: None, floor: 0.0, report });
+        };
+        report.removed_vertices = boundary.len();
+        let problem = boundary::without(&whole, boundary)?;
+        Ok(Self { problem, base: Some(whole), floor: 0.0, report })
+    }
+
     /// Whether the problem is that of the Laplacian on all vertices.
     pub fn is_laplacian(&self) -> bool {
         self.base.is_none()
@@ -214,6 +246,14 @@ pub fn assemble(
         let reason = "\"hodge\" acts on tangential fields, not on functions".to_owned();
         return Err(OperatorError::Parameter { name: "operator", reason });
     }
+    match parameters.operator {
+        OperatorKind::Volume => {
+            let reason = "\"volume\" acts on the tetrahedra of a solid, not on a surface".to_owned();
+            return Err(OperatorError::Parameter { name: "operator", reason });
+        }
+        OperatorKind::Graph => return graph::assemble(mesh, parameters),
+        _ => {}
+    }
     let measured = laplace::measure(mesh)?;
     let topology = Topology::new(mesh.positions.len(), &mesh.faces, &measured.corners);
     monitor.checkpoint()?;
@@ -231,7 +271,8 @@ pub fn assemble(
     let dirichlet = parameters.boundary == Boundary::Dirichlet && !topology.boundary.is_empty();
     let triangulation;
     let (laplacian, faces, shapes) = match laplacian {
-        Laplacian::Cotangent => {
+        // The other two act on no triangles, and were made or refused above.
+        Laplacian::Cotangent | Laplacian::Volume | Laplacian::Graph => {
             let (problem, massless) = laplace::cotangent(mesh, &measured, parameters.mass);
             report.massless_vertices = massless;
             (problem, &mesh.faces[..], &measured.shapes[..])
@@ -251,7 +292,12 @@ pub fn assemble(
     monitor.checkpoint()?;
 
     let stiffness = match &parameters.operator {
-        OperatorKind::Auto | OperatorKind::Laplace | OperatorKind::Robust | OperatorKind::Hodge => None,
+        OperatorKind::Auto
+        | OperatorKind::Laplace
+        | OperatorKind::Robust
+        | OperatorKind::Hodge
+        | OperatorKind::Volume
+        | OperatorKind::Graph => None,
         OperatorKind::Extrinsic { t } => {
             let normals = Surface::new(mesh, &measured).normals(&measured.corners);
             Some(extrinsic::blend(&laplacian.stiffness, &normals, *t))
@@ -302,7 +348,9 @@ fn choose(
         OperatorKind::Auto
         | OperatorKind::Extrinsic { .. }
         | OperatorKind::Hamiltonian { .. }
-        | OperatorKind::Hodge => {
+        | OperatorKind::Hodge
+        | OperatorKind::Volume
+        | OperatorKind::Graph => {
             if topology.non_manifold_edges + topology.non_manifold_vertices > 0 {
                 (Laplacian::Robust, Reason::NonManifold)
             } else if 1000 * measured.thin_faces > THIN_PER_MILLE * mesh.faces.len() {

@@ -9,6 +9,7 @@ pub mod elastic;
 pub mod extrinsic;
 pub mod family;
 pub mod frames;
+pub mod graph;
 pub mod hamiltonian;
 pub mod hodge;
 pub mod laplace;
@@ -17,6 +18,7 @@ pub mod robust;
 mod shapes;
 pub mod tangential;
 pub mod transport;
+pub mod volume;
 
 use chladni_algebra::{GalerkinError, SparseMatrix};
 use chladni_base::{Cancelled, Monitor};
@@ -118,11 +120,12 @@ pub enum MassKind {
 /// are these divided by `√area`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EigenProblem {
-    /// The stiffness matrix; in two dimensions it does not depend on scale.
+    /// The stiffness matrix; in two dimensions it does not depend on scale, and others have that of the input.
     pub stiffness: SparseMatrix,
-    /// The mass matrix of the mesh scaled to unit area: its entries sum to 1.
+    /// The mass matrix over `area`: its entries sum to 1.
     pub mass: MassMatrix,
-    /// The area of the mesh in the units of the input.
+    /// The area of the mesh in the units of the input; of a solid its volume, of a graph the number of its vertices: what the entries of the mass of
+    /// the input sum to.
     pub area: f64,
     /// The vertex of each row, ascending, where boundary vertices are no unknowns; `None` where row `i` is vertex `i`.
     pub unknowns: Option<Vec<u32>>,

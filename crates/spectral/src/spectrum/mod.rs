@@ -12,6 +12,7 @@ pub mod hodge;
 pub mod hsim;
 mod lehmann;
 mod local;
+pub mod nested;
 pub mod radial;
 mod refine;
 mod shifted;

@@ -7,6 +7,7 @@ use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Pre
 use chladni_spectral::operator::{EigenProblem, MeshOperator};
 use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Variant, Wanted};
+use chladni_spectral::spectrum::nested::{self, Places};
 use chladni_spectral::spectrum::{ApproximationParameters, Space, subspace};
 use serde::{Deserialize, Serialize};
 
@@ -197,6 +198,29 @@ impl Exact {
             }
             _ => hsim::solve(mesh, problem, &parameters, compact, monitor)?,
         };
+        self.stored(pairs, operator, monitor)
+    }
+
+    /// The same for an operator on something else than a surface, with so many vertices.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_nested(
+        &self,
+        operator: &MeshOperator,
+        places: Places<'_>,
+        vertices: usize,
+        seed: u64,
+        monitor: &dyn Monitor,
+    ) -> Result<Basis, JobError> {
+        let parameters = HsimParameters { seed, ..self.solver };
+        let pairs = nested::solve(&operator.problem, places, vertices, &parameters, monitor)?;
+        self.stored(pairs, operator, monitor)
+    }
+
+    /// What was found as it is stored, with its residuals as they are then.
+    fn stored(&self, pairs: Eigenpairs, operator: &MeshOperator, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+        let problem = &operator.problem;
         let mass = operator.laplacian().mass.scaled(operator.laplacian().area);
         let stored = match (self.storage, self.precision) {
             (StorageKind::Dense, Precision::F32) => Some(residuals_as_stored(&pairs, problem, monitor)?),

@@ -5,12 +5,13 @@ mod auto;
 mod compact;
 mod exact;
 mod hodge;
+mod nested;
 mod request;
 
 use chladni_base::Monitor;
-use chladni_mesh::TriangleMesh;
+use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::{Basis, Product};
-use chladni_spectral::operator::{self, OperatorError, OperatorKind, OperatorParameters, Potential};
+use chladni_spectral::operator::{self, MeshOperator, OperatorError, OperatorKind, OperatorParameters, Potential};
 use serde_json::Value;
 
 pub use approximation::{Accuracy, Approximate, Construction};
@@ -92,6 +93,9 @@ impl EigenbasisParameters {
         operator.check()?;
         if operator.operator == OperatorKind::Hodge {
             hodge::check(&method, &operator)?;
+        }
+        if nested::is_nested(&operator.operator) {
+            nested::check(&method, &operator)?;
         }
         if let OperatorKind::Hamiltonian { potential: Potential::Values(values) } = &operator.operator
             && values.len() > LARGEST_POTENTIAL
@@ -182,6 +186,11 @@ impl EigenbasisParameters {
         self.operator.operator == OperatorKind::Hodge
     }
 
+    /// The same for operators that act on something else than a surface: the vertices of a solid, or of a graph.
+    fn is_nested(&self) -> bool {
+        nested::is_nested(&self.operator.operator)
+    }
+
     /// An estimate of the memory that the job needs, in bytes: mesh and operator, what the method takes, and the program.
     pub fn memory_bytes(&self, vertices: usize, faces: usize) -> u64 {
         let (n, f) = (vertices as u64, faces as u64);
@@ -199,15 +208,42 @@ impl EigenbasisParameters {
         mesh + operator + method + (64 << 20)
     }
 
+    /// Makes the operator of a mesh, or of the solid whose surface it is.
+    ///
+    /// # Errors
+    /// [`JobError`]: no solid where one is needed, an operator that cannot be made, cancellation.
+    pub fn assemble(
+        &self,
+        mesh: &TriangleMesh,
+        solid: Option<&TetMesh>,
+        monitor: &dyn Monitor,
+    ) -> Result<MeshOperator, JobError> {
+        if self.operator.operator != OperatorKind::Volume {
+            return Ok(operator::assemble(mesh, &self.operator, monitor)?);
+        }
+        let solid = solid.ok_or_else(nested::no_solid)?;
+        Ok(operator::volume::assemble(solid, self.operator.mass, self.operator.boundary, monitor)?)
+    }
+
     /// Computes the basis. Its metadata hold the report of the operator.
     ///
     /// # Errors
     /// [`JobError`]: parameters that do not fit the mesh, a numerical failure, or cancellation.
     pub fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+        self.basis(mesh, None, monitor)
+    }
+
+    fn basis(&self, mesh: &TriangleMesh, solid: Option<&TetMesh>, monitor: &dyn Monitor) -> Result<Basis, JobError> {
         if let (true, Method::Exact(exact)) = (self.is_hodge(), &self.method) {
             return hodge::run(exact, mesh, self.seed, monitor);
         }
-        let operator = operator::assemble(mesh, &self.operator, monitor)?;
+        if let (true, Method::Exact(exact)) = (self.is_nested(), &self.method) {
+            let operator = self.assemble(mesh, solid, monitor)?;
+            let mut basis = nested::run(exact, &operator, mesh, solid, self.seed, monitor)?;
+            basis.metadata = self.metadata(&operator, self.method_name().name(), solid);
+            return Ok(basis);
+        }
+        let operator = self.assemble(mesh, solid, monitor)?;
         let (mut basis, method) = match &self.method {
             Method::Auto(auto) => auto.run(mesh, &operator, self.seed, monitor)?,
             Method::Approximate(approximate) => {
@@ -215,9 +251,19 @@ impl EigenbasisParameters {
             }
             Method::Exact(exact) => (exact.run(mesh, &operator, self.seed, monitor)?, self.method_name().name()),
         };
-        basis.metadata =
-            serde_json::json!({"operator": operator.report, "method": method, "parameters": self.to_be_recorded()});
+        basis.metadata = self.metadata(&operator, method, solid);
         Ok(basis)
+    }
+
+    /// What a basis says about itself; that of a solid, whether it is of its inside or of its skin.
+    fn metadata(&self, operator: &MeshOperator, method: &str, solid: Option<&TetMesh>) -> Value {
+        let mut metadata =
+            serde_json::json!({"operator": operator.report, "method": method, "parameters": self.to_be_recorded()});
+        if solid.is_some() {
+            let inside = self.operator.operator == OperatorKind::Volume;
+            metadata["operator"]["domain"] = if inside { "solid" } else { "surface_of_solid" }.into();
+        }
+        metadata
     }
 }
 
@@ -227,6 +273,9 @@ impl Work for EigenbasisParameters {
     }
 
     fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
+        if self.is_nested() {
+            return self.check_mesh(nested::vertices(&self.operator.operator, mesh)?);
+        }
         let (count, most) = (self.most_pairs(), 2 * mesh.faces);
         if self.is_hodge() && count > most {
             let reason = format!("{count} eigenfields were requested, but {} faces have {most} numbers", mesh.faces);
@@ -236,11 +285,24 @@ impl Work for EigenbasisParameters {
     }
 
     fn memory_bytes(&self, mesh: MeshSize) -> u64 {
+        if let (true, Method::Exact(exact)) = (self.is_nested(), &self.method) {
+            let surface = 24 * mesh.vertices as u64 + 12 * mesh.faces as u64;
+            return surface + nested::memory_bytes(&self.operator.operator, exact, mesh) + (64 << 20);
+        }
         self.memory_bytes(mesh.vertices, mesh.faces)
     }
 
     fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {
         self.run(mesh, monitor).map(Product::from)
+    }
+
+    fn run_body(
+        &self,
+        mesh: &TriangleMesh,
+        solid: Option<&TetMesh>,
+        monitor: &dyn Monitor,
+    ) -> Result<Product, JobError> {
+        self.basis(mesh, solid, monitor).map(Product::from)
     }
 }
 

@@ -7,6 +7,7 @@ use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use serde::{Deserialize, Serialize};
 
+use super::nested::is_nested;
 use super::{Accuracy, Construction, Start, StorageKind};
 use crate::ParameterError;
 
@@ -166,7 +167,7 @@ impl Request {
         } else if any_of(HSIM)
             || any_of(EXACT)
             || self.precision.is_some()
-            || self.operator == Some(OperatorKind::Hodge)
+            || self.operator.as_ref().is_some_and(|own| *own == OperatorKind::Hodge || is_nested(own))
         {
             MethodName::Hsim
         } else if any_of(SIM) {

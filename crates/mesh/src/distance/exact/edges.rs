@@ -12,6 +12,8 @@ const FLAT: f64 = 1e-10;
 #[derive(Debug)]
 pub(super) struct Edges {
     faces: Vec<[u32; 3]>,
+    /// The unit of all lengths, a power of two near the longest edge.
+    unit: f64,
     lengths: Vec<f64>,
     /// The third corner over each half-edge: along it, and above.
     apexes: Vec<(f64, f64)>,
@@ -28,8 +30,10 @@ pub(super) struct Edges {
 impl Edges {
     pub fn new(mesh: &TriangleMesh) -> Self {
         let (n, faces) = (mesh.positions.len(), mesh.faces.clone());
+        let unit = unit(mesh);
+        let at = |v: u32| mesh.positions[v as usize].map(|x| x / unit);
         let distance = |a: u32, b: u32| {
-            let (p, q) = (mesh.positions[a as usize], mesh.positions[b as usize]);
+            let (p, q) = (at(a), at(b));
             (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt()
         };
         // The same whichever way an edge is followed.
@@ -40,7 +44,7 @@ impl Edges {
         let mut angles = vec![0.0; n];
         let mut turns = vec![false; n];
         for (face, own) in faces.iter().zip(lengths.as_chunks::<3>().0) {
-            let doubled = doubled_area(face.map(|v| mesh.positions[v as usize]));
+            let doubled = doubled_area(face.map(at));
             for i in 0..3 {
                 let (base, right, left) = (own[i], own[(i + 1) % 3], own[(i + 2) % 3]);
                 let along = if base > 0.0 { ((left - right) * (left + right) / base + base) / 2.0 } else { 0.0 };
@@ -62,11 +66,21 @@ impl Edges {
         }
         turns.iter_mut().zip(&angles).for_each(|(turns, &angle)| *turns |= angle > TAU + FLAT);
         let (opposite, offsets) = opposite(n, &faces);
-        Self { faces, lengths, apexes, beside, ranges, opposite, offsets, turns }
+        Self { faces, unit, lengths, apexes, beside, ranges, opposite, offsets, turns }
     }
 
     pub fn vertices(&self) -> usize {
         self.turns.len()
+    }
+
+    /// How many half-edges there are.
+    pub fn halves(&self) -> usize {
+        self.lengths.len()
+    }
+
+    /// The unit of all lengths.
+    pub fn unit(&self) -> f64 {
+        self.unit
     }
 
     pub fn origin(&self, half: u32) -> u32 {
@@ -111,6 +125,17 @@ impl Edges {
     pub fn turns(&self, vertex: u32) -> bool {
         self.turns[vertex as usize]
     }
+}
+
+/// A power of two near the longest edge; 1 where there is none to speak of.
+fn unit(mesh: &TriangleMesh) -> f64 {
+    let sides = mesh.faces.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let difference = |[a, b]: [u32; 2]| {
+        let (p, q) = (mesh.positions[a as usize], mesh.positions[b as usize]);
+        (0..3).map(|k| (p[k] - q[k]).abs()).fold(0.0, f64::max)
+    };
+    let longest = sides.map(difference).fold(0.0, f64::max);
+    if longest > 1e-300 && longest < 1e300 { longest.log2().round().exp2() } else { 1.0 }
 }
 
 fn doubled_area([p, q, r]: [[f64; 3]; 3]) -> f64 {

@@ -3,9 +3,14 @@
 //! A shortest path on a polyhedron is straight in the plane that the faces it crosses are unfolded into, and turns at vertices alone: those whose angles
 //! exceed 2π, and those on a boundary (Sharir and Schorr 1986; Mitchell, Mount and Papadimitriou 1987). So all shortest paths through an edge come in
 //! windows, intervals of the edge whose paths share the last vertex that they turned at. Windows are propagated in order of distance, as Xin and Wang
-//! (2009) do, each on its own: no window is cut against another one. What keeps their number small is that each is cut down to the part of its edge where
-//! it is shorter than the ways through the ends of the edge. As one moves away from an end the way through that end grows at least as fast as the
-//! window's, so that part is an interval, and nothing that is cut away can be part of a shortest path.
+//! (2009) do. What keeps their number small:
+//! - Each is cut down to the part of its edge where it is shorter than the ways through the ends of the edge. As one moves away from an end the way
+//!   through that end grows at least as fast as the window's, so that part is an interval, and nothing that is cut away can be part of a shortest path.
+//! - One that left a face by two of its sides is dropped where the way through the corner between them to its far end is as short: every path of the window
+//!   crosses that way (Xin and Wang's third condition).
+//! - Of all windows that enter a face by one edge, the one that reaches the opposite corner first owns it. The path of the owner to the corner bars the face:
+//!   what another window sends across it could as well follow the owner up to the crossing. So that window goes on beyond the owner's path only by places
+//!   of the edge that already lie beyond it (after "one angle, one split" of Chen and Han 1990, which needs an order of faces; this does not).
 //!
 //! Nothing is assumed of the mesh: an edge may have any number of faces, with any orientation, and faces may lack area.
 
@@ -84,8 +89,12 @@ impl ExactGeodesics {
     /// # Errors
     /// [`Cancelled`].
     pub fn from_nearest(&self, sources: &[u32], monitor: &dyn Monitor) -> Result<Vec<f64>, Cancelled> {
-        let mut front =
-            Front { edges: &self.edges, distances: vec![f64::INFINITY; self.vertices()], heap: BinaryHeap::new() };
+        let mut front = Front {
+            edges: &self.edges,
+            distances: vec![f64::INFINITY; self.vertices()],
+            owners: vec![(f64::INFINITY, 0.0); self.edges.halves()],
+            heap: BinaryHeap::new(),
+        };
         for &source in sources.iter().filter(|&&source| (source as usize) < self.vertices()) {
             front.reach(source, 0.0);
         }
@@ -102,7 +111,8 @@ impl ExactGeodesics {
                 What::Window(window) => front.propagate(window),
             }
         }
-        Ok(front.distances)
+        let unit = self.edges.unit();
+        Ok(front.distances.into_iter().map(|distance| unit * distance).collect())
     }
 }
 
@@ -110,6 +120,8 @@ impl ExactGeodesics {
 struct Front<'a> {
     edges: &'a Edges,
     distances: Vec<f64>,
+    /// For each half-edge the least distance at which a window through it reached the opposite corner, and where its path to there crosses the edge.
+    owners: Vec<(f64, f64)>,
     heap: BinaryHeap<Event>,
 }
 
@@ -133,7 +145,7 @@ impl Front<'_> {
                 let (along, behind) = edges.apex(opposite);
                 let length = edges.length(opposite);
                 let window = Window { edge: opposite, from: 0.0, to: length, along, behind, before: distance };
-                self.pass(&window, opposite, false);
+                self.pass(&window, opposite, false, None);
             }
         }
     }
@@ -142,26 +154,42 @@ impl Front<'_> {
     fn propagate(&mut self, window: Window) {
         let edges = self.edges;
         let Some(window) = self.useful(window) else { return };
-        let apex = edges.apex(window.edge);
-        if let Some(distance) = window.sees(apex, edges.length(window.edge)) {
+        let (apex, length) = (edges.apex(window.edge), edges.length(window.edge));
+        let (mut before, mut beyond) = (window, window);
+        if let Some((distance, place)) = window.sees(apex, length) {
             self.reach(edges.third(window.edge), distance);
+            let owner = &mut self.owners[window.edge as usize];
+            if distance < owner.0 {
+                *owner = (distance, place);
+            } else if place < owner.1 {
+                beyond.from = beyond.from.max(owner.1);
+            } else if place > owner.1 {
+                before.to = before.to.min(owner.1);
+            }
         }
         let [next, previous] = edges.sides(window.edge);
         // Both sides are measured from the ends of the edge: the second one in a mirror.
-        let length = edges.length(window.edge);
-        if let Some(child) = window.through(apex, edges.length(previous)) {
-            self.pass(&child, previous, true);
+        if let Some(child) = before.through(apex, edges.length(previous)) {
+            self.pass(&child, previous, true, Some(edges.end(window.edge)));
         }
-        let mirrored = window.mirrored(length);
+        let mirrored = beyond.mirrored(length);
         if let Some(child) = mirrored.through((length - apex.0, apex.1), edges.length(next)) {
-            self.pass(&child, next, false);
+            self.pass(&child, next, false, Some(edges.origin(window.edge)));
         }
     }
 
     /// A window that leaves a face by one of its edges, for each face on the other side. Its places are measured from the origin of that edge, or from
-    /// its end if `from_end`.
-    fn pass(&mut self, window: &Window, edge: u32, from_end: bool) {
+    /// its end if `from_end`; `passed` is the corner opposite to the edge where it came in by another side.
+    fn pass(&mut self, window: &Window, edge: u32, from_end: bool, passed: Option<u32>) {
         let edges = self.edges;
+        if let Some(corner) = passed {
+            // The near end of the window is the far one from the corner.
+            let (along, above) = edges.apex(edge);
+            let along = if from_end { edges.length(edge) - along } else { along };
+            if window.is_beaten_by(self.distances[corner as usize], (along, above)) {
+                return;
+            }
+        }
         let begin = if from_end { edges.end(edge) } else { edges.origin(edge) };
         for &other in edges.beside(edge).iter().filter(|&&other| other != edge) {
             let there = if edges.origin(other) == begin { *window } else { window.mirrored(edges.length(edge)) };

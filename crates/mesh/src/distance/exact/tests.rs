@@ -333,3 +333,28 @@ fn faces_without_area_equal_positions_and_units_do_no_harm() {
         assert!(found.iter().zip(&expected).all(|(a, b)| (a / scale - b).abs() < 1e-9), "{scale}");
     }
 }
+
+/// `CHLADNI_CASE` names a mesh, bunny.obj where it is not set.
+#[test]
+#[ignore = "measures; run it alone: cargo test --release -p chladni-mesh --lib -- --ignored --nocapture seconds_of_exact"]
+fn seconds_of_exact_distances() {
+    use crate::read::{MeshFormat, ReadLimits, read};
+    let Some(folder) = std::env::var_os("CHLADNI_MESHES").map(std::path::PathBuf::from) else { return };
+    let name = std::env::var("CHLADNI_CASE").unwrap_or_else(|_| "bunny.obj".to_owned());
+    let path = folder.join(&name);
+    let format = MeshFormat::from_extension(path.extension().unwrap().to_str().unwrap()).unwrap();
+    let raw = read(&std::fs::read(path).unwrap(), format, &ReadLimits::default()).unwrap();
+    let mesh = crate::check::check(raw, &Default::default()).unwrap().mesh;
+    let begin = std::time::Instant::now();
+    let prepared = ExactGeodesics::new(&mesh);
+    let ready = begin.elapsed().as_secs_f64();
+    for source in [0, mesh.positions.len() as u32 / 2] {
+        let begin = std::time::Instant::now();
+        let found = prepared.from_nearest(&[source], &Unwatched).unwrap();
+        let (sum, most) = (found.iter().sum::<f64>(), found.iter().fold(0.0, |most: f64, x| most.max(*x)));
+        println!(
+            "{name} from {source}: prepared in {ready:.3} s, {:.3} s, sum {sum:.15e}, most {most:.15e}",
+            begin.elapsed().as_secs_f64()
+        );
+    }
+}

@@ -3,6 +3,11 @@
 /// Vertices that lie so near beside a window are seen, in multiples of the edge.
 const SLACK: f64 = 1e-10;
 
+/// Lengths are near 1, so squares neither overflow nor vanish; `hypot`, which provides for that, takes several times as long.
+fn hypotenuse(a: f64, b: f64) -> f64 {
+    (a * a + b * b).sqrt()
+}
+
 /// An interval of an edge that straight paths come through from one point below it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Window {
@@ -28,7 +33,7 @@ impl Window {
 
     /// The distance of a place on the edge.
     fn at(&self, place: f64) -> f64 {
-        self.before + (place - self.along).hypot(self.behind)
+        self.before + hypotenuse(place - self.along, self.behind)
     }
 
     /// The least distance in the window.
@@ -57,13 +62,19 @@ impl Window {
         (self.from < self.to).then_some(self)
     }
 
-    /// The distance of the third corner of the face, if it is seen through the window. `length` is that of the edge.
-    pub fn sees(&self, (along, above): (f64, f64), length: f64) -> Option<f64> {
+    /// Whether all of it is as far as the way through the corner of the face that it left, which lies on the side of its end. `distance` is that of the corner,
+    /// which has its place along the edge and behind it.
+    pub fn is_beaten_by(&self, distance: f64, (along, behind): (f64, f64)) -> bool {
+        distance + hypotenuse(self.from - along, behind) <= self.at(self.from)
+    }
+
+    /// The distance of the third corner of the face, if it is seen through the window, and through which place. `length` is that of the edge.
+    pub fn sees(&self, (along, above): (f64, f64), length: f64) -> Option<(f64, f64)> {
         let height = self.behind + above;
         let place = if height > 0.0 { self.along + (along - self.along) * self.behind / height } else { along };
         let slack = SLACK * length;
         let seen = place >= self.from - slack && place <= self.to + slack;
-        seen.then(|| self.before + (along - self.along).hypot(height))
+        seen.then(|| (self.before + hypotenuse(along - self.along, height), place))
     }
 
     /// What leaves the face by the side between the begin of the edge and the third corner, in the plane of that side and measured from the begin of the
