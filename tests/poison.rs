@@ -3,9 +3,15 @@
 
 mod process;
 
-use std::time::{Duration, Instant};
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicUsize, Ordering},
+    },
+    time::{Duration, Instant},
+};
 
-use process::{PATIENCE, Server, chladni};
+use process::{PATIENCE, Server, chladni, fan};
 use serde_json::{Value, json};
 
 /// What a priority asks a poisonous server for.
@@ -111,6 +117,42 @@ async fn work_that_does_not_stop_is_killed_within_a_second() {
     }
     let good = submit(&server, &mesh, 0, 9).await;
     assert_eq!(server.finished(&good).await["status"], "succeeded");
+    server.stop();
+}
+
+/// On threads nothing can be killed, so each kind of job has to look for itself whether it is still wanted.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn jobs_around_a_vertex_of_very_many_triangles_stop_by_themselves() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(folder.path(), &["--jobs-in", "threads", "--gpu", "off", "--max-attempts", "1"]);
+    let (wide, narrow) = (server.upload_off(fan(60_000)).await, server.upload_off(fan(1_000)).await);
+    for (kind, mesh, parameters, expected) in [
+        ("eigenbasis", &wide, json!({"method": "approximate", "count": 200}), "canceled"),
+        ("eigenbasis", &wide, json!({"method": "hsim", "count": 100}), "canceled"),
+        ("operator_family", &wide, json!({"dimension": 200}), "canceled"),
+        ("vibration_basis", &wide, json!({"count": 40, "thickness": 0.01}), "canceled"),
+        ("field_basis", &narrow, json!({"dimension": 400}), "canceled"),
+        // What does not fit is told at once.
+        ("field_basis", &wide, json!({}), "failed"),
+    ] {
+        let request = json!({"kind": kind, "mesh": mesh, "parameters": parameters});
+        let answer = server.client.post(format!("{}/v1/jobs", server.url)).json(&request).send().await.unwrap();
+        let job = answer.json::<Value>().await.unwrap()["id"].as_str().unwrap().to_owned();
+        let begun = Instant::now();
+        while server.job_now(&job).await["status"] == "enqueued" {
+            assert!(begun.elapsed() < PATIENCE);
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+        if expected == "failed" {
+            let job = server.finished(&job).await;
+            assert_eq!(problem(&job).0, "memory-exceeded", "{job}");
+            continue;
+        }
+        tokio::time::sleep(Duration::from_millis(100)).await;
+        let took = cancel(&server, &job).await;
+        // A second on a machine of its own; a share of that where many tests run beside it.
+        assert!(took < Duration::from_secs(5), "{kind} {parameters}: {took:?}");
+    }
     server.stop();
 }
 
@@ -244,4 +286,141 @@ async fn check(server: &Server, (job, kind): (String, i32)) {
     assert_eq!(job["status"], expected, "{job}");
     let found = problem(&job).0;
     assert!(kind == 0 || found == if kind == MEMORY { "memory-exceeded" } else { "quarantined" }, "{job}");
+}
+
+/// `cargo test --release --test poison -- --ignored --nocapture cancels`, with `STORM` jobs, 10,000 unless told otherwise: work around a hub of 20,000
+/// triangles is cancelled at random moments of its first 200 milliseconds, for five minutes at most.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "takes minutes: the figures of docs/reliability.md"]
+async fn storm_of_cancels() {
+    let jobs: usize = std::env::var("STORM").map_or(10_000, |text| text.parse().unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(folder.path(), &["--gpu", "off", "--workers", "2"]);
+    let mesh = server.upload_off(fan(20_000)).await;
+    let mut random = chladni_base::SplitMix64::new(31);
+    let (begun, mut took, mut ended) = (Instant::now(), Vec::new(), 0);
+    while took.len() < jobs && begun.elapsed() < Duration::from_secs(300) {
+        let method = ["approximate", "hsim"][random.below(2)];
+        let parameters = json!({"method": method, "count": 100, "seed": took.len()});
+        let job = server.submit_with(&mesh, parameters).await.unwrap();
+        while server.job_now(&job).await["status"] == "enqueued" {
+            tokio::time::sleep(Duration::from_millis(2)).await;
+        }
+        tokio::time::sleep(Duration::from_millis(random.below(200) as u64)).await;
+        let asked = Instant::now();
+        server.client.post(format!("{}/v1/jobs/{job}/cancel", server.url)).send().await.unwrap();
+        match server.finished(&job).await["status"].as_str() {
+            Some("canceled") => took.push(asked.elapsed()),
+            _ => ended += 1,
+        }
+    }
+    took.sort_unstable();
+    let at = |share: f64| took[((took.len() - 1) as f64 * share) as usize].as_secs_f64();
+    println!(
+        "{} cancelled in {:.0} s, {ended} had ended; after {:.3} s in the middle, {:.3} of a hundredth, {:.3} at most",
+        took.len(),
+        begun.elapsed().as_secs_f64(),
+        at(0.5),
+        at(0.99),
+        at(1.0)
+    );
+    server.stop();
+}
+
+/// Milliseconds that synchronous solves of one client take, one after the other for so long, in ascending order; and how many were refused.
+async fn solves(url: &str, client: &reqwest::Client, time: Duration) -> (Vec<f64>, usize) {
+    let (mut took, mut refused, since) = (Vec::new(), 0, Instant::now());
+    while since.elapsed() < time {
+        let begun = Instant::now();
+        let body = json!({"functions": "coordinates", "transfer": {"kind": "curve", "points": [[0.0, 1.0]]}});
+        let answer = client.post(url).json(&body).send().await.unwrap();
+        let (status, text) = (answer.status(), answer.bytes().await.unwrap());
+        match status.as_u16() {
+            200 => took.push(1e3 * begun.elapsed().as_secs_f64()),
+            503 | 429 => refused += 1,
+            _ => panic!("{status}: {}", String::from_utf8_lossy(&text)),
+        }
+    }
+    took.sort_by(f64::total_cmp);
+    (took, refused)
+}
+
+/// `cargo test --release --test poison -- --ignored --nocapture flood`: synchronous solves of one client while another sends ten times what the server
+/// can do. On loopback, where each address counts as a client.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "takes half a minute and the whole machine: the figures of docs/reliability.md"]
+async fn flood() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(folder.path(), &["--gpu", "off"]);
+    let mesh = server.upload().await;
+    let job = server.submit(&mesh, 100).await.unwrap();
+    let basis = server.finished(&job).await["basis"].as_str().unwrap().to_owned();
+    let url = format!("{}/v1/bases/{basis}/filter", server.url);
+    let of =
+        |address: [u8; 4]| reqwest::Client::builder().local_address(std::net::IpAddr::from(address)).build().unwrap();
+    let good = of([127, 0, 0, 2]);
+    let time = Duration::from_secs(5);
+    let (idle, _) = solves(&url, &good, time).await;
+    // What the server can do, by as many at once as it takes.
+    let begun = Instant::now();
+    let all: Vec<_> = (0..8)
+        .map(|_| {
+            let (url, client) = (url.clone(), of([127, 0, 0, 3]));
+            tokio::spawn(async move { solves(&url, &client, time).await })
+        })
+        .collect();
+    let mut done = 0;
+    for one in all {
+        done += one.await.unwrap().0.len();
+    }
+    let capacity = done as f64 / begun.elapsed().as_secs_f64();
+    let stop = Arc::new(AtomicBool::new(false));
+    let sent = Arc::new(AtomicUsize::new(0));
+    // On threads of its own, so that the one client is not kept waiting by its neighbour in this process; what has not been answered is bounded.
+    let flood = std::thread::spawn({
+        let (url, stop, sent) = (url.clone(), Arc::clone(&stop), Arc::clone(&sent));
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        move || {
+            runtime.block_on(async {
+                let client =
+                    reqwest::Client::builder().local_address(std::net::IpAddr::from([127, 0, 0, 4])).build().unwrap();
+                let (begun, open) = (Instant::now(), Arc::new(tokio::sync::Semaphore::new(1000)));
+                while !stop.load(Ordering::Relaxed) {
+                    let due = (10.0 * capacity * begun.elapsed().as_secs_f64()) as usize;
+                    if sent.load(Ordering::Relaxed) >= due {
+                        tokio::time::sleep(Duration::from_millis(1)).await;
+                        continue;
+                    }
+                    let (url, client, place) =
+                        (url.clone(), client.clone(), Arc::clone(&open).acquire_owned().await.unwrap());
+                    sent.fetch_add(1, Ordering::Relaxed);
+                    tokio::spawn(async move {
+                        let _place = place;
+                        let body =
+                            json!({"functions": "coordinates", "transfer": {"kind": "curve", "points": [[0.0, 1.0]]}});
+                        if let Ok(answer) = client.post(url).json(&body).send().await {
+                            let _ = answer.bytes().await;
+                        }
+                    });
+                }
+            });
+        }
+    });
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let begun = Instant::now();
+    let (flooded, refused) = solves(&url, &good, 2 * time).await;
+    let seconds = begun.elapsed().as_secs_f64();
+    stop.store(true, Ordering::Relaxed);
+    flood.join().unwrap();
+    let at = |took: &[f64], share: f64| took[((took.len() - 1) as f64 * share) as usize];
+    println!(
+        "idle: {:.2} ms in the middle, p99 {:.2}; the server does {capacity:.0} a second; beside {} requests, {:.1} times that in {seconds:.0} s: {:.2} ms, p99 {:.2}, {refused} refused",
+        at(&idle, 0.5),
+        at(&idle, 0.99),
+        sent.load(Ordering::Relaxed),
+        sent.load(Ordering::Relaxed) as f64 / (seconds + 1.0) / capacity,
+        at(&flooded, 0.5),
+        at(&flooded, 0.99),
+    );
+    server.stop();
 }

@@ -45,7 +45,13 @@ pub fn products(bytes: &[u8]) {
 /// Reads the parameters of jobs of every kind: what is accepted has a canonical form that means the same.
 pub fn parameters(bytes: &[u8]) {
     let Ok(value) = serde_json::from_slice(bytes) else { return };
+    let packed = serde_json::from_slice::<chladni_work::packed::Packed>(bytes);
     for kind in KINDS {
+        // As a server reads them: it accepts what the tree is accepted for, unless it holds too much that is no list of numbers.
+        if let Ok(packed) = &packed {
+            let read = JobParameters::read(kind, packed).ok();
+            assert_eq!(read, JobParameters::parse(kind, &value).ok());
+        }
         match JobParameters::parse(kind, &value) {
             Ok(parameters) => {
                 let canonical = parameters.canonical();

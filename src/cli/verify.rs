@@ -5,6 +5,7 @@ use chladni_spectral::basis::Basis;
 use chladni_spectral::formats::npz;
 use chladni_spectral::verify::{Verification, verify as judge};
 use chladni_work::numbered::translate_parameters;
+use chladni_work::packed::Packed;
 use chladni_work::{EigenbasisParameters, MeshSize};
 
 use super::{CliError, MeshInput, StageBars, Table, grouped, number, seconds};
@@ -97,9 +98,9 @@ pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
     let (mesh, file) = (checked.mesh, Translation::of_file(Arc::new(checked.numbering), Extension::None));
     if arguments.operator.is_some() {
         // A potential that is given here is given as the file numbers its vertices.
-        let mut own = parameters.canonical();
+        let mut own = Packed::from(&parameters.canonical());
         translate_parameters(&mut own, &file, MeshSize::from(&mesh))?;
-        parameters = EigenbasisParameters::parse(&own)?;
+        parameters = EigenbasisParameters::read(&own)?;
     }
     let outcome = pool.install(|| {
         let operator = parameters.assemble(&mesh, solid.as_ref(), &bars)?;

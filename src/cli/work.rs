@@ -12,6 +12,7 @@ use chladni_mesh::numbering::Numbering;
 use chladni_spectral::basis::Product;
 use chladni_spectral::formats::FormatError;
 use chladni_work::numbered::translate_parameters;
+use chladni_work::packed::Packed;
 use chladni_work::{JobParameters, MeshSize, SOLVER_VERSION, abbreviate};
 use serde_json::{Map, Value, json};
 
@@ -129,9 +130,9 @@ impl WorkArguments {
             (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
         }
         let to = self.numbered.translation(Arc::clone(&numbering));
-        let mut parameters = job.canonical();
+        let mut parameters = Packed::from(&job.canonical());
         translate_parameters(&mut parameters, &to, size)?;
-        let job = &JobParameters::parse(job.kind(), &parameters)?;
+        let job = &JobParameters::read(job.kind(), &parameters)?;
         job.check_mesh(size)?;
         let memory_estimate = job.memory_bytes(size);
         if let Some(free) = memory::available().filter(|free| memory_estimate > *free && !self.ignore_memory) {

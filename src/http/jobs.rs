@@ -7,6 +7,7 @@ use axum::body::Body;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use chladni_work::numbered::translate_parameters;
+use chladni_work::packed::Packed;
 use chladni_work::{JobParameters, MeshSize, SOLVER_VERSION};
 use headers::HeaderMapExt;
 use serde::Deserialize;
@@ -29,7 +30,7 @@ use crate::store::{EnqueueOutcome, IdempotencyKey, JobFilter, JobRecord, JobStat
 /// The largest body of a job: a potential comes with it.
 const JSON_BYTES: u64 = 16 << 20;
 
-/// The memory that a number of such a body takes: as a JSON value of the parameters, as a parameter, and as what is stored.
+/// The memory that a number of such a body takes: as packed JSON, as a parameter, and as what is stored.
 const BYTES_PER_NUMBER: u64 = 128;
 
 /// The longest a long poll waits.
@@ -94,7 +95,7 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
     let found = state.store.mesh(&request.mesh).await;
     if found.is_err() {
         // What can be told without a mesh is told first.
-        JobParameters::parse(&request.kind, &request.parameters)?;
+        JobParameters::read(&request.kind, &request.parameters)?;
     }
     let mesh = found.map_err(|error| match error {
         StoreError::NotFound { .. } => Problem::new(
@@ -112,7 +113,8 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
     };
     let to = numbered.on_mesh(&state, &mesh.id).await?;
     translate_parameters(&mut request.parameters, &to, size)?;
-    let parameters = JobParameters::parse(&request.kind, &request.parameters)?;
+    let parameters = JobParameters::read(&request.kind, &request.parameters)?;
+    request.parameters = Packed::Null;
     parameters.check_mesh(size)?;
     let (estimate, limit) = (parameters.memory_bytes(size), state.config.limits.max_job_bytes);
     if estimate > limit {
@@ -124,20 +126,16 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
         .with("limit", limit));
     }
     let canonical = parameters.canonical();
-    let mut brief = canonical.clone();
-    chladni_work::abbreviate(&mut brief);
-    let idempotency = key.map(|key| {
-        let asked = serde_json::json!([request.kind, mesh.id, canonical, request.priority]).to_string();
-        IdempotencyKey {
-            key: format!("{}:{key}", state.principal),
-            request_hash: blake3::hash(asked.as_bytes()).to_hex().to_string(),
-        }
+    let brief = chladni_work::abbreviated(&canonical);
+    let idempotency = key.map(|key| IdempotencyKey {
+        key: format!("{}:{key}", state.principal),
+        request_hash: chladni_work::hash_of(&(&request.kind, &mesh.id, &canonical, request.priority)),
     });
     let enqueued = state
         .store
         .enqueue(NewJob {
             kind: parameters.kind().to_owned(),
-            work_key: parameters.work_key(&mesh.id),
+            work_key: parameters.work_key_of(&mesh.id, &canonical),
             mesh: mesh.id,
             brief: (brief != canonical).then_some(brief),
             parameters: canonical,

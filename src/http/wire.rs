@@ -4,6 +4,7 @@
 
 use chladni_spectral::basis::ProductKind;
 use chladni_work::abbreviate;
+use chladni_work::packed::Packed;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
@@ -133,7 +134,7 @@ pub struct JobRequest {
     /// `tolerance`, or `approximate` with `dimension`, `local_coordinates` and `inverse_iterations`), `seed`.
     #[serde(default)]
     #[schema(value_type = Object)]
-    pub parameters: Value,
+    pub parameters: Packed,
     /// Higher runs first.
     #[serde(default)]
     #[schema(minimum = -100, maximum = 100)]

@@ -47,7 +47,11 @@ impl Server {
     }
 
     pub async fn upload(&self) -> String {
-        let answer = self.client.post(format!("{}/v1/meshes?format=off", self.url)).body(torus()).send().await.unwrap();
+        self.upload_off(torus()).await
+    }
+
+    pub async fn upload_off(&self, text: String) -> String {
+        let answer = self.client.post(format!("{}/v1/meshes?format=off", self.url)).body(text).send().await.unwrap();
         assert!(answer.status().is_success(), "{}", answer.text().await.unwrap());
         answer.json::<Value>().await.unwrap()["id"].as_str().unwrap().to_owned()
     }
@@ -140,6 +144,19 @@ pub fn torus() -> String {
             let (a, b, c, d) = (vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1));
             writeln!(text, "3 {a} {b} {c}\n3 {a} {c} {d}").unwrap();
         }
+    }
+    text
+}
+
+/// A vertex with so many triangles around it, closed to a cone, as OFF.
+pub fn fan(valence: usize) -> String {
+    let mut text = format!("OFF\n{} {valence} 0\n0 0 0.1\n", valence + 1);
+    for k in 0..valence {
+        let angle = std::f64::consts::TAU * k as f64 / valence as f64;
+        writeln!(text, "{} {} 0", angle.cos(), angle.sin()).unwrap();
+    }
+    for k in 0..valence {
+        writeln!(text, "3 0 {} {}", 1 + k, 1 + (k + 1) % valence).unwrap();
     }
     text
 }

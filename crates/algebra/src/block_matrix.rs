@@ -1,5 +1,8 @@
 //! Sparse matrices of small square blocks: what acts on a few numbers per face.
 
+use std::collections::HashMap;
+use std::convert::Infallible;
+
 use rayon::prelude::*;
 
 use super::SparseMatrix;
@@ -79,9 +82,59 @@ pub fn inverse_positive<const B: usize>(a: &Block<B>) -> Block<B> {
     right
 }
 
+/// Rows of so many blocks are searched from their beginning.
+const SHORT_ROW: usize = 48;
+
+/// Where the blocks of a row under construction are, by column: in constant time, however long the row is.
+#[derive(Debug, Default)]
+pub struct BlockPlaces(HashMap<u32, u32>);
+
+impl BlockPlaces {
+    /// The block of a column in `entries`, which are those of one row all the time; a block of zeros is appended where there is none.
+    #[inline]
+    pub fn block<'e, const B: usize>(
+        &mut self,
+        entries: &'e mut Vec<(u32, Block<B>)>,
+        column: u32,
+    ) -> &'e mut Block<B> {
+        let found = if entries.len() <= SHORT_ROW {
+            entries.iter().position(|entry| entry.0 == column)
+        } else {
+            for at in self.0.len()..entries.len() {
+                self.0.insert(entries[at].0, at as u32);
+            }
+            self.0.get(&column).map(|&at| at as usize)
+        };
+        let at = found.unwrap_or_else(|| {
+            entries.push((column, [[0.0; B]; B]));
+            entries.len() - 1
+        });
+        &mut entries[at].1
+    }
+}
+
 impl<const B: usize> BlockMatrix<B> {
     /// A matrix from the rows that `row` gives as `(column, block)`; they are sorted here. A column may come once in a row.
     pub fn from_rows(rows: usize, columns: usize, row: impl Fn(usize, &mut Vec<(u32, Block<B>)>) + Sync) -> Self {
+        let made = Self::try_from_rows(rows, columns, |r, entries| {
+            row(r, entries);
+            Ok::<_, Infallible>(())
+        });
+        match made {
+            Ok(matrix) => matrix,
+            Err(never) => match never {},
+        }
+    }
+
+    /// The same from rows that may fail, or look whether they are still wanted.
+    ///
+    /// # Errors
+    /// One of those of `row`; rows after it may have been asked for in other tasks.
+    pub fn try_from_rows<E: Send>(
+        rows: usize,
+        columns: usize,
+        row: impl Fn(usize, &mut Vec<(u32, Block<B>)>) -> Result<(), E> + Sync,
+    ) -> Result<Self, E> {
         struct Part<const B: usize> {
             lengths: Vec<u32>,
             indices: Vec<u32>,
@@ -96,15 +149,15 @@ impl<const B: usize> BlockMatrix<B> {
                 let mut entries = Vec::new();
                 for r in range {
                     entries.clear();
-                    row(r, &mut entries);
+                    row(r, &mut entries)?;
                     entries.sort_unstable_by_key(|e| e.0);
                     part.lengths.push(entries.len() as u32);
                     part.indices.extend(entries.iter().map(|e| e.0));
                     part.blocks.extend(entries.iter().map(|e| e.1));
                 }
-                part
+                Ok(part)
             })
-            .collect();
+            .collect::<Result<_, E>>()?;
         let mut offsets = Vec::with_capacity(rows + 1);
         offsets.push(0);
         let entries = parts.iter().map(|p| p.indices.len()).sum();
@@ -116,7 +169,7 @@ impl<const B: usize> BlockMatrix<B> {
             indices.extend(part.indices);
             blocks.extend(part.blocks);
         }
-        Self { rows, columns, offsets, indices, blocks }
+        Ok(Self { rows, columns, offsets, indices, blocks })
     }
 
     /// The number of rows of blocks.
@@ -219,25 +272,33 @@ impl<const B: usize> BlockMatrix<B> {
 
     /// `A C`, in parallel; `None` unless the sizes fit.
     pub fn times(&self, other: &Self) -> Option<Self> {
+        match self.try_times(other, || Ok::<_, Infallible>(()))? {
+            Ok(product) => Some(product),
+            Err(never) => match never {},
+        }
+    }
+
+    /// The same with a look before each row, and now and then within a long one, at whether the product is still wanted.
+    ///
+    /// # Errors
+    /// That of `look`.
+    pub fn try_times<E: Send>(&self, other: &Self, look: impl Fn() -> Result<(), E> + Sync) -> Option<Result<Self, E>> {
         if self.columns != other.rows {
             return None;
         }
-        let product = Self::from_rows(self.rows, other.columns, |r, entries| {
+        let product = Self::try_from_rows(self.rows, other.columns, |r, entries| {
             let (columns, blocks) = self.row(r);
-            for (&k, a) in columns.iter().zip(blocks) {
-                let (inner, others) = other.row(k as usize);
+            let mut places = BlockPlaces::default();
+            for (k, (&column, a)) in columns.iter().zip(blocks).enumerate() {
+                if k % 64 == 0 {
+                    look()?;
+                }
+                let (inner, others) = other.row(column as usize);
                 for (&c, b) in inner.iter().zip(others) {
-                    // Rows are short: a few dozen blocks.
-                    match entries.iter_mut().find(|e| e.0 == c) {
-                        Some(entry) => add_product(&mut entry.1, a, b),
-                        None => {
-                            let mut block = [[0.0; B]; B];
-                            add_product(&mut block, a, b);
-                            entries.push((c, block));
-                        }
-                    }
+                    add_product(places.block(entries, c), a, b);
                 }
             }
+            Ok(())
         });
         Some(product)
     }
@@ -295,6 +356,35 @@ mod tests {
         assert!(direct.iter().zip(&twice).all(|(p, q)| (p - q).abs() < 1e-12));
         assert_eq!(a.transpose().to_sparse(), a.to_sparse().transpose());
         assert!(a.multiply(&x).is_none() && b.times(&a).is_none());
+    }
+
+    #[test]
+    fn long_rows_are_those_of_short_ones() {
+        // A row of 300 blocks, each of which meets 40 of 200 columns.
+        let wide = BlockMatrix::<2>::from_rows(1, 300, |_, entries| {
+            entries.extend((0..300u32).map(|c| (c, [[f64::from(c % 7), 1.0], [0.5, f64::from(c % 5)]])));
+        });
+        let tall = BlockMatrix::<2>::from_rows(300, 200, |r, entries| {
+            entries.extend((0..40u32).map(|k| ((r as u32 * 13 + 7 * k) % 200, [[f64::from(k), 2.0], [1.0, 0.25]])));
+        });
+        let x: Vec<f64> = (0..400).map(|i| f64::from(i % 17) - 8.0).collect();
+        let product = wide.times(&tall).unwrap();
+        assert_eq!(product.entries(), 200);
+        // All numbers are multiples of a power of two, and small.
+        assert_eq!(product.multiply(&x), wide.multiply(&tall.multiply(&x).unwrap()));
+    }
+
+    #[test]
+    fn rows_that_are_not_wanted_any_more_end_the_matrix() {
+        let (a, b) = (scattered(40, 25, 1), scattered(25, 31, 2));
+        let looks = std::sync::atomic::AtomicUsize::new(0);
+        let look = || match looks.fetch_add(1, std::sync::atomic::Ordering::Relaxed) {
+            17 => Err("not wanted"),
+            _ => Ok(()),
+        };
+        assert_eq!(a.try_times(&b, look), Some(Err("not wanted")));
+        assert_eq!(looks.into_inner(), 18);
+        assert_eq!(a.try_times(&b, || Ok::<_, ()>(())), a.times(&b).map(Ok));
     }
 
     #[test]

@@ -30,7 +30,7 @@ mod sparse;
 mod symmetric;
 mod tridiagonal;
 
-pub use block_matrix::{Block, BlockMatrix, add_product, inverse_positive, transposed};
+pub use block_matrix::{Block, BlockMatrix, BlockPlaces, add_product, inverse_positive, transposed};
 pub use blocks::compact_order;
 pub use cycle_products::{symmetric_product, weighted_gram};
 pub use definite::{DefiniteError, DefiniteFactor, orthonormalise, solve_definite};

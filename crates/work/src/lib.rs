@@ -13,6 +13,7 @@ mod eigenbasis;
 mod field_basis;
 pub mod numbered;
 mod operator_family;
+pub mod packed;
 mod provenance;
 pub mod simulate;
 pub mod table;
@@ -25,6 +26,8 @@ use chladni_spectral::operator::OperatorError;
 use chladni_spectral::spectrum::ApproximationError;
 use chladni_spectral::spectrum::hsim::HsimError;
 use chladni_spectral::spectrum::vibration::VibrationError;
+
+use packed::Packed;
 
 pub use eigenbasis::{
     Accuracy, Approximate, Construction, EigenbasisParameters, Exact, HsimVariant, Method, MethodName, Start,
@@ -226,11 +229,19 @@ impl JobParameters {
     /// # Errors
     /// [`ParameterError`] names the kind or the parameter that does not fit.
     pub fn parse(kind: &str, parameters: &serde_json::Value) -> Result<Self, ParameterError> {
+        Self::read(kind, &Packed::from(parameters))
+    }
+
+    /// The same from packed JSON.
+    ///
+    /// # Errors
+    /// As for [`parse`](Self::parse).
+    pub fn read(kind: &str, parameters: &Packed) -> Result<Self, ParameterError> {
         match kind {
-            "eigenbasis" => EigenbasisParameters::parse(parameters).map(Self::Eigenbasis),
-            "field_basis" => FieldBasisParameters::parse(parameters).map(Self::FieldBasis),
-            "operator_family" => OperatorFamilyParameters::parse(parameters).map(Self::OperatorFamily),
-            "vibration_basis" => VibrationBasisParameters::parse(parameters).map(Self::VibrationBasis),
+            "eigenbasis" => EigenbasisParameters::read(parameters).map(Self::Eigenbasis),
+            "field_basis" => FieldBasisParameters::read(parameters).map(Self::FieldBasis),
+            "operator_family" => OperatorFamilyParameters::read(parameters).map(Self::OperatorFamily),
+            "vibration_basis" => VibrationBasisParameters::read(parameters).map(Self::VibrationBasis),
             other => Err(ParameterError::UnknownKind { kind: other.chars().take(64).collect() }),
         }
     }
@@ -261,8 +272,12 @@ impl JobParameters {
 
     /// The key of equal work, 64 hexadecimal digits: a hash of mesh, kind, canonical parameters and solver version.
     pub fn work_key(&self, mesh: &str) -> String {
-        let text = serde_json::json!([mesh, self.kind(), self.canonical(), SOLVER_VERSION]).to_string();
-        blake3::hash(text.as_bytes()).to_hex().to_string()
+        self.work_key_of(mesh, &self.canonical())
+    }
+
+    /// The same where the canonical parameters are at hand.
+    pub fn work_key_of(&self, mesh: &str, canonical: &serde_json::Value) -> String {
+        hash_of(&(mesh, self.kind(), canonical, SOLVER_VERSION))
     }
 
     /// Checks the parameters against the size of a mesh.
@@ -327,18 +342,34 @@ impl JobParameters {
 }
 
 /// Reads parameters; `null` stands for all defaults.
-fn read_parameters<T: serde::de::DeserializeOwned>(
-    kind: &'static str,
-    value: &serde_json::Value,
-) -> Result<T, ParameterError> {
+fn read_parameters<T: serde::de::DeserializeOwned>(kind: &'static str, value: &Packed) -> Result<T, ParameterError> {
     let form = |reason| ParameterError::Form { kind, reason };
-    let empty = serde_json::Value::Object(serde_json::Map::new());
+    let empty = Packed::Object(std::collections::BTreeMap::new());
     let value = match value {
-        serde_json::Value::Null => &empty,
-        serde_json::Value::Object(_) => value,
+        Packed::Null => &empty,
+        Packed::Object(_) => value,
         _ => return Err(form("expected a JSON object".to_owned())),
     };
     serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string()))
+}
+
+/// The BLAKE3 hash of something as JSON, 64 hexadecimal digits; the text is not kept.
+pub fn hash_of(something: &impl serde::Serialize) -> String {
+    let mut hasher = blake3::Hasher::new();
+    // A hasher takes whatever is written to it, and numbers, strings and lists can be written.
+    let _ = serde_json::to_writer(std::io::BufWriter::new(&mut hasher), something);
+    hasher.finalize().to_hex().to_string()
+}
+
+/// The same as [`abbreviate`], beside the parameters in full.
+pub fn abbreviated(parameters: &serde_json::Value) -> serde_json::Value {
+    match parameters {
+        serde_json::Value::Object(members) => {
+            members.iter().map(|(name, value)| (name.clone(), abbreviated(value))).collect()
+        }
+        serde_json::Value::Array(values) if values.len() > LONGEST_LIST => told(values),
+        other => other.clone(),
+    }
 }
 
 /// Values that are listed in full; longer lists are told by their number and their hash.
@@ -348,21 +379,39 @@ const LONGEST_LIST: usize = 16;
 pub fn abbreviate(parameters: &mut serde_json::Value) {
     match parameters {
         serde_json::Value::Object(members) => members.values_mut().for_each(abbreviate),
-        serde_json::Value::Array(values) if values.len() > LONGEST_LIST => {
-            let mut hasher = blake3::Hasher::new();
-            values.iter().filter_map(serde_json::Value::as_f64).for_each(|x| {
-                hasher.update(&x.to_le_bytes());
-            });
-            *parameters = serde_json::json!({"numbers": values.len(), "blake3": hasher.finalize().to_hex().as_str()});
-        }
+        serde_json::Value::Array(values) if values.len() > LONGEST_LIST => *parameters = told(values),
         _ => {}
     }
+}
+
+/// The number of values in a long list, and their hash.
+fn told(values: &[serde_json::Value]) -> serde_json::Value {
+    let mut hasher = blake3::Hasher::new();
+    values.iter().filter_map(serde_json::Value::as_f64).for_each(|x| {
+        hasher.update(&x.to_le_bytes());
+    });
+    serde_json::json!({"numbers": values.len(), "blake3": hasher.finalize().to_hex().as_str()})
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use serde_json::json;
+
+    #[test]
+    fn keys_of_equal_work_are_hashes_of_the_canonical_parameters() {
+        let values: Vec<f64> = (0..100).map(|i| f64::from(i) / 4.0).collect();
+        let job = JobParameters::parse(
+            "eigenbasis",
+            &json!({"count": 7, "operator": {"hamiltonian": {"potential": {"values": values}}}}),
+        );
+        let job = job.unwrap();
+        let text = json!(["a mesh", "eigenbasis", job.canonical(), SOLVER_VERSION]).to_string();
+        assert_eq!(job.work_key("a mesh"), blake3::hash(text.as_bytes()).to_hex().to_string());
+        let mut brief = job.canonical();
+        abbreviate(&mut brief);
+        assert_eq!(abbreviated(&job.canonical()), brief);
+    }
 
     #[test]
     fn long_lists_are_told_by_their_length_and_hash() {

@@ -2,16 +2,15 @@
 //!
 //! Requests are brought into the numbering of the kept mesh before anything else is done with them; answers are brought back last.
 
-use chladni_algebra::DenseMatrix;
-use chladni_mesh::numbering::{NumberingError, Translation};
-use chladni_spectral::operator::transport::FieldKind;
-use serde_json::Value;
-
 use crate::design::{DesignFault, DesignRequest, FieldSource, FurRequest, PerFace, Target};
 use crate::distances::DistanceRequest;
+use crate::packed::Packed;
 use crate::simulate::{InitialRequest, LoadRequest, SimulateAnswer, SimulateRequest};
 use crate::table::{Table, TableError};
 use crate::{MeshSize, ParameterError};
+use chladni_algebra::DenseMatrix;
+use chladni_mesh::numbering::{NumberingError, Translation};
+use chladni_spectral::operator::transport::FieldKind;
 
 /// Functions on the vertices of the file as functions on the first `rows` kept ones, column by column.
 ///
@@ -84,7 +83,7 @@ impl Table {
 ///
 /// # Errors
 /// [`ParameterError::Value`] names the parameter and the vertex or face.
-pub fn translate_parameters(parameters: &mut Value, to: &Translation, mesh: MeshSize) -> Result<(), ParameterError> {
+pub fn translate_parameters(parameters: &mut Packed, to: &Translation, mesh: MeshSize) -> Result<(), ParameterError> {
     if to.is_identity() {
         return Ok(());
     }
@@ -92,24 +91,25 @@ pub fn translate_parameters(parameters: &mut Value, to: &Translation, mesh: Mesh
     let rows = if shell || mesh.solid_vertices == 0 { mesh.vertices } else { mesh.solid_vertices };
     let refused =
         |name: &'static str| move |error: NumberingError| ParameterError::Value { name, reason: error.to_string() };
-    for vertex in parameters.get_mut("clamped").and_then(Value::as_array_mut).into_iter().flatten() {
-        if let Some(number) = vertex.as_u64() {
-            *vertex = to.vertex(number, rows).map_err(refused("clamped"))?.into();
+    if let Some(Packed::Whole(clamped)) = parameters.get_mut("clamped") {
+        for vertex in clamped {
+            *vertex = to.vertex(*vertex, rows).map_err(refused("clamped"))?.into();
         }
     }
-    if let Some(values) = parameters.pointer_mut("/operator/hamiltonian/potential/values")
-        && let Some(numbers) = numbers(values)
+    if let Some(values) = parameters.at_mut(&["operator", "hamiltonian", "potential", "values"])
+        && let Some(numbers) = values.numbers()
     {
         let pulled = to.pull(&numbers, mesh.vertices);
         *values = pulled.map_err(refused("operator.hamiltonian.potential.values"))?.into();
     }
     if let Some(values) = parameters.get_mut("weights")
-        && let Some(numbers) = numbers(values)
+        && let Some(numbers) = values.numbers()
     {
         *values = to.pull_faces(&numbers, 1).map_err(refused("weights"))?.into();
     }
-    for example in parameters.get_mut("examples").and_then(Value::as_array_mut).into_iter().flatten() {
-        if let Some(numbers) = numbers(example) {
+    if let Some(Packed::List(examples)) = parameters.get_mut("examples") {
+        for example in examples {
+            let Some(numbers) = example.numbers() else { continue };
             if to.divides_faces() {
                 return Err(ParameterError::Value { name: "examples", reason: NumberingError::Frames.to_string() });
             }
@@ -118,11 +118,6 @@ pub fn translate_parameters(parameters: &mut Value, to: &Translation, mesh: Mesh
         }
     }
     Ok(())
-}
-
-/// An array of numbers, in which null stands for none.
-fn numbers(values: &Value) -> Option<Vec<f64>> {
-    values.as_array()?.iter().map(|x| if x.is_null() { Some(f64::NAN) } else { x.as_f64() }).collect()
 }
 
 impl DistanceRequest {
@@ -291,26 +286,29 @@ mod tests {
     #[test]
     fn parameters_of_jobs_are_those_of_the_kept_mesh_and_misfits_are_named() {
         let (to, mesh) = translation();
-        let mut parameters = json!({
+        let packed = |value: serde_json::Value| Packed::from(&value);
+        let mut parameters = packed(json!({
             "clamped": [0, 5], "weights": [1.0, null, 3.0],
             "operator": {"hamiltonian": {"potential": {"values": [0.5, null, 2.0, 3.0, 4.0, 5.0]}}}
-        });
+        }));
         translate_parameters(&mut parameters, &to, mesh).unwrap();
-        assert_eq!(parameters["clamped"], json!([0, 4]));
-        assert_eq!(parameters["weights"], json!([1.0, 1.0, 3.0]));
-        assert_eq!(parameters["operator"]["hamiltonian"]["potential"]["values"], json!([0.5, 2.0, 3.0, 4.0, 5.0]));
+        let expected = packed(json!({
+            "clamped": [0, 4], "weights": [1.0, 1.0, 3.0],
+            "operator": {"hamiltonian": {"potential": {"values": [0.5, 2.0, 3.0, 4.0, 5.0]}}}
+        }));
+        assert_eq!(parameters, expected);
         for (wrong, expected) in [
             (json!({"clamped": [1]}), "\"clamped\": vertex 1 of the file was dropped"),
             (json!({"clamped": [6]}), "no vertex 6; the file has 6"),
             (json!({"weights": [1.0]}), "1 values are given; the file has 3 faces"),
             (json!({"examples": [[1.0, 2.0]]}), "numbering \"kept\""),
         ] {
-            let refused = translate_parameters(&mut wrong.clone(), &to, mesh).unwrap_err().to_string();
+            let refused = translate_parameters(&mut packed(wrong), &to, mesh).unwrap_err().to_string();
             assert!(refused.contains(expected), "{refused}");
         }
-        let mut odd = json!({"clamped": "all", "weights": ["a"]});
+        let mut odd = packed(json!({"clamped": "all", "weights": ["a"]}));
         translate_parameters(&mut odd, &to, mesh).unwrap();
-        assert_eq!(odd, json!({"clamped": "all", "weights": ["a"]}));
+        assert_eq!(odd, packed(json!({"clamped": "all", "weights": ["a"]})));
     }
 
     #[test]

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{JobError, MeshSize, ParameterError, Work};
+use crate::packed::Packed;
 
 /// The largest subspace of a family: every spectrum of it takes a dense matrix of that size.
 pub const LARGEST_DIMENSION: usize = 4000;
@@ -36,6 +37,14 @@ impl OperatorFamilyParameters {
     /// # Errors
     /// [`ParameterError`] names what does not fit.
     pub fn parse(parameters: &Value) -> Result<Self, ParameterError> {
+        Self::read(&Packed::from(parameters))
+    }
+
+    /// The same from packed JSON.
+    ///
+    /// # Errors
+    /// As for [`parse`](Self::parse).
+    pub fn read(parameters: &Packed) -> Result<Self, ParameterError> {
         let read: Self = super::read_parameters("operator_family", parameters)?;
         if !(10..=LARGEST_DIMENSION).contains(&read.dimension) {
             let reason = format!("must be between 10 and {LARGEST_DIMENSION}, not {}", read.dimension);

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{JobError, MeshSize, ParameterError, Work};
+use crate::packed::Packed;
 
 /// The most modes of one job.
 pub const LARGEST_COUNT: usize = 5000;
@@ -94,6 +95,14 @@ impl VibrationBasisParameters {
     /// # Errors
     /// [`ParameterError`] names what does not fit: an unknown member, one out of its range, one that belongs to another method.
     pub fn parse(parameters: &Value) -> Result<Self, ParameterError> {
+        Self::read(&Packed::from(parameters))
+    }
+
+    /// The same from packed JSON.
+    ///
+    /// # Errors
+    /// As for [`parse`](Self::parse).
+    pub fn read(parameters: &Packed) -> Result<Self, ParameterError> {
         let mut read: Self = super::read_parameters("vibration_basis", parameters)?;
         let within = |name, found: f64, least: f64, most: f64| {
             if found >= least && found <= most {

@@ -395,7 +395,7 @@ fn biharmonic<const B: usize>(
         let scale = 1.0 / operator.mass[face];
         entries.extend(columns.iter().zip(blocks).map(|(&c, block)| (c, block.map(|row| row.map(|x| scale * x)))));
     });
-    let square = operator.stiffness.times(&scaled).ok_or(Cancelled)?.to_sparse();
+    let square = operator.stiffness.try_times(&scaled, || monitor.checkpoint()).ok_or(Cancelled)??.to_sparse();
     monitor.checkpoint()?;
     let nothing = MassMatrix::Diagonal(vec![0.0; square.rows()]);
     let (local, _) = galerkin(&basis.space.to_sparse(), &square, &nothing, monitor)?;

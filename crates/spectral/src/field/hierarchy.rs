@@ -1,7 +1,7 @@
 //! Coarse levels of a field operator: aggregates of faces with transported frames, one smoothing step on the interpolation, Galerkin
 //! products (smoothed aggregation, Vaněk et al. 1996).
 
-use chladni_algebra::{Block, BlockMatrix, add_product};
+use chladni_algebra::{Block, BlockMatrix, BlockPlaces, add_product};
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::dual::{DualGraph, NO_FACE};
 use rayon::prelude::*;
@@ -253,25 +253,27 @@ fn coarsen<const B: usize>(
     let scales = row_scales(&fine.stiffness);
     let tentative: Vec<Block<B>> =
         aggregates.carried.par_iter().with_min_len(1 << 12).map(|&c| transport_block(kind, c)).collect();
-    let matrix = BlockMatrix::from_rows(n, aggregates.count, |i, entries| {
-        entries.push((aggregates.of[i], tentative[i]));
+    let matrix = BlockMatrix::try_from_rows(n, aggregates.count, |i, entries| {
         let (columns, blocks) = fine.stiffness.row(i);
-        let weight = if scales[i] > 0.0 { -INTERPOLATION_WEIGHT / scales[i] } else { 0.0 };
-        for (&j, block) in columns.iter().zip(blocks) {
-            let aggregate = aggregates.of[j as usize];
-            let at = entries.iter().position(|e| e.0 == aggregate).unwrap_or_else(|| {
-                entries.push((aggregate, [[0.0; B]; B]));
-                entries.len() - 1
-            });
-            add_product(&mut entries[at].1, &block.map(|row| row.map(|x| weight * x)), &tentative[j as usize]);
+        // A row of a vertex with very many triangles is long.
+        if i % 64 == 0 || columns.len() > 1000 {
+            monitor.checkpoint()?;
         }
-    });
+        entries.push((aggregates.of[i], tentative[i]));
+        let weight = if scales[i] > 0.0 { -INTERPOLATION_WEIGHT / scales[i] } else { 0.0 };
+        let mut places = BlockPlaces::default();
+        for (&j, block) in columns.iter().zip(blocks) {
+            let entry = places.block(entries, aggregates.of[j as usize]);
+            add_product(entry, &block.map(|row| row.map(|x| weight * x)), &tentative[j as usize]);
+        }
+        Ok::<_, Cancelled>(())
+    })?;
     monitor.checkpoint()?;
     let back = matrix.transpose();
-    let product = |operator: &BlockMatrix<B>| operator.times(&matrix).and_then(|right| back.times(&right));
-    let stiffness = product(&fine.stiffness).ok_or(Cancelled)?;
-    monitor.checkpoint()?;
-    let mass = product(&fine.mass).ok_or(Cancelled)?;
+    let times = |a: &BlockMatrix<B>, b: &BlockMatrix<B>| a.try_times(b, || monitor.checkpoint()).ok_or(Cancelled)?;
+    let product = |operator: &BlockMatrix<B>| times(&back, &times(operator, &matrix)?);
+    let stiffness = product(&fine.stiffness)?;
+    let mass = product(&fine.mass)?;
     let roots = aggregates.roots.iter().map(|&r| fine.roots[r as usize]).collect();
     Ok(Level {
         stiffness,

@@ -23,6 +23,25 @@ pub(super) fn floor(harmonic: f64, biharmonic: f64) -> f64 {
 /// From so many unknowns on, an order by nested dissection saves more than it costs.
 const LARGE: usize = 6000;
 
+/// A factor has at most so many entries for each of its matrix and each halving of its nodes. A test holds spaces of surfaces to a third of it.
+const FILL: f64 = 3.0;
+
+/// Factors below this are small, whatever they fill in.
+const SMALL_FACTOR: usize = 1 << 23;
+
+/// Whether a factor fills in as those of surfaces do, which nested dissection keeps to `O(n log n)` entries. Designs are promised no memory
+/// beforehand: this is theirs, and the numbers of the factor are not computed beyond it.
+fn within_surfaces(entries: usize, nonzeros: usize, nodes: usize) -> Result<(), FactorError> {
+    let most = (FILL * nonzeros as f64 * (nodes.max(2) as f64).log2()) as usize;
+    let most = most.max(SMALL_FACTOR);
+    // Eight bytes for the entry, two for its place in the pattern.
+    let bytes = |entries: usize| 10 * entries as u64;
+    if entries > most {
+        return Err(FactorError::Promise { entries, bytes: bytes(entries), promised: bytes(most) });
+    }
+    Ok(())
+}
+
 /// `S̄`, `M̄`, and `B̄` where the biharmonic energy is the literal one.
 #[derive(Debug, Clone)]
 pub(super) struct Pencil {
@@ -152,6 +171,7 @@ impl Pencil {
         let values = vec![1.0; indices.len()];
         let pattern = SparseMatrix::from_sorted_parts(size, size, offsets.clone(), indices.clone(), values);
         let symbolic = SymbolicFactor::new(&pattern, &MassMatrix::Diagonal(vec![0.0; size]))?;
+        within_surfaces(symbolic.entries(), pattern.values().len(), nodes)?;
         Ok(Structure { places, nodes: ordered, offsets, indices, symbolic })
     }
 
@@ -271,5 +291,60 @@ impl SparseInverse {
         self.structure.symbolic.solve_panel(&self.numbers, &mut panel);
         let scale = if self.root > 0.0 { 1.0 / self.root } else { 1.0 };
         Some(self.places.iter().map(|&(_, y)| scale * panel[y as usize * PANEL_WIDTH]).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::{FieldParameters, FieldSurface, field_basis, whole_space};
+    use crate::operator::hodge::FieldBoundary;
+    use crate::operator::transport::FieldKind;
+    use chladni_base::{SplitMix64, Unwatched};
+    use chladni_mesh::shape::{Shape, generate};
+
+    /// Entries of the factor for each of the matrix and each halving of the nodes.
+    fn fill(basis: &FieldBasis) -> f64 {
+        let pencil = Pencil::new(basis);
+        let structure = pencil.structure().unwrap();
+        let nodes = pencil.node(pencil.size()) as f64;
+        structure.symbolic.entries() as f64 / structure.indices.len() as f64 / nodes.log2()
+    }
+
+    #[test]
+    fn spaces_of_surfaces_fill_in_far_less_than_they_may() {
+        let surface = FieldSurface::new(generate(Shape::Torus, 2000).unwrap()).unwrap();
+        for kind in [FieldKind::Vector {}, FieldKind::NVector { n: 4 }, FieldKind::Tensor {}] {
+            let found = fill(&whole_space(&surface, kind, FieldBoundary::default()).unwrap());
+            assert!(found < FILL / 3.0, "{kind:?}, all fields: {found}");
+            let small = fill(&field_basis(&surface, &FieldParameters::new(kind, 400), &Unwatched).unwrap());
+            assert!(small < FILL / 3.0, "{kind:?}, 400 dimensions: {small}");
+        }
+    }
+
+    #[test]
+    fn a_space_that_is_of_no_surface_is_refused_before_its_factor_is_computed() {
+        // 6,000 columns, each beside eight others at random.
+        let n = 6000;
+        let mut random = SplitMix64::new(3);
+        let mut entries: Vec<(u32, u32)> = (0..n).map(|v| (v, v)).collect();
+        for v in 0..n {
+            for _ in 0..4 {
+                let w = random.below(n as usize) as u32;
+                entries.extend([(v, w), (w, v)]);
+            }
+        }
+        entries.sort_unstable();
+        entries.dedup();
+        let mut offsets = vec![0usize; n as usize + 1];
+        entries.iter().for_each(|entry| offsets[entry.0 as usize + 1] += 1);
+        (0..n as usize).for_each(|v| offsets[v + 1] += offsets[v]);
+        let (indices, values) = (entries.iter().map(|entry| entry.1).collect(), vec![1.0; entries.len()]);
+        let matrix = SparseMatrix::from_sorted_parts(n as usize, n as usize, offsets, indices, values);
+        let (stiffness, mass) = (matrix.clone(), matrix);
+        let (block, groups) = (2, n as usize / 2);
+        let pencil = Pencil { block, groups, stiffness, mass, literal: None, structure: OnceLock::new() };
+        let refused = pencil.structure().unwrap_err();
+        assert!(matches!(refused, FactorError::Promise { bytes, promised, .. } if bytes > promised), "{refused}");
     }
 }

@@ -62,7 +62,7 @@ pub(super) fn solve(matrix: &SparseMatrix, x: &mut PanelMatrix, monitor: &dyn Mo
     monitor.checkpoint()?;
     let sorted = matrix.reordered(&order);
     let mass = MassMatrix::Diagonal(vec![0.0; n]);
-    let symbolic = SymbolicFactor::new(&sorted, &mass)?;
+    let symbolic = SymbolicFactor::new(&sorted, &mass)?.within(1, monitor)?;
     monitor.checkpoint()?;
     let factor = symbolic.factor(&sorted, &mass, 0.0)?;
     x.panels_mut().par_iter_mut().try_for_each(|panel| {

@@ -70,10 +70,11 @@ fn exact_seconds(vertices: usize, pairs: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::packed::Packed;
     use serde_json::json;
 
     fn auto(count: usize) -> Auto {
-        Auto::from_request(&Request::read(&json!({"count": count})).unwrap(), count).unwrap()
+        Auto::from_request(&Request::read(&Packed::from(&json!({"count": count}))).unwrap(), count).unwrap()
     }
 
     #[test]

@@ -21,6 +21,7 @@ pub use request::{HsimVariant, MethodName};
 
 use self::request::Request;
 use super::{JobError, MeshSize, ParameterError, Work};
+use crate::packed::Packed;
 
 /// The most eigenpairs that one job may ask for.
 pub const LARGEST_COUNT: usize = 20_000;
@@ -75,6 +76,14 @@ impl EigenbasisParameters {
     /// # Errors
     /// [`ParameterError`] names what does not fit: an unknown member, one out of its range, one that belongs to another method.
     pub fn parse(parameters: &Value) -> Result<Self, ParameterError> {
+        Self::read(&Packed::from(parameters))
+    }
+
+    /// The same from packed JSON.
+    ///
+    /// # Errors
+    /// As for [`parse`](Self::parse).
+    pub fn read(parameters: &Packed) -> Result<Self, ParameterError> {
         let request = Request::read(parameters)?;
         let count = request.count.unwrap_or(COUNT);
         if !(1..=LARGEST_COUNT).contains(&count) {

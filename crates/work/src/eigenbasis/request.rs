@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::nested::is_nested;
 use super::{Accuracy, Construction, Start, StorageKind};
 use crate::ParameterError;
+use crate::packed::Packed;
 
 /// How eigenpairs are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -134,15 +135,15 @@ impl Request {
     /// # Errors
     /// [`ParameterError::Form`] names a member that does not exist or does not parse, [`ParameterError::Value`] one that belongs to
     /// another method.
-    pub fn read(value: &serde_json::Value) -> Result<Self, ParameterError> {
+    pub fn read(value: &Packed) -> Result<Self, ParameterError> {
         let form = |reason| ParameterError::Form { kind: "eigenbasis", reason };
-        let members = match value {
-            serde_json::Value::Null => return Ok(Self::default()),
-            serde_json::Value::Object(members) => members,
+        match value {
+            Packed::Null => return Ok(Self::default()),
+            Packed::Object(_) => {}
             _ => return Err(form("expected a JSON object".to_owned())),
-        };
+        }
         let mut request: Self = serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string()))?;
-        let given = |name: &str| members.get(name).is_some_and(|value| !value.is_null());
+        let given = |name: &str| value.get(name).is_some_and(|value| !value.is_null());
         if request.method == MethodName::Auto {
             request.method = request.method_of_members(given);
         }
@@ -189,7 +190,7 @@ mod tests {
         for (name, _) in BELONGINGS {
             assert!(!common.contains(name));
             // An unknown member would be refused as such; these are refused for their value or their method.
-            let refused = Request::read(&json!({"method": "magic", *name: []})).unwrap_err().to_string();
+            let refused = Request::read(&Packed::from(&json!({"method": "magic", *name: []}))).unwrap_err().to_string();
             assert!(!refused.contains("unknown field"), "{name}: {refused}");
         }
     }

@@ -15,6 +15,7 @@ pub use self::request::{FieldConstruction, FieldName};
 
 use self::request::{FieldAccuracy, Request};
 use super::{JobError, MeshSize, ParameterError, Work};
+use crate::packed::Packed;
 
 /// The most columns that one job may ask for.
 pub const LARGEST_FIELD_DIMENSION: usize = 40_000;
@@ -45,6 +46,14 @@ impl FieldBasisParameters {
     /// # Errors
     /// [`ParameterError`] names what does not fit: an unknown member, one out of its range, one that belongs to another field or construction.
     pub fn parse(parameters: &Value) -> Result<Self, ParameterError> {
+        Self::read(&Packed::from(parameters))
+    }
+
+    /// The same from packed JSON.
+    ///
+    /// # Errors
+    /// As for [`parse`](Self::parse).
+    pub fn read(parameters: &Packed) -> Result<Self, ParameterError> {
         let request = Request::read(parameters)?;
         let field = match (request.field, request.n) {
             (FieldName::NVector, n) => FieldKind::NVector { n: n.unwrap_or(CROSS) },

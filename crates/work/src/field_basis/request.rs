@@ -3,9 +3,9 @@
 use chladni_spectral::field::{FieldHeat, LocalEigenfields};
 use chladni_spectral::operator::hodge::FieldBoundary;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 use crate::ParameterError;
+use crate::packed::Packed;
 
 /// How far the heat construction of fields goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -87,11 +87,11 @@ impl Request {
     ///
     /// # Errors
     /// [`ParameterError::Form`] names the member that does not fit.
-    pub fn read(value: &Value) -> Result<Self, ParameterError> {
+    pub fn read(value: &Packed) -> Result<Self, ParameterError> {
         let form = |reason| ParameterError::Form { kind: "field_basis", reason };
         match value {
-            Value::Null => Ok(Self::default()),
-            Value::Object(_) => serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string())),
+            Packed::Null => Ok(Self::default()),
+            Packed::Object(_) => serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string())),
             _ => Err(form("expected a JSON object".to_owned())),
         }
     }

@@ -1,6 +1,6 @@
 //! From a level to a coarser one: vertices are gathered around seeds that lie a few edges apart.
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 
 use rayon::prelude::*;
 
@@ -10,6 +10,9 @@ use chladni_base::{Cancelled, Monitor};
 /// A coarse weight is the sum of the fine ones across the boundary of two cells, each times the share of the way between the
 /// seeds that its edge makes; edges and paths are not straight, and this factor makes up for the mean of that.
 const STRAIGHTENING: f32 = 0.9;
+
+/// Vertices of more triangles or edges than this are hubs: what goes through all of theirs looks whether it is still wanted.
+const LARGE_FAN: usize = 512;
 
 /// A surface that a level lives on: positions on unit area, relative to some origin near the surface, and triangles.
 #[derive(Clone, Copy)]
@@ -61,8 +64,15 @@ impl Coarsening {
             .positions
             .par_iter()
             .zip(&cells)
-            .map(|(&position, &cell)| interpolate(position, cell, coarse, fans.around(cell)))
-            .collect();
+            .map(|(&position, &cell)| {
+                let fan = fans.around(cell);
+                // Around a vertex of many triangles, many look through many.
+                if fan.len() > LARGE_FAN {
+                    monitor.checkpoint()?;
+                }
+                Ok(interpolate(position, cell, coarse, fan))
+            })
+            .collect::<Result<_, Cancelled>>()?;
         monitor.checkpoint()?;
         Ok(Self { level, cells, seeds, reach, corners, positions, triangles })
     }
@@ -168,6 +178,8 @@ fn seeds(fine: &Level, hops: usize, reach: f32, forced: &[u32], monitor: &dyn Mo
     let mut visited = vec![u32::MAX; n];
     let mut seeds: Vec<u32> = Vec::new();
     let mut queue: VecDeque<(u32, u32, f32)> = VecDeque::new();
+    // The fewest edges and the length of the way by which each hub was reached.
+    let mut hubs: HashMap<u32, (u32, f32)> = HashMap::new();
     let mut sorted = forced.to_vec();
     sorted.sort_unstable();
     sorted.dedup();
@@ -188,7 +200,17 @@ fn seeds(fine: &Level, hops: usize, reach: f32, forced: &[u32], monitor: &dyn Mo
             if hop as usize == hops {
                 continue;
             }
-            for edge in fine.edges(u as usize) {
+            let edges = fine.edges(u as usize);
+            if edges.len() > LARGE_FAN {
+                monitor.checkpoint()?;
+                // Whoever came here closer has covered what can be covered from here: else a hub would be gone through for each seed around it.
+                let closest = hubs.entry(u).or_insert((u32::MAX, f32::INFINITY));
+                if closest.0 <= hop && closest.1 <= at {
+                    continue;
+                }
+                *closest = (hop, at);
+            }
+            for edge in edges {
                 let w = fine.neighbours[edge];
                 let there = at + fine.lengths[edge];
                 if visited[w as usize] != stamp && there <= reach {
@@ -264,16 +286,13 @@ fn condense(
             monitor.checkpoint()?;
             let range = chunk * cells_per_chunk..((chunk + 1) * cells_per_chunk).min(count);
             let mut level = Level::empty();
-            let mut row: Vec<Link> = Vec::new();
+            let (mut row, mut touching, mut entries): (Vec<Link>, Vec<Link>, usize) = (Vec::new(), Vec::new(), 0);
             for cell in range {
                 row.clear();
-                for (count, &t) in fans.around(cell as u32).iter().enumerate() {
-                    // Each looks its neighbours up in the row: at a vertex of many triangles that takes long.
-                    if count % 1024 == 1023 {
-                        monitor.checkpoint()?;
-                    }
+                for &t in fans.around(cell as u32) {
                     add_triangle(cell as u32, coarse, coarse.triangles[t as usize], &mut row);
                 }
+                merge(&mut row, |_, _| {});
                 let triangulated = row.len();
                 let mut mass = 0.0;
                 for &v in &members[begins[cell] as usize..begins[cell + 1] as usize] {
@@ -281,23 +300,25 @@ fn condense(
                     for edge in fine.edges(v as usize) {
                         let w = fine.neighbours[edge] as usize;
                         let length = fine.lengths[edge];
-                        if cells[w] as usize == cell || !length.is_finite() {
+                        let other = cells[w];
+                        let known = || row[..triangulated].binary_search_by_key(&other, |link| link.other).is_ok();
+                        if other as usize == cell || !length.is_finite() || known() {
                             continue;
                         }
                         let path = distances[v as usize] + length + distances[w];
                         let share = if path > 0.0 { length / path } else { 1.0 };
                         let weight = f64::from((STRAIGHTENING * fine.weights[edge] * share).max(0.0));
-                        match row.iter().position(|link| link.other == cells[w]) {
-                            Some(place) if place < triangulated => {}
-                            Some(place) => {
-                                row[place].weight += weight;
-                                row[place].length = row[place].length.min(path);
-                            }
-                            None => row.push(Link { other: cells[w], weight, length: path }),
-                        }
+                        touching.push(Link { other, weight, length: path });
                     }
                 }
+                merge(&mut touching, |sum, link| sum.length = sum.length.min(link.length));
+                row.append(&mut touching);
                 row.sort_unstable_by_key(|link| link.other);
+                entries += row.len() + members.len().div_ceil(count);
+                if entries >= 1 << 14 {
+                    entries = 0;
+                    monitor.checkpoint()?;
+                }
                 let mut diagonal = 0.0;
                 for link in &row {
                     diagonal += link.weight;
@@ -320,6 +341,20 @@ struct Link {
     other: u32,
     weight: f64,
     length: f32,
+}
+
+/// Adds up the weights of links to one cell, in the order in which they came; `more` joins the rest. Looking each of them up would be quadratic in the
+/// valence of a cell.
+fn merge(row: &mut Vec<Link>, more: impl Fn(&mut Link, &Link)) {
+    row.sort_by_key(|link| link.other);
+    row.dedup_by(|later, sum| {
+        let same = later.other == sum.other;
+        if same {
+            sum.weight += later.weight;
+            more(sum, later);
+        }
+        same
+    });
 }
 
 /// The least area of a triangle, as a share of its longest edge squared. A flatter one acts with this area, so that its
@@ -345,7 +380,7 @@ pub(super) fn element_weights(corners: [[f32; 3]; 3]) -> [f64; 3] {
     [0, 1, 2].map(|k| -dot(edges[(k + 1) % 3], edges[(k + 2) % 3]) / (4.0 * area))
 }
 
-/// Adds the linear element's weights to the row of `cell`, one of the corners.
+/// Appends the linear element's weights to the row of `cell`, one of the corners.
 fn add_triangle(cell: u32, coarse: Surface, triangle: [u32; 3], row: &mut Vec<Link>) {
     let corners = triangle.map(|v| coarse.positions[v as usize]);
     let weights = element_weights(corners);
@@ -358,12 +393,7 @@ fn add_triangle(cell: u32, coarse: Surface, triangle: [u32; 3], row: &mut Vec<Li
         } else {
             continue;
         };
-        match row.iter_mut().find(|link| link.other == other) {
-            Some(link) => link.weight += weights[k],
-            None => {
-                let edge = minus(corners[(k + 1) % 3], corners[(k + 2) % 3]);
-                row.push(Link { other, weight: weights[k], length: dot(edge, edge).sqrt() });
-            }
-        }
+        let edge = minus(corners[(k + 1) % 3], corners[(k + 2) % 3]);
+        row.push(Link { other, weight: weights[k], length: dot(edge, edge).sqrt() });
     }
 }
