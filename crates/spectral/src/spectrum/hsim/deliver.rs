@@ -58,6 +58,11 @@ pub(super) fn finish(
     if !iteration.ritz {
         iteration.orthonormalise()?;
     }
+    let open = match delivery.goal {
+        Goal::Count(wanted) => wanted.saturating_sub(known),
+        Goal::Below(_) => iteration.values.len(),
+    };
+    iteration.polish(open, delivery.tolerance)?;
     let mut again = true;
     let (verdict, wanted) = loop {
         let kernel = iteration.insert_kernel(known)?;
@@ -92,6 +97,7 @@ pub(super) fn finish(
                     return Err(error);
                 }
                 iteration.orthonormalise()?;
+                iteration.polish(open, delivery.tolerance)?;
             }
         }
     };

@@ -17,7 +17,8 @@ use rayon::prelude::*;
 
 use super::HsimError;
 use super::columns::{defect, lengths, normalise};
-use super::judge::{Count, NULL, Units};
+use super::graded::sharpen;
+use super::judge::{AS_GOOD_AS_ZERO, Count, NULL, Units};
 use super::kernel::Kernel;
 use super::level::Level;
 use super::ritz::ritz;
@@ -154,7 +155,7 @@ impl<'a> Iteration<'a> {
         self.sums.get(column).map_or(1.0, |sums| self.residual_of(sums))
     }
 
-    fn residual_of(&self, sums: &ColumnSums) -> f64 {
+    pub fn residual_of(&self, sums: &ColumnSums) -> f64 {
         let (part, whole) = if sums.stiffness <= (NULL * self.norm).powi(2) * sums.square {
             (sums.stiffness, self.norm * self.norm * sums.square)
         } else {
@@ -235,6 +236,7 @@ impl<'a> Iteration<'a> {
                 break;
             }
         }
+        sharpen(level, &mut vectors, &mut values, monitor)?;
         self.sums = residual_sums(&level.stiffness, &level.mass, &vectors, &values, monitor)?;
         (self.vectors, self.values, self.ritz) = (vectors, values, true);
         Ok(())
@@ -393,21 +395,26 @@ impl<'a> Iteration<'a> {
     /// Whether the wanted pairs have converged.
     ///
     /// # Errors
-    /// [`HsimError::NotConverged`] where they have not.
+    /// [`HsimError::NotConverged`] where they have not, [`HsimError::Floor`] where rounding does not let them.
     pub fn require(&self, plan: &Plan) -> Result<(), HsimError> {
         let failed = self.unconverged(plan);
+        let floors = self.floors(&failed)?;
+        let as_close_as_it_gets = |floor: f64, column: usize| self.residual(column) <= ABOVE_FLOOR * floor;
+        // Of a value that is as good as zero no residual can be asked.
+        let failed: Vec<(f64, usize)> = floors
+            .into_iter()
+            .zip(failed)
+            .filter(|&(floor, column)| !(floor >= AS_GOOD_AS_ZERO && as_close_as_it_gets(floor, column)))
+            .collect();
         if failed.is_empty() {
             return Ok(());
         }
-        let worst = failed.iter().map(|&column| self.residual(column)).fold(0.0, f64::max);
         let (tolerance, iterations) = (plan.tolerance, self.passes);
         // Where rounding allows no less than what is left of a pair, no iteration helps.
-        let floors = self.floors(&failed)?;
-        let reached =
-            |(floor, &column): (&f64, &usize)| *floor > tolerance && self.residual(column) <= ABOVE_FLOOR * floor;
-        if floors.iter().zip(&failed).any(reached) {
-            return Err(HsimError::Floor { tolerance, floor: floors.iter().copied().fold(0.0, f64::max) });
+        if failed.iter().any(|&(floor, column)| floor > tolerance && as_close_as_it_gets(floor, column)) {
+            return Err(HsimError::Floor { tolerance, floor: failed.iter().map(|pair| pair.0).fold(0.0, f64::max) });
         }
+        let worst = failed.iter().map(|pair| self.residual(pair.1)).fold(0.0, f64::max);
         Err(HsimError::NotConverged { count: failed.len(), tolerance, iterations, worst })
     }
 
@@ -605,6 +612,11 @@ impl<'a> Iteration<'a> {
     /// Drops the factors that were kept, but not their memory.
     fn release(&mut self) {
         self.storage.extend(self.kept.drain(..).map(|(_, factor)| factor.into_storage()));
+    }
+
+    /// Keeps the memory of a factor for another.
+    pub fn keep_storage(&mut self, factor: Factor<'_>) {
+        self.storage.push(factor.into_storage());
     }
 
     /// Memory for a factor.

@@ -3,12 +3,14 @@
 mod certify;
 mod columns;
 mod deliver;
+mod graded;
 mod hierarchy;
 mod iterate;
 mod judge;
 mod kernel;
 mod level;
 mod offset;
+mod polish;
 mod published;
 mod ritz;
 mod shifts;

@@ -168,7 +168,7 @@ fn climb_and_solve(
         Wanted::Count(count) => (Goal::Count(count), count),
         Wanted::Below { bound, most } => {
             let bound = bound * problem.area - offset;
-            match estimate(&finest, bound)? {
+            match estimate(&finest, bound, known)? {
                 Estimate::Nothing(count) => return Ok(nothing(mesh, problem, n, count, offset)),
                 Estimate::About(wanted) if wanted > most.saturating_add(wanted.min(SLACK)) => {
                     return Err(HsimError::Count { wanted, most });
@@ -422,7 +422,8 @@ enum Estimate {
     About(usize),
 }
 
-fn estimate(finest: &Finest, bound: f64) -> Result<Estimate, HsimError> {
+/// `kernel` is the dimension of the kernel that is known exactly.
+fn estimate(finest: &Finest, bound: f64, kernel: usize) -> Result<Estimate, HsimError> {
     let (level, lumped) = (&finest.level, finest.level.mass.lumped());
     let sums = |row: usize| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
     let spread = (0..level.size()).map(|row| sums(row) / lumped[row]).fold(0.0, f64::max);
@@ -436,6 +437,13 @@ fn estimate(finest: &Finest, bound: f64) -> Result<Estimate, HsimError> {
         let above = count(bound + 3.0 * at.radius.min(spread))?;
         if above.below == 0 && above.shift - above.radius >= bound {
             return Ok(Estimate::Nothing(above));
+        }
+    }
+    // Next to zero, rounding may count the kernel, which is known to lie at zero and not below a bound that is no higher.
+    if bound <= 0.0 && bound >= -3.0 * at.radius {
+        let (below, above) = (count(-6.0 * at.radius)?, count(6.0 * at.radius)?);
+        if below.below == 0 && above.below == kernel {
+            return Ok(Estimate::Nothing(below));
         }
     }
     Ok(Estimate::About(at.below.max(1)))
