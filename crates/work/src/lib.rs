@@ -16,6 +16,7 @@ mod operator_family;
 mod provenance;
 pub mod simulate;
 pub mod table;
+pub mod verification;
 mod vibration_basis;
 
 use chladni_base::{Cancelled, Monitor, StageClock};

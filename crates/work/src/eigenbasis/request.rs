@@ -58,6 +58,8 @@ pub struct Request {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub below: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub between: Option<[f64; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub at_most: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub operator: Option<OperatorKind>,
@@ -116,6 +118,7 @@ const BELONGINGS: &[(&str, &[MethodName])] = &[
     ("certify", APPROXIMATE),
     ("refinement", APPROXIMATE),
     ("below", HSIM),
+    ("between", HSIM),
     ("at_most", HSIM),
     ("tolerance", EXACT),
     ("variant", HSIM),

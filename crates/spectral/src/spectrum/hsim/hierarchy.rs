@@ -3,7 +3,7 @@
 use chladni_algebra::{DenseMatrix, MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, prolong};
 use chladni_base::Monitor;
 
-use super::graded::by_inverse;
+use super::graded::{by_inverse, sharpen};
 use super::iterate::{Iteration, Plan};
 use super::kernel::Kernel;
 use super::level::{Level, NO_KERNEL, coarsened, space};
@@ -150,8 +150,10 @@ pub(super) fn densely(level: &Level, q: usize, monitor: &dyn Monitor) -> Result<
     // The kernel is moved above all other eigenvalues, where it cannot be taken for one of them.
     let height = 8.0 * ratios.into_iter().fold(0.0, f64::max);
     add_constants(&mut stiffness, &lumped, &kernel, height);
-    let (values, vectors) = ritz(stiffness, mass, count, monitor)?;
-    Ok((values, PanelMatrix::from_dense(&vectors)))
+    let (mut values, vectors) = ritz(stiffness, mass, count, monitor)?;
+    let mut vectors = PanelMatrix::from_dense(&vectors);
+    sharpen(level, &mut vectors, &mut values, monitor)?;
+    Ok((values, vectors))
 }
 
 /// Adds `factor · M 1 1ᵀ M / 1ᵀM1` for the constants `1` of every component.

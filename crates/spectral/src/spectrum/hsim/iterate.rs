@@ -46,6 +46,9 @@ const REPLACE_SHARE: f64 = 0.4;
 const STALLED: f64 = 0.6;
 const STRICT: f64 = 0.01;
 
+/// Columns that span everything are made Ritz vectors so often.
+const ON_ALL: usize = 3;
+
 /// So many such steps in a row are the end of it.
 const MOST_STALLED: usize = 4;
 
@@ -174,6 +177,9 @@ impl<'a> Iteration<'a> {
 
     /// Iterates until the wanted pairs have converged or the steps are used up.
     pub fn run(&mut self, plan: &Plan) -> Result<(), HsimError> {
+        if self.values.len() + self.kernel.dimension() >= self.level.size() {
+            return self.run_on_all(plan);
+        }
         let (mut last, mut least, mut vain) = (f64::INFINITY, (usize::MAX, f64::INFINITY), 0);
         while self.passes < plan.most_passes {
             let pending = self.unconverged(plan);
@@ -203,6 +209,19 @@ impl<'a> Iteration<'a> {
                     self.refine(&pending, plan.tolerance)?;
                 }
             }
+            self.passes += 1;
+        }
+        Ok(())
+    }
+
+    /// The same where the columns span everything there is: solves add nothing, and would turn columns of one shift into one another.
+    fn run_on_all(&mut self, plan: &Plan) -> Result<(), HsimError> {
+        for _ in 0..ON_ALL {
+            if self.passes >= plan.most_passes || self.ritz && self.unconverged(plan).is_empty() {
+                break;
+            }
+            self.orthonormalise()?;
+            self.polish(plan.wanted, plan.tolerance)?;
             self.passes += 1;
         }
         Ok(())
@@ -425,13 +444,17 @@ impl<'a> Iteration<'a> {
 
     /// The residual (4.6) that rounding may leave to some columns.
     fn floors(&self, columns: &[usize]) -> Result<Vec<f64>, HsimError> {
+        let values: Vec<f64> = columns.iter().map(|&column| self.values[column]).collect();
+        let sums: Vec<ColumnSums> = columns.iter().map(|&column| self.sums[column]).collect();
+        self.floors_of(&self.vectors.select(columns), &values, &sums)
+    }
+
+    /// The same of a block with its values and what it sums up to.
+    pub fn floors_of(&self, block: &PanelMatrix, values: &[f64], sums: &[ColumnSums]) -> Result<Vec<f64>, HsimError> {
         let level = self.level;
-        let (block, values) = (self.vectors.select(columns), columns.iter().map(|&column| self.values[column]));
-        let values: Vec<f64> = values.collect();
-        let magnitudes = residual_magnitudes(&level.stiffness, &level.mass, &block, &values, 0.0, self.monitor)?;
+        let magnitudes = residual_magnitudes(&level.stiffness, &level.mass, block, values, 0.0, self.monitor)?;
         let unit = Units::new(level).row;
-        let floors = magnitudes.iter().zip(columns);
-        Ok(floors.map(|(sums, &column)| unit * (sums.square / self.sums[column].stiffness).sqrt()).collect())
+        Ok(magnitudes.iter().zip(sums).map(|(size, sums)| unit * (size.square / sums.stiffness).sqrt()).collect())
     }
 
     /// Takes the kernel and the block off some columns and drops those of which next to nothing is left: where the block holds all there is, that is
