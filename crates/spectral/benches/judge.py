@@ -54,9 +54,9 @@ def spectrum(stiffness, mass):
     rows = np.abs(stiffness).sum(1)
     values, vectors = scipy.linalg.eigh(stiffness, mass)
     slack = np.full(n, 20 * EPS * stretch * (rows / lumped).max())
-    # Errors of the matrix products themselves, which no form of the problem avoids.
-    shift = max(np.median(rows / lumped) / 4, 2 * slack[0] * 0)
-    shift = max(shift, -2 * (values[0] + 0 * slack[0])) if values[0] < -10 * slack[0] else shift
+    shift = np.median(rows / lumped) / 4
+    if values[0] < -10 * slack[0]:
+        shift = max(shift, -2 * values[0])
     try:
         inverse, turned = scipy.linalg.eigh(-mass, stiffness + shift * mass)
     except np.linalg.LinAlgError:
@@ -95,9 +95,10 @@ def judge(header, matrices, values, bounds, columns, tally, say):
     if header["outcome"] != "complete":
         if header["outcome"] == "tolerance-below-rounding":
             wanted = header["count"] or int(np.searchsorted(exact, header["below"]))
-            norm = np.abs(stiffness).sum(1).max()
-            clear = [k for k in range(min(wanted, n)) if exact[k] > 1e3 * EPS * norm and slack[k] < 1e-3 * exact[k]][:4]
-            shift = max(exact[clear[-1]], 1e-300) if clear else 0
+            # The smallest values have the largest residuals; of a kernel none is asked.
+            clear = sorted((k for k in range(min(wanted, n)) if abs(exact[k]) > 10 * slack[k]), key=lambda k: abs(exact[k]))[:6]
+            shift = max(np.abs(exact[clear]).max(), np.median(np.abs(exact))) if clear else 0
+            shift = max(shift, -2 * exact[0])
             best = max((least_residual(stiffness, mass, exact[k], vectors[:, k], shift) for k in clear), default=np.inf)
             kind = "refused: rounding alone exceeds the tolerance" if best > header["tolerance"] else (
                 "refused: rounding is within a tenth of it" if best > 0.1 * header["tolerance"] else "refused: it could have been kept")

@@ -68,7 +68,8 @@ pub(super) fn by_inverse(
     let (mut shifted, mut negative) = (stiffness.clone(), mass.clone());
     shifted.values_mut().iter_mut().zip(mass.values()).for_each(|(s, m)| *s += shift * m);
     negative.values_mut().iter_mut().for_each(|m| *m = -*m);
-    add_constants(&mut negative, &level.mass.lumped(), kernel, 1.0);
+    // Far on the other side: next to zero lie the inverses of the highest values.
+    add_constants(&mut negative, &level.mass.lumped(), kernel, 2.0);
     monitor.checkpoint()?;
     let Ok(pairs) = gpu::accelerator().lowest(negative, shifted, count, &Quiet(monitor)) else { return Ok(None) };
     monitor.checkpoint()?;

@@ -2,7 +2,7 @@
 //!
 //! A column that is a sum of others is rounded in every entry, and an entry of the matrix of 1e9, as beside a needle or a hair, makes a residual of such an
 //! error that no solve followed by a sum removes. `x ← x − (S − μM)⁻¹(S x − θ M x)` is an inverse iteration of which only a small correction is rounded. With
-//! `μ` as far below zero as the wanted values lie above it, it changes what belongs to them by less than twice its error, and takes off what lies far above.
+//! `μ` as far below zero as the values lie above it, it changes what belongs to them by less than twice its error, and takes off what lies far above.
 
 use chladni_algebra::{PANEL_WIDTH, PanelMatrix, residual_panel, residual_sums};
 use rayon::prelude::*;
@@ -26,8 +26,15 @@ impl Iteration<'_> {
         let mut order = self.order();
         order.truncate(wanted);
         let mut pending: Vec<usize> = order.iter().copied().filter(|&k| !(self.residual(k) <= tolerance)).collect();
-        let reach = pending.iter().map(|&column| self.values[column].abs()).fold(0.0, f64::max);
-        if pending.is_empty() || !(reach > 0.0 && reach.is_finite()) {
+        let mut sizes: Vec<f64> = self.values.iter().map(|value| value.abs()).collect();
+        if pending.is_empty() || !sizes.iter().all(|size| size.is_finite()) {
+            return Ok(());
+        }
+        // Where next to zero is all that is to be corrected, a shift as near to it would make the matrix singular but for rounding.
+        let middle = sizes.len() / 2;
+        let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let reach = pending.iter().map(|&column| self.values[column].abs()).fold(median, f64::max);
+        if reach == 0.0 {
             return Ok(());
         }
         let lowest = order.first().map_or(0.0, |&column| self.values[column]).min(0.0);
