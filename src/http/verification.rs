@@ -15,7 +15,8 @@ use utoipa_axum::routes;
 use super::bases::{find_kind, on_vertices};
 use super::body;
 use super::client::ClientState;
-use super::exchange::{self, Answer};
+use super::exchange::Answer;
+use super::extract;
 use super::ids::BasisId;
 use super::problem::{self, Problem};
 use super::problems::problems;
@@ -118,7 +119,7 @@ problems!(VerifyBasisProblems: SOLVE [BODY_TOO_LARGE, INVALID_ANALYSIS]);
     security(("bearer" = ["read"]))
 )]
 async fn verify_basis(state: ClientState, BasisId(id): BasisId, headers: HeaderMap) -> Result<Answer, Problem> {
-    exchange::answer_type(&headers, false, &[])?;
+    extract::negotiated(&headers, &["application/json"])?;
     let record = find_kind(&state, id, ProductKind::Eigenbasis).await?;
     let mut memory = state.memory();
     body::reserve(&mut memory, judging_bytes(record.vertices as usize, record.count as usize))?;
