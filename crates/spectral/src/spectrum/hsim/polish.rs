@@ -16,6 +16,9 @@ use super::shifts::factor_near;
 /// The most corrections.
 const MOST: usize = 3;
 
+/// What is longer than this, in the norm of the mass, is no rounding error, and columns that take it are no longer orthonormal.
+const SMALL: f64 = 1e-10;
+
 /// A correction counts where it leaves less than this share of a residual.
 const BETTER: f64 = 0.8;
 
@@ -54,6 +57,7 @@ impl Iteration<'_> {
                 panel.iter_mut().zip(correction.iter()).for_each(|(x, y)| *x -= y);
                 Ok::<(), HsimError>(())
             })?;
+            let sizes = lengths(&level.mass, &corrections);
             let lengths = lengths(&level.mass, &block);
             scale(&mut block, &lengths);
             let first = residual_sums(&level.stiffness, &level.mass, &block, &values, monitor)?;
@@ -61,7 +65,7 @@ impl Iteration<'_> {
                 first.iter().zip(&values).map(|(sums, value)| value + sums.product / sums.mass).collect();
             let sums = residual_sums(&level.stiffness, &level.mass, &block, &quotients, monitor)?;
             let better: Vec<usize> = (0..pending.len())
-                .filter(|&k| self.residual_of(&sums[k]) <= BETTER * self.residual(pending[k]))
+                .filter(|&k| sizes[k] <= SMALL && self.residual_of(&sums[k]) <= BETTER * self.residual(pending[k]))
                 .collect();
             if better.is_empty() {
                 break;
