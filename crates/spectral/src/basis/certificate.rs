@@ -97,7 +97,9 @@ pub fn completeness(first: usize, values: &[f64], inertia: &[InertiaCount]) -> O
     let mut closed = false;
     for count in inertia {
         let among = values.iter().filter(|&&value| value < count.shift).count();
-        let (above, found) = (count.shift > last, first + among);
+        // Where the interval is empty, a count of fewer than what was left out lies below it.
+        let above = count.shift > last && !(values.is_empty() && count.below < first);
+        let found = first + among;
         closed |= above;
         let fits = match (above, among) {
             (true, _) => count.below >= found,
@@ -124,6 +126,9 @@ mod tests {
         assert_eq!(completeness(0, &values, &[count(0.5, 1), count(2.5, 6)]), Some(true));
         assert_eq!(completeness(0, &values, &[count(1.5, 3)]), Some(false), "nothing is said of the last pair");
         assert_eq!(completeness(0, &values, &[count(1.5, 4), count(2.5, 4)]), Some(false), "one is missing below 1.5");
+        let empty = |counts: &[InertiaCount]| completeness(7, &[], counts);
+        assert_eq!(empty(&[count(0.5, 3), count(2.5, 7), count(3.0, 9)]), Some(true));
+        assert_eq!(empty(&[count(0.5, 3)]), Some(false));
         let shifted = |counts: &[InertiaCount]| completeness(7, &values, counts);
         assert_eq!(shifted(&[count(-1.0, 7), count(2.5, 11)]), Some(true));
         assert_eq!(shifted(&[count(-5.0, 3), count(0.5, 8), count(2.5, 12)]), Some(true));
