@@ -3,9 +3,10 @@
 use chladni_mesh::numbering::{Extension, Translation};
 use chladni_spectral::basis::Basis;
 use chladni_spectral::formats::npz;
-use chladni_spectral::verify::{Verification, verify as judge};
+use chladni_spectral::verify::Verification;
 use chladni_work::numbered::translate_parameters;
 use chladni_work::packed::Packed;
+use chladni_work::verification::{JudgeError, judge, problem_of, receipt};
 use chladni_work::{EigenbasisParameters, MeshSize};
 
 use super::{CliError, MeshInput, StageBars, Table, grouped, number, seconds};
@@ -83,7 +84,7 @@ pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
         let receipt: Value = serde_json::from_slice(&text)
             .map_err(|error| CliError::Usage(format!("{}: this is no receipt: {error}", path.display())))?;
         for file in ["basis", "mesh"] {
-            if receipt["hashes"][file] != hashes[file] {
+            if !is_of(&receipt["hashes"][file], &hashes[file]) {
                 return Err(CliError::Refused(format!("the {file} is not the one of {}", path.display())));
             }
         }
@@ -103,8 +104,10 @@ pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
         parameters = EigenbasisParameters::read(&own)?;
     }
     let outcome = pool.install(|| {
-        let operator = parameters.assemble(&mesh, solid.as_ref(), &bars)?;
-        judge(&basis, &operator, &bars).map_err(|error| unreadable(error.to_string()))
+        judge(&basis, &mesh, solid.as_ref(), &parameters, &bars).map_err(|error| match error {
+            JudgeError::Operator(error) => CliError::from(error),
+            other => unreadable(other.to_string()),
+        })
     })?;
     let total = began.elapsed().as_secs_f64();
     bars.finish();
@@ -117,56 +120,21 @@ pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
     Ok(if outcome.findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-/// The parameters of the job that made the basis; of them the operator counts.
-fn parameters(basis: &Basis, operator: Option<&str>) -> Result<EigenbasisParameters, CliError> {
-    let mut parameters = basis.metadata["parameters"].clone();
-    if let Some(text) = operator {
-        if !parameters.is_object() {
-            parameters = json!({});
-        }
-        parameters["operator"] = super::solve::operator(text)?;
-    }
-    if !parameters.is_object() || parameters.get("operator").is_none_or(Value::is_null) {
-        let reason = "this basis does not say which operator it is of; name it with --operator";
-        return Err(CliError::Usage(reason.to_owned()));
-    }
-    let problem = ["operator", "mass", "boundary"].map(|name| (name.to_owned(), parameters[name].clone()));
-    let given = problem.into_iter().filter(|(_, value)| !value.is_null()).collect();
-    let parameters = EigenbasisParameters::parse(&Value::Object(given))?;
-    if parameters.is_hodge() {
-        return Err(CliError::Usage("eigenfields (operator \"hodge\") cannot be judged yet".to_owned()));
-    }
-    Ok(parameters)
+/// Whether a file has the hash of a receipt. That of a mesh on a server is no hash of a file, and says nothing of one.
+fn is_of(claimed: &Value, found: &Value) -> bool {
+    claimed.as_str().is_some_and(|hash| hash.len() != HASH_DIGITS) || claimed == found
 }
 
-/// What was judged and what was found, to be cited.
-fn receipt(
-    basis: &Basis,
-    parameters: &EigenbasisParameters,
-    outcome: &Verification,
-    hashes: &Value,
-    total: f64,
-) -> Value {
-    let problem = parameters.canonical();
-    json!({
-        "verdict": if outcome.findings.is_empty() { "confirmed" } else { "refuted" },
-        "hashes": hashes,
-        "hash": "BLAKE3 of the files",
-        "verified_by": format!("chladni {}", env!("CARGO_PKG_VERSION")),
-        "operator": problem["operator"],
-        "mass": problem["mass"],
-        "boundary": problem["boundary"],
-        "solved_with": basis.metadata["parameters"],
-        "pairs": basis.count(),
-        "proven_complete": outcome.proven,
-        "findings": outcome.findings,
-        "counts": outcome.counts,
-        "orthonormality_defect": outcome.orthonormality_defect,
-        "eigenvalues": basis.eigenvalues,
-        "bounds": basis.certificate.bounds,
-        "residuals": outcome.residuals,
-        "distances": outcome.distances,
-        "seconds": total,
+/// Hexadecimal digits of a BLAKE3 hash.
+const HASH_DIGITS: usize = 64;
+
+/// The problem that the basis is said to solve.
+fn parameters(basis: &Basis, operator: Option<&str>) -> Result<EigenbasisParameters, CliError> {
+    let operator = operator.map(super::solve::operator).transpose()?;
+    let told = operator.is_some();
+    problem_of(basis, operator).map_err(|error| match told {
+        true => error.into(),
+        false => CliError::Usage(format!("{error}; name it with --operator")),
     })
 }
 

@@ -21,6 +21,9 @@ pub struct CertificateSchema {
     complete: Option<bool>,
     /// The counts, by ascending shift.
     inertia: Vec<InertiaSchema>,
+    /// The index of the first pair among all eigenvalues of the problem, where the pairs of an interval were asked for; absent where it is zero.
+    #[schema(required = false)]
+    first: u64,
     /// The largest residual that a pair was allowed; null where the method has none.
     tolerance: Option<f64>,
     /// What each level of the hierarchy took, coarsest first.

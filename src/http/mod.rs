@@ -13,7 +13,7 @@
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `numbering` | whose numbering of vertices and faces they are in |
 //! | `wire`, `certificate` | what goes over the wire |
-//! | `meshes`, `mesh_maps`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `subspaces`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
+//! | `meshes`, `mesh_maps`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `verification`, `subspaces`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
 //! | `page` | the web page, embedded |
 
 mod access;
@@ -58,6 +58,7 @@ mod state;
 mod subspaces;
 mod system;
 mod upload;
+mod verification;
 mod vibration;
 mod wire;
 
@@ -98,6 +99,7 @@ fn routes() -> OpenApiRouter<AppState> {
         .merge(signatures::routes())
         .merge(compressions::routes())
         .merge(comparisons::routes())
+        .merge(verification::routes())
         .merge(subspaces::routes())
         .merge(maps::routes())
         .merge(fields::routes())

@@ -119,7 +119,8 @@ pub struct JobRequest {
     /// (`inverse_iteration`, `{"chebyshev": {"degree": 20}}`: the basis is dense then, with a `precision`).
     ///
     /// `method: hsim`, pairs to a tolerance, proven complete: `tolerance` (largest residual, default 1e-2), `below` (all pairs below this
-    /// eigenvalue, instead of a count) with `at_most` (so many of them, default 1000), `variant` (`sliced`, `published`), `levels`,
+    /// eigenvalue, instead of a count) or `between` (`[from, to]`: those of an interval, `from` included and `to` not; all below `to` are computed) with
+    /// `at_most` (so many below the upper bound, default 1000), `variant` (`sliced`, `published`), `levels`,
     /// `sigma`, `shift_ratio` (published variant), `subspace_factor`, `storage` (`dense`, `compact`), `precision` of dense storage (`f32`,
     /// `f64`).
     ///

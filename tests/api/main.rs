@@ -24,4 +24,5 @@ mod journeys;
 mod meshes;
 mod numbering;
 mod system;
+mod verification;
 mod vibration;

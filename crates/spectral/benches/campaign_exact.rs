@@ -1,5 +1,6 @@
 //! Random solves of the exact methods on small hard meshes, judged against dense solves:
-//! `cargo bench --bench campaign_exact -- --solves 1000 --seed 1 [--verbose]`. Fails where an answer that is called complete is not.
+//! `cargo bench --bench campaign_exact -- --solves 1000 --seed 1 [--verbose] [--record FOLDER]`. Fails where an answer that is called complete is not.
+//! `benches/judge.py` judges records by SciPy.
 
 mod exact_cases;
 
@@ -13,8 +14,10 @@ fn main() -> ExitCode {
     };
     let (solves, seed) = (number("--solves", 400) as usize, number("--seed", 1));
     let verbose = arguments.iter().any(|argument| argument == "--verbose");
+    let at = arguments.iter().position(|argument| argument == "--record");
+    let record = at.and_then(|at| arguments.get(at + 1)).map(std::path::Path::new);
     let started = std::time::Instant::now();
-    let summary = exact_cases::run(solves, seed, verbose, |line| println!("{line}"));
+    let summary = exact_cases::run(solves, seed, verbose, record, |line| println!("{line}"));
     println!("\n{} solves from seed {seed} in {:.0} s", summary.solves, started.elapsed().as_secs_f64());
     println!("{:>8} complete", summary.complete);
     println!("{:>8} of them false", summary.false_complete);

@@ -5,7 +5,7 @@ mod exact_cases;
 
 #[test]
 fn answers_that_are_called_complete_are_complete() {
-    let summary = exact_cases::run(120, 1, false, |_| {});
+    let summary = exact_cases::run(120, 1, false, None, |_| {});
     assert!(summary.lines.is_empty(), "{}", summary.lines.join("\n"));
     assert_eq!((summary.false_complete, summary.missed), (0, 0));
     // What fails says why; nearly all are hairs and needles.

@@ -17,6 +17,7 @@ pub mod packed;
 mod provenance;
 pub mod simulate;
 pub mod table;
+pub mod verification;
 mod vibration_basis;
 
 use chladni_base::{Cancelled, Monitor, StageClock};

@@ -31,8 +31,15 @@ pub struct SolveArguments {
     #[arg(long, value_name = "VALUE", help_heading = "Problem", allow_hyphen_values = true, value_parser = finite)]
     below: Option<f64>,
 
-    /// The most eigenpairs that --below may deliver
-    #[arg(long, value_name = "M", help_heading = "Problem", requires = "below")]
+    /// All eigenpairs from the first to below the second of two values, in 1/length² of the mesh; all below the second are computed (hsim)
+    #[arg(
+        long, value_name = "FROM,TO", help_heading = "Problem", allow_hyphen_values = true, value_parser = interval,
+        conflicts_with_all = ["count", "below"]
+    )]
+    between: Option<[f64; 2]>,
+
+    /// The most eigenpairs that --below or --between may compute
+    #[arg(long, value_name = "M", help_heading = "Problem")]
     at_most: Option<usize>,
 
     /// Operator: auto, laplace, robust; volume, on the tetrahedra of a solid; graph, of the edges alone; extrinsic:T with T from 0 to 1; hamiltonian:T with the potential T (κ1² + κ2²), or
@@ -101,12 +108,19 @@ Examples:
   chladni solve igea.ply -n 500 --construction radial -p radial.distance=fast_marching --json
   chladni solve igea.ply --method hsim -n 250 --tolerance 1e-6 --precision f64 -o igea.npz
   chladni solve igea.ply --method hsim --below 500 --storage compact --json
+  chladni solve igea.ply --between 200,500                       those of an interval, with the index of the first
   chladni solve face.obj --method hsim --operator hamiltonian:0.1 --boundary dirichlet";
 
 /// Reads a finite number: JSON has no other, and would pass on one as if nothing had been given.
 fn finite(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "a number is expected".to_owned())?;
     if value.is_finite() { Ok(value) } else { Err("a finite number is expected".to_owned()) }
+}
+
+/// Reads two finite numbers with a comma between them.
+fn interval(text: &str) -> Result<[f64; 2], String> {
+    let (from, to) = text.split_once(',').ok_or("two numbers with a comma between them are expected")?;
+    Ok([finite(from.trim())?, finite(to.trim())?])
 }
 
 impl SolveArguments {
@@ -116,6 +130,7 @@ impl SolveArguments {
             ("method", Some(json!(self.method))),
             ("count", self.count.map(|value| json!(value))),
             ("below", self.below.map(|value| json!(value))),
+            ("between", self.between.map(|value| json!(value))),
             ("at_most", self.at_most.map(|value| json!(value))),
             ("operator", self.operator.as_deref().map(operator).transpose()?),
             ("boundary", self.boundary.as_ref().map(|value| json!(value))),
@@ -243,6 +258,14 @@ mod tests {
         let same = json!({"method": "hsim", "below": -3.1e-5});
         assert_eq!(negative, JobParameters::parse("eigenbasis", &same).unwrap());
         assert!(Harness::try_parse_from(["solve", "a.ply", "--below", "-n", "3"]).is_err());
+        let between = job(&["--between", "-1.5,2e3", "--at-most", "40"]).unwrap();
+        let same = json!({"method": "hsim", "between": [-1.5, 2e3], "at_most": 40});
+        assert_eq!(between, JobParameters::parse("eigenbasis", &same).unwrap());
+        assert!(Harness::try_parse_from(["solve", "a.ply", "--between", "1,2", "--below", "3"]).is_err());
+        assert!(job(&["--between", "2,1"]).unwrap_err().to_string().contains("between"));
+        for value in ["1", "1,x", "1,nan", "1,2,3"] {
+            assert!(Harness::try_parse_from(["solve", "a.ply", "--between", value]).is_err(), "{value}");
+        }
         for name in ["--below", "--tolerance"] {
             for value in ["nan", "inf", "x"] {
                 assert!(Harness::try_parse_from(["solve", "a.ply", name, value]).is_err(), "{name} {value}");

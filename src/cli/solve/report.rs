@@ -128,6 +128,9 @@ impl Run {
                 }
             );
         }
+        if let Some(interval) = self.basis.metadata.get("interval") {
+            text += &on_bounds(interval);
+        }
         text += match certificate.complete {
             Some(true) if certificate.accuracy.is_some() => {
                 "\ncertified: an inertia count and the bounds enclose the eigenvalue of each index\n"
@@ -155,6 +158,22 @@ pub fn storage(stored: u64, dense: u64) -> String {
     }
     let share = 100.0 * stored as f64 / dense as f64;
     format!("{} stored, {share:.0} % of the {} of a dense basis in double precision", bytes(stored), bytes(dense))
+}
+
+/// Which eigenvalues an interval holds, and which lie on a bound of it.
+fn on_bounds(interval: &serde_json::Value) -> String {
+    let mut text = match interval["first"].as_u64() {
+        Some(first @ 1..) => format!("\nthe first of these has the index {first} among all, from 0\n"),
+        _ => String::new(),
+    };
+    for pair in interval["on_bounds"].as_array().into_iter().flatten() {
+        let side = if pair["below"] == true { "below" } else { "not below" };
+        text += &format!(
+            "eigenvalue {} is {}, within {} of which the bound {} lies: it counts as {side} it\n",
+            pair["index"], pair["value"], pair["within"], pair["bound"]
+        );
+    }
+    text
 }
 
 /// The first eigenvalues and the last, with what is known of their errors in percent: estimates and bounds where there are estimates,

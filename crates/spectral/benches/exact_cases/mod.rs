@@ -1,6 +1,7 @@
 //! Random solves on small hard meshes, judged against a dense solve of the same pencil.
 
 pub mod cases;
+pub mod record;
 
 use std::collections::BTreeMap;
 
@@ -138,15 +139,22 @@ impl Truth {
     }
 }
 
-/// Solves so many random problems from the first seed on. `watch` is told each line as it is known.
-pub fn run(solves: usize, first: u64, verbose: bool, mut watch: impl FnMut(&str)) -> Summary {
+/// Solves so many random problems from the first seed on. `watch` is told each line as it is known; into the folder `record` goes what another program needs
+/// to judge each answer.
+pub fn run(
+    solves: usize,
+    first: u64,
+    verbose: bool,
+    record: Option<&std::path::Path>,
+    mut watch: impl FnMut(&str),
+) -> Summary {
     let mut summary = Summary::default();
     let mut seed = first;
     while summary.solves < solves {
         let case = case(seed);
         if let Some(truth) = Truth::new(&case) {
             for index in 0..QUESTIONS.min(solves - summary.solves) {
-                ask(&case, &truth, seed, index, verbose, &mut summary, &mut watch);
+                ask((&case, &truth), (seed, index), verbose, record, &mut summary, &mut watch);
             }
         }
         seed += 1;
@@ -155,11 +163,10 @@ pub fn run(solves: usize, first: u64, verbose: bool, mut watch: impl FnMut(&str)
 }
 
 fn ask(
-    case: &Case,
-    truth: &Truth,
-    seed: u64,
-    index: usize,
+    (case, truth): (&Case, &Truth),
+    (seed, index): (u64, usize),
     verbose: bool,
+    record: Option<&std::path::Path>,
     summary: &mut Summary,
     watch: &mut impl FnMut(&str),
 ) {
@@ -188,8 +195,15 @@ fn ask(
         watch(&line);
         summary.lines.push(line);
     };
+    if let Some(folder) = record {
+        let columns = answer.as_ref().map(|pairs| truth.columns(pairs)).unwrap_or_default();
+        let path = folder.join(format!("{seed}.{index}"));
+        record::write(&path, (case, &question), &truth.problem, &answer, &columns).expect("the folder takes records");
+    }
     match answer {
-        Ok(pairs) if pairs.values.is_empty() || completeness(&pairs.values, &pairs.inertia) == Some(true) => {
+        Ok(pairs)
+            if pairs.values.is_empty() || completeness(pairs.first, &pairs.values, &pairs.inertia) == Some(true) =>
+        {
             summary.complete += 1;
             let (wrong, missed) = truth.judge(&pairs, &question);
             summary.false_complete += usize::from(wrong.is_some());

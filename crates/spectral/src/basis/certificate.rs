@@ -24,6 +24,9 @@ pub struct Certificate {
     /// The inertia counts, by ascending shift.
     #[serde(default)]
     pub inertia: Vec<InertiaCount>,
+    /// The index of the first pair among all eigenvalues of the problem: zero but where the pairs of an interval were asked for.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub first: usize,
     /// The largest residual that a pair was allowed, where the method has one.
     #[serde(default)]
     pub tolerance: Option<f64>,
@@ -36,6 +39,11 @@ pub struct Certificate {
     /// The largest of them.
     #[serde(default)]
     pub largest_projection_error: Option<f64>,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+fn is_zero(number: &usize) -> bool {
+    *number == 0
 }
 
 /// How near an approximation came to what was asked for.
@@ -79,18 +87,26 @@ pub struct LevelReport {
 /// every count at a shift among the values equals the values below it, and a further count lies above the last value.
 ///
 /// A count above the last value may be larger than the values: a solver that computed a whole cluster delivers as many of it as were
-/// asked for.
-pub fn completeness(values: &[f64], inertia: &[InertiaCount]) -> Option<bool> {
+/// asked for. Where the pairs begin at another index than the `first` of all, counts below the first value are at most that, and those among the values equal
+/// it and the values below.
+pub fn completeness(first: usize, values: &[f64], inertia: &[InertiaCount]) -> Option<bool> {
     if inertia.is_empty() {
         return None;
     }
     let last = values.last().copied().unwrap_or(f64::NEG_INFINITY);
     let mut closed = false;
     for count in inertia {
-        let found = values.iter().filter(|&&value| value < count.shift).count();
-        let above = count.shift > last;
+        let among = values.iter().filter(|&&value| value < count.shift).count();
+        // Where the interval is empty, a count of fewer than what was left out lies below it.
+        let above = count.shift > last && !(values.is_empty() && count.below < first);
+        let found = first + among;
         closed |= above;
-        if if above { count.below < found } else { count.below != found } {
+        let fits = match (above, among) {
+            (true, _) => count.below >= found,
+            (false, 0) => count.below <= first && (first > 0 || count.below == 0),
+            (false, _) => count.below == found,
+        };
+        if !fits {
             return Some(false);
         }
     }
@@ -105,12 +121,21 @@ mod tests {
     fn only_counts_that_agree_and_reach_above_the_last_pair_prove_completeness() {
         let values = [0.0, 1.0, 1.0, 2.0];
         let count = |shift, below| InertiaCount { shift, below };
-        assert_eq!(completeness(&values, &[]), None);
-        assert_eq!(completeness(&values, &[count(2.5, 4)]), Some(true));
-        assert_eq!(completeness(&values, &[count(0.5, 1), count(2.5, 6)]), Some(true));
-        assert_eq!(completeness(&values, &[count(1.5, 3)]), Some(false), "nothing is said of the last pair");
-        assert_eq!(completeness(&values, &[count(1.5, 4), count(2.5, 4)]), Some(false), "one is missing below 1.5");
-        assert_eq!(completeness(&values, &[count(2.5, 3)]), Some(false), "one is there that cannot be");
+        assert_eq!(completeness(0, &values, &[]), None);
+        assert_eq!(completeness(0, &values, &[count(2.5, 4)]), Some(true));
+        assert_eq!(completeness(0, &values, &[count(0.5, 1), count(2.5, 6)]), Some(true));
+        assert_eq!(completeness(0, &values, &[count(1.5, 3)]), Some(false), "nothing is said of the last pair");
+        assert_eq!(completeness(0, &values, &[count(1.5, 4), count(2.5, 4)]), Some(false), "one is missing below 1.5");
+        let empty = |counts: &[InertiaCount]| completeness(7, &[], counts);
+        assert_eq!(empty(&[count(0.5, 3), count(2.5, 7), count(3.0, 9)]), Some(true));
+        assert_eq!(empty(&[count(0.5, 3)]), Some(false));
+        let shifted = |counts: &[InertiaCount]| completeness(7, &values, counts);
+        assert_eq!(shifted(&[count(-1.0, 7), count(2.5, 11)]), Some(true));
+        assert_eq!(shifted(&[count(-5.0, 3), count(0.5, 8), count(2.5, 12)]), Some(true));
+        assert_eq!(shifted(&[count(-1.0, 8), count(2.5, 11)]), Some(false), "more lie below than are left out");
+        assert_eq!(shifted(&[count(-1.0, 7), count(0.5, 7), count(2.5, 11)]), Some(false));
+        assert_eq!(shifted(&[count(-1.0, 7), count(2.5, 10)]), Some(false));
+        assert_eq!(completeness(0, &values, &[count(2.5, 3)]), Some(false), "one is there that cannot be");
     }
 
     #[test]

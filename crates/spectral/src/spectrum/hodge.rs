@@ -218,7 +218,7 @@ impl Scalar {
     }
 
     fn proven(&self, pairs: &Eigenpairs) -> bool {
-        crate::basis::completeness(&pairs.values, &pairs.inertia) == Some(true)
+        crate::basis::completeness(0, &pairs.values, &pairs.inertia) == Some(true)
     }
 }
 

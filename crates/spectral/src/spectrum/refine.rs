@@ -280,6 +280,8 @@ fn rayleigh_ritz(
         bounds,
         orthonormality_defect,
         inertia: Vec::new(),
+        first: 0,
+        on_bounds: Vec::new(),
         levels: Vec::new(),
         space: None,
     })

@@ -116,6 +116,9 @@ impl Exact {
         match self.solver.wanted {
             Wanted::Count(count) => request.count = Some(count),
             Wanted::Below { bound, most } => (request.below, request.at_most) = (Some(bound), Some(most)),
+            Wanted::Between { from, to, most } => {
+                (request.between, request.at_most) = (Some([from, to]), Some(most));
+            }
         }
         request.tolerance = Some(self.solver.tolerance);
         match self.solver.variant {
@@ -132,11 +135,11 @@ impl Exact {
         request.precision = (self.storage == StorageKind::Dense).then_some(self.precision);
     }
 
-    /// The most pairs that may be delivered.
+    /// The most pairs that may be computed.
     pub fn most_pairs(&self) -> usize {
         match self.solver.wanted {
             Wanted::Count(count) => count,
-            Wanted::Below { most, .. } => most,
+            Wanted::Below { most, .. } | Wanted::Between { most, .. } => most,
         }
     }
 
@@ -226,16 +229,30 @@ impl Exact {
             (StorageKind::Dense, Precision::F32) => Some(residuals_as_stored(&pairs, problem, monitor)?),
             _ => None,
         };
+        let interval = self.interval(&pairs);
         let mut basis = self.basis(pairs, mass, monitor)?;
+        if let Some(interval) = interval {
+            basis.metadata = serde_json::json!({ "interval": interval });
+        }
         if let Some(residuals) = stored {
             basis.certificate.residuals = residuals;
         }
         Ok(basis)
     }
 
+    /// What was asked for by bounds: those, the index of the first pair, and the pairs that lie on a bound as far as rounding lets one tell.
+    fn interval(&self, pairs: &Eigenpairs) -> Option<serde_json::Value> {
+        let (from, to) = match self.solver.wanted {
+            Wanted::Count(_) => return None,
+            Wanted::Below { bound, .. } => (None, bound),
+            Wanted::Between { from, to, .. } => (Some(from), to),
+        };
+        Some(serde_json::json!({ "from": from, "to": to, "first": pairs.first, "on_bounds": pairs.on_bounds }))
+    }
+
     /// The basis of what the solver found. `mass` is that of all vertices in the units of the input.
     fn basis(&self, pairs: Eigenpairs, mass: MassMatrix, monitor: &dyn Monitor) -> Result<Basis, JobError> {
-        let complete = completeness(&pairs.values, &pairs.inertia);
+        let complete = completeness(pairs.first, &pairs.values, &pairs.inertia);
         if complete != Some(true) {
             let reason = "the inertia counts do not cover the pairs".to_owned();
             return Err(HsimError::Unproven { reason }.into());
@@ -246,6 +263,7 @@ impl Exact {
             bounds: pairs.bounds,
             orthonormality_defect: pairs.orthonormality_defect,
             inertia: pairs.inertia,
+            first: pairs.first,
             tolerance: Some(self.solver.tolerance),
             levels: pairs.levels,
             ..Certificate::default()
@@ -314,23 +332,34 @@ fn within(name: &'static str, given: f64, least: f64, most: f64) -> Result<(), P
 }
 
 fn wanted(request: &Request, count: usize) -> Result<Wanted, ParameterError> {
-    let Some(bound) = request.below else {
-        if request.at_most.is_some() {
-            return Err(value("at_most", "belongs to \"below\", the bound on the eigenvalues".to_owned()));
+    let most = request.at_most.unwrap_or(AT_MOST);
+    let wanted = match (request.below, request.between) {
+        (None, None) if request.at_most.is_some() => {
+            let reason = "belongs to \"below\" and \"between\", the bounds on the eigenvalues";
+            return Err(value("at_most", reason.to_owned()));
         }
-        return Ok(Wanted::Count(count));
+        (None, None) => return Ok(Wanted::Count(count)),
+        (Some(_), Some(_)) => {
+            return Err(value("between", "give one bound on the eigenvalues, or an interval, not both".to_owned()));
+        }
+        (Some(bound), None) if !bound.is_finite() => {
+            return Err(value("below", format!("must be a finite number, not {bound}")));
+        }
+        (Some(bound), None) => Wanted::Below { bound, most },
+        (None, Some([from, to])) if !(from < to && from.is_finite() && to.is_finite()) => {
+            let reason = format!("must be two finite numbers, the lower one first, not {from} and {to}");
+            return Err(value("between", reason));
+        }
+        (None, Some([from, to])) => Wanted::Between { from, to, most },
     };
     if request.count.is_some() {
-        return Err(value("below", "give a count or a bound on the eigenvalues, not both".to_owned()));
+        let name = if request.below.is_some() { "below" } else { "between" };
+        return Err(value(name, "give a count or bounds on the eigenvalues, not both".to_owned()));
     }
-    if !bound.is_finite() {
-        return Err(value("below", format!("must be a finite number, not {bound}")));
-    }
-    let most = request.at_most.unwrap_or(AT_MOST);
     if !(1..=LARGEST_COUNT).contains(&most) {
         return Err(value("at_most", format!("must be between 1 and {LARGEST_COUNT}, not {most}")));
     }
-    Ok(Wanted::Below { bound, most })
+    Ok(wanted)
 }
 
 #[cfg(test)]

@@ -50,6 +50,8 @@ fn solved(mass: MassKind, count: usize) -> (Eigenpairs, MassMatrix) {
     let space = SparseMatrix::new(n, n - 1, offsets, indices, weights).unwrap();
     let last = values.last().copied().unwrap();
     let pairs = Eigenpairs {
+        first: 0,
+        on_bounds: Vec::new(),
         residuals: vec![1e-9; count],
         bounds: vec![1e-6; count],
         orthonormality_defect: 1e-14,

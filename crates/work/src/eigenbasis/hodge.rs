@@ -22,6 +22,7 @@ pub fn check(method: &Method, operator: &OperatorParameters) -> Result<(), Param
             Some(("method", "the operator \"hodge\" takes the method \"hsim\" in its variant \"sliced\""))
         }
         (_, Wanted::Below { .. }, _) => Some(("below", "the operator \"hodge\" takes a count")),
+        (_, Wanted::Between { .. }, _) => Some(("between", "the operator \"hodge\" takes a count")),
         (_, _, StorageKind::Compact) => Some(("storage", "eigenfields of \"hodge\" are stored densely")),
         _ if operator.mass != MassKind::Barycentric => Some(("mass", "the operator \"hodge\" has a mass of its own")),
         _ if operator.boundary != Boundary::Neumann => {

@@ -175,9 +175,7 @@ impl EigenbasisParameters {
         self.operator.check_mesh(vertices)?;
         let bounded = match &self.method {
             Method::Auto(_) | Method::Approximate(_) => false,
-            Method::Exact(exact) => {
-                matches!(exact.solver.wanted, chladni_spectral::spectrum::hsim::Wanted::Below { .. })
-            }
+            Method::Exact(exact) => !matches!(exact.solver.wanted, chladni_spectral::spectrum::hsim::Wanted::Count(_)),
         };
         let count = self.most_pairs();
         if self.is_hodge() {
@@ -260,7 +258,11 @@ impl EigenbasisParameters {
             }
             Method::Exact(exact) => (exact.run(mesh, &operator, self.seed, monitor)?, self.method_name().name()),
         };
+        let interval = basis.metadata.get("interval").cloned();
         basis.metadata = self.metadata(&operator, method, solid);
+        if let Some(interval) = interval {
+            basis.metadata["interval"] = interval;
+        }
         Ok(basis)
     }
 
@@ -381,6 +383,13 @@ mod tests {
             (json!({"method": "hsim", "variant": "published", "shift_ratio": 2}), "shift_ratio"),
             (json!({"method": "hsim", "subspace_factor": 0.5}), "subspace_factor"),
             (json!({"method": "hsim", "count": 10, "below": 2.0}), "not both"),
+            (json!({"method": "hsim", "count": 10, "between": [1.0, 2.0]}), "not both"),
+            (json!({"below": 1.0, "between": [1.0, 2.0]}), "not both"),
+            (json!({"between": [2.0, 2.0]}), "between"),
+            (json!({"between": [3.0, 2.0]}), "the lower one first"),
+            (json!({"between": [3.0]}), "between"),
+            (json!({"method": "sim", "between": [1.0, 2.0]}), "between"),
+            (json!({"operator": "hodge", "method": "hsim", "between": [1.0, 2.0]}), "between"),
             (json!({"method": "hsim", "at_most": 10}), "at_most"),
             (json!({"method": "hsim", "below": 1.0, "at_most": 0}), "at_most"),
             (json!({"method": "hsim", "storage": "compact", "precision": "f64"}), "precision"),
@@ -421,6 +430,7 @@ mod tests {
             json!({"method": "hsim"}),
             json!({"method": "hsim", "operator": "hodge", "precision": "f64"}),
             json!({"method": "hsim", "below": 12.5, "at_most": 40, "levels": 3, "tolerance": 1e-6, "precision": "f64"}),
+            json!({"method": "hsim", "between": [-1.5, 12.5], "at_most": 40}),
             json!({"method": "hsim", "variant": "published", "sigma": 7, "subspace_factor": 1.5, "storage": "compact"}),
             json!({"method": "sim", "start": "bathe", "count": 9}),
             json!({"operator": {"hamiltonian": {"potential": {"values": [1.0, 2.5]}}}, "boundary": "dirichlet"}),

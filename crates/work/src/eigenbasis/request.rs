@@ -60,6 +60,8 @@ pub struct Request {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub below: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub between: Option<[f64; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub at_most: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub operator: Option<OperatorKind>,
@@ -118,6 +120,7 @@ const BELONGINGS: &[(&str, &[MethodName])] = &[
     ("certify", APPROXIMATE),
     ("refinement", APPROXIMATE),
     ("below", HSIM),
+    ("between", HSIM),
     ("at_most", HSIM),
     ("tolerance", EXACT),
     ("variant", HSIM),

@@ -107,6 +107,7 @@ fn converge(iteration: &mut Iteration<'_>, plan: &Plan) -> Result<(), HsimError>
     iteration.run(plan)?;
     iteration.take_quotients()?;
     iteration.run(plan)?;
+    iteration.polish(plan.wanted, plan.tolerance)?;
     iteration.require(plan)
 }
 

@@ -7,7 +7,7 @@ use chladni_mesh::TriangleMesh;
 use super::certify::Goal;
 use super::iterate::Iteration;
 use super::judge::{Count, Found, Verdict, certify};
-use super::{Eigenpairs, HsimError, InertiaCount, LevelReport};
+use super::{Eigenpairs, HsimError, InertiaCount, LevelReport, OnBound};
 use crate::operator::EigenProblem;
 
 /// What is delivered of the pairs found, and in which form.
@@ -21,6 +21,8 @@ pub(super) struct Delivery<'a> {
     pub tolerance: f64,
     /// What was taken off the eigenvalues.
     pub offset: f64,
+    /// Pairs below this are not delivered, on unit area.
+    pub from: Option<f64>,
     /// Whether pairs of which it is not certain on which side of the bound they lie may be told apart by their values.
     pub decide: bool,
 }
@@ -34,6 +36,8 @@ pub(super) fn nothing(mesh: &TriangleMesh, problem: &EigenProblem, n: usize, cou
         bounds: Vec::new(),
         orthonormality_defect: 0.0,
         inertia: vec![InertiaCount { shift: (count.shift + offset) / problem.area, below: count.below }],
+        first: 0,
+        on_bounds: Vec::new(),
         levels: vec![LevelReport { dimension: n, iterations: 0, shifts: 1 }],
         space: None,
     }
@@ -58,6 +62,11 @@ pub(super) fn finish(
     if !iteration.ritz {
         iteration.orthonormalise()?;
     }
+    let open = match delivery.goal {
+        Goal::Count(wanted) => wanted.saturating_sub(known),
+        Goal::Below(_) => iteration.values.len(),
+    };
+    iteration.polish(open, delivery.tolerance)?;
     let mut again = true;
     let (verdict, wanted) = loop {
         let kernel = iteration.insert_kernel(known)?;
@@ -92,29 +101,79 @@ pub(super) fn finish(
                     return Err(error);
                 }
                 iteration.orthonormalise()?;
+                iteration.polish(open, delivery.tolerance)?;
             }
         }
     };
+    let first = delivery.from.map_or(0, |from| iteration.values[..wanted].partition_point(|&value| value < from));
+    count_below(iteration, first)?;
     let counts = iteration.counts(count);
     let Verdict { residuals, bounds, defect, sums, .. } = verdict;
     let (area, offset) = (delivery.problem.area, delivery.offset);
+    let on_bounds = on_bounds(&iteration.values, &bounds, delivery);
+    let delivered = first..wanted;
     let signs = sums.iter().map(|sums| if sums.lowest < -sums.highest { -1.0 } else { 1.0 });
-    let factors: Vec<f64> = signs.map(|sign| sign / area.sqrt()).take(wanted).collect();
+    let factors: Vec<f64> = signs.map(|sign| sign / area.sqrt()).take(wanted).skip(first).collect();
     let mut vectors = std::mem::take(&mut iteration.vectors);
-    vectors.keep_columns(wanted);
+    if first == 0 {
+        vectors.keep_columns(wanted);
+    } else {
+        vectors = vectors.select(&delivered.clone().collect::<Vec<_>>());
+    }
     Ok(Some(Eigenpairs {
-        values: iteration.values.iter().take(wanted).map(|value| (value + offset) / area).collect(),
+        values: iteration.values[delivered.clone()].iter().map(|value| (value + offset) / area).collect(),
         vectors: vectors.spread(delivery.mesh.positions.len(), delivery.vertices, &factors),
-        residuals,
-        bounds: bounds.into_iter().take(wanted).map(|bound| bound / area).collect(),
+        residuals: residuals[delivered.clone()].to_vec(),
+        bounds: bounds[delivered].iter().map(|bound| bound / area).collect(),
         orthonormality_defect: defect,
         inertia: counts
             .into_iter()
             .map(|count| InertiaCount { shift: (count.shift + offset) / area, below: count.below })
             .collect(),
+        first,
+        on_bounds,
         levels: Vec::new(),
         space: None,
     }))
+}
+
+/// Counts the eigenvalues below the first delivered pair, where there is a gap to count in: with the count above the last one, two that say how many there
+/// are between. Each pair is enclosed with its index whether or not there is.
+fn count_below(iteration: &mut Iteration<'_>, first: usize) -> Result<(), HsimError> {
+    let values = &iteration.values;
+    if let (Some(&low), Some(&high)) = (first.checked_sub(1).and_then(|k| values.get(k)), values.get(first))
+        && high - low > GAP * high.abs().max(low.abs())
+    {
+        iteration.count(0.5 * (low + high))?;
+    }
+    Ok(())
+}
+
+/// A relative gap that a count is made in.
+const GAP: f64 = 1e-7;
+
+/// The pairs whose enclosures reach a bound that was asked for.
+fn on_bounds(values: &[f64], enclosures: &[f64], delivery: &Delivery<'_>) -> Vec<OnBound> {
+    let upper = match delivery.goal {
+        Goal::Below(bound) => Some(bound),
+        Goal::Count(_) => None,
+    };
+    let in_units = |value: f64| (value + delivery.offset) / delivery.problem.area;
+    let mut found = Vec::new();
+    for bound in delivery.from.into_iter().chain(upper) {
+        for (index, (&value, &within)) in values.iter().zip(enclosures).enumerate() {
+            if (value - bound).abs() <= within {
+                found.push(OnBound {
+                    index,
+                    value: in_units(value),
+                    within: within / delivery.problem.area,
+                    bound: in_units(bound),
+                    below: value < bound,
+                });
+            }
+        }
+    }
+    found
 }
 
 /// Whether some pair above the bound may belong below it, and would tell if it were iterated on. Those whose values lie below it do so: Ritz values

@@ -3,6 +3,7 @@
 use chladni_algebra::{DenseMatrix, MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, prolong};
 use chladni_base::Monitor;
 
+use super::graded::{by_inverse, sharpen};
 use super::iterate::{Iteration, Plan};
 use super::kernel::Kernel;
 use super::level::{Level, NO_KERNEL, coarsened, space};
@@ -129,31 +130,42 @@ const MIDDLE_TOLERANCE: f64 = 0.1;
 /// The lowest `q` pairs of a level beside its kernel, by a dense solve.
 pub(super) fn densely(level: &Level, q: usize, monitor: &dyn Monitor) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
     let (mut stiffness, mass) = dense(level);
-    // The kernel is moved above all other eigenvalues, where it cannot be taken for one of them.
     let lumped = level.mass.lumped();
-    let sum = |row: usize| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
-    let height = 8.0 * (0..level.size()).map(|row| sum(row) / lumped[row].abs()).fold(0.0, f64::max);
-    let mut rows: Vec<Vec<usize>> = Vec::new();
+    let mut kernel: Vec<Vec<usize>> = Vec::new();
     for (row, &component) in level.component.iter().enumerate() {
         if component != NO_KERNEL {
             let component = component as usize;
-            if rows.len() <= component {
-                rows.resize(component + 1, Vec::new());
+            if kernel.len() <= component {
+                kernel.resize(component + 1, Vec::new());
             }
-            rows[component].push(row);
+            kernel[component].push(row);
         }
     }
-    for rows in &rows {
+    let count = q.min(level.size() - kernel.len());
+    let sum = |row: usize| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
+    let ratios: Vec<f64> = (0..level.size()).map(|row| sum(row) / lumped[row].abs()).collect();
+    if let Some(pairs) = by_inverse(level, (&stiffness, &mass), &kernel, count, ratios.clone(), monitor)? {
+        return Ok(pairs);
+    }
+    // The kernel is moved above all other eigenvalues, where it cannot be taken for one of them.
+    let height = 8.0 * ratios.into_iter().fold(0.0, f64::max);
+    add_constants(&mut stiffness, &lumped, &kernel, height);
+    let (mut values, vectors) = ritz(stiffness, mass, count, monitor)?;
+    let mut vectors = PanelMatrix::from_dense(&vectors);
+    sharpen(level, &mut vectors, &mut values, monitor)?;
+    Ok((values, vectors))
+}
+
+/// Adds `factor · M 1 1ᵀ M / 1ᵀM1` for the constants `1` of every component.
+pub(super) fn add_constants(matrix: &mut DenseMatrix, lumped: &[f64], components: &[Vec<usize>], factor: f64) {
+    for rows in components {
         let total: f64 = rows.iter().map(|&row| lumped[row]).sum();
         for &column in rows {
-            let factor = height * lumped[column] / total;
-            let entries = stiffness.column_mut(column);
+            let factor = factor * lumped[column] / total;
+            let entries = matrix.column_mut(column);
             rows.iter().for_each(|&row| entries[row] += factor * lumped[row]);
         }
     }
-    let count = q.min(level.size() - rows.len());
-    let (values, vectors) = ritz(stiffness, mass, count, monitor)?;
-    Ok((values, PanelMatrix::from_dense(&vectors)))
 }
 
 /// The pencil of a level as dense matrices.

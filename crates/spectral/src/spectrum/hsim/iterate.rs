@@ -17,7 +17,8 @@ use rayon::prelude::*;
 
 use super::HsimError;
 use super::columns::{defect, lengths, normalise};
-use super::judge::{Count, NULL, Units};
+use super::graded::sharpen;
+use super::judge::{AS_GOOD_AS_ZERO, Count, NULL, Units};
 use super::kernel::Kernel;
 use super::level::Level;
 use super::ritz::ritz;
@@ -44,6 +45,9 @@ const REPLACE_SHARE: f64 = 0.4;
 /// A step that leaves the worst residual above this share of what it was has stalled; the next one is made with this share of the tolerance.
 const STALLED: f64 = 0.6;
 const STRICT: f64 = 0.01;
+
+/// Columns that span everything are made Ritz vectors so often.
+const ON_ALL: usize = 3;
 
 /// So many such steps in a row are the end of it.
 const MOST_STALLED: usize = 4;
@@ -154,7 +158,7 @@ impl<'a> Iteration<'a> {
         self.sums.get(column).map_or(1.0, |sums| self.residual_of(sums))
     }
 
-    fn residual_of(&self, sums: &ColumnSums) -> f64 {
+    pub fn residual_of(&self, sums: &ColumnSums) -> f64 {
         let (part, whole) = if sums.stiffness <= (NULL * self.norm).powi(2) * sums.square {
             (sums.stiffness, self.norm * self.norm * sums.square)
         } else {
@@ -173,6 +177,9 @@ impl<'a> Iteration<'a> {
 
     /// Iterates until the wanted pairs have converged or the steps are used up.
     pub fn run(&mut self, plan: &Plan) -> Result<(), HsimError> {
+        if self.values.len() + self.kernel.dimension() >= self.level.size() {
+            return self.run_on_all(plan);
+        }
         let (mut last, mut least, mut vain) = (f64::INFINITY, (usize::MAX, f64::INFINITY), 0);
         while self.passes < plan.most_passes {
             let pending = self.unconverged(plan);
@@ -207,6 +214,19 @@ impl<'a> Iteration<'a> {
         Ok(())
     }
 
+    /// The same where the columns span everything there is: solves add nothing, and would turn columns of one shift into one another.
+    fn run_on_all(&mut self, plan: &Plan) -> Result<(), HsimError> {
+        for _ in 0..ON_ALL {
+            if self.passes >= plan.most_passes || self.ritz && self.unconverged(plan).is_empty() {
+                break;
+            }
+            self.orthonormalise()?;
+            self.polish(plan.wanted, plan.tolerance)?;
+            self.passes += 1;
+        }
+        Ok(())
+    }
+
     /// One step that replaces every column by its solve.
     fn replace(&mut self, plan: &Plan) -> Result<(), HsimError> {
         let order = self.order();
@@ -235,6 +255,7 @@ impl<'a> Iteration<'a> {
                 break;
             }
         }
+        sharpen(level, &mut vectors, &mut values, monitor)?;
         self.sums = residual_sums(&level.stiffness, &level.mass, &vectors, &values, monitor)?;
         (self.vectors, self.values, self.ritz) = (vectors, values, true);
         Ok(())
@@ -393,21 +414,26 @@ impl<'a> Iteration<'a> {
     /// Whether the wanted pairs have converged.
     ///
     /// # Errors
-    /// [`HsimError::NotConverged`] where they have not.
+    /// [`HsimError::NotConverged`] where they have not, [`HsimError::Floor`] where rounding does not let them.
     pub fn require(&self, plan: &Plan) -> Result<(), HsimError> {
         let failed = self.unconverged(plan);
+        let floors = self.floors(&failed)?;
+        let as_close_as_it_gets = |floor: f64, column: usize| self.residual(column) <= ABOVE_FLOOR * floor;
+        // Of a value that is as good as zero no residual can be asked.
+        let failed: Vec<(f64, usize)> = floors
+            .into_iter()
+            .zip(failed)
+            .filter(|&(floor, column)| !(floor >= AS_GOOD_AS_ZERO && as_close_as_it_gets(floor, column)))
+            .collect();
         if failed.is_empty() {
             return Ok(());
         }
-        let worst = failed.iter().map(|&column| self.residual(column)).fold(0.0, f64::max);
         let (tolerance, iterations) = (plan.tolerance, self.passes);
         // Where rounding allows no less than what is left of a pair, no iteration helps.
-        let floors = self.floors(&failed)?;
-        let reached =
-            |(floor, &column): (&f64, &usize)| *floor > tolerance && self.residual(column) <= ABOVE_FLOOR * floor;
-        if floors.iter().zip(&failed).any(reached) {
-            return Err(HsimError::Floor { tolerance, floor: floors.iter().copied().fold(0.0, f64::max) });
+        if failed.iter().any(|&(floor, column)| floor > tolerance && as_close_as_it_gets(floor, column)) {
+            return Err(HsimError::Floor { tolerance, floor: failed.iter().map(|pair| pair.0).fold(0.0, f64::max) });
         }
+        let worst = failed.iter().map(|pair| self.residual(pair.1)).fold(0.0, f64::max);
         Err(HsimError::NotConverged { count: failed.len(), tolerance, iterations, worst })
     }
 
@@ -418,13 +444,17 @@ impl<'a> Iteration<'a> {
 
     /// The residual (4.6) that rounding may leave to some columns.
     fn floors(&self, columns: &[usize]) -> Result<Vec<f64>, HsimError> {
+        let values: Vec<f64> = columns.iter().map(|&column| self.values[column]).collect();
+        let sums: Vec<ColumnSums> = columns.iter().map(|&column| self.sums[column]).collect();
+        self.floors_of(&self.vectors.select(columns), &values, &sums)
+    }
+
+    /// The same of a block with its values and what it sums up to.
+    pub fn floors_of(&self, block: &PanelMatrix, values: &[f64], sums: &[ColumnSums]) -> Result<Vec<f64>, HsimError> {
         let level = self.level;
-        let (block, values) = (self.vectors.select(columns), columns.iter().map(|&column| self.values[column]));
-        let values: Vec<f64> = values.collect();
-        let magnitudes = residual_magnitudes(&level.stiffness, &level.mass, &block, &values, 0.0, self.monitor)?;
+        let magnitudes = residual_magnitudes(&level.stiffness, &level.mass, block, values, 0.0, self.monitor)?;
         let unit = Units::new(level).row;
-        let floors = magnitudes.iter().zip(columns);
-        Ok(floors.map(|(sums, &column)| unit * (sums.square / self.sums[column].stiffness).sqrt()).collect())
+        Ok(magnitudes.iter().zip(sums).map(|(size, sums)| unit * (size.square / sums.stiffness).sqrt()).collect())
     }
 
     /// Takes the kernel and the block off some columns and drops those of which next to nothing is left: where the block holds all there is, that is
@@ -605,6 +635,11 @@ impl<'a> Iteration<'a> {
     /// Drops the factors that were kept, but not their memory.
     fn release(&mut self) {
         self.storage.extend(self.kept.drain(..).map(|(_, factor)| factor.into_storage()));
+    }
+
+    /// Keeps the memory of a factor for another.
+    pub fn keep_storage(&mut self, factor: Factor<'_>) {
+        self.storage.push(factor.into_storage());
     }
 
     /// Memory for a factor.

@@ -78,6 +78,9 @@ const LARGEST_COUPLING: f64 = 1e-9;
 /// Where `‖S x‖` is not larger than this times `‖S‖ ‖x‖`, it is as good as zero in double precision.
 pub(super) const NULL: f64 = 64.0 * f64::EPSILON;
 
+/// So much of `‖S x‖` may be rounding errors before the value of a pair is as good as zero: no tolerance that can be asked for is as large.
+pub(super) const AS_GOOD_AS_ZERO: f64 = 0.5;
+
 /// Judges columns as they are.
 ///
 /// # Errors
@@ -114,7 +117,11 @@ pub(super) fn certify(found: &Found<'_>, monitor: &dyn Monitor) -> Result<Verdic
     let sums = residual_sums(&level.stiffness, &level.mass, vectors, values, monitor)?;
     let norm = norm(level);
     let residuals: Vec<f64> = (0..wanted)
-        .map(|column| residual(&sums[column], values[column], found.offset, norm, kernel.contains(&column)))
+        .map(|column| {
+            let floor = unit.row * (magnitudes[column].square / sums[column].stiffness).sqrt();
+            let null = kernel.contains(&column) || floor >= AS_GOOD_AS_ZERO;
+            residual(&sums[column], values[column], found.offset, norm, null)
+        })
         .collect();
     require(&residuals, &sums, &magnitudes, unit, found.tolerance)?;
     // How far each value may be off the Ritz value of the exact matrices.

@@ -3,12 +3,14 @@
 mod certify;
 mod columns;
 mod deliver;
+mod graded;
 mod hierarchy;
 mod iterate;
 mod judge;
 mod kernel;
 mod level;
 mod offset;
+mod polish;
 mod published;
 mod ritz;
 mod shifts;
@@ -32,6 +34,30 @@ pub enum Wanted {
         /// The most pairs that may be delivered.
         most: usize,
     },
+    /// All whose eigenvalue is at least `from` and below `to`, in 1/length² of the input. All below `to` are computed, and may be `most`.
+    Between {
+        /// The lower end, which belongs to the interval.
+        from: f64,
+        /// The upper end, which does not.
+        to: f64,
+        /// The most pairs below the upper end.
+        most: usize,
+    },
+}
+
+/// A pair whose enclosure reaches a bound that was asked for: it is for its value that it counts as below the bound or not.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct OnBound {
+    /// Its index among all eigenvalues, from 0.
+    pub index: usize,
+    /// Its value, in 1/length² of the input.
+    pub value: f64,
+    /// The exact eigenvalue lies within this of the value.
+    pub within: f64,
+    /// The bound that lies there too.
+    pub bound: f64,
+    /// Whether it counts as below.
+    pub below: bool,
 }
 
 /// How the eigenpairs are computed.
@@ -86,6 +112,10 @@ pub struct Eigenpairs {
     pub orthonormality_defect: f64,
     /// Inertia counts that prove that nothing was skipped, by ascending shift.
     pub inertia: Vec<InertiaCount>,
+    /// The index of the first pair among all eigenvalues of the problem, from 0.
+    pub first: usize,
+    /// Pairs of which rounding does not let one tell on which side of a bound they lie, delivered or not.
+    pub on_bounds: Vec<OnBound>,
     /// Coarsest level first, the mesh last.
     pub levels: Vec<LevelReport>,
     /// The finest nested space, `n × d`, if the caller asked to keep it.
@@ -200,6 +230,14 @@ impl HsimParameters {
                 within("below", bound, f64::MIN, f64::MAX)?;
                 within("most", most as f64, 1.0, f64::from(u32::MAX))?;
             }
+            Wanted::Between { from, to, most } => {
+                within("between", to, f64::MIN, f64::MAX)?;
+                within("most", most as f64, 1.0, f64::from(u32::MAX))?;
+                if !(from < to && from.is_finite()) {
+                    let reason = format!("must begin below where it ends, not at {from} of {to}");
+                    return Err(HsimError::Parameter { name: "between", reason });
+                }
+            }
         }
         within("tolerance", self.tolerance, 1e-10, 0.5)?;
         within("levels", self.levels.unwrap_or(2) as f64, 1.0, 6.0)?;
@@ -233,6 +271,8 @@ impl From<chladni_algebra::FactorError> for HsimError {
     }
 }
 
+#[cfg(test)]
+mod bounds_tests;
 #[cfg(test)]
 mod certify_tests;
 #[cfg(test)]

@@ -161,14 +161,16 @@ fn climb_and_solve(
             let q = hierarchy::columns(beside(count), n - known);
             rayon::join(|| Finest::new(&base, q, monitor), || climb(q))
         }
-        Wanted::Below { .. } => (Finest::new(&base, hierarchy::columns(100, n), monitor), Ok(None)),
+        Wanted::Below { .. } | Wanted::Between { .. } => {
+            (Finest::new(&base, hierarchy::columns(100, n), monitor), Ok(None))
+        }
     };
     let finest = finest?;
     let (goal, wanted) = match parameters.wanted {
         Wanted::Count(count) => (Goal::Count(count), count),
-        Wanted::Below { bound, most } => {
+        Wanted::Below { bound, most } | Wanted::Between { to: bound, most, .. } => {
             let bound = bound * problem.area - offset;
-            match estimate(&finest, bound)? {
+            match estimate(&finest, bound, known)? {
                 Estimate::Nothing(count) => return Ok(nothing(mesh, problem, n, count, offset)),
                 Estimate::About(wanted) if wanted > most.saturating_add(wanted.min(SLACK)) => {
                     return Err(HsimError::Count { wanted, most });
@@ -181,7 +183,7 @@ fn climb_and_solve(
     let beside = beside(wanted);
     let start = match parameters.wanted {
         Wanted::Count(_) => start?,
-        Wanted::Below { .. } => climb(hierarchy::columns(beside, n - known))?,
+        Wanted::Below { .. } | Wanted::Between { .. } => climb(hierarchy::columns(beside, n - known))?,
     };
     let mut reports = Vec::new();
     let mut space = None;
@@ -236,10 +238,10 @@ fn climb_and_solve(
         solved => solved,
     };
     let (mut pairs, report) = solved?;
-    if let Wanted::Below { most, .. } = parameters.wanted
-        && pairs.values.len() > most
+    if let Wanted::Below { most, .. } | Wanted::Between { most, .. } = parameters.wanted
+        && pairs.first + pairs.values.len() > most
     {
-        return Err(HsimError::Count { wanted: pairs.values.len(), most });
+        return Err(HsimError::Count { wanted: pairs.first + pairs.values.len(), most });
     }
     reports.push(report);
     (pairs.levels, pairs.space) = (reports, space);
@@ -291,6 +293,9 @@ impl Task<'_> {
             None if exact => iteration.measure()?,
             None => {}
         }
+        if plain.is_none() {
+            iteration.refuse_below_floor(plan.wanted, parameters.tolerance)?;
+        }
         let vertices = finest.vertices(self.problem);
         let mut delivery = Delivery {
             mesh: self.mesh,
@@ -299,6 +304,10 @@ impl Task<'_> {
             goal: self.goal,
             tolerance: parameters.tolerance,
             offset: self.offset,
+            from: match parameters.wanted {
+                Wanted::Between { from, .. } => Some(from * self.problem.area - self.offset),
+                _ => None,
+            },
             decide: false,
         };
         let mut attempt = 0;
@@ -422,7 +431,8 @@ enum Estimate {
     About(usize),
 }
 
-fn estimate(finest: &Finest, bound: f64) -> Result<Estimate, HsimError> {
+/// `kernel` is the dimension of the kernel that is known exactly.
+fn estimate(finest: &Finest, bound: f64, kernel: usize) -> Result<Estimate, HsimError> {
     let (level, lumped) = (&finest.level, finest.level.mass.lumped());
     let sums = |row: usize| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
     let spread = (0..level.size()).map(|row| sums(row) / lumped[row]).fold(0.0, f64::max);
@@ -436,6 +446,13 @@ fn estimate(finest: &Finest, bound: f64) -> Result<Estimate, HsimError> {
         let above = count(bound + 3.0 * at.radius.min(spread))?;
         if above.below == 0 && above.shift - above.radius >= bound {
             return Ok(Estimate::Nothing(above));
+        }
+    }
+    // Next to zero, rounding may count the kernel, which is known to lie at zero and not below a bound that is no higher.
+    if bound <= 0.0 && bound >= -3.0 * at.radius {
+        let (below, above) = (count(-6.0 * at.radius)?, count(6.0 * at.radius)?);
+        if below.below == 0 && above.below == kernel {
+            return Ok(Estimate::Nothing(below));
         }
     }
     Ok(Estimate::About(at.below.max(1)))

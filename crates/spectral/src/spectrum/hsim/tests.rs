@@ -16,20 +16,20 @@ fn problem(mesh: &TriangleMesh, operator: OperatorKind, mass: MassKind, boundary
     assemble_operator(mesh, &OperatorParameters { operator, mass, boundary }, &Unwatched).unwrap().problem
 }
 
-fn laplacian(mesh: &TriangleMesh) -> EigenProblem {
+pub(super) fn laplacian(mesh: &TriangleMesh) -> EigenProblem {
     problem(mesh, OperatorKind::Laplace, MassKind::Barycentric, Boundary::Neumann)
 }
 
-fn count(count: usize, tolerance: f64) -> HsimParameters {
+pub(super) fn count(count: usize, tolerance: f64) -> HsimParameters {
     HsimParameters { wanted: Wanted::Count(count), tolerance, ..HsimParameters::default() }
 }
 
-fn below(bound: f64, most: usize) -> HsimParameters {
+pub(super) fn below(bound: f64, most: usize) -> HsimParameters {
     HsimParameters { wanted: Wanted::Below { bound, most }, tolerance: 1e-6, ..HsimParameters::default() }
 }
 
 /// The lowest eigenvalues by the dense solver, in the units of the input.
-fn exact(problem: &EigenProblem, count: usize) -> Vec<f64> {
+pub(super) fn exact(problem: &EigenProblem, count: usize) -> Vec<f64> {
     let mass = match &problem.mass {
         MassMatrix::Sparse(mass) => mass.to_dense(),
         MassMatrix::Diagonal(mass) => {
@@ -44,7 +44,12 @@ fn exact(problem: &EigenProblem, count: usize) -> Vec<f64> {
 }
 
 /// Solves, and holds what every answer promises: order, residuals, bounds, orthonormality, signs, counts.
-fn solved(mesh: &TriangleMesh, problem: &EigenProblem, parameters: &HsimParameters, what: &str) -> Eigenpairs {
+pub(super) fn solved(
+    mesh: &TriangleMesh,
+    problem: &EigenProblem,
+    parameters: &HsimParameters,
+    what: &str,
+) -> Eigenpairs {
     let pairs = solve(mesh, problem, parameters, false, &Unwatched).unwrap_or_else(|error| panic!("{what}: {error}"));
     let (n, m, vertices) = (problem.size(), pairs.values.len(), mesh.positions.len());
     if let Wanted::Count(count) = parameters.wanted {
@@ -96,7 +101,7 @@ fn agree(pairs: &Eigenpairs, exact: &[f64], share: f64, what: &str) {
 }
 
 /// Copies of a mesh side by side.
-fn copies(one: &TriangleMesh, count: u32) -> TriangleMesh {
+pub(super) fn copies(one: &TriangleMesh, count: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh { positions: Vec::new(), faces: Vec::new() };
     for copy in 0..count {
         let base = mesh.positions.len() as u32;
@@ -116,7 +121,7 @@ fn square(k: usize) -> TriangleMesh {
     TriangleMesh { positions: positions.collect(), faces: faces.collect() }
 }
 
-fn rough(shape: Shape, vertices: usize) -> TriangleMesh {
+pub(super) fn rough(shape: Shape, vertices: usize) -> TriangleMesh {
     noisy(&generate(shape, vertices).unwrap(), 0.15, 7).unwrap()
 }
 

@@ -1,0 +1,169 @@
+"""Judges what `campaign_exact --record FOLDER` wrote by SciPy's dense LAPACK: counts, values against their bounds, residuals, orthonormality; and whether a
+tolerance that was refused for rounding could have been kept.
+
+    python3 crates/spectral/benches/judge.py PROGRAM --solves 1000 --seed 1
+
+PROGRAM is the compiled bench. It runs in batches, whose records are removed. Where a pencil is graded, low eigenvalues come from the inverse, M x = v (S + cM) x,
+since LAPACK's errors are relative to the largest eigenvalue. Exits with 1 where an answer that is called complete is not.
+"""
+
+import argparse
+import collections
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+import scipy.linalg
+
+EPS = np.finfo(float).eps
+SEEDS_PER_BATCH = 20
+QUESTIONS = 4
+
+
+def read(path):
+    with open(path, "rb") as file:
+        header = json.loads(file.readline())
+        numbers = np.frombuffer(file.read(), dtype="<f8")
+    at = 0
+
+    def take(count):
+        nonlocal at
+        at += count
+        return numbers[at - count : at]
+
+    n = header["size"]
+    matrices = []
+    for entries in (header["stiffness"], header["mass"]):
+        rows, columns, values = take(entries).astype(int), take(entries).astype(int), take(entries)
+        matrix = np.zeros((n, n))
+        matrix[rows, columns] = values
+        matrices.append(matrix)
+    m = header["pairs"] if header["outcome"] == "complete" else 0
+    values, bounds = take(m), take(m)
+    return header, matrices, values, bounds, take(n * m).reshape(m, n).T
+
+
+def spectrum(stiffness, mass):
+    """All eigenvalues, ascending, how far each may be off, and the vectors."""
+    n = len(stiffness)
+    lumped = mass.sum(1)
+    stretch = 1.0 if np.count_nonzero(mass - np.diag(np.diag(mass))) == 0 else 4.0
+    rows = np.abs(stiffness).sum(1)
+    values, vectors = scipy.linalg.eigh(stiffness, mass)
+    slack = np.full(n, 20 * EPS * stretch * (rows / lumped).max())
+    shift = np.median(rows / lumped) / 4
+    if values[0] < -10 * slack[0]:
+        shift = max(shift, -2 * values[0])
+    try:
+        inverse, turned = scipy.linalg.eigh(-mass, stiffness + shift * mass)
+    except np.linalg.LinAlgError:
+        return values, slack, vectors
+    with np.errstate(divide="ignore", invalid="ignore"):
+        others = np.where(inverse < 0, -1 / inverse - shift, np.inf)
+    least = max(others[0] + shift, shift * 1e-3)
+    reach = 100 * EPS * stretch * (np.abs(others) + shift) ** 2 / least
+    better = reach < slack
+    values, slack = np.where(better, others, values), np.where(better, reach, slack)
+    vectors = np.where(better, turned / np.sqrt(np.abs(np.einsum("ij,ij->j", turned, mass @ turned))), vectors)
+    return values, slack, vectors
+
+
+def least_residual(stiffness, mass, value, x, shift):
+    """The residual of the exact eigenvector, as it is when its entries are rounded to double precision."""
+    long = lambda a: a.astype(np.longdouble)
+    s, m, x = long(stiffness), long(mass), long(x)
+    factor = scipy.linalg.cho_factor(stiffness + shift * mass)
+    for _ in range(12):
+        x = x / np.sqrt(x @ (m @ x))
+        value = x @ (s @ x)
+        r = s @ x - value * (m @ x)
+        x = x - long(scipy.linalg.cho_solve(factor, r.astype(float)))
+    x = long((x / np.sqrt(x @ (m @ x))).astype(float))
+    image = s @ x
+    value = (x @ image) / (x @ (m @ x))
+    return float(np.linalg.norm(image - value * (m @ x)) / np.linalg.norm(image))
+
+
+def judge(header, matrices, values, bounds, columns, tally, say):
+    stiffness, mass = matrices
+    n = len(stiffness)
+    exact, slack, vectors = spectrum(stiffness, mass)
+    tally[header["outcome"]] += 1
+    if header["outcome"] != "complete":
+        if header["outcome"] == "tolerance-below-rounding":
+            wanted = header["count"] or int(np.searchsorted(exact, header["below"]))
+            # The smallest values have the largest residuals; of a kernel none is asked.
+            clear = sorted((k for k in range(min(wanted, n)) if abs(exact[k]) > 10 * slack[k]), key=lambda k: abs(exact[k]))[:6]
+            shift = max(np.abs(exact[clear]).max(), np.median(np.abs(exact))) if clear else 0
+            shift = max(shift, -2 * exact[0])
+            best = max((least_residual(stiffness, mass, exact[k], vectors[:, k], shift) for k in clear), default=np.inf)
+            kind = "refused: rounding alone exceeds the tolerance" if best > header["tolerance"] else (
+                "refused: rounding is within a tenth of it" if best > 0.1 * header["tolerance"] else "refused: it could have been kept")
+            tally[kind] += 1
+            if kind.endswith("kept"):
+                say(f"{kind}: least {best:.1e}, floor {header['floor']:.1e}")
+        else:
+            say(f"failed: {header['outcome']}")
+        return
+    m = len(values)
+    if header["count"] is not None:
+        least = most = header["count"]
+    else:
+        least = int(np.sum(exact + slack < header["below"]))
+        most = int(np.sum(exact - slack < header["below"]))
+    if not least <= m <= most:
+        tally["false"] += 1
+        say(f"FALSE: {m} pairs instead of {least} to {most}")
+        return
+    if m == 0:
+        return
+    gram = columns.T @ mass @ columns
+    defect = np.abs(gram - np.eye(m)).max()
+    image = stiffness @ columns
+    residual = np.linalg.norm(image - mass @ columns * values, axis=0)
+    norm = np.abs(stiffness).sum(1).max()
+    floor = 100 * EPS * norm * np.linalg.norm(columns, axis=0)
+    if not defect <= min(1e-7, 2 * header["defect"] + 1e-12):
+        tally["false"] += 1
+        say(f"FALSE: defect {defect:.1e}, not {header['defect']:.1e}")
+    elif not np.all(residual <= 1.01 * header["tolerance"] * np.linalg.norm(image, axis=0) + floor):
+        tally["false"] += 1
+        say("FALSE: a residual is beyond the tolerance")
+    error = np.abs(values - exact[:m])
+    if not np.all(error <= bounds + slack[:m]):
+        k = int(np.argmax(error - bounds - slack[:m]))
+        tally["outside their bounds"] += 1
+        say(f"MISSED: value {k} of {m} is {values[k]!r}, not {exact[k]!r}: bound {bounds[k]:.1e}, LAPACK {slack[k]:.1e}")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("program", type=pathlib.Path)
+    parser.add_argument("--solves", type=int, default=400)
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    tally, judged, seed = collections.Counter(), 0, arguments.seed
+    while judged < arguments.solves:
+        with tempfile.TemporaryDirectory() as folder:
+            solves = min(SEEDS_PER_BATCH * QUESTIONS, arguments.solves - judged)
+            command = [arguments.program, "--solves", str(solves), "--seed", str(seed), "--record", folder]
+            subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
+            records = sorted(pathlib.Path(folder).iterdir(), key=lambda path: [int(part) for part in path.name.split(".")])
+            if not records:
+                sys.exit("the program wrote no records")
+            for path in records:
+                header, *rest = read(path)
+                judge(header, *rest, tally, lambda text: print(f"{path.name} {header['name']}: {text}", flush=True))
+            judged += len(records)
+            seed = int(records[-1].name.split(".")[0]) + 1
+    print(f"\n{judged} solves from seed {arguments.seed}")
+    for kind, count in tally.most_common():
+        print(f"{count:8} {kind}")
+    sys.exit(1 if tally["false"] + tally["outside their bounds"] else 0)
+
+
+if __name__ == "__main__":
+    main()

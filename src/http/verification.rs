@@ -1,0 +1,149 @@
+//! A stored basis judged again, from its mesh alone.
+
+use std::time::Instant;
+
+use axum::http::HeaderMap;
+use chladni_spectral::basis::ProductKind;
+use chladni_spectral::verify::VerifyError;
+use chladni_work::JobError;
+use chladni_work::verification::{JudgeError, judge, judging_bytes, problem_of, receipt};
+use serde_json::json;
+use utoipa::ToSchema;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::bases::{find_kind, on_vertices};
+use super::body;
+use super::client::ClientState;
+use super::exchange::Answer;
+use super::extract;
+use super::ids::BasisId;
+use super::problem::{self, Problem};
+use super::problems::problems;
+use super::state::AppState;
+
+/// The route of verification.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(verify_basis))
+}
+
+/// What was judged and what was found, as the answer has it.
+#[derive(ToSchema)]
+#[schema(as = VerificationReceipt, example = json!({
+    "verdict": "confirmed", "hashes": {"basis": "2f1c…", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"}, "hash": "BLAKE3 of the files", "verified_by": "chladni 0.1.0",
+    "operator": "laplace", "mass": "barycentric", "boundary": "neumann", "solved_with": {"method": "hsim", "count": 3}, "first": 0, "pairs": 3, "proven_complete": 3,
+    "findings": [], "counts": [{"shift": 2.4, "below": 3, "claimed": 3, "values_below": 3}], "orthonormality_defect": 2e-15, "eigenvalues": [0.0, 1.1, 1.9],
+    "bounds": [1e-14, 1e-9, 1e-9], "residuals": [1e-16, 2e-7, 3e-7], "distances": [1e-14, 2e-6, 3e-6], "seconds": 0.04
+}))]
+#[allow(dead_code)]
+struct ReceiptSchema {
+    /// `confirmed` where everything is as the basis says, else `refuted`.
+    verdict: String,
+    /// BLAKE3 of the content of the basis, and the id of the mesh.
+    hashes: ReceiptHashes,
+    /// What the hashes are of.
+    hash: String,
+    /// Program and version.
+    verified_by: String,
+    /// The operator that was assembled anew.
+    operator: serde_json::Value,
+    /// Its mass matrix.
+    mass: String,
+    /// Its boundary condition.
+    boundary: String,
+    /// The parameters of the job that made the basis.
+    solved_with: serde_json::Value,
+    /// The index of the first pair among all eigenvalues.
+    first: u64,
+    /// How many pairs there are.
+    pairs: u64,
+    /// So many of the pairs, from the first, are proven to be all there are from there; null where the basis claims no such thing, or it is not confirmed.
+    proven_complete: Option<u64>,
+    /// What is wrong, a sentence each.
+    findings: Vec<String>,
+    /// Eigenvalues counted anew below shifts.
+    counts: Vec<RecountSchema>,
+    /// The largest entry of |ΦᵀMΦ − I|.
+    orthonormality_defect: f64,
+    /// The eigenvalues of the basis.
+    eigenvalues: Vec<f64>,
+    /// Their bounds.
+    bounds: Vec<f64>,
+    /// The residuals of the functions as they are stored.
+    residuals: Vec<f64>,
+    /// Some exact eigenvalue lies within this of each.
+    distances: Vec<f64>,
+    /// How long it took.
+    seconds: f64,
+}
+
+/// What was judged.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+struct ReceiptHashes {
+    /// BLAKE3 of the content of the basis, 64 hexadecimal digits.
+    basis: String,
+    /// The id of the mesh.
+    mesh: String,
+}
+
+/// A count made anew.
+#[derive(ToSchema)]
+#[schema(as = Recount)]
+#[allow(dead_code)]
+struct RecountSchema {
+    /// The shift, in 1/length² of the mesh.
+    shift: f64,
+    /// Eigenvalues below it.
+    below: u64,
+    /// How many the certificate says there are; null where it did not count there.
+    claimed: Option<u64>,
+    /// How many eigenvalues of the basis lie below, with those before its first.
+    values_below: u64,
+}
+
+problems!(VerifyBasisProblems: SOLVE [BODY_TOO_LARGE, INVALID_ANALYSIS]);
+
+/// Judges a basis again
+///
+/// Nothing of a solver takes part: the operator is assembled anew, residuals and inner products are summed from the functions as they are stored, and where the
+/// basis claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as `chladni verify --receipt` writes it.
+/// Bases of eigenfields, and of operators with a potential that came with the job, cannot be judged here.
+#[utoipa::path(
+    post, path = "/v1/bases/{id}/verification", tag = "bases", operation_id = "verifyBasis",
+    params(BasisId),
+    responses(
+        (status = 200, description = "The receipt", content((ReceiptSchema = "application/json")), headers(("Server-Timing" = String))),
+        VerifyBasisProblems,
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn verify_basis(state: ClientState, BasisId(id): BasisId, headers: HeaderMap) -> Result<Answer, Problem> {
+    extract::negotiated(&headers, &["application/json"])?;
+    let record = find_kind(&state, id, ProductKind::Eigenbasis).await?;
+    let mut memory = state.memory();
+    body::reserve(&mut memory, judging_bytes(record.vertices as usize, record.count as usize))?;
+    let basis = on_vertices(&state, id).await?;
+    let refused = |text: String| Problem::new(&problem::INVALID_ANALYSIS, text);
+    let parameters = problem_of(&basis, None).map_err(|error| {
+        refused(format!(
+            "This basis cannot be judged here: {error}. Download it and its mesh, and use `chladni verify --operator`."
+        ))
+    })?;
+    let (mesh, solid) = state.store.load_body(&record.mesh).await?;
+    state
+        .solve("verify", move |monitor| {
+            let (begin, _memory) = (Instant::now(), memory);
+            let outcome =
+                judge(&basis, &mesh, solid.as_deref(), &parameters, monitor).map_err(|error| match error {
+                    JudgeError::Operator(JobError::Cancelled(cancelled))
+                    | JudgeError::Verify(VerifyError::Cancelled(cancelled)) => cancelled.into(),
+                    JudgeError::Verify(VerifyError::Functions(error)) => error.into(),
+                    other => Problem::new(&problem::INVALID_ANALYSIS, format!("This basis cannot be judged: {other}.")),
+                })?;
+            let hashes = json!({"basis": record.content_hash, "mesh": record.mesh});
+            let receipt = receipt(&basis, &parameters, &outcome, &hashes, begin.elapsed().as_secs_f64());
+            Answer::json(&receipt, begin)
+        })
+        .await
+}
