@@ -151,7 +151,10 @@ pub fn filtered(arguments: FilterArguments) -> Result<ExitCode, CliError> {
     }
     let moved = filter(&basis, &coordinates, &transfer).map_err(|error| CliError::Refused(error.to_string()))?;
     let position = |row: usize| std::array::from_fn(|axis| moved.column(axis)[row]);
-    let moved = TriangleMesh { positions: (0..moved.rows()).map(position).collect(), faces: mesh.faces };
+    // Of a solid, the vertices of its surface come first; the others would stand there without a face.
+    let vertices = mesh.faces.iter().flatten().map(|&vertex| vertex as usize + 1).max().unwrap_or(0);
+    let vertices = if basis.is_of_solid() { vertices } else { moved.rows() };
+    let moved = TriangleMesh { positions: (0..vertices).map(position).collect(), faces: mesh.faces };
     output.write(|out| Ok(write_ply_with(&moved, None, PlyPrecision::Single, out)?))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -140,7 +140,9 @@ impl SpectrumOf {
             other => other.to_string(),
         };
         let boundary = parameters["boundary"].as_str().unwrap_or("neumann");
-        Self { operator, boundary: (!closed).then(|| boundary.to_owned()) }
+        // A solid has a boundary, its surface, though that is closed.
+        let bounded = !closed || operator == "volume";
+        Self { operator, boundary: bounded.then(|| boundary.to_owned()) }
     }
 
     fn tell(&self) -> String {
@@ -227,6 +229,14 @@ async fn compare_shapes(
     for (place, id) in request.bases.iter().enumerate() {
         let record = find_kind(&state, BasisId::parse(id)?.0, ProductKind::Eigenbasis).await?;
         let mesh = state.store.mesh(&record.mesh).await?;
+        let first = record.certificate["first"].as_u64().unwrap_or(0);
+        if first > 0 {
+            let detail = format!(
+                "Basis {} holds the pairs of an interval, from number {first} on; shapes are compared by their lowest eigenvalues.",
+                record.id
+            );
+            return Err(Problem::new(&problem::INVALID_ANALYSIS, detail));
+        }
         // Eigenvalues stand in the record, so no eigenfunction is read.
         let area = measure(&record.parameters, &mesh.report);
         // Records of earlier versions have long lists in full.

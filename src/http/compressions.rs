@@ -212,7 +212,7 @@ async fn decompress_functions(
             let begin = Instant::now();
             let functions = decompress(&basis, &body.bytes)?;
             match mesh {
-                Some(mesh) => ply(&mesh, &functions, begin),
+                Some(mesh) => ply(&basis, &mesh, &functions, begin),
                 None => Answer::table(&push(&to, functions), media_type != JSON, query.dtype, begin),
             }
         })

@@ -178,9 +178,11 @@ fn filled(pairs: bool) -> impl FnOnce(&mut DistanceRequest, &[u8]) -> Result<(),
 impl From<DistanceFault> for Problem {
     fn from(fault: DistanceFault) -> Self {
         match fault {
-            DistanceFault::Between | DistanceFault::Time | DistanceFault::NeedsBasis | DistanceFault::Inside => {
-                Self::new(&problem::INVALID_REQUEST, super::convert::sentence(&fault))
-            }
+            DistanceFault::Between
+            | DistanceFault::Time
+            | DistanceFault::NeedsBasis
+            | DistanceFault::Inside
+            | DistanceFault::Unitless => Self::new(&problem::INVALID_REQUEST, super::convert::sentence(&fault)),
             DistanceFault::Analysis(error) => error.into(),
         }
     }

@@ -158,16 +158,17 @@ pub enum Source {
     Raw(WholeBody, Dtype),
 }
 
-/// The mesh with three functions as its coordinates. Of functions on a solid the rows of its surface are taken, which come first.
+/// The mesh with three functions of a basis as its coordinates. Of functions on a solid the rows of its surface are taken, which come first.
 ///
 /// # Errors
 /// `invalid-function` unless there are three.
-pub fn ply(mesh: &TriangleMesh, functions: &DenseMatrix, begin: Instant) -> Result<Answer, Problem> {
+pub fn ply(basis: &Basis, mesh: &TriangleMesh, functions: &DenseMatrix, begin: Instant) -> Result<Answer, Problem> {
     if functions.columns() != 3 {
         let detail = format!("A {PLY} needs exactly three functions as its coordinates, not {}.", functions.columns());
         return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
     }
-    if functions.rows() < mesh.positions.len() {
+    let (rows, vertices) = (functions.rows(), mesh.positions.len());
+    if rows != vertices && !(basis.is_of_solid() && rows > vertices) {
         let detail =
             format!("A {PLY} needs a row for each of {} vertices, not {}.", mesh.positions.len(), functions.rows());
         return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
@@ -294,7 +295,7 @@ async fn filter_functions(
             drop(source);
             let filtered = filter(&basis, &functions, &transfer)?;
             match mesh {
-                Some(mesh) => ply(&mesh, &filtered, begin),
+                Some(mesh) => ply(&basis, &mesh, &filtered, begin),
                 None => Answer::table(&push(&to, filtered), media_type == OCTETS, query.dtype, begin),
             }
         })
@@ -365,7 +366,7 @@ async fn project_functions(
             drop(source);
             let mut projection = project(&basis, &functions, pairs.unwrap_or(basis.count()))?;
             if let Some(mesh) = mesh {
-                return ply(&mesh, &projection.reconstruction, begin);
+                return ply(&basis, &mesh, &projection.reconstruction, begin);
             }
             if whole {
                 projection.reconstruction = push(&to, projection.reconstruction);

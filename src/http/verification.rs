@@ -6,7 +6,7 @@ use axum::http::HeaderMap;
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::verify::VerifyError;
 use chladni_work::JobError;
-use chladni_work::verification::{JudgeError, judge, judging_bytes, problem_of, receipt};
+use chladni_work::verification::{JudgeError, Promised, judge, judging_bytes, problem_of, receipt};
 use serde_json::json;
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
@@ -27,17 +27,21 @@ pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new().routes(routes!(verify_basis))
 }
 
+/// What the hashes of a receipt are.
+const HASH: &str = "BLAKE3 of the content of the basis, the id of the mesh";
+
 /// What was judged and what was found, as the answer has it.
 #[derive(ToSchema)]
 #[schema(as = VerificationReceipt, example = json!({
-    "verdict": "confirmed", "hashes": {"basis": "2f1c…", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"}, "hash": "BLAKE3 of the files", "verified_by": "chladni 0.1.0",
+    "verdict": "confirmed", "hashes": {"basis": "2f1c…", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"}, "hash": "BLAKE3 of the content of the basis, the id of the mesh", "verified_by": "chladni 0.1.0",
     "operator": "laplace", "mass": "barycentric", "boundary": "neumann", "solved_with": {"method": "hsim", "count": 3}, "first": 0, "pairs": 3, "proven_complete": 3,
     "findings": [], "counts": [{"shift": 2.4, "below": 3, "claimed": 3, "values_below": 3}], "orthonormality_defect": 2e-15, "eigenvalues": [0.0, 1.1, 1.9],
     "bounds": [1e-14, 1e-9, 1e-9], "residuals": [1e-16, 2e-7, 3e-7], "distances": [1e-14, 2e-6, 3e-6], "seconds": 0.04
 }))]
 #[allow(dead_code)]
 struct ReceiptSchema {
-    /// `confirmed` where everything is as the basis says, else `refuted`.
+    /// `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing is wrong and something could not be
+    /// judged.
     verdict: String,
     /// BLAKE3 of the content of the basis, and the id of the mesh.
     hashes: ReceiptHashes,
@@ -122,7 +126,6 @@ async fn verify_basis(state: ClientState, BasisId(id): BasisId, headers: HeaderM
     extract::negotiated(&headers, &["application/json"])?;
     let record = find_kind(&state, id, ProductKind::Eigenbasis).await?;
     let mut memory = state.memory();
-    body::reserve(&mut memory, judging_bytes(record.vertices as usize, record.count as usize))?;
     let basis = on_vertices(&state, id).await?;
     let refused = |text: String| Problem::new(&problem::INVALID_ANALYSIS, text);
     let parameters = problem_of(&basis, None).map_err(|error| {
@@ -130,10 +133,14 @@ async fn verify_basis(state: ClientState, BasisId(id): BasisId, headers: HeaderM
             "This basis cannot be judged here: {error}. Download it and its mesh, and use `chladni verify --operator`."
         ))
     })?;
+    let bytes = judging_bytes(basis.vertices(), basis.count(), &parameters);
+    body::reserve(&mut memory, bytes)?;
     let (mesh, solid) = state.store.load_body(&record.mesh).await?;
     state
         .solve("verify", move |monitor| {
             let (begin, _memory) = (Instant::now(), memory);
+            // A factor that fills in more is not computed, and the count stays unconfirmed.
+            let monitor = &Promised { inner: monitor, bytes };
             let outcome =
                 judge(&basis, &mesh, solid.as_deref(), &parameters, monitor).map_err(|error| match error {
                     JudgeError::Operator(JobError::Cancelled(cancelled))
@@ -142,7 +149,7 @@ async fn verify_basis(state: ClientState, BasisId(id): BasisId, headers: HeaderM
                     other => Problem::new(&problem::INVALID_ANALYSIS, format!("This basis cannot be judged: {other}.")),
                 })?;
             let hashes = json!({"basis": record.content_hash, "mesh": record.mesh});
-            let receipt = receipt(&basis, &parameters, &outcome, &hashes, begin.elapsed().as_secs_f64());
+            let receipt = receipt(&basis, &parameters, &outcome, (&hashes, HASH), begin.elapsed().as_secs_f64());
             Answer::json(&receipt, begin)
         })
         .await

@@ -5,7 +5,7 @@ import type { App } from "./app";
 import { brief, grouped, h, plural, seconds, words } from "./dom";
 
 export function library(app: App): HTMLElement {
-  const input = h("input", { type: "file", multiple: true, class: "visually-hidden", id: "file", accept: ".obj,.ply,.off,.stl,.mesh,.gz,.zst" });
+  const input = h("input", { type: "file", multiple: true, class: "visually-hidden", id: "file", accept: ".obj,.ply,.off,.stl,.mesh,.vtk,.msh,.white,.pial,.inflated,.gz,.zst" });
   const drop = h("label", { class: "drop", for: "file" }, h("strong", {}, "Drop a mesh here"), h("span", {}, "or choose one: OBJ, PLY, OFF, STL, MEDIT, VTK, Gmsh, FreeSurfer; also gzipped"), input);
   const uploads = h("div", { class: "uploads" });
   const jobs = h("div", { class: "jobs", "aria-label": "Jobs" });

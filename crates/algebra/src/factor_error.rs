@@ -17,11 +17,8 @@ impl Factor<'_> {
             return f64::INFINITY;
         }
         let (sums, terms) = self.magnitudes();
-        let (weights, terms_of_mass) = match b {
-            MassMatrix::Diagonal(_) => (1.0, 1.0),
-            // On every face the smallest eigenvalue of the consistent mass is a quarter of the lumped one.
-            MassMatrix::Sparse(_) => (4.0, 4.0),
-        };
+        let weights = b.lumped_ratio();
+        let terms_of_mass = if matches!(b, MassMatrix::Diagonal(_)) { 1.0 } else { 4.0 };
         let unit = 0.5 * f64::EPSILON;
         let mut most = 0f64;
         for row in 0..n {

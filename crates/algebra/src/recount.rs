@@ -14,6 +14,7 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMat, Triplet};
 
 use super::{FactorError, MassMatrix, SparseMatrix};
+use chladni_base::Monitor;
 
 /// The number of eigenvalues of the pencil `(a, b)` below `shift`, with multiplicity, by the inertia of `a − shift · b` (Sylvester).
 ///
@@ -21,8 +22,13 @@ use super::{FactorError, MassMatrix, SparseMatrix};
 /// may be off.
 ///
 /// # Errors
-/// [`FactorError`]: sizes that do not fit, no memory, or a shift on an eigenvalue.
-pub fn eigenvalues_below(a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Result<usize, FactorError> {
+/// [`FactorError`]: sizes that do not fit, no memory, a factor that takes more of it than `monitor` promises, or a shift on an eigenvalue.
+pub fn eigenvalues_below(
+    a: &SparseMatrix,
+    b: &MassMatrix,
+    shift: f64,
+    monitor: &dyn Monitor,
+) -> Result<usize, FactorError> {
     let n = a.rows();
     if a.columns() != n || b.size() != n {
         return Err(FactorError::Shape { rows: n, columns: a.columns(), mass: b.size() });
@@ -41,6 +47,10 @@ pub fn eigenvalues_below(a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Result
     let SymbolicCholeskyRaw::Supernodal(nodes) = symbolic.raw() else {
         return Err(no_order("there are no supernodes".to_owned()));
     };
+    let (entries, bytes) = (symbolic.len_val(), 10 * symbolic.len_val() as u64);
+    if let Some(promised) = monitor.promised_bytes().filter(|&promised| bytes > promised) {
+        return Err(FactorError::Promise { entries, bytes, promised });
+    }
     let no_memory = || FactorError::Memory { bytes: 8 * symbolic.len_val() };
     let mut values: Vec<f64> = Vec::new();
     values.try_reserve_exact(symbolic.len_val()).map_err(|_| no_memory())?;
@@ -118,6 +128,7 @@ fn upper_triangle(a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Result<Sparse
 mod tests {
     use super::*;
     use crate::{Ordering, SymbolicFactor, fill_reducing_order};
+    use chladni_base::Unwatched;
 
     /// The five-point Laplacian on a grid.
     fn grid(width: usize, height: usize) -> SparseMatrix {
@@ -157,11 +168,11 @@ mod tests {
         let symbolic = SymbolicFactor::new(&reordered, &mass).unwrap();
         for k in (0..exact.len() - 1).filter(|&k| exact[k + 1] - exact[k] > 1e-9) {
             let shift = 0.5 * (exact[k] + exact[k + 1]);
-            assert_eq!(eigenvalues_below(&a, &masses, shift).unwrap(), k + 1, "at {shift}");
+            assert_eq!(eigenvalues_below(&a, &masses, shift, &Unwatched).unwrap(), k + 1, "at {shift}");
             assert_eq!(symbolic.factor(&reordered, &mass, shift).unwrap().eigenvalues_below(), k + 1);
         }
-        assert_eq!(eigenvalues_below(&a, &masses, -1.0).unwrap(), 0);
-        assert_eq!(eigenvalues_below(&a, &masses, 9.0).unwrap(), exact.len());
+        assert_eq!(eigenvalues_below(&a, &masses, -1.0, &Unwatched).unwrap(), 0);
+        assert_eq!(eigenvalues_below(&a, &masses, 9.0, &Unwatched).unwrap(), exact.len());
     }
 
     #[test]
@@ -178,9 +189,9 @@ mod tests {
             .collect();
         for shift in [0.3, 1.1, 2.7, 5.0] {
             let below = exact.iter().filter(|&&value| value < shift).count();
-            assert_eq!(eigenvalues_below(&a, &MassMatrix::Sparse(b.clone()), shift).unwrap(), below);
+            assert_eq!(eigenvalues_below(&a, &MassMatrix::Sparse(b.clone()), shift, &Unwatched).unwrap(), below);
         }
-        let short = eigenvalues_below(&a, &MassMatrix::Diagonal(vec![1.0; 3]), 0.0);
+        let short = eigenvalues_below(&a, &MassMatrix::Diagonal(vec![1.0; 3]), 0.0, &Unwatched);
         assert_eq!(short, Err(FactorError::Shape { rows: 64, columns: 64, mass: 3 }));
     }
 }

@@ -30,6 +30,19 @@ pub struct Verification {
     pub findings: Vec<Finding>,
 }
 
+impl Verification {
+    /// `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing is wrong and something could not be judged.
+    pub fn verdict(&self) -> &'static str {
+        if self.findings.is_empty() {
+            "confirmed"
+        } else if self.findings.iter().all(|finding| matches!(finding, Finding::Unconfirmed { .. })) {
+            "unconfirmed"
+        } else {
+            "refuted"
+        }
+    }
+}
+
 /// Eigenvalues counted below a shift.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Recount {
@@ -375,8 +388,7 @@ impl Subject<'_> {
             length(&sx) <= (64.0 * f64::EPSILON * norm * length(x)).max(2.0 * rounded)
         };
         let residual = if is_kernel { length(&sx) / (norm * length(x)) } else { length(&r) / length(&sx) };
-        // A consistent mass is at least a quarter of the lumped one.
-        let factor = if matches!(problem.mass, MassMatrix::Diagonal(_)) { 1.0 } else { 2.0 };
+        let factor = problem.mass.lumped_ratio().sqrt();
         let rounding = |row: usize| 16.0 * f64::EPSILON * (magnitudes[row] + (theta * mx[row]).abs());
         let dual: f64 =
             r.iter().zip(&self.lumped).enumerate().map(|(row, (r, m))| (r.abs() + rounding(row)).powi(2) / m).sum();
@@ -463,7 +475,7 @@ impl Subject<'_> {
         if let Some(claim) = claimed {
             monitor.checkpoint()?;
             let values_below = first + values.partition_point(|&value| value < claim.shift);
-            match self.below(claim.shift) {
+            match self.below(claim.shift, monitor) {
                 Ok(below) => {
                     let recount = Recount { shift: claim.shift, below, claimed: Some(claim.below), values_below };
                     verification.counts.push(recount);
@@ -491,7 +503,7 @@ impl Subject<'_> {
         if first > 0 {
             // Nothing of the interval is proven unless what lies below it is what was left out.
             monitor.checkpoint()?;
-            if !self.first_is_counted(lowest(0), verification) {
+            if !self.first_is_counted(lowest(0), verification, monitor) {
                 verification.proven = None;
                 return Ok(());
             }
@@ -510,7 +522,7 @@ impl Subject<'_> {
         monitor.checkpoint()?;
         let (from, to) = gap(k);
         let shift = 0.5 * (from + to);
-        match self.below(shift) {
+        match self.below(shift, monitor) {
             Ok(below) => {
                 verification.counts.push(Recount { shift, below, claimed: None, values_below: first + k });
                 if below == first + k {
@@ -526,7 +538,7 @@ impl Subject<'_> {
 
     /// Whether as many eigenvalues lie below the first pair as its index says, counted again at the highest shift of the certificate below `least`, which is
     /// the lower end of all intervals.
-    fn first_is_counted(&self, least: f64, verification: &mut Verification) -> bool {
+    fn first_is_counted(&self, least: f64, verification: &mut Verification, monitor: &dyn Monitor) -> bool {
         let first = self.basis.certificate.first;
         let claims = self.basis.certificate.inertia.iter().filter(|claim| claim.shift < least);
         let Some(claim) = claims.max_by(|a, b| a.shift.total_cmp(&b.shift)) else {
@@ -534,7 +546,7 @@ impl Subject<'_> {
             verification.findings.push(Finding::Unconfirmed { reason });
             return false;
         };
-        match self.below(claim.shift) {
+        match self.below(claim.shift, monitor) {
             Ok(below) => {
                 let (shift, claimed) = (claim.shift, Some(claim.below));
                 verification.counts.push(Recount { shift, below, claimed, values_below: first });
@@ -550,9 +562,9 @@ impl Subject<'_> {
         }
     }
 
-    fn below(&self, shift: f64) -> Result<usize, FactorError> {
+    fn below(&self, shift: f64, monitor: &dyn Monitor) -> Result<usize, FactorError> {
         let problem = &self.operator.problem;
-        eigenvalues_below(&problem.stiffness, &problem.mass, shift * problem.area)
+        eigenvalues_below(&problem.stiffness, &problem.mass, shift * problem.area, monitor)
     }
 }
 

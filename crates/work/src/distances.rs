@@ -92,6 +92,11 @@ pub enum DistanceFault {
         "distance: geodesic distances run over surfaces, and the basis is of the inside of a solid; ask its mesh for those of its surface"
     )]
     Inside,
+    /// The basis is of the combinatorial Laplacian, whose eigenvalues have no unit of length.
+    #[error(
+        "distance: eigenvalues of the combinatorial Laplacian have no unit of length; ask the mesh for geodesic distances"
+    )]
+    Unitless,
     /// A vertex, a time or the basis does not fit.
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
@@ -210,9 +215,13 @@ impl DistanceRequest {
     /// Refuses distances over a surface by a basis of the inside of a solid.
     ///
     /// # Errors
-    /// [`DistanceFault::Inside`].
+    /// [`DistanceFault::Inside`], [`DistanceFault::Unitless`].
     pub fn check_basis(&self, basis: &Basis) -> Result<(), DistanceFault> {
-        if self.needs_mesh() && basis.is_of_solid() { Err(DistanceFault::Inside) } else { Ok(()) }
+        match self.needs_mesh() {
+            true if basis.is_of_solid() => Err(DistanceFault::Inside),
+            true if basis.is_of_graph() => Err(DistanceFault::Unitless),
+            _ => Ok(()),
+        }
     }
 
     /// How and for which time a mesh has to be [prepared](MeshDistances::new), where no basis is needed.

@@ -222,7 +222,11 @@ impl<'de> Visitor<'de> for Reader<'_> {
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Packed, A::Error> {
         let mut list = Packed::List(Vec::new());
         while let Some(item) = items.next_element_seed(self)? {
-            if !matches!(item, Packed::Number(_) | Packed::Null) {
+            let packs = match &list {
+                Packed::List(items) => items.is_empty(),
+                _ => true,
+            };
+            if !(packs && matches!(item, Packed::Number(_) | Packed::Null)) {
                 self.count(1 + list.packed())?;
             }
             list = list.push(item);

@@ -1,6 +1,6 @@
 //! A basis judged again from its mesh, and the receipt of it.
 
-use chladni_base::Monitor;
+use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Basis;
 use chladni_spectral::verify::{Verification, VerifyError, verify};
@@ -63,26 +63,54 @@ pub fn judge(
     Ok(verify(basis, &operator, monitor)?)
 }
 
-/// The memory that judging `count` functions of `vertices` numbers takes, in bytes: the functions, some of their products, the operator and a factor.
-pub fn judging_bytes(vertices: usize, count: usize) -> u64 {
+/// The memory that judging `count` functions of `vertices` numbers takes, in bytes: the functions, once more where a boundary is held, some of their products, the
+/// operator and a factor, which fills in more in a solid.
+pub fn judging_bytes(vertices: usize, count: usize, parameters: &EigenbasisParameters) -> u64 {
     let (n, m) = (vertices as u64, count as u64);
-    let factor = (4.7 * n as f64 * (n.max(2) as f64).log2()) as u64 * 10;
-    8 * n * m + 16 * n * m.min(64) + 300 * n + factor
+    let fill = if parameters.is_of_volume() {
+        4.0 * (n as f64).powf(4.0 / 3.0)
+    } else {
+        4.7 * n as f64 * (n.max(2) as f64).log2()
+    };
+    16 * n * m + 16 * n * m.min(64) + 300 * n + 10 * fill as u64
 }
 
-/// What was judged and what was found, to be cited. `hashes` name the basis and the mesh.
+/// Work that was promised so many bytes.
+pub struct Promised<'a> {
+    /// Who watches it.
+    pub inner: &'a dyn Monitor,
+    /// What was promised.
+    pub bytes: u64,
+}
+
+impl Monitor for Promised<'_> {
+    fn stage(&self, name: &'static str) {
+        self.inner.stage(name);
+    }
+    fn progress(&self, fraction: f64) {
+        self.inner.progress(fraction);
+    }
+    fn checkpoint(&self) -> Result<(), Cancelled> {
+        self.inner.checkpoint()
+    }
+    fn promised_bytes(&self) -> Option<u64> {
+        Some(self.bytes)
+    }
+}
+
+/// What was judged and what was found, to be cited. `hashes` name the basis and the mesh, and `hash` says what they are.
 pub fn receipt(
     basis: &Basis,
     parameters: &EigenbasisParameters,
     outcome: &Verification,
-    hashes: &Value,
+    (hashes, hash): (&Value, &str),
     seconds: f64,
 ) -> Value {
     let problem = parameters.canonical();
     json!({
-        "verdict": if outcome.findings.is_empty() { "confirmed" } else { "refuted" },
+        "verdict": outcome.verdict(),
         "hashes": hashes,
-        "hash": "BLAKE3 of the files",
+        "hash": hash,
         "verified_by": format!("chladni {}", env!("CARGO_PKG_VERSION")),
         "operator": problem["operator"],
         "mass": problem["mass"],
@@ -122,7 +150,7 @@ mod tests {
             let outcome = judge(&basis, &mesh, None, &problem, &Unwatched).unwrap();
             assert!(outcome.findings.is_empty(), "{parameters}: {:?}", outcome.findings);
             assert!(outcome.proven.is_some_and(|proven| proven > 0), "{parameters}: {outcome:?}");
-            let receipt = receipt(&basis, &problem, &outcome, &json!({}), 0.0);
+            let receipt = receipt(&basis, &problem, &outcome, (&json!({}), ""), 0.0);
             assert_eq!((&receipt["verdict"], &receipt["pairs"]), (&json!("confirmed"), &json!(basis.count())));
             assert_eq!(basis.metadata["interval"].is_null(), parameters.get("between").is_none());
             // Another first index: one pair more is said to lie below.

@@ -258,6 +258,9 @@ fn read_elements(text: &mut Text, builder: &mut Builder, version: Version, nodes
             number += 1;
         }
     }
+    if (number as u64) < declared {
+        return Err(ReadError::Truncated { element: "element", number, declared: declared as usize });
+    }
     end(text, "$EndElements")
 }
 
@@ -353,6 +356,7 @@ mod tests {
             ("2 5 5 30", "2 4 5 30", "count-exceeds-file"),
             ("2 5 5 30", "2 6 5 30", "truncated-file"),
             ("4 4 1 4", "4 3 1 4", "count-exceeds-file"),
+            ("4 4 1 4", "4 5 1 4", "truncated-file"),
             ("$Elements", "$Other", "no error"),
         ] {
             let found = kind(&FOUR.replacen(from, to, 1));

@@ -236,7 +236,8 @@ impl<'a> File<'a> {
         let size = self.size(kind.as_bytes(), place)?;
         if self.binary {
             let block = self.block(count, size, element)?;
-            return Ok(block.chunks_exact(size).map(big_endian).collect());
+            let signed = !kind.starts_with("unsigned");
+            return Ok(block.chunks_exact(size).map(|bytes| big_endian(bytes, signed)).collect());
         }
         let possible = (self.text.remaining() as u64).div_ceil(2);
         if count > possible {
@@ -260,6 +261,9 @@ impl<'a> File<'a> {
             let offsets = self.named(b"OFFSETS", "OFFSETS", declared)?;
             let corners = self.named(b"CONNECTIVITY", "CONNECTIVITY", size)?;
             // The first offset is 0, each of the others an end.
+            if offsets.first().is_some_and(|&first| first != 0) {
+                return Err(wrong(0));
+            }
             let mut last = 0;
             let mut ends = Vec::with_capacity(offsets.len().saturating_sub(1));
             for (number, &end) in offsets.iter().enumerate().skip(1) {
@@ -299,11 +303,10 @@ impl<'a> File<'a> {
 
     /// What is said about an array ends with an empty line.
     fn pass_over_metadata(&mut self) {
-        let rest = &self.bytes[self.bytes.len() - self.text.remaining()..];
-        let empty = rest.windows(2).position(|two| two == b"\n\n").map_or(rest.len(), |at| at + 2);
-        let Place::Line(line) = self.text.place() else { return };
-        let lines = rest[..empty].iter().filter(|byte| **byte == b'\n').count();
-        self.text = Text::resume(self.bytes, self.bytes.len() - rest.len() + empty, line + lines);
+        self.text.skip_line();
+        while self.text.on_line() {
+            self.text.skip_line();
+        }
     }
 
     /// Arrays that belong to the whole.
@@ -333,8 +336,8 @@ impl<'a> File<'a> {
 }
 
 /// An integer of one to eight bytes.
-fn big_endian(bytes: &[u8]) -> i64 {
-    let negative = bytes.first().is_some_and(|byte| byte & 0x80 != 0);
+fn big_endian(bytes: &[u8], signed: bool) -> i64 {
+    let negative = signed && bytes.first().is_some_and(|byte| byte & 0x80 != 0);
     bytes.iter().fold(if negative { -1 } else { 0 }, |number: i64, &byte| (number << 8) | i64::from(byte))
 }
 

@@ -60,8 +60,7 @@ impl Truth {
         let lumped = problem.mass.lumped();
         let sum = |row: usize| problem.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
         let norm = (0..n).map(sum).fold(0.0, f64::max);
-        // On a face, the least eigenvalue of the consistent mass is a quarter of the lumped one.
-        let stretch = if matches!(problem.mass, MassMatrix::Sparse(_)) { 4.0 } else { 1.0 };
+        let stretch = problem.mass.lumped_ratio();
         let highest = (0..n).map(|row| sum(row) / lumped[row]).fold(0.0, f64::max);
         Some(Self {
             problem,

@@ -97,8 +97,12 @@ pub fn completeness(first: usize, values: &[f64], inertia: &[InertiaCount]) -> O
     let mut closed = false;
     for count in inertia {
         let among = values.iter().filter(|&&value| value < count.shift).count();
-        // Where the interval is empty, a count of fewer than what was left out lies below it.
-        let above = count.shift > last && !(values.is_empty() && count.below < first);
+        if values.is_empty() {
+            // Only a count of what was left out says that nothing lies there; others are below the interval, or beyond it.
+            closed |= count.below == first;
+            continue;
+        }
+        let above = count.shift > last;
         let found = first + among;
         closed |= above;
         let fits = match (above, among) {
@@ -129,6 +133,7 @@ mod tests {
         let empty = |counts: &[InertiaCount]| completeness(7, &[], counts);
         assert_eq!(empty(&[count(0.5, 3), count(2.5, 7), count(3.0, 9)]), Some(true));
         assert_eq!(empty(&[count(0.5, 3)]), Some(false));
+        assert_eq!(empty(&[count(3.0, 9)]), Some(false), "two may lie in the interval");
         let shifted = |counts: &[InertiaCount]| completeness(7, &values, counts);
         assert_eq!(shifted(&[count(-1.0, 7), count(2.5, 11)]), Some(true));
         assert_eq!(shifted(&[count(-5.0, 3), count(0.5, 8), count(2.5, 12)]), Some(true));

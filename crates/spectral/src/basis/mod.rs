@@ -43,6 +43,11 @@ impl Basis {
     pub fn is_of_solid(&self) -> bool {
         self.metadata["operator"]["laplacian"] == "volume"
     }
+
+    /// Whether it is of the combinatorial Laplacian, which knows of no lengths.
+    pub fn is_of_graph(&self) -> bool {
+        self.metadata["operator"]["laplacian"] == "graph"
+    }
 }
 
 /// The eigenfunctions of a basis.

@@ -167,6 +167,32 @@ fn few_and_many_constraints_are_held_by_the_same_strengths_and_hard_ones_exactly
 }
 
 #[test]
+fn many_constraints_on_a_flat_sheet_leave_a_parallel_field_as_it_is() {
+    let r = ready(Shape::Rectangle, 500, FieldKind::NVector { n: 1 }, 60);
+    let faces = r.surface.faces();
+    let direction = |face: usize| {
+        let own = r.surface.frames().from_world(face, [0.6, 0.8, 0.0]);
+        [own[0], own[1], 0.0]
+    };
+    for hold in [Hold::Exact, Hold::Weight(10.0), Hold::Strength(1.0)] {
+        let model = r.model.weighted(MIXED, None).unwrap();
+        for shift in [0, 5, 11] {
+            let constraints: Vec<Constraint> = (0..12)
+                .map(|k| (k * faces / 12 + shift) % faces)
+                .map(|face| Constraint { face: face as u32, value: direction(face), hold })
+                .collect();
+            let design = model.solve(&r.basis, &constraints).unwrap();
+            let lifted = r.basis.space.lift(&design.coefficients).unwrap();
+            for face in 0..faces {
+                let expected = direction(face);
+                let off = (0..2).map(|i| (f64::from(lifted[2 * face + i]) - expected[i]).abs()).fold(0.0, f64::max);
+                assert!(off < 2e-3, "{hold:?}, face {face}: {off}");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_designed_field_has_less_energy_than_others_that_meet_the_constraints() {
     let r = ready(Shape::Torus, 600, FieldKind::NVector { n: 2 }, 100);
     let constraints = [hard(10, 1.0, 0.0), hard(500, 0.0, 1.0)];

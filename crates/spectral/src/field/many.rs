@@ -11,6 +11,7 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, SparseMatrix, solve_definite};
+use rayon::prelude::*;
 
 use super::design::{Constraint, DesignError, DesignModel, EnergyWeights, FIRM, Hold, add_row};
 use super::weighted::HARD;
@@ -22,8 +23,8 @@ const MANY: f64 = 0.25;
 /// So many are added to a factor that is kept; beyond, another is made.
 const MOST_ADDED: f64 = 0.15;
 
-/// Spaces of more dimensions have no dense matrices kept: three of them take 400 MB here.
-const MOST_DIMENSIONS: usize = 4096;
+/// Spaces of more dimensions have no dense matrices kept: five of them take 380 MB here, and the fields of a server have half a gigabyte by default.
+const MOST_DIMENSIONS: usize = 3072;
 
 /// What fields of no energy resist with, as a share of what the constraints hold them with. Where these do not say how much of such a field there is, it is as little
 /// as possible.
@@ -169,6 +170,10 @@ impl Setting<'_> {
                 (0..d).map(|j| field[j] * of_held.column(j).iter().zip(field).map(|(a, b)| a * b).sum::<f64>()).sum()
             };
             let resist = IDLE * idle.iter().map(|(field, _)| form(field)).fold(0.0, f64::max);
+            if !(resist > 0.0) {
+                // Nothing holds them: whether rounding lets the matrix pass for definite says nothing.
+                return Ok(None);
+            }
             for (_, image) in &idle {
                 for j in 0..d {
                     let factor = resist * image[j];
@@ -253,10 +258,21 @@ impl Many {
 
     /// The weights of soft constraints, in the order of the constraints.
     fn weights(&self, setting: &Setting<'_>, constraints: &[Constraint]) -> Vec<Option<f64>> {
-        let mut known = self.moved.lock().unwrap_or_else(PoisonError::into_inner);
         let strengths = constraints.iter().any(|c| matches!(c.hold, Hold::Strength(_)));
         let moved: Vec<f64> = if strengths {
-            constraints.iter().map(|c| *known.entry(c.face).or_insert_with(|| setting.moved(c.face))).collect()
+            let lock = || self.moved.lock().unwrap_or_else(PoisonError::into_inner);
+            let known: Vec<Option<f64>> = {
+                let moved = lock();
+                constraints.iter().map(|c| moved.get(&c.face).copied()).collect()
+            };
+            // Others may design meanwhile.
+            let moved: Vec<f64> = constraints
+                .par_iter()
+                .zip(&known)
+                .map(|(c, known)| known.unwrap_or_else(|| setting.moved(c.face)))
+                .collect();
+            lock().extend(constraints.iter().zip(&moved).map(|(c, &moved)| (c.face, moved)));
+            moved
         } else {
             vec![0.0; constraints.len()]
         };
@@ -299,7 +315,11 @@ impl Many {
                 self.energy.get_or_init(|| energy)
             }
         };
-        let Some(base) = setting.base(energy, of)?.map(Arc::new) else { return Ok(None) };
+        let base = match setting.base(energy, of)? {
+            None => setting.base(energy, held.to_vec())?,
+            found => found,
+        };
+        let Some(base) = base.map(Arc::new) else { return Ok(None) };
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         kept.insert(0, Kept { last: held.to_vec(), base: base.clone() });
         kept.truncate(MOST_KEPT);

@@ -28,7 +28,7 @@ const MOST_BYTES: u64 = i32::MAX as u64;
 /// Columns that are lifted at once.
 const PANEL: usize = 16;
 
-/// Writes an eigenbasis with its mesh.
+/// Writes an eigenbasis with its mesh. Of a solid, `functions` has the rows of its inner vertices behind those of `vertices`.
 ///
 /// # Errors
 /// [`FormatError::TooLarge`] where a variable has 2 GiB or more, which this format cannot hold; [`FormatError::Write`] where the destination fails,

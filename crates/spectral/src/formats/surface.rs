@@ -10,14 +10,15 @@ use crate::basis::Basis;
 
 fn fits(basis: &Basis, mesh: &TriangleMesh) -> Result<(), FormatError> {
     let (rows, vertices) = (basis.vertices(), mesh.positions.len());
-    if rows == vertices {
+    // Of a solid, the vertices of its surface come first.
+    if rows == vertices || basis.is_of_solid() && rows > vertices {
         return Ok(());
     }
     let reason = format!("a function has {rows} values, but the surface has {vertices} vertices");
     Err(FormatError::Member { member: "functions".to_owned(), reason })
 }
 
-/// Writes the surface as VTK PolyData: points in double precision, one array `mode_k` in single precision for each eigenfunction, and the field
+/// Writes the surface, of a solid too, as VTK PolyData: points in double precision, one array `mode_k` in single precision for each eigenfunction, and the field
 /// `eigenvalues`. Columns are lifted one by one.
 ///
 /// # Errors
@@ -55,7 +56,7 @@ pub fn write_vtp<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Re
     };
     piece(bytemuck::cast_slice(&basis.eigenvalues))?;
     for mode in 0..m {
-        piece(bytemuck::cast_slice(&basis.lift::<f32>(mode..mode + 1)?))?;
+        piece(bytemuck::cast_slice(&basis.lift::<f32>(mode..mode + 1)?[..n]))?;
     }
     piece(bytemuck::cast_slice(mesh.positions.as_flattened()))?;
     piece(bytemuck::cast_slice(mesh.faces.as_flattened()))?;
@@ -72,7 +73,7 @@ pub fn write_vtp<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Re
 /// As [`write_vtp`].
 pub fn write_ply<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Result<(), FormatError> {
     fits(basis, mesh)?;
-    let (n, m) = (mesh.positions.len(), basis.count());
+    let (n, rows, m) = (mesh.positions.len(), basis.vertices(), basis.count());
     writeln!(out, "ply\nformat binary_little_endian 1.0")?;
     for (mode, value) in basis.eigenvalues.iter().enumerate() {
         writeln!(out, "comment eigenvalue {mode} {value:?}")?;
@@ -86,7 +87,7 @@ pub fn write_ply<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Re
     for (vertex, position) in mesh.positions.iter().enumerate() {
         out.write_all(bytemuck::cast_slice(position))?;
         for mode in 0..m {
-            out.write_all(&functions[mode * n + vertex].to_le_bytes())?;
+            out.write_all(&functions[mode * rows + vertex].to_le_bytes())?;
         }
     }
     for face in &mesh.faces {

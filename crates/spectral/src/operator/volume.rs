@@ -161,6 +161,10 @@ impl<'a> Elements<'a> {
                 let (six, gradients) = &self.shapes[tetrahedron];
                 own += six;
                 for (k, &other) in self.tetrahedra[tetrahedron].iter().enumerate().filter(|(k, _)| *k != place) {
+                    if other == v as u32 {
+                        // A corner that is there twice: the tetrahedron is flat.
+                        continue;
+                    }
                     let entry = if *six > 0.0 { dot(gradients[place], gradients[k]) / (6.0 * six) } else { 0.0 };
                     ring.push((other, entry, *six));
                 }

@@ -1,6 +1,9 @@
 use super::*;
+use crate::operator::OperatorParameters;
 use crate::operator::elastic::tests::bar;
+use chladni_algebra::{CpuSolver, DenseMatrix, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
+use chladni_mesh::shape::{Shape, generate};
 
 fn problem(solid: &TetMesh, mass: MassKind, boundary: Boundary) -> EigenProblem {
     assemble(solid, mass, boundary, &Unwatched).unwrap().problem
@@ -49,6 +52,26 @@ fn linear_functions_have_the_energy_and_the_integrals_of_their_formulas() {
             assert!((found - exact).abs() < 1e-12 * exact);
         }
     }
+}
+
+#[test]
+fn the_lumped_mass_exceeds_the_consistent_one_by_no_more_than_bounds_take_it_to() {
+    let flat = generate(Shape::Sphere, 200).unwrap();
+    let parameters = OperatorParameters { mass: MassKind::Consistent, ..OperatorParameters::default() };
+    let surface = crate::operator::assemble(&flat, &parameters, &Unwatched).unwrap().problem.mass;
+    // One tetrahedron attains a fifth.
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let single = TetMesh { positions: corners.to_vec(), tetrahedra: vec![[0, 1, 2, 3]] };
+    let solid = |solid: &TetMesh| problem(solid, MassKind::Consistent, Boundary::Neumann).mass;
+    let least = |mass: &MassMatrix| {
+        let (MassMatrix::Sparse(consistent), lumped) = (mass, mass.lumped()) else { panic!("a diagonal mass") };
+        let mut diagonal = DenseMatrix::zeros(lumped.len(), lumped.len());
+        lumped.iter().enumerate().for_each(|(k, &m)| diagonal.column_mut(k)[k] = m);
+        let pairs = CpuSolver.lowest(consistent.to_dense(), diagonal, 1, &Unwatched).unwrap();
+        mass.lumped_ratio() * pairs.values[0]
+    };
+    assert!((least(&solid(&single)) - 1.0).abs() < 1e-12);
+    assert!(least(&solid(&bent())) >= 1.0 - 1e-12 && least(&surface) >= 1.0 - 1e-12);
 }
 
 #[test]

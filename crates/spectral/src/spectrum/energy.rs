@@ -241,8 +241,7 @@ impl<'a> Energy<'a> {
     fn conclude(&self, residuals: &Residuals, enclosed: &Enclosure, k: usize, ritz: f64, sigma: f64) -> Measure {
         let Residuals { sums, rounding, .. } = residuals;
         let below = enclosed.below[k].max(0.0);
-        // A consistent mass is at least a quarter of the lumped one.
-        let factor = if matches!(self.mass, MassMatrix::Diagonal(_)) { 1.0 } else { 2.0 };
+        let factor = self.mass.lumped_ratio().sqrt();
         let mass_of_y = enclosed.mass[k].max(0.0).sqrt();
         let of_y = enclosed.rounding[k].sqrt() + MASS_ROUNDING * (sigma + self.floor) * mass_of_y;
         let excess = factor * ((1.0 + MASS_ROUNDING) * enclosed.excess[k].sqrt() + of_y) / sigma.sqrt();

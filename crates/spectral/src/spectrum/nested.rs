@@ -52,8 +52,11 @@ pub fn solve(
     }
     monitor.stage("sampling");
     let graph = Graph::new(problem, places, parameters.seed);
-    let space = graph.space(dimension(q).min(3 * n / 4).max(q + q / 8).min(n), parameters.seed, monitor)?;
-    if space.columns() <= q {
+    // No radius makes fewer functions than there are components, and as many constants are taken out of them.
+    let components = graph.centres(f32::INFINITY, parameters.seed, monitor)?.len();
+    let wanted = dimension(q).min(3 * n / 4).max(q + q / 8) + components;
+    let space = graph.space(wanted.min(n), components, parameters.seed, monitor)?;
+    if space.columns() <= q + components {
         let reason = format!("the {} functions of the start are too few for {count} pairs", space.columns());
         return Err(HsimError::Numerical(reason));
     }
@@ -105,18 +108,19 @@ impl<'a> Graph<'a> {
     }
 
     /// About `wanted` functions, rows with sum 1.
-    fn space(&self, wanted: usize, seed: u64, monitor: &dyn Monitor) -> Result<SparseMatrix<f32>, Cancelled> {
+    fn space(
+        &self,
+        wanted: usize,
+        components: usize,
+        seed: u64,
+        monitor: &dyn Monitor,
+    ) -> Result<SparseMatrix<f32>, Cancelled> {
         // A radius with too many centres, and one with few enough.
         let (mut low, mut high) = (0.0, (self.size() as f32 / wanted.max(1) as f32).cbrt());
         let mut centres = self.centres(high, seed, monitor)?;
-        while centres.len() > wanted && high < 1e6 {
+        while centres.len() > wanted.max(components) && high < 1e6 {
             (low, high) = (high, 1.5 * high);
-            let next = self.centres(high, seed, monitor)?;
-            if next.len() == centres.len() {
-                // One for each component, which no radius makes fewer.
-                break;
-            }
-            centres = next;
+            centres = self.centres(high, seed, monitor)?;
         }
         let mut radius = high;
         for _ in 0..12 {

@@ -256,8 +256,7 @@ fn rayleigh_ritz(
         .into_par_iter()
         .map(|row| problem.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>())
         .reduce(|| 0.0, f64::max);
-    // As in `certificate`: the norm for the inverse of a consistent mass is at most twice that for the lumped one.
-    let factor = if matches!(problem.mass, MassMatrix::Diagonal(_)) { 1.0 } else { 2.0 };
+    let factor = problem.mass.lumped_ratio().sqrt();
     let ratio = |part: f64, whole: f64| if part == 0.0 { 0.0 } else { (part / whole).sqrt() };
     let mut defect = 0.0f64;
     let (mut residuals, mut bounds, mut scales) = (Vec::new(), Vec::new(), Vec::new());

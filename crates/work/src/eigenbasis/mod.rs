@@ -215,6 +215,11 @@ impl EigenbasisParameters {
         mesh + operator + method + (64 << 20)
     }
 
+    /// Whether the operator acts inside a solid.
+    pub fn is_of_volume(&self) -> bool {
+        self.operator.operator == OperatorKind::Volume
+    }
+
     /// Makes the operator of a mesh, or of the solid whose surface it is.
     ///
     /// # Errors
@@ -242,7 +247,11 @@ impl EigenbasisParameters {
 
     fn basis(&self, mesh: &TriangleMesh, solid: Option<&TetMesh>, monitor: &dyn Monitor) -> Result<Basis, JobError> {
         if let (true, Method::Exact(exact)) = (self.is_hodge(), &self.method) {
-            return hodge::run(exact, mesh, self.seed, monitor);
+            let mut basis = hodge::run(exact, mesh, self.seed, monitor)?;
+            if solid.is_some() {
+                basis.metadata["operator"]["domain"] = "surface_of_solid".into();
+            }
+            return Ok(basis);
         }
         if let (true, Method::Exact(exact)) = (self.is_nested(), &self.method) {
             let operator = self.assemble(mesh, solid, monitor)?;

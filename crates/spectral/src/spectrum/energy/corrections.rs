@@ -15,8 +15,7 @@ use super::direct::Solver;
 use super::rows::{Enclosure, Residuals};
 use super::{Energy, HALVES, MASS_ROUNDING, MOST_STEPS, SINGLE, Step, Workspace};
 use chladni_algebra::{
-    CYCLE_WIDTH, CycleRow, DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, SparseMatrix, symmetric_product,
-    weighted_gram,
+    CYCLE_WIDTH, CycleRow, DenseMatrix, LIFT_WIDTH, RowLifter, SparseMatrix, symmetric_product, weighted_gram,
 };
 use chladni_base::{Cancelled, Monitor};
 
@@ -224,8 +223,7 @@ impl Energy<'_> {
 
     /// How much larger than the mass the lumped one may be.
     fn mass_ratio(&self) -> f64 {
-        // On every face the smallest eigenvalue of the consistent mass is a quarter of the lumped one.
-        if matches!(self.mass, MassMatrix::Diagonal(_)) { 1.0 } else { 4.0 }
+        self.mass.lumped_ratio()
     }
 
     /// `found` is what was computed of `YᵀR + EᵀY + Eᵀ(σM)⁻¹E`; it has more columns than there are pairs.

@@ -9,8 +9,7 @@
 //! the first `t`.
 
 use chladni_algebra::{
-    ColumnSums, DenseMatrix, Magnitudes, MassMatrix, PanelMatrix, residual_gram, residual_magnitudes, residual_sums,
-    restrict,
+    ColumnSums, DenseMatrix, Magnitudes, PanelMatrix, residual_gram, residual_magnitudes, residual_sums, restrict,
 };
 use chladni_base::Monitor;
 
@@ -233,11 +232,7 @@ fn bounds(
     count: Count,
 ) -> Vec<f64> {
     let k = values.len();
-    let factor = match level.mass {
-        MassMatrix::Diagonal(_) => 1.0,
-        // On every face the smallest eigenvalue of the consistent mass is a quarter of the lumped one.
-        MassMatrix::Sparse(_) => 4.0,
-    };
+    let factor = level.mass.lumped_ratio();
     // ‖a + b‖² ≤ (1 + s)‖a‖² + (1 + 1/s)‖b‖², with s = 1/64 for what was computed and what rounding did to it.
     let part = factor * (1.0 + 1.0 / 32.0);
     let own =

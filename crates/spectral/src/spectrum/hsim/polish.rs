@@ -81,6 +81,9 @@ impl Iteration<'_> {
             }
         }
         self.keep_storage(factor);
+        // A value that was corrected may have passed its neighbour.
+        let order = self.order();
+        self.keep(order);
         Ok(())
     }
 }
