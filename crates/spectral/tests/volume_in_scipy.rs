@@ -79,7 +79,8 @@ fn a_real_solid_has_the_matrices_and_eigenvalues_of_scipy() {
         };
         let found = [problem.size() as f64, norm(problem.stiffness.values()), masses * problem.area, problem.area];
         for (found, expected) in found.iter().zip(sizes) {
-            assert!((found - expected).abs() <= 1e-11 * expected, "{name} {condition}: {found} is not {expected}");
+            // The largest entries are those of slivers, and differences of nearly equal numbers.
+            assert!((found - expected).abs() <= 1e-10 * expected, "{name} {condition}: {found} is not {expected}");
         }
         let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
         let places = Places::Positions(&solid.positions);
