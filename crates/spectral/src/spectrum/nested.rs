@@ -1,6 +1,6 @@
 //! HSIM on operators of no surface: solids and graphs.
 //!
-//! The hierarchy of [`hsim`](super::hsim) takes samples of a surface by area. Here its space comes from the graph of the stiffness with a length for each
+//! The hierarchy of [`hsim`] takes samples of a surface by area. Here its space comes from the graph of the stiffness with a length for each
 //! edge, so that it serves any dimension: functions around well spread rows that fall off with the distance along edges.
 
 use std::cmp::Reverse;
