@@ -3,7 +3,7 @@ use std::f64::consts::PI;
 use super::*;
 use crate::operator::elastic::tests::bar;
 use crate::operator::{Boundary, MassKind, OperatorKind, OperatorParameters, assemble, volume};
-use chladni_algebra::{CpuSolver, DenseMatrix, SymmetricDefiniteSolver};
+use chladni_algebra::{CpuSolver, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
 use chladni_mesh::TetMesh;
 use chladni_mesh::shape::{Shape, generate};
@@ -142,31 +142,4 @@ fn components_have_a_constant_each_and_a_bound_is_refused() {
     }
     let bound = HsimParameters { wanted: Wanted::Below { bound: 1.0, most: 10 }, ..wanted };
     assert!(matches!(solved(&bound), Err(HsimError::Parameter { name: "operator", .. })));
-}
-
-#[test]
-fn as_many_zeros_are_found_as_there_are_components_and_the_rest_beside_them() {
-    let one = generate(Shape::Sphere, 250).unwrap();
-    let copies = 8;
-    let mut mesh = TriangleMesh { positions: Vec::new(), faces: Vec::new() };
-    for copy in 0..copies {
-        let first = mesh.positions.len() as u32;
-        mesh.positions.extend(one.positions.iter().map(|p| [p[0] + 3.0 * f64::from(copy), p[1], p[2]]));
-        mesh.faces.extend(one.faces.iter().map(|face| face.map(|vertex| vertex + first)));
-    }
-    let parameters = OperatorParameters { operator: OperatorKind::Graph, ..OperatorParameters::default() };
-    let whole = assemble(&mesh, &parameters, &Unwatched).unwrap().problem;
-    let single = assemble(&one, &parameters, &Unwatched).unwrap().problem;
-    let count = 14;
-    let wanted = HsimParameters { wanted: Wanted::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
-    let found = solve(&whole, Places::Nowhere, mesh.positions.len(), &wanted, &Unwatched).unwrap();
-    let mut mass = DenseMatrix::zeros(single.size(), single.size());
-    single.mass.lumped().iter().enumerate().for_each(|(k, &m)| mass.column_mut(k)[k] = m);
-    let dense = CpuSolver.lowest(single.stiffness.to_dense(), mass, 3, &Unwatched).unwrap();
-    // Both have masses over their sum.
-    let scale = f64::from(copies);
-    for (k, value) in found.values.iter().enumerate() {
-        let expected = if k < copies as usize { 0.0 } else { scale * dense.values[1] };
-        assert!((value - expected).abs() < 1e-7 * scale * dense.values[1], "pair {k}: {value} is not {expected}");
-    }
 }
