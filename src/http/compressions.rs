@@ -150,7 +150,7 @@ async fn compress_functions(
                 bytes,
                 bits_per_vertex: per_vertex(bytes as f64),
                 basis_bytes,
-                basis_from_faces: basis.metadata["operator"]["laplacian"] == "graph",
+                basis_from_faces: basis.is_of_graph(),
                 bits_per_vertex_with_basis: per_vertex(bytes as f64 + basis_bytes as f64),
                 step: packed.step,
                 nonzeros: packed.nonzeros,

@@ -1,6 +1,8 @@
-//! Constraints as they are given: whether they can be used, and which say the same.
+//! Constraints as they are given, whether they can be used and which say the same; and as the conditions that they become.
 
-use super::design::{Constraint, DesignError};
+use chladni_algebra::DenseMatrix;
+
+use super::design::{Constraint, DesignError, FIRM, Hold};
 use crate::basis::FieldBasis;
 use crate::operator::transport::FieldKind;
 
@@ -44,4 +46,62 @@ pub(super) fn without_repetitions(constraints: &[Constraint]) -> Vec<usize> {
         }
     }
     kept
+}
+
+/// What hard constraints may give way, as a share of what a unit pull moves them by: what rounding needs and no more.
+pub(super) const HARD: f64 = 1e-12;
+
+/// By what the share is divided that a condition may be missed by.
+const HARDER: f64 = 10.0;
+
+/// The cosine of the largest angle between a field and what is prescribed around a singularity.
+const NEAR: f64 = 0.3;
+
+/// What a face is to carry, and by how much it may deviate.
+pub(super) struct Condition {
+    pub face: u32,
+    pub value: [f64; 3],
+    pub give: Give,
+}
+
+/// By how much a condition may be missed.
+#[derive(Clone, Copy)]
+pub(super) enum Give {
+    /// The inverse of a weight.
+    Weight(f64),
+    /// A share of what a unit pull moves.
+    Share(f64),
+    /// A share of what a unit pull moves on the face itself, what has no energy left out.
+    Own(f64),
+}
+
+impl From<Hold> for Give {
+    fn from(hold: Hold) -> Self {
+        match hold {
+            Hold::Strength(strength) => Self::Own(1.0 / (FIRM * strength)),
+            Hold::Weight(weight) => Self::Weight(1.0 / weight),
+            Hold::Exact => Self::Share(HARD),
+        }
+    }
+}
+
+impl Condition {
+    /// Lets a share give way less.
+    pub fn harden(&mut self) {
+        if let Give::Share(share) = &mut self.give {
+            *share /= HARDER;
+        }
+    }
+}
+
+/// Whether a field has about the direction of a condition; `columns` are its rows.
+pub(super) fn near(rows: &DenseMatrix, condition: &Condition, columns: std::ops::Range<usize>, field: &[f64]) -> bool {
+    let (mut product, mut own, mut wanted) = (0.0, 0.0, 0.0);
+    for (column, value) in columns.zip(condition.value) {
+        let u: f64 = rows.column(column).iter().zip(field).map(|(r, z)| r * z).sum();
+        product += u * value;
+        own += u * u;
+        wanted += value * value;
+    }
+    product > NEAR * (own * wanted).sqrt()
 }

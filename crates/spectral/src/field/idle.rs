@@ -17,6 +17,41 @@ pub(super) struct Idle {
     image: Vec<f64>,
 }
 
+/// The fields of no energy.
+#[derive(Clone, Copy)]
+pub(super) enum Kernel<'a> {
+    /// Ritz coordinates.
+    Coordinates(&'a [usize]),
+    /// Coefficients in the space.
+    Fields(&'a [Idle]),
+}
+
+impl Kernel<'_> {
+    /// How many there are.
+    pub fn count(self) -> usize {
+        match self {
+            Self::Coordinates(at) => at.len(),
+            Self::Fields(idle) => idle.len(),
+        }
+    }
+
+    /// What field `j` has at a row.
+    pub fn along(self, j: usize, row: &[f64]) -> f64 {
+        match self {
+            Self::Coordinates(at) => row[at[j]],
+            Self::Fields(idle) => dot(&idle[j].field, row),
+        }
+    }
+
+    /// `z += amount · field j`.
+    pub fn add(self, j: usize, amount: f64, z: &mut [f64]) {
+        match self {
+            Self::Coordinates(at) => z[at[j]] += amount,
+            Self::Fields(idle) => z.iter_mut().zip(&idle[j].field).for_each(|(z, u)| *z += amount * u),
+        }
+    }
+}
+
 /// `X ← P K⁻¹ Pᵀ X` for `d × k` numbers, column after column, where `P` takes idle fields out: what is left of the inverse moves nothing of them.
 pub(super) fn without(idle: &[Idle], vectors: &mut [f64], inverse: impl Fn(&mut [f64])) {
     let Some(d) = idle.first().map(|idle| idle.field.len()) else { return inverse(vectors) };

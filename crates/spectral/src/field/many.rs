@@ -5,7 +5,7 @@
 //! depend on the directions that are asked for.
 //!
 //! While a stroke is dragged most constraints stay as they are. The factor of those that stay is kept; what is new or has another weight is added by a system of
-//! its own size, `(W⁻¹ + R H⁻¹ Rᵀ) y = v − R H⁻¹ g`. Hard constraints always are.
+//! its own size, `(W⁻¹ + R H⁻¹ Rᵀ) y = v − R H⁻¹ g`: with `v = 0` for soft constraints, whose pull is part of `g`. Hard constraints are always added in this way.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -13,8 +13,8 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, SparseMatrix, solve_definite};
 use rayon::prelude::*;
 
+use super::constraints::HARD;
 use super::design::{Constraint, DesignError, DesignModel, EnergyWeights, FIRM, Hold, add_row};
-use super::weighted::HARD;
 use crate::basis::FieldBasis;
 
 /// Constrained numbers beyond this share of the dimension go into the matrix.
@@ -162,12 +162,17 @@ impl Setting<'_> {
         let mut matrix = energy.clone();
         self.hold(&held, &mut matrix);
         if !self.kernel.is_empty() {
-            let d = self.model.dimension();
             let idle = self.idle();
-            let mut of_held = DenseMatrix::zeros(d, d);
-            self.hold(&held, &mut of_held);
+            // What the constraints hold a field with.
             let form = |field: &[f64]| -> f64 {
-                (0..d).map(|j| field[j] * of_held.column(j).iter().zip(field).map(|(a, b)| a * b).sum::<f64>()).sum()
+                let square = |held: &Held| {
+                    let mut own = [0.0; 3];
+                    for (column, u) in self.row(held.face) {
+                        own.iter_mut().zip(u).for_each(|(sum, u)| *sum += u * field[column]);
+                    }
+                    held.weight * own.iter().map(|u| u * u).sum::<f64>()
+                };
+                held.iter().map(square).sum()
             };
             let resist = IDLE * idle.iter().map(|(field, _)| form(field)).fold(0.0, f64::max);
             if !(resist > 0.0) {
@@ -175,8 +180,8 @@ impl Setting<'_> {
                 return Ok(None);
             }
             for (_, image) in &idle {
-                for j in 0..d {
-                    let factor = resist * image[j];
+                for (j, value) in image.iter().enumerate() {
+                    let factor = resist * value;
                     matrix.column_mut(j).iter_mut().zip(image).for_each(|(a, b)| *a += factor * b);
                 }
             }

@@ -8,33 +8,24 @@ use crate::basis::FieldBasis;
 use crate::operator::frames::Planar;
 
 use super::alignment::{Alignment, Prescription};
-use super::constraints::{check, same, without_repetitions};
-use super::design::{
-    Constraint, Design, DesignError, DesignModel, EnergyWeights, FIRM, Hold, MOST_DIMENSIONS, add_row, length,
-};
-use super::idle::{self, Idle};
+use super::constraints::{Condition, Give, HARD, check, near, same, without_repetitions};
+use super::design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, add_row, length};
+use super::idle::{self, Idle, Kernel};
 use super::many::{Many, Setting};
 use super::pencil::{Pencil, SparseInverse, Sum, floor};
 
 /// Ritz values below this share of the largest count as zero.
 const KERNEL: f64 = 1e-10;
 
-/// What hard constraints may give way, as a share of what a unit pull moves them by: what rounding needs and no more.
-pub(super) const HARD: f64 = 1e-12;
-
-/// Steps that take that share back where it matters.
+/// Steps that take back, where it matters, what hard constraints give way.
 const REFINEMENTS: usize = 2;
 
-/// The same for the faces around a prescribed singularity. A space is hardly able to give them all what they should have: forced to, it gets other
+/// What the faces around a prescribed singularity give way, as such a share. A space is hardly able to give them all what they should have: forced to, it gets other
 /// singularities. Where a field does not have the singularity yet, its faces give way less.
 const AROUND: f64 = 1e-3;
 
-/// By what that share is divided, and how often at most.
-const HARDER: f64 = 10.0;
+/// So often at most faces around singularities are made to give way less.
 const ROUNDS: usize = 7;
-
-/// The cosine of the largest angle between a field and what is prescribed around a singularity.
-const NEAR: f64 = 0.3;
 
 /// The least length of a field around a prescribed singularity, as a share of what it would have if it grew to 1 over the distance of two samples.
 const LEAST_GROWTH: f64 = 0.3;
@@ -70,87 +61,6 @@ enum Inverse {
     Ritz(Vec<f64>),
     /// In the coefficients of the space.
     Sparse(SparseInverse),
-}
-
-/// What a face is to carry, and by how much it may deviate.
-struct Condition {
-    face: u32,
-    value: [f64; 3],
-    give: Give,
-}
-
-#[derive(Clone, Copy)]
-enum Give {
-    /// The inverse of a weight.
-    Weight(f64),
-    /// A share of what a unit pull moves.
-    Share(f64),
-    /// A share of what a unit pull moves on the face itself, what has no energy left out.
-    Own(f64),
-}
-
-impl From<Hold> for Give {
-    fn from(hold: Hold) -> Self {
-        match hold {
-            Hold::Strength(strength) => Self::Own(1.0 / (FIRM * strength)),
-            Hold::Weight(weight) => Self::Weight(1.0 / weight),
-            Hold::Exact => Self::Share(HARD),
-        }
-    }
-}
-
-/// The fields of no energy.
-#[derive(Clone, Copy)]
-enum Kernel<'a> {
-    /// Ritz coordinates.
-    Coordinates(&'a [usize]),
-    /// Coefficients in the space.
-    Fields(&'a [Idle]),
-}
-
-impl Kernel<'_> {
-    fn count(self) -> usize {
-        match self {
-            Self::Coordinates(at) => at.len(),
-            Self::Fields(idle) => idle.len(),
-        }
-    }
-
-    /// What field `j` has at a row.
-    fn along(self, j: usize, row: &[f64]) -> f64 {
-        match self {
-            Self::Coordinates(at) => row[at[j]],
-            Self::Fields(idle) => idle::dot(&idle[j].field, row),
-        }
-    }
-
-    /// `z += amount · field j`.
-    fn add(self, j: usize, amount: f64, z: &mut [f64]) {
-        match self {
-            Self::Coordinates(at) => z[at[j]] += amount,
-            Self::Fields(idle) => z.iter_mut().zip(&idle[j].field).for_each(|(z, u)| *z += amount * u),
-        }
-    }
-}
-
-impl Condition {
-    fn harden(&mut self) {
-        if let Give::Share(share) = &mut self.give {
-            *share /= HARDER;
-        }
-    }
-}
-
-/// Whether a field has about the direction of a condition; `columns` are its rows.
-fn near(rows: &DenseMatrix, condition: &Condition, columns: std::ops::Range<usize>, field: &[f64]) -> bool {
-    let (mut product, mut own, mut wanted) = (0.0, 0.0, 0.0);
-    for (column, value) in columns.zip(condition.value) {
-        let u: f64 = rows.column(column).iter().zip(field).map(|(r, z)| r * z).sum();
-        product += u * value;
-        own += u * u;
-        wanted += value * value;
-    }
-    product > NEAR * (own * wanted).sqrt()
 }
 
 impl DesignModel {

@@ -9,6 +9,7 @@ use chladni_mesh::TriangleMesh;
 use rayon::prelude::*;
 
 use super::corners::Corners;
+use super::frames::{cross, dot, minus};
 use super::{OperatorError, laplace};
 
 type Vector = [f64; 3];
@@ -58,18 +59,6 @@ pub(super) struct Surface<'a> {
     scale: f64,
     /// Unit normal and area; zeros for faces without area.
     faces: Vec<(Vector, f64)>,
-}
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn minus(a: Vector, b: Vector) -> Vector {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 fn unit(a: Vector) -> Option<Vector> {

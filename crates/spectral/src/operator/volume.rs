@@ -16,6 +16,7 @@ use chladni_mesh::solid::surface;
 use rayon::prelude::*;
 
 use super::choice::{Laplacian, OperatorReport, Reason};
+use super::frames::{cross, dot, minus};
 use super::laplace::{MASSLESS, power_of_two_scale};
 use super::{Boundary, EigenProblem, MassKind, MassMatrix, MeshOperator, OperatorError};
 
@@ -223,18 +224,6 @@ fn shape([a, b, c, d]: [Vector; 4]) -> (f64, [Vector; 4]) {
     }
     let (p, q, r) = (cross(v, w), cross(w, u), cross(u, v));
     (six.abs(), [[0, 1, 2].map(|k| -p[k] - q[k] - r[k]), p, q, r])
-}
-
-fn minus(a: Vector, b: Vector) -> Vector {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Local functions around centres on any graph in space: radial, with a cubic profile, in the connected parts of balls.
+//! Local functions around centres on any graph: radial, with a cubic profile, in the connected parts of balls in space or by another distance.
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::SplitMix64;
@@ -7,6 +7,9 @@ use rayon::prelude::*;
 
 /// Weights at or below this are left out.
 const LEAST_WEIGHT: f64 = 1e-3;
+
+/// Centres of a task.
+const CHUNK: usize = 64;
 
 /// Rows that have neighbours and places in space.
 pub(super) trait Places: Sync {
@@ -18,6 +21,12 @@ pub(super) trait Places: Sync {
     fn neighbours(&self, row: u32) -> &[u32];
 }
 
+/// A search for what lies around a row, used for one row after the other.
+pub(super) trait Search: Send {
+    /// The rows within the radius of `centre`, itself among them, with their distances as shares of it.
+    fn around(&mut self, centre: u32) -> &[(u32, f64)];
+}
+
 /// Rows such that every row lies within `radius` of one, on the connected part of the ball around it; ascending, so that neighbours have
 /// close numbers where those of the graph have.
 pub(super) fn centres(
@@ -26,21 +35,28 @@ pub(super) fn centres(
     seed: u64,
     monitor: &dyn Monitor,
 ) -> Result<Vec<u32>, Cancelled> {
-    let n = graph.size();
+    cover(graph.size(), Ball::new(graph, radius), seed, monitor)
+}
+
+/// The same of `n` rows, by any search.
+pub(super) fn cover(
+    n: usize,
+    mut search: impl Search,
+    seed: u64,
+    monitor: &dyn Monitor,
+) -> Result<Vec<u32>, Cancelled> {
     let order = SplitMix64::new(seed).permutation(n);
     let mut covered = vec![false; n];
-    let mut ball = Ball::new(n);
     let mut centres = Vec::new();
     for (k, &row) in order.iter().enumerate() {
-        if k % 1024 == 0 {
+        if k % 256 == 0 {
             monitor.checkpoint()?;
         }
         if covered[row as usize] {
             continue;
         }
         centres.push(row);
-        ball.grow(graph, row, radius);
-        for &(row, _) in &ball.found {
+        for &(row, _) in search.around(row) {
             covered[row as usize] = true;
         }
     }
@@ -55,29 +71,33 @@ pub(super) fn functions(
     radius: f64,
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, Cancelled> {
-    let n = graph.size();
+    functions_by(graph.size(), || Ball::new(graph, radius), centres, monitor)
+}
+
+/// The same on `n` rows, by any search.
+pub(super) fn functions_by<S: Search>(
+    n: usize,
+    search: impl Fn() -> S + Sync + Send,
+    centres: &[u32],
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix<f32>, Cancelled> {
     // Columns in parallel, gathered in the order of the centres.
     let parts: Vec<Vec<(u32, u32, f32)>> = centres
-        .par_chunks(64)
+        .par_chunks(CHUNK)
         .enumerate()
-        .map_init(
-            || Ball::new(n),
-            |ball, (chunk, part)| {
-                monitor.checkpoint()?;
-                let mut entries = Vec::new();
-                for (k, &centre) in part.iter().enumerate() {
-                    ball.grow(graph, centre, radius);
-                    for &(row, square) in &ball.found {
-                        let x = square.sqrt() / radius;
-                        let value = 1.0 - x * x * (3.0 - 2.0 * x);
-                        if value > LEAST_WEIGHT || row == centre {
-                            entries.push((row, (chunk * 64 + k) as u32, value as f32));
-                        }
+        .map_init(search, |search, (chunk, part)| {
+            monitor.checkpoint()?;
+            let mut entries = Vec::new();
+            for (k, &centre) in part.iter().enumerate() {
+                for &(row, x) in search.around(centre) {
+                    let value = 1.0 - x * x * (3.0 - 2.0 * x);
+                    if value > LEAST_WEIGHT || row == centre {
+                        entries.push((row, (chunk * CHUNK + k) as u32, value as f32));
                     }
                 }
-                Ok(entries)
-            },
-        )
+            }
+            Ok(entries)
+        })
         .collect::<Result<_, Cancelled>>()?;
     let mut offsets = vec![0usize; n + 1];
     for part in &parts {
@@ -103,42 +123,47 @@ pub(super) fn functions(
     Ok(SparseMatrix::from_sorted_parts(n, centres.len(), offsets, indices, values))
 }
 
-/// The connected part of a ball.
-struct Ball {
+/// The connected part of a ball in space.
+struct Ball<'a, G> {
+    graph: &'a G,
+    radius: f64,
     stamp: Vec<u32>,
     current: u32,
-    /// Rows with the squares of their distances from the centre.
     found: Vec<(u32, f64)>,
 }
 
-impl Ball {
-    fn new(n: usize) -> Self {
-        Self { stamp: vec![0; n], current: 0, found: Vec::new() }
+impl<'a, G: Places> Ball<'a, G> {
+    fn new(graph: &'a G, radius: f64) -> Self {
+        Self { graph, radius, stamp: vec![0; graph.size()], current: 0, found: Vec::new() }
     }
+}
 
-    fn grow(&mut self, graph: &impl Places, centre: u32, radius: f64) {
-        self.current += 1;
-        self.found.clear();
-        self.found.push((centre, 0.0));
-        self.stamp[centre as usize] = self.current;
+impl<G: Places> Search for Ball<'_, G> {
+    fn around(&mut self, centre: u32) -> &[(u32, f64)] {
+        let Self { graph, radius, stamp, current, found } = self;
+        *current += 1;
+        found.clear();
+        found.push((centre, 0.0));
+        stamp[centre as usize] = *current;
         let origin = graph.position(centre);
-        let limit = radius * radius;
+        let limit = *radius * *radius;
         let mut head = 0;
-        while head < self.found.len() {
-            let row = self.found[head].0;
+        while head < found.len() {
+            let row = found[head].0;
             head += 1;
             for &other in graph.neighbours(row) {
-                let stamp = &mut self.stamp[other as usize];
-                if *stamp == self.current {
+                let stamp = &mut stamp[other as usize];
+                if *stamp == *current {
                     continue;
                 }
                 let position = graph.position(other);
                 let square: f64 = (0..3).map(|k| (position[k] - origin[k]).powi(2)).sum();
                 if square < limit {
-                    *stamp = self.current;
-                    self.found.push((other, square));
+                    *stamp = *current;
+                    found.push((other, square.sqrt() / *radius));
                 }
             }
         }
+        found
     }
 }

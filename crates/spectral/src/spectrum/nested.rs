@@ -12,13 +12,11 @@ use chladni_mesh::TriangleMesh;
 use rayon::prelude::*;
 
 use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, Variant, Wanted};
+use super::local::{self, Search};
 use crate::operator::EigenProblem;
 
 /// The support of a function over the radius within which its centre covers its neighbours.
 const REACH: f64 = 1.8;
-
-/// Weights at or below this are left out.
-const LEAST_WEIGHT: f64 = 1e-3;
 
 /// Where the rows of an operator lie.
 #[derive(Debug, Clone, Copy)]
@@ -136,109 +134,63 @@ impl<'a> Graph<'a> {
             }
         }
         monitor.stage("basis");
-        self.functions(&centres, REACH as f32 * radius, monitor)
+        let reach = REACH as f32 * radius;
+        local::functions_by(self.size(), || Ball::new(self, reach), &centres, monitor)
     }
 
     /// Rows such that every row lies within `radius` of one, along edges; ascending.
     fn centres(&self, radius: f32, seed: u64, monitor: &dyn Monitor) -> Result<Vec<u32>, Cancelled> {
-        let n = self.size();
-        let (mut covered, mut ball, mut centres) = (vec![false; n], Ball::new(n), Vec::new());
-        for (k, row) in SplitMix64::new(seed).permutation(n).into_iter().enumerate() {
-            if k % 256 == 0 {
-                monitor.checkpoint()?;
-            }
-            if covered[row as usize] {
-                continue;
-            }
-            centres.push(row);
-            ball.grow(self, row, radius);
-            ball.found.iter().for_each(|&(row, _)| covered[row as usize] = true);
-        }
-        centres.sort_unstable();
-        Ok(centres)
-    }
-
-    /// One function for each centre, with a cubic profile over `radius`; rows have the sum 1.
-    fn functions(&self, centres: &[u32], radius: f32, monitor: &dyn Monitor) -> Result<SparseMatrix<f32>, Cancelled> {
-        let n = self.size();
-        let parts: Vec<Vec<(u32, u32, f32)>> = centres
-            .par_chunks(16)
-            .enumerate()
-            .map_init(
-                || Ball::new(n),
-                |ball, (chunk, part)| {
-                    monitor.checkpoint()?;
-                    let mut entries = Vec::new();
-                    for (k, &centre) in part.iter().enumerate() {
-                        ball.grow(self, centre, radius);
-                        for &(row, distance) in &ball.found {
-                            let x = f64::from(distance / radius);
-                            let weight = 1.0 - x * x * (3.0 - 2.0 * x);
-                            if weight > LEAST_WEIGHT || row == centre {
-                                entries.push((row, (16 * chunk + k) as u32, weight as f32));
-                            }
-                        }
-                    }
-                    Ok(entries)
-                },
-            )
-            .collect::<Result<_, Cancelled>>()?;
-        let mut entries = parts.concat();
-        entries.par_sort_unstable_by_key(|&(row, column, _)| (row, column));
-        let mut offsets = vec![0usize; n + 1];
-        entries.iter().for_each(|entry| offsets[entry.0 as usize + 1] += 1);
-        (0..n).for_each(|row| offsets[row + 1] += offsets[row]);
-        let mut values: Vec<f32> = entries.iter().map(|entry| entry.2).collect();
-        for row in 0..n {
-            let row = &mut values[offsets[row]..offsets[row + 1]];
-            let sum: f32 = row.iter().sum();
-            row.iter_mut().for_each(|value| *value /= sum);
-        }
-        let columns = entries.into_iter().map(|entry| entry.1).collect();
-        Ok(SparseMatrix::from_sorted_parts(n, centres.len(), offsets, columns, values))
+        local::cover(self.size(), Ball::new(self, radius), seed, monitor)
     }
 }
 
 /// What lies within a distance of a row, along edges.
-struct Ball {
+struct Ball<'a> {
+    graph: &'a Graph<'a>,
+    radius: f32,
     distance: Vec<f32>,
-    /// Rows with their distances, ascending.
-    found: Vec<(u32, f32)>,
+    /// Rows with their shares of the radius, ascending.
+    found: Vec<(u32, f64)>,
     /// Distances are not negative, so their bits are in their order.
     queue: BinaryHeap<Reverse<(u32, u32)>>,
     touched: Vec<u32>,
 }
 
-impl Ball {
-    fn new(n: usize) -> Self {
-        Self { distance: vec![f32::INFINITY; n], found: Vec::new(), queue: BinaryHeap::new(), touched: Vec::new() }
+impl<'a> Ball<'a> {
+    fn new(graph: &'a Graph<'a>, radius: f32) -> Self {
+        let distance = vec![f32::INFINITY; graph.size()];
+        Self { graph, radius, distance, found: Vec::new(), queue: BinaryHeap::new(), touched: Vec::new() }
     }
+}
 
-    fn grow(&mut self, graph: &Graph<'_>, centre: u32, radius: f32) {
-        self.touched.drain(..).for_each(|row| self.distance[row as usize] = f32::INFINITY);
-        self.found.clear();
-        self.distance[centre as usize] = 0.0;
-        self.touched.push(centre);
-        self.queue.push(Reverse((0, centre)));
-        while let Some(Reverse((bits, row))) = self.queue.pop() {
+impl Search for Ball<'_> {
+    fn around(&mut self, centre: u32) -> &[(u32, f64)] {
+        let Self { graph, radius, distance, found, queue, touched } = self;
+        touched.drain(..).for_each(|row| distance[row as usize] = f32::INFINITY);
+        found.clear();
+        distance[centre as usize] = 0.0;
+        touched.push(centre);
+        queue.push(Reverse((0, centre)));
+        while let Some(Reverse((bits, row))) = queue.pop() {
             let at = f32::from_bits(bits);
-            if at > self.distance[row as usize] {
+            if at > distance[row as usize] {
                 continue;
             }
-            self.found.push((row, at));
+            found.push((row, f64::from(at / *radius)));
             let start = graph.stiffness.offsets()[row as usize];
             for (k, &other) in graph.stiffness.row(row as usize).0.iter().enumerate() {
                 let reached = at + graph.lengths[start + k];
-                let known = &mut self.distance[other as usize];
-                if reached < radius && reached < *known {
+                let known = &mut distance[other as usize];
+                if reached < *radius && reached < *known {
                     if *known == f32::INFINITY {
-                        self.touched.push(other);
+                        touched.push(other);
                     }
                     *known = reached;
-                    self.queue.push(Reverse((reached.to_bits(), other)));
+                    queue.push(Reverse((reached.to_bits(), other)));
                 }
             }
         }
+        found
     }
 }
 

@@ -253,21 +253,19 @@ impl EigenbasisParameters {
             }
             return Ok(basis);
         }
-        if let (true, Method::Exact(exact)) = (self.is_nested(), &self.method) {
-            let operator = self.assemble(mesh, solid, monitor)?;
-            let mut basis = nested::run(exact, &operator, mesh, solid, self.seed, monitor)?;
-            basis.metadata = self.metadata(&operator, self.method_name().name(), solid);
-            return Ok(basis);
-        }
         let operator = self.assemble(mesh, solid, monitor)?;
         let (mut basis, method) = match &self.method {
             Method::Auto(auto) => auto.run(mesh, &operator, self.seed, monitor)?,
             Method::Approximate(approximate) => {
                 (approximate.run(mesh, &operator, self.seed, monitor)?, self.method_name().name())
             }
+            Method::Exact(exact) if self.is_nested() => {
+                (nested::run(exact, &operator, mesh, solid, self.seed, monitor)?, self.method_name().name())
+            }
             Method::Exact(exact) => (exact.run(mesh, &operator, self.seed, monitor)?, self.method_name().name()),
         };
-        let interval = basis.metadata.get("interval").cloned();
+        // What was asked for by bounds is known to the run alone.
+        let interval = basis.metadata.get_mut("interval").map(Value::take);
         basis.metadata = self.metadata(&operator, method, solid);
         if let Some(interval) = interval {
             basis.metadata["interval"] = interval;

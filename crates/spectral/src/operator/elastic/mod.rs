@@ -18,6 +18,7 @@ use chladni_base::Monitor;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use serde::{Deserialize, Serialize};
 
+use super::frames::{cross, dot, minus};
 use super::{EigenProblem, MassMatrix, OperatorError};
 
 /// A vector of space.
@@ -267,18 +268,6 @@ impl Incidence {
 
 /// Stands for a corner that an element has not.
 const NOBODY: u32 = u32::MAX;
-
-fn minus(a: Vector, b: Vector) -> Vector {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
 
 fn times(factor: f64, a: Vector) -> Vector {
     a.map(|x| factor * x)

@@ -10,7 +10,7 @@
 
 use chladni_algebra::{
     ColumnSums, DenseMatrix, Factor, PANEL_WIDTH, PanelMatrix, SymbolicFactor, Weight, apply_mass, gpu, inner_products,
-    residual_magnitudes, residual_panel, residual_sums, restrict, rotate, subtract_combinations,
+    residual_panel, residual_sums, restrict, rotate, subtract_combinations,
 };
 use chladni_base::Monitor;
 use rayon::prelude::*;
@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use super::HsimError;
 use super::columns::{defect, lengths, normalise};
 use super::graded::sharpen;
-use super::judge::{AS_GOOD_AS_ZERO, Count, NULL, Units};
+use super::judge::{Count, NULL};
 use super::kernel::Kernel;
 use super::level::Level;
 use super::ritz::ritz;
@@ -46,14 +46,11 @@ const REPLACE_SHARE: f64 = 0.4;
 const STALLED: f64 = 0.6;
 const STRICT: f64 = 0.01;
 
-/// Columns that span everything are made Ritz vectors so often.
-const ON_ALL: usize = 3;
-
 /// So many such steps in a row are the end of it.
 const MOST_STALLED: usize = 4;
 
-/// Residuals up to this times what rounding may leave are as small as they get: solves lose digits as well.
-const ABOVE_FLOOR: f64 = 100.0;
+/// Columns that span everything are made Ritz vectors so often.
+const ON_ALL: usize = 3;
 
 /// A coupling of a new direction with an old column counts from this share of what the tolerance allows.
 const COUPLED: f64 = 0.1;
@@ -411,50 +408,9 @@ impl<'a> Iteration<'a> {
         if moved { self.measure() } else { Ok(()) }
     }
 
-    /// Whether the wanted pairs have converged.
-    ///
-    /// # Errors
-    /// [`HsimError::NotConverged`] where they have not, [`HsimError::Floor`] where rounding does not let them.
-    pub fn require(&self, plan: &Plan) -> Result<(), HsimError> {
-        let failed = self.unconverged(plan);
-        let floors = self.floors(&failed)?;
-        let as_close_as_it_gets = |floor: f64, column: usize| self.residual(column) <= ABOVE_FLOOR * floor;
-        // Of a value that is as good as zero no residual can be asked.
-        let failed: Vec<(f64, usize)> = floors
-            .into_iter()
-            .zip(failed)
-            .filter(|&(floor, column)| !(floor >= AS_GOOD_AS_ZERO && as_close_as_it_gets(floor, column)))
-            .collect();
-        if failed.is_empty() {
-            return Ok(());
-        }
-        let (tolerance, iterations) = (plan.tolerance, self.passes);
-        // Where rounding allows no less than what is left of a pair, no iteration helps.
-        if failed.iter().any(|&(floor, column)| floor > tolerance && as_close_as_it_gets(floor, column)) {
-            return Err(HsimError::Floor { tolerance, floor: failed.iter().map(|pair| pair.0).fold(0.0, f64::max) });
-        }
-        let worst = failed.iter().map(|pair| self.residual(pair.1)).fold(0.0, f64::max);
-        Err(HsimError::NotConverged { count: failed.len(), tolerance, iterations, worst })
-    }
-
     fn count_of(&self, shift: f64, factor: &Factor<'_>) -> Count {
         let radius = factor.uncertainty(&self.level.stiffness, &self.level.mass, shift);
         Count { shift, below: factor.eigenvalues_below(), radius }
-    }
-
-    /// The residual (4.6) that rounding may leave to some columns.
-    fn floors(&self, columns: &[usize]) -> Result<Vec<f64>, HsimError> {
-        let values: Vec<f64> = columns.iter().map(|&column| self.values[column]).collect();
-        let sums: Vec<ColumnSums> = columns.iter().map(|&column| self.sums[column]).collect();
-        self.floors_of(&self.vectors.select(columns), &values, &sums)
-    }
-
-    /// The same of a block with its values and what it sums up to.
-    pub fn floors_of(&self, block: &PanelMatrix, values: &[f64], sums: &[ColumnSums]) -> Result<Vec<f64>, HsimError> {
-        let level = self.level;
-        let magnitudes = residual_magnitudes(&level.stiffness, &level.mass, block, values, 0.0, self.monitor)?;
-        let unit = Units::new(level).row;
-        Ok(magnitudes.iter().zip(sums).map(|(size, sums)| unit * (size.square / sums.stiffness).sqrt()).collect())
     }
 
     /// Takes the kernel and the block off some columns and drops those of which next to nothing is left: where the block holds all there is, that is

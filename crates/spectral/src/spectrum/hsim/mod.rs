@@ -3,6 +3,7 @@
 mod certify;
 mod columns;
 mod deliver;
+mod floor;
 mod graded;
 mod hierarchy;
 mod iterate;

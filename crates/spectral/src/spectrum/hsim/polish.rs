@@ -10,7 +10,6 @@ use rayon::prelude::*;
 use super::HsimError;
 use super::columns::lengths;
 use super::iterate::Iteration;
-use super::judge::AS_GOOD_AS_ZERO;
 use super::shifts::factor_near;
 
 /// The most corrections.
@@ -87,50 +86,6 @@ impl Iteration<'_> {
         Ok(())
     }
 }
-
-impl Iteration<'_> {
-    /// Refuses a tolerance that double precision does not allow, before anything is iterated: each number of a column is rounded when it is stored, which alone
-    /// leaves a residual of about `u ‖(Σ_i S_ij²)^{1/2} x_j‖`. The lowest columns, of which the start holds good estimates, tell: with their values it is
-    /// largest.
-    ///
-    /// # Errors
-    /// [`HsimError::Floor`].
-    pub fn refuse_below_floor(&self, wanted: usize, tolerance: f64) -> Result<(), HsimError> {
-        let (level, count) = (self.level, wanted.min(self.values.len()).min(PANEL_WIDTH));
-        let block = self.vectors.select(&(0..count).collect::<Vec<_>>());
-        let sums = residual_sums(&level.stiffness, &level.mass, &block, &self.values[..count], self.monitor)?;
-        let weight = |row: usize| level.stiffness.row(row).1.iter().map(|value| value * value).sum::<f64>();
-        let mut stored = vec![0.0; count];
-        if let Some(panel) = block.panels().first() {
-            for (row, x) in panel.as_chunks::<PANEL_WIDTH>().0.iter().enumerate() {
-                // The matrix is symmetric: its rows are its columns.
-                let weight = weight(row);
-                stored.iter_mut().zip(x).for_each(|(sum, x)| *sum += weight * x * x);
-            }
-        }
-        let unit = 0.5 * f64::EPSILON;
-        let least = |k: usize| unit * (stored[k] / sums[k].stiffness).sqrt();
-        let doomed = (0..count).any(|k| {
-            // Of a start that is no estimate, or a value that is as good as zero, nothing follows.
-            self.values[k] != 0.0
-                && self.residual_of(&sums[k]) < SETTLED
-                && least(k) < SETTLED
-                && tolerance < BY_LUCK * least(k)
-        });
-        if !doomed {
-            return Ok(());
-        }
-        let floors = self.floors_of(&block, &self.values[..count], &sums)?;
-        let floor = floors.into_iter().filter(|&floor| floor < AS_GOOD_AS_ZERO).fold(0.0, f64::max);
-        if floor > tolerance { Err(HsimError::Floor { tolerance, floor }) } else { Ok(()) }
-    }
-}
-
-/// The residual up to which a column of the start stands for an eigenvector here.
-const SETTLED: f64 = 0.3;
-
-/// Rounding errors may happen to be this much smaller than expected.
-const BY_LUCK: f64 = 0.25;
 
 /// Divides every column by its length.
 fn scale(columns: &mut PanelMatrix, lengths: &[f64]) {
