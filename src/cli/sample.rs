@@ -10,11 +10,11 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Generate a mesh: a sphere, torus, disk, rectangle, knot or a surface of any genus
+/// Generate a mesh: a sphere, torus, disk, rectangle, knot, bell, violin, starfish or a surface of any genus
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct SampleArguments {
-    /// sphere, torus, disk, rectangle, knot, or genus-G, such as genus-3
+    /// sphere, torus, disk, rectangle, knot, bell, violin, starfish, or genus-G, such as genus-3
     #[arg(value_name = "SHAPE", value_parser = shape)]
     shape: Shape,
 
@@ -45,8 +45,8 @@ Examples:
   chladni sample sphere -n 10000 --noise 0.2 --seed 7 -o rough-sphere.obj
 
 Sizes: the sphere and the disk have radius 1, the torus radii 1 and 0.4, the rectangle
-sides 1.6 and 1, the knot (a (2, 3) torus knot) a tube of radius 0.4; genus-G is a chain
-of rings of radii 1 and 0.4. Spheres have 10 f² + 2 vertices for a whole number f.";
+sides 1.6 and 1, the knot (a (2, 3) torus knot) a tube of radius 0.4, the bell radius 1;
+genus-G is a chain of rings of radii 1 and 0.4. Spheres have 10 f² + 2 vertices for a whole number f.";
 
 /// Generates a mesh and writes it to a file.
 pub fn sample(arguments: SampleArguments) -> Result<ExitCode, CliError> {

@@ -49,6 +49,7 @@ mod origin;
 mod page;
 mod problem;
 mod problems;
+mod samples;
 mod seats;
 mod serve;
 mod shares;
@@ -90,6 +91,7 @@ use access::Access;
 fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::with_openapi(docs::base())
         .merge(meshes::routes())
+        .merge(samples::routes())
         .merge(jobs::routes())
         .merge(bases::routes())
         .merge(content::routes())

@@ -42,6 +42,8 @@ kinds! {
         "The route exists, but not with this method. The header Allow lists those it has.";
     UNKNOWN_MESH = "unknown-mesh", 404, "There is no such mesh",
         "No mesh has this id. It may have been deleted.";
+    UNKNOWN_SAMPLE = "unknown-sample", 404, "There is no such sample",
+        "No generated mesh has this name. /v1/samples lists them.";
     UNKNOWN_JOB = "unknown-job", 404, "There is no such job",
         "No job has this id.";
     UNKNOWN_BASIS = "unknown-basis", 404, "There is no such basis",

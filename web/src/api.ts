@@ -1,5 +1,7 @@
 // The public endpoints of the server, and nothing else: what any other front-end would call.
 
+import type { Request } from "./code";
+
 export interface Problem {
   type: string;
   title: string;
@@ -127,9 +129,18 @@ const numbered = /^\/v1\/(functional-maps|meshes\/[^/?]+\/frames|bases\/[^/?]+\/
 export const kept = (path: string, method = "GET") =>
   numbered.test(path) || (path === "/v1/jobs" && method === "POST") ? `${path}${path.includes("?") ? "&" : "?"}numbering=kept` : path;
 
+/** The last request for something that is shown, as one would send it oneself. */
+export const recent: { shown: Request | null } = { shown: null };
+
+const shows = /^\/v1\/(bases\/[^/?]+\/(?!content)[^?]+|shape-comparisons|functional-maps)/;
+
 /** Sends a request; whatever is no success becomes an [`ApiError`]. */
 export async function send(path: string, init: RequestInit = {}): Promise<Response> {
   const headers = new Headers(init.headers);
+  if (shows.test(path)) {
+    const body = typeof init.body === "string" ? (JSON.parse(init.body) as unknown) : undefined;
+    recent.shown = { method: init.method ?? "GET", path: kept(path, init.method), body, accept: headers.get("Accept") ?? undefined };
+  }
   if (key.get()) headers.set("Authorization", `Bearer ${key.get()}`);
   let response: Response;
   try {
@@ -172,6 +183,13 @@ export const post = async <T>(path: string, body?: unknown, init: RequestInit = 
       ...init,
     })
   ).json() as Promise<T>;
+
+/** Renames a mesh. */
+export const rename = async (id: string, name: string): Promise<Mesh> =>
+  (await send(`/v1/meshes/${id}`, { method: "PATCH", body: JSON.stringify({ name }), headers: { "Content-Type": "application/json" } })).json() as Promise<Mesh>;
+
+/** Deletes a mesh with its jobs and bases. */
+export const remove = (id: string) => send(`/v1/meshes/${id}?cascade=true`, { method: "DELETE" });
 
 /** Raw single-precision numbers: a row for each vertex or face. */
 export async function numbers(path: string, init: RequestInit = {}): Promise<Float32Array> {

@@ -1,6 +1,6 @@
 // What every part of the page shares: the place, the mesh and the basis that are open, and how errors are told.
 
-import { ApiError, ended, get, key, meshContent, post, save, watch, type Basis, type BasisSummary, type Job, type Mesh, type Page } from "./api";
+import { ApiError, ended, get, key, meshContent, post, recent, remove, rename, save, watch, type Basis, type BasisSummary, type Job, type Mesh, type Page } from "./api";
 import { h } from "./dom";
 import { prepared } from "./geometry";
 import { read, write, type Place } from "./place";
@@ -10,6 +10,8 @@ import type { Viewer } from "./viewer";
 export interface Panel {
   id: string;
   title: string;
+  /** What it is for, in a sentence or two. */
+  about: string;
   /** The kind of basis it works on, where it needs one. */
   kind?: string;
   element: HTMLElement;
@@ -26,7 +28,11 @@ export class App {
   moreMeshes: string | null = null;
   bases: BasisSummary[] = [];
   basis: Basis | null = null;
+  /** What the open tab shows beside the surface that is worth keeping. */
+  kept: { lines: number[][][] | null; sound: ArrayBuffer | null } = { lines: null, sound: null };
   jobs = new Map<string, Job>();
+  /** Whether the next mode that is shown begins to swing by itself. */
+  swinging = false;
   readonly panels: Panel[] = [];
   private readonly listeners = new Map<Happening, (() => void)[]>();
   private readonly known = new Map<string, Basis>();
@@ -113,6 +119,7 @@ export class App {
     const moved = place.mesh !== this.mesh?.id;
     this.place = place;
     this.viewer.view = place.view;
+    this.viewer.up = place.up ?? this.viewer.guessed;
     this.emit("look");
     try {
       if (!place.mesh) {
@@ -126,8 +133,14 @@ export class App {
     }
   }
 
+  /** Only meshes with this in their name are listed. */
+  sought = "";
+
   async list(more = false) {
-    const page = await get<Page<Mesh>>(`/v1/meshes?limit=50${more && this.moreMeshes ? `&from=${encodeURIComponent(this.moreMeshes)}` : ""}`);
+    const sought = this.sought;
+    const page = await get<Page<Mesh>>(`/v1/meshes?limit=50${sought && `&name=${encodeURIComponent(sought)}`}${more && this.moreMeshes ? `&from=${encodeURIComponent(this.moreMeshes)}` : ""}`);
+    // Another letter has been typed meanwhile.
+    if (sought !== this.sought) return;
     this.meshes = more ? [...this.meshes, ...page.items] : page.items;
     this.moreMeshes = page.next;
     this.emit("meshes");
@@ -153,14 +166,45 @@ export class App {
       this.viewer.onClick = this.viewer.onStroke = null;
       if (!keep) {
         this.viewer.view = undefined;
-        this.go({ mesh: id, basis: undefined, mode: 1, view: undefined }, step);
-      } else this.go({ mesh: id });
+        this.go({ mesh: id, basis: undefined, mode: 1, view: undefined, up: undefined }, step);
+      } else {
+        this.go({ mesh: id });
+        this.viewer.up = this.place.up ?? this.viewer.guessed;
+      }
       this.emit("mesh");
       await this.findBases();
       if (turn === this.opening) this.tab(this.place.tab, false);
     } finally {
       if (turn === this.opening) this.working(null);
     }
+  }
+
+  /** Gives the open mesh another name. */
+  async rename(name: string) {
+    if (!this.mesh) return;
+    const mesh = await rename(this.mesh.id, name);
+    this.mesh = mesh;
+    this.meshes = this.meshes.map((other) => (other.id === mesh.id ? mesh : other));
+    this.emit("meshes");
+    this.panel?.show();
+  }
+
+  /** Deletes the open mesh with all that was computed on it. */
+  async remove() {
+    if (!this.mesh) return;
+    const { id, name } = this.mesh;
+    await remove(id);
+    this.meshes = this.meshes.filter((mesh) => mesh.id !== id);
+    for (const job of [...this.jobs.values()]) if (job.mesh === id) this.jobs.delete(job.id);
+    this.toast("note", "Deleted", `${name ?? "The mesh"} and what was computed on it.`);
+    this.emit("jobs");
+    if (this.meshes[0]) return this.open(this.meshes[0].id);
+    this.panel?.hide();
+    [this.mesh, this.basis, this.bases] = [null, null, []];
+    this.viewer.clear();
+    this.go({ mesh: undefined, basis: undefined, view: undefined, up: undefined });
+    this.emit("mesh");
+    this.tab(this.place.tab, false);
   }
 
   /** Reads which bases there are on the mesh. */
@@ -191,6 +235,8 @@ export class App {
       before.element.hidden = true;
     }
     this.viewer.cursor.leave();
+    this.kept = { lines: null, sound: null };
+    recent.shown = null;
     this.viewer.onClick = this.viewer.onStroke = null;
     this.viewer.onStrokeEnd = () => {};
     this.go({ tab: id }, step && before?.id !== id);

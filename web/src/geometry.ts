@@ -1,6 +1,7 @@
 // What a mesh needs before it is drawn, in a thread of its own where it takes long: normals, size, coarser levels.
 
 import { bounds, normals, volume, type Surface } from "./surface";
+import { guess, type Up } from "./upright";
 
 /** A surface as it is drawn. Levels are lists of corners over the same vertices, the first of them the mesh itself. */
 export interface Prepared extends Surface {
@@ -9,6 +10,8 @@ export interface Prepared extends Surface {
   radius: number;
   /** Six times the volume that is enclosed. */
   volume: number;
+  /** Which way is up, as far as can be guessed. */
+  up: Up;
   levels: Uint32Array[];
 }
 
@@ -23,7 +26,7 @@ export function prepare(content: ArrayBuffer): Prepared {
   const facing = normals(surface);
   const levels: Uint32Array[] = [surface.triangles];
   for (const most of LEVELS) if (faces > 1.5 * most) levels.push(coarser(surface, facing, most));
-  return { ...surface, normals: facing, centre, radius, volume: volume(surface), levels };
+  return { ...surface, normals: facing, centre, radius, volume: volume(surface), up: guess(surface), levels };
 }
 
 /**

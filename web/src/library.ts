@@ -2,14 +2,31 @@
 
 import { ended, upload, type Defect, type Job, type Mesh } from "./api";
 import type { App } from "./app";
-import { brief, grouped, h, plural, seconds, words } from "./dom";
+import { brief, choice, grouped, h, plural, seconds, words } from "./dom";
+import { samples } from "./welcome";
 
 export function library(app: App): HTMLElement {
   const input = h("input", { type: "file", multiple: true, class: "visually-hidden", id: "file", accept: ".obj,.ply,.off,.stl,.mesh,.vtk,.msh,.white,.pial,.inflated,.gz,.zst" });
   const drop = h("label", { class: "drop", for: "file" }, h("strong", {}, "Drop a mesh here"), h("span", {}, "or choose one: OBJ, PLY, OFF, STL, MEDIT, VTK, Gmsh, FreeSurfer; also gzipped"), input);
   const uploads = h("div", { class: "uploads" });
-  const jobs = h("div", { class: "jobs", "aria-label": "Jobs" });
+  const jobs = h("div", { class: "jobs", role: "group", "aria-label": "Jobs" });
   const meshes = h("ul", { class: "meshes", "aria-label": "Meshes" });
+  const nothing = h("p", { class: "dim", hidden: true }, "No surface has this in its name.");
+  const search = h("input", { type: "search", placeholder: "Search by name", "aria-label": "Search by name" });
+  let pause = 0;
+  search.addEventListener("input", () => {
+    window.clearTimeout(pause);
+    pause = window.setTimeout(() => {
+      app.sought = search.value.trim();
+      app.list().catch(app.fail);
+    }, 200);
+  });
+  let order = "newest";
+  const sort = choice([["newest", "newest first"], ["name", "by name"], ["size", "largest first"]], order, (value) => {
+    order = value;
+    showMeshes();
+  }, "Order of the surfaces");
+  const tools = h("div", { class: "row seek", hidden: true }, search, sort);
   const more = h("button", { class: "quiet", hidden: true, onclick: () => app.list(true).catch(app.fail) }, "Older ones");
 
   const take = async (files: Iterable<File>) => {
@@ -51,7 +68,12 @@ export function library(app: App): HTMLElement {
   });
 
   const showMeshes = () => {
-    meshes.replaceChildren(...app.meshes.map((mesh) => meshItem(app, mesh)));
+    const sorted = app.meshes.slice();
+    if (order === "name") sorted.sort((a, b) => title(a).localeCompare(title(b), undefined, { numeric: true }));
+    if (order === "size") sorted.sort((a, b) => b.vertices - a.vertices);
+    meshes.replaceChildren(...sorted.map((mesh) => meshItem(app, mesh)));
+    tools.hidden = app.meshes.length < 4 && !app.sought;
+    nothing.hidden = app.meshes.length > 0 || !app.sought;
     more.hidden = !app.moreMeshes;
   };
   const showJobs = () => {
@@ -60,13 +82,16 @@ export function library(app: App): HTMLElement {
   };
   for (const happening of ["meshes", "mesh", "bases", "basis"] as const) app.on(happening, showMeshes);
   app.on("jobs", showJobs);
-  return h("aside", { class: "library", "aria-label": "Library" }, drop, uploads, jobs, h("h2", {}, "Surfaces"), meshes, more);
+  return h("aside", { class: "library", "aria-label": "Library" }, drop, uploads, jobs, h("h2", {}, "Surfaces"), tools, meshes, nothing, more,
+    h("details", { class: "examples" }, h("summary", {}, "Examples"), samples(app)));
 }
+
+const title = (mesh: Mesh) => mesh.name ?? `mesh ${mesh.id.slice(0, 8)}`;
 
 function meshItem(app: App, mesh: Mesh): HTMLElement {
   const open = mesh.id === app.mesh?.id;
-  const button = h("button", { class: "mesh", "aria-current": open ? "true" : undefined, onclick: () => app.open(mesh.id).catch(app.fail) },
-    h("strong", {}, mesh.name ?? `mesh ${mesh.id.slice(0, 8)}`), h("small", {}, `${grouped(mesh.vertices)} vertices`));
+  const button = h("button", { class: "mesh", title: title(mesh), "aria-current": open ? "true" : undefined, onclick: () => app.open(mesh.id).catch(app.fail) },
+    h("strong", {}, title(mesh)), h("small", {}, `${grouped(mesh.vertices)} vertices`));
   if (!open) return h("li", {}, button);
   const bases = app.bases.map((basis) => {
     const { method: how, field, n } = basis.parameters;
@@ -81,7 +106,33 @@ function meshItem(app: App, mesh: Mesh): HTMLElement {
       },
     }, text));
   });
-  return h("li", { class: "open" }, button, report(mesh), h("ul", { class: "bases", "aria-label": "Bases" }, ...bases));
+  return h("li", { class: "open" }, button, report(mesh), handles(app, mesh), h("ul", { class: "bases", "aria-label": "Bases" }, ...bases));
+}
+
+/** Renaming and deleting; deleting asks once more. */
+function handles(app: App, mesh: Mesh): HTMLElement {
+  const row = h("div", { class: "row handles" });
+  const usual = () => row.replaceChildren(
+    h("button", { class: "quiet", onclick: () => {
+      const name = h("input", { type: "text", maxLength: 200, "aria-label": "New name" });
+      name.value = title(mesh);
+      const form = h("form", { class: "row", onsubmit: (event: Event) => {
+        event.preventDefault();
+        const wanted = name.value.trim();
+        if (!wanted || wanted === mesh.name) return usual();
+        app.rename(wanted).catch(app.fail);
+      } }, name, h("button", {}, "Rename"));
+      form.addEventListener("keydown", (event) => event.key === "Escape" && usual());
+      row.replaceChildren(form);
+      name.select();
+    } }, "Rename"),
+    h("button", { class: "quiet", onclick: () => {
+      const sure = h("button", { class: "danger", onclick: () => app.remove().catch(app.fail) }, app.bases.length ? `Delete with ${plural(app.bases.length, "basis", "bases")}` : "Delete for good");
+      row.replaceChildren(sure, h("button", { class: "quiet", onclick: usual }, "Keep"));
+      sure.focus();
+    } }, "Delete"));
+  usual();
+  return row;
 }
 
 /** What was found in a mesh, in words. */

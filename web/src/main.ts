@@ -12,7 +12,9 @@ import { modesPanel } from "./panels/modes";
 import { pointsPanel } from "./panels/points";
 import { shapesPanel } from "./panels/shapes";
 import { vibrationPanel } from "./panels/vibration";
+import { toolbar } from "./stage";
 import { Viewer } from "./viewer";
+import { welcome } from "./welcome";
 
 const hints = h("p", { class: "keys", id: "keys", "aria-hidden": "true" });
 const spoken = h("p", { class: "visually-hidden", "aria-live": "polite" });
@@ -41,6 +43,7 @@ function start(viewer: Viewer) {
     panel.element.setAttribute("role", "tabpanel");
     panel.element.setAttribute("aria-labelledby", `tab-${panel.id}`);
     panel.element.hidden = true;
+    panel.element.prepend(h("p", { class: "dim about" }, panel.about));
     tabs.append(h("button", { role: "tab", id: `tab-${panel.id}`, "aria-controls": `panel-${panel.id}`, onclick: () => app.tab(panel.id) }, panel.title));
   });
   const showTabs = () => {
@@ -73,11 +76,9 @@ function start(viewer: Viewer) {
   const header = h("header", {}, h("h1", {}, "Chladni"), h("span", { class: "subtitle" }, "the eigenfunctions of surfaces"),
     h("nav", {}, h("a", { href: "/docs", target: "_blank" }, "API"), keys));
 
-  const welcome = h("div", { class: "welcome", hidden: true }, h("p", {}, "Drop a mesh anywhere on this page, or choose a file."));
-  stage.append(app.title, look.legend, app.busy, welcome);
+  stage.append(app.title, toolbar(app, look), look.legend, app.busy, welcome(app));
   document.body.prepend(header, library(app));
   document.body.append(h("section", { class: "work", "aria-label": "Tools" }, tabs, ...app.panels.map((panel) => panel.element)), app.toasts);
-  for (const happening of ["mesh", "meshes"] as const) app.on(happening, () => (welcome.hidden = app.mesh !== null || app.meshes.length > 0));
 
   async function begin() {
     try {

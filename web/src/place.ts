@@ -1,5 +1,7 @@
 // Where one is: everything that a permalink keeps, in the fragment of the address.
 
+import { AXES, type Up } from "./upright";
+
 export interface Place {
   mesh?: string;
   basis?: string;
@@ -8,6 +10,7 @@ export interface Place {
   view?: string;
   map?: string;
   lines?: number;
+  up?: Up;
 }
 
 export function read(): Place {
@@ -22,6 +25,7 @@ export function read(): Place {
     view: text("view"),
     map: text("map"),
     lines: text("lines") === undefined ? undefined : Number(text("lines")) || 0,
+    up: (text("up") ?? "") in AXES ? (text("up") as Up) : undefined,
   };
 }
 

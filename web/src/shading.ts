@@ -29,6 +29,15 @@ void main() {
   gl_Position = projectionMatrix * at;
 }`;
 
+/** Edges lie a little before their triangles. */
+const EDGES = `
+in float value;
+uniform float wave;
+void main() {
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(position + wave * value * normal, 1.0);
+  gl_Position.z -= 2e-4 * gl_Position.w;
+}`;
+
 /** What falls on the surface, and what it mirrors. The far side of an open surface is lit as the near one. */
 const LIGHT = `
 vec2 light(vec3 n, vec3 eye) {
@@ -91,6 +100,8 @@ const STEPS = 1024;
 export class Shading {
   readonly fine: ShaderMaterial;
   readonly quick: ShaderMaterial;
+  /** Of the edges of the triangles, which move as the surface does. */
+  readonly edges: ShaderMaterial;
   private readonly uniforms = {
     map: { value: null as DataTexture | null }, range: { value: new Vector2(-1, 0.5) }, lines: { value: 0 }, coloured: { value: 0 }, diverging: { value: 1 },
     plain: { value: new Color(0.8, 0.79, 0.76) }, wave: { value: 0 },
@@ -105,6 +116,7 @@ export class Shading {
       defines: quick ? { QUICK: "" } : {},
     });
     [this.fine, this.quick] = [make(false), make(true)];
+    this.edges = new ShaderMaterial({ glslVersion: GLSL3, uniforms: this.uniforms, vertexShader: EDGES, fragmentShader: "precision highp float; out vec4 colour; void main() { colour = vec4(0.10, 0.12, 0.16, 1.0); }" });
   }
 
   /** Which sides of the triangles are drawn: of a closed surface only the outer one. */
@@ -140,5 +152,10 @@ export class Shading {
   /** How far the surface moves along its normals, in units of the mesh per unit of its values. */
   wave(amount: number) {
     this.uniforms.wave.value = amount;
+  }
+
+  /** How far it is moved now. */
+  get waving(): number {
+    return this.uniforms.wave.value;
   }
 }

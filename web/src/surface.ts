@@ -25,6 +25,27 @@ export function normals({ positions, triangles }: Surface, out = new Float32Arra
   return out;
 }
 
+/** The two ends of every edge, once each. */
+export function edges({ positions, triangles: t }: Surface): Uint32Array {
+  const ends = new Uint32Array(2 * t.length);
+  const given = new Set<number>();
+  const most = positions.length / 3;
+  let at = 0;
+  // Two triangles go along an edge in opposite directions; at a boundary, or where they are not oriented alike, either may be alone.
+  for (const forward of [true, false]) {
+    for (let i = 0; i < t.length; i++) {
+      const [a, b] = [t[i], t[i % 3 === 2 ? i - 2 : i + 1]];
+      if (a < b !== forward) continue;
+      const key = Math.min(a, b) * most + Math.max(a, b);
+      if (given.has(key)) continue;
+      given.add(key);
+      [ends[at], ends[at + 1]] = [a, b];
+      at += 2;
+    }
+  }
+  return ends.slice(0, at);
+}
+
 /** The gradient of a function over the surface at its vertices: that of the linear function on each face, averaged by area. */
 export function gradient({ positions: p, triangles: t }: Surface, values: Float32Array, out = new Float32Array(p.length)): Float32Array {
   const area = new Float32Array(values.length);

@@ -1,19 +1,25 @@
 // The surface on the screen: geometry, colours, camera, and what lies under the pointer.
 
 import {
-  BufferAttribute, BufferGeometry, DynamicDrawUsage, Euler, GLSL3, Mesh, MeshBasicMaterial, Object3D, PerspectiveCamera, Quaternion, Scene, ShaderMaterial, Sphere, SphereGeometry, SRGBColorSpace, Vector3, WebGLRenderer, WebGLRenderTarget,
+  BufferAttribute, BufferGeometry, DynamicDrawUsage, Euler, GLSL3, LineSegments, Matrix4, Mesh, MeshBasicMaterial, Object3D, PerspectiveCamera, Quaternion, Scene, ShaderMaterial, Sphere, SphereGeometry, SRGBColorSpace, Vector3, WebGLRenderer, WebGLRenderTarget,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { Cursor } from "./cursor";
 import type { Prepared } from "./geometry";
 import { Pace } from "./pace";
 import { Shading } from "./shading";
-import { cast, gradient, normals, type Hit, type Surface } from "./surface";
+import { record } from "./film";
+import { cast, edges, gradient, normals, type Hit, type Surface } from "./surface";
+import { unhidden } from "./unhidden";
+import { AXES, type Up } from "./upright";
 
 /** Milliseconds without a change after which the picture is drawn as well as it can be. */
 const QUIET = 180;
 /** Triangles that are drawn in motion without having been tried: by a processor, and by a graphics card. */
 const FEW = [60_000, 3_000_000];
+
+/** Corners of a mesh under which a moving pointer may ask what is there. */
+const HOVERED = 300_000;
 
 /** Triangles of a part of the fine picture. */
 const PART = 50_000;
@@ -60,6 +66,8 @@ export class Viewer {
   onStroke: ((hit: Hit, phase: "begin" | "move") => boolean | "point") | null = null;
   onStrokeEnd: () => void = () => {};
   onClick: ((hit: Hit) => void) | null = null;
+  /** Hears what lies under a pointer that rests on the surface; null where there is nothing. */
+  onHover: (hit: Hit | null) => void = () => {};
   /** Hears what the keys do, whenever that changes. */
   onKeys: (hint: string) => void = () => {};
   readonly cursor = new Cursor(this);
@@ -74,6 +82,8 @@ export class Viewer {
   private readonly mesh: Mesh<BufferGeometry>;
   private readonly developed = exposure();
   private readonly overlays = new Map<string, Object3D>();
+  private upward: Up = "y";
+  private readonly upright = new Quaternion();
   private levels: BufferAttribute[] = [];
   private rest: Float32Array | null = null;
   private scheduled = false;
@@ -137,6 +147,8 @@ export class Viewer {
   setMesh(surface: Prepared, closed: boolean) {
     this.shading.sides(closed, surface.volume);
     [this.centre, this.radius] = [surface.centre, surface.radius];
+    this.guessed = surface.up;
+    this.up = surface.up;
     this.rest = surface.positions;
     this.surface = { positions: surface.positions, triangles: surface.triangles };
     const geometry = new BufferGeometry();
@@ -158,10 +170,43 @@ export class Viewer {
     this.draw();
   }
 
+  /** Which way is up in the mesh that is shown, as far as can be guessed. */
+  guessed: Up = "y";
+
+  /** Shows no mesh. */
+  clear() {
+    for (const name of [...this.overlays.keys()]) this.overlay(name, null);
+    this.animate(null);
+    this.surface = this.rest = null;
+    this.levels = [];
+    this.mesh.visible = false;
+    this.draw();
+  }
+
   /** Puts an object that is given in the units of the mesh into the frame of the scene. */
   private place(object: Object3D) {
     object.scale.setScalar(1 / this.radius);
-    object.position.set(-this.centre[0] / this.radius, -this.centre[1] / this.radius, -this.centre[2] / this.radius);
+    object.quaternion.copy(this.upright);
+    object.position.set(...this.centre).multiplyScalar(-1 / this.radius).applyQuaternion(this.upright);
+  }
+
+  /** Which axis of the mesh points up. */
+  get up(): Up {
+    return this.upward;
+  }
+
+  set up(up: Up) {
+    this.upward = up;
+    const rows = AXES[up].map(([axis, sign]) => [0, 1, 2].map((k) => (k === axis ? sign : 0)));
+    this.upright.setFromRotationMatrix(new Matrix4().set(...[...rows[0], 0, ...rows[1], 0, ...rows[2], 0, 0, 0, 0, 1] as Parameters<Matrix4["set"]>));
+    for (const object of [this.mesh, ...this.overlays.values()]) this.place(object);
+    this.draw();
+  }
+
+  /** A point of the scene, in radii around the middle of the mesh, in the units of the mesh. */
+  fromScene(point: [number, number, number]): [number, number, number] {
+    const [x, y, z] = new Vector3(...point).applyQuaternion(this.upright.clone().invert()).multiplyScalar(this.radius).toArray();
+    return [this.centre[0] + x, this.centre[1] + y, this.centre[2] + z];
   }
 
   /** Moves the vertices, or with `null` back to where they were. */
@@ -429,6 +474,76 @@ export class Viewer {
     this.onView();
   }
 
+  // --- what is taken away ----------------------------------------------------------------------------------------------
+
+  /** The surface as it is seen: where something moves it along its normals, at this moment. */
+  shape(): Surface | null {
+    if (!this.surface) return null;
+    const { positions, triangles } = this.surface;
+    const moved = positions.slice();
+    const amount = this.shading.waving;
+    const normals = this.mesh.geometry.getAttribute("normal").array;
+    const values = this.mesh.geometry.getAttribute("value").array;
+    if (amount !== 0) for (let i = 0; i < moved.length; i++) moved[i] += amount * values[Math.floor(i / 3)] * normals[i];
+    return { positions: moved, triangles };
+  }
+
+  /** The same with its up axis as y, and its normals. */
+  turned(): { surface: Surface; normals: Float32Array } | null {
+    const surface = this.shape();
+    if (!surface) return null;
+    const axes = AXES[this.upward];
+    const positions = Float32Array.from(surface.positions, (_, i) => axes[i % 3][1] * surface.positions[i - (i % 3) + axes[i % 3][0]]);
+    const turned = { positions, triangles: surface.triangles };
+    return { surface: turned, normals: normals(turned) };
+  }
+
+  /** What is on the screen as a PNG, twice as fine. */
+  snapshot(): Promise<Blob> {
+    if (this.levels[0]) this.mesh.geometry.setIndex(this.levels[0]);
+    this.mesh.material = this.shading.fine;
+    this.renderer.setPixelRatio(2 * this.ratio);
+    this.renderer.render(this.scene, this.camera);
+    const done = new Promise<Blob>((resolve, reject) => this.canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("the browser made no picture"))), "image/png"));
+    this.renderer.setPixelRatio(this.ratio);
+    this.draw();
+    return done;
+  }
+
+  /** A film of one turn around the vertical axis, as WebM; what swings goes on swinging. */
+  async film(seconds: number): Promise<Blob> {
+    const before = this.view;
+    this.held = true;
+    const film = await record(this.canvas, seconds, (part) => this.turn(2 * Math.PI * part, 0));
+    this.held = false;
+    this.view = before;
+    this.onView();
+    return film;
+  }
+
+  /** Shows the edges of the mesh. */
+  edges(on: boolean) {
+    if (!on || !this.surface) return this.overlay("edges", null);
+    const geometry = new BufferGeometry();
+    for (const name of ["position", "normal", "value"]) geometry.setAttribute(name, this.mesh.geometry.getAttribute(name));
+    geometry.setIndex(new BufferAttribute(edges(this.surface), 1));
+    const lines = new LineSegments(geometry, this.shading.edges);
+    lines.frustumCulled = false;
+    this.overlay("edges", lines);
+  }
+
+  /** Lines in the units of the mesh as they are seen in the window: only the parts that nothing hides. */
+  drawn(lines: number[][][]): { width: number; height: number; runs: [number, number][][] } {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (this.levels[0]) this.mesh.geometry.setIndex(this.levels[0]);
+    const others = [...this.overlays.values()].filter((object) => object.visible);
+    others.forEach((object) => (object.visible = false));
+    const runs = unhidden(this.renderer, this.scene, this.camera, this.mesh, lines, width, height);
+    others.forEach((object) => (object.visible = true));
+    this.draw();
+    return { width, height, runs };
+  }
+
   // --- what lies under the pointer --------------------------------------------------------------------------------------
 
   /** The surface under a point of the window. */
@@ -509,6 +624,18 @@ export class Viewer {
       if (!stroke) return;
       const hit = this.pick(event.clientX, event.clientY);
       if (hit) this.onStroke?.(hit, "move");
+    });
+    // A ray meets every triangle: on a large mesh only a pointer that rests asks.
+    let rest = 0;
+    canvas.addEventListener("pointermove", (event) => {
+      window.clearTimeout(rest);
+      if (event.buttons || event.pointerType === "touch") return;
+      const ask = () => this.onHover(this.pick(event.clientX, event.clientY));
+      rest = window.setTimeout(ask, (this.surface?.triangles.length ?? 0) > HOVERED ? 250 : 30);
+    });
+    canvas.addEventListener("pointerleave", () => {
+      window.clearTimeout(rest);
+      this.onHover(null);
     });
     const end = (event: PointerEvent) => {
       const moved = down ? Math.hypot(event.clientX - down.x, event.clientY - down.y) : 0;

@@ -80,9 +80,9 @@ try {
   await page.waitForFunction(() => document.body.dataset.mode !== undefined, null, { timeout: 300_000 });
   if (options.whole) await page.evaluate(() => window.chladni.viewer.pace.hold());
   await page.getByRole("slider", { name: "Mode" }).fill("12");
-  await page.getByRole("button", { name: "Let it swing" }).click();
+  await page.getByRole("button", { name: "Animate" }).click();
   await measure("a mode swings");
-  await page.getByRole("button", { name: "Let it swing" }).click();
+  await page.getByRole("button", { name: "Animate" }).click();
   const box = await page.locator("canvas.surface").boundingBox();
   await page.mouse.move(box.x + 40, box.y + 40);
   await page.mouse.down();

@@ -4,6 +4,7 @@
 //   npm test -- --pictures  also keeps pictures in tests/pictures, and the one of the README in docs/pictures
 
 import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
 import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { basename, join } from "node:path";
 import { browserPath, drawn, pageIsThere, picture, ROOT, sample, start } from "./harness.mjs";
@@ -41,6 +42,14 @@ const keep = async (page, name) => {
   await drawn(page);
   await page.screenshot({ path: join(shots, `${name}.png`) });
 };
+/** What the menu saves under this name. */
+const saved = async (page, name) => {
+  await page.locator(".save summary").click();
+  const [file] = await Promise.all([page.waitForEvent("download"), page.locator(".menu").getByRole("button", { name, exact: true }).click()]);
+  const path = join(site.folder, file.suggestedFilename());
+  await file.saveAs(path);
+  return readFileSync(path);
+};
 const changed = (page, name, before) => page.waitForFunction(([name, before]) => document.body.dataset[name] !== undefined && document.body.dataset[name] !== before, [name, before]);
 const datum = (page, name) => page.evaluate((name) => document.body.dataset[name], name);
 /** A place in the window under which the surface lies: on a line through the middle. */
@@ -76,6 +85,91 @@ try {
   }
   const knot = sample(site.folder, "knot", 3000);
   const page = await site.open();
+
+  await test("an empty page offers surfaces, and one click leads to a swinging mode", async () => {
+    await keep(page, "welcome");
+    await page.locator(".welcome").getByRole("button", { name: "bell" }).click();
+    await page.waitForFunction(() => document.body.dataset.mode === "12" && window.chladni.viewer.moving);
+    assert.equal(await page.getByRole("button", { name: "Animate" }).getAttribute("aria-pressed"), "true");
+    assert.ok(await page.locator(".welcome").isHidden());
+    await page.getByRole("button", { name: "Animate" }).click();
+    await keep(page, "bell");
+  });
+
+  await test("what stands on z stands upright, and another axis can be chosen and kept", async () => {
+    const axis = page.getByLabel("Up axis");
+    assert.equal(await axis.inputValue(), "z");
+    const upright = await picture(page);
+    await axis.selectOption("-x");
+    assert.notDeepEqual(await picture(page), upright);
+    const address = await page.evaluate(() => location.hash);
+    assert.match(address, /up=-x/);
+    const other = await site.open(`/${address}`);
+    await other.waitForFunction(() => document.body.dataset.mode === "12");
+    assert.deepEqual(await other.evaluate(() => [window.chladni.viewer.up, document.querySelector(".stagebar select").value]), ["-x", "-x"]);
+    await other.context().close();
+    await axis.selectOption("z");
+    assert.doesNotMatch(await page.evaluate(() => location.hash), /up=/);
+  });
+
+  await test("what is shown can be taken away as files that others read", async () => {
+    const [vertices, faces] = await page.evaluate(() => [window.chladni.app.mesh.vertices, window.chladni.app.mesh.faces]);
+    const taken = (name) => saved(page, name);
+    const png = await taken("PNG");
+    assert.deepEqual([png.readUInt32BE(16), png.readUInt32BE(20)], await page.evaluate(() => [2 * window.chladni.viewer.canvas.clientWidth, 2 * window.chladni.viewer.canvas.clientHeight]));
+    const obj = String(await taken("OBJ")).split("\n");
+    assert.deepEqual([obj.filter((line) => line.startsWith("v ")).length, obj.filter((line) => line.startsWith("f ")).length], [vertices, faces]);
+    const ply = await taken("PLY with colours");
+    assert.equal(ply.length - (ply.indexOf("end_header\n") + 11), 19 * vertices + 13 * faces);
+    const glb = await taken("GLB");
+    assert.deepEqual([glb.subarray(0, 4).toString(), glb.readUInt32LE(8)], ["glTF", glb.length]);
+    const shape = JSON.parse(glb.subarray(20, 20 + glb.readUInt32LE(12)));
+    assert.deepEqual(shape.accessors.map(({ count }) => count).sort((a, b) => a - b), [vertices, vertices, vertices, 3 * faces]);
+    // The bell stands on z; viewers of glTF look along y.
+    const { min, max } = shape.accessors[shape.meshes[0].primitives[0].attributes.POSITION];
+    assert.ok(Math.abs(min[1]) < 1e-6 && Math.abs(max[1] - 1.35) < 1e-2 && Math.abs(max[2] - 1) < 1e-2, `${min} ${max}`);
+    assert.match(String(await taken("VTP (ParaView)")), new RegExp(`NumberOfPoints="${vertices}".*NumberOfPolys="${faces}"`));
+    const rows = String(await taken("CSV")).trim().split("\n");
+    const npy = await taken("NPY (NumPy)");
+    const begin = 10 + npy.readUInt16LE(8);
+    assert.deepEqual([rows.length, npy.length - begin, begin % 64], [vertices + 1, 4 * vertices, 0]);
+    assert.ok(rows.slice(1, 50).every((row, v) => Math.fround(Number(row.split(",")[4])) === npy.readFloatLE(begin + 4 * v)));
+    assert.equal((await taken("Film of a turn, 6 s")).readUInt32BE(0), 0x1a45dfa3);
+    while (await page.locator(".toast").count()) await page.getByRole("button", { name: "Close" }).first().click();
+  });
+
+  await test("a copied request does by hand what the page did", async () => {
+    await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
+    const copied = async (part, name) => {
+      await page.locator(".save summary").click();
+      await page.locator(".menu div", { has: page.getByRole("heading", { name: part }) }).getByRole("button", { name }).click();
+      await page.locator(".toast").getByText(part.slice(9), { exact: false }).first().waitFor();
+      const text = await page.evaluate(() => navigator.clipboard.readText());
+      while (await page.locator(".toast").count()) await page.getByRole("button", { name: "Close" }).first().click();
+      return text;
+    };
+    const vertices = await page.evaluate(() => window.chladni.app.mesh.vertices);
+    execFileSync("sh", ["-c", await copied("Copy the request", "as curl")], { cwd: site.folder });
+    assert.equal(readFileSync(join(site.folder, "answer.bin")).length, 4 * vertices);
+    const known = await page.evaluate(() => window.chladni.app.basis.id);
+    const answer = execFileSync(process.env.CHLADNI_PYTHON ?? "python3", ["-c", `${await copied("Copy the job", "as Python")}print(result["basis"])`]);
+    assert.equal(String(answer).trim(), known);
+  });
+
+  await test("a surface is renamed, found by its name, and deleted only when asked twice", async () => {
+    const open = page.locator("li.open");
+    await open.getByRole("button", { name: "Rename" }).click();
+    await open.getByLabel("New name").fill("church bell");
+    await page.keyboard.press("Enter");
+    await open.locator("strong").getByText("church bell").waitFor();
+    await open.getByRole("button", { name: "Delete" }).click();
+    await open.getByRole("button", { name: "Keep" }).click();
+    await open.getByRole("button", { name: "Delete" }).click();
+    await open.getByRole("button", { name: "Delete with 1 basis" }).click();
+    await page.locator(".welcome").waitFor();
+    assert.equal(await page.locator("ul.meshes > li").count(), 0);
+    await page.getByRole("button", { name: "Close" }).click();
+  });
 
   await test("a mesh is uploaded, solved and shown as an eigenfunction", async () => {
     await upload(page, knot);
@@ -127,7 +221,7 @@ try {
     assert.notDeepEqual(await picture(page), before);
     await keep(page, "filter");
     const moved = await page.evaluate(() => window.chladni.viewer.surface.positions.slice(0, 300).join());
-    await page.getByRole("button", { name: "As it was" }).click();
+    await page.getByRole("button", { name: "Original" }).click();
     await page.waitForFunction((moved) => window.chladni.viewer.surface.positions.slice(0, 300).join() !== moved, moved);
     await page.getByRole("tab", { name: "Modes" }).click();
     await changed(page, "mode");
@@ -180,6 +274,13 @@ try {
     await show.selectOption("hatching");
     await page.waitForFunction(() => document.body.dataset.traced === "hatching");
     await keep(page, "streamlines");
+    const drawing = String(await saved(page, "Lines as SVG"));
+    const [, width, height] = /viewBox="0 0 (\d+) (\d+)"/.exec(drawing);
+    const points = [...drawing.matchAll(/[ML]([\d.]+) ([\d.]+)/g)].map(([, x, y]) => [Number(x), Number(y)]);
+    assert.ok(points.length > 1000 && points.every(([x, y]) => x <= width && y <= height), `${points.length} points`);
+    // Half of the lines are on the far side.
+    const all = await page.evaluate(() => window.chladni.app.kept.lines.reduce((sum, line) => sum + line.length, 0));
+    assert.ok(points.length < 0.75 * all, `${points.length} of ${all} points are seen`);
     await show.selectOption("fur");
     await page.waitForFunction(() => document.body.dataset.traced === "fur");
     await keep(page, "fur");
@@ -243,6 +344,7 @@ try {
     assert.ok(sizes.length > 3 && sizes.every((size) => size === 12 * vertices), `${sizes} for ${vertices} vertices`);
     await changed(page, "heard");
     assert.ok(Number(await datum(page, "heard")) > 100_000, "two seconds of sound");
+    assert.equal((await saved(page, "WAV")).length, Number(await datum(page, "heard")));
     const moved = await page.evaluate(() => {
       const { viewer } = window.chladni;
       return viewer.surface.positions.reduce((most, x, i) => Math.max(most, Math.abs(x - viewer.resting[i])), 0) / viewer.radius;
@@ -254,17 +356,17 @@ try {
   await test("what is held stays where it is, and the keyboard taps", async () => {
     await page.locator(".panel:not([hidden]) summary").click();
     const form = page.locator(".panel:not([hidden]) form");
-    await form.getByLabel("Held", { exact: true }).selectOption("brush");
+    await form.getByLabel("Clamped", { exact: true }).selectOption("brush");
     const [x, y] = await onSurface(page);
     await page.mouse.click(x, y);
-    const painted = Number(/^([\d,]+) vert/.exec(await form.getByText(/vertices held/).innerText())[1].replace(",", ""));
+    const painted = Number(/^([\d,]+) vert/.exec(await form.getByText(/vertices clamped/).innerText())[1].replace(",", ""));
     assert.ok(painted > 3 && painted < 1500, `${painted}`);
     await keep(page, "clamping");
-    await form.getByLabel("Held", { exact: true }).selectOption("left");
-    const held = await form.getByText(/vertices held/).innerText();
+    await form.getByLabel("Clamped", { exact: true }).selectOption("left");
+    const held = await form.getByText(/vertices clamped/).innerText();
     await compute(page, { Modes: "12" });
-    await page.locator(".panel:not([hidden])").getByText(/12 modes from .* Hz; 0 rigid; held at/).waitFor();
-    assert.match(held, /^\d+ vertices held\.$/);
+    await page.locator(".panel:not([hidden])").getByText(/12 modes from .* Hz; 0 rigid; clamped at/).waitFor();
+    assert.match(held, /^\d+ vertices clamped\.$/);
     await page.getByRole("application", { name: "The surface" }).focus();
     await page.keyboard.press("Enter");
     await page.keyboard.press("ArrowRight");
@@ -376,13 +478,48 @@ try {
     }
     assert.deepEqual(stops.filter(({ name, shown }) => !name || !shown), []);
     const names = stops.map(({ name }) => name);
-    for (const wanted of [/^The surface$/, /^Modes$/, /^Mode$/, /^Let it swing$/, /^Colours$/, /^Isolines$/, /^Download as NPZ/, /knot/]) {
+    for (const wanted of [/^The surface$/, /^Modes$/, /^Mode$/, /^Animate$/, /^Colours$/, /^Isolines$/, /^Download as NPZ/, /knot/]) {
       assert.ok(names.some((name) => wanted.test(name)), `${wanted} among ${names.join(", ")}`);
     }
     // Arrows go through the tabs.
     await page.getByRole("tab", { name: "Modes" }).focus();
     await page.keyboard.press("ArrowRight");
     assert.equal(await page.evaluate(() => [document.activeElement.textContent, window.chladni.app.panel.id].join()), "Filter,filter");
+  });
+
+  await test("the names of many surfaces are searched and sorted", async () => {
+    for (const [name, size] of [["first", 400], ["second", 900]]) await page.evaluate(async ([name, size]) => {
+      const file = await (await fetch(`/v1/samples/torus?vertices=${size}`)).blob();
+      await fetch(`/v1/meshes?name=${name}`, { method: "POST", body: file });
+    }, [name, size]);
+    await page.evaluate(() => window.chladni.app.list());
+    const names = () => page.locator("ul.meshes > li > button strong").allInnerTexts();
+    const all = await names();
+    await page.getByLabel("Order of the surfaces").selectOption("name");
+    assert.deepEqual(await names(), all.slice().sort((a, b) => a.localeCompare(b, undefined, { numeric: true })));
+    await page.getByLabel("Search by name").fill("SECO");
+    await page.waitForFunction(() => document.querySelectorAll("ul.meshes > li").length === 1);
+    assert.deepEqual(await names(), ["second"]);
+    await page.getByLabel("Search by name").fill("");
+    await page.waitForFunction((count) => document.querySelectorAll("ul.meshes > li").length === count, all.length);
+  });
+
+  await test("no rule of WCAG 2.2 AA that a machine can check is broken, in any tab, light or dark", async () => {
+    const axe = readFileSync(join(ROOT, "web", "node_modules", "axe-core", "axe.min.js"), "utf8");
+    for (const colorScheme of ["light", "dark"]) {
+      await page.emulateMedia({ colorScheme });
+      await page.evaluate(axe);
+      for (const tab of ["Modes", "Filter", "Distances", "Fields", "Family", "Vibration", "Shapes"]) {
+        await page.getByRole("tab", { name: tab }).click();
+        await page.locator(".panel:not([hidden])").waitFor();
+        if (tab === "Modes") await page.locator(".save summary").click();
+        const { violations } = await page.evaluate(() => window.axe.run(document, { runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"] }));
+        assert.deepEqual(violations.map(({ id, nodes }) => `${colorScheme} ${tab} ${id}: ${nodes.map(({ target, failureSummary }) => `${target} ${failureSummary}`).join("; ")}`), []);
+        if (tab === "Modes") await page.keyboard.press("Escape");
+      }
+    }
+    await page.emulateMedia({ colorScheme: "light" });
+    await page.getByRole("tab", { name: "Modes" }).click();
   });
 
   await test("everything fits a phone, and dark is dark", async () => {

@@ -2,8 +2,8 @@
 
 import type { Basis, BasisSummary } from "../api";
 import type { App } from "../app";
-import { MAPS, gradient } from "../colours";
-import { brief, choice, field, grouped, h, seconds, slider, words } from "../dom";
+import { MAPS, gradient, table } from "../colours";
+import { brief, choice, field, grouped, h, seconds, slider } from "../dom";
 import type { Scalar } from "../viewer";
 
 /** One line about a basis. */
@@ -39,7 +39,7 @@ export function basisHead(app: App, kind: string, name: string, form: HTMLElemen
 /** The form of an eigenbasis. */
 export function eigenForm(app: App): HTMLElement {
   const count = h("input", { type: "number", min: "1", max: "5000", value: "200", "aria-label": "Eigenpairs" });
-  const method = choice([["auto", "whichever suits"], ["approximate", "approximate, fast"], ["hsim", "exact and proven"]], "auto", () => update());
+  const method = choice([["auto", "automatic"], ["approximate", "approximate (fast)"], ["hsim", "exact, certified"]], "auto", () => update());
   const tolerance = choice([["1e-2", "1e-2"], ["1e-4", "1e-4"], ["1e-6", "1e-6"], ["1e-9", "1e-9"]], "1e-2", () => {});
   const operator = choice([["auto", "Laplace–Beltrami"], ["laplace", "cotangents"], ["robust", "robust Laplacian"],
     ["extrinsic", "extrinsic"], ["hamiltonian", "Hamiltonian"]], "auto", () => update());
@@ -63,11 +63,18 @@ export function eigenForm(app: App): HTMLElement {
     h("button", { class: "primary" }, "Compute"));
 }
 
+/** Why the operator was chosen, where it is worth a word. */
+const REASONS: Record<string, string> = {
+  non_manifold: ", since the mesh is not manifold",
+  thin_faces: ", since the mesh has many thin triangles",
+  needle: ", since the mesh has a triangle of almost no height",
+};
+
 /** What is proven about a basis, in words. */
 export function certificate(basis: Basis): HTMLElement {
   const { certificate: proof, eigenvalues, operator, parameters } = basis;
   const laplacian = operator.laplacian === "robust" ? "the robust Laplacian" : operator.laplacian === "cotangent" ? "the cotangent Laplacian" : "the operator";
-  const reason = typeof operator.reason === "string" ? ` (${words(operator.reason)})` : "";
+  const reason = REASONS[String(operator.reason)] ?? "";
   const relative = eigenvalues.map((value, k) => proof.bounds[k] / Math.max(value, 1e-300)).slice(1).filter(Number.isFinite).sort((a, b) => a - b);
   const worst = Math.max(...proof.residuals.slice(1), 0);
   const percent = (value: number) => (value < 1e-6 ? `${brief(value)} of it` : `${brief(100 * value)} %`);
@@ -143,6 +150,24 @@ export class Look {
       this.legend.lastElementChild!.textContent = ends?.[1] ?? brief(scalar.range[1]);
       this.apply();
     }
+  }
+
+  /** The value that is shown at a vertex. */
+  at(vertex: number): number | null {
+    return this.scalar?.values[vertex] ?? null;
+  }
+
+  /** The values that are shown, and the colour of each. */
+  coloured(): { values: Float32Array; colours: Uint8Array } | null {
+    if (!this.scalar) return null;
+    const { values, range: [low, high], diverging } = this.scalar;
+    const steps = table(MAPS[this.name[diverging ? "diverging" : "sequential"]], 1024);
+    const colours = new Uint8Array(3 * values.length);
+    values.forEach((value, v) => {
+      const at = 4 * Math.round(1023 * Math.min(Math.max((value - low) / Math.max(high - low, 1e-30), 0), 1));
+      for (let k = 0; k < 3; k++) colours[3 * v + k] = steps[at + k];
+    });
+    return { values, colours };
   }
 
   private applied = "";

@@ -4,7 +4,9 @@ import type { App } from "../app";
 import { choice, field, h, plural, slider } from "../dom";
 import { dots } from "../lines";
 import type { Hit } from "../surface";
+import { AXES } from "../upright";
 
+/** Axes are those of the screen. */
 const SLABS: [string, string, axis: number, low: boolean][] = [
   ["bottom", "at the bottom", 1, true], ["top", "at the top", 1, false], ["left", "on the left", 0, true], ["right", "on the right", 0, false],
   ["back", "at the back", 2, true], ["front", "in front", 2, false],
@@ -17,7 +19,7 @@ export class Clamp {
   readonly element: HTMLElement;
   private painted = new Set<number>();
   private erasing = false;
-  private readonly where = choice([["none", "nowhere: it is free"], ...SLABS.map(([key, name]): [string, string] => [key, name]), ["brush", "where it is painted"]], "none", () => this.update());
+  private readonly where = choice([["none", "nothing: free"], ...SLABS.map(([key, name]): [string, string] => [key, name]), ["brush", "a painted region"]], "none", () => this.update());
   private readonly part = slider("Part", { min: 0.01, max: 0.5, step: 0.01, value: 0.05 }, () => this.update(), (value) => `${Math.round(100 * value)} %`);
   private readonly brush = slider("Brush", { min: 0.02, max: 0.3, step: 0.01, value: 0.08 }, () => {}, (value) => `${Math.round(100 * value)} %`);
   private readonly note = h("p", { class: "dim", "aria-live": "polite" });
@@ -27,10 +29,11 @@ export class Clamp {
     const rub = h("button", { type: "button", "aria-pressed": "false", onclick: () => {
       this.erasing = !this.erasing;
       rub.setAttribute("aria-pressed", String(this.erasing));
-    } }, "Rub out");
-    this.tools = h("div", {}, h("p", {}, "Paint on the surface what is held; beside it, dragging turns."), this.brush.element,
+    } }, "Erase");
+    this.tools = h("div", {}, h("p", {}, "Paint the region to clamp on the surface; drag beside it to turn the view."), this.brush.element,
       h("div", { class: "row" }, rub, h("button", { type: "button", onclick: () => { this.painted.clear(); this.update(); } }, "Clear")));
-    this.element = h("div", {}, field("Held", this.where), this.part.element, this.tools, this.note);
+    this.element = h("div", {}, field("Clamped", this.where), this.part.element, this.tools, this.note);
+    app.on("look", () => this.update());
     app.on("mesh", () => {
       this.painted.clear();
       this.where.value = "none";
@@ -50,7 +53,8 @@ export class Clamp {
     const slab = SLABS.find(([key]) => key === this.where.value);
     const p = this.app.viewer.resting;
     if (!slab || !p) return [];
-    const [, , axis, atLow] = slab;
+    const [axis, sign] = AXES[this.app.viewer.up][slab[2]];
+    const atLow = slab[3] === sign > 0;
     let [low, high] = [Infinity, -Infinity];
     for (let i = axis; i < p.length; i += 3) {
       low = Math.min(low, p[i]);
@@ -83,7 +87,7 @@ export class Clamp {
     this.part.element.hidden = this.where.value === "none" || this.painting;
     this.tools.hidden = !this.painting;
     const held = this.vertices;
-    this.note.textContent = this.where.value === "none" ? "" : held.length ? `${plural(held.length, "vertex", "vertices")} held.` : "Nothing is held yet.";
+    this.note.textContent = this.where.value === "none" ? "" : held.length ? `${plural(held.length, "vertex", "vertices")} clamped.` : "Nothing is clamped yet.";
     this.changed();
   }
 }

@@ -70,6 +70,7 @@ export function familyPanel(app: App, look: Look): Panel {
   const panel: Panel = {
     id: "family",
     title: "Family",
+    about: "Operators between the intrinsic and the extrinsic one, solved again as you move a slider.",
     kind: "operator_family",
     element: h("div", { class: "panel" }, head.element, body),
     show() {

@@ -130,6 +130,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
 
   const lines = (object: Object3D | null) => {
     app.viewer.overlay("lines", object);
+    app.kept.lines = null;
     if (glyphs) glyphs.object.visible = object === null;
   };
   const source = async (basis: Basis, wish: Design) =>
@@ -148,6 +149,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
       const surface = app.viewer.surface;
       if (app.basis !== basis || app.panel !== panel || shown !== "hatching" || !surface) return;
       lines(ribbons(surface, answer.lines, 0.0045 * app.viewer.radius, 0.003 * app.viewer.radius, INK));
+      app.kept.lines = answer.lines.map(({ points }) => points);
       timing.textContent = `${plural(answer.lines.length, "line")} in ${brief(performance.now() - begin)} ms`;
     }
     document.body.dataset.traced = shown;
@@ -255,6 +257,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const panel: Panel = {
     id: "fields",
     title: "Fields",
+    about: "Design vector fields and crosses that follow your strokes, as smooth as the surface allows.",
     kind: "field_basis",
     element: h("div", { class: "panel" }, head.element, body),
     show() {

@@ -2,7 +2,7 @@
 
 import { postNumbers, type Basis } from "../api";
 import type { App, Panel } from "../app";
-import { brief, h } from "../dom";
+import { brief, grouped, h, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, type Frame } from "../plot";
 import { basisHead, eigenForm, type Look } from "./basis";
@@ -20,6 +20,8 @@ export function filterPanel(app: App, look: Look): Panel {
   const curve = new Float32Array(POINTS).fill(1);
   let cursor = 8;
   let beyond = 1;
+  /** Only so many modes are kept; 0 for all, and what lies beyond them. */
+  let only = 0;
 
   const send = latest<{ basis: Basis; values: number[]; beyond: number }>(async ({ basis, values, beyond }) => {
     const begin = performance.now();
@@ -34,7 +36,7 @@ export function filterPanel(app: App, look: Look): Panel {
     plot.draw();
     const basis = app.basis;
     if (!basis) return;
-    if (beyond === 1 && curve.every((value) => value === 1)) {
+    if (only === 0 && beyond === 1 && curve.every((value) => value === 1)) {
       app.viewer.setPositions(null);
       timing.textContent = "Nothing is changed yet: draw on the curve.";
       return;
@@ -43,14 +45,17 @@ export function filterPanel(app: App, look: Look): Panel {
     const values = Array.from({ length: m }, (_, k) => {
       const t = (k / Math.max(m - 1, 1)) * (POINTS - 1);
       const i = Math.min(Math.floor(t), POINTS - 2);
+      if (only > 0 && k >= only) return 0;
       return Number((curve[i] + (t - i) * (curve[i + 1] - curve[i])).toFixed(4));
     });
-    send({ basis, values, beyond });
+    send({ basis, values, beyond: only > 0 ? 0 : beyond });
   };
   const preset = (name: string, factor: (t: number) => number, rest: number) =>
     h("button", { onclick: () => {
       for (let i = 0; i < POINTS; i++) curve[i] = factor(i / (POINTS - 1));
       beyond = rest;
+      only = 0;
+      first.set(0);
       detail.value = String(rest);
       apply();
     } }, name);
@@ -103,19 +108,24 @@ export function filterPanel(app: App, look: Look): Panel {
     apply();
   });
 
+  const first = slider("First modes", { min: 0, max: 100, step: 1, value: 0 }, (value) => {
+    only = value;
+    apply();
+  }, (value) => (value ? grouped(value) : "all"));
   body.append(
-    h("p", {}, "Each mode of the shape is multiplied by the curve. Draw it: down smooths, up exaggerates."), plot.canvas,
+    h("p", {}, "Each mode is multiplied by the curve. Draw it: down smooths, up exaggerates."), plot.canvas,
     h("label", { class: "field slider" }, h("span", {}, "Fine detail"), detail),
     h("div", { class: "row wrap" },
-      preset("As it was", () => 1, 1),
+      preset("Original", () => 1, 1),
       preset("Smooth", (t) => Math.exp(-((t / 0.35) ** 2)), 0),
       preset("Caricature", (t) => 1 + 1.5 * Math.exp(-(((t - 0.3) / 0.12) ** 2)), 1),
       preset("Sharpen", (t) => 1 + 1.4 * t, 2)),
-    timing);
+    first.element, timing);
 
   const panel: Panel = {
     id: "filter",
     title: "Filter",
+    about: "Reshape the surface by its frequencies: smooth it, or exaggerate what is typical of it.",
     kind: "eigenbasis",
     element: h("div", { class: "panel" }, head.element, body),
     show() {
@@ -123,6 +133,11 @@ export function filterPanel(app: App, look: Look): Panel {
       body.hidden = app.basis === null;
       app.title.textContent = app.mesh?.name ?? "";
       look.show(null);
+      if (app.basis) {
+        first.control.max = String(app.basis.count);
+        only = Math.min(only, app.basis.count);
+        first.set(only);
+      }
       apply();
     },
     hide() {

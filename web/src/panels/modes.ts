@@ -1,6 +1,6 @@
 // Eigenfunctions: a slider over the modes, the spectrum, the certificate.
 
-import { numbers, type Basis } from "../api";
+import { kept as numbered, numbers, recent, type Basis } from "../api";
 import type { App, Panel } from "../app";
 import { brief, bytes, grouped, h, power, slider } from "../dom";
 import { latest } from "../latest";
@@ -21,6 +21,9 @@ export function modesPanel(app: App, look: Look): Panel {
 
   const kept = new Map<string, Float32Array>();
   const load = async (basis: Basis, mode: number): Promise<Float32Array> => {
+    const path = `${basis.links.modes}?from=${mode}&to=${mode + 1}&format=f32`;
+    // Also where nothing is asked, since it is known: this is the request behind what is shown.
+    recent.shown = { method: "GET", path: numbered(path), accept: "application/octet-stream" };
     const name = `${basis.id}/${mode}`;
     const known = kept.get(name);
     if (known) {
@@ -28,7 +31,7 @@ export function modesPanel(app: App, look: Look): Panel {
       kept.set(name, known);
       return known;
     }
-    const values = await numbers(`${basis.links.modes}?from=${mode}&to=${mode + 1}&format=f32`);
+    const values = await numbers(path);
     kept.set(name, values);
     for (const [oldest] of kept) {
       if (kept.size * values.byteLength <= KEPT) break;
@@ -42,9 +45,11 @@ export function modesPanel(app: App, look: Look): Panel {
     // The kernel is constant: it has no sign to show.
     const constant = values.every((value) => Math.abs(value - values[0]) <= 1e-3 * Math.abs(values[0]));
     const scalar = constant ? sequential(values) : diverging(values);
-    look.show(scalar, constant ? undefined : ["−", "+"]);
+    look.show(scalar);
     amplitude = 0.12 / Math.max(Math.abs(scalar.range[0]), Math.abs(scalar.range[1]), 1e-30);
     app.title.textContent = `Mode ${grouped(mode)}`;
+    if (app.swinging && !playing) swing(true);
+    app.swinging = false;
     document.body.dataset.mode = String(mode);
   }, app.fail);
 
@@ -52,7 +57,7 @@ export function modesPanel(app: App, look: Look): Panel {
   const mode = slider("Mode", { min: 0, max: 1, step: 1, value: 1 }, (value) => select(value), grouped);
   const back = h("button", { class: "quiet", "aria-label": "Previous mode", onclick: () => select(app.place.mode - 1) }, "‹");
   const next = h("button", { class: "quiet", "aria-label": "Next mode", onclick: () => select(app.place.mode + 1) }, "›");
-  const play = h("button", { "aria-pressed": "false", onclick: () => swing(!playing) }, "Let it swing");
+  const play = h("button", { "aria-pressed": "false", onclick: () => swing(!playing) }, "Animate");
 
   const select = (wanted: number) => {
     const basis = app.basis;
@@ -111,6 +116,7 @@ export function modesPanel(app: App, look: Look): Panel {
   const panel: Panel = {
     id: "modes",
     title: "Modes",
+    about: "The standing waves of the surface, from the longest to the finest: the eigenfunctions of its Laplacian.",
     kind: "eigenbasis",
     element: h("div", { class: "panel" }, head.element, body),
     show() {

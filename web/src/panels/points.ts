@@ -5,7 +5,8 @@ import type { App, Panel } from "../app";
 import { brief, choice, field, grouped, h, slider } from "../dom";
 import { latest } from "../latest";
 import type { Hit } from "../surface";
-import { basisHead, eigenForm, sequential, type Look } from "./basis";
+import { AXES, type Up } from "../upright";
+import { basisHead, diverging, eigenForm, sequential, type Look } from "./basis";
 
 interface Wish {
   basis: Basis;
@@ -13,6 +14,8 @@ interface Wish {
   what: string;
   /** Where between the shortest and the longest time, from 0 to 1. */
   scale: number;
+  /** Which function of a series. */
+  index: number;
 }
 
 const TITLES: Record<string, string> = {
@@ -20,21 +23,29 @@ const TITLES: Record<string, string> = {
   biharmonic: "Biharmonic distance",
   commute_time: "Commute-time distance",
   geodesic: "Geodesic distance",
+  exact: "Exact geodesic distance",
   heat_kernel: "Heat kernel signature",
+  wave_kernel: "Wave kernel signature",
+  global_point: "Global point signature",
   similar: "Similar points",
 };
 const NOTES: Record<string, string> = {
   diffusion: "How differently heat spreads from two points: close ways count, short cuts do not.",
   biharmonic: "Near the point like geodesic distance, far away aware of the whole shape.",
   commute_time: "How long a random walk takes there and back.",
-  geodesic: "The shortest way along the surface, by the heat method in the basis.",
+  geodesic: "The shortest way along the surface, by the heat method on the mesh.",
+  exact: "The shortest way along the faces, without an error but that of rounding. It takes longer.",
   heat_kernel: "How much heat stays where it was: high on tips. It needs no point; poses do not change it.",
+  wave_kernel: "How likely a particle of some energy is found here: high energies see fine detail. It needs no point.",
+  global_point: "An eigenfunction over the root of its eigenvalue; all of them together place each point in a space where bending does not matter.",
   similar: "Points whose heat kernels over all times are like that of the dot: yellow is alike.",
 };
 /** What depends on a time. */
 const TIMED = ["diffusion", "heat_kernel"];
+/** What has several functions at once, how many, and what the slider over them is called. */
+const SERIES: Record<string, { count: number; label: string }> = { wave_kernel: { count: 32, label: "Energy" }, global_point: { count: 20, label: "Function" } };
 /** What depends on a point. */
-const POINTED = ["diffusion", "biharmonic", "commute_time", "geodesic", "similar"];
+const POINTED = ["diffusion", "biharmonic", "commute_time", "geodesic", "exact", "similar"];
 
 export function pointsPanel(app: App, look: Look): Panel {
   const head = basisHead(app, "eigenbasis", "basis", eigenForm(app));
@@ -51,36 +62,54 @@ export function pointsPanel(app: App, look: Look): Panel {
     return short * (long / short) ** scale;
   };
 
-  const send = latest<Wish>(async ({ basis, vertex, what, scale }) => {
+  let series: { of: string; values: Float32Array } | null = null;
+  /** One function of a series; the whole series is asked for once. */
+  const member = async (basis: Basis, what: string, index: number) => {
+    const { count } = SERIES[what];
+    const of = `${basis.id} ${what}`;
+    if (series?.of !== of) series = { of, values: await postNumbers(`${basis.links.self}/signatures`, { signature: { kind: what, count: Math.min(count, what === "global_point" ? basis.count : count) } }) };
+    const columns = series.values.length / basis.vertices;
+    const chosen = Math.min(index, columns - 1);
+    return Float32Array.from({ length: basis.vertices }, (_, v) => series!.values[v * columns + chosen]);
+  };
+  const send = latest<Wish>(async ({ basis, vertex, what, scale, index }) => {
     const begin = performance.now();
     const to = basis.links.self;
     const time = times(basis, scale);
     let values: Float32Array;
     if (what === "heat_kernel") values = await postNumbers(`${to}/signatures`, { signature: { kind: "heat_kernel", times: [time] } });
+    else if (SERIES[what]) values = await member(basis, what, index);
     else if (what === "similar") values = await postNumbers(`${to}/similar-points`, { vertex, signature: { kind: "heat_kernel" } });
-    else values = await postNumbers(`${to}/distances`, { distance: what === "diffusion" ? { kind: what, times: [time] } : { kind: what }, sources: [vertex] });
+    else values = await postNumbers(`${to}/distances`, { distance: what === "diffusion" ? { kind: what, times: [time] } : what === "exact" ? { kind: "geodesic", method: "exact" } : { kind: what }, sources: [vertex] });
     if (app.basis !== basis || app.panel !== panel) return;
     timing.textContent = `${brief(performance.now() - begin)} ms for ${grouped(values.length)} values`;
     if (what === "similar") {
       const shown = sequential(values.map((value) => -value));
       const sorted = shown.values.slice().sort();
       look.show({ ...shown, range: [sorted[sorted.length >> 1], 0] }, ["different", "alike"]);
-    } else look.show(sequential(values, what === "heat_kernel" ? 0.995 : 1));
+    } else if (what === "global_point") look.show(diverging(values));
+    else look.show(sequential(values, what === "heat_kernel" ? 0.995 : 1));
     document.body.dataset.field = `${what} ${vertex}`;
   }, app.fail);
 
   const ask = () => {
     const basis = app.basis;
     time.element.hidden = !TIMED.includes(what);
+    which.element.hidden = !SERIES[what];
+    if (SERIES[what]) {
+      which.element.firstElementChild!.textContent = SERIES[what].label;
+      which.control.max = String(SERIES[what].count - 1);
+    }
     note.textContent = NOTES[what];
     app.title.textContent = TITLES[what];
     if (!basis) return;
     const shown = POINTED.includes(what);
     app.viewer.mark("source", shown ? vertex : null);
     if (vertex === null && shown) return;
-    send({ basis, vertex: vertex ?? 0, what, scale: time.control.valueAsNumber });
+    send({ basis, vertex: vertex ?? 0, what, scale: time.control.valueAsNumber, index: which.control.valueAsNumber });
   };
   const time = slider("Time", { min: 0, max: 1, step: 0.01, value: 0.45 }, ask, (value) => (app.basis ? brief(times(app.basis, value)) : ""));
+  const which = slider("Energy", { min: 0, max: 31, step: 1, value: 8 }, ask);
   const kinds = choice(Object.entries(TITLES), what, (value) => {
     what = value;
     ask();
@@ -89,11 +118,12 @@ export function pointsPanel(app: App, look: Look): Panel {
     vertex = hit.vertex;
     ask();
   };
-  body.append(field("Show", kinds), note, time.element, h("p", {}, "Click the surface to move the dot, or drag the dot."), timing);
+  body.append(field("Show", kinds), note, time.element, which.element, h("p", {}, "Click the surface to move the dot, or drag the dot."), timing);
 
   const panel: Panel = {
     id: "points",
     title: "Distances",
+    about: "How far apart points are, and which of them look alike, by measures that bending does not change.",
     kind: "eigenbasis",
     element: h("div", { class: "panel" }, head.element, body),
     show() {
@@ -106,7 +136,7 @@ export function pointsPanel(app: App, look: Look): Panel {
       body.append(look.element);
       time.set(time.control.valueAsNumber);
       const count = app.viewer.surface.positions.length / 3;
-      if (vertex === null || vertex >= count) vertex = farthestUp(app.viewer.surface.positions);
+      if (vertex === null || vertex >= count) vertex = farthestUp(app.viewer.surface.positions, app.viewer.up);
       app.viewer.onClick = move;
       app.viewer.onStroke = (hit, phase) => {
         if (phase === "begin" && (vertex === null || apart(app.viewer.surface!.positions, hit.vertex, vertex) > 0.06 * app.viewer.radius)) return false;
@@ -126,9 +156,10 @@ export function pointsPanel(app: App, look: Look): Panel {
 }
 
 /** A vertex to begin with: the uppermost. */
-function farthestUp(positions: Float32Array): number {
+function farthestUp(positions: Float32Array, up: Up): number {
+  const [axis, sign] = AXES[up][1];
   let best = 0;
-  for (let v = 0; v < positions.length / 3; v++) if (positions[3 * v + 1] > positions[3 * best + 1]) best = v;
+  for (let v = 0; v < positions.length / 3; v++) if (sign * positions[3 * v + axis] > sign * positions[3 * best + axis]) best = v;
   return best;
 }
 

@@ -50,7 +50,7 @@ export function shapesPanel(app: App, look: Look): Panel {
     found = await post<Comparison>("/v1/shape-comparisons", { bases: bases.map((basis) => basis.id), scale, dimensions: 2, neighbours: 1 });
     plot.canvas.hidden = false;
     const held = Math.round(100 * found.held.slice(0, 2).reduce((sum, part) => sum + part, 0));
-    note.textContent = `${plural(bases.length, "shape")} by ${grouped(found.count)} eigenvalues; the plane holds ${held} % of their differences.`;
+    note.textContent = `${plural(bases.length, "shape")} by ${grouped(found.count)} eigenvalues; the plane shows ${held} % of the variance.`;
     const { labels, neighbours } = found;
     list.replaceChildren(...labels.map((label, k) => h("li", {}, h("button", { class: "basis", onclick: () => open(k) }, h("span", {}, label), h("small", {}, neighbours[k].length ? `nearest: ${labels[neighbours[k][0]]}` : "")))));
     plot.draw();
@@ -79,9 +79,9 @@ export function shapesPanel(app: App, look: Look): Panel {
   const panel: Panel = {
     id: "shapes",
     title: "Shapes",
+    about: "Compare surfaces by their spectra, a fingerprint that neither pose nor triangulation changes.",
     element: h("div", { class: "panel" },
-      h("p", {}, "The spectrum is a fingerprint that neither pose nor triangulation changes: shapes that are alike stand together."),
-      field("Size", choice([["area", "left out, by area"], ["first", "left out, by λ₁"], ["none", "counts"]], scale, (value) => {
+      field("Size", choice([["area", "normalised by area"], ["first", "normalised by λ₁"], ["none", "kept"]], scale, (value) => {
         scale = value;
         load().catch(app.fail);
       })), plot.canvas, note, list),

@@ -52,7 +52,7 @@ export function vibrationPanel(app: App, look: Look): Panel {
     return Array.isArray(list) ? list.length : (list?.numbers ?? 0);
   };
   const load = ({ vertex, momentum }: Tap) => [{ impulse: { vertex, time: 0, momentum } }];
-  const slow = slider("Slowness", { min: 0.25, max: 4, step: 0.05, value: 1 }, () => {}, (value) => `${brief(value)} ×`);
+  const slow = slider("Slow motion", { min: 0.25, max: 4, step: 0.05, value: 1 }, () => {}, (value) => `${brief(value)} ×`);
   const mute = h("input", { type: "checkbox", checked: true });
 
   // --- watching ------------------------------------------------------------------------------------------------------------
@@ -115,14 +115,14 @@ export function vibrationPanel(app: App, look: Look): Panel {
   // --- hearing -------------------------------------------------------------------------------------------------------------
 
   const hear = async (now: Tap) => {
-    const { centre, radius } = app.viewer;
-    const listener = [centre[0], centre[1] + 0.5 * radius, centre[2] + 3 * radius];
+    const listener = app.viewer.fromScene([0, 0.5, 3]);
     const response = await send(`${now.basis.links.self}/simulate`, {
       method: "POST",
       headers: { "Content-Type": "application/json", Accept: "audio/wav" },
       body: JSON.stringify({ damping: DAMPING, loads: load(now), sound: { listener, sample_rate: 44100, seconds: 2 } }),
     });
     const wave = await response.arrayBuffer();
+    app.kept.sound = wave.slice(0);
     document.body.dataset.heard = String(wave.byteLength);
     audio ??= new AudioContext();
     await audio.resume();
@@ -149,7 +149,7 @@ export function vibrationPanel(app: App, look: Look): Panel {
 
   const plot = new Plot(110, "The frequencies of the modes", (frame) => app.basis && paint(frame, frequencies(app.basis)));
   body.append(h("p", {}, "Tap the surface: click it, or move the cursor there with the keyboard."), facts, plot.canvas, slow.element,
-    h("label", { class: "row" }, mute, "with sound"), h("div", { class: "row" }, h("button", { onclick: () => middle() }, "Tap"), h("button", { onclick: rest }, "Hold still")), timing);
+    h("label", { class: "row" }, mute, "with sound"), h("div", { class: "row" }, h("button", { onclick: () => middle() }, "Tap"), h("button", { onclick: rest }, "Stop")), timing);
   /** Taps where the cursor is, or in the middle of what is seen. */
   const middle = () => {
     const hit = app.viewer.cursor.hit ?? app.viewer.middle();
@@ -170,6 +170,7 @@ export function vibrationPanel(app: App, look: Look): Panel {
   const panel: Panel = {
     id: "vibration",
     title: "Vibration",
+    about: "The surface as a thin shell of some material: tap it, watch it ring, and hear it.",
     kind: "vibration_basis",
     element: h("div", { class: "panel" }, head.element, body),
     show() {
@@ -181,7 +182,7 @@ export function vibrationPanel(app: App, look: Look): Panel {
       prepare();
       if (!basis) return;
       const all = frequencies(basis).slice(rigid(basis));
-      facts.textContent = `${plural(all.length, "mode")} from ${brief(all[0])} to ${brief(all[all.length - 1])} Hz; ${grouped(rigid(basis))} rigid${held(basis) ? `; held at ${plural(held(basis), "vertex", "vertices")}` : ""}.`;
+      facts.textContent = `${plural(all.length, "mode")} from ${brief(all[0])} to ${brief(all[all.length - 1])} Hz; ${grouped(rigid(basis))} rigid${held(basis) ? `; clamped at ${plural(held(basis), "vertex", "vertices")}` : ""}.`;
       plot.draw();
     },
     hide() {

@@ -4,6 +4,7 @@
 
 mod genus;
 mod grid;
+mod object;
 mod plane;
 mod sphere;
 mod variant;
@@ -41,20 +42,26 @@ pub enum Shape {
     /// A tube of radius [`KNOT_TUBE_RADIUS`] around the (2, 3) torus knot
     /// `((2 + cos 3t) cos 2t, (2 + cos 3t) sin 2t, sin 3t)`: genus 1.
     Knot,
+    /// A bell of radius 1 around the z axis, open at its rim in the plane z = 0.
+    Bell,
+    /// The plate of a violin in the plane z = 0, about 1.8 long, its long axis along y.
+    Violin,
+    /// A flat starfish with five arms around the z axis: genus 0.
+    Starfish,
     /// A chain of smoothly joined rings along the x axis, of the given genus; the sphere for genus 0.
     Genus(u32),
 }
 
 impl Shape {
     /// The names that [`Shape::from_str`] understands, for help texts.
-    pub const NAMES: &'static str = "sphere, torus, disk, rectangle, knot, genus-G";
+    pub const NAMES: &'static str = "sphere, torus, disk, rectangle, knot, bell, violin, starfish, genus-G";
 
     /// The fewest vertices this shape can be made of.
     pub fn fewest_vertices(self) -> usize {
         match self {
-            Self::Sphere | Self::Genus(0) => 12,
+            Self::Sphere | Self::Starfish | Self::Genus(0) => 12,
             Self::Torus => 48,
-            Self::Disk => 7,
+            Self::Disk | Self::Bell | Self::Violin => 7,
             Self::Rectangle => 4,
             Self::Knot => 400,
             Self::Genus(genus) => 400 * genus as usize,
@@ -70,6 +77,9 @@ impl fmt::Display for Shape {
             Self::Disk => f.write_str("disk"),
             Self::Rectangle => f.write_str("rectangle"),
             Self::Knot => f.write_str("knot"),
+            Self::Bell => f.write_str("bell"),
+            Self::Violin => f.write_str("violin"),
+            Self::Starfish => f.write_str("starfish"),
             Self::Genus(genus) => write!(f, "genus-{genus}"),
         }
     }
@@ -85,6 +95,9 @@ impl FromStr for Shape {
             "disk" => Ok(Self::Disk),
             "rectangle" => Ok(Self::Rectangle),
             "knot" => Ok(Self::Knot),
+            "bell" => Ok(Self::Bell),
+            "violin" => Ok(Self::Violin),
+            "starfish" => Ok(Self::Starfish),
             _ => {
                 let genus = name.strip_prefix("genus-").and_then(|digits| digits.parse().ok());
                 genus.map(Self::Genus).ok_or_else(|| ShapeError::Unknown { name: name.to_owned() })
@@ -127,7 +140,7 @@ pub enum ShapeError {
 }
 
 /// Generates a shape of about `vertices` vertices: the nearest count that its pattern allows, which from a thousand vertices on
-/// is within 2 %, but for the sphere, whose counts are `10 f² + 2`.
+/// is within 2 %, but for the sphere and the starfish, whose counts are `10 f² + 2`.
 ///
 /// # Errors
 /// [`ShapeError`] where the number of vertices or the genus is out of range.
@@ -147,6 +160,9 @@ pub fn generate(shape: Shape, vertices: usize) -> Result<TriangleMesh, ShapeErro
         Shape::Disk => plane::disk(vertices),
         Shape::Rectangle => plane::rectangle(vertices),
         Shape::Knot => grid::knot(vertices),
+        Shape::Bell => object::bell(vertices),
+        Shape::Violin => object::violin(vertices),
+        Shape::Starfish => object::starfish(vertices),
         Shape::Genus(genus) => {
             genus::chain(genus, vertices).ok_or(ShapeError::Vertices { shape, vertices, fewest: 2 * fewest })?
         }
@@ -200,12 +216,15 @@ mod tests {
         qualities
     }
 
-    const SHAPES: [Shape; 8] = [
+    const SHAPES: [Shape; 11] = [
         Shape::Sphere,
         Shape::Torus,
         Shape::Disk,
         Shape::Rectangle,
         Shape::Knot,
+        Shape::Bell,
+        Shape::Violin,
+        Shape::Starfish,
         Shape::Genus(1),
         Shape::Genus(3),
         Shape::Genus(6),
@@ -222,8 +241,8 @@ mod tests {
                 let mesh = generate(shape, vertices).unwrap();
                 let report = report(&mesh);
                 let (genus, loops) = match shape {
-                    Shape::Sphere => (0, 0),
-                    Shape::Disk | Shape::Rectangle => (0, 1),
+                    Shape::Sphere | Shape::Starfish => (0, 0),
+                    Shape::Disk | Shape::Rectangle | Shape::Bell | Shape::Violin => (0, 1),
                     Shape::Torus | Shape::Knot => (1, 0),
                     Shape::Genus(genus) => (i64::from(genus), 0),
                 };
@@ -246,7 +265,7 @@ mod tests {
 
     #[test]
     fn counts_come_within_two_percent() {
-        for shape in SHAPES.into_iter().filter(|&shape| shape != Shape::Sphere) {
+        for shape in SHAPES.into_iter().filter(|&shape| !matches!(shape, Shape::Sphere | Shape::Starfish)) {
             for vertices in [3000, 10_000, 33_333] {
                 let count = generate(shape, vertices).unwrap().positions.len();
                 assert!(count.abs_diff(vertices) * 50 <= vertices, "{shape}: {count} for {vertices}");
@@ -283,6 +302,9 @@ mod tests {
             (Shape::Disk, 0.5, 0.8),
             (Shape::Rectangle, 0.85, 0.85),
             (Shape::Knot, 0.6, 0.7),
+            (Shape::Bell, 0.4, 0.6),
+            (Shape::Violin, 0.3, 0.5),
+            (Shape::Starfish, 0.15, 0.3),
             (Shape::Genus(3), 0.3, 0.6),
         ] {
             let qualities = qualities(&generate(shape, 20_000).unwrap());

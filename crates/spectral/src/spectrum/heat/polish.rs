@@ -22,6 +22,9 @@ type Lanes = [f32; WIDTH];
 /// Upper end of the spectrum of the scaled stiffness: its rows are scaled so that their absolute values sum to at most this.
 const GREATEST: f64 = 2.0;
 
+/// Vertices with more neighbours than this are hubs, and keep their interpolated value: the halo of a block beside one would be the whole fan.
+const HUB: usize = 512;
+
 /// How to smooth.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Smoother {
@@ -79,8 +82,11 @@ pub(super) fn prolong(
     Ok(assemble(n, columns.columns(), &blocks, &parts))
 }
 
-/// The factor of a row of the stiffness.
+/// The factor of a row of the stiffness; 0 where the value is kept.
 fn scale(level: &Level, v: usize, limit: f32) -> f32 {
+    if level.edges(v).len() > HUB {
+        return 0.0;
+    }
     let off: f32 = level.edges(v).map(|edge| level.weights[edge].abs()).sum();
     let size = 0.5 * (level.diagonal[v].abs() + off);
     let slowest = level.mass[v] / limit;
@@ -181,6 +187,10 @@ fn smooth_block(
     for _ in 0..smoother.degree {
         let end = vertices.len();
         for k in begin..end {
+            // What is kept asks for no neighbours.
+            if scales[vertices[k] as usize] == 0.0 {
+                continue;
+            }
             for edge in fine.edges(vertices[k] as usize) {
                 let other = fine.neighbours[edge];
                 if local[other as usize] == u32::MAX {
@@ -237,8 +247,10 @@ fn smooth_block(
     matrix.offsets.push(0);
     for &v in &vertices[..rows] {
         let factor = scales[v as usize];
-        for edge in fine.edges(v as usize) {
-            matrix.entries.push((local[fine.neighbours[edge] as usize], factor * fine.weights[edge]));
+        if factor != 0.0 {
+            for edge in fine.edges(v as usize) {
+                matrix.entries.push((local[fine.neighbours[edge] as usize], factor * fine.weights[edge]));
+            }
         }
         matrix.offsets.push(matrix.entries.len() as u32);
         matrix.diagonal.push(factor * fine.diagonal[v as usize]);

@@ -1,0 +1,132 @@
+// What is shown, as files: surfaces, values, pictures, lines. All of it is made in the browser from what is on the screen.
+
+import { BufferAttribute, BufferGeometry, Mesh, MeshStandardMaterial } from "three";
+import { GLTFExporter } from "three/examples/jsm/exporters/GLTFExporter.js";
+import type { Surface } from "./surface";
+
+/** A function at the vertices, with the colours in which it is shown: three bytes a vertex. */
+export interface Coloured {
+  name: string;
+  values: Float32Array;
+  colours: Uint8Array;
+}
+
+/** Text in pieces: one string of a million lines would be copied at every line. */
+class Lines {
+  private readonly pieces: string[] = [];
+  private open: string[] = [];
+
+  add(line: string) {
+    if (this.open.push(line) < 10_000) return;
+    this.pieces.push(`${this.open.join("\n")}\n`);
+    this.open = [];
+  }
+
+  blob(type: string): Blob {
+    const rest = this.open.length ? [`${this.open.join("\n")}\n`] : [];
+    return new Blob([...this.pieces, ...rest], { type });
+  }
+}
+
+/** The shortest decimal number that single precision reads as the same. */
+export function shortest(value: number): string {
+  if (!Number.isFinite(value)) return String(value);
+  for (let digits = 6; digits < 9; digits++) {
+    const text = value.toPrecision(digits);
+    if (Math.fround(Number(text)) === Math.fround(value)) return String(Number(text));
+  }
+  return String(Number(value.toPrecision(9)));
+}
+
+export function obj({ positions: p, triangles: t }: Surface): Blob {
+  const lines = new Lines();
+  for (let v = 0; v < p.length; v += 3) lines.add(`v ${shortest(p[v])} ${shortest(p[v + 1])} ${shortest(p[v + 2])}`);
+  for (let f = 0; f < t.length; f += 3) lines.add(`f ${t[f] + 1} ${t[f + 1] + 1} ${t[f + 2] + 1}`);
+  return lines.blob("model/obj");
+}
+
+/** Binary PLY; with colours, and the values themselves as the property `value`, where there are any. */
+export function ply({ positions: p, triangles: t }: Surface, shown: Coloured | null): Blob {
+  const vertices = p.length / 3, faces = t.length / 3;
+  const header = ["ply", "format binary_little_endian 1.0", `element vertex ${vertices}`, "property float x", "property float y", "property float z",
+    ...(shown ? ["property uchar red", "property uchar green", "property uchar blue", "property float value"] : []),
+    `element face ${faces}`, "property list uchar uint vertex_indices", "end_header", ""].join("\n");
+  const wide = shown ? 19 : 12;
+  const data = new DataView(new ArrayBuffer(wide * vertices + 13 * faces));
+  for (let v = 0, at = 0; v < vertices; v++, at += wide) {
+    for (let k = 0; k < 3; k++) data.setFloat32(at + 4 * k, p[3 * v + k], true);
+    if (!shown) continue;
+    for (let k = 0; k < 3; k++) data.setUint8(at + 12 + k, shown.colours[3 * v + k]);
+    data.setFloat32(at + 15, shown.values[v], true);
+  }
+  for (let f = 0, at = wide * vertices; f < faces; f++, at += 13) {
+    data.setUint8(at, 3);
+    for (let k = 0; k < 3; k++) data.setUint32(at + 1 + 4 * k, t[3 * f + k], true);
+  }
+  return new Blob([header, data], { type: "model/ply" });
+}
+
+/** PolyData of VTK, as ParaView and PyVista read it. */
+export function vtp({ positions: p, triangles: t }: Surface, shown: Coloured | null): Blob {
+  const vertices = p.length / 3, faces = t.length / 3;
+  const lines = new Lines();
+  lines.add('<?xml version="1.0"?>');
+  lines.add('<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian"><PolyData>');
+  lines.add(`<Piece NumberOfPoints="${vertices}" NumberOfVerts="0" NumberOfLines="0" NumberOfStrips="0" NumberOfPolys="${faces}">`);
+  if (shown) {
+    lines.add(`<PointData Scalars="value"><DataArray type="Float32" Name="value" format="ascii">`);
+    for (const value of shown.values) lines.add(shortest(value));
+    lines.add("</DataArray></PointData>");
+  }
+  lines.add('<Points><DataArray type="Float32" NumberOfComponents="3" format="ascii">');
+  for (let v = 0; v < p.length; v += 3) lines.add(`${shortest(p[v])} ${shortest(p[v + 1])} ${shortest(p[v + 2])}`);
+  lines.add('</DataArray></Points><Polys><DataArray type="Int64" Name="connectivity" format="ascii">');
+  for (let f = 0; f < t.length; f += 3) lines.add(`${t[f]} ${t[f + 1]} ${t[f + 2]}`);
+  lines.add('</DataArray><DataArray type="Int64" Name="offsets" format="ascii">');
+  for (let f = 1; f <= faces; f++) lines.add(String(3 * f));
+  lines.add("</DataArray></Polys></Piece></PolyData></VTKFile>");
+  return lines.blob("application/xml");
+}
+
+/** Binary glTF. Its viewers expect y up, so the caller turns the surface. */
+export async function glb({ positions, triangles }: Surface, normals: Float32Array, shown: Coloured | null): Promise<Blob> {
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(positions, 3));
+  geometry.setAttribute("normal", new BufferAttribute(normals, 3));
+  // Colours of glTF are linear light.
+  if (shown) geometry.setAttribute("color", new BufferAttribute(Float32Array.from(shown.colours, (byte) => linear(byte / 255)), 3));
+  geometry.setIndex(new BufferAttribute(triangles, 1));
+  const material = new MeshStandardMaterial({ vertexColors: shown !== null, metalness: 0, roughness: 0.7 });
+  const bytes = await new GLTFExporter().parseAsync(new Mesh(geometry, material), { binary: true });
+  geometry.dispose();
+  material.dispose();
+  return new Blob([bytes as ArrayBuffer], { type: "model/gltf-binary" });
+}
+
+const linear = (value: number) => (value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4);
+
+/** A row for each vertex: number, position, value. */
+export function csv({ positions: p }: Surface, shown: Coloured): Blob {
+  const lines = new Lines();
+  lines.add("vertex,x,y,z,value");
+  shown.values.forEach((value, v) => lines.add([String(v), ...[p[3 * v], p[3 * v + 1], p[3 * v + 2], value].map(shortest)].join(",")));
+  return lines.blob("text/csv");
+}
+
+/** The values as an array of NumPy. */
+export function npy(values: Float32Array): Blob {
+  const text = `{'descr': '<f4', 'fortran_order': False, 'shape': (${values.length},), }`;
+  // Magic, version and length of the header; the data begin at a multiple of 64.
+  const padded = `${text.padEnd(Math.ceil((text.length + 11) / 64) * 64 - 11)}\n`;
+  const head = new Uint8Array([0x93, ...new TextEncoder().encode("NUMPY"), 1, 0, padded.length & 255, padded.length >> 8]);
+  return new Blob([head, padded, values as Float32Array<ArrayBuffer>], { type: "application/octet-stream" });
+}
+
+/** Lines in the plane as a picture of vectors, for print and plotters. */
+export function svg(lines: [x: number, y: number][][], width: number, height: number, stroke: number): Blob {
+  const text = new Lines();
+  text.add(`<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 ${width} ${height}" fill="none" stroke="#14325c" stroke-width="${stroke.toFixed(2)}" stroke-linecap="round" stroke-linejoin="round">`);
+  for (const line of lines) text.add(`<path d="M${line.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`).join("L")}"/>`);
+  text.add("</svg>");
+  return text.blob("image/svg+xml");
+}

@@ -1,0 +1,18 @@
+// A film of what a canvas shows.
+
+/** Records a canvas for some seconds as WebM; `step` hears before each picture which part of that time has gone by since the last. */
+export async function record(canvas: HTMLCanvasElement, seconds: number, step: (part: number) => void): Promise<Blob> {
+  const recorder = new MediaRecorder(canvas.captureStream(30), { mimeType: "video/webm", videoBitsPerSecond: 8e6 });
+  const parts: Blob[] = [];
+  recorder.ondataavailable = (event) => parts.push(event.data);
+  const ended = new Promise<void>((resolve) => (recorder.onstop = () => resolve()));
+  recorder.start();
+  const begin = performance.now();
+  for (let last = begin, now = begin; now - begin < 1000 * seconds; last = now) {
+    now = await new Promise<number>((resolve) => requestAnimationFrame(resolve));
+    step(Math.max(now - last, 0) / (1000 * seconds));
+  }
+  recorder.stop();
+  await ended;
+  return new Blob(parts, { type: "video/webm" });
+}
