@@ -26,7 +26,7 @@ export function library(app: App): HTMLElement {
     order = value;
     showMeshes();
   }, "Order of the surfaces");
-  const tools = h("div", { class: "row seek", hidden: true }, search, sort);
+  const tools = h("div", { class: "seek", hidden: true }, search, sort);
   const more = h("button", { class: "quiet", hidden: true, onclick: () => app.list(true).catch(app.fail) }, "Older ones");
 
   const take = async (files: Iterable<File>) => {
