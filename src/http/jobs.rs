@@ -25,13 +25,13 @@ use super::problems::problems;
 use super::state::AppState;
 use super::wire::{JobRequest, JobResource, PageOf, Status};
 use super::{body, conditional, exchange};
-use crate::store::{EnqueueOutcome, IdempotencyKey, JobFilter, JobRecord, JobStatus, NewJob, StoreError};
+use crate::store::{EnqueueOutcome, IdempotencyKey, JobFilter, JobRecord, JobStatus, MeshRecord, NewJob, StoreError};
 
 /// The largest body of a job: a potential comes with it.
-const JSON_BYTES: u64 = 16 << 20;
+pub(super) const JSON_BYTES: u64 = 16 << 20;
 
 /// The memory that a number of such a body takes: as packed JSON, as a parameter, and as what is stored.
-const BYTES_PER_NUMBER: u64 = 128;
+pub(super) const BYTES_PER_NUMBER: u64 = 128;
 
 /// The longest a long poll waits.
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
@@ -86,37 +86,7 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
     let key = idempotency_key(&headers)?;
     let body = body::read(&state, &headers, body, JSON_BYTES).await?;
     let mut request: JobRequest = exchange::parse(&state, body, BYTES_PER_NUMBER).await?;
-    if !(-100..=100).contains(&request.priority) {
-        return Err(Problem::new(
-            &problem::INVALID_REQUEST,
-            format!("priority: must be between -100 and 100, not {}.", request.priority),
-        ));
-    }
-    let found = state.store.mesh(&request.mesh).await;
-    if found.is_err() {
-        // What can be told without a mesh is told first.
-        JobParameters::read(&request.kind, &request.parameters)?;
-    }
-    let mesh = found.map_err(|error| match error {
-        StoreError::NotFound { .. } => Problem::new(
-            &problem::UNKNOWN_MESH,
-            format!("mesh: no mesh has the id {:?}.", problem::shorten(request.mesh.clone())),
-        ),
-        other => other.into(),
-    })?;
-    let (solid_vertices, tetrahedra) = mesh.solid_size();
-    let size = MeshSize {
-        vertices: mesh.vertices as usize,
-        faces: mesh.faces as usize,
-        solid_vertices: solid_vertices as usize,
-        tetrahedra: tetrahedra as usize,
-    };
-    let to = numbered.on_mesh(&state, &mesh.id).await?;
-    translate_parameters(&mut request.parameters, &to, size)?;
-    let parameters = JobParameters::read(&request.kind, &request.parameters)?;
-    request.parameters = Packed::Null;
-    parameters.check_mesh(size)?;
-    let (estimate, limit) = (parameters.memory_bytes(size), state.config.limits.max_job_bytes);
+    let Planned { mesh, parameters, estimate, limit, .. } = plan(&state, &numbered, &mut request).await?;
     if estimate > limit {
         return Err(Problem::new(
             &problem::JOB_TOO_LARGE,
@@ -152,6 +122,63 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
     let mut response = resource(record, if done { StatusCode::OK } else { StatusCode::ACCEPTED })?;
     response.headers_mut().insert(OUTCOME, HeaderValue::from_static(outcome_name(outcome)));
     Ok(response)
+}
+
+/// A job as it would be enqueued.
+pub(super) struct Planned {
+    pub mesh: MeshRecord,
+    pub parameters: JobParameters,
+    /// Of the memory that it needs, in bytes.
+    pub estimate: u64,
+    /// What the server allows for one job, in bytes.
+    pub limit: u64,
+    /// Seconds of one core, where they can be told.
+    pub seconds: Option<f64>,
+}
+
+/// Reads what a request asks for, and checks it against its mesh. Its parameters are taken out of it.
+pub(super) async fn plan(
+    state: &ClientState,
+    numbered: &Numbered,
+    request: &mut JobRequest,
+) -> Result<Planned, Problem> {
+    if !(-100..=100).contains(&request.priority) {
+        return Err(Problem::new(
+            &problem::INVALID_REQUEST,
+            format!("priority: must be between -100 and 100, not {}.", request.priority),
+        ));
+    }
+    let found = state.store.mesh(&request.mesh).await;
+    if found.is_err() {
+        // What can be told without a mesh is told first.
+        JobParameters::read(&request.kind, &request.parameters)?;
+    }
+    let mesh = found.map_err(|error| match error {
+        StoreError::NotFound { .. } => Problem::new(
+            &problem::UNKNOWN_MESH,
+            format!("mesh: no mesh has the id {:?}.", problem::shorten(request.mesh.clone())),
+        ),
+        other => other.into(),
+    })?;
+    let (solid_vertices, tetrahedra) = mesh.solid_size();
+    let size = MeshSize {
+        vertices: mesh.vertices as usize,
+        faces: mesh.faces as usize,
+        solid_vertices: solid_vertices as usize,
+        tetrahedra: tetrahedra as usize,
+    };
+    let to = numbered.on_mesh(state, &mesh.id).await?;
+    translate_parameters(&mut request.parameters, &to, size)?;
+    let parameters = JobParameters::read(&request.kind, &request.parameters)?;
+    request.parameters = Packed::Null;
+    parameters.check_mesh(size)?;
+    Ok(Planned {
+        estimate: parameters.memory_bytes(size),
+        limit: state.config.limits.max_job_bytes,
+        seconds: parameters.seconds(size),
+        mesh,
+        parameters,
+    })
 }
 
 fn outcome_name(outcome: EnqueueOutcome) -> &'static str {

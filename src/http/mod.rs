@@ -32,6 +32,7 @@ mod convert;
 mod cors;
 mod distances;
 mod docs;
+mod estimates;
 mod events;
 mod exchange;
 mod extract;
@@ -93,6 +94,7 @@ fn routes() -> OpenApiRouter<AppState> {
         .merge(meshes::routes())
         .merge(samples::routes())
         .merge(jobs::routes())
+        .merge(estimates::routes())
         .merge(bases::routes())
         .merge(content::routes())
         .merge(modes::routes())

@@ -13,6 +13,7 @@ mod bases;
 mod bodies;
 mod dense;
 mod documents;
+mod estimates;
 mod family;
 mod fields;
 mod garbage;

@@ -175,6 +175,10 @@ try {
     await upload(page, knot);
     assert.match(await page.locator("li.open .report").innerText(), /genus 1.*closed/s);
     const plain = await picture(page);
+    const takes = page.locator(".panel:not([hidden]) .expected");
+    await takes.getByText(/^Takes about [\d.]+ s of one core, up to [\d.]+ MB\.$/).waitFor();
+    await page.locator(".panel:not([hidden])").getByLabel("Eigenpairs", { exact: true }).fill("4000");
+    await takes.getByText(/2996|2,996/).waitFor();
     await compute(page, { Eigenpairs: "40" });
     await changed(page, "mode");
     assert.equal(await datum(page, "mode"), "1");

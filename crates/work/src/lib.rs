@@ -191,6 +191,11 @@ pub trait Work {
     /// An estimate of the memory that the job needs beside the server itself, in bytes.
     fn memory_bytes(&self, mesh: MeshSize) -> u64;
 
+    /// About how many seconds of one core the job takes, where that is known.
+    fn seconds(&self, _mesh: MeshSize) -> Option<f64> {
+        None
+    }
+
     /// Does the work on the rayon pool of the calling thread.
     ///
     /// # Errors
@@ -292,6 +297,11 @@ impl JobParameters {
     /// An estimate of the memory that the job needs beside the server itself, in bytes.
     pub fn memory_bytes(&self, mesh: MeshSize) -> u64 {
         self.work().memory_bytes(mesh)
+    }
+
+    /// About how many seconds of one core the job takes, right to a factor of two; `None` where nobody has fitted it.
+    pub fn seconds(&self, mesh: MeshSize) -> Option<f64> {
+        self.work().seconds(mesh)
     }
 
     /// Runs the job on the rayon pool of the calling thread.

@@ -5,6 +5,7 @@ import type { App } from "../app";
 import { MAPS, gradient, table } from "../colours";
 import { brief, choice, field, grouped, h, seconds, slider } from "../dom";
 import type { Scalar } from "../viewer";
+import { expected } from "./expected";
 
 /** One line about a basis. */
 function line(basis: BasisSummary): string {
@@ -51,16 +52,21 @@ export function eigenForm(app: App): HTMLElement {
     t.element.hidden = operator.value !== "extrinsic" && operator.value !== "hamiltonian";
   };
   update();
-  return h("form", { class: "form", onsubmit: (event: Event) => {
-    event.preventDefault();
+  const parameters = () => {
     const value = t.control.valueAsNumber;
     const chosen = { extrinsic: { extrinsic: { t: value } }, hamiltonian: { hamiltonian: { potential: { curvature: { t: value } } } } }[operator.value] ?? operator.value;
-    void app.submit("eigenbasis", {
+    return {
       count: count.valueAsNumber, method: method.value, operator: chosen, boundary: boundary.value,
       ...(method.value === "hsim" ? { tolerance: Number(tolerance.value) } : {}),
-    });
+    };
+  };
+  const form = h("form", { class: "form", onsubmit: (event: Event) => {
+    event.preventDefault();
+    void app.submit("eigenbasis", parameters());
   } }, field("Eigenpairs", count), field("Method", method), tolerances, field("Operator", operator), t.element, field("Boundary", boundary),
     h("button", { class: "primary" }, "Compute"));
+  form.append(expected(app, form, "eigenbasis", parameters));
+  return form;
 }
 
 /** Why the operator was chosen, where it is worth a word. */

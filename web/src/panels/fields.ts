@@ -8,6 +8,7 @@ import { latest } from "../latest";
 import { dots, Glyphs, ribbons, spread, strands } from "../lines";
 import type { Hit } from "../surface";
 import { basisHead, type Look } from "./basis";
+import { expected } from "./expected";
 
 interface Design {
   weights: { harmonic: number; biharmonic: number };
@@ -303,10 +304,15 @@ export function fieldsPanel(app: App, look: Look): Panel {
 function form(app: App): HTMLElement {
   const kinds = choice([["vector", "vectors"], ["2", "lines (2-field)"], ["4", "crosses (4-field)"], ["6", "6-field"], ["tensor", "symmetric tensors"]], "vector", () => {});
   const dimension = h("input", { type: "number", min: "10", max: "40000", value: "500" });
-  return h("form", { class: "form", onsubmit: (event: Event) => {
+  const parameters = () => {
+    const n = Number(kinds.value);
+    return { ...(n ? { field: "n_vector", n } : { field: kinds.value }), dimension: dimension.valueAsNumber };
+  };
+  const made = h("form", { class: "form", onsubmit: (event: Event) => {
     event.preventDefault();
     if (!app.mesh) return app.fail(new ApiError({ type: "", title: "No surface is open", detail: "Open one first." }));
-    const n = Number(kinds.value);
-    void app.submit("field_basis", { ...(n ? { field: "n_vector", n } : { field: kinds.value }), dimension: dimension.valueAsNumber });
+    void app.submit("field_basis", parameters());
   } }, field("Field", kinds), field("Dimension", dimension, "Columns of the space"), h("button", { class: "primary" }, "Compute"));
+  made.append(expected(app, made, "field_basis", parameters));
+  return made;
 }

@@ -5,6 +5,7 @@ use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::Basis;
 use chladni_spectral::operator::MeshOperator;
 
+use super::duration::exact_seconds;
 use super::request::Request;
 use super::{Approximate, Exact};
 use crate::{JobError, ParameterError};
@@ -58,13 +59,6 @@ impl Auto {
         }
         Ok((self.exact.run(mesh, operator, seed, monitor)?, "hsim"))
     }
-}
-
-/// About how many seconds of one core HSIM takes to its default tolerance. Fitted to meshes of 10,000 to 134,000 vertices and 50 to 1,000
-/// pairs, where it is right to a half.
-fn exact_seconds(vertices: usize, pairs: usize) -> f64 {
-    let p = pairs as f64;
-    vertices as f64 * (1e-5 + 1.7e-7 * p + 5.5e-10 * p * p)
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 mod approximation;
 mod auto;
 mod compact;
+mod duration;
 mod exact;
 mod hodge;
 mod nested;
@@ -215,6 +216,19 @@ impl EigenbasisParameters {
         mesh + operator + method + (64 << 20)
     }
 
+    /// About how many seconds of one core the job takes, where that is known: not for eigenfields, and not for solids and graphs.
+    pub fn seconds(&self, vertices: usize) -> Option<f64> {
+        let pairs = self.most_pairs().min(vertices);
+        match &self.method {
+            _ if self.is_nested() || self.is_hodge() => None,
+            Method::Auto(auto) if auto.is_exact(vertices) => Some(auto.exact.seconds(vertices, pairs)),
+            Method::Auto(Auto { approximate, .. }) | Method::Approximate(approximate) => {
+                Some(approximate.seconds(vertices))
+            }
+            Method::Exact(exact) => Some(exact.seconds(vertices, pairs)),
+        }
+    }
+
     /// Whether the operator acts inside a solid.
     pub fn is_of_volume(&self) -> bool {
         self.operator.operator == OperatorKind::Volume
@@ -308,6 +322,10 @@ impl Work for EigenbasisParameters {
             return surface + nested::memory_bytes(&self.operator.operator, exact, mesh) + (64 << 20);
         }
         self.memory_bytes(mesh.vertices, mesh.faces)
+    }
+
+    fn seconds(&self, mesh: MeshSize) -> Option<f64> {
+        self.seconds(mesh.vertices)
     }
 
     fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {
