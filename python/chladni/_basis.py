@@ -6,7 +6,7 @@ import html
 import json
 import os
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Callable
+from typing import TYPE_CHECKING, Any, Callable, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from ._mesh import Mesh, distance_request, is_nearest, spreading
 
 if TYPE_CHECKING:
     import scipy.sparse
+
+
+_B = TypeVar("_B", bound="Basis")
 
 
 class Basis:
@@ -46,16 +49,16 @@ class Basis:
     True
     """
 
-    _native: _native.Basis
+    _core: _native.Basis
     mesh: Mesh | None
 
     def __init__(self) -> None:
         raise TypeError("a Basis comes from chladni.eigs or chladni.Basis.load")
 
     @classmethod
-    def _of(cls, native: _native.Basis, mesh: Mesh | None = None) -> Basis:
+    def _of(cls: type[_B], native: _native.Basis, mesh: Mesh | None = None) -> _B:
         basis = cls.__new__(cls)
-        basis._native, basis.mesh = native, mesh
+        basis._core, basis.mesh = native, mesh
         return basis
 
     @classmethod
@@ -90,7 +93,7 @@ class Basis:
                 raise
             except Exception as error:  # zipfile.BadZipFile, whose module need not be imported for this
                 raise _format_error(f"{os.fspath(path)}: {error}") from None
-        return cls._of(_native.Basis.read(os.fspath(path), mesh and mesh._native, maps), mesh)
+        return cls._of(_native.Basis.read(os.fspath(path), None if mesh is None else mesh._core, maps), mesh)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an NPZ file with everything, which NumPy, the command line and the service read too.
@@ -100,11 +103,11 @@ class Basis:
         path : path
             The file; nothing is appended to its name.
         """
-        self._native.write(os.fspath(path))
+        self._core.write(os.fspath(path))
 
     @cached_property
     def values(self) -> np.ndarray:  # noqa: D102
-        return self._native.values()
+        return self._core.values()
 
     @cached_property
     def vectors(self) -> np.ndarray:  # noqa: D102
@@ -128,15 +131,15 @@ class Basis:
         start, stop, _ = slice(start, stop).indices(len(self))
         if stop <= start:
             return np.empty((self.shape[0], 0))
-        return self._native.vectors(start, stop, is_nearest(extend))
+        return self._core.vectors(start, stop, is_nearest(extend))
 
     @cached_property
     def mass(self) -> np.ndarray | scipy.sparse.csr_matrix:  # noqa: D102
         import scipy.sparse
 
-        mass = self._native.mass()
+        mass = self._core.mass()
         diagonal = not isinstance(mass, tuple)
-        if self._native.of_fields():
+        if self._core.of_fields():
             return mass
         size = len(mass) if diagonal else len(mass[2]) - 1
         spread = spreading(self.vertex_map, size)
@@ -153,11 +156,11 @@ class Basis:
     @cached_property
     def vertex_map(self) -> np.ndarray:
         """For each vertex that was given the row of the basis as it is stored, (n,) int64; −1 where it was dropped."""
-        return self._native.vertex_map()
+        return self._core.vertex_map()
 
     @cached_property
     def certificate(self) -> Certificate:  # noqa: D102
-        return Certificate._of_json(self._native.certificate())
+        return Certificate._of_json(self._core.certificate())
 
     @property
     def complete(self) -> bool | None:
@@ -182,22 +185,23 @@ class Basis:
     @cached_property
     def metadata(self) -> dict[str, Any]:
         """How the basis was made: method, parameters with defaults filled in, operator, solver version."""
-        return json.loads(self._native.metadata())
+        made: dict[str, Any] = json.loads(self._core.metadata())
+        return made
 
     @property
     def seconds(self) -> dict[str, float]:
         """Seconds of each stage of the work; empty for a basis that was loaded."""
-        return dict(self._native.seconds())
+        return dict(self._core.seconds())
 
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and pairs, (n, k)."""
-        return self._native.shape()
+        return self._core.shape()
 
     @property
     def dimension(self) -> int | None:
         """The dimension of the space of a compact basis; None where eigenfunctions are kept as columns."""
-        return self._native.dimension()
+        return self._core.dimension()
 
     def signatures(
         self,
@@ -241,7 +245,7 @@ class Basis:
         _arrays.flag(kind, "kind", ("hks", "wks", "gps"))
         listed = None if vertices is None else _arrays.vertex_list(vertices, "vertices")[0]
         moments = None if times is None else [float(time) for time in np.atleast_1d(_arrays.numeric(times, "times"))]
-        return self._native.signatures(kind, moments, count, bool(normalised), listed, is_nearest(extend))
+        return self._core.signatures(kind, moments, count, bool(normalised), listed, is_nearest(extend))
 
     def distances(
         self,
@@ -289,8 +293,9 @@ class Basis:
             _arrays.flag(method, "method", ("heat", "exact", "spectral"))
             distance["method"] = method
         request, shape = distance_request(distance, sources, pairs, nearest)
-        table = shape(self._native.distances(json.dumps(request), is_nearest(extend)))
-        return table[..., 0] if times is not None and not several else table
+        table = shape(self._core.distances(json.dumps(request), is_nearest(extend)))
+        answer: np.ndarray = table[..., 0] if times is not None and not several else table
+        return answer
 
     def filter(
         self,
@@ -337,7 +342,7 @@ class Basis:
             request = dict(transfer, **parameters) if isinstance(transfer, dict) else {"kind": transfer, **parameters}
         columns, single = _arrays.functions(functions, self.shape[0], "functions")
         text = json.dumps(request, default=_plain)
-        filtered = self._native.filter(columns, text, is_nearest(extend))
+        filtered = self._core.filter(columns, text, is_nearest(extend))
         return filtered[:, 0] if single else filtered
 
     def project(self, functions: Any) -> np.ndarray:
@@ -354,7 +359,7 @@ class Basis:
             A coefficient for each eigenfunction.
         """
         columns, single = _arrays.functions(functions, self.shape[0], "functions")
-        found = self._native.project(columns)
+        found = self._core.project(columns)
         return found[:, 0] if single else found
 
     def reconstruct(self, coefficients: Any, *, extend: str = "none") -> np.ndarray:
@@ -378,14 +383,14 @@ class Basis:
         columns, single = _arrays.functions(given, rows, "coefficients")
         whole = np.zeros((len(self), columns.shape[1]), order="F")
         whole[:rows] = columns
-        found = self._native.reconstruct(whole, is_nearest(extend))
+        found = self._core.reconstruct(whole, is_nearest(extend))
         return found[:, 0] if single else found
 
     def __len__(self) -> int:
         return self.shape[1]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (bytes(self._native.to_bytes()), self.mesh, self.vertex_map)
+        return _rebuild, (bytes(self._core.to_bytes()), self.mesh, self.vertex_map)
 
     def __repr__(self) -> str:
         rows, pairs = self.shape
@@ -422,4 +427,4 @@ def _format_error(message: str) -> Exception:
 
 def _rebuild(content: bytes, mesh: Mesh | None, vertex_map: np.ndarray) -> Basis:
     maps = None if mesh is not None else (vertex_map.astype(np.int32), np.empty(0, dtype=np.int32))
-    return Basis._of(_native.Basis.of_bytes(content, mesh and mesh._native, maps), mesh)
+    return Basis._of(_native.Basis.of_bytes(content, None if mesh is None else mesh._core, maps), mesh)

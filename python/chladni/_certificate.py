@@ -91,7 +91,10 @@ class Certificate:
     @classmethod
     def _of_json(cls, text: str) -> Certificate:
         own = json.loads(text)
-        array = lambda name: np.array([np.nan if x is None else x for x in own.get(name) or []], dtype=float)  # noqa: E731
+
+        def array(name: str) -> np.ndarray:
+            return np.array([np.nan if x is None else x for x in own.get(name) or []], dtype=float)
+
         return cls(
             residuals=array("residuals"),
             bounds=array("bounds"),

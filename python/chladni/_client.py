@@ -8,7 +8,7 @@ import urllib.error
 import urllib.parse
 import urllib.request
 from functools import cached_property
-from typing import Any, Callable
+from typing import Any, Callable, cast
 
 import numpy as np
 
@@ -123,7 +123,8 @@ class Client:
         file = io.BytesIO()
         np.savez(file, vertices=mesh.vertices, faces=mesh.faces)
         query = {"format": "npz", "merge": "always" if merged else "never", "subdivide": mesh.report.get("subdivisions") or None}
-        return self._json("POST", "/v1/meshes", query=query, body=file.getvalue(), content_type="application/x-npz")["id"]
+        made = self._json("POST", "/v1/meshes", query=query, body=file.getvalue(), content_type="application/x-npz")
+        return str(made["id"])
 
     def eigs(
         self,
@@ -181,7 +182,7 @@ class Client:
         -------
         RemoteBasis
         """
-        return RemoteBasis._of(_RemoteNative(self, identifier), mesh)
+        return RemoteBasis._of(cast("_native.Basis", _RemoteNative(self, identifier)), mesh)
 
 
 class RemoteBasis(Basis):
@@ -195,7 +196,7 @@ class RemoteBasis(Basis):
 
     @property
     def id(self) -> str:  # noqa: D102
-        return self._native.id
+        return cast(_RemoteNative, self._core).id
 
     def download(self) -> Basis:
         """The same basis, here.
@@ -204,10 +205,10 @@ class RemoteBasis(Basis):
         -------
         Basis
         """
-        content = bytes(self._native.to_bytes())
+        content = bytes(self._core.to_bytes())
         mesh = self.mesh
         maps = None if mesh is not None else (self.vertex_map.astype(np.int32), np.empty(0, dtype=np.int32))
-        return Basis._of(_native.Basis.of_bytes(content, mesh and mesh._native, maps), mesh)
+        return Basis._of(_native.Basis.of_bytes(content, None if mesh is None else mesh._core, maps), mesh)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return self.download().__reduce__()
@@ -221,14 +222,16 @@ class _RemoteNative:
 
     @cached_property
     def record(self) -> dict[str, Any]:
-        return self.client._json("GET", f"/v1/bases/{urllib.parse.quote(self.id)}")
+        found: dict[str, Any] = self.client._json("GET", f"/v1/bases/{urllib.parse.quote(self.id)}")
+        return found
 
     @cached_property
     def _maps(self) -> np.ndarray:
         return self._npy(f"/v1/meshes/{self.record['mesh']}/vertex-map", format="npy")
 
     def _npy(self, path: str, **query: Any) -> np.ndarray:
-        return np.load(io.BytesIO(self.client.call("GET", path, query=query)[0]))
+        array: np.ndarray = np.load(io.BytesIO(self.client.call("GET", path, query=query)[0]))
+        return array
 
     def _table(self, what: str, body: Any, content_type: str = _JSON, **query: Any) -> np.ndarray:
         path = f"/v1/bases/{self.id}/{what}"

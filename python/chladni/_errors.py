@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 __all__ = ["Cancelled", "ClientError", "Error", "FormatError", "MeshError", "ParameterError", "SolveError", "UnprovenError"]
 
 
@@ -53,4 +55,4 @@ class ClientError(Error, RuntimeError):
     """
 
     status: int = 0
-    problem: dict = {}
+    problem: dict[str, Any] = {}

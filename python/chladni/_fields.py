@@ -27,7 +27,7 @@ class Fields:
         The number of locally supported fields that span it.
     """
 
-    _native: _native.Fields
+    _core: _native.Fields
     mesh: Mesh
 
     def __init__(self) -> None:
@@ -35,11 +35,11 @@ class Fields:
 
     @property
     def values(self) -> np.ndarray:  # noqa: D102
-        return np.array(self._native.values())
+        return np.array(self._core.values())
 
     @property
     def dimension(self) -> int:  # noqa: D102
-        return self._native.dimension()
+        return self._core.dimension()
 
     def design(
         self,
@@ -78,7 +78,7 @@ class Fields:
         (True, 1)
         """
         text = json.dumps({"strokes": list(strokes), "constraints": list(constraints), **request}, default=_plain)
-        field, about = self._native.design(text, form)
+        field, about = self._core.design(text, form)
         return field, json.loads(about)
 
     def __repr__(self) -> str:
@@ -128,9 +128,9 @@ def fields(
         request["n"] = int(n)
     told, close = _arrays.progress_callback(progress)
     try:
-        native = _native.design_space(mesh._native, json.dumps(request, default=_plain), told)
+        native = _native.design_space(mesh._core, json.dumps(request, default=_plain), told)
     finally:
         close()
     made = Fields.__new__(Fields)
-    made._native, made.mesh = native, mesh
+    made._core, made.mesh = native, mesh
     return made

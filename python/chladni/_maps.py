@@ -140,5 +140,5 @@ def functional_map(
         "all_points": bool(all_points),
         "both_ways": bool(both_ways),
     }
-    matrix, there, back, qualities = _native.functional_map(source._native, target._native, json.dumps(request), known)
+    matrix, there, back, qualities = _native.functional_map(source._core, target._core, json.dumps(request), known)
     return FunctionalMap(matrix, PointMap(*there), None if back is None else PointMap(*back), **dict(qualities))

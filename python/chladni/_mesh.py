@@ -6,7 +6,7 @@ import gzip
 import json
 import os
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Callable
 
 import numpy as np
 
@@ -53,18 +53,18 @@ class Mesh:
     chladni.MeshError: face 0 refers to vertex 4 of 4
     """
 
-    _native: _native.Mesh
+    _core: _native.Mesh
 
     def __init__(self, vertices: Any, faces: Any = None, *, merge: str = "never", subdivide: int = 0) -> None:
         if faces is None:
             vertices, faces = arrays_of(vertices)
         positions, triangles = _arrays.positions(vertices), _arrays.triangles(faces)
-        self._native = _native.Mesh.from_arrays(positions, triangles, merge, int(subdivide))
+        self._core = _native.Mesh.from_arrays(positions, triangles, merge, int(subdivide))
 
     @classmethod
     def _of(cls, native: _native.Mesh) -> Mesh:
         mesh = cls.__new__(cls)
-        mesh._native = native
+        mesh._core = native
         return mesh
 
     @classmethod
@@ -136,11 +136,11 @@ class Mesh:
 
     @cached_property
     def _given(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._native.given()
+        return self._core.given()
 
     @cached_property
     def _kept(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._native.kept()
+        return self._core.kept()
 
     @property
     def vertices(self) -> np.ndarray:
@@ -165,17 +165,18 @@ class Mesh:
     @cached_property
     def vertex_map(self) -> np.ndarray:
         """For each vertex that was given the kept one, (n,) int64; −1 where it was dropped."""
-        return self._native.vertex_map()
+        return self._core.vertex_map()
 
     @cached_property
     def face_map(self) -> np.ndarray:
         """For each kept face the given one that it is or is a part of, (f',) int64."""
-        return self._native.face_map()
+        return self._core.face_map()
 
     @cached_property
     def report(self) -> dict[str, Any]:
         """What the check found and repaired: area, genus, components, boundary, defects with examples, repairs."""
-        return json.loads(self._native.report())
+        report: dict[str, Any] = json.loads(self._core.report())
+        return report
 
     @property
     def area(self) -> float:
@@ -214,7 +215,7 @@ class Mesh:
         import scipy.sparse
 
         request = {"operator": operator, "mass": mass, "boundary": "neumann"}
-        stiffness, weights, _, _ = self._native.pencil(json.dumps(request))
+        stiffness, weights, _, _ = self._core.pencil(json.dumps(request))
         size = len(self.kept_vertices)
         S = scipy.sparse.csr_matrix(stiffness, shape=(size, size))
         if isinstance(weights, tuple):
@@ -270,7 +271,7 @@ class Mesh:
         if time is not None:
             distance["time"] = float(time)
         request, shape = distance_request(distance, sources, pairs, nearest)
-        return shape(self._native.distances(json.dumps(request), is_nearest(extend)))
+        return shape(self._core.distances(json.dumps(request), is_nearest(extend)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self.report.get("solid"):
@@ -308,7 +309,9 @@ def is_nearest(extend: str) -> bool:
     return extend == "nearest"
 
 
-def distance_request(distance: dict[str, Any], sources: Any, pairs: Any, nearest: bool) -> tuple[dict[str, Any], Any]:
+def distance_request(
+    distance: dict[str, Any], sources: Any, pairs: Any, nearest: bool
+) -> tuple[dict[str, Any], Callable[[np.ndarray], np.ndarray]]:
     """A request for distances, and what gives its answer the shape that was asked for."""
     if (sources is None) == (pairs is None):
         raise _arrays.parameter_error("either sources or pairs are needed, not both")
@@ -353,9 +356,9 @@ def arrays_of(something: Any) -> tuple[Any, Any]:
     raise _arrays.parameter_error(f"a {type(something).__name__} is no mesh: pass vertices and faces")
 
 
-def regular_faces(padded: Any) -> np.ndarray:
+def regular_faces(listed: Any) -> np.ndarray:
     """Triangles of VTK's list, in which each face is led by its number of corners."""
-    padded = np.asarray(padded)
+    padded: np.ndarray = np.asarray(listed)
     if padded.ndim == 2:
         return padded
     if len(padded) % 4 or (padded[::4] != 3).any():

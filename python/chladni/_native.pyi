@@ -10,7 +10,7 @@ __version__: str
 SOLVER_VERSION: str
 
 _Progress = Callable[[str, float], Any] | None
-_Csr = tuple[NDArray[np.float64], NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]]
+_Csr = tuple[NDArray[Any], NDArray[Any], NDArray[Any]]
 _Maps = tuple[NDArray[np.int32], NDArray[np.int32]]
 _Points = tuple[NDArray[np.int64] | None, NDArray[np.int64], NDArray[np.float64]]
 
@@ -75,6 +75,15 @@ def functional_map(
 def gradients(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], epsilon: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]: ...
+def pencil(
+    n: int,
+    stiffness: _Csr,
+    diagonal: NDArray[np.float64] | None,
+    mass: _Csr | None,
+    fixed: list[int],
+    request: str,
+    progress: _Progress = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], str, float]: ...
 def sample(shape: str, vertices: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]: ...
 def get_threads() -> int: ...
 def set_threads(count: int) -> None: ...

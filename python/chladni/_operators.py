@@ -94,7 +94,7 @@ class Operators:
         handle, beside = tempfile.mkstemp(dir=folder or ".", prefix=f".{name}.", suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
-                np.savez(file, **self.arrays())
+                np.savez(file, **self.arrays())  # type: ignore[arg-type]
             os.replace(beside, path)
         except BaseException:
             os.unlink(beside)
@@ -119,7 +119,7 @@ class Operators:
         os.makedirs(folder, exist_ok=True)
         digest = hashlib.sha1()
         for array in (self.vertices, self.faces):
-            digest.update(np.ascontiguousarray(array).view(np.uint8))
+            digest.update(np.ascontiguousarray(array).tobytes())
         path = os.path.join(os.fspath(folder), f"{digest.hexdigest()}_0.npz")
         self.save(path)
         return path

@@ -104,7 +104,7 @@ def eigs(
     )
     told, close = _arrays.progress_callback(progress)
     try:
-        native = mesh._native.eigenbasis(request, told)
+        native = mesh._core.eigenbasis(request, told)
     finally:
         close()
     return Basis._of(native, mesh)

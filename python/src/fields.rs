@@ -54,7 +54,7 @@ pub fn design_space(
 impl NativeFields {
     /// The eigenvalues of the operator in the space, as far as they are known.
     fn values(&self) -> Vec<f64> {
-        self.fields.ritz.as_ref().map(|ritz| ritz.eigenvalues.clone()).unwrap_or_default()
+        self.fields.eigenvalues()
     }
 
     /// The number of locally supported columns.

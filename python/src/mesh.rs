@@ -216,7 +216,7 @@ impl NativeMesh {
     /// Stiffness and mass of an operator, in the numbering of the kept mesh: `((data, indices, indptr), mass, area, unknowns)`.
     fn pencil<'py>(&self, py: Python<'py>, parameters: &str) -> PyResult<Bound<'py, PyTuple>> {
         let mut given: Packed = parsed("operator", parameters)?;
-        translate_parameters(&mut given, &self.body.translation(false), self.body.size())?;
+        translate_parameters(&mut given, &self.body.translation(false), self.body.size()).map_err(Failure::from)?;
         let Packed::Object(_) = &given else { return Err(Failure::parameter("operator: expected an object").into()) };
         let parameters: OperatorParameters = serde::Deserialize::deserialize(&given)
             .map_err(|error: serde_json::Error| Failure::parameter(format!("operator: {error}")))?;

@@ -78,6 +78,10 @@ def test_fixed_rows_are_left_out():
     assert (found.vectors[fixed] == 0).all()
 
 
+def indefinite():
+    return scipy.sparse.csr_matrix(np.diag(np.ones(100)) + np.diag(2 * np.ones(99), 1) + np.diag(2 * np.ones(99), -1))
+
+
 @pytest.mark.parametrize(
     ("change", "arguments", "message"),
     [
@@ -93,7 +97,7 @@ def test_fixed_rows_are_left_out():
         (lambda S: scipy.sparse.triu(S), {}, r"not symmetric: S\[0, 1\]"),
         (lambda S: S, {"M": np.ones(99)}, "99"),
         (lambda S: S, {"M": -np.ones(100)}, r"M\[0, 0\] is -1"),
-        (lambda S: S, {"M": S_indefinite()}, "positive definite"),
+        (lambda S: S, {"M": indefinite()}, "positive definite"),
         (lambda S: S, {"fixed": [100]}, "row 100"),
     ],
 )
@@ -101,7 +105,3 @@ def test_refusals_name_the_entry(change, arguments, message):
     S, _ = grid(10, 10)
     with pytest.raises(chladni.ParameterError, match=message):
         chladni.eigsh(change(S), **arguments)
-
-
-def S_indefinite():
-    return scipy.sparse.csr_matrix(np.diag(np.ones(100)) + np.diag(2 * np.ones(99), 1) + np.diag(2 * np.ones(99), -1))
