@@ -20,6 +20,7 @@ from ._maps import FunctionalMap, PointMap, functional_map
 from ._mesh import Mesh
 from ._native import SOLVER_VERSION, __version__, get_threads, set_threads
 from ._operators import Operators, operators
+from ._pencil import Eigenpairs, eigsh
 from ._solve import eigs
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "Certificate",
     "Client",
     "ClientError",
+    "Eigenpairs",
     "Error",
     "Fields",
     "FormatError",
@@ -45,6 +47,7 @@ __all__ = [
     "UnprovenError",
     "__version__",
     "eigs",
+    "eigsh",
     "fields",
     "functional_map",
     "get_threads",

@@ -326,13 +326,18 @@ def _client_error(status: int, content: bytes) -> ClientError:
         problem = {}
     error = ClientError(problem.get("detail") or problem.get("title") or content.decode(errors="replace")[:500] or f"status {status}")
     error.status, error.problem = status, problem
-    error.code = str(problem.get("type", "error")).rsplit("/", 1)[-1]
+    error.code = _code_of(problem.get("type", "error"))
     return error
+
+
+def _code_of(kind: Any) -> str:
+    """The identifier in the type of a problem, less what it says of the parameter: ``/problems/invalid-parameters/count``."""
+    return str(kind).partition("/problems/")[2].split("/")[0] or str(kind)
 
 
 def _job_error(job: dict[str, Any]) -> Error:
     problem = job.get("problem") or {}
-    code = str(problem.get("type") or job["status"]).rsplit("/", 1)[-1]
+    code = _code_of(problem.get("type") or job["status"])
     kind: type[Error] = SolveError
     if job["status"] == "canceled":
         kind = Cancelled

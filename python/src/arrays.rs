@@ -103,6 +103,7 @@ pub fn mass(py: Python<'_>, mass: &MassMatrix) -> PyResult<Py<PyAny>> {
     match mass {
         MassMatrix::Diagonal(diagonal) => Ok(diagonal.clone().into_pyarray(py).into_any().unbind()),
         MassMatrix::Sparse(matrix) => Ok(csr(py, matrix)?.into_any()),
+        MassMatrix::Weighted(mass) => Ok(csr(py, &mass.matrix)?.into_any()),
     }
 }
 

@@ -10,6 +10,7 @@ mod fields;
 mod learning;
 mod maps;
 mod mesh;
+mod pencil;
 mod threads;
 mod watch;
 
@@ -27,6 +28,8 @@ mod _native {
     use super::maps::functional_map;
     #[pymodule_export]
     use super::mesh::{NativeMesh, sample};
+    #[pymodule_export]
+    use super::pencil::pencil;
     #[pymodule_export]
     use super::threads::{get_threads, set_threads};
 

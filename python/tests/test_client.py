@@ -70,7 +70,7 @@ def test_refusals_are_the_servers_sentences(client, knot):
 
 @needs_server
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_an_interrupt_cancels_the_job(client):
+def test_an_interrupt_cancels_the_job(client, tmp_path):
     script = f"""
         import chladni, os, signal
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -83,7 +83,7 @@ def test_an_interrupt_cancels_the_job(client):
         except KeyboardInterrupt:
             print("interrupted")
     """
-    done = subprocess.run([sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True, timeout=120, cwd=tmp_path)
     assert done.stdout.strip() == "interrupted", done.stderr
     jobs = client._json("GET", "/v1/jobs", query={"limit": 1})
     job = next(iter(jobs.get("items") or jobs.get("jobs") or jobs.get("data")))

@@ -76,7 +76,7 @@ def test_caches_are_of_the_published_layout(tmp_path, knot):
         assert set(members) == {"verts", "frames", "faces", "k_eig", "mass", "evals", "evecs", *sparse}
         assert np.array_equal(members["verts"], vertices) and members["verts"].dtype == np.float32
         assert np.array_equal(members["faces"], faces) and members["k_eig"].item() == 16
-        for name, shape in [("frames", (3000, 3, 3)), ("mass", (3000,)), ("evals", (16,)), ("evecs", (3000, 16))]:
+        for name, shape in [("frames", (2996, 3, 3)), ("mass", (2996,)), ("evals", (16,)), ("evecs", (2996, 16))]:
             assert members[name].shape == shape and members[name].dtype == np.float32
         for name in ("L", "gradX", "gradY"):
             parts = tuple(members[f"{name}_{part}"] for part in ("data", "indices", "indptr"))
@@ -90,7 +90,7 @@ def test_caches_are_of_the_published_layout(tmp_path, knot):
 def test_vertices_without_faces_stay_in_place(knot):
     vertices = np.concatenate([knot.vertices, [[9.0, 9, 9]]])
     found = chladni.operators(vertices, knot.faces, k=8)
-    assert found.evecs.shape == (3001, 8) and (found.evecs[-1] == 0).all() and 0 < found.mass[-1] < 1e-6
+    assert found.evecs.shape == (2997, 8) and (found.evecs[-1] == 0).all() and 0 < found.mass[-1] < 1e-6
     assert np.isfinite(found.frames).all() and (found.gradX @ vertices[:, 0])[-1] == 0
     few = chladni.operators([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], k=128)
     assert few.evecs.shape == (4, 4)
