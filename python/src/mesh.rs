@@ -29,14 +29,14 @@ pub struct Body {
     pub checked: CheckedBody,
     pub numbering: Arc<Numbering>,
     /// Positions and triangles as they were given, where the mesh that was kept has others.
-    given: Option<(Vec<[f64; 3]>, Vec<[u32; 3]>)>,
+    given: Option<TriangleMesh>,
     /// What geodesic distances by heat at the usual time are computed with, from the first of them on.
     heat: OnceLock<Arc<MeshDistances>>,
 }
 
 impl Body {
     fn new(raw: RawMesh, options: &CheckOptions) -> Result<Self, Failure> {
-        let given = (raw.positions.clone(), raw.faces.clone());
+        let given = TriangleMesh { positions: raw.positions.clone(), faces: raw.faces.clone() };
         let checked = check_body(raw, options)?;
         let numbering = Arc::new(checked.surface.numbering.clone());
         let given = (!numbering.is_identity()).then_some(given);
@@ -170,7 +170,7 @@ impl NativeMesh {
     /// Positions and triangles, (n, 3) and (f, 3), as they were given.
     fn given<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         match &self.body.given {
-            Some((positions, faces)) => pair(py, positions, faces),
+            Some(TriangleMesh { positions, faces }) => pair(py, positions, faces),
             None => self.kept(py),
         }
     }
