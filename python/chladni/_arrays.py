@@ -79,9 +79,6 @@ def flag(value: str, name: str, choices: tuple[str, ...]) -> None:
         raise parameter_error(f"{name} is {value!r}, where one of {', '.join(choices)} is due")
 
 
-Progress = "bool | Callable[[str, float], Any] | None"
-
-
 def progress_callback(progress: Any) -> tuple[Callable[[str, float], Any] | None, Callable[[], None]]:
     """What the native module calls with the stage and its fraction, and what ends it."""
     if progress is None or progress is False:
