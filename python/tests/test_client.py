@@ -12,8 +12,8 @@ import pytest
 
 import chladni
 
-BINARY = os.environ.get("CHLADNI_BINARY")
-needs_server = pytest.mark.skipif(not BINARY, reason="CHLADNI_BINARY names no binary of the service")
+BINARY = os.environ.get("CHLADNI_BINARY", "")
+needs_server = pytest.mark.skipif(not os.path.exists(BINARY), reason="CHLADNI_BINARY names no binary of the service")
 
 
 @pytest.fixture(scope="module")
