@@ -86,7 +86,7 @@ def eigs(
     >>> basis = chladni.eigs(mesh, k=20, method="hsim")
     >>> basis.vectors.shape == (len(mesh.vertices), 20), basis.complete, bool(basis.residuals.max() <= 1e-8)
     (True, True, True)
-    >>> len(chladni.eigs(mesh, below=2.0)) == (chladni.eigs(mesh, k=30).values < 2.0).sum()
+    >>> bool(len(chladni.eigs(mesh, below=2.0)) == (chladni.eigs(mesh, k=30).values < 2.0).sum())
     True
     """
     mesh = as_mesh(vertices, faces)
