@@ -341,7 +341,7 @@ def _job_error(job: dict[str, Any]) -> Error:
     kind: type[Error] = SolveError
     if job["status"] == "canceled":
         kind = Cancelled
-    elif code == "invalid-parameters":
+    elif code in ("invalid-parameter", "invalid-parameters"):
         kind = ParameterError
     elif code in ("not-converged", "incomplete", "unproven", "tolerance-below-rounding"):
         kind = UnprovenError

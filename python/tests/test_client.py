@@ -62,7 +62,7 @@ def test_answers_are_those_of_here(client, knot, tmp_path):
 def test_refusals_are_the_servers_sentences(client, knot):
     with pytest.raises(chladni.ClientError, match="count") as caught:
         client.eigs(knot, k=0)
-    assert caught.value.status == 422 and caught.value.code == "invalid-parameters"
+    assert caught.value.status == 422 and caught.value.code == "invalid-parameter"
     with pytest.raises(chladni.ClientError) as caught:
         client.basis("nothing").values
     assert caught.value.status in (400, 404) and caught.value.problem["status"] == caught.value.status
