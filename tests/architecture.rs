@@ -38,10 +38,12 @@ const GUARDED: &[(&str, &[&str])] = &[
     // A product knows no mesh; geodesics need gradients, hence analysis the mesh. Files hold the numbering of the one that a product lives on.
     (
         "chladni_mesh",
-        &["operator", "spectrum", "field", "formats", "analysis", "work", "store", "queue", "http", "cli"],
+        &["operator", "spectrum", "field", "formats", "analysis", "work", "store", "queue", "http", "cli", "python"],
     ),
-    ("chladni_spectral", &["work", "store", "queue", "http", "cli"]),
-    ("chladni_work", &["queue", "http", "cli"]),
+    ("chladni_spectral", &["work", "store", "queue", "http", "cli", "python"]),
+    ("chladni_work", &["queue", "http", "cli", "python"]),
+    ("numpy", &["python"]),
+    ("pyo3", &["python"]),
     ("sqlx", &["store"]),
     ("axum", &["http"]),
     ("headers", &["http"]),
@@ -230,7 +232,7 @@ fn contains_word(line: &str, word: &str) -> bool {
 
 fn sources() -> Vec<Source> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut crates = vec![root.join("src")];
+    let mut crates = vec![root.join("src"), root.join("python/src")];
     for entry in fs::read_dir(root.join("crates")).expect("the crates are there") {
         crates.push(entry.expect("the entry can be read").path().join("src"));
     }

@@ -52,6 +52,12 @@ impl DenseMatrix {
         &self.values
     }
 
+    /// All values, column after column, without a copy.
+    #[inline]
+    pub fn into_values(self) -> Vec<f64> {
+        self.values
+    }
+
     /// All values, column after column, to write to.
     #[inline]
     pub fn values_mut(&mut self) -> &mut [f64] {

@@ -12,7 +12,7 @@ use faer::{MatRef, Side};
 
 use chladni_base::Monitor;
 
-use super::{MassMatrix, SparseMatrix};
+use super::{MassMatrix, SparseMatrix, WeightedMass};
 
 /// Why a matrix was not factored.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -123,7 +123,7 @@ impl SymbolicFactor {
             let mut entries: Vec<(u32, u32, u32)> = in_a.collect();
             match b {
                 MassMatrix::Diagonal(_) => merge(&mut entries, [(row as u32, row as u32)].into_iter()),
-                MassMatrix::Sparse(b) => {
+                MassMatrix::Sparse(b) | MassMatrix::Weighted(WeightedMass { matrix: b, .. }) => {
                     merge(&mut entries, b.row(row).0.iter().copied().zip(b.offsets()[row] as u32..));
                 }
             }
@@ -217,7 +217,9 @@ impl SymbolicFactor {
                 value -= shift
                     * match b {
                         MassMatrix::Diagonal(b) => b[in_b as usize],
-                        MassMatrix::Sparse(b) => b.values()[in_b as usize],
+                        MassMatrix::Sparse(b) | MassMatrix::Weighted(WeightedMass { matrix: b, .. }) => {
+                            b.values()[in_b as usize]
+                        }
                     };
             }
             largest = largest.max(value.abs());
@@ -408,6 +410,12 @@ impl Factor<'_> {
     /// definite.
     pub fn eigenvalues_below(&self) -> usize {
         self.below
+    }
+
+    /// The first row whose pivot is negative, in the order of elimination; the first of two where they were eliminated together.
+    pub fn first_below(&self) -> Option<usize> {
+        let negative = self.inverse.iter().position(|&inverse| inverse < 0.0)?;
+        Some(self.pivoting.as_ref().map_or(negative, |pivoting| pivoting.order[negative] as usize))
     }
 
     /// The largest `l²|d|` over the largest entry of the shifted matrix: rounding errors of the factors are about 1e-16 times this.

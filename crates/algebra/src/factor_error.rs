@@ -18,7 +18,7 @@ impl Factor<'_> {
         }
         let (sums, terms) = self.magnitudes();
         let weights = b.lumped_ratio();
-        let terms_of_mass = if matches!(b, MassMatrix::Diagonal(_)) { 1.0 } else { 4.0 };
+        let terms_of_mass = b.terms();
         let unit = 0.5 * f64::EPSILON;
         let mut most = 0f64;
         for row in 0..n {

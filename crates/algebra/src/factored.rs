@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{DenseMatrix, MassMatrix, SparseMatrix, row_parts, vectorized};
+use super::{DenseMatrix, MassMatrix, SparseMatrix, WeightedMass, row_parts, vectorized};
 
 /// Rows that one task handles, at least.
 const LEAST_ROWS: usize = 4096;
@@ -56,7 +56,7 @@ pub fn space_transposed_mass_times(
     let weighted;
     let (weights, functions) = match mass {
         MassMatrix::Diagonal(weights) => (Some(&weights[..]), functions),
-        MassMatrix::Sparse(matrix) => {
+        MassMatrix::Sparse(matrix) | MassMatrix::Weighted(WeightedMass { matrix, .. }) => {
             weighted = matrix.multiply_dense(functions)?;
             (None, &weighted)
         }

@@ -9,7 +9,7 @@ use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
-use super::{MassMatrix, Scalar, SparseMatrix, vectorized};
+use super::{MassMatrix, Scalar, SparseMatrix, WeightedMass, vectorized};
 
 /// Why a pencil cannot be restricted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -276,7 +276,7 @@ impl Workspace {
         self.own = part.len();
         for &row in part {
             self.gather_neighbours(stiffness.row(row as usize).0);
-            if let MassMatrix::Sparse(mass) = mass {
+            if let Some(mass) = mass.sparse() {
                 self.gather_neighbours(mass.row(row as usize).0);
             }
         }
@@ -336,7 +336,7 @@ impl Workspace {
                                 *y = mass[row] * x;
                             }
                         }
-                        MassMatrix::Sparse(mass) => {
+                        MassMatrix::Sparse(mass) | MassMatrix::Weighted(WeightedMass { matrix: mass, .. }) => {
                             combine(mass.row(row), &self.row_position, &self.block, width, target);
                         }
                     }
@@ -426,7 +426,9 @@ fn row_wise(
     let restricted_stiffness = lower(&|row, factor, each| sparse(stiffness, row, factor, each))?;
     let restricted_mass = match mass {
         MassMatrix::Diagonal(mass) => lower(&|row, factor, each| each(row, factor * mass[row]))?,
-        MassMatrix::Sparse(mass) => lower(&|row, factor, each| sparse(mass, row, factor, each))?,
+        MassMatrix::Sparse(mass) | MassMatrix::Weighted(WeightedMass { matrix: mass, .. }) => {
+            lower(&|row, factor, each| sparse(mass, row, factor, each))?
+        }
     };
     Ok((restricted_stiffness, restricted_mass))
 }

@@ -41,7 +41,7 @@ pub use factored::{space_times, space_times_single, space_transposed_mass_times}
 pub use galerkin::{GalerkinError, galerkin};
 pub use independent::independent_columns;
 pub use lift::{LIFT_WIDTH, RowLifter};
-pub use mass::MassMatrix;
+pub use mass::{MassMatrix, WeightedMass};
 pub use multigrid::{CYCLE_WIDTH, CycleRow, CycleWorkspace, Multigrid, MultigridError};
 pub use ordering::{Ordering, fill_reducing_order};
 use panel_products::residual_panel_rows;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::panels::PanelRow;
 use super::product::Scalar;
-use super::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, vectorized};
+use super::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, WeightedMass, vectorized};
 
 /// Rows that are multiplied at once: with all columns of a few hundred they fit the second-level cache.
 const ROWS: usize = 256;
@@ -54,7 +54,9 @@ fn mass_rows(mass: &MassMatrix, rows: std::ops::Range<usize>, x: &[PanelRow], ou
                 }
             }
         }
-        MassMatrix::Sparse(mass) => multiply_rows(mass, rows, x, out),
+        MassMatrix::Sparse(mass) | MassMatrix::Weighted(WeightedMass { matrix: mass, .. }) => {
+            multiply_rows(mass, rows, x, out)
+        }
     }
 }
 
@@ -80,7 +82,7 @@ pub fn apply_mass(mass: &MassMatrix, x: &mut Vec<f64>, scratch: &mut Vec<f64>) {
                 row.iter_mut().for_each(|x| *x *= mass);
             }
         }
-        MassMatrix::Sparse(_) => {
+        MassMatrix::Sparse(_) | MassMatrix::Weighted(_) => {
             scratch.resize(x.len(), 0.0);
             mass_times_panel(mass, x, scratch);
             std::mem::swap(x, scratch);

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{MassMatrix, SparseMatrix};
+use super::{MassMatrix, SparseMatrix, WeightedMass};
 
 /// Rows of a patch, but for the last: with sixteen single-precision lanes, three rings and the matrix, less than a megabyte.
 pub const PATCH_ROWS: usize = 2560;
@@ -119,7 +119,7 @@ pub fn patches(matrix: &SparseMatrix, mass: &MassMatrix) -> Vec<Patch> {
             assert_eq!(mass.len(), n, "a mass for each row");
             None
         }
-        MassMatrix::Sparse(mass) => {
+        MassMatrix::Sparse(mass) | MassMatrix::Weighted(WeightedMass { matrix: mass, .. }) => {
             assert_eq!(mass.rows(), n, "a row of masses for each row");
             Some(mass)
         }

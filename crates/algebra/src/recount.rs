@@ -13,7 +13,7 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::sparse::{SparseColMat, Triplet};
 
-use super::{FactorError, MassMatrix, SparseMatrix};
+use super::{FactorError, MassMatrix, SparseMatrix, WeightedMass};
 use chladni_base::Monitor;
 
 /// The number of eigenvalues of the pencil `(a, b)` below `shift`, with multiplicity, by the inertia of `a − shift · b` (Sylvester).
@@ -113,7 +113,7 @@ fn upper_triangle(a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Result<Sparse
         add(row, columns, values, 1.0);
         match b {
             MassMatrix::Diagonal(diagonal) => add(row, &[row as u32], &[diagonal[row]], -shift),
-            MassMatrix::Sparse(matrix) => {
+            MassMatrix::Sparse(matrix) | MassMatrix::Weighted(WeightedMass { matrix, .. }) => {
                 let (columns, values) = matrix.row(row);
                 add(row, columns, values, -shift);
             }

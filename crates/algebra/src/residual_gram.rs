@@ -7,7 +7,9 @@ use rayon::prelude::*;
 
 use super::dense::sum_of_lower;
 use super::panels::PanelRow;
-use super::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, residual_panel_rows, vectorized};
+use super::{
+    DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, WeightedMass, residual_panel_rows, vectorized,
+};
 
 /// Rows that are multiplied at once.
 const ROWS: usize = 256;
@@ -127,7 +129,7 @@ pub fn residual_magnitudes(
                                     magnitude[k] += theta[k] * mass[row] * x[k].abs();
                                 }
                             }
-                            MassMatrix::Sparse(mass) => {
+                            MassMatrix::Sparse(mass) | MassMatrix::Weighted(WeightedMass { matrix: mass, .. }) => {
                                 let (columns, entries) = mass.row(row);
                                 for (&column, entry) in columns.iter().zip(entries) {
                                     let (x, entry) = (&panel[column as usize], entry.abs());

@@ -131,6 +131,11 @@ impl<T: Copy> SparseMatrix<T> {
 }
 
 impl SparseMatrix {
+    /// The same matrix times a number.
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self { values: self.values.iter().map(|value| value * factor).collect(), ..self.clone() }
+    }
+
     /// The square matrix with its rows and columns in another order: row and column `k` are those that were `order[k]`, a permutation.
     pub fn reordered(&self, order: &[u32]) -> Self {
         let mut places = vec![0u32; self.columns];

@@ -80,6 +80,36 @@ impl Numbering {
         Self { assumed: true, ..Self::identity(vertices, faces) }
     }
 
+    /// The numbering that two maps tell, as files of products carry them: for each vertex of the file the kept one, of so many, or −1; for each kept face that
+    /// of the file. What the maps do not tell is not known: which vertex is nearest to a dropped one, which vertices a
+    /// subdivision made, and how many faces of the file come after the last that was kept. `None` where a
+    /// number is out of range, or a vertex that was kept is no vertex of the file.
+    pub fn from_maps(vertices: &[i32], faces: &[i32], kept: usize) -> Option<Self> {
+        let vertex = |&number: &i32| match number {
+            -1 => Some(DROPPED),
+            kept_one => u32::try_from(kept_one).ok().filter(|&own| (own as usize) < kept),
+        };
+        let map: Vec<u32> = vertices.iter().map(vertex).collect::<Option<_>>()?;
+        let face_map: Vec<u32> = faces.iter().map(|&face| u32::try_from(face).ok()).collect::<Option<_>>()?;
+        let mut met = vec![false; kept];
+        map.iter().filter(|&&own| own != DROPPED).for_each(|&own| met[own as usize] = true);
+        if !met.into_iter().all(|met| met) {
+            return None;
+        }
+        let file_faces = face_map.iter().max().map_or(0, |&last| last as usize + 1);
+        let nearest = vec![DROPPED; map.iter().filter(|&&own| own == DROPPED).count()];
+        let is_same =
+            |map: &[u32], count: usize| map.len() == count && map.iter().enumerate().all(|(k, &own)| own as usize == k);
+        Some(Self {
+            file: [map.len(), file_faces],
+            kept: [kept, face_map.len()],
+            vertices: (!is_same(&map, kept)).then_some(map),
+            faces: (!is_same(&face_map, file_faces)).then_some(face_map),
+            nearest,
+            ..Self::default()
+        })
+    }
+
     /// The numbering of a mesh of so many vertices and faces as the check found it, before the faces were divided.
     pub(crate) fn found(found: Found, kept: [usize; 2]) -> Self {
         let Found { file, vertices, faces, nearest, inner } = found;

@@ -8,7 +8,7 @@ use super::matrix::DeviceMatrix;
 use super::multiply::{Form, multiply};
 use super::recorder::Recorder;
 use super::sparse::DeviceSparse;
-use crate::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix};
+use crate::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, WeightedMass};
 
 /// `n × q` numbers on the device.
 pub(super) struct Columns {
@@ -66,7 +66,9 @@ impl Columns {
         monitor: &dyn Monitor,
     ) -> Result<DenseMatrix, GpuError> {
         match mass {
-            MassMatrix::Sparse(mass) => self.stiffness(device, mass, monitor),
+            MassMatrix::Sparse(mass) | MassMatrix::Weighted(WeightedMass { matrix: mass, .. }) => {
+                self.stiffness(device, mass, monitor)
+            }
             MassMatrix::Diagonal(mass) => {
                 let places: Vec<u32> = (0..=mass.len() as u32).collect();
                 self.weighted(device, (&places, &places[..mass.len()], mass), monitor)

@@ -159,3 +159,25 @@ fn nothing_to_convert_costs_nothing_and_damaged_bytes_are_refused() {
     wrong[48..52].copy_from_slice(&(u32::MAX - 1).to_le_bytes());
     assert!(Numbering::from_bytes(&wrong, &checked.mesh.faces).is_none());
 }
+
+#[test]
+fn maps_of_a_stored_product_give_its_numbering_back() {
+    let (_, raw, _) = disturbed(3, Shape::Torus, 200);
+    let checked = check(raw, &CheckOptions { merge: Merge::Always, ..CheckOptions::default() }).unwrap();
+    let (numbering, rows) = (checked.numbering, checked.mesh.positions.len());
+    let vertices: Vec<i32> = numbering.vertex_map().map(|kept| kept.map_or(-1, |own| own as i32)).collect();
+    let faces: Vec<i32> = numbering.face_map().map(|face| face as i32).collect();
+    let again = Numbering::from_maps(&vertices, &faces, rows).unwrap();
+    assert!(again.vertex_map().eq(numbering.vertex_map()) && again.face_map().eq(numbering.face_map()));
+    assert_eq!(again.dropped_vertices(), numbering.dropped_vertices());
+    let values: Vec<f64> = (0..rows).map(|row| row as f64).collect();
+    let told =
+        |numbering: &Numbering| translation(numbering).push(&values, 1).iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    assert_eq!(told(&again), told(&numbering));
+
+    let identity: Vec<i32> = (0..rows as i32).collect();
+    assert!(Numbering::from_maps(&identity, &[0, 1, 2], rows).unwrap().is_identity());
+    assert!(Numbering::from_maps(&[0, 1, -2], &[], 2).is_none() && Numbering::from_maps(&[0, 2], &[], 2).is_none());
+    assert!(Numbering::from_maps(&[0, 0], &[], 2).is_none(), "row 1 is no vertex of the file");
+    assert!(Numbering::from_maps(&[0], &[-1], 1).is_none());
+}

@@ -6,7 +6,7 @@ pub mod record;
 use std::collections::BTreeMap;
 
 use cases::{Case, Question, Request, case, question};
-use chladni_algebra::{CpuSolver, DenseMatrix, MassMatrix, SymmetricDefiniteSolver};
+use chladni_algebra::{CpuSolver, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
 use chladni_spectral::basis::completeness;
 use chladni_spectral::operator::{EigenProblem, OperatorParameters, assemble};
@@ -48,14 +48,7 @@ impl Truth {
             OperatorParameters { operator: case.operator.clone(), mass: case.mass, boundary: case.boundary };
         let problem = assemble(&case.mesh, &parameters, &Unwatched).ok()?.problem;
         let n = problem.size();
-        let mass = match &problem.mass {
-            MassMatrix::Sparse(mass) => mass.to_dense(),
-            MassMatrix::Diagonal(diagonal) => {
-                let mut dense = DenseMatrix::zeros(n, n);
-                diagonal.iter().enumerate().for_each(|(k, &m)| dense.column_mut(k)[k] = m);
-                dense
-            }
-        };
+        let mass = problem.mass.to_dense();
         let values = CpuSolver.lowest(problem.stiffness.to_dense(), mass, n, &Unwatched).ok()?.values;
         let lumped = problem.mass.lumped();
         let sum = |row: usize| problem.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();

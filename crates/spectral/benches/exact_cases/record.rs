@@ -21,7 +21,7 @@ pub fn write(
 ) -> Result<()> {
     let diagonal;
     let mass = match &problem.mass {
-        MassMatrix::Sparse(mass) => mass,
+        MassMatrix::Sparse(mass) | MassMatrix::Weighted(chladni_algebra::WeightedMass { matrix: mass, .. }) => mass,
         MassMatrix::Diagonal(values) => {
             let n = values.len();
             diagonal =

@@ -6,7 +6,7 @@
 
 use std::io::Write;
 
-use chladni_algebra::MassMatrix;
+use chladni_algebra::{MassMatrix, WeightedMass};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::numbering::Numbering;
 
@@ -57,7 +57,9 @@ pub fn write<W: Write>(
     match &basis.mass {
         MassMatrix::Diagonal(diagonal) => column(&mut out, "mass", diagonal)?,
         // A symmetric matrix is the same by rows and by columns.
-        MassMatrix::Sparse(matrix) => sparse(&mut out, "mass", matrix)?,
+        MassMatrix::Sparse(matrix) | MassMatrix::Weighted(WeightedMass { matrix, .. }) => {
+            sparse(&mut out, "mass", matrix)?
+        }
     }
     let axis = |axis: usize| mesh.positions.iter().map(move |position| position[axis]);
     begin(&mut out, "vertices", [mesh.positions.len(), 3])?;

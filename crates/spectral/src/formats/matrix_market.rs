@@ -2,7 +2,7 @@
 
 use std::io::{BufWriter, Write};
 
-use chladni_algebra::{MassMatrix, SparseMatrix};
+use chladni_algebra::{MassMatrix, SparseMatrix, WeightedMass};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use super::npz::FormatError;
@@ -67,7 +67,9 @@ pub fn write<W: Write>(basis: &Basis, out: W) -> Result<(), FormatError> {
     }
     archive.start_file("mass.mtx", options)?;
     match &basis.mass {
-        MassMatrix::Sparse(matrix) => coordinates(matrix, &mut archive)?,
+        MassMatrix::Sparse(matrix) | MassMatrix::Weighted(WeightedMass { matrix, .. }) => {
+            coordinates(matrix, &mut archive)?
+        }
         MassMatrix::Diagonal(diagonal) => {
             writeln!(archive, "%%MatrixMarket matrix coordinate real general")?;
             writeln!(archive, "{0} {0} {0}", diagonal.len())?;

@@ -1,6 +1,6 @@
 //! A basis as a safetensors file.
 
-use chladni_algebra::MassMatrix;
+use chladni_algebra::{MassMatrix, WeightedMass};
 
 use super::npz::FormatError;
 use crate::basis::{Basis, Compact, Functions, Precision};
@@ -137,7 +137,7 @@ fn offsets(offsets: &[usize]) -> Vec<i64> {
 fn mass_offsets(mass: &MassMatrix) -> Vec<i64> {
     match mass {
         MassMatrix::Diagonal(_) => Vec::new(),
-        MassMatrix::Sparse(matrix) => offsets(matrix.offsets()),
+        MassMatrix::Sparse(matrix) | MassMatrix::Weighted(WeightedMass { matrix, .. }) => offsets(matrix.offsets()),
     }
 }
 
@@ -154,7 +154,7 @@ fn common<'a>(basis: &'a Basis, mass_offsets: &'a [i64]) -> Vec<Tensor<'a>> {
         MassMatrix::Diagonal(diagonal) => {
             tensors.push(("mass", Dtype::F64, vec![diagonal.len()], bytemuck::cast_slice(diagonal)));
         }
-        MassMatrix::Sparse(matrix) => {
+        MassMatrix::Sparse(matrix) | MassMatrix::Weighted(WeightedMass { matrix, .. }) => {
             tensors.push(("mass.data", Dtype::F64, vec![matrix.entries()], bytemuck::cast_slice(matrix.values())));
             tensors.push(("mass.indices", Dtype::I32, vec![matrix.entries()], bytemuck::cast_slice(matrix.indices())));
             tensors.push(("mass.indptr", Dtype::I64, vec![mass_offsets.len()], bytemuck::cast_slice(mass_offsets)));

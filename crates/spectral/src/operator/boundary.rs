@@ -1,6 +1,6 @@
 //! The Dirichlet condition: boundary vertices are taken out of the unknowns.
 
-use chladni_algebra::SparseMatrix;
+use chladni_algebra::{SparseMatrix, WeightedMass};
 
 use super::{EigenProblem, MassMatrix, OperatorError};
 
@@ -9,7 +9,7 @@ use super::{EigenProblem, MassMatrix, OperatorError};
 ///
 /// # Errors
 /// [`OperatorError::NoUnknowns`] where no vertex is left.
-pub(super) fn without(problem: &EigenProblem, removed: &[u32]) -> Result<EigenProblem, OperatorError> {
+pub(crate) fn without(problem: &EigenProblem, removed: &[u32]) -> Result<EigenProblem, OperatorError> {
     let n = problem.size();
     let mut numbers = vec![0u32; n];
     removed.iter().for_each(|&v| numbers[v as usize] = u32::MAX);
@@ -26,6 +26,12 @@ pub(super) fn without(problem: &EigenProblem, removed: &[u32]) -> Result<EigenPr
     let mass = match &problem.mass {
         MassMatrix::Diagonal(mass) => MassMatrix::Diagonal(unknowns.iter().map(|&v| mass[v as usize]).collect()),
         MassMatrix::Sparse(mass) => MassMatrix::Sparse(principal(mass, &unknowns, &numbers)),
+        // What is less than a multiple of a matrix is so on some of its rows.
+        MassMatrix::Weighted(mass) => MassMatrix::Weighted(WeightedMass {
+            matrix: principal(&mass.matrix, &unknowns, &numbers),
+            weights: unknowns.iter().map(|&v| mass.weights[v as usize]).collect(),
+            ratio: mass.ratio,
+        }),
     };
     let stiffness = principal(&problem.stiffness, &unknowns, &numbers);
     Ok(EigenProblem { stiffness, mass, area: problem.area, unknowns: Some(unknowns) })

@@ -53,7 +53,7 @@ pub(super) fn add_potential(
                 }
             }
         }
-        MassMatrix::Sparse(_) => {
+        MassMatrix::Sparse(_) | MassMatrix::Weighted(_) => {
             let area: f64 = shapes.iter().map(|shape| shape.area).sum();
             for (face, shape) in faces.iter().zip(shapes).filter(|(_, shape)| shape.area > 0.0) {
                 let v = face.map(|i| scaled[i as usize]);

@@ -36,10 +36,7 @@ fn entry(matrix: &SparseMatrix, row: usize, column: usize) -> f64 {
 }
 
 fn mass_row_sums(mass: &MassMatrix) -> Vec<f64> {
-    match mass {
-        MassMatrix::Diagonal(d) => d.clone(),
-        MassMatrix::Sparse(m) => (0..m.rows()).map(|r| m.row(r).1.iter().sum()).collect(),
-    }
+    mass.multiply(&vec![1.0; mass.size()]).unwrap()
 }
 
 const KINDS: [MassKind; 3] = [MassKind::Consistent, MassKind::Barycentric, MassKind::Voronoi];

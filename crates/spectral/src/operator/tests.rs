@@ -1,6 +1,6 @@
 //! Operators against identities, analytic spectra, each other, and hostile meshes.
 
-use chladni_algebra::{CpuSolver, DenseMatrix, SymmetricDefiniteSolver};
+use chladni_algebra::{CpuSolver, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::fixtures::{grid, sphere};
@@ -54,14 +54,7 @@ fn entry(matrix: &SparseMatrix, row: usize, column: usize) -> f64 {
 
 /// The lowest eigenvalues in the units of the input.
 pub(super) fn lowest(problem: &EigenProblem, count: usize) -> Vec<f64> {
-    let mass = match &problem.mass {
-        MassMatrix::Sparse(mass) => mass.to_dense(),
-        MassMatrix::Diagonal(mass) => {
-            let mut dense = DenseMatrix::zeros(mass.len(), mass.len());
-            mass.iter().enumerate().for_each(|(k, &m)| dense.column_mut(k)[k] = m);
-            dense
-        }
-    };
+    let mass = problem.mass.to_dense();
     let pairs = CpuSolver.lowest(problem.stiffness.to_dense(), mass, count, &Unwatched).unwrap();
     pairs.values.iter().map(|value| value / problem.area).collect()
 }

@@ -1,4 +1,4 @@
-use chladni_algebra::{CpuSolver, MassMatrix, SymmetricDefiniteSolver, compact_order, solve_definite};
+use chladni_algebra::{CpuSolver, SymmetricDefiniteSolver, compact_order, solve_definite};
 use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
 
@@ -55,14 +55,7 @@ fn space(problem: &EigenProblem, d: usize) -> SparseMatrix<f32> {
 }
 
 fn dense_mass(problem: &EigenProblem) -> DenseMatrix {
-    match &problem.mass {
-        MassMatrix::Sparse(m) => m.to_dense(),
-        MassMatrix::Diagonal(m) => {
-            let mut dense = DenseMatrix::zeros(m.len(), m.len());
-            m.iter().enumerate().for_each(|(k, m)| dense.column_mut(k)[k] = *m);
-            dense
-        }
-    }
+    problem.mass.to_dense()
 }
 
 struct Case {

@@ -21,7 +21,7 @@ use super::certificate::KERNEL;
 use super::energy::{Corrections, Energy, MOST_FACTORED};
 use super::shifted::ShiftedPencil;
 use crate::operator::EigenProblem;
-use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix, galerkin, lowest_symmetric};
+use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix, WeightedMass, galerkin, lowest_symmetric};
 use chladni_base::Monitor;
 
 /// σ as a share of the pole. Larger ones make cycles converge faster, and widen the bounds by about as much.
@@ -321,7 +321,9 @@ impl Deviation {
         let magnitudes = SparseMatrix::from_sorted_parts(space.rows(), space.columns(), offsets, indices, columns);
         let of_mass = match &problem.mass {
             MassMatrix::Diagonal(_) => problem.mass.clone(),
-            MassMatrix::Sparse(mass) => MassMatrix::Sparse(magnitude(mass)),
+            MassMatrix::Sparse(mass) | MassMatrix::Weighted(WeightedMass { matrix: mass, .. }) => {
+                MassMatrix::Sparse(magnitude(mass))
+            }
         };
         let (of_stiffness, of_mass) = galerkin(&magnitudes, &magnitude(&problem.stiffness), &of_mass, monitor)?;
         let mut entries = vec![0usize; d];

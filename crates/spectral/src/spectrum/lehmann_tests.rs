@@ -14,14 +14,7 @@ fn operator(mesh: &TriangleMesh, operator: OperatorKind, mass: MassKind, boundar
 }
 
 fn dense(matrix: &MassMatrix) -> DenseMatrix {
-    match matrix {
-        MassMatrix::Sparse(matrix) => matrix.to_dense(),
-        MassMatrix::Diagonal(values) => {
-            let mut matrix = DenseMatrix::zeros(values.len(), values.len());
-            values.iter().enumerate().for_each(|(k, &value)| matrix.column_mut(k)[k] = value);
-            matrix
-        }
-    }
+    matrix.to_dense()
 }
 
 /// The exact eigenvalues by a dense solver, on unit area.

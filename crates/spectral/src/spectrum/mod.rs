@@ -13,6 +13,7 @@ pub mod hsim;
 mod lehmann;
 mod local;
 pub mod nested;
+pub mod pencil;
 pub mod radial;
 mod refine;
 mod shifted;

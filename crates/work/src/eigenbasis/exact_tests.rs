@@ -16,14 +16,7 @@ fn solved(mass: MassKind, count: usize) -> (Eigenpairs, MassMatrix) {
     let operator = assemble(&mesh, &parameters, &Unwatched).unwrap();
     let problem = &operator.problem;
     let n = problem.size();
-    let dense_mass = match &problem.mass {
-        MassMatrix::Sparse(matrix) => matrix.to_dense(),
-        MassMatrix::Diagonal(diagonal) => {
-            let mut dense = DenseMatrix::zeros(n, n);
-            diagonal.iter().enumerate().for_each(|(k, &m)| dense.column_mut(k)[k] = m);
-            dense
-        }
-    };
+    let dense_mass = problem.mass.to_dense();
     let found = CpuSolver.lowest(problem.stiffness.to_dense(), dense_mass, count, &Unwatched).unwrap();
     let mut vectors = PanelMatrix::zeros(n, count);
     for column in 0..count {

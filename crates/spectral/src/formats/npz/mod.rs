@@ -19,7 +19,7 @@ use std::io::{Cursor, Seek, Write};
 use std::ops::Range;
 use std::rc::Rc;
 
-use chladni_algebra::{MassMatrix, SparseMatrix};
+use chladni_algebra::{MassMatrix, SparseMatrix, WeightedMass};
 use chladni_mesh::numbering::Numbering;
 use serde::{Deserialize, Serialize};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
@@ -137,7 +137,7 @@ impl<W: Write + Seek> Members<W> {
         }
         match &basis.mass {
             MassMatrix::Diagonal(diagonal) => self.floats("mass", diagonal)?,
-            MassMatrix::Sparse(matrix) => {
+            MassMatrix::Sparse(matrix) | MassMatrix::Weighted(WeightedMass { matrix, .. }) => {
                 self.floats("mass_data", matrix.values())?;
                 self.pattern("mass_", matrix)?;
             }

@@ -172,5 +172,6 @@ fn lumped(mass: &MassMatrix, row: usize) -> f64 {
     match mass {
         MassMatrix::Diagonal(diagonal) => diagonal[row],
         MassMatrix::Sparse(matrix) => matrix.row(row).1.iter().sum(),
+        MassMatrix::Weighted(mass) => mass.weights[row],
     }
 }

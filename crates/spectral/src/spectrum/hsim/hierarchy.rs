@@ -1,6 +1,6 @@
 //! The start of the iteration on the mesh: approximate eigenvectors from smaller and smaller spaces of local functions.
 
-use chladni_algebra::{DenseMatrix, MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, prolong};
+use chladni_algebra::{DenseMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, prolong};
 use chladni_base::Monitor;
 
 use super::graded::{by_inverse, sharpen};
@@ -170,13 +170,6 @@ pub(super) fn add_constants(matrix: &mut DenseMatrix, lumped: &[f64], components
 
 /// The pencil of a level as dense matrices.
 pub(super) fn dense(level: &Level) -> (DenseMatrix, DenseMatrix) {
-    let mass = match &level.mass {
-        MassMatrix::Sparse(mass) => mass.to_dense(),
-        MassMatrix::Diagonal(mass) => {
-            let mut dense = DenseMatrix::zeros(mass.len(), mass.len());
-            mass.iter().enumerate().for_each(|(k, &value)| dense.column_mut(k)[k] = value);
-            dense
-        }
-    };
+    let mass = level.mass.to_dense();
     (level.stiffness.to_dense(), mass)
 }

@@ -32,13 +32,9 @@ pub(super) fn inverse(order: &[u32]) -> Vec<u32> {
 impl Level {
     /// The level with its rows in another order: row `k` becomes row `order[k]` of this one.
     pub fn in_order(&self, order: &[u32]) -> Self {
-        let mass = match &self.mass {
-            MassMatrix::Diagonal(mass) => MassMatrix::Diagonal(order.iter().map(|&row| mass[row as usize]).collect()),
-            MassMatrix::Sparse(mass) => MassMatrix::Sparse(mass.reordered(order)),
-        };
         Self {
             stiffness: self.stiffness.reordered(order),
-            mass,
+            mass: self.mass.reordered(order),
             positions: order.iter().map(|&row| self.positions[row as usize]).collect(),
             component: order.iter().map(|&row| self.component[row as usize]).collect(),
         }

@@ -1,5 +1,6 @@
 //! HSIM, the hierarchical subspace iteration method (thesis, chapter 4): the lowest eigenpairs to any tolerance, proven complete.
 
+mod bare;
 mod certify;
 mod columns;
 mod deliver;
@@ -9,11 +10,13 @@ mod hierarchy;
 mod iterate;
 mod judge;
 mod kernel;
+mod krylov;
 mod level;
 mod offset;
 mod polish;
 mod published;
 mod ritz;
+mod scout;
 mod shifts;
 mod solve;
 
@@ -205,11 +208,12 @@ impl HsimError {
     }
 
     /// Whether another start, or a longer iteration, may end better.
-    fn is_of_the_iteration(&self) -> bool {
+    pub(in crate::spectrum) fn is_of_the_iteration(&self) -> bool {
         matches!(self, Self::NotConverged { .. } | Self::Incomplete { .. } | Self::Unproven { .. } | Self::Numerical(_))
     }
 }
 
+pub(in crate::spectrum) use bare::solve as solve_bare;
 pub(in crate::spectrum) use solve::{columns, is_dense, solve_from};
 pub use solve::{solve, solve_with_space};
 

@@ -1,6 +1,6 @@
 //! What of an operator is known before anything is computed: the constant part of its potential, and the components on which constants are in its kernel.
 
-use chladni_algebra::{MassMatrix, SparseMatrix};
+use chladni_algebra::{MassMatrix, SparseMatrix, WeightedMass};
 
 use super::level::NO_KERNEL;
 
@@ -31,7 +31,7 @@ pub(super) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix) -> (SparseM
         };
         let taken = match mass {
             MassMatrix::Diagonal(mass) => take(row as u32, mass[row]),
-            MassMatrix::Sparse(mass) => {
+            MassMatrix::Sparse(mass) | MassMatrix::Weighted(WeightedMass { matrix: mass, .. }) => {
                 let (columns, parts) = mass.row(row);
                 columns.iter().zip(parts).try_for_each(|(&column, &part)| take(column, part))
             }

@@ -24,7 +24,7 @@ const MOST_PASSES: usize = 24;
 const TIGHT: f64 = 1e-4;
 
 /// Up to this size, what an iteration did not settle is left to a dense solve of the whole pencil.
-const DENSE: usize = 1500;
+pub(super) const DENSE: usize = 1500;
 
 /// Computes the lowest eigenpairs of an operator on a mesh, and proves by inertia that none is missing.
 ///
@@ -249,25 +249,25 @@ fn climb_and_solve(
 }
 
 /// A count below a bound may be off by so many where eigenvalues lie next to it.
-const SLACK: usize = 32;
+pub(super) const SLACK: usize = 32;
 
 /// What is iterated on, from whatever start.
-struct Task<'a> {
-    mesh: &'a TriangleMesh,
-    problem: &'a EigenProblem,
-    parameters: &'a HsimParameters,
-    finest: &'a Finest,
-    kernel: &'a Kernel<'a>,
-    goal: Goal,
+pub(super) struct Task<'a> {
+    pub mesh: &'a TriangleMesh,
+    pub problem: &'a EigenProblem,
+    pub parameters: &'a HsimParameters,
+    pub finest: &'a Finest,
+    pub kernel: &'a Kernel<'a>,
+    pub goal: Goal,
     /// The pairs to converge beside the kernel.
-    beside: usize,
-    offset: f64,
-    monitor: &'a dyn Monitor,
+    pub beside: usize,
+    pub offset: f64,
+    pub monitor: &'a dyn Monitor,
 }
 
 impl Task<'_> {
     /// Iterates from a start, plainly with the given shift or slice by slice, until what was found is proven. `exact`: the start may have converged.
-    fn solve(
+    pub fn solve(
         &self,
         vectors: PanelMatrix,
         values: Vec<f64>,
@@ -347,7 +347,7 @@ const TIGHTEST: f64 = 1e-11;
 const ATTEMPTS: usize = 4;
 
 /// Above this size factors in an order of minimum degree cost more than it takes to find a better one, even if there are only a few.
-const LARGE: usize = 1_000_000;
+pub(super) const LARGE: usize = 1_000_000;
 
 /// Above this size a factor costs more than the solves of a few panels.
 const MANY_VERTICES: usize = 60_000;
@@ -381,11 +381,11 @@ fn base_level(mesh: &TriangleMesh, problem: &EigenProblem, shiftable: bool) -> R
 }
 
 /// The finest level in the order in which it is factored.
-struct Finest {
+pub(super) struct Finest {
     /// Row `k` is unknown `order[k]`.
-    order: Vec<u32>,
-    level: Level,
-    symbolic: SymbolicFactor,
+    pub order: Vec<u32>,
+    pub level: Level,
+    pub symbolic: SymbolicFactor,
 }
 
 impl Finest {
@@ -424,7 +424,7 @@ impl Finest {
 }
 
 /// What a factor at a bound says about the eigenvalues below it.
-enum Estimate {
+pub(super) enum Estimate {
     /// There are none, as is proven by this count.
     Nothing(Count),
     /// There are about so many, at least one.
@@ -432,7 +432,7 @@ enum Estimate {
 }
 
 /// `kernel` is the dimension of the kernel that is known exactly.
-fn estimate(finest: &Finest, bound: f64, kernel: usize) -> Result<Estimate, HsimError> {
+pub(super) fn estimate(finest: &Finest, bound: f64, kernel: usize) -> Result<Estimate, HsimError> {
     let (level, lumped) = (&finest.level, finest.level.mass.lumped());
     let sums = |row: usize| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
     let spread = (0..level.size()).map(|row| sums(row) / lumped[row]).fold(0.0, f64::max);

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use chladni_algebra::{CpuSolver, DenseMatrix, MassMatrix, SymmetricDefiniteSolver};
+use chladni_algebra::{CpuSolver, SymmetricDefiniteSolver};
 use chladni_base::{Cancelled, Monitor, Unwatched};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::shape::{Shape, generate, noisy, renumbered};
@@ -30,14 +30,7 @@ pub(super) fn below(bound: f64, most: usize) -> HsimParameters {
 
 /// The lowest eigenvalues by the dense solver, in the units of the input.
 pub(super) fn exact(problem: &EigenProblem, count: usize) -> Vec<f64> {
-    let mass = match &problem.mass {
-        MassMatrix::Sparse(mass) => mass.to_dense(),
-        MassMatrix::Diagonal(mass) => {
-            let mut dense = DenseMatrix::zeros(mass.len(), mass.len());
-            mass.iter().enumerate().for_each(|(k, &value)| dense.column_mut(k)[k] = value);
-            dense
-        }
-    };
+    let mass = problem.mass.to_dense();
     let count = count.min(problem.size());
     let pairs = CpuSolver.lowest(problem.stiffness.to_dense(), mass, count, &Unwatched).unwrap();
     pairs.values.into_iter().map(|value| value / problem.area).collect()

@@ -1,0 +1,303 @@
+//! HSIM on a pencil of which nothing is known but its matrices: no mesh, no positions, no sign.
+//!
+//! Residuals (4.6) are relative to `‖S x‖`, which tells nothing where an eigenvalue is next to zero. Constants are known to be in the kernel of a Laplacian, and
+//! are kept out of the iteration. What else lies next to zero, or below, is moved: the pencil `S + cM` has the same vectors, and its eigenvalues are
+//! positive. With `c` about the distance of the lowest eigenvalue from the next, residuals are those of a Laplacian with the constants taken out.
+
+use chladni_algebra::{MassMatrix, Ordering, SparseMatrix, SymbolicFactor, fill_reducing_order};
+use chladni_base::Monitor;
+use chladni_mesh::TriangleMesh;
+
+use super::certify::Goal;
+use super::deliver::nothing;
+use super::hierarchy::{self, densely};
+use super::kernel::Kernel;
+use super::krylov;
+use super::level::{Level, NO_KERNEL};
+use super::offset;
+use super::scout::Scout;
+use super::shifts::factor_near;
+use super::solve::{DENSE, Estimate, Finest, LARGE, SLACK, Task, estimate};
+use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
+use crate::operator::EigenProblem;
+
+/// Pencils of so few rows are solved densely.
+const SMALL: usize = 800;
+
+/// So are those of which more than this share of all pairs is wanted.
+const MOST_SHARE: usize = 3;
+
+/// Rows with more entries than this on average are those of solids, or of anything else that fills in more than surfaces do.
+const ENTRIES_OF_SURFACE: usize = 10;
+
+/// Above this size such a matrix is ordered by nested dissection.
+const MANY_ROWS: usize = 5_000;
+
+/// Eigenpairs, and the multiple `c` of the mass with which their residuals are relative to `‖(S + cM) x‖`.
+#[derive(Debug)]
+pub(in crate::spectrum) struct Bare {
+    pub pairs: Eigenpairs,
+    pub moved: f64,
+}
+
+/// Computes the lowest eigenpairs of a pencil whose rows are all unknowns, in its own units; `area` has to be 1. Stages as [`solve`](super::solve).
+///
+/// # Errors
+/// [`HsimError`], as [`solve`](super::solve).
+pub(in crate::spectrum) fn solve(
+    problem: &EigenProblem,
+    parameters: &HsimParameters,
+    monitor: &dyn Monitor,
+) -> Result<Bare, HsimError> {
+    parameters.check()?;
+    let n = problem.size();
+    if let Wanted::Count(count) = parameters.wanted
+        && count > n
+    {
+        return Err(HsimError::Count { wanted: count, most: n });
+    }
+    monitor.stage("hierarchy");
+    monitor.checkpoint()?;
+    let finest = in_order(problem, parameters.wanted, monitor)?;
+    Bench { problem, parameters, monitor, mesh: TriangleMesh { positions: vec![[0.0; 3]; n], faces: Vec::new() } }
+        .solve(finest)
+}
+
+/// What stays the same in every attempt.
+struct Bench<'a> {
+    problem: &'a EigenProblem,
+    parameters: &'a HsimParameters,
+    monitor: &'a dyn Monitor,
+    /// HSIM asks how many rows there are.
+    mesh: TriangleMesh,
+}
+
+/// Ritz pairs to iterate from.
+struct Begun {
+    values: Vec<f64>,
+    vectors: chladni_algebra::PanelMatrix,
+    /// Whether they may have converged.
+    exact: bool,
+}
+
+impl Bench<'_> {
+    fn solve(&self, mut finest: Finest) -> Result<Bare, HsimError> {
+        let n = finest.level.size();
+        let (goal, wanted) = match self.parameters.wanted {
+            Wanted::Count(count) => (Goal::Count(count), count),
+            Wanted::Below { bound, most } | Wanted::Between { to: bound, most, .. } => {
+                match estimate(&finest, bound, known(&finest.level))? {
+                    Estimate::Nothing(count) => {
+                        let pairs = nothing(&self.mesh, self.problem, n, count, 0.0);
+                        return Ok(Bare { pairs, moved: 0.0 });
+                    }
+                    Estimate::About(wanted) if wanted > most.saturating_add(wanted.min(SLACK)) => {
+                        return Err(HsimError::Count { wanted, most });
+                    }
+                    Estimate::About(wanted) => (Goal::Below(bound), wanted),
+                }
+            }
+        };
+        let begun = self.begin(&mut finest, goal, wanted)?;
+        let moved = self.distance(&finest, &begun, wanted);
+        if moved != 0.0 {
+            if known(&finest.level) > 0 {
+                // Zero is no end of what is wanted then.
+                finest.level.component.fill(NO_KERNEL);
+                return self.solve(finest);
+            }
+            finest.level.stiffness = plus_mass(&finest.level.stiffness, &finest.level.mass, moved);
+        }
+        self.iterate(&finest, begun, wanted, moved)
+    }
+
+    /// Ritz pairs beside the kernel, which is given up where it does not lie at the lower end.
+    fn begin(&self, finest: &mut Finest, goal: Goal, wanted: usize) -> Result<Begun, HsimError> {
+        let n = finest.level.size();
+        loop {
+            let kernel = known(&finest.level);
+            let q = hierarchy::columns(beside(wanted, kernel, n), n - kernel);
+            if n <= SMALL || MOST_SHARE * q >= n {
+                let (values, vectors) = densely(&finest.level, q, self.monitor)?;
+                let exact = true;
+                if kernel > 0 && values.first().is_some_and(|&value| value < 0.0) {
+                    finest.level.component.fill(NO_KERNEL);
+                    continue;
+                }
+                return Ok(Begun { values, vectors, exact });
+            }
+            let mut scout = Scout::new(&finest.level, &finest.symbolic);
+            let bound = match goal {
+                Goal::Below(bound) => Some(bound),
+                Goal::Count(_) => None,
+            };
+            let window = scout.window(q + kernel, bound, kernel > 0, self.monitor)?;
+            if kernel > 0 && !window.semidefinite {
+                finest.level.component.fill(NO_KERNEL);
+                continue;
+            }
+            let spread = scout.spread();
+            let below = window.low - (window.high - window.low).abs() / 16.0;
+            let (_, factor) = factor_near(&finest.level, &finest.symbolic, below, spread, Vec::new())?;
+            let kernel = Kernel::new(&finest.level);
+            let seed = self.parameters.seed;
+            let (values, vectors) = krylov::start(&finest.level, &kernel, &factor, q, seed, self.monitor)?;
+            return Ok(Begun { values, vectors, exact: false });
+        }
+    }
+
+    /// The multiple of the mass that has to be added for residuals to tell something: nothing for a Laplacian with its constants, or where the lowest eigenvalue
+    /// is as far from zero as from the others.
+    fn distance(&self, finest: &Finest, begun: &Begun, wanted: usize) -> f64 {
+        let values = &begun.values;
+        let (Some(&first), Some(&last)) = (values.first(), values.get(wanted.min(values.len()).saturating_sub(1)))
+        else {
+            return 0.0;
+        };
+        let longest = (0..finest.level.size()).map(|row| finest.level.stiffness.row(row).0.len()).max().unwrap_or(0);
+        let spread = Scout::new(&finest.level, &finest.symbolic).spread();
+        // What a residual of the tolerance can be told from.
+        let rounding = 64.0 * f64::EPSILON * (longest as f64 + 4.0) * spread / self.parameters.tolerance;
+        let width = last - first;
+        let next = values.iter().map(|value| value - first).find(|&gap| gap > 1e-4 * width).unwrap_or(width);
+        let least = next.clamp(1e-3 * width.max(0.0), width.max(0.0)).max(rounding).max(1e-3 * first.abs());
+        if first >= least { 0.0 } else { few_digits(least - first) }
+    }
+
+    fn iterate(&self, finest: &Finest, begun: Begun, wanted: usize, moved: f64) -> Result<Bare, HsimError> {
+        let (n, kernel) = (finest.level.size(), Kernel::new(&finest.level));
+        let up = |bound: f64| bound + moved;
+        let wanted_there = match self.parameters.wanted {
+            Wanted::Count(count) => Wanted::Count(count),
+            Wanted::Below { bound, most } => Wanted::Below { bound: up(bound), most },
+            Wanted::Between { from, to, most } => Wanted::Between { from: up(from), to: up(to), most },
+        };
+        let parameters = HsimParameters { wanted: wanted_there, ..*self.parameters };
+        let goal = match wanted_there {
+            Wanted::Count(count) => Goal::Count(count),
+            Wanted::Below { bound, .. } | Wanted::Between { to: bound, .. } => Goal::Below(bound),
+        };
+        let task = Task {
+            mesh: &self.mesh,
+            problem: self.problem,
+            parameters: &parameters,
+            finest,
+            kernel: &kernel,
+            goal,
+            beside: beside(wanted, kernel.dimension(), n),
+            offset: 0.0,
+            monitor: self.monitor,
+        };
+        let values: Vec<f64> = begun.values.iter().map(|&value| up(value)).collect();
+        let solved = match task.solve(begun.vectors, values, None, begun.exact) {
+            Err(error) if n <= DENSE && error.is_of_the_iteration() => {
+                self.monitor.stage("repair");
+                let (values, vectors) = densely(&finest.level, n - kernel.dimension(), self.monitor)?;
+                task.solve(vectors, values, None, true)
+            }
+            solved => solved,
+        };
+        let (mut pairs, report) = solved.map_err(|error| down(error, moved))?;
+        if let Wanted::Below { most, .. } | Wanted::Between { most, .. } = parameters.wanted
+            && pairs.first + pairs.values.len() > most
+        {
+            return Err(HsimError::Count { wanted: pairs.first + pairs.values.len(), most });
+        }
+        pairs.levels = vec![report];
+        move_back(&mut pairs, &finest.level.mass, moved);
+        Ok(Bare { pairs, moved })
+    }
+}
+
+/// The pairs to converge beside the kernel: one above it tells where it ends.
+fn beside(wanted: usize, kernel: usize, n: usize) -> usize {
+    wanted.saturating_sub(kernel).max(1).min(n - kernel)
+}
+
+/// The dimension of the kernel that is known.
+fn known(level: &Level) -> usize {
+    level.component.iter().filter(|&&component| component != NO_KERNEL).max().map_or(0, |&most| most as usize + 1)
+}
+
+/// The problem in a fill-reducing order, and the components on which constants are in its kernel. Those are told by row sums; with a mass that is not
+/// diagonal they are left to the iteration, since it may couple components.
+fn in_order(problem: &EigenProblem, wanted: Wanted, monitor: &dyn Monitor) -> Result<Finest, HsimError> {
+    let n = problem.size();
+    let columns = match wanted {
+        Wanted::Count(count) => hierarchy::columns(count, n),
+        Wanted::Below { .. } | Wanted::Between { .. } => 128,
+    };
+    let surface = problem.stiffness.entries() <= ENTRIES_OF_SURFACE * n;
+    let dissect = n > LARGE || if surface { columns >= 128 && n * columns > 30_000_000 } else { n > MANY_ROWS };
+    let ordering = if dissect { Ordering::NestedDissection } else { Ordering::Amd };
+    let order = fill_reducing_order(&problem.stiffness, ordering)?;
+    monitor.checkpoint()?;
+    let (stiffness, mass) = (problem.stiffness.reordered(&order), problem.mass.reordered(&order));
+    let mut component = match mass {
+        MassMatrix::Diagonal(_) => offset::components(&stiffness, &mass, 0.0),
+        _ => vec![NO_KERNEL; n],
+    };
+    if component.iter().max().is_some_and(|&most| most != NO_KERNEL && most as usize + 1 == n) {
+        // Nothing but a kernel would be left to iterate on.
+        component.fill(NO_KERNEL);
+    }
+    let level = Level { stiffness, mass, positions: Vec::new(), component };
+    let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass)?.within(1, monitor)?;
+    Ok(Finest { order, level, symbolic })
+}
+
+/// A number no less than the given one, with so few digits that products with it are hardly rounded.
+fn few_digits(number: f64) -> f64 {
+    if !(number > 0.0 && number.is_finite()) {
+        return 0.0;
+    }
+    let unit = (number.log2().floor() - 4.0).exp2();
+    (number / unit).ceil() * unit
+}
+
+/// `S + cM`; the pattern of `S` holds that of `M`.
+fn plus_mass(stiffness: &SparseMatrix, mass: &MassMatrix, factor: f64) -> SparseMatrix {
+    let mut values = stiffness.values().to_vec();
+    let mut add = |row: usize, column: u32, part: f64| {
+        if let Ok(at) = stiffness.row(row).0.binary_search(&column) {
+            values[stiffness.offsets()[row] + at] += factor * part;
+        }
+    };
+    for row in 0..stiffness.rows() {
+        match mass {
+            MassMatrix::Diagonal(mass) => add(row, row as u32, mass[row]),
+            mass => {
+                if let Some((columns, parts)) = mass.sparse().map(|mass| mass.row(row)) {
+                    columns.iter().zip(parts).for_each(|(&column, &part)| add(row, column, part));
+                }
+            }
+        }
+    }
+    let (offsets, indices) = (stiffness.offsets().to_vec(), stiffness.indices().to_vec());
+    SparseMatrix::from_sorted_parts(stiffness.rows(), stiffness.columns(), offsets, indices, values)
+}
+
+/// Everything in the units of the pencil as it was given.
+fn move_back(pairs: &mut Eigenpairs, mass: &MassMatrix, moved: f64) {
+    if moved == 0.0 {
+        return;
+    }
+    pairs.values.iter_mut().for_each(|value| *value -= moved);
+    // Entries of the mass times the factor were rounded, and so were the differences.
+    let rounding = f64::EPSILON * (1.0 + mass.terms() * mass.lumped_ratio()) * moved;
+    pairs.bounds.iter_mut().for_each(|bound| *bound += rounding);
+    pairs.inertia.iter_mut().for_each(|count| count.shift -= moved);
+    for pair in &mut pairs.on_bounds {
+        pair.value -= moved;
+        pair.bound -= moved;
+        pair.within += rounding;
+    }
+}
+
+/// An error in the same units.
+fn down(error: HsimError, moved: f64) -> HsimError {
+    match error {
+        HsimError::Incomplete { missing, shift } => HsimError::Incomplete { missing, shift: shift - moved },
+        other => other,
+    }
+}

@@ -1,0 +1,136 @@
+//! Where the lowest eigenvalues of a pencil lie, by inertia counts at a few shifts: what a start without geometry needs to know of it.
+
+use chladni_algebra::SymbolicFactor;
+use chladni_base::Monitor;
+
+use super::HsimError;
+use super::level::Level;
+use super::shifts::factor_near;
+
+/// Eigenvalues above this share of the largest below zero are taken for zero.
+const NEGLIGIBLE: f64 = 1e-10;
+
+/// Shifts that are tried on the way up.
+const MOST: usize = 8;
+
+/// The window is good that holds between the wanted number of eigenvalues and this many times as many.
+const ENOUGH: usize = 3;
+
+/// Shifts between which the lowest eigenvalues lie.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Window {
+    /// No eigenvalue lies below.
+    pub low: f64,
+    /// About as many as are wanted lie below, or more.
+    pub high: f64,
+    /// Whether no eigenvalue lies below zero, up to rounding.
+    pub semidefinite: bool,
+}
+
+/// What counts are made with.
+pub(super) struct Scout<'a> {
+    pub level: &'a Level,
+    pub symbolic: &'a SymbolicFactor,
+    /// Row sums of magnitudes of the stiffness over the lumped mass.
+    ratios: Vec<f64>,
+    storage: Vec<f64>,
+}
+
+impl<'a> Scout<'a> {
+    pub fn new(level: &'a Level, symbolic: &'a SymbolicFactor) -> Self {
+        let sum = |row: usize| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
+        let ratios = level.mass.lumped().iter().enumerate().map(|(row, mass)| sum(row) / mass).collect();
+        Self { level, symbolic, ratios, storage: Vec::new() }
+    }
+
+    /// About the largest eigenvalue, or more.
+    pub fn spread(&self) -> f64 {
+        self.ratios.iter().copied().fold(0.0, f64::max)
+    }
+
+    fn count(&mut self, shift: f64) -> Result<usize, HsimError> {
+        let storage = std::mem::take(&mut self.storage);
+        let (_, factor) = factor_near(self.level, self.symbolic, shift, self.spread(), storage)?;
+        let below = factor.eigenvalues_below();
+        self.storage = factor.into_storage();
+        Ok(below)
+    }
+
+    /// A window that holds the lowest `wanted` eigenvalues, or those below `bound`. With a `kernel`, zero is an eigenvalue.
+    pub fn window(
+        &mut self,
+        wanted: usize,
+        bound: Option<f64>,
+        kernel: bool,
+        monitor: &dyn Monitor,
+    ) -> Result<Window, HsimError> {
+        let spread = self.spread();
+        let zero = NEGLIGIBLE * spread;
+        let semidefinite = self.count(-zero)? == 0;
+        let base = if semidefinite { -zero } else { self.floor(zero, monitor)? };
+        if let Some(bound) = bound {
+            return self.tighten(base, bound, kernel && semidefinite, semidefinite);
+        }
+        let n = self.ratios.len();
+        let median = *self.ratios.clone().select_nth_unstable_by(n / 2, f64::total_cmp).1;
+        // By Weyl's law in two dimensions.
+        let mut at = (median * wanted as f64 / n as f64).max(zero).min(spread);
+        let (mut few, mut many): (Option<(f64, usize)>, Option<(f64, usize)>) = (None, None);
+        for _ in 0..MOST {
+            monitor.checkpoint()?;
+            let found = self.count(base + at)?;
+            if found < wanted {
+                few = Some((at, found));
+            } else {
+                many = Some((at, found));
+                if found <= ENOUGH * wanted {
+                    break;
+                }
+            }
+            at = next(few, many, wanted).min(spread - base);
+        }
+        let high = base + many.or(few).map_or(spread, |(at, _)| at);
+        let low = few.filter(|&(_, found)| found == 0).map_or(base, |(at, _)| base + at);
+        self.tighten(low, high, kernel && semidefinite, semidefinite)
+    }
+
+    /// A shift with no eigenvalue below, where some are negative.
+    fn floor(&mut self, zero: f64, monitor: &dyn Monitor) -> Result<f64, HsimError> {
+        let (mut inside, mut outside) = (zero, 2.0 * self.level.mass.lumped_ratio() * self.spread());
+        while outside > 2.0 * inside {
+            monitor.checkpoint()?;
+            let middle = (inside * outside).sqrt();
+            if self.count(-middle)? > 0 {
+                inside = middle;
+            } else {
+                outside = middle;
+            }
+        }
+        Ok(-outside)
+    }
+
+    /// The window with its lower end raised, where the lowest eigenvalue lies well above it.
+    fn tighten(&mut self, low: f64, high: f64, has_zero: bool, semidefinite: bool) -> Result<Window, HsimError> {
+        let quarter = low + 0.25 * (high - low);
+        let raised = !has_zero && high > low && self.count(quarter)? == 0;
+        Ok(Window { low: if raised { quarter } else { low }, high, semidefinite })
+    }
+}
+
+/// The next distance to try, from one with too few and one with too many eigenvalues.
+fn next(few: Option<(f64, usize)>, many: Option<(f64, usize)>, wanted: usize) -> f64 {
+    let target = 1.6 * wanted as f64;
+    match (few, many) {
+        (Some((low, below)), Some((high, above))) if below > 0 => {
+            // A power law through both, kept inside.
+            let power = (high / low).ln() / (above as f64 / below as f64).ln();
+            let at = low * (target / below as f64).powf(power);
+            at.clamp(low * (high / low).powf(0.1), low * (high / low).powf(0.9))
+        }
+        (Some((low, _)), Some((high, _))) => (low * high).sqrt(),
+        (Some((low, 0)), None) => 8.0 * low,
+        (Some((low, below)), None) => low * (target / below as f64).powf(1.2).min(64.0),
+        (None, Some((high, above))) => high * (target / above as f64).powf(1.5).max(1e-6),
+        (None, None) => 1.0,
+    }
+}

@@ -1,0 +1,163 @@
+//! That matrices are what they are taken for.
+
+use chladni_algebra::{MassMatrix, SparseMatrix};
+
+use super::PencilError;
+
+/// Entries on either side of the diagonal may differ by this share of the largest in their rows.
+const ROUNDING: f64 = 1e-12;
+
+/// A matrix of `rows × columns` from the arrays of SciPy's `csr_matrix` (or of its transpose by columns): the entries of row `i` are `indptr[i]..indptr[i + 1]`.
+/// They may come in any order, and those of one place are added up.
+///
+/// # Errors
+/// [`PencilError::Structure`] names the row whose offsets or columns do not fit.
+pub fn csr(
+    rows: usize,
+    columns: usize,
+    indptr: &[usize],
+    indices: &[u32],
+    values: &[f64],
+) -> Result<SparseMatrix, PencilError> {
+    let refuse = |reason: String| Err(PencilError::Structure { matrix: "the matrix", reason });
+    if indptr.len() != rows.saturating_add(1) || indptr.first() != Some(&0) {
+        return refuse(format!("{} row offsets are not those of {rows} rows, from 0", indptr.len()));
+    }
+    if let Some(row) = indptr.windows(2).position(|pair| pair[0] > pair[1]) {
+        return refuse(format!("row {row} ends before it begins"));
+    }
+    if indptr[rows] != indices.len() || indices.len() != values.len() {
+        let (end, indices, values) = (indptr[rows], indices.len(), values.len());
+        return refuse(format!("rows end at {end}, with {indices} columns and {values} entries"));
+    }
+    if let Some(at) = indices.iter().position(|&column| column as usize >= columns) {
+        let row = indptr.partition_point(|&offset| offset <= at) - 1;
+        return refuse(format!("row {row} has an entry in column {} of {columns}", indices[at]));
+    }
+    let (mut offsets, mut sorted) = (Vec::with_capacity(rows + 1), Vec::with_capacity(indices.len()));
+    let (mut numbers, mut row): (Vec<f64>, Vec<(u32, f64)>) = (Vec::with_capacity(values.len()), Vec::new());
+    offsets.push(0);
+    for range in indptr.windows(2).map(|pair| pair[0]..pair[1]) {
+        row.clear();
+        row.extend(indices[range.clone()].iter().copied().zip(values[range].iter().copied()));
+        row.sort_by_key(|entry| entry.0);
+        let start = sorted.len();
+        for &(column, value) in &row {
+            if sorted.len() > start && sorted.last() == Some(&column) {
+                if let Some(last) = numbers.last_mut() {
+                    *last += value;
+                }
+            } else {
+                sorted.push(column);
+                numbers.push(value);
+            }
+        }
+        offsets.push(sorted.len());
+    }
+    Ok(SparseMatrix::from_sorted_parts(rows, columns, offsets, sorted, numbers))
+}
+
+/// The matrix made symmetric to the last bit, without stored zeros.
+pub(super) fn symmetric(name: &'static str, matrix: SparseMatrix) -> Result<SparseMatrix, PencilError> {
+    let n = matrix.rows();
+    if matrix.columns() != n || u32::try_from(n).is_err() {
+        return Err(PencilError::Shape {
+            matrix: name,
+            rows: n,
+            columns: matrix.columns(),
+            expected: "a square matrix".to_owned(),
+        });
+    }
+    let mut largest = vec![0f64; n];
+    for (row, largest) in largest.iter_mut().enumerate() {
+        let (columns, values) = matrix.row(row);
+        for (&column, &value) in columns.iter().zip(values) {
+            if !value.is_finite() {
+                return Err(PencilError::NotFinite { matrix: name, row, column: column as usize, value });
+            }
+            *largest = largest.max(value.abs());
+        }
+    }
+    let mirrored = transposed(&matrix);
+    let (mut offsets, mut indices) = (Vec::with_capacity(n + 1), Vec::with_capacity(matrix.entries()));
+    let mut values = Vec::with_capacity(matrix.entries());
+    offsets.push(0);
+    for row in 0..n {
+        for (column, value, mirrored) in merged(matrix.row(row), mirrored.row(row)) {
+            let allowed = ROUNDING * largest[row].max(largest[column as usize]);
+            if (value - mirrored).abs() > allowed {
+                let column = column as usize;
+                return Err(PencilError::NotSymmetric { matrix: name, row, column, value, mirrored });
+            }
+            // Halves first: a sum may overflow.
+            let mean = if value == mirrored { value } else { 0.5 * value + 0.5 * mirrored };
+            if mean != 0.0 {
+                indices.push(column);
+                values.push(mean);
+            }
+        }
+        offsets.push(indices.len());
+    }
+    Ok(SparseMatrix::from_sorted_parts(n, n, offsets, indices, values))
+}
+
+/// The matrix with a place for every entry of the mass and on the diagonal, which holds a zero where it had none.
+pub(super) fn with_pattern_of(matrix: &SparseMatrix, mass: &MassMatrix) -> SparseMatrix {
+    let n = matrix.rows();
+    let (mut offsets, mut indices) = (Vec::with_capacity(n + 1), Vec::with_capacity(matrix.entries() + n));
+    let mut values = Vec::with_capacity(matrix.entries() + n);
+    offsets.push(0);
+    for row in 0..n {
+        let (diagonal, one) = ([row as u32], [1.0]);
+        let others = mass.sparse().map_or((&diagonal[..], &one[..]), |mass| mass.row(row));
+        for (column, value, _) in merged(matrix.row(row), others) {
+            indices.push(column);
+            values.push(value);
+        }
+        offsets.push(indices.len());
+    }
+    SparseMatrix::from_sorted_parts(n, n, offsets, indices, values)
+}
+
+/// The columns of two rows, with the entries of both.
+fn merged<'a>(
+    (left, left_values): (&'a [u32], &'a [f64]),
+    (right, right_values): (&'a [u32], &'a [f64]),
+) -> impl Iterator<Item = (u32, f64, f64)> {
+    let (mut i, mut j) = (0, 0);
+    std::iter::from_fn(move || {
+        let column = match (left.get(i), right.get(j)) {
+            (Some(&a), Some(&b)) => a.min(b),
+            (a, b) => *a.or(b)?,
+        };
+        let take = |columns: &[u32], values: &[f64], at: &mut usize| {
+            if columns.get(*at) == Some(&column) {
+                *at += 1;
+                values[*at - 1]
+            } else {
+                0.0
+            }
+        };
+        Some((column, take(left, left_values, &mut i), take(right, right_values, &mut j)))
+    })
+}
+
+fn transposed(matrix: &SparseMatrix) -> SparseMatrix {
+    let n = matrix.columns();
+    let mut offsets = vec![0usize; n + 1];
+    matrix.indices().iter().for_each(|&column| offsets[column as usize + 1] += 1);
+    for row in 0..n {
+        offsets[row + 1] += offsets[row];
+    }
+    let mut next = offsets.clone();
+    let (mut indices, mut values) = (vec![0u32; matrix.entries()], vec![0.0; matrix.entries()]);
+    for row in 0..matrix.rows() {
+        let (columns, numbers) = matrix.row(row);
+        for (&column, &number) in columns.iter().zip(numbers) {
+            let at = next[column as usize];
+            next[column as usize] += 1;
+            (indices[at], values[at]) = (row as u32, number);
+        }
+    }
+    SparseMatrix::from_sorted_parts(n, matrix.rows(), offsets, indices, values)
+}

@@ -1,0 +1,300 @@
+//! Pencils without a mesh, against dense solves and known spectra.
+
+use std::f64::consts::PI;
+
+use chladni_algebra::{CpuSolver, MassMatrix, SparseMatrix, SymmetricDefiniteSolver, eigenvalues_below};
+use chladni_base::{SplitMix64, Unwatched};
+use chladni_spectral::spectrum::hsim::HsimError;
+use chladni_spectral::spectrum::pencil::{Mass, Pairs, Parameters, Pencil, PencilError, Wanted, csr, solve};
+
+/// The matrix of entries given in any order; those of one place are added up.
+fn matrix(n: usize, entries: &[(usize, usize, f64)]) -> SparseMatrix {
+    let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); n];
+    entries.iter().for_each(|&(row, column, value)| rows[row].push((column as u32, value)));
+    let (mut indptr, mut indices, mut values) = (vec![0], Vec::new(), Vec::new());
+    for row in rows {
+        indices.extend(row.iter().map(|entry| entry.0));
+        values.extend(row.iter().map(|entry| entry.1));
+        indptr.push(indices.len());
+    }
+    csr(n, n, &indptr, &indices, &values).unwrap()
+}
+
+fn laplacian(n: usize, edges: &[(usize, usize)]) -> SparseMatrix {
+    let entries: Vec<_> =
+        edges.iter().flat_map(|&(a, b)| [(a, a, 1.0), (b, b, 1.0), (a, b, -1.0), (b, a, -1.0)]).collect();
+    matrix(n, &entries)
+}
+
+fn path(n: usize) -> Vec<(usize, usize)> {
+    (1..n).map(|k| (k - 1, k)).collect()
+}
+
+/// A grid, closed to a torus or not.
+fn grid(width: usize, height: usize, closed: bool) -> Vec<(usize, usize)> {
+    let mut edges = Vec::new();
+    for y in 0..height {
+        for x in 0..width {
+            let at = y * width + x;
+            if closed || x + 1 < width {
+                edges.push((at, y * width + (x + 1) % width));
+            }
+            if closed || y + 1 < height {
+                edges.push((at, (y + 1) % height * width + x));
+            }
+        }
+    }
+    edges
+}
+
+fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+fn lowest(count: usize) -> Parameters {
+    Parameters { wanted: Wanted::Lowest(count), ..Parameters::default() }
+}
+
+fn pencil(stiffness: &SparseMatrix, mass: &Mass) -> Pencil {
+    Pencil::new(stiffness.clone(), mass.clone(), &[], &Unwatched).unwrap()
+}
+
+/// Solves, and compares values with exact ones to `error` of the largest, vectors with the matrices, and enclosures with both.
+fn proven(stiffness: &SparseMatrix, mass: &Mass, parameters: &Parameters, exact: &[f64], error: f64) -> Pairs {
+    let pencil = pencil(stiffness, mass);
+    let pairs = solve(&pencil, parameters, &Unwatched).unwrap();
+    let Pairs { values, vectors, certificate, moved, .. } = &pairs;
+    assert_eq!(values.len(), exact.len());
+    assert_eq!(certificate.complete, Some(true));
+    let scale = exact.iter().fold(f64::MIN_POSITIVE, |most: f64, value| most.max(value.abs()));
+    for (k, (&found, &exact)) in values.iter().zip(exact).enumerate() {
+        assert!((found - exact).abs() <= error * scale, "value {k} is {found}, not {exact}");
+        assert!((found - exact).abs() <= certificate.bounds[k] + 1e-14 * scale, "{k}: {:e}", certificate.bounds[k]);
+    }
+    let m = pencil.mass();
+    for k in 0..values.len() {
+        let x = vectors.column(k);
+        let (sx, mx) = (stiffness.multiply(x).unwrap(), m.multiply(x).unwrap());
+        let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
+        let rest = norm(&mut sx.iter().zip(&mx).map(|(s, m)| s - values[k] * m));
+        let whole = norm(&mut sx.iter().zip(&mx).map(|(s, m)| s + moved * m));
+        let norm_s = (0..stiffness.rows()).map(|r| stiffness.row(r).1.iter().map(|v| v.abs()).sum::<f64>());
+        let floor = 1e-13 * norm_s.fold(0.0, f64::max) * norm(&mut x.iter().copied());
+        assert!(rest <= 2.0 * parameters.tolerance * whole + floor, "pair {k}: {rest:e} of {whole:e}");
+        let products: Vec<f64> =
+            (0..values.len()).map(|j| vectors.column(j).iter().zip(&mx).map(|(a, b)| a * b).sum()).collect();
+        for (j, product) in products.iter().enumerate() {
+            assert!((product - f64::from(u8::from(j == k))).abs() < 1e-8, "{j}, {k}: {product}");
+        }
+        assert!(x.iter().copied().fold(f64::INFINITY, f64::min).abs() <= x.iter().copied().fold(0.0, f64::max));
+    }
+    pairs
+}
+
+/// All eigenvalues by a dense solve.
+fn dense(stiffness: &SparseMatrix, mass: &Mass) -> Vec<f64> {
+    let mass = pencil(stiffness, mass).mass().to_dense();
+    CpuSolver.lowest(stiffness.to_dense(), mass, stiffness.rows(), &Unwatched).unwrap().values
+}
+
+#[test]
+fn paths_grids_and_tori_have_their_spectra_with_every_multiplicity() {
+    let term = |k: usize, n: usize| 2.0 - 2.0 * (PI * k as f64 / n as f64).cos();
+    for n in [1usize, 2, 3, 5, 40] {
+        let exact = sorted((0..n).map(|k| term(k, n)));
+        for count in [1, n.div_ceil(2), n] {
+            proven(&laplacian(n, &path(n)), &Mass::Identity, &lowest(count), &exact[..count], 1e-12);
+        }
+    }
+    // Not solved densely: a path of 3,000 has gaps of 1e-6, and its inverse is badly conditioned.
+    let exact = sorted((0..3000).map(|k| term(k, 3000)));
+    proven(&laplacian(3000, &path(3000)), &Mass::Identity, &lowest(40), &exact[..40], 1e-8);
+    let exact = sorted((0..60).flat_map(|a| (0..50).map(move |b| term(a, 60) + term(b, 50))));
+    proven(&laplacian(3000, &grid(60, 50, false)), &Mass::Identity, &lowest(50), &exact[..50], 1e-9);
+    // On a square torus most values are there four or eight times.
+    let exact = sorted((0..48).flat_map(|a| (0..48).map(move |b| term(2 * a, 48) + term(2 * b, 48))));
+    proven(&laplacian(2304, &grid(48, 48, true)), &Mass::Identity, &lowest(45), &exact[..45], 1e-9);
+}
+
+#[test]
+fn complete_graphs_stars_and_copies() {
+    let complete: Vec<_> = (0..60).flat_map(|a| (0..a).map(move |b| (a, b))).collect();
+    let exact: Vec<f64> = std::iter::once(0.0).chain(std::iter::repeat_n(60.0, 59)).collect();
+    for count in [1, 2, 10, 60] {
+        proven(&laplacian(60, &complete), &Mass::Identity, &lowest(count), &exact[..count], 1e-12);
+    }
+    // A hub: 0, then 1 for all but one of the leaves, then the number of rows.
+    let star: Vec<_> = (1..500).map(|leaf| (0, leaf)).collect();
+    let exact: Vec<f64> = std::iter::once(0.0).chain(std::iter::repeat_n(1.0, 498)).chain([500.0]).collect();
+    proven(&laplacian(500, &star), &Mass::Identity, &lowest(500), &exact, 1e-10);
+    proven(&laplacian(500, &star), &Mass::Identity, &lowest(7), &exact[..7], 1e-10);
+    // Five equal grids and a longer one: a kernel of dimension six.
+    let mut edges: Vec<_> = (0..5)
+        .flat_map(|copy| grid(20, 20, false).into_iter().map(move |(a, b)| (400 * copy + a, 400 * copy + b)))
+        .collect();
+    edges.extend(path(100).into_iter().map(|(a, b)| (2000 + a, 2000 + b)));
+    let term = |k: usize, n: usize| 2.0 - 2.0 * (PI * k as f64 / n as f64).cos();
+    let grid = (0..5).flat_map(|_| (0..20).flat_map(|a| (0..20).map(move |b| term(a, 20) + term(b, 20))));
+    let exact = sorted(grid.chain((0..100).map(|k| term(k, 100))));
+    for count in [6, 20, 43] {
+        proven(&laplacian(2100, &edges), &Mass::Identity, &lowest(count), &exact[..count], 1e-9);
+    }
+}
+
+#[test]
+fn diagonal_matrices_are_their_own_spectra() {
+    for n in [1usize, 2, 3, 64, 2000] {
+        let entries: Vec<_> = (0..n).map(|k| (k, k, ((k * 7919) % n) as f64 - 0.3 * n as f64)).collect();
+        let mass: Vec<f64> = (0..n).map(|k| 1.0 + (k % 3) as f64).collect();
+        let exact = sorted(entries.iter().zip(&mass).map(|(entry, mass)| entry.2 / mass));
+        let count = n.min(20);
+        proven(&matrix(n, &entries), &Mass::Diagonal(mass), &lowest(count), &exact[..count], 1e-10);
+    }
+    // Nothing at all, and nothing but one value.
+    proven(&matrix(3, &[]), &Mass::Identity, &lowest(3), &[0.0; 3], 1e-12);
+    proven(&matrix(2, &[(0, 0, 4.0), (1, 1, 4.0)]), &Mass::Identity, &lowest(2), &[4.0; 2], 1e-12);
+}
+
+/// A random symmetric matrix of `n` rows with about `each` entries in a row beside the diagonal, which is `diagonal` plus a share of their magnitudes.
+fn random(n: usize, each: usize, diagonal: f64, share: f64, seed: u64) -> SparseMatrix {
+    let mut random = SplitMix64::new(seed);
+    let mut entries: Vec<_> = (0..n).map(|k| (k, k, diagonal)).collect();
+    for row in 0..n {
+        for _ in 0..each {
+            let (column, value) = (random.below(n), random.signed_unit());
+            entries.extend([(row, column, value), (column, row, value)]);
+            entries.extend([(row, row, share * value.abs()), (column, column, share * value.abs())]);
+        }
+    }
+    matrix(n, &entries)
+}
+
+#[test]
+fn random_pencils_with_any_mass_agree_with_dense_solves() {
+    for (seed, n) in [(1, 7), (2, 150), (3, 1200)] {
+        let definite = random(n, 2, 0.1, 1.0, seed);
+        let indefinite = random(n, 2, 0.0, 0.0, seed + 10);
+        // Rows of this mass sum to anything, also to less than nothing.
+        let mass = Mass::Sparse(random(n, 1, 0.5, 1.05, seed + 20));
+        for stiffness in [&definite, &indefinite] {
+            for mass in [&Mass::Identity, &mass] {
+                let exact = dense(stiffness, mass);
+                let count = (n / 8).clamp(3, 30);
+                proven(stiffness, mass, &lowest(count), &exact[..count], 1e-9);
+            }
+        }
+    }
+}
+
+#[test]
+fn scales_do_not_matter() {
+    let stiffness = laplacian(1500, &grid(50, 30, false));
+    let mass: Vec<f64> = (0..1500).map(|k| 1.0 + (k % 5) as f64).collect();
+    let exact = dense(&stiffness, &Mass::Diagonal(mass.clone()));
+    for (s, m) in [(1e150, 1e-150), (1e-150, 1e150), (3e-9, 7e11), (1e-200, 1e-200)] {
+        let exact: Vec<f64> = exact[..25].iter().map(|value| value * (s / m)).collect();
+        let mass = Mass::Diagonal(mass.iter().map(|x| x * m).collect());
+        let pencil = pencil(&stiffness.scaled(s), &mass);
+        let pairs = solve(&pencil, &lowest(25), &Unwatched).unwrap();
+        for (found, exact) in pairs.values.iter().zip(&exact) {
+            assert!((found / (s / m) - exact / (s / m)).abs() < 1e-9, "{found} is not {exact} at {s:e}, {m:e}");
+        }
+    }
+    // Edges of very different stiffness: eigenvalues over twelve orders of magnitude.
+    let entries: Vec<_> = (1..1500)
+        .flat_map(|k| {
+            let w = 10f64.powi((k % 13) as i32 - 6);
+            [(k - 1, k - 1, w), (k, k, w), (k - 1, k, -w), (k, k - 1, -w)]
+        })
+        .collect();
+    let graded = matrix(1500, &entries);
+    let pairs = solve(&pencil(&graded, &Mass::Identity), &lowest(30), &Unwatched).unwrap();
+    for (k, pair) in pairs.values.windows(2).enumerate() {
+        let (low, high) = (pair[0], pair[1]);
+        if high - low > 1e-3 * high {
+            let below =
+                eigenvalues_below(&graded, &MassMatrix::Diagonal(vec![1.0; 1500]), 0.5 * (low + high), &Unwatched);
+            assert_eq!(below.unwrap(), k + 1, "between {low:e} and {high:e}");
+        }
+    }
+}
+
+#[test]
+fn negative_eigenvalues_bounds_and_intervals() {
+    // The adjacency matrix of a grid: its spectrum lies around zero.
+    let entries: Vec<_> = grid(50, 40, false).into_iter().flat_map(|(a, b)| [(a, b, 1.0), (b, a, 1.0)]).collect();
+    let adjacency = matrix(2000, &entries);
+    let term = |k: usize, n: usize| 2.0 * (PI * k as f64 / (n + 1) as f64).cos();
+    let exact = sorted((1..=50).flat_map(|a| (1..=40).map(move |b| term(a, 50) + term(b, 40))));
+    proven(&adjacency, &Mass::Identity, &lowest(30), &exact[..30], 1e-9);
+    for (from, to) in [(f64::NEG_INFINITY, -3.7), (-3.8, -3.6), (-3.61, -3.58)] {
+        let inside: Vec<f64> = exact.iter().copied().filter(|&value| from <= value && value < to).collect();
+        let wanted = if from.is_finite() {
+            Wanted::Between { from, to, most: 200 }
+        } else {
+            Wanted::Below { bound: to, most: 200 }
+        };
+        let pairs = proven(&adjacency, &Mass::Identity, &Parameters { wanted, ..Parameters::default() }, &inside, 1e-9);
+        assert_eq!(pairs.certificate.first, exact.iter().filter(|&&value| value < from).count());
+    }
+    let nothing = Parameters { wanted: Wanted::Below { bound: -4.1, most: 5 }, ..Parameters::default() };
+    assert!(solve(&pencil(&adjacency, &Mass::Identity), &nothing, &Unwatched).unwrap().values.is_empty());
+    let few = Parameters { wanted: Wanted::Below { bound: -3.0, most: 5 }, ..Parameters::default() };
+    let refused = solve(&pencil(&adjacency, &Mass::Identity), &few, &Unwatched).unwrap_err();
+    assert!(matches!(refused, PencilError::Solve(HsimError::Count { most: 5, .. })), "{refused}");
+}
+
+#[test]
+fn fixed_rows_are_taken_out_and_zero_in_the_vectors() {
+    let n = 1600;
+    let stiffness = laplacian(n + 2, &path(n + 2));
+    let exact = sorted((1..=n).map(|k| 2.0 - 2.0 * (PI * k as f64 / (n + 1) as f64).cos()));
+    let fixed = [n as u32 + 1, 0];
+    let pencil = Pencil::new(stiffness.clone(), Mass::Identity, &fixed, &Unwatched).unwrap();
+    assert_eq!((pencil.rows(), pencil.unknowns()), (n + 2, n));
+    let pairs = solve(&pencil, &lowest(12), &Unwatched).unwrap();
+    for (k, (found, exact)) in pairs.values.iter().zip(&exact).enumerate() {
+        assert!((found - exact).abs() < 1e-9 * exact, "{found} is not {exact}");
+        let x = pairs.vectors.column(k);
+        assert_eq!((x.len(), x[0], x[n + 1]), (n + 2, 0.0, 0.0));
+    }
+    let all: Vec<u32> = (0..n as u32 + 2).collect();
+    assert!(matches!(Pencil::new(stiffness.clone(), Mass::Identity, &all, &Unwatched), Err(PencilError::Empty)));
+    let beyond = Pencil::new(stiffness, Mass::Identity, &[9, 5000], &Unwatched).unwrap_err();
+    assert_eq!(beyond.to_string(), "row 5000 is to be fixed, of 1602 rows");
+}
+
+#[test]
+fn what_is_no_pencil_is_refused_by_its_first_entry() {
+    let identity = matrix(3, &[(0, 0, 1.0), (1, 1, 1.0), (2, 2, 1.0)]);
+    let refused = |stiffness: &SparseMatrix, mass: Mass| {
+        Pencil::new(stiffness.clone(), mass, &[], &Unwatched).unwrap_err().to_string()
+    };
+    let skew = matrix(3, &[(0, 0, 1.0), (1, 2, 0.5), (2, 1, 0.25)]);
+    assert_eq!(refused(&skew, Mass::Identity), "S is not symmetric: S[1, 2] is 0.5, S[2, 1] is 0.25");
+    let half = matrix(3, &[(0, 2, 0.5)]);
+    assert_eq!(refused(&half, Mass::Identity), "S is not symmetric: S[0, 2] is 0.5, S[2, 0] is 0");
+    assert_eq!(refused(&matrix(2, &[(1, 0, f64::NAN)]), Mass::Identity), "S[1, 0] is NaN");
+    assert_eq!(refused(&identity, Mass::Diagonal(vec![1.0, 2.0])), "M is 2 × 2; 3 × 3, as S is, is needed");
+    assert_eq!(refused(&identity, Mass::Diagonal(vec![1.0, 0.0, 1.0])), "M is not positive definite: M[1, 1] is 0");
+    assert_eq!(refused(&identity, Mass::Diagonal(vec![1.0, f64::INFINITY, 1.0])), "M[1, 1] is inf");
+    let rank_one = matrix(3, &(0..9).map(|k| (k / 3, k % 3, 1.0)).collect::<Vec<_>>());
+    assert!(refused(&identity, Mass::Sparse(rank_one)).starts_with("M is not positive definite: of row"));
+    let indefinite = matrix(3, &[(0, 0, 1.0), (1, 1, 1.0), (2, 2, 1.0), (1, 2, 2.0), (2, 1, 2.0)]);
+    let message = refused(&identity, Mass::Sparse(indefinite));
+    assert!(message.contains("of row 1 ") || message.contains("of row 2 "), "{message}");
+    for (indptr, indices, expected) in [
+        (vec![0, 1], vec![0], "2 row offsets are not those of 2 rows"),
+        (vec![0, 2, 1], vec![0], "row 1 ends before it begins"),
+        (vec![0, 1, 3], vec![0, 1], "rows end at 3"),
+        (vec![0, 1, 2], vec![0, 7], "row 1 has an entry in column 7 of 2"),
+    ] {
+        let values = vec![1.0; indices.len()];
+        let message = csr(2, 2, &indptr, &indices, &values).unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+    }
+    let few = solve(&pencil(&identity, &Mass::Identity), &lowest(4), &Unwatched).unwrap_err();
+    assert_eq!(few.kind(), "invalid-parameters");
+}

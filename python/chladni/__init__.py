@@ -1,0 +1,63 @@
+"""Spectral geometry of surfaces: eigenpairs that are proven complete, and what they are good for.
+
+>>> import chladni
+>>> mesh = chladni.Mesh.sample("sphere", 2562)
+>>> basis = chladni.eigs(mesh, k=16, method="hsim")
+>>> basis.complete
+True
+>>> basis.signatures("hks").shape
+(2562, 16)
+
+Arrays are NumPy's, matrices SciPy's. What takes long gives up the interpreter's lock, and Ctrl-C ends it.
+"""
+
+from ._basis import Basis
+from ._certificate import Certificate, InertiaCount, LevelReport
+from ._client import Client, RemoteBasis
+from ._errors import Cancelled, ClientError, Error, FormatError, MeshError, ParameterError, SolveError, UnprovenError
+from ._fields import Fields, fields
+from ._maps import FunctionalMap, PointMap, functional_map
+from ._mesh import Mesh
+from ._native import SOLVER_VERSION, __version__, get_threads, set_threads
+from ._operators import Operators, operators
+from ._pencil import Eigenpairs, eigsh
+from ._solve import eigs
+
+__all__ = [
+    "SOLVER_VERSION",
+    "Basis",
+    "Cancelled",
+    "Certificate",
+    "Client",
+    "ClientError",
+    "Eigenpairs",
+    "Error",
+    "Fields",
+    "FormatError",
+    "FunctionalMap",
+    "InertiaCount",
+    "LevelReport",
+    "Mesh",
+    "MeshError",
+    "Operators",
+    "ParameterError",
+    "PointMap",
+    "RemoteBasis",
+    "SolveError",
+    "UnprovenError",
+    "__version__",
+    "eigs",
+    "eigsh",
+    "fields",
+    "functional_map",
+    "get_threads",
+    "operators",
+    "set_threads",
+]
+
+for _name in __all__:
+    _thing = globals()[_name]
+    # Tracebacks and pickles name what users import.
+    if getattr(_thing, "__module__", "").startswith("chladni._") and isinstance(_thing, type):
+        _thing.__module__ = "chladni"
+del _name, _thing

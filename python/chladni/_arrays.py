@@ -1,0 +1,99 @@
+"""What users pass as arrays, made into what the native module takes: checked, contiguous, of the right type. Copies are made only where these differ."""
+
+from __future__ import annotations
+
+from typing import Any, Callable
+
+import numpy as np
+
+from ._errors import ParameterError
+
+
+def parameter_error(message: str) -> ParameterError:
+    """A refusal of an argument."""
+    error = ParameterError(message)
+    error.code = "invalid-parameters"
+    return error
+
+
+def positions(vertices: Any) -> np.ndarray:
+    """Positions as C-contiguous float64, (n, 3). Points in the plane, (n, 2), get a third coordinate of zero."""
+    array = numeric(vertices, "vertices")
+    if array.ndim != 2 or array.shape[1] not in (2, 3):
+        raise parameter_error(f"vertices have the shape {array.shape}, where (n, 3) is due")
+    if array.shape[1] == 2:
+        array = np.column_stack([array, np.zeros(len(array))])
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def triangles(faces: Any) -> np.ndarray:
+    """Triangles as C-contiguous int64, (f, 3)."""
+    array = np.asarray(faces)
+    if array.size == 0:
+        array = array.reshape(-1, 3).astype(np.int64)
+    if array.dtype.kind not in "iu":
+        raise parameter_error(f"faces have the dtype {array.dtype}, where integers are due")
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise parameter_error(f"faces have the shape {array.shape}, where (f, 3) is due: triangles, by the numbers of their vertices")
+    return np.ascontiguousarray(array, dtype=np.int64)
+
+
+def numeric(values: Any, what: str) -> np.ndarray:
+    """An array of real numbers as float64."""
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise parameter_error(f"{what} are no array: {error}") from None
+    if array.dtype.kind not in "fiub":
+        raise parameter_error(f"{what} have the dtype {array.dtype}, where real numbers are due")
+    return array.astype(np.float64, copy=False)
+
+
+def functions(values: Any, rows: int, what: str) -> tuple[np.ndarray, bool]:
+    """Functions in Fortran order, (rows, k), and whether it was a single one of the shape (rows,)."""
+    array = numeric(values, what)
+    single = array.ndim == 1
+    if single:
+        array = array[:, None]
+    if array.ndim != 2 or array.shape[0] != rows:
+        raise parameter_error(f"{what} have the shape {np.shape(values)}, where ({rows},) or ({rows}, k) is due")
+    return np.asfortranarray(array), single
+
+
+def vertex_list(vertices: Any, what: str) -> tuple[list[int], bool]:
+    """Numbers of vertices, and whether it was a single one."""
+    array = np.asarray(vertices)
+    if array.dtype.kind not in "iu" or array.ndim > 1:
+        raise parameter_error(f"{what} are {vertices!r}, where a vertex or a list of vertices is due")
+    single = array.ndim == 0
+    listed = [int(vertex) for vertex in np.atleast_1d(array)]
+    for place, vertex in enumerate(listed):
+        if not 0 <= vertex < 2**32 - 1:
+            raise parameter_error(f"{what}: number {place} is vertex {vertex}, which there is not")
+    return listed, single
+
+
+def flag(value: str, name: str, choices: tuple[str, ...]) -> None:
+    """Refuses what is none of the choices."""
+    if value not in choices:
+        raise parameter_error(f"{name} is {value!r}, where one of {', '.join(choices)} is due")
+
+
+def progress_callback(progress: Any) -> tuple[Callable[[str, float], Any] | None, Callable[[], None]]:
+    """What the native module calls with the stage and its fraction, and what ends it."""
+    if progress is None or progress is False:
+        return None, lambda: None
+    if callable(progress):
+        return progress, lambda: None
+    try:
+        from tqdm.auto import tqdm
+    except ImportError:
+        return None, lambda: None
+    bar = tqdm(total=1.0, bar_format="{desc}: {percentage:3.0f}%|{bar}| {elapsed}", leave=False)
+
+    def told(stage: str, fraction: float) -> None:
+        bar.set_description_str(stage or "starting", refresh=False)
+        bar.n = min(max(fraction, 0.0), 1.0)
+        bar.refresh()
+
+    return told, bar.close

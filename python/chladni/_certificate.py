@@ -1,0 +1,115 @@
+"""What is proven about pairs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+__all__ = ["Certificate", "InertiaCount", "LevelReport"]
+
+
+@dataclass(frozen=True)
+class InertiaCount:
+    """How many eigenvalues lie below a shift, by Sylvester's law of inertia.
+
+    Attributes
+    ----------
+    shift : float
+        The shift, in the unit of the eigenvalues.
+    below : int
+        Eigenvalues below it, with multiplicity.
+    """
+
+    shift: float
+    below: int
+
+
+@dataclass(frozen=True)
+class LevelReport:
+    """What one level of the hierarchy took.
+
+    Attributes
+    ----------
+    dimension : int
+        The size of the level's eigenproblem.
+    iterations : int
+        Iterations; 0 for a level that is solved directly.
+    shifts : int
+        Shifts that were factored.
+    """
+
+    dimension: int
+    iterations: int
+    shifts: int
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """What is proven about each pair and about the whole.
+
+    Attributes
+    ----------
+    residuals : numpy.ndarray, (k,)
+        ``‖S x − θ M x‖ / ‖S x‖``; for the kernel ``‖S x‖ / (‖S‖ ‖x‖)``.
+    bounds : numpy.ndarray, (k,)
+        Where `complete` is True, the exact eigenvalue of the same index lies within ``θ ± bound``, rounding errors included; otherwise some exact eigenvalue does.
+    estimates : numpy.ndarray, (k,) or (0,)
+        Estimates of the errors of the eigenvalues, where there are any.
+    orthonormality_defect : float
+        The largest entry of ``|XᵀMX − I|``.
+    complete : bool or None
+        Whether inertia counts prove that no eigenvalue was skipped; None: not counted.
+    inertia : tuple of InertiaCount
+        The counts, by ascending shift.
+    first : int
+        The index of the first pair among all: 0 but for pairs of an interval.
+    tolerance : float or None
+        The largest residual that a pair was allowed.
+    accuracy : dict or None
+        Of an approximation: its goal, the largest estimated relative error, and whether that reaches it.
+    levels : tuple of LevelReport
+        Coarsest first.
+    projection_errors : numpy.ndarray, (k,) or (0,)
+        ``‖x − x̃‖ / ‖x‖`` where eigenfunctions were projected to store them compactly.
+    """
+
+    residuals: np.ndarray
+    bounds: np.ndarray
+    estimates: np.ndarray
+    orthonormality_defect: float
+    complete: bool | None = None
+    inertia: tuple[InertiaCount, ...] = ()
+    first: int = 0
+    tolerance: float | None = None
+    accuracy: dict[str, Any] | None = None
+    levels: tuple[LevelReport, ...] = ()
+    projection_errors: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+    @classmethod
+    def _of_json(cls, text: str) -> Certificate:
+        own = json.loads(text)
+
+        def array(name: str) -> np.ndarray:
+            return np.array([np.nan if x is None else x for x in own.get(name) or []], dtype=float)
+
+        return cls(
+            residuals=array("residuals"),
+            bounds=array("bounds"),
+            estimates=array("estimates"),
+            orthonormality_defect=float(own["orthonormality_defect"]),
+            complete=own.get("complete"),
+            inertia=tuple(InertiaCount(**count) for count in own.get("inertia") or ()),
+            first=own.get("first", 0),
+            tolerance=own.get("tolerance"),
+            accuracy=own.get("accuracy"),
+            levels=tuple(LevelReport(**level) for level in own.get("levels") or ()),
+            projection_errors=array("projection_errors"),
+        )
+
+    def __repr__(self) -> str:
+        proven = {True: "complete", False: "not complete", None: "not counted"}[self.complete]
+        largest = f"{self.residuals.max():.1e}" if len(self.residuals) else "none"
+        return f"<chladni.Certificate: {proven}, largest residual {largest}, orthonormal to {self.orthonormality_defect:.1e}>"

@@ -1,0 +1,144 @@
+"""Functional maps between two surfaces."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from . import _arrays, _native
+from ._basis import Basis
+
+__all__ = ["FunctionalMap", "PointMap", "functional_map"]
+
+
+@dataclass(frozen=True, eq=False)
+class PointMap:
+    """A correspondence: for vertices of one surface, vertices of the other.
+
+    Attributes
+    ----------
+    matched : numpy.ndarray of int64, (p,), or None
+        The vertices that were matched; None: all of them.
+    points : numpy.ndarray of int64, (p,)
+        For each of them the vertex of the other surface that corresponds to it; −1 where it was dropped.
+    confidences : numpy.ndarray, (p,)
+        How well the two agree, from 0 to 1.
+    """
+
+    matched: np.ndarray | None
+    points: np.ndarray
+    confidences: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class FunctionalMap:
+    """A map between two surfaces, and what tells how good it is.
+
+    Attributes
+    ----------
+    matrix : numpy.ndarray, (k, k)
+        ``C``: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area.
+    to_source : PointMap
+        For vertices of the target those of the source.
+    to_target : PointMap or None
+        The other way, where both were asked for.
+    descriptor_residual : float
+        ``‖C A − B‖ / ‖B‖`` of the first map.
+    orthogonality_defect : float
+        ``‖CᵀC − I‖ / √k``: 0 for a map that preserves areas.
+    commutativity_defect : float
+        ``‖C Λ − Λ' C‖ / ‖C Λ‖``: 0 for an isometry.
+    embedding_error : float
+        The root mean square of the distances between matched points in the spectral embedding, relative to its size.
+    coverage : float
+        The share of the source's area whose vertices are matched with some vertex.
+    """
+
+    matrix: np.ndarray
+    to_source: PointMap
+    to_target: PointMap | None
+    descriptor_residual: float
+    orthogonality_defect: float
+    commutativity_defect: float
+    embedding_error: float
+    coverage: float
+
+
+def functional_map(
+    source: Basis,
+    target: Basis,
+    *,
+    landmarks: Any = (),
+    descriptors: tuple[Any, Any] | None = None,
+    signatures: bool = False,
+    start: int | None = None,
+    pairs: int | None = None,
+    step: int = 5,
+    samples: int = 2000,
+    commutativity: float = 0.1,
+    all_points: bool = False,
+    both_ways: bool = False,
+) -> FunctionalMap:
+    """Find the map from one surface to another (Ovsjanikov et al. 2012), refined by ZoomOut (Melzi et al. 2019).
+
+    Parameters
+    ----------
+    source, target : Basis
+        Bases of the surface where functions come from, and of that where they go to.
+    landmarks : array_like of int, (l, 2)
+        Pairs of a vertex of the source and the one of the target that it corresponds to.
+    descriptors : (array_like (n_source, q), array_like (n_target, q)), optional
+        Functions that are known on both.
+    signatures : bool
+        Whether heat kernel signatures are used as such functions. They cannot tell the sides of a symmetric shape apart.
+    start, pairs, step : int
+        The size of the first map (20), of the refined one (100 or what the bases have), and by how much it grows at once.
+    samples : int
+        Vertices of each surface that stand for it meanwhile.
+    commutativity : float
+        The weight of the preference for maps that commute with the Laplacians.
+    all_points : bool
+        Whether every vertex of the target is matched, or only those that stood for it.
+    both_ways : bool
+        Whether vertices of the source are matched as well, by a map of their own.
+
+    Returns
+    -------
+    FunctionalMap
+
+    Examples
+    --------
+    >>> import chladni, numpy
+    >>> mesh = chladni.Mesh.sample("knot", 2000)
+    >>> turned = chladni.Mesh(mesh.vertices @ numpy.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]), mesh.faces)
+    >>> a, b = chladni.eigs(mesh, k=40), chladni.eigs(turned, k=40)
+    >>> found = chladni.functional_map(a, b, landmarks=[(0, 0), (500, 500), (1200, 1200), (1700, 1700)], all_points=True)
+    >>> found.matrix.shape, bool(numpy.mean(found.to_source.points == numpy.arange(2000)) > 0.99)
+    ((40, 40), True)
+    """
+    listed = np.asarray(landmarks, dtype=None if len(landmarks) else np.int64).reshape(-1, 2)
+    if listed.dtype.kind not in "iu":
+        raise _arrays.parameter_error(f"landmarks have the dtype {listed.dtype}, where integers are due")
+    known = None
+    if descriptors is not None:
+        first, _ = _arrays.functions(descriptors[0], source.shape[0], "descriptors of the source")
+        second, _ = _arrays.functions(descriptors[1], target.shape[0], "descriptors of the target")
+        if first.shape[1] != second.shape[1]:
+            raise _arrays.parameter_error(f"the source has {first.shape[1]} descriptors and the target {second.shape[1]}")
+        known = first, second
+    request = {
+        "landmarks": [_arrays.vertex_list(pair, "landmarks")[0] for pair in listed],
+        "signatures": bool(signatures),
+        "start": start,
+        "pairs": pairs,
+        "step": int(step),
+        "samples": int(samples),
+        "commutativity": float(commutativity),
+        "all_points": bool(all_points),
+        "both_ways": bool(both_ways),
+    }
+    matrix, there, back, qualities = _native.functional_map(source._core, target._core, json.dumps(request), known)
+    return FunctionalMap(matrix, PointMap(*there), None if back is None else PointMap(*back), **dict(qualities))

@@ -1,0 +1,221 @@
+"""Eigenpairs of any sparse symmetric pencil, by the names of SciPy."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from typing import Any, Callable, Iterator
+
+import numpy as np
+
+from . import _arrays, _native
+from ._certificate import Certificate
+
+__all__ = ["Eigenpairs", "eigsh"]
+
+#: The least tolerance, which SciPy's 0 stands for.
+_LEAST = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Eigenpairs:
+    """Eigenpairs of a pencil. It unpacks as SciPy's answer does: ``values, vectors = eigsh(…)``.
+
+    Attributes
+    ----------
+    values : numpy.ndarray, (k,)
+        Eigenvalues, ascending.
+    vectors : numpy.ndarray, (n, k)
+        Eigenvectors as columns, orthonormal for the mass; in each the entry of largest magnitude is positive.
+    certificate : Certificate
+        What is proven. Residuals are relative to ``‖(S + c M) x‖``, where `c` is `moved`.
+    moved : float
+        The multiple of the mass that residuals are relative to: zero for semi-definite matrices with a kernel of constants at most.
+    """
+
+    values: np.ndarray
+    vectors: np.ndarray
+    certificate: Certificate
+    moved: float
+
+    @property
+    def complete(self) -> bool | None:
+        """Whether it is proven that no pair is missing."""
+        return self.certificate.complete
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        return iter((self.values, self.vectors))
+
+    def __len__(self) -> int:
+        return 2
+
+    def __repr__(self) -> str:
+        return f"<chladni.Eigenpairs: {len(self.values)} pairs of {len(self.vectors)} rows, {self.certificate!r}>"
+
+
+def eigsh(
+    S: Any,
+    k: int | None = None,
+    M: Any = None,
+    sigma: float | None = None,
+    which: str | None = None,
+    *,
+    tol: float = 1e-8,
+    below: float | None = None,
+    between: tuple[float, float] | None = None,
+    fixed: Any = (),
+    seed: int = 0,
+    return_eigenvectors: bool = True,
+    progress: bool | Callable[[str, float], Any] = False,
+) -> Any:
+    """Lowest eigenpairs of ``S x = λ M x``, proven complete: SciPy's ``eigsh`` in which no pair is missing.
+
+    Parameters
+    ----------
+    S : sparse matrix or array_like, (n, n)
+        Symmetric; it need not be definite.
+    k : int, optional
+        How many pairs; 6 by default. With `below` or `between` the most that may be delivered (more are an error).
+    M : sparse matrix or array_like, (n, n) or (n,), optional
+        The mass: symmetric and positive definite, or a diagonal of positive numbers. The identity by default.
+    sigma : float, optional
+        Without it, or where it lies below the spectrum, the lowest pairs. Else the `k` whose eigenvalues are nearest to it; all pairs below are computed on the way.
+    which : {"SA", "LM"}, optional
+        ``"SA"``: the lowest. ``"LM"``, which needs `sigma`: those nearest to it.
+    tol : float
+        The largest residual of a pair, 1e-10 to 0.5; 0 means the least. Eigenvalues are as exact as its square.
+    below : float, optional
+        All pairs whose eigenvalue lies below this.
+    between : (float, float), optional
+        All pairs whose eigenvalue is at least the first and below the second.
+    fixed : array_like of int, optional
+        Rows whose entries are zero in every vector (Dirichlet): they and their columns are left out.
+    seed : int
+        Seeds everything that is drawn at random: same seed, same answer.
+    return_eigenvectors : bool
+        Whether the answer is `Eigenpairs`, or the eigenvalues alone.
+    progress : bool or callable
+        As for `eigs`.
+
+    Returns
+    -------
+    Eigenpairs or numpy.ndarray, (k,)
+
+    Raises
+    ------
+    ParameterError
+        The first entry that makes a matrix unsymmetric, infinite, or a mass indefinite is named.
+    UnprovenError
+        The pairs did not converge, or could not be proven complete.
+
+    Examples
+    --------
+    >>> import chladni, numpy, scipy.sparse
+    >>> path = scipy.sparse.diags([-numpy.ones(99), numpy.r_[1, 2 * numpy.ones(98), 1], -numpy.ones(99)], [-1, 0, 1])
+    >>> values, vectors = found = chladni.eigsh(path, k=4)
+    >>> bool(abs(values - (2 - 2 * numpy.cos(numpy.pi * numpy.arange(4) / 100))).max() < 1e-12), found.complete
+    (True, True)
+    >>> path.data[0, 5] = 7
+    >>> chladni.eigsh(path, k=4)
+    Traceback (most recent call last):
+        ...
+    chladni.ParameterError: S is not symmetric: S[5, 6] is -1, S[6, 5] is 7
+    """
+    if which is not None:
+        _arrays.flag(which, "which", ("SA", "LM"))
+        if which == "LM" and sigma is None:
+            raise _arrays.parameter_error("which is 'LM' without sigma: the largest are none of the lowest; call with -S for those")
+    interval = below is not None or between is not None
+    if interval and sigma is not None:
+        raise _arrays.parameter_error("sigma belongs to a number of pairs, not to below or between")
+    stiffness = _csr(S, "S")
+    n = stiffness.shape[0]
+    diagonal, mass = _mass(M, n)
+    rows, _ = _arrays.vertex_list(fixed, "fixed") if np.size(fixed) else ([], False)
+    request: dict[str, Any] = {"tolerance": float(tol) or _LEAST, "seed": int(seed), "most": n if k is None else int(k)}
+    if below is not None:
+        request["below"] = float(below)
+    if between is not None:
+        request["between"] = [float(end) for end in between]
+    told, close = _arrays.progress_callback(progress)
+
+    def solve(count: int | None) -> Eigenpairs:
+        arguments = _parts(stiffness), diagonal, None if mass is None else _parts(mass), rows
+        values, vectors, certificate, moved = _native.pencil(n, *arguments, json.dumps({**request, "count": count}), told)
+        return Eigenpairs(values, vectors, Certificate._of_json(certificate), moved)
+
+    try:
+        if interval:
+            found = solve(None)
+        else:
+            wanted = 6 if k is None else int(k)
+            found = solve(wanted)
+            if sigma is not None and which != "SA":
+                found = _nearest(found, wanted, float(sigma), n - len(set(rows)), solve)
+    finally:
+        close()
+    return found if return_eigenvectors else found.values
+
+
+def _nearest(found: Eigenpairs, k: int, sigma: float, most: int, solve: Callable[[int], Eigenpairs]) -> Eigenpairs:
+    """The k pairs nearest to sigma: of ever more lowest ones, until those that are not known are further away."""
+    while True:
+        distances = abs(found.values - sigma)
+        nearest = np.sort(np.argsort(distances, kind="stable")[:k])
+        known = found.values[-1] - sigma
+        if known >= distances[nearest].max() or len(found.values) >= most:
+            return _slice(found, int(nearest[0]), int(nearest[-1]) + 1)
+        found = solve(min(2 * len(found.values), most))
+
+
+def _slice(found: Eigenpairs, start: int, stop: int) -> Eigenpairs:
+    whole = found.certificate
+    certificate = dataclasses.replace(
+        whole, residuals=whole.residuals[start:stop], bounds=whole.bounds[start:stop], first=whole.first + start
+    )
+    return Eigenpairs(found.values[start:stop], found.vectors[:, start:stop], certificate, found.moved)
+
+
+def _csr(matrix: Any, name: str) -> Any:
+    """A matrix in CSR with float64 entries."""
+    import scipy.sparse
+
+    if not scipy.sparse.issparse(matrix):
+        matrix = _arrays.numeric(matrix, name)
+        if matrix.ndim != 2:
+            raise _arrays.parameter_error(f"{name} has the shape {matrix.shape}, where (n, n) is due")
+    if matrix.dtype.kind not in "fiub":
+        raise _arrays.parameter_error(f"{name} has the dtype {matrix.dtype}, where real numbers are due")
+    if matrix.shape[0] != matrix.shape[1]:
+        raise _arrays.parameter_error(f"{name} has the shape {matrix.shape}, where (n, n) is due")
+    return scipy.sparse.csr_matrix(matrix, dtype=np.float64)
+
+
+def _mass(M: Any, n: int) -> tuple[np.ndarray | None, Any]:
+    """The diagonal of a mass, or the whole matrix; neither of the identity."""
+    import scipy.sparse
+
+    if M is None:
+        return None, None
+    if not scipy.sparse.issparse(M):
+        given = _arrays.numeric(M, "M")
+        if given.ndim == 1:
+            if len(given) != n:
+                raise _arrays.parameter_error(f"M has {len(given)} entries, where {n} are due")
+            return np.ascontiguousarray(given), None
+    matrix = _csr(M, "M")
+    if matrix.shape[0] != n:
+        raise _arrays.parameter_error(f"M has the shape {matrix.shape}, where ({n}, {n}) is due")
+    coordinates = matrix.tocoo()
+    if (coordinates.row == coordinates.col).all():
+        return np.ascontiguousarray(matrix.diagonal()), None
+    return None, matrix
+
+
+def _parts(matrix: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return (
+        matrix.indptr.astype(np.uint64),
+        np.ascontiguousarray(matrix.indices, dtype=np.uint32),
+        np.ascontiguousarray(matrix.data, dtype=np.float64),
+    )

@@ -1,0 +1,102 @@
+//! Tangential fields: a space of them on a mesh, and fields designed in it.
+
+use std::sync::{Arc, OnceLock};
+
+use chladni_spectral::basis::{Product, StoredFields};
+use chladni_work::design::{DesignFault, DesignRequest, Form, Setting, Surface, written};
+use numpy::PyArrayMethods;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use serde_json::json;
+
+use crate::errors::{Failure, Kind};
+use crate::mesh::{Body, NativeMesh, json as text, parsed};
+use crate::{arrays, watch};
+
+impl From<DesignFault> for Failure {
+    fn from(fault: DesignFault) -> Self {
+        Self::new(Kind::Parameter, "invalid-design", fault.to_string())
+    }
+}
+
+/// A space of tangential fields, and the surface that it lives on.
+#[pyclass(frozen, name = "Fields", module = "chladni._native")]
+#[derive(Debug)]
+pub struct NativeFields {
+    fields: Arc<StoredFields>,
+    body: Arc<Body>,
+    /// The surface as design needs it, from the first design on.
+    setting: OnceLock<Setting>,
+    seconds: Vec<(&'static str, f64)>,
+}
+
+/// Runs a job of the kind `field_basis` with parameters as JSON.
+#[pyfunction]
+#[pyo3(signature = (mesh, parameters, progress=None))]
+pub fn design_space(
+    py: Python<'_>,
+    mesh: &NativeMesh,
+    parameters: &str,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<NativeFields> {
+    let body = Arc::clone(&mesh.body);
+    let job = body.job("field_basis", parameters)?;
+    let outcome = watch::run(py, progress, |monitor| body.run(&job, monitor))?;
+    match outcome.product {
+        Product::FieldBasis(fields) => {
+            Ok(NativeFields { fields, body: Arc::clone(&body), setting: OnceLock::new(), seconds: outcome.seconds })
+        }
+        _ => Err(Failure::new(Kind::Solve, "internal", "the job made another kind of product").into()),
+    }
+}
+
+#[pymethods]
+impl NativeFields {
+    /// The eigenvalues of the operator in the space, as far as they are known.
+    fn values(&self) -> Vec<f64> {
+        self.fields.eigenvalues()
+    }
+
+    /// The number of locally supported columns.
+    fn dimension(&self) -> usize {
+        self.fields.dimension()
+    }
+
+    /// Seconds of each stage of the work.
+    fn seconds(&self) -> Vec<(&'static str, f64)> {
+        self.seconds.clone()
+    }
+
+    /// Designs a field: `(numbers, about)`, numbers (f, columns) in f32, a row for each face of the arrays, `about` as JSON. The request is that of the API.
+    fn design<'py>(&self, py: Python<'py>, request: &str, form: &str) -> PyResult<Bound<'py, PyTuple>> {
+        let mut request: DesignRequest = parsed("design", request)?;
+        let form: Form = serde_json::from_value(json!(form))
+            .map_err(|_| Failure::parameter("form: one of world, frames, roots, axes"))?;
+        let to = self.body.translation(false);
+        let (numbers, columns, about) = watch::run(py, None, |monitor| {
+            let setting = match self.setting.get() {
+                Some(setting) => setting,
+                None => {
+                    let made = Setting::new(Arc::clone(&self.fields), Arc::new(Surface::new(self.body.mesh())?))?;
+                    self.setting.get_or_init(|| made)
+                }
+            };
+            request.translate(&to, setting.kind(), self.body.mesh().positions.len())?;
+            let designed = setting.design(&request, monitor)?;
+            let field = setting.lifted(&designed)?;
+            let kind = setting.kind();
+            let numbers = written(setting.surface.surface.frames(), kind, form, field);
+            let about = json!({
+                "harmonic_energy": designed.design.harmonic_energy,
+                "biharmonic_energy": designed.design.biharmonic_energy,
+                "alignment_energy": designed.design.alignment_energy,
+                "faces": designed.constraints.iter().map(|constraint| to.told_face(constraint.face)).collect::<Vec<_>>(),
+                "residuals": designed.design.residuals,
+            });
+            let columns = form.columns(kind);
+            Ok((to.push_faces(&numbers, columns), columns, about))
+        })?;
+        let rows = numbers.len() / columns.max(1);
+        (arrays::vector(py, numbers).reshape([rows, columns])?, text(&about)?).into_pyobject(py)
+    }
+}

@@ -1,0 +1,146 @@
+"""What a basis is good for, against the formulas by NumPy."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import chladni
+
+
+def test_signatures_are_their_formulas(knot_basis):
+    values, squares = knot_basis.values, knot_basis.vectors**2
+    times = np.array([0.05, 0.5, 2.0])
+    heat = squares @ np.exp(-values[:, None] * times)
+    assert np.allclose(knot_basis.signatures("hks", times=times), heat, rtol=1e-9)
+    traced = heat / np.exp(-values[:, None] * times).sum(axis=0)
+    assert np.allclose(knot_basis.signatures("hks", times=times, normalised=True), traced, rtol=1e-9)
+    some = [3, 2990, 5]
+    assert np.allclose(knot_basis.signatures("hks", times=times, vertices=some), heat[some], rtol=1e-9)
+    points = knot_basis.signatures("gps", count=5)
+    assert np.allclose(points, knot_basis.vectors[:, 1:6] / np.sqrt(values[1:6]))
+    assert knot_basis.signatures("wks").shape == (2996, 100) and knot_basis.signatures().shape == (2996, 16)
+    for arguments in [{"kind": "sihks"}, {"times": [-1.0]}, {"vertices": [2996]}, {"vertices": [-1]}, {"vertices": [0.5]}, {"kind": "wks", "count": 3}]:
+        with pytest.raises(chladni.ParameterError):
+            knot_basis.signatures(**arguments)
+
+
+def test_distances_are_their_formulas(knot, knot_basis, sphere):
+    values, vectors = knot_basis.values[1:], knot_basis.vectors[:, 1:]
+
+    def by(weights, source):
+        return np.sqrt((vectors - vectors[source]) ** 2 @ weights)
+
+    assert np.allclose(knot_basis.distances(17), by(values**-2, 17), atol=1e-9)
+    both = knot_basis.distances([17, 40], "commute_time")
+    assert both.shape == (2996, 2) and np.allclose(both[:, 1], by(1 / values, 40), atol=1e-9)
+    times = [0.1, 1.0, 3.0]
+    diffusion = knot_basis.distances([17, 40], "diffusion", times=times)
+    assert diffusion.shape == (2996, 2, 3)
+    assert np.allclose(diffusion[:, 1, 2], by(np.exp(-2 * values * 3.0), 40), atol=1e-9)
+    assert np.allclose(knot_basis.distances(40, "diffusion", times=1.0), diffusion[:, 1, 1])
+    assert np.allclose(knot_basis.distances([17, 40], nearest=True), np.minimum(by(values**-2, 17), by(values**-2, 40)), atol=1e-9)
+    assert np.allclose(knot_basis.distances(pairs=[[17, 3], [40, 9]]), [by(values**-2, 17)[3], by(values**-2, 40)[9]], atol=1e-9)
+    exact = knot.geodesics([17, 40], method="exact")
+    assert np.allclose(knot_basis.distances([17, 40], "geodesic"), knot.geodesics([17, 40]))
+    arcs = np.arccos(np.clip(sphere.vertices @ sphere.vertices[[17, 40]].T, -1, 1))
+    assert abs(sphere.geodesics([17, 40], method="exact") - arcs).max() < 0.01
+    assert abs(sphere.geodesics([17, 40]) - arcs).mean() < 0.02 * arcs.mean()
+    steps = np.linalg.norm(knot.vertices[knot.faces[:, 0]] - knot.vertices[knot.faces[:, 1]], axis=1)
+    assert (abs(exact[knot.faces[:, 0]] - exact[knot.faces[:, 1]]) <= steps[:, None] + 1e-9).all()
+    with pytest.raises(chladni.ParameterError, match="not both"):
+        knot_basis.distances()
+    with pytest.raises(chladni.ParameterError, match="2996"):
+        knot.geodesics(2996)
+
+
+def test_filters_and_projections(knot, knot_basis):
+    mass, vectors, values = knot_basis.mass, knot_basis.vectors, knot_basis.values
+    x = knot.vertices
+    coefficients = knot_basis.project(x)
+    assert np.allclose(coefficients, vectors.T @ (mass[:, None] * x), atol=1e-12)
+    assert np.allclose(knot_basis.reconstruct(coefficients), vectors @ coefficients, atol=1e-12)
+    assert np.allclose(knot_basis.reconstruct(coefficients[:7, 0]), vectors[:, :7] @ coefficients[:7, 0], atol=1e-12)
+    rest = x - vectors @ coefficients
+    heat = vectors @ (np.exp(-0.3 * values)[:, None] * coefficients) + np.exp(-0.3 * values[-1]) * rest
+    assert np.allclose(knot_basis.filter(x, "heat", time=0.3), heat, atol=1e-10)
+    own = knot_basis.filter(x, lambda value: np.exp(-0.3 * value), beyond=np.exp(-0.3 * values[-1]))
+    assert np.allclose(own, heat, atol=1e-10)
+    low = knot_basis.filter(x[:, 0], "low_pass", cutoff=values[10])
+    assert low.shape == (2996,) and np.allclose(low, vectors[:, :11] @ coefficients[:11, 0], atol=1e-10)
+    for functions, transfer, parameters in [
+        (x[:-1], "heat", {"time": 1.0}),
+        (x, "heat", {"time": -1.0}),
+        (x, "heat", {}),
+        (x, "boost", {}),
+        (x.astype(str), "heat", {"time": 1.0}),
+    ]:
+        with pytest.raises(chladni.ParameterError):
+            knot_basis.filter(functions, transfer, **parameters)
+
+
+def test_files_keep_everything(tmp_path, knot, knot_basis):
+    path = tmp_path / "knot.npz"
+    for basis in (knot_basis, chladni.eigs(knot, k=40, method="approximate")):
+        basis.save(path)
+        for again in (chladni.Basis.load(path), chladni.Basis.load(path, knot), pickle.loads(pickle.dumps(basis))):
+            assert np.array_equal(again.values, basis.values) and np.array_equal(again.vectors, basis.vectors)
+            assert np.array_equal(again.mass, basis.mass) and again.complete == basis.complete
+            assert np.array_equal(again.bounds, basis.bounds) and again.metadata == basis.metadata
+        assert np.array_equal(np.load(path)["eigenvalues"], basis.values)
+    with pytest.raises(chladni.ParameterError, match="2562"):
+        chladni.Basis.load(path, chladni.Mesh.sample("sphere", 2562))
+    path.write_bytes(b"PK nothing")
+    for mesh in (None, knot):
+        with pytest.raises(chladni.FormatError):
+            chladni.Basis.load(path, mesh)
+    with pytest.raises(FileNotFoundError):
+        chladni.Basis.load(tmp_path / "none.npz")
+    with pytest.raises(OSError):
+        knot_basis.save(tmp_path / "none" / "a.npz")
+
+
+def test_files_know_the_numbering(tmp_path, knot):
+    vertices = np.concatenate([[[7.0, 7, 7]], knot.vertices])
+    basis = chladni.eigs(vertices, knot.faces + 1, k=10, method="hsim")
+    basis.save(tmp_path / "shifted.npz")
+    again = chladni.Basis.load(tmp_path / "shifted.npz")
+    assert again.shape == (2997, 10) and np.isnan(again.vectors[0]).all()
+    assert np.array_equal(again.vectors[1:], basis.vectors[1:])
+
+
+def test_modes_are_lifted_by_ranges(knot_basis):
+    assert np.array_equal(knot_basis.lift(5, 9), knot_basis.vectors[:, 5:9])
+    assert knot_basis.lift(9, 5).shape == (2996, 0) and knot_basis.lift(-1).shape == (2996, 1)
+    assert len(knot_basis) == 40 and knot_basis.vectors.flags.f_contiguous and knot_basis.vectors.dtype == np.float64
+    assert "40 pairs on 2996 rows by hsim, complete" in repr(knot_basis) and "eigenvalue" in knot_basis._repr_html_()
+
+
+def test_maps_find_the_identity(knot, knot_basis):
+    order = np.random.default_rng(5).permutation(2996)
+    back = np.argsort(order)
+    other = chladni.eigs(knot.vertices[order], back[knot.faces], k=40, method="hsim")
+    landmarks = [(int(v), int(back[v])) for v in (0, 700, 1500, 2200)]
+    found = chladni.functional_map(knot_basis, other, landmarks=landmarks, all_points=True, both_ways=True)
+    assert (found.to_source.points == order).mean() > 0.99 and (found.to_target.points[order] == np.arange(2996)).mean() > 0.99
+    assert found.orthogonality_defect < 0.05 and found.commutativity_defect < 0.05 and found.to_source.matched is None
+    assert found.matrix.shape == (40, 40) and abs(abs(np.diag(found.matrix)) - 1).mean() < 0.02
+    descriptors = knot.vertices, knot.vertices[order]
+    assert chladni.functional_map(knot_basis, other, descriptors=descriptors, pairs=30).matrix.shape == (30, 30)
+    with pytest.raises(chladni.ParameterError):
+        chladni.functional_map(knot_basis, other)
+    with pytest.raises(chladni.ParameterError):
+        chladni.functional_map(knot_basis, other, landmarks=[(0, 2996)])
+
+
+def test_fields_follow_strokes(knot):
+    space = chladni.fields(knot, dimension=200)
+    field, about = space.design([{"face": 100, "direction": [0, 0, 1]}], [{"face": 4000, "direction": [1, 0, 0]}])
+    assert field.shape == (5992, 3) and field.dtype == np.float32
+    corners = knot.vertices[knot.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert abs((field * normals).sum(axis=1)).max() < 1e-5
+    tangent = np.array([1.0, 0, 0]) - normals[4000] * normals[4000][0] / (normals[4000] @ normals[4000])
+    assert np.allclose(np.cross(field[4000], tangent), 0, atol=1e-4) and len(about["residuals"]) == 2
+    with pytest.raises(chladni.ParameterError):
+        space.design([{"face": 5992, "direction": [0, 0, 1]}])

@@ -1,0 +1,100 @@
+"""The same on a server: answers are those of here. Needs the binary, as ``CHLADNI_BINARY``."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+
+import chladni
+
+BINARY = os.environ.get("CHLADNI_BINARY", "")
+needs_server = pytest.mark.skipif(not os.path.exists(BINARY), reason="CHLADNI_BINARY names no binary of the service")
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory):
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("CHLADNI_")}
+    data = tmp_path_factory.mktemp("server") / "data"
+    command = [BINARY, "serve", "--listen", "127.0.0.1:0", "--data", str(data), "--workers", "1"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment)
+    address = None
+    for line in server.stdout:
+        if found := re.search(r"http://127\.0\.0\.1:\d+", line):
+            address = found[0]
+            break
+    assert address, "the server did not say where it listens"
+    yield chladni.Client(address)
+    server.send_signal(signal.SIGKILL)
+    server.wait()
+
+
+@needs_server
+def test_answers_are_those_of_here(client, knot, tmp_path):
+    vertices = np.concatenate([[[7.0, 7, 7]], knot.vertices])
+    arguments = {"vertices": vertices, "faces": knot.faces + 1, "k": 30, "method": "hsim"}
+    here, there = chladni.eigs(**arguments), client.eigs(**arguments)
+    assert np.allclose(there.values, here.values, atol=1e-9) and there.shape == here.shape and there.complete
+    assert np.allclose(abs(there.lift(0, 5)), abs(here.lift(0, 5)), atol=1e-6, equal_nan=True)
+    assert np.allclose(there.mass, here.mass) and np.array_equal(there.vertex_map, here.vertex_map)
+    assert np.allclose(there.signatures("wks"), here.signatures("wks"), atol=1e-6, equal_nan=True)
+    assert np.allclose(there.signatures("hks", times=[1.0], vertices=[5]), here.signatures("hks", times=[1.0], vertices=[5]))
+    for kind, times in [("biharmonic", None), ("diffusion", [0.5, 1.0]), ("geodesic", None)]:
+        assert np.allclose(there.distances([5, 9], kind, times=times), here.distances([5, 9], kind, times=times), atol=1e-6, equal_nan=True)
+    assert np.allclose(there.filter(vertices, "heat", time=0.2), here.filter(vertices, "heat", time=0.2), atol=1e-6, equal_nan=True)
+    spectrum = here.project(vertices[:, 0])
+    assert np.allclose(there.project(vertices[:, 0]) ** 2, spectrum**2, atol=1e-5)
+    assert np.allclose(there.reconstruct(there.project(vertices)), here.reconstruct(here.project(vertices)), atol=1e-6, equal_nan=True)
+    local = there.download()
+    assert type(local) is chladni.Basis and np.array_equal(local.values, there.values)
+    there.save(tmp_path / "there.npz")
+    assert chladni.Basis.load(tmp_path / "there.npz").shape == here.shape
+    again = client.basis(there.id)
+    assert np.array_equal(again.values, there.values) and again.shape == here.shape
+    assert client.upload(vertices, knot.faces + 1) == client.upload(vertices, knot.faces + 1)
+
+
+@needs_server
+def test_refusals_are_the_servers_sentences(client, knot):
+    with pytest.raises(chladni.ClientError, match="count") as caught:
+        client.eigs(knot, k=0)
+    assert caught.value.status == 422 and caught.value.code == "invalid-parameter"
+    with pytest.raises(chladni.ClientError) as caught:
+        client.basis("nothing").values
+    assert caught.value.status in (400, 404) and caught.value.problem["status"] == caught.value.status
+
+
+@needs_server
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_an_interrupt_cancels_the_job(client, tmp_path):
+    script = f"""
+        import chladni, os, signal
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        client = chladni.Client({client.url!r})
+        def watch(stage, fraction):
+            if stage not in ("enqueued", "processing"):
+                os.kill(os.getpid(), signal.SIGINT)
+        try:
+            client.eigs(chladni.Mesh.sample("knot", 100_000), k=1500, method="hsim", progress=watch)
+        except KeyboardInterrupt:
+            print("interrupted")
+    """
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True, timeout=120, cwd=tmp_path)
+    assert done.stdout.strip() == "interrupted", done.stderr
+    jobs = client._json("GET", "/v1/jobs", query={"limit": 1})
+    job = next(iter(jobs.get("items") or jobs.get("jobs") or jobs.get("data")))
+    while job["status"] == "processing":
+        job = client._json("GET", f"/v1/jobs/{job['id']}", query={"wait": "2s"})
+    assert job["status"] == "canceled"
+
+
+def test_a_server_that_is_not_there_is_named():
+    with pytest.raises(chladni.ClientError, match="127.0.0.1:9 does not answer") as caught:
+        chladni.Client("http://127.0.0.1:9").eigs(chladni.Mesh.sample("sphere", 162), k=3)
+    assert caught.value.status == 0
+    with pytest.raises(chladni.ParameterError, match="ftp"):
+        chladni.Client("ftp://127.0.0.1")
