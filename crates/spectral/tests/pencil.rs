@@ -286,10 +286,10 @@ fn what_is_no_pencil_is_refused_by_its_first_entry() {
     let message = refused(&identity, Mass::Sparse(indefinite));
     assert!(message.contains("of row 1 ") || message.contains("of row 2 "), "{message}");
     for (indptr, indices, expected) in [
-        (vec![0, 1], vec![0], "2 row offsets are not those of 2 rows"),
-        (vec![0, 2, 1], vec![0], "row 1 ends before it begins"),
-        (vec![0, 1, 3], vec![0, 1], "rows end at 3"),
-        (vec![0, 1, 2], vec![0, 7], "row 1 has an entry in column 7 of 2"),
+        (vec![0, 1], vec![0], "row offset 0 is out of order"),
+        (vec![0, 2, 1], vec![0], "row offset 1 is out of order"),
+        (vec![0, 1, 3], vec![0, 1], "row offset 2 is out of order"),
+        (vec![0, 1, 2], vec![0, 7], "row 1: column 7 is out of range"),
     ] {
         let values = vec![1.0; indices.len()];
         let message = csr(2, 2, &indptr, &indices, &values).unwrap_err().to_string();
