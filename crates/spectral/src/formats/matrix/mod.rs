@@ -143,6 +143,3 @@ fn from_triplets(rows: usize, columns: usize, triplets: (&[u32], &[u32], &[f64])
     }
     Ok(SparseMatrix::from_unsorted(rows, columns, &indptr, &sorted, &numbers)?)
 }
-
-#[cfg(test)]
-mod tests;

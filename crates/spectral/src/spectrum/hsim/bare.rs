@@ -33,6 +33,9 @@ const ENTRIES_OF_SURFACE: usize = 10;
 /// Above this size such a matrix is ordered by nested dissection.
 const MANY_ROWS: usize = 5_000;
 
+/// Values that differ by less than this share of the width of all are taken for one, such as those of rigid motions.
+const CLUSTERED: f64 = 1e-4;
+
 /// Eigenpairs, and the multiple `c` of the mass with which their residuals are relative to `‖(S + cM) x‖`.
 #[derive(Debug)]
 pub(in crate::spectrum) struct Bare {
@@ -158,9 +161,14 @@ impl Bench<'_> {
         let spread = Scout::new(&finest.level, &finest.symbolic).spread();
         // What a residual of the tolerance can be told from.
         let rounding = 64.0 * f64::EPSILON * (longest as f64 + 4.0) * spread / self.parameters.tolerance;
-        let width = last - first;
-        let next = values.iter().map(|value| value - first).find(|&gap| gap > 1e-4 * width).unwrap_or(width);
-        let least = next.clamp(1e-3 * width.max(0.0), width.max(0.0)).max(rounding).max(1e-3 * first.abs());
+        // Beside a kernel that is known, the lowest value is as good as any.
+        let width = if known(&finest.level) > 0 { 0.0 } else { (last - first).max(0.0) };
+        let next = values.iter().map(|value| value - first).find(|&gap| gap > CLUSTERED * width).unwrap_or(width);
+        let mut least = (0.25 * next).clamp(1e-3 * width, width).max(rounding).max(1e-3 * first.abs());
+        if least == 0.0 {
+            // There is nothing but zeros.
+            least = 1.0;
+        }
         if first >= least { 0.0 } else { few_digits(least - first) }
     }
 

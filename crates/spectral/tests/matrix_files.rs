@@ -1,6 +1,9 @@
+//! Sparse matrices as SciPy and Matrix Market write them.
+
 use std::io::{Cursor, Write};
 
-use super::*;
+use chladni_algebra::SparseMatrix;
+use chladni_spectral::formats::matrix::{MatrixError, MatrixFile, MatrixLimits};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 fn read(bytes: &[u8]) -> Result<MatrixFile, MatrixError> {
@@ -122,4 +125,56 @@ fn what_does_not_fit_is_named() {
     let few = MatrixLimits { rows: 2, entries: 100 };
     let message = MatrixFile::read(&parts(&[0, 1, 2, 3], &[0, 1, 2]), &few).unwrap_err().to_string();
     assert_eq!(message, "3 rows are more than the 2 that are read");
+}
+
+const SCRIPT: &str = r#"
+import sys, numpy as np, scipy.sparse as sp, scipy.io as io
+folder = sys.argv[1]
+rng = np.random.default_rng(5)
+A = sp.random(60, 60, 0.1, random_state=rng); A = (A + A.T + sp.diags(np.arange(60.0))).tocsr()
+for kind in ("csr", "csc", "coo", "dia", "bsr"):
+    for compressed in (False, True):
+        sp.save_npz(f"{folder}/{kind}{int(compressed)}.npz", A.asformat(kind), compressed=compressed)
+sp.save_npz(f"{folder}/array.npz", sp.csr_array(A))
+sp.save_npz(f"{folder}/coo_array.npz", sp.coo_array(A))
+io.mmwrite(f"{folder}/general.mtx", A, symmetry="general", precision=17)
+io.mmwrite(f"{folder}/symmetric.mtx", A, symmetry="symmetric", precision=17)
+np.save(f"{folder}/diagonal.npy", A.diagonal())
+A.sort_indices()
+np.concatenate([A.indptr, A.indices]).astype("<f8").tofile(f"{folder}/pattern"); A.data.tofile(f"{folder}/data")
+"#;
+
+#[test]
+fn what_scipy_writes_is_read_to_the_last_bit() {
+    let named = std::env::var("CHLADNI_PYTHON").ok();
+    let pythons = named.into_iter().chain(["python3".to_owned(), "/usr/bin/python3".to_owned()]);
+    let folder = tempfile::tempdir().unwrap();
+    let run = |python: &String| {
+        let python = std::process::Command::new(python).args(["-c", SCRIPT, folder.path().to_str().unwrap()]).output();
+        python.is_ok_and(|out| out.status.success())
+    };
+    if pythons.into_iter().find(run).is_none() {
+        eprintln!("skipped: no Python with SciPy was found");
+        return;
+    }
+    let file = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    let floats = |name: &str| -> Vec<f64> {
+        file(name).chunks_exact(8).map(|b| f64::from_le_bytes(std::array::from_fn(|k| b[k]))).collect()
+    };
+    let (pattern, data) = (floats("pattern"), floats("data"));
+    let offsets: Vec<usize> = pattern[..61].iter().map(|&x| x as usize).collect();
+    let indices = pattern[61..].iter().map(|&x| x as u32).collect();
+    let expected = SparseMatrix::new(60, 60, offsets, indices, data).unwrap();
+    let mut names: Vec<String> = ["csr", "csc", "coo", "dia", "bsr"]
+        .iter()
+        .flat_map(|kind| [format!("{kind}0.npz"), format!("{kind}1.npz")])
+        .collect();
+    names.extend(["array.npz", "coo_array.npz", "general.mtx", "symmetric.mtx"].map(str::to_owned));
+    for name in names {
+        // Some layouts store zeros.
+        let found = read(&file(&name)).unwrap_or_else(|error| panic!("{name}: {error}")).into_matrix();
+        assert_eq!(found.to_dense(), expected.to_dense(), "{name}");
+    }
+    let MatrixFile::Vector(diagonal) = read(&file("diagonal.npy")).unwrap() else { panic!("a list of numbers") };
+    assert!((0..60).all(|k| diagonal[k] == expected.to_dense().column(k)[k]));
 }
