@@ -15,7 +15,7 @@ use super::kernel::Kernel;
 use super::krylov;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
-use super::scout::Scout;
+use super::scout::{Scout, fills_in};
 use super::shifts::factor_near;
 use super::solve::{DENSE, Estimate, Finest, LARGE, SLACK, Task, estimate};
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
@@ -27,10 +27,7 @@ const SMALL: usize = 800;
 /// So are those of which more than this share of all pairs is wanted.
 const MOST_SHARE: usize = 3;
 
-/// Rows with more entries than this on average are those of solids, or of anything else that fills in more than surfaces do.
-const ENTRIES_OF_SURFACE: usize = 10;
-
-/// Above this size such a matrix is ordered by nested dissection.
+/// Above this size a matrix that fills in more than those of surfaces is ordered by nested dissection.
 const MANY_ROWS: usize = 5_000;
 
 /// Values that differ by less than this share of the width of all are taken for one, such as those of rigid motions.
@@ -235,8 +232,8 @@ fn in_order(problem: &EigenProblem, wanted: Wanted, monitor: &dyn Monitor) -> Re
         Wanted::Count(count) => hierarchy::columns(count, n),
         Wanted::Below { .. } | Wanted::Between { .. } => 128,
     };
-    let surface = problem.stiffness.entries() <= ENTRIES_OF_SURFACE * n;
-    let dissect = n > LARGE || if surface { columns >= 128 && n * columns > 30_000_000 } else { n > MANY_ROWS };
+    let solid = fills_in(&problem.stiffness);
+    let dissect = n > LARGE || if solid { n > MANY_ROWS } else { columns >= 128 && n * columns > 30_000_000 };
     let ordering = if dissect { Ordering::NestedDissection } else { Ordering::Amd };
     let order = fill_reducing_order(&problem.stiffness, ordering)?;
     monitor.checkpoint()?;
