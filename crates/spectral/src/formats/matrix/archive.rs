@@ -168,7 +168,7 @@ impl Archive<'_> {
         let member = self.member("data")?;
         let (values, shape) = (member.numbers()?.floats()?, &member.header.shape);
         let &[count, high, wide] = &shape[..] else { return Err(refuse("data", format!("its shape is {shape:?}"))) };
-        if count != indices.len() || high == 0 || wide == 0 || rows % high != 0 || member.header.fortran {
+        if count != indices.len() || high == 0 || wide == 0 || !rows.is_multiple_of(high) || member.header.fortran {
             return Err(refuse("data", format!("blocks of the shape {shape:?} are not those of {rows} rows")));
         }
         self.limits.check(rows, columns, values.len())?;

@@ -35,6 +35,9 @@ pub(super) struct Window {
     pub semidefinite: bool,
 }
 
+/// A distance that was tried, and the eigenvalues counted within it.
+type Tried = Option<(f64, usize)>;
+
 /// What counts are made with.
 pub(super) struct Scout<'a> {
     pub level: &'a Level,
@@ -84,7 +87,7 @@ impl<'a> Scout<'a> {
         // By Weyl's law, in two dimensions or in three.
         let power = if fills_in(&self.level.stiffness) { 2.0 / 3.0 } else { 1.0 };
         let mut at = (median * (wanted as f64 / n as f64).powf(power)).max(zero).min(spread);
-        let (mut few, mut many): (Option<(f64, usize)>, Option<(f64, usize)>) = (None, None);
+        let (mut few, mut many): (Tried, Tried) = (None, None);
         for _ in 0..MOST {
             monitor.checkpoint()?;
             let found = self.count(base + at)?;
@@ -127,7 +130,7 @@ impl<'a> Scout<'a> {
 }
 
 /// The next distance to try, from one with too few and one with too many eigenvalues.
-fn next(few: Option<(f64, usize)>, many: Option<(f64, usize)>, wanted: usize) -> f64 {
+fn next(few: Tried, many: Tried, wanted: usize) -> f64 {
     let target = 1.6 * wanted as f64;
     match (few, many) {
         (Some((low, below)), Some((high, above))) if below > 0 => {
