@@ -423,3 +423,39 @@ fn serve_tells_its_address_and_ends_on_sigterm() {
     }
     assert!(log.contains("\"drain_seconds\":30.0"), "{log}");
 }
+
+#[test]
+fn eigsh_solves_matrices_of_others_and_names_what_does_not_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    // A path of 40 vertices with masses of 2: (1 − cos(πk/40)).
+    let mut text = "%%MatrixMarket matrix coordinate real symmetric\n40 40 79\n".to_owned();
+    for k in 1..=40 {
+        text += &format!("{k} {k} {}\n", if k == 1 || k == 40 { 1 } else { 2 });
+        if k > 1 {
+            text += &format!("{k} {} -1\n", k - 1);
+        }
+    }
+    std::fs::write(path("s.mtx"), &text).unwrap();
+    let masses = format!("%%MatrixMarket matrix array real general\n40 1\n{}", "2\n".repeat(40));
+    std::fs::write(path("m.mtx"), masses).unwrap();
+    let (s, m, out) = (path("s.mtx"), path("m.mtx"), path("pairs.npz"));
+    let output = chladni(&["eigsh", &s, &m, "-n", "5", "--json", "-o", &out]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let line: Value = serde_json::from_slice(&output.stdout).unwrap();
+    for (k, value) in line["eigenvalues"].as_array().unwrap().iter().enumerate() {
+        let exact = 1.0 - (std::f64::consts::PI * k as f64 / 40.0).cos();
+        assert!((value.as_f64().unwrap() - exact).abs() < 1e-12, "{value} is not {exact}");
+    }
+    assert_eq!((&line["certificate"]["complete"], &line["rows"]), (&true.into(), &40.into()));
+    let basis = chladni_spectral::formats::npz::read(&std::fs::read(&out).unwrap()).unwrap();
+    assert_eq!((basis.eigenvalues.len(), basis.vertices()), (5, 40));
+    let table = chladni(&["eigsh", &s, "--below", "0.5"]);
+    let text = String::from_utf8(table.stdout).unwrap();
+    assert!(text.contains("40 rows; mass: the identity") && text.contains("complete: inertia counts"), "{text}");
+    std::fs::write(path("a.mtx"), "%%MatrixMarket matrix coordinate real general\n2 2 1\n1 2 3\n").unwrap();
+    let refused = chladni(&["eigsh", &path("a.mtx")]);
+    assert_eq!(code(&refused), 1);
+    assert!(stderr(&refused).contains("S[0, 1] is 3, S[1, 0] is 0"), "{}", stderr(&refused));
+    assert_eq!(code(&chladni(&["eigsh", &path("none.mtx")])), 3);
+}

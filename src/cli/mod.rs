@@ -10,6 +10,7 @@ mod crash_mark;
 mod data_folder;
 mod demo;
 mod doctor;
+mod eigsh;
 mod error;
 mod field;
 mod input;
@@ -52,6 +53,7 @@ Examples:
   chladni serve --data /srv/chladni --workers 2            the service
   chladni solve bunny.ply --count 500 --output bunny.npz   500 eigenpairs, without a server
   chladni run vibration_basis plate.ply -p thickness=0.001 any kind of job, with the parameters of the API
+  chladni eigsh S.npz M.npz --count 200                    the same of any sparse symmetric matrices
   chladni check scan.obj                                   what is wrong with a mesh, what was repaired
   chladni verify bunny.npz bunny.ply                       whether a basis is what it says
   chladni sample genus-3 -n 100000 -o genus-3.ply          a mesh to try things on
@@ -66,6 +68,7 @@ enum Command {
     #[command(after_help = SERVE_HELP)]
     Serve(Box<Config>),
     Solve(Box<solve::SolveArguments>),
+    Eigsh(Box<eigsh::EigshArguments>),
     Field(Box<field::FieldArguments>),
     Run(Box<run::RunArguments>),
     Distances(apply::DistancesArguments),
@@ -99,6 +102,7 @@ pub fn main() -> ExitCode {
         Command::Demo(arguments) => demo::demo(arguments),
         Command::Serve(config) => serve::serve(*config),
         Command::Solve(arguments) => solve::solve(*arguments),
+        Command::Eigsh(arguments) => eigsh::eigsh(*arguments),
         Command::Field(arguments) => field::field(*arguments),
         Command::Run(arguments) => run::run(*arguments),
         Command::Distances(arguments) => apply::distances(arguments),

@@ -131,6 +131,54 @@ impl<T: Copy> SparseMatrix<T> {
 }
 
 impl SparseMatrix {
+    /// Builds a matrix from rows whose columns come in any order; entries of one place are added up. Row `i` has the entries
+    /// `offsets[i]..offsets[i + 1]`.
+    ///
+    /// # Errors
+    /// [`SparseError`] names the first row that does not fit.
+    pub fn from_unsorted(
+        rows: usize,
+        columns: usize,
+        offsets: &[usize],
+        indices: &[u32],
+        values: &[f64],
+    ) -> Result<Self, SparseError> {
+        if offsets.first() != Some(&0) || offsets.len() != rows.saturating_add(1) {
+            return Err(SparseError::Offsets { row: 0 });
+        }
+        if let Some(row) = offsets.windows(2).position(|pair| pair[0] > pair[1]) {
+            return Err(SparseError::Offsets { row });
+        }
+        if offsets[rows] != indices.len() || indices.len() != values.len() {
+            return Err(SparseError::Offsets { row: rows });
+        }
+        if let Some(at) = indices.iter().position(|&column| column as usize >= columns) {
+            let row = offsets.partition_point(|&offset| offset <= at) - 1;
+            return Err(SparseError::Column { row, column: indices[at] });
+        }
+        let (mut ends, mut sorted) = (Vec::with_capacity(rows + 1), Vec::with_capacity(indices.len()));
+        let (mut sums, mut row): (Vec<f64>, Vec<(u32, f64)>) = (Vec::with_capacity(values.len()), Vec::new());
+        ends.push(0);
+        for range in offsets.windows(2).map(|pair| pair[0]..pair[1]) {
+            row.clear();
+            row.extend(indices[range.clone()].iter().copied().zip(values[range].iter().copied()));
+            // In the order in which they came, so that equal input gives equal sums.
+            row.sort_by_key(|entry| entry.0);
+            let start = sorted.len();
+            for &(column, value) in &row {
+                match sums.last_mut() {
+                    Some(last) if sorted.len() > start && sorted.last() == Some(&column) => *last += value,
+                    _ => {
+                        sorted.push(column);
+                        sums.push(value);
+                    }
+                }
+            }
+            ends.push(sorted.len());
+        }
+        Ok(Self { rows, columns, offsets: ends, indices: sorted, values: sums })
+    }
+
     /// The same matrix times a number.
     pub fn scaled(&self, factor: f64) -> Self {
         Self { values: self.values.iter().map(|value| value * factor).collect(), ..self.clone() }

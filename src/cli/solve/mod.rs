@@ -1,6 +1,6 @@
 //! `solve`: one eigenproblem, without a server.
 
-mod report;
+pub(super) mod report;
 
 use std::io::Write;
 use std::path::Path;

@@ -15,7 +15,7 @@ use super::kernel::Kernel;
 use super::krylov;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
-use super::scout::Scout;
+use super::scout::{Scout, fills_in};
 use super::shifts::factor_near;
 use super::solve::{DENSE, Estimate, Finest, LARGE, SLACK, Task, estimate};
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
@@ -27,11 +27,11 @@ const SMALL: usize = 800;
 /// So are those of which more than this share of all pairs is wanted.
 const MOST_SHARE: usize = 3;
 
-/// Rows with more entries than this on average are those of solids, or of anything else that fills in more than surfaces do.
-const ENTRIES_OF_SURFACE: usize = 10;
-
-/// Above this size such a matrix is ordered by nested dissection.
+/// Above this size a matrix that fills in more than those of surfaces is ordered by nested dissection.
 const MANY_ROWS: usize = 5_000;
+
+/// Values that differ by less than this share of the width of all are taken for one, such as those of rigid motions.
+const CLUSTERED: f64 = 1e-4;
 
 /// Eigenpairs, and the multiple `c` of the mass with which their residuals are relative to `‖(S + cM) x‖`.
 #[derive(Debug)]
@@ -158,9 +158,14 @@ impl Bench<'_> {
         let spread = Scout::new(&finest.level, &finest.symbolic).spread();
         // What a residual of the tolerance can be told from.
         let rounding = 64.0 * f64::EPSILON * (longest as f64 + 4.0) * spread / self.parameters.tolerance;
-        let width = last - first;
-        let next = values.iter().map(|value| value - first).find(|&gap| gap > 1e-4 * width).unwrap_or(width);
-        let least = next.clamp(1e-3 * width.max(0.0), width.max(0.0)).max(rounding).max(1e-3 * first.abs());
+        // Beside a kernel that is known, the lowest value is as good as any.
+        let width = if known(&finest.level) > 0 { 0.0 } else { (last - first).max(0.0) };
+        let next = values.iter().map(|value| value - first).find(|&gap| gap > CLUSTERED * width).unwrap_or(width);
+        let mut least = (0.25 * next).clamp(1e-3 * width, width).max(rounding).max(1e-3 * first.abs());
+        if least == 0.0 {
+            // There is nothing but zeros.
+            least = 1.0;
+        }
         if first >= least { 0.0 } else { few_digits(least - first) }
     }
 
@@ -227,8 +232,8 @@ fn in_order(problem: &EigenProblem, wanted: Wanted, monitor: &dyn Monitor) -> Re
         Wanted::Count(count) => hierarchy::columns(count, n),
         Wanted::Below { .. } | Wanted::Between { .. } => 128,
     };
-    let surface = problem.stiffness.entries() <= ENTRIES_OF_SURFACE * n;
-    let dissect = n > LARGE || if surface { columns >= 128 && n * columns > 30_000_000 } else { n > MANY_ROWS };
+    let solid = fills_in(&problem.stiffness);
+    let dissect = n > LARGE || if solid { n > MANY_ROWS } else { columns >= 128 && n * columns > 30_000_000 };
     let ordering = if dissect { Ordering::NestedDissection } else { Ordering::Amd };
     let order = fill_reducing_order(&problem.stiffness, ordering)?;
     monitor.checkpoint()?;

@@ -1,6 +1,6 @@
 //! Where the lowest eigenvalues of a pencil lie, by inertia counts at a few shifts: what a start without geometry needs to know of it.
 
-use chladni_algebra::SymbolicFactor;
+use chladni_algebra::{SparseMatrix, SymbolicFactor};
 use chladni_base::Monitor;
 
 use super::HsimError;
@@ -16,6 +16,14 @@ const MOST: usize = 8;
 /// The window is good that holds between the wanted number of eigenvalues and this many times as many.
 const ENOUGH: usize = 3;
 
+/// Rows with more entries than this on average are those of solids, or of anything else that fills in more than surfaces do.
+const ENTRIES_OF_SURFACE: usize = 10;
+
+/// Whether a matrix fills in more than those of surfaces.
+pub(super) fn fills_in(matrix: &SparseMatrix) -> bool {
+    matrix.entries() > ENTRIES_OF_SURFACE * matrix.rows()
+}
+
 /// Shifts between which the lowest eigenvalues lie.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Window {
@@ -26,6 +34,9 @@ pub(super) struct Window {
     /// Whether no eigenvalue lies below zero, up to rounding.
     pub semidefinite: bool,
 }
+
+/// A distance that was tried, and the eigenvalues counted within it.
+type Tried = Option<(f64, usize)>;
 
 /// What counts are made with.
 pub(super) struct Scout<'a> {
@@ -73,9 +84,10 @@ impl<'a> Scout<'a> {
         }
         let n = self.ratios.len();
         let median = *self.ratios.clone().select_nth_unstable_by(n / 2, f64::total_cmp).1;
-        // By Weyl's law in two dimensions.
-        let mut at = (median * wanted as f64 / n as f64).max(zero).min(spread);
-        let (mut few, mut many): (Option<(f64, usize)>, Option<(f64, usize)>) = (None, None);
+        // By Weyl's law, in two dimensions or in three.
+        let power = if fills_in(&self.level.stiffness) { 2.0 / 3.0 } else { 1.0 };
+        let mut at = (median * (wanted as f64 / n as f64).powf(power)).max(zero).min(spread);
+        let (mut few, mut many): (Tried, Tried) = (None, None);
         for _ in 0..MOST {
             monitor.checkpoint()?;
             let found = self.count(base + at)?;
@@ -118,7 +130,7 @@ impl<'a> Scout<'a> {
 }
 
 /// The next distance to try, from one with too few and one with too many eigenvalues.
-fn next(few: Option<(f64, usize)>, many: Option<(f64, usize)>, wanted: usize) -> f64 {
+fn next(few: Tried, many: Tried, wanted: usize) -> f64 {
     let target = 1.6 * wanted as f64;
     match (few, many) {
         (Some((low, below)), Some((high, above))) if below > 0 => {

@@ -19,42 +19,7 @@ pub fn csr(
     indices: &[u32],
     values: &[f64],
 ) -> Result<SparseMatrix, PencilError> {
-    let refuse = |reason: String| Err(PencilError::Structure { matrix: "the matrix", reason });
-    if indptr.len() != rows.saturating_add(1) || indptr.first() != Some(&0) {
-        return refuse(format!("{} row offsets are not those of {rows} rows, from 0", indptr.len()));
-    }
-    if let Some(row) = indptr.windows(2).position(|pair| pair[0] > pair[1]) {
-        return refuse(format!("row {row} ends before it begins"));
-    }
-    if indptr[rows] != indices.len() || indices.len() != values.len() {
-        let (end, indices, values) = (indptr[rows], indices.len(), values.len());
-        return refuse(format!("rows end at {end}, with {indices} columns and {values} entries"));
-    }
-    if let Some(at) = indices.iter().position(|&column| column as usize >= columns) {
-        let row = indptr.partition_point(|&offset| offset <= at) - 1;
-        return refuse(format!("row {row} has an entry in column {} of {columns}", indices[at]));
-    }
-    let (mut offsets, mut sorted) = (Vec::with_capacity(rows + 1), Vec::with_capacity(indices.len()));
-    let (mut numbers, mut row): (Vec<f64>, Vec<(u32, f64)>) = (Vec::with_capacity(values.len()), Vec::new());
-    offsets.push(0);
-    for range in indptr.windows(2).map(|pair| pair[0]..pair[1]) {
-        row.clear();
-        row.extend(indices[range.clone()].iter().copied().zip(values[range].iter().copied()));
-        row.sort_by_key(|entry| entry.0);
-        let start = sorted.len();
-        for &(column, value) in &row {
-            if sorted.len() > start && sorted.last() == Some(&column) {
-                if let Some(last) = numbers.last_mut() {
-                    *last += value;
-                }
-            } else {
-                sorted.push(column);
-                numbers.push(value);
-            }
-        }
-        offsets.push(sorted.len());
-    }
-    Ok(SparseMatrix::from_sorted_parts(rows, columns, offsets, sorted, numbers))
+    SparseMatrix::from_unsorted(rows, columns, indptr, indices, values).map_err(PencilError::Structure)
 }
 
 /// The matrix made symmetric to the last bit, without stored zeros.

@@ -18,11 +18,11 @@
 mod check;
 mod mass;
 
-use chladni_algebra::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix};
+use chladni_algebra::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseError, SparseMatrix};
 use chladni_base::{Cancelled, Monitor};
 
 use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, OnBound};
-use crate::basis::{Certificate, completeness};
+use crate::basis::{Basis, Certificate, DenseFunctions, Functions, Precision, completeness};
 use crate::operator::EigenProblem;
 
 pub use check::csr;
@@ -113,13 +113,8 @@ pub enum PencilError {
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     /// Arrays that do not make a sparse matrix.
-    #[error("{matrix}: {reason}")]
-    Structure {
-        /// `S` or `M`.
-        matrix: &'static str,
-        /// What is wrong with them.
-        reason: String,
-    },
+    #[error(transparent)]
+    Structure(#[from] SparseError),
     /// The sizes of the matrices do not fit.
     #[error("{matrix} is {rows} × {columns}; {expected} is needed")]
     Shape {
@@ -334,6 +329,30 @@ impl Pencil {
             ..Certificate::default()
         };
         Ok(Pairs { values: pairs.values, vectors, certificate, moved: moved * value, on_bounds: pairs.on_bounds })
+    }
+}
+
+impl Pairs {
+    /// As a basis, which can be written and evaluated like that of a mesh: a row of the pencil stands for a vertex. `about` becomes its metadata, with
+    /// [`moved`](Self::moved) and, where pairs were wanted by bounds, the interval.
+    pub fn into_basis(
+        self,
+        pencil: &Pencil,
+        precision: Precision,
+        mut about: serde_json::Map<String, serde_json::Value>,
+    ) -> Basis {
+        about.insert("moved".to_owned(), self.moved.into());
+        if self.certificate.first > 0 || !self.on_bounds.is_empty() {
+            let interval = serde_json::json!({"first": self.certificate.first, "on_bounds": self.on_bounds});
+            about.insert("interval".to_owned(), interval);
+        }
+        Basis {
+            functions: Functions::Dense(DenseFunctions::from_columns(&self.vectors, precision)),
+            eigenvalues: self.values,
+            mass: pencil.mass.clone(),
+            certificate: self.certificate,
+            metadata: about.into(),
+        }
     }
 }
 
