@@ -27,6 +27,9 @@ pub struct Certificate {
     /// The index of the first pair among all eigenvalues of the problem: zero but where the pairs of an interval were asked for.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub first: usize,
+    /// The cluster that the number of pairs cuts, if it is known to cut one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cut: Option<CutCluster>,
     /// The largest residual that a pair was allowed, where the method has one.
     #[serde(default)]
     pub tolerance: Option<f64>,
@@ -70,6 +73,16 @@ pub struct InertiaCount {
     pub shift: f64,
     /// Eigenvalues below it, with multiplicity.
     pub below: usize,
+}
+
+/// Eigenvalues that lie so close together that they count as one, of which not all are delivered: any functions of the cluster's eigenspace could
+/// stand for those that are, and another computation may give others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CutCluster {
+    /// The index of its first eigenvalue among all, from 0.
+    pub first: usize,
+    /// One more than the index of its last, or of the last that may belong to it.
+    pub end: usize,
 }
 
 /// What one level of the hierarchy took.

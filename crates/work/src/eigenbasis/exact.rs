@@ -264,6 +264,7 @@ impl Exact {
             orthonormality_defect: pairs.orthonormality_defect,
             inertia: pairs.inertia,
             first: pairs.first,
+            cut: pairs.cut,
             tolerance: Some(self.solver.tolerance),
             levels: pairs.levels,
             ..Certificate::default()

@@ -25,28 +25,50 @@ pub(super) enum Goal {
     Below(f64),
 }
 
+/// What proves that nothing is missing among the pairs that were found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Proof {
+    /// Counted above the last of them.
+    pub above: Count,
+    /// Counted below the cluster that the last wanted pair belongs to, where not all of that was found.
+    pub below_cluster: Option<Count>,
+}
+
 /// What one attempt at a count says.
 enum Outcome {
     Proven(Count),
     /// More pairs have to converge first: so many beside the kernel.
     Wanted(usize),
-    /// So many are missing below a shift.
-    Missing(usize, f64),
+    /// A count is larger than the number of values below it, which is this.
+    Missing(Count, usize),
     /// No count could be trusted.
     Doubtful(String),
 }
 
-/// Iterates until the goal is reached and proven; gives the count of all pairs that were found below its shift.
-pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, seed: u64) -> Result<Count, HsimError> {
+/// Iterates until the goal is reached and proven.
+pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, seed: u64) -> Result<Proof, HsimError> {
     let mut plan = *plan;
-    let (mut round, mut vain, mut least) = (0, 0, usize::MAX);
+    let (mut round, mut vain, mut least, mut guards) = (0, 0, usize::MAX, 0);
     loop {
         converge(iteration, &plan)?;
         match attempt(iteration, goal, &plan)? {
-            Outcome::Proven(count) => return Ok(count),
+            Outcome::Proven(above) => return Ok(Proof { above, below_cluster: None }),
             Outcome::Wanted(wanted) => plan.wanted = wanted,
             Outcome::Doubtful(reason) => return Err(HsimError::Unproven { reason }),
-            Outcome::Missing(missing, shift) => {
+            Outcome::Missing(count, found) => {
+                let (missing, shift) = (count.below - found, count.shift);
+                let counted = count.below - iteration.kernel_below(shift);
+                if counted > guards && counted <= iteration.values.len() {
+                    // As many columns are there, and those that nobody waited for may be what is missing.
+                    guards = counted;
+                    let most_passes = iteration.passes + GUARD_PASSES;
+                    iteration.run(&Plan { wanted: counted, most_passes, ..plan })?;
+                    plan.most_passes = iteration.passes + PASSES;
+                    continue;
+                }
+                if let Some(below) = below_cluster(iteration, goal, &plan)? {
+                    return Ok(Proof { above: count, below_cluster: Some(below) });
+                }
                 vain += u64::from(missing >= least);
                 least = least.min(missing);
                 if vain >= VAIN_ROUNDS {
@@ -91,7 +113,7 @@ fn attempt(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Result<Out
         } else if count.below == found {
             return Ok(Outcome::Proven(count));
         } else if count.below > found {
-            return Ok(Outcome::Missing(count.below - found, shift));
+            return Ok(Outcome::Missing(count, found));
         } else {
             doubt = format!("{found} pairs were found below {shift}, and {} counted", count.below);
         }
@@ -110,6 +132,38 @@ fn converge(iteration: &mut Iteration<'_>, plan: &Plan) -> Result<(), HsimError>
     iteration.polish(plan.wanted, plan.tolerance)?;
     iteration.require(plan)
 }
+
+/// Counts below the cluster of the last wanted pair: with as many eigenvalues there as values were found, whatever is missing below a shift above
+/// the cluster belongs to it, and may be as good as endless, as on a star. `None` where more lie below, or the last pair belongs to no
+/// cluster so narrow that it could be taken for one value.
+fn below_cluster(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Result<Option<Count>, HsimError> {
+    let Goal::Count(wanted) = goal else { return Ok(None) };
+    // Values that are still too large lie inside the cluster, or above it.
+    let most_passes = iteration.passes + GUARD_PASSES;
+    iteration.run(&Plan { tolerance: plan.tolerance.min(SHARP), most_passes, ..*plan })?;
+    iteration.take_quotients()?;
+    let values = iteration.all_values();
+    let Some(&last) = wanted.checked_sub(1).and_then(|last| values.get(last)) else { return Ok(None) };
+    for width in WIDTHS {
+        let reach = width * last.abs() + 1e-12 * iteration.spread;
+        let first = values.partition_point(|&value| value < last - reach);
+        let middle = first.checked_sub(1).map_or(f64::NEG_INFINITY, |before| 0.5 * (values[before] + values[first]));
+        let count = iteration.count((values[first] - reach).max(middle))?;
+        if count.is_clear_of(&values) && count.below == first {
+            return Ok(Some(count));
+        }
+    }
+    Ok(None)
+}
+
+/// The most steps on columns beside the wanted ones.
+const GUARD_PASSES: usize = 8;
+
+/// What belongs to a cluster lies this far apart at most, relative to its value; the narrower, the better its members are enclosed.
+const WIDTHS: [f64; 2] = [1e-6, 1e-4];
+
+/// A residual that leaves less than that of a value.
+const SHARP: f64 = 1e-5;
 
 /// A tolerance at which everything is found before the wanted one is approached.
 const LOOSE: f64 = 1e-2;

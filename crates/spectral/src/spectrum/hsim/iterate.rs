@@ -82,7 +82,7 @@ pub(super) struct Iteration<'a> {
     norm: f64,
     /// Whether the columns are the Ritz vectors of their span, which those of a refining step are only up to its tolerance.
     pub ritz: bool,
-    /// About the largest eigenvalue, or more: the largest row sum of the stiffness over the lumped mass.
+    /// [`Level::spread`].
     pub spread: f64,
 }
 
@@ -99,7 +99,7 @@ impl<'a> Iteration<'a> {
         let sums: Vec<f64> =
             (0..level.size()).map(|row| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum()).collect();
         let norm = sums.iter().copied().fold(0.0, f64::max);
-        let spread = sums.iter().zip(level.mass.lumped()).map(|(sum, mass)| sum / mass).fold(0.0, f64::max);
+        let spread = level.spread();
         kernel.remove(&mut vectors);
         Self {
             level,

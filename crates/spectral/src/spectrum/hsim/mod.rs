@@ -19,7 +19,7 @@ mod solve;
 
 use serde::{Deserialize, Serialize};
 
-pub use crate::basis::{InertiaCount, LevelReport};
+pub use crate::basis::{CutCluster, InertiaCount, LevelReport};
 use chladni_algebra::{PanelMatrix, SparseMatrix};
 use chladni_base::Cancelled;
 
@@ -117,6 +117,8 @@ pub struct Eigenpairs {
     pub first: usize,
     /// Pairs of which rounding does not let one tell on which side of a bound they lie, delivered or not.
     pub on_bounds: Vec<OnBound>,
+    /// The cluster that the number of pairs asked for cuts, if it cuts one.
+    pub cut: Option<CutCluster>,
     /// Coarsest level first, the mesh last.
     pub levels: Vec<LevelReport>,
     /// The finest nested space, `n × d`, if the caller asked to keep it.
