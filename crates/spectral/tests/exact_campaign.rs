@@ -20,3 +20,10 @@ fn answers_that_are_called_complete_are_complete() {
     assert!(10 * summary.complete >= 8 * summary.solves, "{:?}", summary.failures);
     assert!(!summary.failures.contains_key("success without a proof"));
 }
+
+#[test]
+fn multiple_eigenvalues_are_cut_anywhere() {
+    let summary = exact_cases::run(&campaign(Family::Multiple, 60), |_| {});
+    assert!(summary.lines.is_empty(), "{}", summary.lines.join("\n"));
+    assert_eq!((summary.complete, summary.false_complete, summary.missed), (summary.solves, 0, 0));
+}

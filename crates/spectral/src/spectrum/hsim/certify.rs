@@ -47,10 +47,21 @@ enum Outcome {
 
 /// Iterates until the goal is reached and proven.
 pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, seed: u64) -> Result<Proof, HsimError> {
-    let mut plan = *plan;
+    let (asked, mut plan) = (plan.wanted, *plan);
     let (mut round, mut vain, mut least, mut guards) = (0, 0, usize::MAX, 0);
     loop {
-        converge(iteration, &plan)?;
+        match converge(iteration, &plan) {
+            // What belongs to the cluster of the last wanted pair does not converge, or not as far as the columns reach.
+            Err(HsimError::NotConverged { .. }) if plan.wanted > asked => {
+                plan = Plan { wanted: asked, most_passes: iteration.passes + PASSES, ..plan };
+                converge(iteration, &plan)?;
+                return match below_cluster(iteration, goal, &plan)? {
+                    Some(below) => Ok(Proof { above: count_above(iteration)?, below_cluster: Some(below) }),
+                    None => Err(HsimError::Unproven { reason: "its last pair lies in no gap".to_owned() }),
+                };
+            }
+            converged => converged?,
+        }
         match attempt(iteration, goal, &plan)? {
             Outcome::Proven(above) => return Ok(Proof { above, below_cluster: None }),
             Outcome::Wanted(wanted) => plan.wanted = wanted,
@@ -66,11 +77,14 @@ pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, s
                     plan.most_passes = iteration.passes + PASSES;
                     continue;
                 }
-                if let Some(below) = below_cluster(iteration, goal, &plan)? {
-                    return Ok(Proof { above: count, below_cluster: Some(below) });
-                }
                 vain += u64::from(missing >= least);
                 least = least.min(missing);
+                // What one search may find is worth one: a whole cluster tells more than a part of it.
+                if (missing > PANEL_WIDTH || vain >= VAIN_ROUNDS)
+                    && let Some(below) = below_cluster(iteration, goal, &plan)?
+                {
+                    return Ok(Proof { above: count, below_cluster: Some(below) });
+                }
                 if vain >= VAIN_ROUNDS {
                     return Err(HsimError::Incomplete { missing, shift });
                 }
@@ -149,11 +163,18 @@ fn below_cluster(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Resu
         let first = values.partition_point(|&value| value < last - reach);
         let middle = first.checked_sub(1).map_or(f64::NEG_INFINITY, |before| 0.5 * (values[before] + values[first]));
         let count = iteration.count((values[first] - reach).max(middle))?;
+        if std::env::var("DBG").is_ok() { eprintln!("cluster first {first} last {last:e} count {count:?} values {:?}", &values[first.saturating_sub(2)..(first+3).min(values.len())]); }
         if count.is_clear_of(&values) && count.below == first {
             return Ok(Some(count));
         }
     }
     Ok(None)
+}
+
+/// Counts above all columns.
+fn count_above(iteration: &mut Iteration<'_>) -> Result<Count, HsimError> {
+    let top = iteration.all_values().last().copied().unwrap_or(0.0);
+    iteration.count(top + ABOVE * top.abs() + 1e-9 * iteration.spread)
 }
 
 /// The most steps on columns beside the wanted ones.

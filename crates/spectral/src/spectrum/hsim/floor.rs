@@ -60,12 +60,16 @@ impl Iteration<'_> {
         let failed = self.unconverged(plan);
         let floors = self.floors(&failed)?;
         let as_close_as_it_gets = |floor: f64, column: usize| self.residual(column) <= ABOVE_FLOOR * floor;
-        // Of a value that is as good as zero no residual can be asked.
-        let failed: Vec<(f64, usize)> = floors
-            .into_iter()
-            .zip(failed)
-            .filter(|&(floor, column)| !(floor >= AS_GOOD_AS_ZERO && as_close_as_it_gets(floor, column)))
-            .collect();
+        // Of a value that is as good as zero no residual can be asked; and where something large was taken off, the tolerance is one of the whole.
+        let of_the_whole = |column: usize| {
+            let value = self.values[column];
+            self.offset > 0.0 && self.residual(column) * value <= plan.tolerance * (value + self.offset)
+        };
+        let passes = |floor: f64, column: usize| {
+            as_close_as_it_gets(floor, column) && (floor >= AS_GOOD_AS_ZERO || of_the_whole(column))
+        };
+        let failed: Vec<(f64, usize)> =
+            floors.into_iter().zip(failed).filter(|&(floor, column)| !passes(floor, column)).collect();
         if failed.is_empty() {
             return Ok(());
         }

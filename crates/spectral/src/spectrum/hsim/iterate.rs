@@ -84,6 +84,8 @@ pub(super) struct Iteration<'a> {
     pub ritz: bool,
     /// [`Level::spread`].
     pub spread: f64,
+    /// What was taken off the eigenvalues of the problem.
+    pub offset: f64,
 }
 
 impl<'a> Iteration<'a> {
@@ -116,6 +118,7 @@ impl<'a> Iteration<'a> {
             norm,
             ritz: false,
             spread,
+            offset: 0.0,
         }
     }
 

@@ -278,6 +278,7 @@ impl Task<'_> {
         let Self { finest, kernel, monitor, parameters, .. } = *self;
         let n = finest.level.size();
         let mut iteration = Iteration::new(&finest.level, &finest.symbolic, kernel, vectors, values, monitor);
+        iteration.offset = self.offset;
         let mut plan = Plan {
             wanted: self.beside.min(iteration.values.len()),
             tolerance: parameters.tolerance,
