@@ -1,10 +1,10 @@
 use std::f64::consts::PI;
 
 use super::*;
+use crate::basis::{CutCluster, completeness};
 use crate::operator::elastic::tests::bar;
 use crate::operator::{Boundary, MassKind, OperatorKind, OperatorParameters, assemble, volume};
 use chladni_algebra::{CpuSolver, DenseMatrix, MassMatrix, SymmetricDefiniteSolver};
-use crate::basis::{CutCluster, completeness};
 use chladni_base::Unwatched;
 use chladni_mesh::TetMesh;
 use chladni_mesh::shape::{Shape, generate};

@@ -52,12 +52,12 @@ pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, s
     loop {
         match converge(iteration, &plan) {
             // What belongs to the cluster of the last wanted pair does not converge, or not as far as the columns reach.
-            Err(HsimError::NotConverged { .. }) if plan.wanted > asked => {
+            Err(error @ HsimError::NotConverged { .. }) if plan.wanted > asked && matches!(goal, Goal::Count(_)) => {
                 plan = Plan { wanted: asked, most_passes: iteration.passes + PASSES, ..plan };
                 converge(iteration, &plan)?;
                 return match below_cluster(iteration, goal, &plan)? {
                     Some(below) => Ok(Proof { above: count_above(iteration)?, below_cluster: Some(below) }),
-                    None => Err(HsimError::Unproven { reason: "its last pair lies in no gap".to_owned() }),
+                    None => Err(error),
                 };
             }
             converged => converged?,
@@ -163,7 +163,6 @@ fn below_cluster(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Resu
         let first = values.partition_point(|&value| value < last - reach);
         let middle = first.checked_sub(1).map_or(f64::NEG_INFINITY, |before| 0.5 * (values[before] + values[first]));
         let count = iteration.count((values[first] - reach).max(middle))?;
-        if std::env::var("DBG").is_ok() { eprintln!("cluster first {first} last {last:e} count {count:?} values {:?}", &values[first.saturating_sub(2)..(first+3).min(values.len())]); }
         if count.is_clear_of(&values) && count.below == first {
             return Ok(Some(count));
         }

@@ -114,7 +114,10 @@ pub(super) fn finish(
     };
     let first = delivery.from.map_or(0, |from| iteration.values[..wanted].partition_point(|&value| value < from));
     count_below(iteration, first)?;
-    let counts = iteration.counts(count);
+    let mut counts = iteration.counts(count);
+    // Without it the count above the cluster would say nothing.
+    counts.extend(proof.below_cluster.filter(|low| !counts.contains(low)));
+    counts.sort_by(|a, b| a.shift.total_cmp(&b.shift));
     let Verdict { residuals, bounds, defect, sums, .. } = verdict;
     let (area, offset) = (delivery.problem.area, delivery.offset);
     let on_bounds = on_bounds(&iteration.values, &bounds, delivery);

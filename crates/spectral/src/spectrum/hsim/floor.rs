@@ -47,7 +47,7 @@ impl Iteration<'_> {
         if !doomed {
             return Ok(());
         }
-        let floors = self.floors_of(&block, &self.values[..count], &sums)?;
+        let floors = self.floors_of(&block, &self.values[..count], &sums, 0.0)?;
         let floor = floors.into_iter().filter(|&floor| floor < AS_GOOD_AS_ZERO).fold(0.0, f64::max);
         if floor > tolerance { Err(HsimError::Floor { tolerance, floor }) } else { Ok(()) }
     }
@@ -86,13 +86,19 @@ impl Iteration<'_> {
     fn floors(&self, columns: &[usize]) -> Result<Vec<f64>, HsimError> {
         let values: Vec<f64> = columns.iter().map(|&column| self.values[column]).collect();
         let sums: Vec<ColumnSums> = columns.iter().map(|&column| self.sums[column]).collect();
-        self.floors_of(&self.vectors.select(columns), &values, &sums)
+        self.floors_of(&self.vectors.select(columns), &values, &sums, self.offset)
     }
 
-    /// The same of a block with its values and what it sums up to.
-    fn floors_of(&self, block: &PanelMatrix, values: &[f64], sums: &[ColumnSums]) -> Result<Vec<f64>, HsimError> {
+    /// The same of a block with its values and what it sums up to, where an offset was taken off the matrix.
+    fn floors_of(
+        &self,
+        block: &PanelMatrix,
+        values: &[f64],
+        sums: &[ColumnSums],
+        offset: f64,
+    ) -> Result<Vec<f64>, HsimError> {
         let level = self.level;
-        let magnitudes = residual_magnitudes(&level.stiffness, &level.mass, block, values, 0.0, self.monitor)?;
+        let magnitudes = residual_magnitudes(&level.stiffness, &level.mass, block, values, offset, self.monitor)?;
         let unit = Units::new(level).row;
         Ok(magnitudes.iter().zip(sums).map(|(size, sums)| unit * (size.square / sums.stiffness).sqrt()).collect())
     }

@@ -141,6 +141,12 @@ pub(super) fn certify(found: &Found<'_>, monitor: &dyn Monitor) -> Result<Verdic
     if !(highest < count.shift - count.radius) {
         return unproven(format!("the count at {} is uncertain by {:e}", count.shift, count.radius));
     }
+    if let Some(low) = found.below_cluster {
+        let below = values.iter().zip(&errors).take(low.below).map(|(value, error)| value + error);
+        if !(below.fold(f64::NEG_INFINITY, f64::max) < low.shift - low.radius) {
+            return unproven(format!("the count at {} is uncertain by {:e}", low.shift, low.radius));
+        }
+    }
     let squares = residual_gram(&level.stiffness, &level.mass, vectors, values, monitor)?;
     // So many eigenvalues at most lie below this.
     let ceiling = match found.below_cluster {
