@@ -48,7 +48,9 @@ enum Outcome {
 /// Iterates until the goal is reached and proven.
 pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, seed: u64) -> Result<Proof, HsimError> {
     let (asked, mut plan) = (plan.wanted, *plan);
-    let (mut round, mut vain, mut least, mut guards) = (0, 0, usize::MAX, 0);
+    let (mut round, mut vain, mut least) = (0, 0, usize::MAX);
+    // So many columns were iterated on beside what is wanted, and whether to a sharper tolerance.
+    let (mut guards, mut sharp) = (0, false);
     loop {
         match converge(iteration, &plan) {
             // What belongs to the cluster of the last wanted pair does not converge, or not as far as the columns reach.
@@ -69,11 +71,14 @@ pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, s
             Outcome::Missing(count, found) => {
                 let (missing, shift) = (count.below - found, count.shift);
                 let counted = count.below - iteration.kernel_below(shift);
-                if counted > guards && counted <= iteration.values.len() {
-                    // As many columns are there, and those that nobody waited for may be what is missing.
-                    guards = counted;
+                let sharper = counted <= guards;
+                if (!sharper || !sharp) && counted <= iteration.values.len() {
+                    // As many columns are there. Those that nobody waited for may be what is missing; then, those whose values are too large still.
+                    (guards, sharp) = (counted.max(guards), sharper);
+                    let tolerance = if sharper { SHARP.min(plan.tolerance) } else { plan.tolerance };
                     let most_passes = iteration.passes + GUARD_PASSES;
-                    iteration.run(&Plan { wanted: counted, most_passes, ..plan })?;
+                    iteration.run(&Plan { wanted: counted, tolerance, most_passes, ..plan })?;
+                    iteration.take_quotients()?;
                     plan.most_passes = iteration.passes + PASSES;
                     continue;
                 }
@@ -89,8 +94,10 @@ pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, s
                     return Err(HsimError::Incomplete { missing, shift });
                 }
                 iteration.monitor.stage("repair");
-                if search(iteration, shift, seed.wrapping_add(round))? == 0 {
-                    vain += 1;
+                match search(iteration, shift, seed.wrapping_add(round))? {
+                    0 => vain += 1,
+                    // What was found has to be iterated on as well.
+                    _ => (guards, sharp) = (0, false),
                 }
                 if matches!(goal, Goal::Below(_)) {
                     plan.wanted = (plan.wanted + missing).min(iteration.values.len());
