@@ -24,6 +24,12 @@ pub struct CertificateSchema {
     /// The index of the first pair among all eigenvalues of the problem, where the pairs of an interval were asked for; absent where it is zero.
     #[schema(required = false)]
     first: u64,
+    /// The bounds that the pairs were asked for by; absent where a number was asked for.
+    #[schema(required = false)]
+    interval: IntervalSchema,
+    /// The cluster of eigenvalues that the number of pairs cuts; absent where it is known to cut none.
+    #[schema(required = false)]
+    cut: CutClusterSchema,
     /// The largest residual that a pair was allowed; null where the method has none.
     tolerance: Option<f64>,
     /// What each level of the hierarchy took, coarsest first.
@@ -52,6 +58,49 @@ pub struct AccuracySchema {
     dimension: u64,
     /// How many of its columns are hat functions of single vertices.
     hats: u64,
+}
+
+/// Bounds on the eigenvalues that were asked for, in 1/length² of the mesh.
+#[derive(ToSchema)]
+#[schema(as = Interval)]
+#[allow(dead_code)]
+pub struct IntervalSchema {
+    /// The lower bound, which belongs to the interval; absent where there is none.
+    #[schema(required = false)]
+    from: f64,
+    /// The upper bound, which does not.
+    to: f64,
+    /// Pairs of which rounding does not let one tell on which side of a bound they lie, delivered or not.
+    on_bounds: Vec<OnBoundSchema>,
+}
+
+/// A pair whose enclosure reaches a bound that was asked for: it is for its value that it counts as below the bound or not.
+#[derive(ToSchema)]
+#[schema(as = OnBound)]
+#[allow(dead_code)]
+pub struct OnBoundSchema {
+    /// Its index among all eigenvalues, from 0.
+    index: u64,
+    /// Its value, in 1/length² of the mesh.
+    value: f64,
+    /// The exact eigenvalue lies within this of the value.
+    within: f64,
+    /// The bound that lies there too.
+    bound: f64,
+    /// Whether it counts as below.
+    below: bool,
+}
+
+/// Eigenvalues that lie so close together that they count as one, of which not all are delivered: any functions of the cluster's eigenspace could stand
+/// for those that are.
+#[derive(ToSchema)]
+#[schema(as = CutCluster)]
+#[allow(dead_code)]
+pub struct CutClusterSchema {
+    /// The index of its first eigenvalue among all, from 0.
+    first: u64,
+    /// One more than the index of its last, or of the last that may belong to it.
+    end: u64,
 }
 
 /// How many eigenvalues lie below a shift.

@@ -3,9 +3,15 @@
 #[path = "../benches/exact_cases/mod.rs"]
 mod exact_cases;
 
+use exact_cases::{Campaign, Family};
+
+fn campaign(family: Family, solves: usize) -> Campaign<'static> {
+    Campaign { family, solves, first: 1, verbose: family == Family::Multiple, record: None }
+}
+
 #[test]
 fn answers_that_are_called_complete_are_complete() {
-    let summary = exact_cases::run(120, 1, false, None, |_| {});
+    let summary = exact_cases::run(&campaign(Family::Hard, 120), |_| {});
     assert!(summary.lines.is_empty(), "{}", summary.lines.join("\n"));
     assert_eq!((summary.false_complete, summary.missed), (0, 0));
     // What fails says why; nearly all are hairs and needles.
@@ -13,4 +19,11 @@ fn answers_that_are_called_complete_are_complete() {
     assert_eq!(summary.complete + failed, summary.solves);
     assert!(10 * summary.complete >= 8 * summary.solves, "{:?}", summary.failures);
     assert!(!summary.failures.contains_key("success without a proof"));
+}
+
+#[test]
+fn multiple_eigenvalues_are_cut_anywhere() {
+    let summary = exact_cases::run(&campaign(Family::Multiple, 60), |_| {});
+    assert!(summary.lines.is_empty(), "{}", summary.lines.join("\n"));
+    assert_eq!((summary.complete, summary.false_complete, summary.missed), (summary.solves, 0, 0));
 }

@@ -1,6 +1,6 @@
 //! What a solve tells: one object, or a few lines to read.
 
-use chladni_spectral::basis::{Basis, Certificate};
+use chladni_spectral::basis::{Basis, Certificate, CutCluster, Interval};
 use chladni_work::{JobParameters, SOLVER_VERSION, abbreviate};
 use serde_json::{Value, json};
 
@@ -128,8 +128,11 @@ impl Run {
                 }
             );
         }
-        if let Some(interval) = self.basis.metadata.get("interval") {
-            text += &on_bounds(interval);
+        if let Some(interval) = &certificate.interval {
+            text += &interval_of(certificate.first, interval);
+        }
+        if let Some(cut) = certificate.cut {
+            text += &cut_of(cut, self.basis.eigenvalues.len());
         }
         text += match certificate.complete {
             Some(true) if certificate.accuracy.is_some() => {
@@ -161,19 +164,32 @@ pub fn storage(stored: u64, dense: u64) -> String {
 }
 
 /// Which eigenvalues an interval holds, and which lie on a bound of it.
-fn on_bounds(interval: &serde_json::Value) -> String {
-    let mut text = match interval["first"].as_u64() {
-        Some(first @ 1..) => format!("\nthe first of these has the index {first} among all, from 0\n"),
-        _ => String::new(),
+fn interval_of(first: usize, interval: &Interval) -> String {
+    let Interval { from, to, on_bounds } = interval;
+    let mut text = match from {
+        Some(from) => format!("\nasked for: from {from}, below {to}\n"),
+        None => format!("\nasked for: below {to}\n"),
     };
-    for pair in interval["on_bounds"].as_array().into_iter().flatten() {
-        let side = if pair["below"] == true { "below" } else { "not below" };
+    if first > 0 {
+        text += &format!("the first of these has the index {first} among all, from 0\n");
+    }
+    for pair in on_bounds {
+        let side = if pair.below { "below" } else { "not below" };
+        let (index, value, within, bound) = (pair.index, pair.value, number(pair.within), pair.bound);
         text += &format!(
-            "eigenvalue {} is {}, within {} of which the bound {} lies: it counts as {side} it\n",
-            pair["index"], pair["value"], pair["within"], pair["bound"]
+            "eigenvalue {index} is {value}, within {within} of which the bound {bound} lies: it counts as {side} it\n"
         );
     }
     text
+}
+
+/// That the last pairs are some of a cluster.
+fn cut_of(cut: CutCluster, delivered: usize) -> String {
+    let (of, from) = (grouped(cut.end - cut.first), grouped(cut.first + 1));
+    let here = grouped(delivered.saturating_sub(cut.first));
+    format!(
+        "\nthe count cuts a cluster: from pair {from} on, {here} of at most {of} eigenvalues that count as one, whose functions may be others\n"
+    )
 }
 
 /// The first eigenvalues and the last, with what is known of their errors in percent: estimates and bounds where there are estimates,
@@ -209,6 +225,7 @@ pub fn eigenvalue_table(eigenvalues: &[f64], residuals: &[f64], estimates: &[f64
 #[cfg(test)]
 mod tests {
     use super::*;
+    use chladni_spectral::basis::OnBound;
 
     #[test]
     fn errors_are_told_in_percent_and_nothing_larger_than_dense_is_praised() {
@@ -216,6 +233,13 @@ mod tests {
         assert!(table.contains("0.50 %") && table.contains("5.00 %") && table.contains("kernel"), "{table}");
         let table = eigenvalue_table(&[1e-14, 2.0], &[0.0, 0.5], &[], &[0.0, 0.1]);
         assert!(table.contains("residual") && table.contains("5.00 %"), "{table}");
+        let on = OnBound { index: 4, value: 2.5, within: 1e-12, bound: 2.5, below: false };
+        let interval = Interval { from: Some(1.0), to: 2.5, on_bounds: vec![on] };
+        let text = interval_of(3, &interval);
+        assert!(text.contains("from 1, below 2.5") && text.contains("index 3 among all"), "{text}");
+        assert!(text.contains("eigenvalue 4 is 2.5") && text.contains("not below"), "{text}");
+        let text = cut_of(CutCluster { first: 8, end: 32 }, 14);
+        assert!(text.contains("from pair 9 on, 6 of at most 24"), "{text}");
         assert_eq!(storage(2000, 1000), "2.0 kB stored");
         assert!(storage(500, 1000).contains("50 % of the 1.0 kB"));
     }

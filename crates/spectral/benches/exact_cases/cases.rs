@@ -35,12 +35,12 @@ impl Random {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    fn pick<T: Copy>(&mut self, from: &[T]) -> T {
+    pub fn pick<T: Copy>(&mut self, from: &[T]) -> T {
         from[self.below(from.len())]
     }
 
     /// A power of ten between two exponents.
-    fn power(&mut self, least: f64, most: f64) -> f64 {
+    pub fn power(&mut self, least: f64, most: f64) -> f64 {
         10f64.powf(least + (most - least) * self.unit())
     }
 }

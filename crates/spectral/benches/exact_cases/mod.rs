@@ -2,15 +2,19 @@
 
 pub mod cases;
 pub mod record;
+pub mod symmetric;
 
 use std::collections::BTreeMap;
 
-use cases::{Case, Question, Request, case, question};
+use cases::{Case, Question, Request};
 use chladni_algebra::{CpuSolver, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
+use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::completeness;
 use chladni_spectral::operator::{EigenProblem, OperatorParameters, assemble};
-use chladni_spectral::spectrum::hsim::{Eigenpairs, HsimParameters, Wanted, solve};
+use chladni_spectral::spectrum::hsim::{Eigenpairs, HsimError, HsimParameters, Wanted, solve};
+use chladni_spectral::spectrum::nested::{self, Places};
+use symmetric::Copies;
 
 /// Questions about each mesh.
 pub const QUESTIONS: usize = 4;
@@ -42,26 +46,38 @@ struct Truth {
     vertices: usize,
 }
 
+/// All eigenvalues of a problem by a dense solve, ascending, on unit area.
+fn dense_values(problem: &EigenProblem) -> Option<Vec<f64>> {
+    let n = problem.size();
+    Some(CpuSolver.lowest(problem.stiffness.to_dense(), problem.mass.to_dense(), n, &Unwatched).ok()?.values)
+}
+
 impl Truth {
     fn new(case: &Case) -> Option<Self> {
         let parameters =
             OperatorParameters { operator: case.operator.clone(), mass: case.mass, boundary: case.boundary };
         let problem = assemble(&case.mesh, &parameters, &Unwatched).ok()?.problem;
+        let values = dense_values(&problem)?;
+        Some(Self::of(problem, values, case.mesh.positions.len()))
+    }
+
+    /// The eigenvalues of copies are those of one, each so often.
+    fn of_copies(case: &Copies) -> Option<Self> {
+        let scale = case.all.area / case.one.area;
+        let one = dense_values(&case.one)?;
+        let values = one.iter().flat_map(|value| std::iter::repeat_n(value * scale, case.count)).collect();
+        Some(Self::of(case.all.clone(), values, case.mesh.positions.len()))
+    }
+
+    /// `values` are all eigenvalues of the problem, ascending, on unit area.
+    fn of(problem: EigenProblem, values: Vec<f64>, vertices: usize) -> Self {
         let n = problem.size();
-        let mass = problem.mass.to_dense();
-        let values = CpuSolver.lowest(problem.stiffness.to_dense(), mass, n, &Unwatched).ok()?.values;
         let lumped = problem.mass.lumped();
         let sum = |row: usize| problem.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
         let norm = (0..n).map(sum).fold(0.0, f64::max);
         let stretch = problem.mass.lumped_ratio();
         let highest = (0..n).map(|row| sum(row) / lumped[row]).fold(0.0, f64::max);
-        Some(Self {
-            problem,
-            values,
-            slack: 20.0 * f64::EPSILON * stretch * highest,
-            norm,
-            vertices: case.mesh.positions.len(),
-        })
+        Self { problem, values, slack: 20.0 * f64::EPSILON * stretch * highest, norm, vertices }
     }
 
     /// What is wrong with an answer that is called complete: with the pairs, and with the bounds.
@@ -131,22 +147,36 @@ impl Truth {
     }
 }
 
-/// Solves so many random problems from the first seed on. `watch` is told each line as it is known; into the folder `record` goes what another program needs
-/// to judge each answer.
-pub fn run(
-    solves: usize,
-    first: u64,
-    verbose: bool,
-    record: Option<&std::path::Path>,
-    mut watch: impl FnMut(&str),
-) -> Summary {
+/// What is drawn at random.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Family {
+    /// Small meshes that are hard on a solver: [`cases`].
+    Hard,
+    /// Eigenvalues that are multiple, and counts that cut them: [`symmetric`].
+    Multiple,
+}
+
+/// How a campaign runs.
+#[derive(Debug, Clone, Copy)]
+pub struct Campaign<'a> {
+    pub family: Family,
+    pub solves: usize,
+    /// The first seed.
+    pub first: u64,
+    /// Whether failures get a line as well.
+    pub verbose: bool,
+    /// The folder into which goes what another program needs to judge each answer.
+    pub record: Option<&'a std::path::Path>,
+}
+
+/// Solves random problems. `watch` is told each line as it is known.
+pub fn run(campaign: &Campaign<'_>, mut watch: impl FnMut(&str)) -> Summary {
     let mut summary = Summary::default();
-    let mut seed = first;
-    while summary.solves < solves {
-        let case = case(seed);
-        if let Some(truth) = Truth::new(&case) {
-            for index in 0..QUESTIONS.min(solves - summary.solves) {
-                ask((&case, &truth), (seed, index), verbose, record, &mut summary, &mut watch);
+    let mut seed = campaign.first;
+    while summary.solves < campaign.solves {
+        if let Some(subject) = Subject::new(campaign.family, seed) {
+            for index in 0..QUESTIONS.min(campaign.solves - summary.solves) {
+                ask(&subject, (seed, index), campaign, &mut summary, &mut watch);
             }
         }
         seed += 1;
@@ -154,43 +184,87 @@ pub fn run(
     summary
 }
 
+/// What questions are asked about.
+struct Subject {
+    name: String,
+    mesh: TriangleMesh,
+    truth: Truth,
+    family: Family,
+    /// Whether its rows lie on no surface.
+    graph: bool,
+}
+
+impl Subject {
+    fn new(family: Family, seed: u64) -> Option<Self> {
+        Some(match family {
+            Family::Hard => {
+                let case = cases::case(seed);
+                let truth = Truth::new(&case)?;
+                Self { name: case.name, mesh: case.mesh, truth, family, graph: false }
+            }
+            Family::Multiple => {
+                let case = symmetric::case(seed);
+                let truth = Truth::of_copies(&case)?;
+                Self { name: case.name, mesh: case.mesh, truth, family, graph: case.graph }
+            }
+        })
+    }
+
+    fn question(&self, seed: u64, index: usize) -> Question {
+        let area = self.truth.problem.area;
+        let in_units: Vec<f64> = self.truth.values.iter().map(|value| value / area).collect();
+        match self.family {
+            Family::Hard => cases::question(seed, index, &in_units),
+            Family::Multiple => symmetric::question(seed, index, &in_units, self.graph),
+        }
+    }
+
+    fn solve(&self, question: &Question) -> Result<Eigenpairs, HsimError> {
+        let wanted = match question.wanted {
+            Request::Count(count) => Wanted::Count(count),
+            Request::Below(bound) => Wanted::Below { bound, most: self.truth.values.len() },
+        };
+        let parameters = HsimParameters {
+            wanted,
+            tolerance: question.tolerance,
+            variant: question.variant,
+            seed: question.seed,
+            ..HsimParameters::default()
+        };
+        let (problem, vertices) = (&self.truth.problem, self.mesh.positions.len());
+        if self.graph {
+            nested::solve(problem, Places::Nowhere, vertices, &parameters, &Unwatched)
+        } else {
+            solve(&self.mesh, problem, &parameters, false, &Unwatched)
+        }
+    }
+}
+
 fn ask(
-    (case, truth): (&Case, &Truth),
+    subject: &Subject,
     (seed, index): (u64, usize),
-    verbose: bool,
-    record: Option<&std::path::Path>,
+    campaign: &Campaign<'_>,
     summary: &mut Summary,
     watch: &mut impl FnMut(&str),
 ) {
-    let area = truth.problem.area;
-    let in_units: Vec<f64> = truth.values.iter().map(|value| value / area).collect();
-    let question = question(seed, index, &in_units);
-    let wanted = match question.wanted {
-        Request::Count(count) => Wanted::Count(count),
-        Request::Below(bound) => Wanted::Below { bound, most: truth.values.len() },
-    };
-    let parameters = HsimParameters {
-        wanted,
-        tolerance: question.tolerance,
-        variant: question.variant,
-        seed: question.seed,
-        ..HsimParameters::default()
-    };
+    let (truth, verbose) = (&subject.truth, campaign.verbose);
+    let question = subject.question(seed, index);
     summary.solves += 1;
     let started = std::time::Instant::now();
-    let answer = solve(&case.mesh, &truth.problem, &parameters, false, &Unwatched);
+    let answer = subject.solve(&question);
     let what = |outcome: String| {
         let seconds = started.elapsed().as_secs_f64();
-        format!("{seed}.{index} {} of {}, {question:?}: {outcome} [{seconds:.1} s]", case.name, truth.values.len())
+        format!("{seed}.{index} {} of {}, {question:?}: {outcome} [{seconds:.1} s]", subject.name, truth.values.len())
     };
     let mut tell = |line: String| {
         watch(&line);
         summary.lines.push(line);
     };
-    if let Some(folder) = record {
+    if let Some(folder) = campaign.record {
         let columns = answer.as_ref().map(|pairs| truth.columns(pairs)).unwrap_or_default();
         let path = folder.join(format!("{seed}.{index}"));
-        record::write(&path, (case, &question), &truth.problem, &answer, &columns).expect("the folder takes records");
+        record::write(&path, (&subject.name, &question), &truth.problem, &answer, &columns)
+            .expect("the folder takes records");
     }
     match answer {
         Ok(pairs)

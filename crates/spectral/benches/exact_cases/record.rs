@@ -8,13 +8,13 @@ use chladni_spectral::operator::EigenProblem;
 use chladni_spectral::spectrum::hsim::{Eigenpairs, HsimError};
 use serde_json::json;
 
-use super::cases::{Case, Question, Request};
+use super::cases::{Question, Request};
 
 /// Writes one solve. The pencil follows as rows, columns and values of all entries of `S`, then of `M`; then values and bounds on unit area, and the columns on
 /// the unknowns one after the other.
 pub fn write(
     path: &Path,
-    (case, question): (&Case, &Question),
+    (name, question): (&str, &Question),
     problem: &EigenProblem,
     answer: &std::result::Result<Eigenpairs, HsimError>,
     columns: &[Vec<f64>],
@@ -39,7 +39,7 @@ pub fn write(
         Err(error) => (error.kind(), None, None),
     };
     let header = json!({
-        "name": case.name, "size": problem.size(), "stiffness": problem.stiffness.entries(), "mass": mass.entries(), "count": count, "below": below,
+        "name": name, "size": problem.size(), "stiffness": problem.stiffness.entries(), "mass": mass.entries(), "count": count, "below": below,
         "tolerance": question.tolerance, "outcome": outcome, "floor": floor, "pairs": columns.len(),
         "defect": pairs.map(|pairs| pairs.orthonormality_defect),
     });

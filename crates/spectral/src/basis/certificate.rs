@@ -27,6 +27,12 @@ pub struct Certificate {
     /// The index of the first pair among all eigenvalues of the problem: zero but where the pairs of an interval were asked for.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub first: usize,
+    /// The bounds that the pairs were asked for by, if they were.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interval: Option<Interval>,
+    /// The cluster that the number of pairs cuts, if it is known to cut one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cut: Option<CutCluster>,
     /// The largest residual that a pair was allowed, where the method has one.
     #[serde(default)]
     pub tolerance: Option<f64>,
@@ -70,6 +76,43 @@ pub struct InertiaCount {
     pub shift: f64,
     /// Eigenvalues below it, with multiplicity.
     pub below: usize,
+}
+
+/// Bounds on the eigenvalues that were asked for, in 1/length² of the input.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Interval {
+    /// The lower bound, which belongs to the interval; absent where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub from: Option<f64>,
+    /// The upper bound, which does not.
+    pub to: f64,
+    /// Pairs of which rounding does not let one tell on which side of a bound they lie, delivered or not.
+    pub on_bounds: Vec<OnBound>,
+}
+
+/// A pair whose enclosure reaches a bound that was asked for: it is for its value that it counts as below the bound or not.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct OnBound {
+    /// Its index among all eigenvalues, from 0.
+    pub index: usize,
+    /// Its value, in 1/length² of the input.
+    pub value: f64,
+    /// The exact eigenvalue lies within this of the value.
+    pub within: f64,
+    /// The bound that lies there too.
+    pub bound: f64,
+    /// Whether it counts as below.
+    pub below: bool,
+}
+
+/// Eigenvalues that lie so close together that they count as one, of which not all are delivered: any functions of the cluster's eigenspace could
+/// stand for those that are, and another computation may give others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CutCluster {
+    /// The index of its first eigenvalue among all, from 0.
+    pub first: usize,
+    /// One more than the index of its last, or of the last that may belong to it.
+    pub end: usize,
 }
 
 /// What one level of the hierarchy took.

@@ -11,7 +11,9 @@ pub mod modal;
 mod product;
 mod squares;
 
-pub use certificate::{AccuracyReport, Certificate, InertiaCount, LevelReport, completeness};
+pub use certificate::{
+    AccuracyReport, Certificate, CutCluster, InertiaCount, Interval, LevelReport, OnBound, completeness,
+};
 pub(crate) use dense::Visit;
 pub use dense::{CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Precision, Real};
 pub use evaluate::BasisError;

@@ -52,11 +52,15 @@ pub fn solve(
     let graph = Graph::new(problem, places, parameters.seed);
     // No radius makes fewer functions than there are components, and as many constants are taken out of them.
     let components = graph.centres(f32::INFINITY, parameters.seed, monitor)?.len();
+    if components == n {
+        return hsim::solve(&mesh, problem, parameters, false, monitor);
+    }
     let wanted = dimension(q).min(3 * n / 4).max(q + q / 8) + components;
     let space = graph.space(wanted.min(n), components, parameters.seed, monitor)?;
     if space.columns() <= q + components {
-        let reason = format!("the {} functions of the start are too few for {count} pairs", space.columns());
-        return Err(HsimError::Numerical(reason));
+        // Where every vertex is near to every other, as on a star, no functions around some tell more than random ones.
+        let plain = HsimParameters { variant: Variant::Random, ..*parameters };
+        return hsim::solve(&mesh, problem, &plain, false, monitor);
     }
     let mut pairs = hsim::solve_with_space(&mesh, problem, parameters, &space, monitor)?;
     pairs.space = None;

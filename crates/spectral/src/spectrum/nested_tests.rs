@@ -1,9 +1,10 @@
 use std::f64::consts::PI;
 
 use super::*;
+use crate::basis::{CutCluster, completeness};
 use crate::operator::elastic::tests::bar;
 use crate::operator::{Boundary, MassKind, OperatorKind, OperatorParameters, assemble, volume};
-use chladni_algebra::{CpuSolver, SymmetricDefiniteSolver};
+use chladni_algebra::{CpuSolver, DenseMatrix, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
 use chladni_mesh::TetMesh;
 use chladni_mesh::shape::{Shape, generate};
@@ -142,4 +143,37 @@ fn components_have_a_constant_each_and_a_bound_is_refused() {
     }
     let bound = HsimParameters { wanted: Wanted::Below { bound: 1.0, most: 10 }, ..wanted };
     assert!(matches!(solved(&bound), Err(HsimError::Parameter { name: "operator", .. })));
+}
+
+#[test]
+fn a_count_that_cuts_the_cluster_of_identical_copies_is_met_and_says_so() {
+    let one = generate(Shape::Sphere, 250).unwrap();
+    let copies = 8;
+    let mut mesh = TriangleMesh { positions: Vec::new(), faces: Vec::new() };
+    for copy in 0..copies {
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(one.positions.iter().map(|p| [p[0] + 3.0 * f64::from(copy), p[1], p[2]]));
+        mesh.faces.extend(one.faces.iter().map(|face| face.map(|vertex| vertex + first)));
+    }
+    let parameters = OperatorParameters { operator: OperatorKind::Graph, ..OperatorParameters::default() };
+    let whole = assemble(&mesh, &parameters, &Unwatched).unwrap().problem;
+    let single = assemble(&one, &parameters, &Unwatched).unwrap().problem;
+    let mut mass = DenseMatrix::zeros(single.size(), single.size());
+    single.mass.lumped().iter().enumerate().for_each(|(k, &m)| mass.column_mut(k)[k] = m);
+    let dense = CpuSolver.lowest(single.stiffness.to_dense(), mass, 5, &Unwatched).unwrap().values;
+    // Triplets of the sphere, eight times; and its fifth value, which belongs to others.
+    assert!(dense[3] - dense[1] < 1e-9 * dense[1] && dense[4] > 1.1 * dense[3]);
+    for (count, cut) in [(14, true), (9, true), (31, true), (32, false), (8, false), (3, true)] {
+        let wanted = HsimParameters { wanted: Wanted::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
+        let found = solve(&whole, Places::Nowhere, mesh.positions.len(), &wanted, &Unwatched).unwrap();
+        assert_eq!(completeness(0, &found.values, &found.inertia), Some(true), "{count}: {:?}", found.inertia);
+        let cluster = if count < 8 { CutCluster { first: 0, end: 8 } } else { CutCluster { first: 8, end: 32 } };
+        assert_eq!(found.cut, cut.then_some(cluster), "{count} pairs");
+        for (k, (value, bound)) in found.values.iter().zip(&found.bounds).enumerate() {
+            // In the units of the graph, as the dense solve has its own over the number of vertices.
+            let expected = if k < copies as usize { 0.0 } else { dense[1] / single.area };
+            assert!((value - expected).abs() < 1e-7 * dense[1] / single.area, "pair {k}: {value} is not {expected}");
+            assert!((value - expected).abs() <= bound + 1e-12, "pair {k}: {value} is beyond {bound} of {expected}");
+        }
+    }
 }

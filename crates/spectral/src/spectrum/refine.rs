@@ -281,6 +281,7 @@ fn rayleigh_ritz(
         inertia: Vec::new(),
         first: 0,
         on_bounds: Vec::new(),
+        cut: None,
         levels: Vec::new(),
         space: None,
     })

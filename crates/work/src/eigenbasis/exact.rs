@@ -3,7 +3,7 @@
 use chladni_algebra::{MassMatrix, PANEL_WIDTH, PanelMatrix, residual_sums};
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
-use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Precision, completeness};
+use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Interval, Precision, completeness};
 use chladni_spectral::operator::{EigenProblem, MeshOperator};
 use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Variant, Wanted};
@@ -231,23 +231,27 @@ impl Exact {
         };
         let interval = self.interval(&pairs);
         let mut basis = self.basis(pairs, mass, monitor)?;
-        if let Some(interval) = interval {
-            basis.metadata = serde_json::json!({ "interval": interval });
+        if let Some(interval) = &interval {
+            let Interval { from, to, on_bounds } = interval;
+            basis.metadata = serde_json::json!({
+                "interval": { "from": from, "to": to, "first": basis.certificate.first, "on_bounds": on_bounds }
+            });
         }
+        basis.certificate.interval = interval;
         if let Some(residuals) = stored {
             basis.certificate.residuals = residuals;
         }
         Ok(basis)
     }
 
-    /// What was asked for by bounds: those, the index of the first pair, and the pairs that lie on a bound as far as rounding lets one tell.
-    fn interval(&self, pairs: &Eigenpairs) -> Option<serde_json::Value> {
+    /// What was asked for by bounds: those, and the pairs that lie on a bound as far as rounding lets one tell.
+    fn interval(&self, pairs: &Eigenpairs) -> Option<Interval> {
         let (from, to) = match self.solver.wanted {
             Wanted::Count(_) => return None,
             Wanted::Below { bound, .. } => (None, bound),
             Wanted::Between { from, to, .. } => (Some(from), to),
         };
-        Some(serde_json::json!({ "from": from, "to": to, "first": pairs.first, "on_bounds": pairs.on_bounds }))
+        Some(Interval { from, to, on_bounds: pairs.on_bounds.clone() })
     }
 
     /// The basis of what the solver found. `mass` is that of all vertices in the units of the input.
@@ -264,6 +268,7 @@ impl Exact {
             orthonormality_defect: pairs.orthonormality_defect,
             inertia: pairs.inertia,
             first: pairs.first,
+            cut: pairs.cut,
             tolerance: Some(self.solver.tolerance),
             levels: pairs.levels,
             ..Certificate::default()

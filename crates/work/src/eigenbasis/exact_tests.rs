@@ -45,6 +45,7 @@ fn solved(mass: MassKind, count: usize) -> (Eigenpairs, MassMatrix) {
     let pairs = Eigenpairs {
         first: 0,
         on_bounds: Vec::new(),
+        cut: None,
         residuals: vec![1e-9; count],
         bounds: vec![1e-6; count],
         orthonormality_defect: 1e-14,

@@ -25,36 +25,79 @@ pub(super) enum Goal {
     Below(f64),
 }
 
+/// What proves that nothing is missing among the pairs that were found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Proof {
+    /// Counted above the last of them.
+    pub above: Count,
+    /// Counted below the cluster that the last wanted pair belongs to, where not all of that was found.
+    pub below_cluster: Option<Count>,
+}
+
 /// What one attempt at a count says.
 enum Outcome {
     Proven(Count),
     /// More pairs have to converge first: so many beside the kernel.
     Wanted(usize),
-    /// So many are missing below a shift.
-    Missing(usize, f64),
+    /// A count is larger than the number of values below it, which is this.
+    Missing(Count, usize),
     /// No count could be trusted.
     Doubtful(String),
 }
 
-/// Iterates until the goal is reached and proven; gives the count of all pairs that were found below its shift.
-pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, seed: u64) -> Result<Count, HsimError> {
-    let mut plan = *plan;
+/// Iterates until the goal is reached and proven.
+pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, seed: u64) -> Result<Proof, HsimError> {
+    let (asked, mut plan) = (plan.wanted, *plan);
     let (mut round, mut vain, mut least) = (0, 0, usize::MAX);
+    // So many columns were iterated on beside what is wanted, and whether to a sharper tolerance.
+    let (mut guards, mut sharp) = (0, false);
     loop {
-        converge(iteration, &plan)?;
+        match converge(iteration, &plan) {
+            // What belongs to the cluster of the last wanted pair does not converge, or not as far as the columns reach.
+            Err(error @ HsimError::NotConverged { .. }) if plan.wanted > asked && matches!(goal, Goal::Count(_)) => {
+                plan = Plan { wanted: asked, most_passes: iteration.passes + PASSES, ..plan };
+                converge(iteration, &plan)?;
+                return match below_cluster(iteration, goal, &plan)? {
+                    Some(below) => Ok(Proof { above: count_above(iteration)?, below_cluster: Some(below) }),
+                    None => Err(error),
+                };
+            }
+            converged => converged?,
+        }
         match attempt(iteration, goal, &plan)? {
-            Outcome::Proven(count) => return Ok(count),
+            Outcome::Proven(above) => return Ok(Proof { above, below_cluster: None }),
             Outcome::Wanted(wanted) => plan.wanted = wanted,
             Outcome::Doubtful(reason) => return Err(HsimError::Unproven { reason }),
-            Outcome::Missing(missing, shift) => {
+            Outcome::Missing(count, found) => {
+                let (missing, shift) = (count.below - found, count.shift);
+                let counted = count.below - iteration.kernel_below(shift);
+                let sharper = counted <= guards;
+                if (!sharper || !sharp) && counted <= iteration.values.len() {
+                    // As many columns are there. Those that nobody waited for may be what is missing; then, those whose values are too large still.
+                    (guards, sharp) = (counted.max(guards), sharper);
+                    let tolerance = if sharper { SHARP.min(plan.tolerance) } else { plan.tolerance };
+                    let most_passes = iteration.passes + GUARD_PASSES;
+                    iteration.run(&Plan { wanted: counted, tolerance, most_passes, ..plan })?;
+                    iteration.take_quotients()?;
+                    plan.most_passes = iteration.passes + PASSES;
+                    continue;
+                }
                 vain += u64::from(missing >= least);
                 least = least.min(missing);
+                // What one search may find is worth one: a whole cluster tells more than a part of it.
+                if (missing > PANEL_WIDTH || vain >= VAIN_ROUNDS)
+                    && let Some(below) = below_cluster(iteration, goal, &plan)?
+                {
+                    return Ok(Proof { above: count, below_cluster: Some(below) });
+                }
                 if vain >= VAIN_ROUNDS {
                     return Err(HsimError::Incomplete { missing, shift });
                 }
                 iteration.monitor.stage("repair");
-                if search(iteration, shift, seed.wrapping_add(round))? == 0 {
-                    vain += 1;
+                match search(iteration, shift, seed.wrapping_add(round))? {
+                    0 => vain += 1,
+                    // What was found has to be iterated on as well.
+                    _ => (guards, sharp) = (0, false),
                 }
                 if matches!(goal, Goal::Below(_)) {
                     plan.wanted = (plan.wanted + missing).min(iteration.values.len());
@@ -91,7 +134,7 @@ fn attempt(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Result<Out
         } else if count.below == found {
             return Ok(Outcome::Proven(count));
         } else if count.below > found {
-            return Ok(Outcome::Missing(count.below - found, shift));
+            return Ok(Outcome::Missing(count, found));
         } else {
             doubt = format!("{found} pairs were found below {shift}, and {} counted", count.below);
         }
@@ -110,6 +153,44 @@ fn converge(iteration: &mut Iteration<'_>, plan: &Plan) -> Result<(), HsimError>
     iteration.polish(plan.wanted, plan.tolerance)?;
     iteration.require(plan)
 }
+
+/// Counts below the cluster of the last wanted pair: with as many eigenvalues there as values were found, whatever is missing below a shift above
+/// the cluster belongs to it, and may be as good as endless, as on a star. `None` where more lie below, or the last pair belongs to no
+/// cluster so narrow that it could be taken for one value.
+fn below_cluster(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Result<Option<Count>, HsimError> {
+    let Goal::Count(wanted) = goal else { return Ok(None) };
+    // Values that are still too large lie inside the cluster, or above it.
+    let most_passes = iteration.passes + GUARD_PASSES;
+    iteration.run(&Plan { tolerance: plan.tolerance.min(SHARP), most_passes, ..*plan })?;
+    iteration.take_quotients()?;
+    let values = iteration.all_values();
+    let Some(&last) = wanted.checked_sub(1).and_then(|last| values.get(last)) else { return Ok(None) };
+    for width in WIDTHS {
+        let reach = width * last.abs() + 1e-12 * iteration.spread;
+        let first = values.partition_point(|&value| value < last - reach);
+        let middle = first.checked_sub(1).map_or(f64::NEG_INFINITY, |before| 0.5 * (values[before] + values[first]));
+        let count = iteration.count((values[first] - reach).max(middle))?;
+        if count.is_clear_of(&values) && count.below == first {
+            return Ok(Some(count));
+        }
+    }
+    Ok(None)
+}
+
+/// Counts above all columns.
+fn count_above(iteration: &mut Iteration<'_>) -> Result<Count, HsimError> {
+    let top = iteration.all_values().last().copied().unwrap_or(0.0);
+    iteration.count(top + ABOVE * top.abs() + 1e-9 * iteration.spread)
+}
+
+/// The most steps on columns beside the wanted ones.
+const GUARD_PASSES: usize = 8;
+
+/// What belongs to a cluster lies this far apart at most, relative to its value; the narrower, the better its members are enclosed.
+const WIDTHS: [f64; 2] = [1e-6, 1e-4];
+
+/// A residual that leaves less than that of a value.
+const SHARP: f64 = 1e-5;
 
 /// A tolerance at which everything is found before the wanted one is approached.
 const LOOSE: f64 = 1e-2;

@@ -74,7 +74,7 @@ fn completed(
     let mut found = iteration.values.clone();
     found.sort_by(f64::total_cmp);
     let repaired = stages.0.lock().unwrap().contains(&"repair");
-    (result.map(|count| (count.shift, count.below)), found, repaired)
+    (result.map(|proof| (proof.above.shift, proof.above.below)), found, repaired)
 }
 
 #[test]

@@ -4,10 +4,10 @@ use chladni_algebra::PanelMatrix;
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 
-use super::certify::Goal;
+use super::certify::{Goal, Proof};
 use super::iterate::Iteration;
 use super::judge::{Count, Found, Verdict, certify};
-use super::{Eigenpairs, HsimError, InertiaCount, LevelReport, OnBound};
+use super::{CutCluster, Eigenpairs, HsimError, InertiaCount, LevelReport, OnBound};
 use crate::operator::EigenProblem;
 
 /// What is delivered of the pairs found, and in which form.
@@ -38,25 +38,31 @@ pub(super) fn nothing(mesh: &TriangleMesh, problem: &EigenProblem, n: usize, cou
         inertia: vec![InertiaCount { shift: (count.shift + offset) / problem.area, below: count.below }],
         first: 0,
         on_bounds: Vec::new(),
+        cut: None,
         levels: vec![LevelReport { dimension: n, iterations: 0, shifts: 1 }],
         space: None,
     }
 }
 
-/// Orders and judges what was found below the shift of a count, and scales it. Where the judgement is against them, the iteration is left with
+/// Orders and judges what was found below the shift of a count, or of a cut cluster as many as are wanted, and scales it. Where the judgement is against them, the iteration is left with
 /// its columns below the shift; so it is where it has to go on to tell on which side of the bound a pair lies, which `None` says.
 ///
 /// # Errors
 /// Those of the judgement: see [`certify`].
 pub(super) fn finish(
     iteration: &mut Iteration<'_>,
-    count: Count,
+    proof: Proof,
     delivery: &Delivery<'_>,
     monitor: &dyn Monitor,
 ) -> Result<Option<Eigenpairs>, HsimError> {
+    let count = proof.above;
     let known = iteration.kernel_below(count.shift);
+    let pairs = match (delivery.goal, proof.below_cluster) {
+        (Goal::Count(wanted), Some(_)) => wanted,
+        _ => count.below,
+    };
     let mut order = iteration.order();
-    order.truncate(count.below.saturating_sub(known));
+    order.truncate(pairs.saturating_sub(known));
     iteration.keep(order);
     iteration.clear_of_kernel();
     if !iteration.ritz {
@@ -80,6 +86,7 @@ pub(super) fn finish(
             values: &iteration.values,
             kernel: &kernel,
             count,
+            below_cluster: proof.below_cluster,
             wanted,
             tolerance: delivery.tolerance,
             offset: delivery.offset,
@@ -107,10 +114,18 @@ pub(super) fn finish(
     };
     let first = delivery.from.map_or(0, |from| iteration.values[..wanted].partition_point(|&value| value < from));
     count_below(iteration, first)?;
-    let counts = iteration.counts(count);
+    let mut counts = iteration.counts(count);
+    // Without it the count above the cluster would say nothing.
+    counts.extend(proof.below_cluster.filter(|low| !counts.contains(low)));
+    counts.sort_by(|a, b| a.shift.total_cmp(&b.shift));
     let Verdict { residuals, bounds, defect, sums, .. } = verdict;
     let (area, offset) = (delivery.problem.area, delivery.offset);
     let on_bounds = on_bounds(&iteration.values, &bounds, delivery);
+    let cut = match (delivery.goal, proof.below_cluster) {
+        (Goal::Below(_), _) => None,
+        (Goal::Count(_), Some(below)) => Some(CutCluster { first: below.below, end: count.below }),
+        (Goal::Count(_), None) => cut(&iteration.values, &bounds, wanted),
+    };
     let delivered = first..wanted;
     let signs = sums.iter().map(|sums| if sums.lowest < -sums.highest { -1.0 } else { 1.0 });
     let factors: Vec<f64> = signs.map(|sign| sign / area.sqrt()).take(wanted).skip(first).collect();
@@ -132,6 +147,7 @@ pub(super) fn finish(
             .collect(),
         first,
         on_bounds,
+        cut,
         levels: Vec::new(),
         space: None,
     }))
@@ -175,6 +191,23 @@ fn on_bounds(values: &[f64], enclosures: &[f64], delivery: &Delivery<'_>) -> Vec
     }
     found
 }
+
+/// The cluster that ends neither with the last of `wanted` pairs nor before it: neighbours whose enclosures touch.
+fn cut(values: &[f64], enclosures: &[f64], wanted: usize) -> Option<CutCluster> {
+    let joined = |k: usize| {
+        let apart = values[k] - values[k - 1];
+        apart <= (enclosures[k] + enclosures[k - 1]).min(CLUSTER * values[k].abs()) || apart == 0.0
+    };
+    if wanted == 0 || wanted >= values.len() || !joined(wanted) {
+        return None;
+    }
+    let first = (1..wanted).rev().take_while(|&k| joined(k)).last().map_or(wanted - 1, |k| k - 1);
+    let end = (wanted..values.len()).take_while(|&k| joined(k)).last().map_or(wanted, |k| k + 1);
+    Some(CutCluster { first, end })
+}
+
+/// Neighbours that are farther apart, relative to their values, are no cluster however wide their enclosures are.
+const CLUSTER: f64 = 1e-3;
 
 /// Whether some pair above the bound may belong below it, and would tell if it were iterated on. Those whose values lie below it do so: Ritz values
 /// are no less than eigenvalues.

@@ -47,7 +47,7 @@ impl Iteration<'_> {
         if !doomed {
             return Ok(());
         }
-        let floors = self.floors_of(&block, &self.values[..count], &sums)?;
+        let floors = self.floors_of(&block, &self.values[..count], &sums, 0.0)?;
         let floor = floors.into_iter().filter(|&floor| floor < AS_GOOD_AS_ZERO).fold(0.0, f64::max);
         if floor > tolerance { Err(HsimError::Floor { tolerance, floor }) } else { Ok(()) }
     }
@@ -60,12 +60,16 @@ impl Iteration<'_> {
         let failed = self.unconverged(plan);
         let floors = self.floors(&failed)?;
         let as_close_as_it_gets = |floor: f64, column: usize| self.residual(column) <= ABOVE_FLOOR * floor;
-        // Of a value that is as good as zero no residual can be asked.
-        let failed: Vec<(f64, usize)> = floors
-            .into_iter()
-            .zip(failed)
-            .filter(|&(floor, column)| !(floor >= AS_GOOD_AS_ZERO && as_close_as_it_gets(floor, column)))
-            .collect();
+        // Of a value that is as good as zero no residual can be asked; and where something large was taken off, the tolerance is one of the whole.
+        let of_the_whole = |column: usize| {
+            let value = self.values[column];
+            self.offset > 0.0 && self.residual(column) * value <= plan.tolerance * (value + self.offset)
+        };
+        let passes = |floor: f64, column: usize| {
+            as_close_as_it_gets(floor, column) && (floor >= AS_GOOD_AS_ZERO || of_the_whole(column))
+        };
+        let failed: Vec<(f64, usize)> =
+            floors.into_iter().zip(failed).filter(|&(floor, column)| !passes(floor, column)).collect();
         if failed.is_empty() {
             return Ok(());
         }
@@ -82,13 +86,19 @@ impl Iteration<'_> {
     fn floors(&self, columns: &[usize]) -> Result<Vec<f64>, HsimError> {
         let values: Vec<f64> = columns.iter().map(|&column| self.values[column]).collect();
         let sums: Vec<ColumnSums> = columns.iter().map(|&column| self.sums[column]).collect();
-        self.floors_of(&self.vectors.select(columns), &values, &sums)
+        self.floors_of(&self.vectors.select(columns), &values, &sums, self.offset)
     }
 
-    /// The same of a block with its values and what it sums up to.
-    fn floors_of(&self, block: &PanelMatrix, values: &[f64], sums: &[ColumnSums]) -> Result<Vec<f64>, HsimError> {
+    /// The same of a block with its values and what it sums up to, where an offset was taken off the matrix.
+    fn floors_of(
+        &self,
+        block: &PanelMatrix,
+        values: &[f64],
+        sums: &[ColumnSums],
+        offset: f64,
+    ) -> Result<Vec<f64>, HsimError> {
         let level = self.level;
-        let magnitudes = residual_magnitudes(&level.stiffness, &level.mass, block, values, 0.0, self.monitor)?;
+        let magnitudes = residual_magnitudes(&level.stiffness, &level.mass, block, values, offset, self.monitor)?;
         let unit = Units::new(level).row;
         Ok(magnitudes.iter().zip(sums).map(|(size, sums)| unit * (size.square / sums.stiffness).sqrt()).collect())
     }

@@ -55,6 +55,9 @@ const ON_ALL: usize = 3;
 /// A coupling of a new direction with an old column counts from this share of what the tolerance allows.
 const COUPLED: f64 = 0.1;
 
+/// A function whose value is above this share of the highest one is no function of the kernel.
+const AS_GOOD_AS_KERNEL: f64 = 1e-9;
+
 /// A new Ritz vector joins the block if its residual (4.6) is at most this: rounding errors look like vectors too.
 const LARGEST_FOUND: f64 = 0.5;
 
@@ -82,8 +85,10 @@ pub(super) struct Iteration<'a> {
     norm: f64,
     /// Whether the columns are the Ritz vectors of their span, which those of a refining step are only up to its tolerance.
     pub ritz: bool,
-    /// About the largest eigenvalue, or more: the largest row sum of the stiffness over the lumped mass.
+    /// [`Level::spread`].
     pub spread: f64,
+    /// What was taken off the eigenvalues of the problem.
+    pub offset: f64,
 }
 
 impl<'a> Iteration<'a> {
@@ -99,7 +104,7 @@ impl<'a> Iteration<'a> {
         let sums: Vec<f64> =
             (0..level.size()).map(|row| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum()).collect();
         let norm = sums.iter().copied().fold(0.0, f64::max);
-        let spread = sums.iter().zip(level.mass.lumped()).map(|(sum, mass)| sum / mass).fold(0.0, f64::max);
+        let spread = level.spread();
         kernel.remove(&mut vectors);
         Self {
             level,
@@ -116,6 +121,7 @@ impl<'a> Iteration<'a> {
             norm,
             ritz: false,
             spread,
+            offset: 0.0,
         }
     }
 
@@ -305,7 +311,7 @@ impl<'a> Iteration<'a> {
             pencil.1.column_mut(old + j)[old..].copy_from_slice(gram.column(j));
         }
         let top = self.values.iter().copied().fold(f64::MIN, f64::max);
-        let (values, rotation) = ritz(pencil.0, pencil.1, old + count, monitor)?;
+        let (mut values, rotation) = ritz(pencil.0, pencil.1, old + count, monitor)?;
         if values.len() < old {
             // Rounding has made the directions dependent on the columns.
             return self.orthonormalise();
@@ -318,6 +324,15 @@ impl<'a> Iteration<'a> {
         both.assign(&(old..old + count).collect::<Vec<_>>(), &directions);
         drop(directions);
         rotate(&mut both, &rotation.slice_columns(0..kept), monitor)?;
+        let clear = self.clear_of_the_kernel(&both, &values[..kept], top);
+        if clear.len() < old {
+            return self.orthonormalise();
+        }
+        if clear.len() < kept {
+            kept = clear.len();
+            both = both.select(&clear);
+            values = clear.iter().map(|&k| values[k]).collect();
+        }
         let sums = residual_sums(&level.stiffness, &level.mass, &both, &values[..kept], monitor)?;
         while kept > old && !(self.residual_of(&sums[kept - 1]) <= LARGEST_FOUND) {
             kept -= 1;
@@ -334,6 +349,24 @@ impl<'a> Iteration<'a> {
             (self.values[place], self.sums[place]) = (values[k], sums[k]);
         }
         Ok(())
+    }
+
+    /// Which columns are not for the most part functions of the kernel, which rounding makes of directions of which next to nothing is left. Those have
+    /// values next to zero beside the highest one, `top`.
+    fn clear_of_the_kernel(&self, columns: &PanelMatrix, values: &[f64], top: f64) -> Vec<usize> {
+        let mut clear: Vec<usize> = (0..values.len()).collect();
+        let suspects: Vec<usize> =
+            clear.iter().copied().filter(|&k| values[k].abs() <= AS_GOOD_AS_KERNEL * top.abs()).collect();
+        if suspects.is_empty() || self.kernel.dimension() == 0 {
+            return clear;
+        }
+        let mut rest = columns.select(&suspects);
+        let before = lengths(&self.level.mass, &rest);
+        self.kernel.remove(&mut rest);
+        let after = lengths(&self.level.mass, &rest);
+        clear
+            .retain(|k| suspects.iter().position(|suspect| suspect == k).is_none_or(|at| after[at] > 0.5 * before[at]));
+        clear
     }
 
     /// One step of plain subspace iteration with a single shift: inverse iterations for the columns from `done` on, and one Rayleigh–Ritz over all. Columns

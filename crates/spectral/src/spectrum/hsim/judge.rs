@@ -7,6 +7,9 @@
 //! weighted row sums, with any weights; those by the inverse norms of its rows leave `‖r‖² / (β − θ)` times the sum of the cosines between the
 //! residuals: the bound of Temple for each, without an assumption on gaps. `β` is the shift for all pairs, and then the lower bound of pair `t + 1` for
 //! the first `t`.
+//!
+//! Of a cluster that is cut, with more members than were found, a second shift lies just below it, with `t` eigenvalues below. Those are bounded as above with
+//! that shift, and what was found of the cluster lies between the shift (whatever is the `j`-th eigenvalue, with `j > t`, is not below it) and its Ritz value.
 
 use chladni_algebra::{
     ColumnSums, DenseMatrix, Magnitudes, PanelMatrix, residual_gram, residual_magnitudes, residual_sums, restrict,
@@ -38,13 +41,16 @@ impl Count {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Found<'a> {
     pub level: &'a Level,
-    /// All pairs below the shift of `count`, by ascending value; more than are delivered where the last of those belongs to a cluster.
+    /// All pairs below the shift of `count`, by ascending value; more than are delivered where the last of those belongs to a cluster. Where
+    /// there is a count below that cluster, those that are delivered.
     pub vectors: &'a PanelMatrix,
     /// On unit area.
     pub values: &'a [f64],
     /// The columns that are the kernel of the operator by its components.
     pub kernel: &'a std::ops::Range<usize>,
     pub count: Count,
+    /// A count below the cluster that the last pair belongs to, where not all of that is here.
+    pub below_cluster: Option<Count>,
     /// How many are delivered.
     pub wanted: usize,
     /// The largest residual (4.6).
@@ -88,7 +94,11 @@ pub(super) fn certify(found: &Found<'_>, monitor: &dyn Monitor) -> Result<Verdic
     let Found { level, vectors, values, kernel, count, wanted, .. } = *found;
     let k = values.len();
     let unproven = |reason: String| Err(HsimError::Unproven { reason });
-    if vectors.columns() != k || k != count.below || wanted > k {
+    let fits = match found.below_cluster {
+        None => k == count.below,
+        Some(low) => k <= count.below && values.partition_point(|&value| value < low.shift) == low.below,
+    };
+    if vectors.columns() != k || !fits || wanted > k {
         return Err(HsimError::Incomplete {
             missing: count.below.abs_diff(k).max(wanted.saturating_sub(k)),
             shift: count.shift,
@@ -131,8 +141,19 @@ pub(super) fn certify(found: &Found<'_>, monitor: &dyn Monitor) -> Result<Verdic
     if !(highest < count.shift - count.radius) {
         return unproven(format!("the count at {} is uncertain by {:e}", count.shift, count.radius));
     }
+    if let Some(low) = found.below_cluster {
+        let below = values.iter().zip(&errors).take(low.below).map(|(value, error)| value + error);
+        if !(below.fold(f64::NEG_INFINITY, f64::max) < low.shift - low.radius) {
+            return unproven(format!("the count at {} is uncertain by {:e}", low.shift, low.radius));
+        }
+    }
     let squares = residual_gram(&level.stiffness, &level.mass, vectors, values, monitor)?;
-    let bounds = bounds(values, &squares, &magnitudes, &errors, level, unit, count);
+    // So many eigenvalues at most lie below this.
+    let ceiling = match found.below_cluster {
+        None => (k, count.shift - count.radius),
+        Some(low) => (low.below, low.shift - low.radius),
+    };
+    let bounds = bounds(values, &squares, &magnitudes, &errors, level, unit, ceiling);
     Ok(Verdict { residuals, bounds, errors, defect, sums })
 }
 
@@ -229,7 +250,7 @@ fn bounds(
     errors: &[f64],
     level: &Level,
     unit: Units,
-    count: Count,
+    (below, ceiling): (usize, f64),
 ) -> Vec<f64> {
     let k = values.len();
     let factor = level.mass.lumped_ratio();
@@ -248,10 +269,11 @@ fn bounds(
         })
         .collect();
     let mut lower = vec![f64::NEG_INFINITY; k];
+    lower[below..].fill(ceiling);
     let mut temples: Vec<f64> = Vec::with_capacity(k);
-    for t in (1..=k).rev() {
+    for t in (1..=below).rev() {
         // At most t eigenvalues lie below this.
-        let beta = if t == k { count.shift - count.radius } else { lower[t] };
+        let beta = if t == below { ceiling } else { lower[t] };
         if !(beta > values[t - 1] + errors[t - 1]) {
             continue;
         }

@@ -35,7 +35,17 @@ fn pairs_are_certified_as_they_are_and_with_nothing_wrong() {
         let judge = |vectors: &PanelMatrix, values: &[f64], count: Count, wanted: usize| {
             let (tolerance, offset) = (1e-6, 0.0);
             certify(
-                &Found { level: &level, vectors, values, kernel: &(0..1), count, wanted, tolerance, offset },
+                &Found {
+                    level: &level,
+                    vectors,
+                    values,
+                    kernel: &(0..1),
+                    count,
+                    below_cluster: None,
+                    wanted,
+                    tolerance,
+                    offset,
+                },
                 &Unwatched,
             )
         };
@@ -75,6 +85,44 @@ fn pairs_are_certified_as_they_are_and_with_nothing_wrong() {
         wrong.swap(3, 20);
         assert!(unproven(judge(&vectors, &wrong, count, 40)));
         assert!(unproven(judge(&vectors, &values, Count { radius: next - values[39], ..count }, 40)));
+    }
+}
+
+#[test]
+fn a_count_below_a_cut_cluster_bounds_those_below_and_those_of_it() {
+    for mass in [MassKind::Barycentric, MassKind::Consistent] {
+        let (level, values, vectors, next) = pairs(mass, 40);
+        // As if the last ten belonged to a cluster of twenty.
+        let count = Count { shift: 0.5 * (values[39] + next), below: 50, radius: 1e-9 };
+        let low = Count { shift: values[30] - 0.1 * (values[30] - values[29]), below: 30, radius: 1e-9 };
+        let judge = |low: Count, count: Count| {
+            let (below_cluster, kernel) = (Some(low), &(0..1));
+            let (values, vectors) = (&values, &vectors);
+            let found = Found {
+                level: &level,
+                vectors,
+                values,
+                kernel,
+                count,
+                below_cluster,
+                wanted: 40,
+                tolerance: 1e-6,
+                offset: 0.0,
+            };
+            certify(&found, &Unwatched)
+        };
+        let verdict = judge(low, count).unwrap();
+        let (first, rest) = verdict.bounds.split_at(30);
+        assert!(first.iter().all(|&bound| bound < 1e-6 * next), "{first:?}");
+        for (bound, value) in rest.iter().zip(&values[30..]) {
+            let reach = value - low.shift + low.radius;
+            assert!(*bound >= reach && *bound < reach + 1e-6 * next, "{bound} at {value}");
+        }
+        // One fewer below than was counted there, or one more; fewer above than there are.
+        let incomplete = |result| matches!(result, Err(HsimError::Incomplete { .. }));
+        assert!(incomplete(judge(Count { below: 29, ..low }, count)));
+        assert!(incomplete(judge(Count { below: 31, ..low }, count)));
+        assert!(incomplete(judge(low, Count { below: 39, ..count })));
     }
 }
 

@@ -44,6 +44,14 @@ impl Level {
         self.stiffness.rows()
     }
 
+    /// About the largest eigenvalue, or more: the largest row sum of `|S|` over the lumped mass; one where there is nothing but zeros.
+    pub fn spread(&self) -> f64 {
+        let sum = |row: usize| self.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
+        let ratios = self.mass.lumped().into_iter().enumerate().map(|(row, mass)| sum(row) / mass);
+        let most = ratios.fold(0.0, f64::max);
+        if most > 0.0 { most } else { 1.0 }
+    }
+
     pub fn factor_order(&self, ordering: Ordering) -> Result<Vec<u32>, FactorError> {
         fill_reducing_order(&self.stiffness, ordering)
     }

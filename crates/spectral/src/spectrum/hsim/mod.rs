@@ -22,7 +22,7 @@ mod solve;
 
 use serde::{Deserialize, Serialize};
 
-pub use crate::basis::{InertiaCount, LevelReport};
+pub use crate::basis::{CutCluster, InertiaCount, LevelReport, OnBound};
 use chladni_algebra::{PanelMatrix, SparseMatrix};
 use chladni_base::Cancelled;
 
@@ -47,21 +47,6 @@ pub enum Wanted {
         /// The most pairs below the upper end.
         most: usize,
     },
-}
-
-/// A pair whose enclosure reaches a bound that was asked for: it is for its value that it counts as below the bound or not.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct OnBound {
-    /// Its index among all eigenvalues, from 0.
-    pub index: usize,
-    /// Its value, in 1/length² of the input.
-    pub value: f64,
-    /// The exact eigenvalue lies within this of the value.
-    pub within: f64,
-    /// The bound that lies there too.
-    pub bound: f64,
-    /// Whether it counts as below.
-    pub below: bool,
 }
 
 /// How the eigenpairs are computed.
@@ -120,6 +105,8 @@ pub struct Eigenpairs {
     pub first: usize,
     /// Pairs of which rounding does not let one tell on which side of a bound they lie, delivered or not.
     pub on_bounds: Vec<OnBound>,
+    /// The cluster that the number of pairs asked for cuts, if it cuts one.
+    pub cut: Option<CutCluster>,
     /// Coarsest level first, the mesh last.
     pub levels: Vec<LevelReport>,
     /// The finest nested space, `n × d`, if the caller asked to keep it.

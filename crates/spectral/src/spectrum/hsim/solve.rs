@@ -139,7 +139,7 @@ fn climb_and_solve(
     let sigma = parameters.sigma.unwrap_or(hierarchy::SIGMA);
     let climb = |q: usize| {
         let mut sizes = hierarchy::sizes(n, q, parameters.levels);
-        if sizes.is_empty() || !sliced || begun.is_some() {
+        if q == 0 || sizes.is_empty() || !sliced || begun.is_some() {
             return Ok(None);
         }
         if let Some(given) = given {
@@ -199,6 +199,7 @@ fn climb_and_solve(
             space = Some(start.space);
             (vectors, start.values, None)
         }
+        (Variant::Sliced, None) if known == n => (PanelMatrix::zeros(n, 0), Vec::new(), None),
         (Variant::Sliced, None) => {
             let (values, vectors) = densely(&finest.level, hierarchy::columns(beside, n - known), monitor)?;
             (vectors, values, None)
@@ -277,6 +278,7 @@ impl Task<'_> {
         let Self { finest, kernel, monitor, parameters, .. } = *self;
         let n = finest.level.size();
         let mut iteration = Iteration::new(&finest.level, &finest.symbolic, kernel, vectors, values, monitor);
+        iteration.offset = self.offset;
         let mut plan = Plan {
             wanted: self.beside.min(iteration.values.len()),
             tolerance: parameters.tolerance,
@@ -433,9 +435,7 @@ pub(super) enum Estimate {
 
 /// `kernel` is the dimension of the kernel that is known exactly.
 pub(super) fn estimate(finest: &Finest, bound: f64, kernel: usize) -> Result<Estimate, HsimError> {
-    let (level, lumped) = (&finest.level, finest.level.mass.lumped());
-    let sums = |row: usize| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
-    let spread = (0..level.size()).map(|row| sums(row) / lumped[row]).fold(0.0, f64::max);
+    let (level, spread) = (&finest.level, finest.level.spread());
     let count = |at: f64| -> Result<Count, HsimError> {
         let (shift, factor) = factor_near(level, &finest.symbolic, at, spread, Vec::new())?;
         let radius = factor.uncertainty(&level.stiffness, &level.mass, shift);
