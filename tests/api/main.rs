@@ -23,6 +23,7 @@ mod jobs;
 mod journeys;
 mod meshes;
 mod numbering;
+mod schemas;
 mod system;
 mod verification;
 mod vibration;

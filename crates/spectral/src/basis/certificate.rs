@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// What is proven about a basis.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Certificate {
     /// Per pair `‖S x − θ M x‖ / ‖S x‖` (thesis, eq. 4.6), of the columns as they are stored; for the kernel `‖S x‖ / (‖S‖ ‖x‖)`.
     pub residuals: Vec<f64>,
@@ -48,6 +49,7 @@ fn is_zero(number: &usize) -> bool {
 
 /// How near an approximation came to what was asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct AccuracyReport {
     /// The largest relative error of an eigenvalue that is good enough.
     pub goal: f64,
@@ -65,6 +67,7 @@ pub struct AccuracyReport {
 
 /// An inertia count (Sylvester): how many eigenvalues lie below a shift.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct InertiaCount {
     /// The shift, in 1/length² of the input.
     pub shift: f64,
@@ -74,6 +77,7 @@ pub struct InertiaCount {
 
 /// What one level of the hierarchy took.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct LevelReport {
     /// The size of the level's eigenproblem.
     pub dimension: usize,
