@@ -43,8 +43,9 @@ export function fieldsPanel(app: App, look: Look): Panel {
   let glyphs: Glyphs | null = null;
   let shown = "glyphs";
 
-  const kind = () => (app.basis?.parameters.field as string | undefined) ?? "vector";
-  const order = () => (kind() === "n_vector" ? Number(app.basis?.parameters.n ?? 4) : kind() === "tensor" ? 2 : 1);
+  const parameters = () => (app.basis?.kind === "field_basis" ? app.basis.parameters : null);
+  const kind = () => parameters()?.field ?? "vector";
+  const order = () => (kind() === "n_vector" ? (parameters()?.n ?? 4) : kind() === "tensor" ? 2 : 1);
   const aligned = () => order() % 2 === 0;
 
   const design = (): Design => {
@@ -304,6 +305,6 @@ function form(app: App): HTMLElement {
     event.preventDefault();
     if (!app.mesh) return app.fail(new ApiError({ type: "", title: "No surface is open", detail: "Open one first." }));
     const n = Number(kinds.value);
-    void app.submit("field_basis", { ...(n ? { field: "n_vector", n } : { field: kinds.value }), dimension: dimension.valueAsNumber });
+    void app.submit("field_basis", { ...(n ? { field: "n_vector", n } : { field: kinds.value as "vector" | "tensor" }), dimension: dimension.valueAsNumber });
   } }, field("Field", kinds), field("Dimension", dimension, "Columns of the space"), h("button", { class: "primary" }, "Compute"));
 }
