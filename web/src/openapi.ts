@@ -1561,7 +1561,7 @@ export interface components {
             count: number;
             /** @description What the examples number. */
             element: components["schemas"]["Element"];
-            /** @description The first offenders (at most [`EXAMPLES`]), numbered from 0 as in the input. An edge is named by a face beside it. */
+            /** @description The first offenders (at most `EXAMPLES`), numbered from 0 as in the input. An edge is named by a face beside it. */
             examples: number[];
             /** @description What is wrong. */
             kind: components["schemas"]["DefectKind"];
@@ -8193,10 +8193,10 @@ export interface operations {
             query?: never;
             header?: {
                 /**
-                 * @description The revision that the client has seen
+                 * @description The revision that the client has seen; what is no number stands for none
                  * @example 7
                  */
-                "Last-Event-ID"?: number | null;
+                "Last-Event-ID"?: string | null;
             };
             path: {
                 /**
