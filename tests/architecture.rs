@@ -50,7 +50,8 @@ const GUARDED: &[(&str, &[&str])] = &[
     ("http_range_header", &["http"]),
     ("hyper", &["http", "cli"]),
     ("hyper_util", &["http", "cli"]),
-    ("utoipa", &["http", "work"]),
+    // Types of parameters and reports describe themselves, under the feature `schema`.
+    ("utoipa", &["http", "work", "mesh", "operator", "basis", "spectrum", "field", "analysis"]),
     ("tower", &["http"]),
     ("tower_http", &["http"]),
     ("clap", &["cli", "config"]),

@@ -130,14 +130,14 @@ impl Format {
         }
     }
 
-    /// The format that `Accept` asks for.
-    fn negotiated(headers: &HeaderMap) -> Result<Self, Problem> {
+    /// The format that `Accept` asks for, and the media type that it knows it by.
+    fn negotiated(headers: &HeaderMap) -> Result<(Self, &'static str), Problem> {
         // An NPZ is a ZIP archive and a stream of octets as well.
         let offered = [NPZ, SAFETENSORS, MATRIX_MARKET, "application/zip", "application/octet-stream"];
         Ok(match extract::negotiated(headers, &offered)? {
-            SAFETENSORS => Self::Safetensors,
-            MATRIX_MARKET => Self::MatrixMarket,
-            _ => Self::Npz,
+            SAFETENSORS => (Self::Safetensors, SAFETENSORS),
+            MATRIX_MARKET => (Self::MatrixMarket, MATRIX_MARKET),
+            npz => (Self::Npz, npz),
         })
     }
 }
@@ -176,9 +176,10 @@ problems!(GetBasisContentProblems: [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE
     ),
     responses(
         (status = 200, description = "The whole content", content(
-            (super::docs::Binary = "application/x-npz"), (super::docs::Binary = "application/x-safetensors"), (super::docs::Binary = "application/x-matrix-market+zip")),
+            (super::docs::Binary = "application/x-npz"), (super::docs::Binary = "application/x-safetensors"), (super::docs::Binary = "application/x-matrix-market+zip"),
+            (super::docs::Binary = "application/zip"), (super::docs::Binary = "application/octet-stream")),
             headers(("ETag" = String))),
-        (status = 206, description = "The bytes that `Range` asks for", body = super::docs::Binary, content_type = "application/x-npz", headers(("Content-Range" = String))),
+        (status = 206, description = "The bytes that `Range` asks for", content((super::docs::Binary = "application/x-npz"), (super::docs::Binary = "application/x-safetensors"), (super::docs::Binary = "application/x-matrix-market+zip"), (super::docs::Binary = "application/zip"), (super::docs::Binary = "application/octet-stream")), headers(("Content-Range" = String))),
         (status = 304, description = "The content is as `If-None-Match` names it"),
         GetBasisContentProblems,
     ),
@@ -190,14 +191,14 @@ async fn basis_content(
     QueryOf(query): QueryOf<ContentQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let format = match query.format {
-        Some(format) => format,
+    let (format, media_type) = match query.format {
+        Some(format) => (format, format.media_type()),
         None => Format::negotiated(&headers)?,
     };
     let record = state.store.basis(id).await?;
     let immutable = |suffix: &str, extension: &str, length: u64| Immutable {
         tag: format!("{}{suffix}", record.content_hash),
-        media_type: format.media_type(),
+        media_type,
         file_name: format!("basis-{}.{extension}", record.id),
         length,
     };

@@ -13,6 +13,7 @@ use utoipa::{Modify, OpenApi, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use super::details::Details;
 use super::extract::PathOf;
 use super::problem::{self, KINDS, Problem};
 use super::problems::problems;
@@ -57,6 +58,7 @@ pub struct Binary(Vec<u8>);
         (name = "fields", description = "Tangential fields on the faces: frames, eigenfields, design by strokes and constraints, fur and hatchings. They live in bases of the kind `field_basis`."),
         (name = "system", description = "Health, metrics, documentation."),
     ),
+    servers((url = "/", description = "This server")),
     components(schemas(ProblemSchema)),
     modifiers(&Bearer)
 )]
@@ -87,7 +89,12 @@ pub fn base() -> utoipa::openapi::OpenApi {
 pub fn document() -> Result<String, serde_json::Error> {
     let (_, mut document) = super::routes().split_for_parts();
     add_common_problems(&mut document);
-    Ok(document.to_pretty_json()? + "\n")
+    document.merge(Details::openapi());
+    let schemas = &mut document.components.get_or_insert_default().schemas;
+    schemas.extend(chladni_work::schema::components());
+    let mut document = serde_json::to_value(&document)?;
+    super::document::finish(&mut document);
+    Ok(serde_json::to_string_pretty(&document)? + "\n")
 }
 
 /// Adds what any guarded operation may answer: without a key, without the scope, after a fault.
@@ -239,6 +246,10 @@ fn type_name(schema: &Value) -> String {
     if let Some(choices) = schema["oneOf"].as_array().or(schema["anyOf"].as_array()) {
         return choices.iter().map(type_name).collect::<Vec<_>>().join(" or ");
     }
+    if let Some(parts) = schema["allOf"].as_array() {
+        let named = parts.iter().filter(|part| !part["$ref"].is_null()).map(type_name);
+        return format!("{}, with", named.collect::<Vec<_>>().join(" and "));
+    }
     if let Some(values) = schema["enum"].as_array() {
         return values.iter().map(Value::to_string).collect::<Vec<_>>().join(", ");
     }
@@ -348,9 +359,10 @@ fn render(document: &Value) -> String {
     for (name, schema) in schemas.as_object().into_iter().flatten() {
         let _ = write!(
             html,
-            "<details><summary><code>{}</code></summary><div>{}<table>",
+            "<details id=\"{0}\"><summary><code>{0}</code></summary><div>{1}<p>{2}</p><table>",
             escape(name),
-            prose(text(schema, "description"))
+            prose(text(schema, "description")),
+            if schema["type"] == "object" { String::new() } else { escape(&type_name(schema)) },
         );
         let parts = schema["allOf"].as_array().map_or(vec![schema], |all| all.iter().collect());
         for (member, shape) in parts.iter().filter_map(|part| part["properties"].as_object()).flatten() {

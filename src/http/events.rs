@@ -62,7 +62,7 @@ problems!(WatchJobProblems: [UNKNOWN_JOB, BUSY]);
     get, path = "/v1/jobs/{id}/events", tag = "jobs", operation_id = "watchJob",
     params(
         JobId,
-        ("Last-Event-ID" = Option<i64>, Header, description = "The revision that the client has seen", example = 7),
+        ("Last-Event-ID" = Option<String>, Header, description = "The revision that the client has seen; what is no number stands for none", example = "7"),
     ),
     responses(
         (status = 200, description = "The stream", body = String, content_type = "text/event-stream",

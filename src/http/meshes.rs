@@ -56,18 +56,58 @@ struct UploadQuery {
     format: Option<String>,
     /// Whether vertices at exactly equal positions become one: `auto` (where the format repeats positions by design, as STL
     /// does), `always` or `never`.
-    #[param(value_type = Option<String>, example = "auto")]
+    #[param(inline, example = "auto")]
     merge: Option<Merge>,
     /// Which surface is meant where a file has triangles and tetrahedra: `boundary`, where its tetrahedra have no neighbour (that is closed, and the
     /// solid's own), or `given`, its triangles, without an inside. By what the two differ is told among the defects.
-    #[param(value_type = Option<String>, example = "boundary")]
+    #[param(inline, example = "boundary")]
     surface: Option<SurfaceOf>,
     /// How often every face is divided into four before the mesh is stored, 0 to 6. Eigenvalues of the finer mesh are nearer to those of the surface.
     #[param(minimum = 0, maximum = 6, example = 0)]
     subdivide: Option<u8>,
     /// A name for people, at most 200 characters.
-    #[param(example = "igea")]
+    #[param(example = "igea", max_length = 200)]
     name: Option<String>,
+}
+
+/// A mesh as arrays; vertices are counted from 0.
+#[derive(utoipa::ToSchema)]
+#[schema(as = MeshArrays, example = json!({"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}))]
+#[allow(dead_code)]
+struct ArraysSchema {
+    /// Positions: x, y and z of each vertex.
+    vertices: Vec<Vec<f64>>,
+    /// Faces: the vertices of each, three or more.
+    #[schema(required = false)]
+    faces: Vec<Vec<u32>>,
+    /// Tetrahedra: four vertices of each.
+    #[schema(required = false)]
+    tetrahedra: Vec<Vec<u32>>,
+}
+
+/// A mesh in parts; all but the first may stand in the query instead, which decides where both say something.
+#[derive(utoipa::ToSchema)]
+#[schema(as = MeshParts)]
+#[allow(dead_code)]
+struct PartsSchema {
+    /// The file.
+    #[schema(value_type = String, format = Binary)]
+    mesh: Vec<u8>,
+    /// As in the query.
+    #[schema(required = false)]
+    format: String,
+    /// As in the query.
+    #[schema(required = false, inline)]
+    merge: Merge,
+    /// As in the query.
+    #[schema(required = false, inline)]
+    surface: SurfaceOf,
+    /// As in the query.
+    #[schema(required = false, minimum = 0, maximum = 6)]
+    subdivide: u8,
+    /// As in the query.
+    #[schema(required = false, max_length = 200)]
+    name: String,
 }
 
 problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKNOWN_FORMAT, UNREADABLE_MESH, UNUSABLE_MESH, DRAINING]);
@@ -95,8 +135,8 @@ problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKN
     request_body(description = "The mesh", content(
         (super::docs::Binary = "model/obj", example = json!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")),
         (super::docs::Binary = "model/ply"), (super::docs::Binary = "model/off"), (super::docs::Binary = "model/stl"), (super::docs::Binary = "model/x-medit"), (super::docs::Binary = "model/x-vtk"), (super::docs::Binary = "model/x-gmsh"), (super::docs::Binary = "model/x-freesurfer"),
-        (super::docs::Binary = "application/x-npz"), (serde_json::Value = "application/json", example = json!({"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]})),
-        (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "multipart/form-data"))),
+        (super::docs::Binary = "application/x-npz"), (ArraysSchema = "application/json"),
+        (super::docs::Binary = "application/octet-stream"), (PartsSchema = "multipart/form-data"))),
     responses(
         (status = 201, description = "The mesh is stored; `Location` names it", body = MeshResource, headers(("Location" = String), ("ETag" = String))),
         (status = 200, description = "The same content was stored before", body = MeshResource, headers(("Location" = String))),
@@ -373,8 +413,8 @@ problems!(GetMeshContentProblems: [INVALID_QUERY, UNKNOWN_MESH, NOT_ACCEPTABLE, 
         ("Range" = Option<String>, Header, description = "One range of bytes", example = "bytes=0-1023"),
     ),
     responses(
-        (status = 200, description = "The whole content", content((super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"), (super::docs::Binary = "application/vnd.chladni.mesh")), headers(("ETag" = String))),
-        (status = 206, description = "The bytes that `Range` asks for", body = super::docs::Binary, content_type = "model/ply", headers(("Content-Range" = String))),
+        (status = 200, description = "The whole content", content((super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"), (super::docs::Binary = "application/vnd.chladni.mesh"), (super::docs::Binary = "application/octet-stream")), headers(("ETag" = String))),
+        (status = 206, description = "The bytes that `Range` asks for", content((super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"), (super::docs::Binary = "application/vnd.chladni.mesh"), (super::docs::Binary = "application/octet-stream")), headers(("Content-Range" = String))),
         (status = 304, description = "The content is as `If-None-Match` names it"),
         GetMeshContentProblems,
     ),
@@ -387,12 +427,12 @@ async fn content(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let (ply, obj) = (MeshFormat::Ply.media_type(), MeshFormat::Obj.media_type());
-    let format = match query.format {
-        Some(format) => format,
-        None => match extract::negotiated(&headers, &[ply, obj, BUFFERS, "application/octet-stream"])? {
-            name if name == obj => Written::Obj,
-            name if name == ply => Written::Ply,
-            _ => Written::Buffers,
+    let (format, asked) = match query.format {
+        Some(format) => (format, None),
+        None => match extract::negotiated(&headers, &[ply, obj, BUFFERS, exchange::OCTETS])? {
+            name if name == obj => (Written::Obj, None),
+            name if name == ply => (Written::Ply, None),
+            name => (Written::Buffers, Some(name)),
         },
     };
     let record = state.store.mesh(&id).await?;
@@ -401,7 +441,7 @@ async fn content(
     let (media_type, extension) = match format {
         Written::Ply => (ply, "ply"),
         Written::Obj => (obj, "obj"),
-        Written::Buffers => (BUFFERS, "bin"),
+        Written::Buffers => (asked.unwrap_or(BUFFERS), "bin"),
     };
     let length = bytes.len() as u64;
     let file_name = format!("mesh-{}.{extension}", record.id);

@@ -12,7 +12,8 @@
 //! | `body`, `extract`, `ids`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, ids, negotiation, ranges |
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `numbering` | whose numbering of vertices and faces they are in |
-//! | `wire`, `certificate` | what goes over the wire |
+//! | `wire`, `details` | what goes over the wire |
+//! | `document`, `kinds`, `variants` | the OpenAPI document, made of what the types say |
 //! | `meshes`, `mesh_maps`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `verification`, `subspaces`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
 //! | `page` | the web page, embedded |
 
@@ -21,7 +22,6 @@ mod auth;
 mod bases;
 mod binary;
 mod body;
-mod certificate;
 mod client;
 mod comparisons;
 mod compressions;
@@ -30,8 +30,10 @@ mod connection;
 mod content;
 mod convert;
 mod cors;
+mod details;
 mod distances;
 mod docs;
+mod document;
 mod estimates;
 mod events;
 mod exchange;
@@ -40,6 +42,7 @@ mod family;
 mod fields;
 mod ids;
 mod jobs;
+mod kinds;
 mod maps;
 mod mesh_maps;
 mod meshes;
@@ -60,6 +63,7 @@ mod state;
 mod subspaces;
 mod system;
 mod upload;
+mod variants;
 mod verification;
 mod vibration;
 mod wire;

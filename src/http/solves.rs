@@ -103,12 +103,7 @@ struct RawQuery {
 struct FilterRequest {
     /// `coordinates`, or a table with a row for each vertex.
     functions: Functions,
-    /// By what each part is multiplied, as a function of its eigenvalue λ (1/length² of the mesh). One of
-    /// `{"kind": "low_pass", "cutoff": c}`, `{"kind": "high_pass", "cutoff": c}`, `{"kind": "band_pass", "low": a, "high": b}`,
-    /// `{"kind": "gain", "low": a, "high": b, "gain": g}`, `{"kind": "heat", "time": t}`,
-    /// `{"kind": "sharpen", "cutoff": c, "strength": s}` for 1 + s λ/(λ + c), `{"kind": "curve", "points": [[λ, factor], …]}` and
-    /// `{"kind": "samples", "values": [one for each eigenvalue], "beyond": what the basis does not hold}`.
-    #[schema(value_type = Object)]
+    /// By what each part is multiplied, as a function of its eigenvalue λ (1/length² of the mesh).
     transfer: Transfer,
 }
 

@@ -2,6 +2,7 @@
 //!
 //! Times are milliseconds since 1970-01-01 UTC; lengths are in the units of the uploaded mesh.
 
+use chladni_mesh::check::MeshReport;
 use chladni_spectral::basis::ProductKind;
 use chladni_work::abbreviate;
 use chladni_work::packed::Packed;
@@ -9,7 +10,6 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::certificate::CertificateSchema;
 use crate::store::{BasisRecord, BasisStorage, JobRecord, JobStatus, MeshRecord, Page};
 
 /// A page of a list, newest first.
@@ -33,7 +33,9 @@ impl<T: ToSchema> PageOf<T> {
 #[schema(example = json!({
     "id": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "name": "spot", "format": "obj", "source_bytes": 181734,
     "vertices": 2930, "faces": 5856, "bytes": 140592, "created_ms": 1795269600000i64,
-    "report": {"area": 5.49, "genus": 0, "components": 1, "boundary_loops": 0},
+    "report": {"vertices": 2930, "faces": 5856, "edges": 8784, "area": 5.49, "bounding_box": [[-0.48, -0.74, -1.0], [0.48, 0.94, 0.99]],
+               "euler_characteristic": 2, "components": 1, "boundary_edges": 0, "boundary_loops": 0, "genus": 0, "closed": true, "manifold": true,
+               "orientable": true, "defects": [], "repairs": []},
     "links": {"self": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "content": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3/content"}
 }))]
 pub struct MeshResource {
@@ -55,7 +57,7 @@ pub struct MeshResource {
     pub created_ms: i64,
     /// Area, bounding box, Euler characteristic, genus, components, boundary loops, each kind of defect with a count and its
     /// first offenders, and what was repaired.
-    #[schema(value_type = Object)]
+    #[schema(value_type = MeshReport)]
     pub report: Value,
     /// Where to go from here.
     pub links: MeshLinks,
@@ -97,48 +99,17 @@ impl From<MeshRecord> for MeshResource {
     "parameters": {"method": "approximate", "count": 500}, "priority": 0
 }))]
 pub struct JobRequest {
-    /// The kind of job: `eigenbasis`.
+    /// The kind of job.
     pub kind: String,
     /// The id of the mesh.
     pub mesh: String,
-    /// Parameters of the kind; what is absent takes its default.
-    ///
-    /// `eigenbasis`, whatever the `method`: `count` (eigenpairs, the kernel included), `operator` (`auto`, `laplace`, `robust`, `volume` for the
-    /// Laplacian on the tetrahedra of a solid and `graph` for the combinatorial one, both by the method `hsim`, `hodge` for
-    /// exact eigenfields by the method `hsim`, `{"extrinsic": {"t": 0.5}}`, `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}` or
-    /// `{"hamiltonian": {"potential": {"values": [one for each vertex]}}}`), `mass` (`barycentric`, `voronoi`, `consistent`), `boundary`
-    /// (`neumann`, `dirichlet`), `seed`.
-    ///
-    /// `method: auto`, the default: `hsim` where that is expected to take about a second or less, else `approximate`, and `hsim` after all where
-    /// that misses its goal. A parameter that one method alone takes chooses that method.
-    ///
-    /// `method: approximate`: `dimension` (of the subspace, default twice the count and at least the count plus 150), `construction` (`heat`,
-    /// `radial`) with details in `heat` and `radial`, `accuracy` (`standard`, `accurate`, `{"goal": 0.005}`: the largest relative error of an
-    /// eigenvalue that is good enough, as estimated; columns are added until it is reached, at most five times), `certify`
-    /// (eigenvalues are counted once, and each pair is enclosed with its index: `complete` is true then, or the job fails), `refinement`
-    /// (`inverse_iteration`, `{"chebyshev": {"degree": 20}}`: the basis is dense then, with a `precision`).
-    ///
-    /// `method: hsim`, pairs to a tolerance, proven complete: `tolerance` (largest residual, default 1e-2), `below` (all pairs below this
-    /// eigenvalue, instead of a count) or `between` (`[from, to]`: those of an interval, `from` included and `to` not; all below `to` are computed) with
-    /// `at_most` (so many below the upper bound, default 1000), `variant` (`sliced`, `published`), `levels`,
-    /// `sigma`, `shift_ratio` (published variant), `subspace_factor`, `storage` (`dense`, `compact`), `precision` of dense storage (`f32`,
-    /// `f64`).
-    ///
-    /// `method: sim`, plain subspace iteration as a baseline: `tolerance`, `start` (`random`, `bathe`), `subspace_factor`, `precision`.
-    ///
-    /// A parameter of another method is refused by name.
-    ///
-    /// `operator_family`: `dimension` (of the subspace, default 780), `seed`.
-    ///
-    /// `vibration_basis`: `count` (modes, rigid motions included), `thickness` (of a shell; without it the tetrahedra of a solid vibrate),
-    /// `material` (`{"young": 2e11, "poisson": 0.3, "density": 7800}`), `clamped` (vertices), `method` (`hsim`, the default, with
-    /// `tolerance`, or `approximate` with `dimension`, `local_coordinates` and `inverse_iterations`), `seed`.
+    /// Parameters of the kind; what is absent takes its default. A parameter of another kind or method is refused by name.
     #[serde(default)]
     #[schema(value_type = Object)]
     pub parameters: Packed,
     /// Higher runs first.
     #[serde(default)]
-    #[schema(minimum = -100, maximum = 100)]
+    #[schema(default = 0, minimum = -100, maximum = 100)]
     pub priority: i32,
 }
 
@@ -382,9 +353,9 @@ pub struct BasisSummary {
     "dense_bytes": 70344, "solver_version": "0.1.0+3", "created_ms": 1795269601000i64,
     "stage_seconds": [{"stage": "iterate", "seconds": 0.001}],
     "eigenvalues": [0.0, 1.31, 2.08],
-    "operator": {"laplacian": "cotangent", "reason": "fair_mesh", "non_manifold_edges": 0, "non_manifold_vertices": 0, "bad_faces": 0,
-                 "zero_area_faces": 0, "massless_vertices": 0, "mollification": 0.0, "flips": 0, "removed_vertices": 0},
-    "certificate": {"residuals": [1e-12, 0.001, 0.002], "bounds": [1e-12, 0.0004, 0.001], "orthonormality_defect": 1e-13,
+    "operator": {"laplacian": "cotangent", "reason": "fair_mesh", "non_manifold_edges": 0, "non_manifold_vertices": 0, "thin_faces": 0,
+                 "zero_area_faces": 0, "massless_vertices": 0, "mollification": 0.0, "flips": 0, "delaunay": false, "removed_vertices": 0},
+    "certificate": {"residuals": [1e-12, 0.001, 0.002], "bounds": [1e-12, 0.0004, 0.001], "estimates": [], "accuracy": null, "orthonormality_defect": 1e-13,
                     "complete": true, "inertia": [{"shift": 2.4, "below": 3}], "tolerance": 0.01,
                     "levels": [{"dimension": 300, "iterations": 0, "shifts": 0}, {"dimension": 2930, "iterations": 1, "shifts": 1}],
                     "projection_errors": [], "largest_projection_error": null},
@@ -404,7 +375,7 @@ pub struct BasisResource {
     pub operator: Value,
     /// What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
     /// Null where nothing is.
-    #[schema(value_type = Option<CertificateSchema>)]
+    #[schema(value_type = Option<Object>)]
     pub certificate: Value,
     /// What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
     /// harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of any kind, where a graphics card took part in it or

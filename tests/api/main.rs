@@ -25,6 +25,7 @@ mod journeys;
 mod meshes;
 mod numbering;
 mod samples;
+mod schemas;
 mod system;
 mod verification;
 mod vibration;

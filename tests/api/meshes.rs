@@ -160,6 +160,9 @@ async fn content_comes_in_every_format_and_in_ranges() {
     let app = TestApp::start();
     let mesh = app.octahedron().await;
     let url = format!("/v1/meshes/{mesh}/content");
+    // Who asks for octets gets them under that name.
+    let octets = app.get(&url).header("accept", "application/octet-stream").send().await.unwrap();
+    assert_eq!(octets.headers()["content-type"], "application/octet-stream");
     for (format, media_type) in
         [("ply", "model/ply"), ("obj", "model/obj"), ("buffers", "application/vnd.chladni.mesh")]
     {

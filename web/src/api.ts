@@ -1,14 +1,13 @@
 // The public endpoints of the server, and nothing else: what any other front-end would call.
 
 import type { Request } from "./code";
+import type { components } from "./openapi";
 
-export interface Problem {
-  type: string;
-  title: string;
-  status?: number;
-  detail: string;
-  [member: string]: unknown;
-}
+/** What the server's document says of requests and answers. */
+type Schemas = components["schemas"];
+
+/** A problem; that of a server that cannot be reached, or of a job, has no status. */
+export type Problem = Omit<Schemas["Problem"], "status"> & { status?: number };
 
 /** An error in the server's own words. */
 export class ApiError extends Error {
@@ -17,95 +16,19 @@ export class ApiError extends Error {
   }
 }
 
-export interface Defect {
-  kind: string;
-  count: number;
-  element?: string;
-  examples?: number[];
-}
+export type Mesh = Schemas["MeshResource"];
+export type Job = Schemas["JobResource"];
+export type Status = Schemas["Status"];
+export type BasisSummary = Schemas["BasisSummary"];
+export type Basis = Schemas["BasisResource"];
+export type Eigenbasis = Extract<Basis, { kind: "eigenbasis" }>;
+export type JobRequest = Schemas["JobRequest"];
 
-export interface Mesh {
-  id: string;
-  name: string | null;
-  format: string;
-  vertices: number;
-  faces: number;
-  created_ms: number;
-  report: {
-    area: number;
-    bounding_box: [number[], number[]];
-    boundary_loops: number;
-    components: number;
-    genus: number | null;
-    euler_characteristic: number;
-    manifold: boolean;
-    closed: boolean;
-    orientable: boolean;
-    defects: Defect[];
-    repairs: Defect[];
-  };
-  links: { self: string; content: string };
-}
+/** The kinds of job. */
+export type Kind = JobRequest["kind"];
 
-export type Status = "enqueued" | "processing" | "succeeded" | "failed" | "canceled";
-
-export interface Job {
-  id: string;
-  kind: string;
-  mesh: string;
-  parameters: Record<string, unknown>;
-  status: Status;
-  stage: string | null;
-  progress: number | null;
-  detail: string | null;
-  stage_seconds: { stage: string; seconds: number }[];
-  attempt: number;
-  max_attempts: number;
-  cancel_requested: boolean;
-  basis: string | null;
-  problem: Problem | null;
-  created_ms: number;
-  started_ms: number | null;
-  finished_ms: number | null;
-  revision: number;
-  links: { self: string; events: string; basis: string | null };
-}
-
-export interface Certificate {
-  residuals: number[];
-  bounds: number[];
-  estimates: number[];
-  accuracy: { goal: number; largest_estimate: number; reached: boolean; rounds: number } | null;
-  orthonormality_defect: number;
-  complete: boolean | null;
-  inertia: { shift: number; below: number }[];
-  tolerance: number | null;
-  largest_projection_error: number | null;
-}
-
-export interface BasisSummary {
-  id: string;
-  mesh: string;
-  job: string;
-  kind: string;
-  parameters: Record<string, unknown>;
-  vertices: number;
-  storage: string;
-  precision: string | null;
-  dimension: number | null;
-  count: number;
-  bytes: number;
-  dense_bytes: number;
-  created_ms: number;
-  stage_seconds: { stage: string; seconds: number }[];
-  links: Record<string, string>;
-}
-
-export interface Basis extends BasisSummary {
-  eigenvalues: number[];
-  operator: { laplacian?: string; reason?: string } & Record<string, unknown>;
-  certificate: Certificate;
-}
+/** The parameters of a kind of job. */
+export type Parameters<K extends Kind> = Extract<JobRequest, { kind: K }>["parameters"];
 
 export interface Page<T> {
   items: T[];

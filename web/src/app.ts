@@ -1,6 +1,6 @@
 // What every part of the page shares: the place, the mesh and the basis that are open, and how errors are told.
 
-import { ApiError, ended, get, key, meshContent, post, recent, remove, rename, save, watch, type Basis, type BasisSummary, type Job, type Mesh, type Page } from "./api";
+import { ApiError, ended, get, key, meshContent, post, recent, remove, rename, save, watch, type Basis, type BasisSummary, type Job, type Kind, type Mesh, type Page, type Parameters } from "./api";
 import { h } from "./dom";
 import { prepared } from "./geometry";
 import { read, write, type Place } from "./place";
@@ -269,7 +269,7 @@ export class App {
   // --- jobs -------------------------------------------------------------------------------------------------------------
 
   /** Submits a job on the open mesh and follows it. */
-  async submit(kind: string, parameters: Record<string, unknown>) {
+  async submit<K extends Kind>(kind: K, parameters: Parameters<K>) {
     if (!this.mesh) return;
     try {
       const job = await post<Job>("/v1/jobs", { kind, mesh: this.mesh.id, parameters });

@@ -1,8 +1,9 @@
 // The left column: files come in, meshes are listed, jobs report.
 
-import { ended, upload, type Defect, type Job, type Mesh } from "./api";
+import { ended, upload, type Job, type Mesh } from "./api";
 import type { App } from "./app";
 import { brief, choice, grouped, h, plural, seconds, words } from "./dom";
+import { fieldName } from "./panels/basis";
 import { samples } from "./welcome";
 
 export function library(app: App): HTMLElement {
@@ -94,8 +95,7 @@ function meshItem(app: App, mesh: Mesh): HTMLElement {
     h("strong", {}, title(mesh)), h("small", {}, `${grouped(mesh.vertices)} vertices`));
   if (!open) return h("li", {}, button);
   const bases = app.bases.map((basis) => {
-    const { method: how, field, n } = basis.parameters;
-    const method = typeof field === "string" ? (field === "n_vector" ? `${n}-field` : field) : typeof how === "string" ? how : "";
+    const method = basis.kind === "field_basis" ? fieldName(basis.parameters) : "method" in basis.parameters ? basis.parameters.method : "";
     const text = `${words(basis.kind)} · ${grouped(basis.count)}${method ? ` · ${method}` : ""}`;
     const tab = app.panels.find((panel) => panel.kind === basis.kind && panel.id === app.place.tab) ?? app.panels.find((panel) => panel.kind === basis.kind);
     return h("li", {}, h("button", {
@@ -139,8 +139,8 @@ function handles(app: App, mesh: Mesh): HTMLElement {
 function report(mesh: Mesh): HTMLElement {
   const { genus, components, boundary_loops: loops, area, defects, repairs } = mesh.report;
   const shape = [plural(mesh.faces, "face"), plural(components, "component"), genus === null ? null : `genus ${genus}`, loops ? plural(loops, "boundary loop") : "closed", `area ${brief(area)}`];
-  const line = (defect: Defect) => {
-    const where = defect.examples?.length ? ` (${defect.element ?? "element"} ${defect.examples.slice(0, 3).map(grouped).join(", ")}${defect.count > 3 ? " …" : ""})` : "";
+  const line = (defect: (typeof defects)[number] | (typeof repairs)[number]) => {
+    const where = "examples" in defect && defect.examples.length ? ` (${defect.element} ${defect.examples.slice(0, 3).map(grouped).join(", ")}${defect.count > 3 ? " …" : ""})` : "";
     return h("li", {}, `${grouped(defect.count)} × ${words(defect.kind)}${where}`);
   };
   return h("div", { class: "report" },

@@ -21,6 +21,7 @@ pub const MOST_SUBDIVISIONS: u8 = 6;
 
 /// Whether vertices at exactly equal positions become one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Merge {
     /// Where the format repeats positions by design, as STL does.
@@ -34,6 +35,7 @@ pub enum Merge {
 
 /// Which surface a mesh with tetrahedra stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SurfaceOf {
     /// Where its tetrahedra have no neighbour. The default: that surface is closed and the solid's own, whereas the triangles of such files may be any

@@ -10,6 +10,7 @@ pub const EXAMPLES: usize = 5;
 ///
 /// Counts and topology describe the mesh as it will be used, after the repairs. Defects describe the mesh as it was given.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct MeshReport {
     /// Vertices, `n`.
     pub vertices: usize,
@@ -20,6 +21,7 @@ pub struct MeshReport {
     /// Total area, in squared units of the input.
     pub area: f64,
     /// The least and the greatest coordinates, in units of the input; zeros where no vertex is finite.
+    #[cfg_attr(feature = "schema", schema(min_items = 2, max_items = 2))]
     pub bounding_box: [[f64; 3]; 2],
     /// `χ = n − edges + f`.
     pub euler_characteristic: i64,
@@ -64,6 +66,7 @@ fn is_zero(count: &u8) -> bool {
 
 /// What a file has, and what became of its vertices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct FileSize {
     /// Vertices of the file.
     pub vertices: usize,
@@ -101,6 +104,7 @@ impl MeshReport {
 
 /// One kind of defect, how often it occurs, and the first offenders.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Defect {
     /// What is wrong.
     pub kind: DefectKind,
@@ -114,6 +118,7 @@ pub struct Defect {
 
 /// What an index in a report counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Element {
     /// Vertices of the input.
@@ -126,6 +131,7 @@ pub enum Element {
 
 /// The kinds of defect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum DefectKind {
     /// A face refers to a vertex that does not exist. Such a mesh is refused.
@@ -199,6 +205,7 @@ impl fmt::Display for DefectKind {
 
 /// One kind of repair and how many elements it touched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Repair {
     /// What was done.
     pub kind: RepairKind,
@@ -208,6 +215,7 @@ pub struct Repair {
 
 /// The kinds of repair, in the order in which they are done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum RepairKind {
     /// Polygons of more than three corners were cut into triangles.

@@ -12,6 +12,7 @@ use super::{TetMesh, TriangleMesh};
 
 /// What is known about the tetrahedra of a solid after they were checked.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct SolidReport {
     /// Vertices, those of the surface first.
     pub vertices: usize,

@@ -15,6 +15,8 @@ pub mod numbered;
 mod operator_family;
 pub mod packed;
 mod provenance;
+#[cfg(feature = "schema")]
+pub mod schema;
 pub mod simulate;
 pub mod table;
 pub mod verification;
@@ -384,7 +386,7 @@ pub fn abbreviated(parameters: &serde_json::Value) -> serde_json::Value {
 }
 
 /// Values that are listed in full; longer lists are told by their number and their hash.
-const LONGEST_LIST: usize = 16;
+pub const LONGEST_LIST: usize = 16;
 
 /// Shortens parameters for people: a list of numbers that is long, such as a potential, becomes its length and its BLAKE3 hash.
 pub fn abbreviate(parameters: &mut serde_json::Value) {

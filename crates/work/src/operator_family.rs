@@ -16,12 +16,15 @@ pub const LARGEST_DIMENSION: usize = 4000;
 
 /// What is to be computed, every default filled in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct OperatorFamilyParameters {
     /// The most functions of the subspace, 10 to 4000. An equal share of them are eigenfunctions of each anchor; spectra are accurate up to about three
     /// quarters of that many pairs.
+    #[cfg_attr(feature = "schema", schema(minimum = 10, maximum = 4000, example = 780))]
     pub dimension: usize,
     /// Seeds everything that is drawn at random.
+    #[cfg_attr(feature = "schema", schema(example = 0))]
     pub seed: u64,
 }
 

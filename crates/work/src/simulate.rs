@@ -35,6 +35,7 @@ pub enum LoadRequest {
         #[serde(default)]
         time: f64,
         /// By how much, in mass · length / time.
+        #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
         momentum: [f64; 3],
     },
     /// A constant force over an interval.
@@ -46,6 +47,7 @@ pub enum LoadRequest {
         /// Until when.
         to: f64,
         /// In mass · length / time².
+        #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
         force: [f64; 3],
     },
     /// A constant acceleration of the whole object, as by its weight.
@@ -56,6 +58,7 @@ pub enum LoadRequest {
         /// Until when; without it, for ever.
         to: Option<f64>,
         /// In length / time².
+        #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
         acceleration: [f64; 3],
     },
 }
@@ -105,6 +108,7 @@ pub enum MotionForm {
 #[serde(deny_unknown_fields)]
 pub struct SoundRequest {
     /// Where the ear is, in units of the mesh.
+    #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub listener: [f64; 3],
     /// Samples a second, 8000 to 192000.
     #[serde(default = "compact_disc")]

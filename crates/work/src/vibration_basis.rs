@@ -25,43 +25,53 @@ pub const MOST_CLAMPED: usize = 500_000;
 
 /// What is to be computed, checked, every default filled in.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct VibrationBasisParameters {
     /// Modes, rigid motions included.
+    #[cfg_attr(feature = "schema", schema(default = 100, minimum = 1, maximum = 5000, example = 60))]
     #[serde(default = "default_count")]
     pub count: usize,
     /// The thickness of a shell, in units of the mesh; without it the tetrahedra of a solid vibrate.
+    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, example = 0.001))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thickness: Option<f64>,
     /// What the object is made of.
     #[serde(default)]
     pub material: Material,
     /// Vertices that are held fast.
+    #[cfg_attr(feature = "schema", schema(max_items = 500000, example = json!([0, 1, 2])))]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub clamped: Vec<u32>,
     /// How modes are computed.
     #[serde(default)]
     pub method: VibrationMethodName,
     /// Scalar functions of the subspace of `approximate`; twice the count, unless it is given.
+    #[cfg_attr(feature = "schema", schema(minimum = 4, maximum = 8000, example = 120))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dimension: Option<usize>,
     /// Whether the functions of `approximate` come with coordinates of their patches, so that patches can turn.
+    #[cfg_attr(feature = "schema", schema(example = true))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub local_coordinates: Option<bool>,
     /// Inverse iterations on the mesh that refine the modes of `approximate`, 0 to 4; with any they are kept as columns. Without it as many as bring
     /// the estimated error of every frequency to 1 %.
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 4, example = 2))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inverse_iterations: Option<usize>,
     /// Largest residual of `hsim`.
+    #[cfg_attr(feature = "schema", schema(minimum = 1e-9, maximum = 0.5, example = 1e-3))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f64>,
     /// Seeds everything that is drawn at random.
+    #[cfg_attr(feature = "schema", schema(example = 0))]
     #[serde(default)]
     pub seed: u64,
 }
 
 /// How modes are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum VibrationMethodName {
     /// HSIM: to a tolerance, proven complete, dense.
@@ -73,13 +83,21 @@ pub enum VibrationMethodName {
 
 impl VibrationMethodName {
     /// The name on the wire.
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Hsim => "hsim",
             Self::Approximate => "approximate",
         }
     }
 }
+
+/// The members that one method alone takes, with that method and whether they are given.
+const BELONGINGS: &[(&str, VibrationMethodName, fn(&VibrationBasisParameters) -> bool)] = &[
+    ("tolerance", VibrationMethodName::Hsim, |own| own.tolerance.is_some()),
+    ("dimension", VibrationMethodName::Approximate, |own| own.dimension.is_some()),
+    ("local_coordinates", VibrationMethodName::Approximate, |own| own.local_coordinates.is_some()),
+    ("inverse_iterations", VibrationMethodName::Approximate, |own| own.inverse_iterations.is_some()),
+];
 
 fn default_count() -> usize {
     100
@@ -120,15 +138,11 @@ impl VibrationBasisParameters {
         within("clamped", read.clamped.len() as f64, 0.0, MOST_CLAMPED as f64)?;
         read.clamped.sort_unstable();
         read.clamped.dedup();
-        let foreign = |name, given: bool| {
-            if !given {
-                return Ok(());
-            }
-            Err(value(name, format!("is not a parameter of the method \"{}\"", read.method.name())))
-        };
+        if let Some((name, ..)) = BELONGINGS.iter().find(|(_, method, given)| *method != read.method && given(&read)) {
+            return Err(value(name, format!("is not a parameter of the method \"{}\"", read.method.name())));
+        }
         match read.method {
             VibrationMethodName::Approximate => {
-                foreign("tolerance", read.tolerance.is_some())?;
                 let dimension = read.dimension.unwrap_or((2 * read.count).max(60));
                 within("dimension", dimension as f64, 4.0, LARGEST_DIMENSION as f64)?;
                 read.dimension = Some(dimension);
@@ -136,15 +150,18 @@ impl VibrationBasisParameters {
                 within("inverse_iterations", read.inverse_iterations.unwrap_or(0) as f64, 0.0, 4.0)?;
             }
             VibrationMethodName::Hsim => {
-                foreign("dimension", read.dimension.is_some())?;
-                foreign("local_coordinates", read.local_coordinates.is_some())?;
-                foreign("inverse_iterations", read.inverse_iterations.is_some())?;
                 let tolerance = read.tolerance.unwrap_or(1e-3);
                 within("tolerance", tolerance, 1e-9, 0.5)?;
                 read.tolerance = Some(tolerance);
             }
         }
         Ok(read)
+    }
+
+    /// Whether a method, by its name on the wire, takes a member.
+    #[cfg(feature = "schema")]
+    pub(crate) fn takes(method: &str, member: &str) -> bool {
+        BELONGINGS.iter().all(|(name, own, _)| *name != member || own.name() == method)
     }
 
     fn vertices(&self, mesh: MeshSize) -> usize {

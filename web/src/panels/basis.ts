@@ -1,6 +1,6 @@
 // What the tabs share: which basis is open, how to ask for another, and how the surface is coloured.
 
-import type { Basis, BasisSummary } from "../api";
+import type { BasisSummary, Eigenbasis, Parameters } from "../api";
 import type { App } from "../app";
 import { MAPS, gradient, table } from "../colours";
 import { brief, choice, field, grouped, h, seconds, slider } from "../dom";
@@ -9,14 +9,17 @@ import { expected } from "./expected";
 
 /** One line about a basis. */
 function line(basis: BasisSummary): string {
-  const { method, operator, tolerance, field: values, n } = basis.parameters;
   const parts = [grouped(basis.count)];
-  if (typeof values === "string") parts.unshift(values === "n_vector" ? `${n}-field` : values);
-  if (typeof method === "string") parts.push(method);
-  if (typeof tolerance === "number") parts.push(`to ${brief(tolerance)}`);
-  if (operator !== undefined && operator !== "auto") parts.push(typeof operator === "string" ? operator : Object.keys(operator as object)[0]);
+  if (basis.kind === "field_basis") parts.unshift(fieldName(basis.parameters));
+  if ("method" in basis.parameters && basis.parameters.method) parts.push(basis.parameters.method);
+  if ("tolerance" in basis.parameters && basis.parameters.tolerance) parts.push(`to ${brief(basis.parameters.tolerance)}`);
+  const operator = basis.kind === "eigenbasis" ? basis.parameters.operator : null;
+  if (operator && operator !== "auto") parts.push(typeof operator === "string" ? operator : Object.keys(operator)[0]);
   return parts.join(" · ");
 }
+
+/** What kind of field, in a word. */
+export const fieldName = ({ field, n }: { field?: string; n?: number | null }) => (field === "n_vector" ? `${n}-field` : (field ?? "vector"));
 
 /** The head of a tab: its bases, and a form that makes another. The form is open where there is none yet. */
 export function basisHead(app: App, kind: string, name: string, form: HTMLElement): { element: HTMLElement; update: () => void } {
@@ -55,10 +58,11 @@ export function eigenForm(app: App): HTMLElement {
   const parameters = () => {
     const value = t.control.valueAsNumber;
     const chosen = { extrinsic: { extrinsic: { t: value } }, hamiltonian: { hamiltonian: { potential: { curvature: { t: value } } } } }[operator.value] ?? operator.value;
+    // The words of the choices above are those of the server.
     return {
       count: count.valueAsNumber, method: method.value, operator: chosen, boundary: boundary.value,
       ...(method.value === "hsim" ? { tolerance: Number(tolerance.value) } : {}),
-    };
+    } as Parameters<"eigenbasis">;
   };
   const form = h("form", { class: "form", onsubmit: (event: Event) => {
     event.preventDefault();
@@ -77,10 +81,11 @@ const REASONS: Record<string, string> = {
 };
 
 /** What is proven about a basis, in words. */
-export function certificate(basis: Basis): HTMLElement {
+export function certificate(basis: Eigenbasis): HTMLElement {
   const { certificate: proof, eigenvalues, operator, parameters } = basis;
-  const laplacian = operator.laplacian === "robust" ? "the robust Laplacian" : operator.laplacian === "cotangent" ? "the cotangent Laplacian" : "the operator";
-  const reason = REASONS[String(operator.reason)] ?? "";
+  const made = "laplacian" in operator ? operator : null;
+  const laplacian = made?.laplacian === "robust" ? "the robust Laplacian" : made?.laplacian === "cotangent" ? "the cotangent Laplacian" : "the operator";
+  const reason = made ? (REASONS[made.reason] ?? "") : "";
   const relative = eigenvalues.map((value, k) => proof.bounds[k] / Math.max(value, 1e-300)).slice(1).filter(Number.isFinite).sort((a, b) => a - b);
   const worst = Math.max(...proof.residuals.slice(1), 0);
   const percent = (value: number) => (value < 1e-6 ? `${brief(value)} of it` : `${brief(100 * value)} %`);
@@ -106,7 +111,7 @@ export function certificate(basis: Basis): HTMLElement {
   else sentences.push(h("p", {}, "The approximate method counts whether an eigenvalue was skipped only where it is asked to certify; the exact method always does."));
   sentences.push(h("p", {}, `The eigenfunctions are orthonormal to ${brief(proof.orthonormality_defect)}.`));
   const solved = basis.stage_seconds.reduce((sum, stage) => sum + stage.seconds, 0);
-  sentences.push(h("p", { class: "dim" }, `Solved in ${seconds(solved)}${typeof parameters.method === "string" ? ` by the method ${parameters.method}` : ""}.`));
+  sentences.push(h("p", { class: "dim" }, `Solved in ${seconds(solved)}${parameters.method ? ` by the method ${parameters.method}` : ""}.`));
   return h("div", { class: "certificate" }, ...sentences);
 }
 

@@ -1,6 +1,6 @@
 // What a job will take, told before it is sent.
 
-import { ApiError, post } from "../api";
+import { ApiError, post, type Kind, type Parameters } from "../api";
 import type { App } from "../app";
 import { bytes, h, seconds } from "../dom";
 import { latest } from "../latest";
@@ -17,9 +17,9 @@ interface Estimate {
 const LONG = 30;
 
 /** A line under a form: time and memory of the job that it would send. It follows what is typed. */
-export function expected(app: App, form: HTMLFormElement, kind: string, parameters: () => Record<string, unknown>): HTMLElement {
+export function expected<K extends Kind>(app: App, form: HTMLFormElement, kind: K, parameters: () => Parameters<K>): HTMLElement {
   const line = h("p", { class: "dim expected", "aria-live": "polite" });
-  const ask = latest<Record<string, unknown>>(async (wish) => {
+  const ask = latest<Parameters<K>>(async (wish) => {
     const mesh = app.mesh?.id;
     if (!mesh) return;
     try {

@@ -1,7 +1,7 @@
 // Fields on the surface: strokes comb a vector field, an n-field is drawn as a hatching, curvature tensors are smoothed.
 
 import type { Object3D } from "three";
-import { ApiError, numbers, post, postNumbers, type Basis } from "../api";
+import { ApiError, numbers, post, postNumbers, type Basis, type Parameters } from "../api";
 import type { App, Panel } from "../app";
 import { brief, choice, field, grouped, h, plural, slider } from "../dom";
 import { latest } from "../latest";
@@ -44,8 +44,9 @@ export function fieldsPanel(app: App, look: Look): Panel {
   let glyphs: Glyphs | null = null;
   let shown = "glyphs";
 
-  const kind = () => (app.basis?.parameters.field as string | undefined) ?? "vector";
-  const order = () => (kind() === "n_vector" ? Number(app.basis?.parameters.n ?? 4) : kind() === "tensor" ? 2 : 1);
+  const parameters = () => (app.basis?.kind === "field_basis" ? app.basis.parameters : null);
+  const kind = () => parameters()?.field ?? "vector";
+  const order = () => (kind() === "n_vector" ? (parameters()?.n ?? 4) : kind() === "tensor" ? 2 : 1);
   const aligned = () => order() % 2 === 0;
 
   const design = (): Design => {
@@ -304,9 +305,9 @@ export function fieldsPanel(app: App, look: Look): Panel {
 function form(app: App): HTMLElement {
   const kinds = choice([["vector", "vectors"], ["2", "lines (2-field)"], ["4", "crosses (4-field)"], ["6", "6-field"], ["tensor", "symmetric tensors"]], "vector", () => {});
   const dimension = h("input", { type: "number", min: "10", max: "40000", value: "500" });
-  const parameters = () => {
+  const parameters = (): Parameters<"field_basis"> => {
     const n = Number(kinds.value);
-    return { ...(n ? { field: "n_vector", n } : { field: kinds.value }), dimension: dimension.valueAsNumber };
+    return { ...(n ? { field: "n_vector", n } : { field: kinds.value as "vector" | "tensor" }), dimension: dimension.valueAsNumber };
   };
   const made = h("form", { class: "form", onsubmit: (event: Event) => {
     event.preventDefault();

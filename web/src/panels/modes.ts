@@ -1,6 +1,6 @@
 // Eigenfunctions: a slider over the modes, the spectrum, the certificate.
 
-import { kept as numbered, numbers, recent, type Basis } from "../api";
+import { kept as numbered, numbers, recent, type Basis, type Eigenbasis } from "../api";
 import type { App, Panel } from "../app";
 import { brief, bytes, grouped, h, power, slider } from "../dom";
 import { latest } from "../latest";
@@ -61,7 +61,7 @@ export function modesPanel(app: App, look: Look): Panel {
 
   const select = (wanted: number) => {
     const basis = app.basis;
-    if (!basis) return;
+    if (basis?.kind !== "eigenbasis") return;
     const k = Math.min(Math.max(wanted, 0), basis.count - 1);
     app.go({ mode: k });
     mode.set(k);
@@ -96,7 +96,7 @@ export function modesPanel(app: App, look: Look): Panel {
 
   // --- spectrum ---------------------------------------------------------------------------------------------------------
 
-  const plot = new Plot(190, "The spectrum: eigenvalues with bounds above, below them estimated errors or residuals. Click to choose a mode.", (frame) => app.basis && spectrum(frame, app.basis, app.place.mode));
+  const plot = new Plot(190, "The spectrum: eigenvalues with bounds above, below them estimated errors or residuals. Click to choose a mode.", (frame) => app.basis?.kind === "eigenbasis" && spectrum(frame, app.basis, app.place.mode));
   const under = (event: PointerEvent) => {
     const basis = app.basis;
     if (!basis) return;
@@ -121,7 +121,7 @@ export function modesPanel(app: App, look: Look): Panel {
     element: h("div", { class: "panel" }, head.element, body),
     show() {
       head.update();
-      const basis = app.basis;
+      const basis = app.basis?.kind === "eigenbasis" ? app.basis : null;
       body.hidden = basis === null;
       if (!basis) {
         app.title.textContent = app.mesh?.name ?? "";
@@ -146,7 +146,7 @@ export function modesPanel(app: App, look: Look): Panel {
 const LEFT = 46, RIGHT = 8;
 
 /** Eigenvalues with their bounds, and estimated errors or residuals on a logarithmic scale under them. */
-function spectrum({ context: c, width, height, ink, write, faint, accent, second }: Frame, basis: Basis, mode: number) {
+function spectrum({ context: c, width, height, ink, write, faint, accent, second }: Frame, basis: Eigenbasis, mode: number) {
   const { eigenvalues, certificate: { bounds, estimates, residuals } } = basis;
   const m = eigenvalues.length;
   const split = Math.round(height * 0.64);

@@ -33,7 +33,7 @@ export function shapesPanel(app: App, look: Look): Panel {
     do {
       const page: Page<BasisSummary> = await get(`/v1/bases?kind=eigenbasis&limit=200${from ? `&from=${encodeURIComponent(from)}` : ""}`);
       for (const basis of page.items) {
-        if (basis.parameters.boundary !== "neumann" || typeof basis.parameters.operator !== "string") continue;
+        if (basis.kind !== "eigenbasis" || basis.parameters.boundary !== "neumann" || typeof basis.parameters.operator !== "string") continue;
         if ((best.get(basis.mesh)?.count ?? 20) < basis.count) best.set(basis.mesh, basis);
       }
       from = page.next;

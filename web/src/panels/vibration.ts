@@ -48,7 +48,7 @@ export function vibrationPanel(app: App, look: Look): Panel {
   const lowest = (basis: Basis) => frequencies(basis)[rigid(basis)] ?? 1;
   /** How many vertices are held; of a long list the server tells only that. */
   const held = (basis: Basis) => {
-    const list = basis.parameters.clamped as number[] | { numbers: number } | undefined;
+    const list = basis.kind === "vibration_basis" ? basis.parameters.clamped : undefined;
     return Array.isArray(list) ? list.length : (list?.numbers ?? 0);
   };
   const load = ({ vertex, momentum }: Tap) => [{ impulse: { vertex, time: 0, momentum } }];
@@ -163,7 +163,7 @@ export function vibrationPanel(app: App, look: Look): Panel {
     if (painting && tap) rest();
     app.viewer.onStroke = painting ? clamp.paint : null;
     app.viewer.onClick = basis && !painting ? strike : null;
-    showHeld(app, making.open ? clamp.vertices : Array.isArray(basis?.parameters.clamped) ? (basis.parameters.clamped as number[]) : []);
+    showHeld(app, making.open ? clamp.vertices : basis?.kind === "vibration_basis" && Array.isArray(basis.parameters.clamped) ? basis.parameters.clamped : []);
   };
   making.addEventListener("toggle", () => app.panel?.id === "vibration" && prepare());
 

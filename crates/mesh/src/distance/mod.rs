@@ -18,6 +18,8 @@ pub(super) use queue::Queue;
 
 /// How the distance from a source to the vertices around it is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(as = StepDistance))]
 #[serde(rename_all = "snake_case")]
 pub enum DistanceKind {
     /// Along edges: 4 to 8 % too long, by a different amount in each direction.
@@ -30,6 +32,7 @@ pub enum DistanceKind {
     /// replaced by the straight line between their ends. A window of 1 is Dijkstra.
     Stvd {
         /// How many edges are unfolded at most; 3 and 6 in the thesis. At most [`STVD_WINDOW_MAX`] are used.
+        #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 64, example = 6))]
         window: u32,
     },
     /// Triangle by triangle from the virtual source in the plane (Novotni and Klein 2002), in order of distance: the most

@@ -38,6 +38,7 @@ pub enum FilterError {
 
 /// By what each part of a function is multiplied, as a function of the eigenvalue `λ ≥ 0` in 1/length² of the input.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Transfer {
     /// Keeps `λ ≤ cutoff`; the detail beyond the basis goes too.

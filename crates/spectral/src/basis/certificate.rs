@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// What is proven about a basis.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Certificate {
     /// Per pair `‖S x − θ M x‖ / ‖S x‖` (thesis, eq. 4.6), of the columns as they are stored; for the kernel `‖S x‖ / (‖S‖ ‖x‖)`.
     pub residuals: Vec<f64>,
@@ -54,6 +55,7 @@ fn is_zero(number: &usize) -> bool {
 
 /// How near an approximation came to what was asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct AccuracyReport {
     /// The largest relative error of an eigenvalue that is good enough.
     pub goal: f64,
@@ -71,6 +73,7 @@ pub struct AccuracyReport {
 
 /// An inertia count (Sylvester): how many eigenvalues lie below a shift.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct InertiaCount {
     /// The shift, in 1/length² of the input.
     pub shift: f64,
@@ -80,6 +83,7 @@ pub struct InertiaCount {
 
 /// Bounds on the eigenvalues that were asked for, in 1/length² of the input.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Interval {
     /// The lower bound, which belongs to the interval; absent where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -92,6 +96,7 @@ pub struct Interval {
 
 /// A pair whose enclosure reaches a bound that was asked for: it is for its value that it counts as below the bound or not.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct OnBound {
     /// Its index among all eigenvalues, from 0.
     pub index: usize,
@@ -108,6 +113,7 @@ pub struct OnBound {
 /// Eigenvalues that lie so close together that they count as one, of which not all are delivered: any functions of the cluster's eigenspace could
 /// stand for those that are, and another computation may give others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct CutCluster {
     /// The index of its first eigenvalue among all, from 0.
     pub first: usize,
@@ -117,6 +123,7 @@ pub struct CutCluster {
 
 /// What one level of the hierarchy took.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct LevelReport {
     /// The size of the level's eigenproblem.
     pub dimension: usize,

@@ -14,6 +14,7 @@ pub const CHUNK_COLUMNS: usize = PANEL_WIDTH;
 
 /// The type of the numbers of dense eigenfunctions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
     /// Single precision: half the storage, errors of 6e-8 relative to the largest entry of a function.

@@ -35,24 +35,33 @@ const KEEP_SHARE: f32 = 0.3;
 
 /// How columns are smoothed; lengths and times are relative to the surface of unit area and the number of samples `N`.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields, rename_all = "snake_case")]
 pub struct FieldHeat {
     /// The radius of bumps is `√(σ / (π N))`.
+    #[cfg_attr(feature = "schema", schema(minimum = 4, maximum = 100))]
     pub sigma: f64,
     /// Implicit heat steps, at least 1.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 32))]
     pub steps: usize,
     /// The time of one step times `N`; by default .09 for vector fields and .08 for others.
+    #[cfg_attr(feature = "schema", schema(minimum = 1e-6, maximum = 10))]
     pub time: Option<f64>,
     /// A column may spread beyond its bump by this multiple of `√(steps · time / N)`.
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 20))]
     pub margin: f64,
     /// Blocks of at most this magnitude become zero; by default .0056 for vector fields and .004 for others: some fifteen blocks stay for each face.
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 0.2))]
     pub threshold: Option<f64>,
     /// Relative residual at which the solve of a heat step ends.
+    #[cfg_attr(feature = "schema", schema(minimum = 1e-6, maximum = 0.5))]
     pub tolerance: f64,
     /// Degree of the last smoothing; by default 6 for vector fields and 4 for others, which turn more from face to face: what is smoother than they
     /// are cannot follow them.
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 64))]
     pub degree: Option<usize>,
     /// Lower end of what the last smoothing damps, of a spectrum that ends at 2.
+    #[cfg_attr(feature = "schema", schema(minimum = 1e-4, maximum = 1))]
     pub least: f64,
 }
 

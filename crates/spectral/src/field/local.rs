@@ -28,11 +28,14 @@ const TOLERANCE: f64 = 3e-3;
 
 /// How local eigenfields are computed.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields, rename_all = "snake_case")]
 pub struct LocalEigenfields {
     /// The radius of disks on the surface is `√(σ · area / (π d))`: about σ numbers a row.
+    #[cfg_attr(feature = "schema", schema(minimum = 4, maximum = 1000))]
     pub sigma: f64,
     /// Inverse iterations, from the frame of the centre carried along and damped towards the rim.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 32))]
     pub iterations: usize,
 }
 

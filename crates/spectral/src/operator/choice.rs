@@ -11,7 +11,12 @@ use super::{EigenProblem, MassKind, OperatorError, boundary, extrinsic, graph, h
 
 /// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"robust"`, `"volume"`, `"graph"`, `"hodge"`, `{"extrinsic": {"t": 0.5}}`,
 /// `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}`, `{"hamiltonian": {"potential": {"values": [0.0, …]}}}`.
+///
+/// [`assemble`], which has a surface alone, refuses `volume` and `hodge`, which acts on no functions: see [`super::volume`], [`super::hodge`] and, for
+/// `graph`, [`super::graph`].
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(description = "Which operator is wanted."))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum OperatorKind {
     /// Laplace–Beltrami: by cotangents where the mesh is manifold, next to none of its triangles thin and none a needle; the robust one otherwise.
@@ -24,6 +29,7 @@ pub enum OperatorKind {
     /// The extrinsic family (thesis, eq. 2.13): `(1 − t) S + t A`, on the Laplacian that `auto` chooses.
     Extrinsic {
         /// From 0, the Laplacian, to 1, the operator that also follows the normals.
+        #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 1, example = 0.5))]
         t: f64,
     },
     /// The Hamiltonian: the Laplacian that `auto` chooses, plus a potential.
@@ -31,21 +37,23 @@ pub enum OperatorKind {
         /// The potential.
         potential: Potential,
     },
-    /// The Laplacian on the tetrahedra of a solid: see [`super::volume`]. [`assemble`], which has a surface alone, refuses it.
+    /// The Laplacian on the tetrahedra of a solid.
     Volume,
-    /// The combinatorial Laplacian of the edges, from connectivity alone: see [`super::graph`].
+    /// The combinatorial Laplacian of the edges, from connectivity alone.
     Graph,
-    /// The Hodge–Laplacian of tangential fields, two numbers for each face: see [`super::hodge`]. It acts on no functions, and [`assemble`] refuses it.
+    /// The Hodge–Laplacian of tangential fields, two numbers for each face.
     Hodge,
 }
 
 /// The potential of a Hamiltonian.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Potential {
     /// `V = t (κ₁² + κ₂²)` (thesis, appendix 4.C), with the curvatures of the vertices.
     Curvature {
         /// The weight, without unit, at least 0.
+        #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 1e6, example = 0.1))]
         t: f64,
     },
     /// One value for each vertex, in 1/length² of the input.
@@ -54,6 +62,7 @@ pub enum Potential {
 
 /// What holds at the boundary of the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Boundary {
     /// Nothing is fixed; the normal derivative vanishes.
@@ -121,6 +130,7 @@ impl OperatorParameters {
 
 /// How the Laplacian is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Laplacian {
     /// From the cotangents of the triangles as they are.
@@ -136,6 +146,7 @@ pub enum Laplacian {
 
 /// Why the Laplacian is made so.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
     /// The client asked for it.
@@ -153,6 +164,7 @@ pub enum Reason {
 
 /// What was chosen and come across when an operator was made.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct OperatorReport {
     /// How the Laplacian was made.
     pub laplacian: Laplacian,

@@ -17,6 +17,7 @@ use super::frames::FaceFrames;
 
 /// What fields of low energy do at a boundary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum FieldBoundary {
     /// They run along it: hat functions of boundary vertices test the divergence, boundary edges do not test the curl. Spectrum: Neumann for the

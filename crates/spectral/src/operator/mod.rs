@@ -102,6 +102,7 @@ impl OperatorError {
 
 /// Which mass matrix the hat functions get (`numerics`: per face of area A).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum MassKind {
     /// A/6 on the diagonal and A/12 off it: the Galerkin mass.

@@ -12,6 +12,7 @@ use super::frames::{FaceFrames, Planar, power};
 
 /// What is stored in a face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum FieldKind {
     /// A tangent vector, with the Hodge–Laplacian.
@@ -20,6 +21,7 @@ pub enum FieldKind {
     /// with the connection Laplacian.
     NVector {
         /// How many, from 1.
+        #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 64, example = 4))]
         n: u32,
     },
     /// A symmetric 2 × 2 tensor as `(a₁₁, a₂₂, √2 a₁₂)`.

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 /// The weight of a vertex by its distance from the sample, as a share of the support radius (appendix 2.A). All are 1 at the
 /// sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Profile {
     /// `1 − 3t² + 2t³`: the thesis' choice.
@@ -86,6 +87,7 @@ pub fn support_radius(area: f64, sigma: f64, dimension: usize) -> f64 {
 
 /// Where the functions of a subspace are centred.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Sampling {
     /// Constrained Poisson disks (Corsini et al. 2012): the thesis' choice.
@@ -99,6 +101,7 @@ pub enum Sampling {
 
 /// The choices of the radial construction; the default is the thesis'.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case", default, deny_unknown_fields)]
 pub struct RadialParameters {
     /// How samples are chosen.
@@ -108,6 +111,7 @@ pub struct RadialParameters {
     /// How weights fall with the distance.
     pub profile: Profile,
     /// How many samples the support of a function holds on average; 7 to 15 in the thesis.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 100))]
     pub sigma: f64,
 }
 

@@ -19,6 +19,7 @@ use crate::operator::{EigenProblem, MeshOperator};
 
 /// How approximate eigenfunctions are filtered. In JSON: `"inverse_iteration"` or `{"chebyshev": {"degree": 12}}`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Refinement {
     /// `(K + σM)⁻¹ M`, by one sparse factorisation.
@@ -26,6 +27,7 @@ pub enum Refinement {
     /// A Chebyshev polynomial of `M⁻¹K`: products with sparse matrices alone. Needs a lumped mass.
     Chebyshev {
         /// The degree, from 1 to 200.
+        #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 200, example = 20))]
         degree: usize,
     },
 }

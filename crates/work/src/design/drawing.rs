@@ -172,11 +172,14 @@ pub struct HatchingRequest {
 #[serde(deny_unknown_fields)]
 pub struct CameraRequest {
     /// The eye.
+    #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub eye: [f64; 3],
     /// What it looks at.
+    #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub target: [f64; 3],
     /// What is up in the drawing.
     #[serde(default = "upwards")]
+    #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub up: [f64; 3],
     /// The vertical angle of view in degrees.
     #[serde(default = "thirty")]

@@ -94,16 +94,21 @@ pub struct Stroke {
     /// The face.
     pub face: Option<u32>,
     /// A point in the units of the mesh: stands for the face nearest to it.
+    #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub point: Option<[f64; 3]>,
     /// A line of points: the faces nearest to them, each with the direction in which the line goes on, of length 1.
     pub points: Option<Vec<[f64; 3]>>,
     /// A direction in ℝ³, projected to the face; its length is the length of the field.
+    #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub direction: Option<[f64; 3]>,
     /// A direction in the frame of the face.
+    #[cfg_attr(feature = "schema", schema(min_items = 2, max_items = 2))]
     pub frame_direction: Option<[f64; 2]>,
     /// Of a tensor the eigenvalues, along `direction` and across it.
+    #[cfg_attr(feature = "schema", schema(min_items = 2, max_items = 2))]
     pub values: Option<[f64; 2]>,
     /// A symmetric tensor in the frame of the face: a₁₁, a₂₂, a₁₂.
+    #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub tensor: Option<[f64; 3]>,
     /// How firmly the stroke holds, against what the field resists with there: alone, a stroke of strength `s` on one face misses the share `1 / (1 + 100 s)` of its
     /// length. 1 is met to a percent, 0.1 to a tenth, on every surface, at every scale and with all weights of the energies.
@@ -119,14 +124,19 @@ pub struct Pin {
     /// The face.
     pub face: Option<u32>,
     /// A point in the units of the mesh: stands for the face nearest to it.
+    #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub point: Option<[f64; 3]>,
     /// A direction in ℝ³, projected to the face; its length is the length of the field.
+    #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub direction: Option<[f64; 3]>,
     /// A direction in the frame of the face.
+    #[cfg_attr(feature = "schema", schema(min_items = 2, max_items = 2))]
     pub frame_direction: Option<[f64; 2]>,
     /// Of a tensor the eigenvalues, along `direction` and across it.
+    #[cfg_attr(feature = "schema", schema(min_items = 2, max_items = 2))]
     pub values: Option<[f64; 2]>,
     /// A symmetric tensor in the frame of the face: a₁₁, a₂₂, a₁₂.
+    #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub tensor: Option<[f64; 3]>,
 }
 

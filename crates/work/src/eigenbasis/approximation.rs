@@ -20,6 +20,7 @@ use crate::{JobError, ParameterError};
 
 /// How the subspace is built.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Construction {
     /// Radial bumps, smoothed by implicit heat steps: about twenty times more accurate than `radial` at the same storage.
@@ -31,6 +32,7 @@ pub enum Construction {
 
 /// How accurate eigenvalues are to be. In JSON: `"standard"`, `"accurate"`, `{"goal": 0.005}`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Accuracy {
     /// A goal of 1 % for the largest relative error.

@@ -18,6 +18,7 @@ use crate::{JobError, ParameterError};
 
 /// How eigenfunctions are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum StorageKind {
     /// As columns.
@@ -29,6 +30,7 @@ pub enum StorageKind {
 
 /// Where plain subspace iteration starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Start {
     /// Random vectors.

@@ -20,7 +20,10 @@ pub use auto::Auto;
 pub use exact::{Exact, Start, StorageKind};
 pub use request::{HsimVariant, MethodName};
 
-use self::request::Request;
+pub(crate) use request::Request;
+#[cfg(feature = "schema")]
+pub(crate) use request::takes;
+
 use super::{JobError, MeshSize, ParameterError, Work};
 use crate::packed::Packed;
 

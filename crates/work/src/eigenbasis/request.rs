@@ -14,6 +14,7 @@ use crate::packed::Packed;
 
 /// How eigenpairs are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum MethodName {
     /// What is cheaper for the mesh and the count: the exact method where it takes about a second or less, else the approximation.
@@ -29,7 +30,7 @@ pub enum MethodName {
 
 impl MethodName {
     /// The name on the wire.
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",
             Self::Approximate => "approximate",
@@ -41,6 +42,7 @@ impl MethodName {
 
 /// How the hierarchical method goes about it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum HsimVariant {
     /// Better starting spaces, every group of eigenvalues with its own shift.
@@ -52,55 +54,95 @@ pub enum HsimVariant {
 
 /// Every member that some method takes; `None` is what was not given.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
+    /// How the pairs are computed.
+    #[cfg_attr(feature = "schema", schema(inline))]
     pub method: MethodName,
+    /// Eigenpairs, the kernel included. 100, unless it is given or bounds take its place.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 20000, example = 250))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub count: Option<usize>,
+    /// All pairs below this eigenvalue, in 1/length² of the mesh, instead of a count.
+    #[cfg_attr(feature = "schema", schema(example = 900.0))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub below: Option<f64>,
+    /// `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are computed.
+    #[cfg_attr(feature = "schema", schema(min_items = 2, max_items = 2, example = json!([100.0, 900.0])))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub between: Option<[f64; 2]>,
+    /// With `below` or `between`: so many pairs below the upper bound, 1000 unless it is given.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 20000, example = 400))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_most: Option<usize>,
+    /// The operator; `auto`, unless it is given. `volume`, `graph` and `hodge` take the method `hsim`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub operator: Option<OperatorKind>,
+    /// The mass matrix; `barycentric`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mass: Option<MassKind>,
+    /// What holds at the boundary; `neumann`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub boundary: Option<Boundary>,
+    /// Functions of the subspace, at least the count; twice the count and at least the count plus 150, unless it is given.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 40000, example = 1000))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dimension: Option<usize>,
+    /// How the subspace is built; `heat`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub construction: Option<Construction>,
+    /// The largest relative error of an eigenvalue that is good enough, as estimated: columns are added until it is reached, at most five times. `standard`, unless
+    /// it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<Accuracy>,
+    /// Details of the construction `heat`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heat: Option<HeatParameters>,
+    /// Details of the construction `radial`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub radial: Option<RadialParameters>,
+    /// Whether eigenvalues are counted once and each pair is enclosed with its index: `complete` is true then, or the job fails.
+    #[cfg_attr(feature = "schema", schema(example = true))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub certify: Option<bool>,
+    /// How the pairs are refined on the mesh; the basis is dense then. They are not, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refinement: Option<Refinement>,
+    /// The largest residual ‖Sx − θMx‖ / ‖Sx‖ of a pair, 0.01 unless it is given.
+    #[cfg_attr(feature = "schema", schema(minimum = 1e-10, maximum = 0.5, example = 1e-6))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f64>,
+    /// How the hierarchical method goes about it; `sliced`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub variant: Option<HsimVariant>,
+    /// Where plain subspace iteration starts; at `random` vectors, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<Start>,
+    /// Levels of the hierarchy; by the size of the mesh and the count, unless it is given.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 6, example = 3))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub levels: Option<usize>,
+    /// How many samples the support of a function of the hierarchy holds on average.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 100, example = 10.0))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sigma: Option<f64>,
+    /// Of the variant `published`: where the shift lies between the eigenvalues that are known.
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 1, example = 0.4))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shift_ratio: Option<f64>,
+    /// The size of the subspace that is iterated, over that of the pairs wanted.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 4, example = 1.5))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub subspace_factor: Option<f64>,
+    /// How eigenfunctions are stored; `dense`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub storage: Option<StorageKind>,
+    /// The type of the numbers of a dense basis; `f32`, and `f64` for tolerances below 1e-4, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub precision: Option<Precision>,
+    /// Seeds everything that is drawn at random; 0, unless it is given.
+    #[cfg_attr(feature = "schema", schema(example = 0))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
 }
@@ -131,6 +173,12 @@ const BELONGINGS: &[(&str, &[MethodName])] = &[
     ("subspace_factor", EXACT),
     ("storage", EXACT),
 ];
+
+/// Whether a method, by its name on the wire, takes a member.
+#[cfg(feature = "schema")]
+pub fn takes(method: &str, member: &str) -> bool {
+    BELONGINGS.iter().all(|(name, methods)| *name != member || methods.iter().any(|own| own.name() == method))
+}
 
 impl Request {
     /// Reads an object; `null` stands for an empty one.

@@ -149,6 +149,20 @@ fn construction(request: &Request, field: FieldKind) -> Result<Construction, Par
     }
 }
 
+#[cfg(feature = "schema")]
+impl utoipa::PartialSchema for FieldBasisParameters {
+    fn schema() -> utoipa::openapi::RefOr<utoipa::openapi::schema::Schema> {
+        <Request as utoipa::PartialSchema>::schema()
+    }
+}
+
+#[cfg(feature = "schema")]
+impl utoipa::ToSchema for FieldBasisParameters {
+    fn schemas(found: &mut crate::schema::Components) {
+        <Request as utoipa::ToSchema>::schemas(found);
+    }
+}
+
 impl Work for FieldBasisParameters {
     fn canonical(&self) -> Value {
         let parameters = &self.space;

@@ -9,6 +9,7 @@ use crate::packed::Packed;
 
 /// How far the heat construction of fields goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum FieldAccuracy {
     /// Two heat steps.
@@ -20,6 +21,7 @@ pub enum FieldAccuracy {
 
 /// What is stored in a face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum FieldName {
     /// A tangent vector.
@@ -33,6 +35,7 @@ pub enum FieldName {
 
 /// How columns are constructed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum FieldConstruction {
     /// Transported bumps, smoothed by heat steps.
@@ -44,14 +47,18 @@ pub enum FieldConstruction {
 
 /// Every member that a job may have. What is absent is filled in.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(as = FieldBasisParameters))]
 #[serde(default, deny_unknown_fields, rename_all = "snake_case")]
 pub struct Request {
     /// What is stored in a face.
     pub field: FieldName,
     /// The `n` of n-vectors.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 64, example = 4))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub n: Option<u32>,
     /// The number of locally supported columns.
+    #[cfg_attr(feature = "schema", schema(minimum = 2, maximum = 40000, example = 2000))]
     pub dimension: Option<usize>,
     /// How they are constructed.
     pub construction: FieldConstruction,
@@ -59,6 +66,7 @@ pub struct Request {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<FieldAccuracy>,
     /// The radius of bumps or disks, in the place of the `sigma` of `heat` or `local_eigenfields`.
+    #[cfg_attr(feature = "schema", schema(minimum = 4, maximum = 1000, example = 8.0))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sigma: Option<f64>,
     /// Every detail of the heat construction.
@@ -79,6 +87,7 @@ pub struct Request {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub harmonic_fields: Option<bool>,
     /// Draws the first sample.
+    #[cfg_attr(feature = "schema", schema(example = 0))]
     pub seed: Option<u64>,
 }
 

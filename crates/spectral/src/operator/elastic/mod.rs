@@ -26,13 +26,17 @@ type Vector = [f64; 3];
 
 /// What an object is made of: a homogeneous isotropic material.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Material {
     /// Young's modulus, in pascal if lengths are in metres.
+    #[cfg_attr(feature = "schema", schema(minimum = 1e-12, maximum = 1e18, example = 2e11))]
     pub young: f64,
     /// Poisson's ratio, −0.9 to 0.49.
+    #[cfg_attr(feature = "schema", schema(minimum = -0.9, maximum = 0.49, example = 0.3))]
     pub poisson: f64,
     /// Mass per volume, in kg/m³ if lengths are in metres.
+    #[cfg_attr(feature = "schema", schema(minimum = 1e-12, maximum = 1e12, example = 7800))]
     pub density: f64,
 }
 
@@ -91,6 +95,7 @@ impl ElasticBody<'_> {
 
 /// What assembly came across.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct ElasticReport {
     /// Vertices of the mesh.
     pub vertices: usize,

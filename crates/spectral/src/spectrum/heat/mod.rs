@@ -42,19 +42,26 @@ const SMOOTHER: polish::Smoother = polish::Smoother { degree: 4, least: 0.2, blo
 
 /// How columns are smoothed; lengths and times are relative to the surface of unit area and the number of columns `d`.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields, rename_all = "snake_case")]
 pub struct HeatParameters {
     /// Implicit heat steps, at least 1.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 32))]
     pub steps: usize,
     /// The time of one step times `d`.
+    #[cfg_attr(feature = "schema", schema(minimum = 1e-6, maximum = 10))]
     pub time: f64,
     /// A column may spread beyond its support by this multiple of `√(steps · time / d)`.
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 20))]
     pub margin: f64,
     /// Entries below this are dropped after the diffusion.
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 0.01))]
     pub drop: f64,
     /// Entries at or below this become zero, larger ones `x` become `(x − threshold)²/x`.
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 0.2))]
     pub threshold: f64,
     /// Relative residual at which the solve of a heat step ends.
+    #[cfg_attr(feature = "schema", schema(minimum = 1e-6, maximum = 0.5))]
     pub tolerance: f64,
 }
 

@@ -1,0 +1,223 @@
+//! What a basis tells of itself by its kind, as the OpenAPI document describes it; what is sent is what was stored with the basis.
+
+use chladni_spectral::basis::{Certificate, InertiaCount};
+use chladni_spectral::operator::OperatorReport;
+use chladni_spectral::operator::elastic::ElasticReport;
+use chladni_spectral::operator::transport::FieldKind;
+use utoipa::ToSchema;
+
+/// A long list of parameters, told by its length and its hash.
+#[derive(ToSchema)]
+#[schema(example = json!({"numbers": 2930, "blake3": "af1349b9f5f9a1a6a0404dea36dcc9499bcb25c9adc112b7cc9a93cae41f3262"}))]
+#[allow(dead_code)]
+pub struct AbbreviatedList {
+    /// How many values it has.
+    numbers: u64,
+    /// The BLAKE3 hash of the values as little-endian f64, 64 hexadecimal digits.
+    blake3: String,
+}
+
+/// How the operator of an eigenbasis was made: of functions, or of eigenfields.
+#[derive(ToSchema)]
+#[serde(untagged)]
+#[allow(dead_code)]
+pub enum EigenbasisOperator {
+    /// Of functions.
+    Functions(FunctionOperator),
+    /// Of eigenfields.
+    Fields(HodgeOperator),
+}
+
+/// How the operator of functions was made, and why.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct FunctionOperator {
+    #[serde(flatten)]
+    report: OperatorReport,
+    /// Of a solid: whether the basis is of its inside; absent for other meshes.
+    #[schema(inline)]
+    domain: Domain,
+}
+
+/// What part of a solid a basis lives on.
+#[derive(ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[allow(dead_code)]
+enum Domain {
+    /// Its tetrahedra.
+    Solid,
+    /// Its surface alone.
+    SurfaceOfSolid,
+}
+
+/// How the Hodge–Laplacian was made.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct HodgeOperator {
+    /// What the fields are.
+    hodge: HodgeReport,
+    /// Faces without an area.
+    zero_area_faces: u64,
+    /// `surface_of_solid`, where the mesh is one; absent for other meshes.
+    #[schema(inline)]
+    domain: Domain,
+}
+
+/// What the eigenfields are, and how they were counted.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct HodgeReport {
+    /// Harmonic fields.
+    harmonic: u64,
+    /// Gradients.
+    gradients: u64,
+    /// Co-gradients.
+    co_gradients: u64,
+    /// What each field is.
+    #[schema(inline)]
+    parts: Vec<FieldPart>,
+    /// The counts of the two scalar spectra.
+    inertia: HodgeInertia,
+}
+
+/// What an eigenfield is.
+#[derive(ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[allow(dead_code)]
+enum FieldPart {
+    /// Neither divergence nor curl.
+    Harmonic,
+    /// No curl.
+    Gradient,
+    /// No divergence.
+    CoGradient,
+}
+
+/// Eigenvalues counted below shifts.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct HodgeInertia {
+    /// Of gradients.
+    gradients: Vec<InertiaCount>,
+    /// Of co-gradients.
+    co_gradients: Vec<InertiaCount>,
+}
+
+/// What solved the dense problems of a basis.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct EigenbasisDetails {
+    /// A note for each problem: the graphics card, or why it did not.
+    dense_solver: Vec<String>,
+}
+
+/// What only a field basis has.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct FieldBasisDetails {
+    /// What is stored in a face.
+    field: FieldKind,
+    /// Faces of the surface.
+    faces: u64,
+    /// Numbers in a face: 2, or 3 of a tensor.
+    numbers_per_face: u64,
+    /// Columns that are not local, for the harmonic fields of handles.
+    dense_columns: u64,
+    /// Entries of a row on average.
+    nonzeros_per_row: f64,
+    /// The area of the surface, in squared units of the mesh.
+    area: f64,
+    /// What solved its dense problems; absent where no graphics card had to do with it.
+    dense_solver: Vec<String>,
+}
+
+/// What only a family of operators has.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct OperatorFamilyDetails {
+    /// The members whose eigenfunctions span the space; none where it holds every function.
+    anchors: Vec<AnchorReport>,
+    /// What solved its dense problems; absent where no graphics card had to do with it.
+    dense_solver: Vec<String>,
+}
+
+/// A member whose eigenfunctions are in the space.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct AnchorReport {
+    /// Its `t`.
+    extrinsic: f64,
+    /// Its `v`.
+    curvature: f64,
+    /// How many of its pairs were taken.
+    pairs: u64,
+    /// How they were computed.
+    method: String,
+}
+
+/// What only a vibration basis has.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct VibrationBasisDetails {
+    /// The first modes, of frequency zero, that move the object as a rigid one.
+    rigid_motions: u64,
+    /// Vertices of the object.
+    vertices: u64,
+    /// The frequency of each mode, in 1/time.
+    frequencies: Vec<f64>,
+    /// What solved its dense problems; absent where no graphics card had to do with it.
+    dense_solver: Vec<String>,
+}
+
+/// What is known of vibration modes: proven by HSIM, or estimated for the approximation.
+#[derive(ToSchema)]
+#[serde(untagged)]
+#[allow(dead_code)]
+pub enum VibrationCertificate {
+    /// By HSIM.
+    Proven(ProvenModes),
+    /// By the approximation, refined.
+    Estimated(EstimatedModes),
+}
+
+/// What HSIM has proven of modes.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct ProvenModes {
+    /// That none was skipped.
+    complete: bool,
+    /// Eigenvalues counted below shifts.
+    inertia: Vec<InertiaCount>,
+    /// The largest residual of a mode.
+    largest_residual: f64,
+}
+
+/// What the approximation estimates of modes.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct EstimatedModes {
+    /// Nothing was counted: false.
+    complete: bool,
+    /// How often the modes were refined on the mesh.
+    inverse_iterations: u64,
+    /// The largest estimated relative error of a frequency.
+    estimated_error: f64,
+    /// Per mode.
+    estimated_errors: Vec<f64>,
+}
+
+/// Everything of which the document makes bases, by kind.
+#[derive(utoipa::OpenApi)]
+#[openapi(components(schemas(
+    AbbreviatedList,
+    Certificate,
+    OperatorReport,
+    ElasticReport,
+    EigenbasisOperator,
+    EigenbasisDetails,
+    FieldBasisDetails,
+    OperatorFamilyDetails,
+    VibrationBasisDetails,
+    VibrationCertificate
+)))]
+pub struct Details;
