@@ -8,7 +8,7 @@ True
 >>> basis.signatures("hks").shape
 (2562, 16)
 
-Arrays are NumPy's, matrices SciPy's. What takes long gives up the interpreter's lock, and Ctrl-C ends it.
+Arrays are NumPy's, matrices SciPy's. What takes long gives up the interpreter's lock; Ctrl-C ends solves, pencils, fields and distances.
 """
 
 from ._basis import Basis

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Certificate", "InertiaCount", "LevelReport"]
+__all__ = ["Certificate", "CutCluster", "InertiaCount", "Interval", "LevelReport", "OnBound"]
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,66 @@ class LevelReport:
     shifts: int
 
 
+@dataclass(frozen=True)
+class CutCluster:
+    """Eigenvalues so close together that they count as one, of which not all are delivered: any functions of the cluster's eigenspace could stand for those that are.
+
+    Attributes
+    ----------
+    first : int
+        The index of its first eigenvalue among all, from 0.
+    end : int
+        One more than the index of its last, or of the last that may belong to it.
+    """
+
+    first: int
+    end: int
+
+
+@dataclass(frozen=True)
+class OnBound:
+    """A pair whose enclosure reaches a bound that was asked for: it is for its value that it counts as below the bound or not.
+
+    Attributes
+    ----------
+    index : int
+        Its index among all eigenvalues, from 0.
+    value : float
+        Its value.
+    within : float
+        The exact eigenvalue lies within this of the value.
+    bound : float
+        The bound that lies there too.
+    below : bool
+        Whether it counts as below.
+    """
+
+    index: int
+    value: float
+    within: float
+    bound: float
+    below: bool
+
+
+@dataclass(frozen=True)
+class Interval:
+    """The bounds that pairs were asked for by.
+
+    Attributes
+    ----------
+    to : float
+        The upper bound, which does not belong to the interval.
+    lower : float or None
+        The lower bound, which does; None where there is none.
+    on_bounds : tuple of OnBound
+        Pairs of which rounding does not let one tell on which side of a bound they lie, delivered or not.
+    """
+
+    to: float
+    lower: float | None = None
+    on_bounds: tuple[OnBound, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Certificate:
     """What is proven about each pair and about the whole.
@@ -66,6 +126,10 @@ class Certificate:
         The counts, by ascending shift.
     first : int
         The index of the first pair among all: 0 but for pairs of an interval.
+    interval : Interval or None
+        The bounds that the pairs were asked for by; None where a number was asked for.
+    cut : CutCluster or None
+        The cluster of eigenvalues that the number of pairs cuts, where it is known to cut one.
     tolerance : float or None
         The largest residual that a pair was allowed.
     accuracy : dict or None
@@ -83,6 +147,8 @@ class Certificate:
     complete: bool | None = None
     inertia: tuple[InertiaCount, ...] = ()
     first: int = 0
+    interval: Interval | None = None
+    cut: CutCluster | None = None
     tolerance: float | None = None
     accuracy: dict[str, Any] | None = None
     levels: tuple[LevelReport, ...] = ()
@@ -103,6 +169,8 @@ class Certificate:
             complete=own.get("complete"),
             inertia=tuple(InertiaCount(**count) for count in own.get("inertia") or ()),
             first=own.get("first", 0),
+            interval=_interval(own.get("interval")),
+            cut=CutCluster(**own["cut"]) if own.get("cut") else None,
             tolerance=own.get("tolerance"),
             accuracy=own.get("accuracy"),
             levels=tuple(LevelReport(**level) for level in own.get("levels") or ()),
@@ -113,3 +181,9 @@ class Certificate:
         proven = {True: "complete", False: "not complete", None: "not counted"}[self.complete]
         largest = f"{self.residuals.max():.1e}" if len(self.residuals) else "none"
         return f"<chladni.Certificate: {proven}, largest residual {largest}, orthonormal to {self.orthonormality_defect:.1e}>"
+
+
+def _interval(own: dict[str, Any] | None) -> Interval | None:
+    if own is None:
+        return None
+    return Interval(own["to"], own.get("from"), tuple(OnBound(**pair) for pair in own.get("on_bounds") or ()))

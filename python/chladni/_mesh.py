@@ -118,7 +118,7 @@ class Mesh:
         Parameters
         ----------
         shape : str
-            ``"sphere"`` (of radius 1), ``"torus"``, ``"disk"``, ``"rectangle"`` (1.6 × 1), ``"knot"``, or ``"genus-G"``.
+            ``"sphere"`` (of radius 1), ``"torus"``, ``"disk"``, ``"rectangle"`` (1.6 × 1), ``"knot"``, ``"bell"``, ``"violin"``, ``"starfish"``, or ``"genus-G"``.
         vertices : int
             About how many vertices.
 
@@ -136,11 +136,11 @@ class Mesh:
 
     @cached_property
     def _given(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._core.given()
+        return _locked(self._core.given())
 
     @cached_property
     def _kept(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._core.kept()
+        return _locked(self._core.kept())
 
     @property
     def vertices(self) -> np.ndarray:
@@ -289,6 +289,13 @@ class Mesh:
 
 def _rebuild(vertices: np.ndarray, faces: np.ndarray, subdivide: int, merge: str) -> Mesh:
     return Mesh(vertices, faces, merge=merge, subdivide=subdivide)
+
+
+def _locked(arrays: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """The same arrays, which nobody can change under the mesh that they describe."""
+    for array in arrays:
+        array.setflags(write=False)
+    return arrays
 
 
 def spreading(vertex_map: np.ndarray, size: int) -> scipy.sparse.csr_matrix | None:

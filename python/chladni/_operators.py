@@ -95,6 +95,10 @@ class Operators:
         try:
             with os.fdopen(handle, "wb") as file:
                 np.savez(file, **self.arrays())  # type: ignore[arg-type]
+            # Temporary files are for their owner alone; a cache is often shared.
+            mask = os.umask(0)
+            os.umask(mask)
+            os.chmod(beside, 0o666 & ~mask)
             os.replace(beside, path)
         except BaseException:
             os.unlink(beside)

@@ -126,6 +126,13 @@ def eigsh(
         _arrays.flag(which, "which", ("SA", "LM"))
         if which == "LM" and sigma is None:
             raise _arrays.parameter_error("which is 'LM' without sigma: the largest are none of the lowest; call with -S for those")
+        if which == "SA" and sigma is not None:
+            raise _arrays.parameter_error("which is 'SA', the lowest, which takes no sigma")
+    if below is not None and between is not None:
+        raise _arrays.parameter_error("either below or between, not both")
+    for name, given in (("below", below), ("between", between), ("sigma", sigma), ("tol", tol)):
+        if given is not None and not np.all(np.isfinite(given)):
+            raise _arrays.parameter_error(f"{name} is {given}, where finite numbers are due")
     interval = below is not None or between is not None
     if interval and sigma is not None:
         raise _arrays.parameter_error("sigma belongs to a number of pairs, not to below or between")
@@ -151,7 +158,7 @@ def eigsh(
         else:
             wanted = 6 if k is None else int(k)
             found = solve(wanted)
-            if sigma is not None and which != "SA":
+            if sigma is not None:
                 found = _nearest(found, wanted, float(sigma), n - len(set(rows)), solve)
     finally:
         close()
@@ -162,7 +169,9 @@ def _nearest(found: Eigenpairs, k: int, sigma: float, most: int, solve: Callable
     """The k pairs nearest to sigma: of ever more lowest ones, until those that are not known are further away."""
     while True:
         distances = abs(found.values - sigma)
-        nearest = np.sort(np.argsort(distances, kind="stable")[:k])
+        # Of two as near, the one next to sigma by index: so the nearest are neighbours.
+        place = np.searchsorted(found.values, sigma) - 0.5
+        nearest = np.sort(np.lexsort((abs(np.arange(len(distances)) - place), distances))[:k])
         known = found.values[-1] - sigma
         if known >= distances[nearest].max() or len(found.values) >= most:
             return _slice(found, int(nearest[0]), int(nearest[-1]) + 1)
@@ -172,7 +181,11 @@ def _nearest(found: Eigenpairs, k: int, sigma: float, most: int, solve: Callable
 def _slice(found: Eigenpairs, start: int, stop: int) -> Eigenpairs:
     whole = found.certificate
     certificate = dataclasses.replace(
-        whole, residuals=whole.residuals[start:stop], bounds=whole.bounds[start:stop], first=whole.first + start
+        whole,
+        residuals=whole.residuals[start:stop],
+        bounds=whole.bounds[start:stop],
+        first=whole.first + start,
+        cut=whole.cut if stop == len(found.values) else None,
     )
     return Eigenpairs(found.values[start:stop], found.vectors[:, start:stop], certificate, found.moved)
 

@@ -6,14 +6,14 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use chladni_base::{Monitor, StageClock};
-use chladni_spectral::basis::{Basis, Precision};
+use chladni_spectral::basis::Basis;
 use chladni_spectral::formats::matrix::{MatrixFile, MatrixLimits};
 use chladni_spectral::formats::npz;
-use chladni_spectral::spectrum::pencil::{Mass, Parameters, Pencil, Wanted, solve};
+use chladni_spectral::spectrum::pencil::{Mass, Parameters, Pencil, PencilError, Wanted, solve};
 use chladni_work::SOLVER_VERSION;
 use serde_json::{Map, Value, json};
 
-use super::solve::report::eigenvalue_table;
+use super::solve::report::{cut_of, eigenvalue_table, interval_of};
 use super::work::{OutputFile, peak_rss_bytes};
 use super::{CliError, StageBars, Table, grouped, number, read_bytes};
 
@@ -65,10 +65,6 @@ pub struct EigshArguments {
     #[arg(long, short = 'o', value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
 
-    /// Numbers of the eigenvectors in the file
-    #[arg(long, value_name = "TYPE", default_value = "f64", value_parser = precision, help_heading = "Output")]
-    precision: Precision,
-
     /// Print one line of JSON instead of a table
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -93,14 +89,6 @@ fn finite(text: &str) -> Result<f64, String> {
 fn interval(text: &str) -> Result<[f64; 2], String> {
     let (from, to) = text.split_once(',').ok_or("two numbers with a comma between them are expected")?;
     Ok([finite(from.trim())?, finite(to.trim())?])
-}
-
-fn precision(text: &str) -> Result<Precision, &'static str> {
-    match text {
-        "f32" => Ok(Precision::F32),
-        "f64" => Ok(Precision::F64),
-        _ => Err("one of f32, f64"),
-    }
 }
 
 /// What a run made and measured.
@@ -154,7 +142,7 @@ impl EigshArguments {
             let pencil = self.pencil(&clock)?;
             let pairs = solve(&pencil, &parameters, &clock).map_err(|error| CliError::Refused(error.to_string()))?;
             let (rows, unknowns) = (pencil.rows(), pencil.unknowns());
-            Ok::<_, CliError>((pairs.into_basis(&pencil, self.precision, self.about(&parameters)), rows, unknowns))
+            Ok::<_, CliError>((pairs.into_basis(&pencil, self.about(&parameters)), rows, unknowns))
         });
         let (basis, rows, unknowns) = basis?;
         let (total, peak_rss) = (began.elapsed().as_secs_f64(), peak_rss_bytes());
@@ -199,7 +187,14 @@ impl EigshArguments {
             },
         };
         let fixed = self.fixed.as_deref().map(rows).transpose()?.unwrap_or_default();
-        Pencil::new(stiffness, mass, &fixed, monitor).map_err(|error| CliError::mesh(&self.stiffness, error))
+        Pencil::new(stiffness, mass, &fixed, monitor).map_err(|error| {
+            let of_mass = matches!(
+                error,
+                PencilError::NotPositive { .. } | PencilError::NotDefinite { .. } | PencilError::NearlySingular
+            );
+            let file = self.mass.as_ref().filter(|_| of_mass).unwrap_or(&self.stiffness);
+            CliError::mesh(file, error)
+        })
     }
 }
 
@@ -226,7 +221,6 @@ impl Run {
             "eigenvalues": self.basis.eigenvalues,
             "certificate": certificate,
             "moved": self.basis.metadata["moved"],
-            "interval": self.basis.metadata["interval"],
             "seconds": {"total": self.total, "stages": stages, "write": self.write},
             "peak_rss_bytes": self.peak_rss,
             "solver_version": SOLVER_VERSION,
@@ -254,8 +248,11 @@ impl Run {
         stages.row(["total".into(), format!("{:.3}", self.total)]);
         text += &format!("{stages}\n");
         text += &eigenvalue_table(&self.basis.eigenvalues, &certificate.residuals, &[], &certificate.bounds);
-        if certificate.first > 0 {
-            text += &format!("\nthe first of these has the index {} among all, from 0\n", certificate.first);
+        if let Some(interval) = &certificate.interval {
+            text += &interval_of(certificate.first, interval);
+        }
+        if let Some(cut) = certificate.cut {
+            text += &cut_of(cut, self.basis.eigenvalues.len());
         }
         if let Some(moved) = self.basis.metadata["moved"].as_f64().filter(|moved| *moved != 0.0) {
             text += &format!("\nresiduals are relative to (S + cM) x with c = {}\n", number(moved));

@@ -21,6 +21,9 @@ use super::state::AppState;
 /// The most vertices of a sample: it is made while the client waits.
 const MOST_VERTICES: usize = 500_000;
 
+/// The highest genus of a sample: chains of more rings take many attempts.
+const HIGHEST_GENUS: u32 = 50;
+
 /// Those that are listed; any other genus can be asked for too.
 const LISTED: [(Shape, &str); 9] = [
     (Shape::Bell, "A bell, open at its rim"),
@@ -107,7 +110,7 @@ problems!(GetSampleProblems: [INVALID_QUERY, UNKNOWN_SAMPLE, BUSY]);
 /// request gives the same bytes.
 #[utoipa::path(
     get, path = "/v1/samples/{shape}", tag = "meshes", operation_id = "getSample",
-    params(("shape" = String, Path, description = "A name from the list, or `genus-G` for a whole number G", example = "bell"), SampleQuery),
+    params(("shape" = String, Path, description = "A name from the list, or `genus-G` for a whole number G up to 50", example = "bell"), SampleQuery),
     responses(
         (status = 200, description = "The mesh", content((super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"))),
         GetSampleProblems,
@@ -123,6 +126,11 @@ async fn show(
     let name = shape.map_err(|_| unknown("No sample has such a name.".to_owned()))?.0;
     let shape: Shape = name.parse().map_err(|error: ShapeError| unknown(format!("{error}.")))?;
     let vertices = query.vertices.unwrap_or(10_000);
+    if let Shape::Genus(genus) = shape
+        && genus > HIGHEST_GENUS
+    {
+        return Err(unknown(format!("Samples have a genus of at most {HIGHEST_GENUS}, not {genus}.")));
+    }
     let fewest = shape.fewest_vertices();
     if !(fewest..=MOST_VERTICES).contains(&vertices) {
         let text = format!("\"vertices\" is {vertices}; the sample {shape} takes {fewest} to {MOST_VERTICES}.");
@@ -130,7 +138,7 @@ async fn show(
     }
     let format = query.format;
     let bytes = state
-        .take_in(move || {
+        .solve("sample", move |_| {
             let refuse = |error: ShapeError| Problem::new(&problem::INVALID_QUERY, format!("{error}."));
             let mesh = generate(shape, vertices).map_err(refuse)?;
             let mut bytes = Vec::new();

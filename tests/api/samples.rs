@@ -40,7 +40,7 @@ async fn samples_that_cannot_be_are_refused_by_name() {
     assert_eq!(body["detail"], "\"vertices\" is 399; the sample knot takes 400 to 500000.");
     let body = problem(get("/v1/samples/bell?vertices=500001").await.unwrap(), 400, "invalid-query").await;
     assert_eq!(body["detail"], "\"vertices\" is 500001; the sample bell takes 7 to 500000.");
-    problem(get("/v1/samples/genus-1001?vertices=500000").await.unwrap(), 400, "invalid-query").await;
+    problem(get("/v1/samples/genus-51?vertices=500000").await.unwrap(), 404, "unknown-sample").await;
     for query in ["vertices=-1", "vertices=many", "format=stl", "faces=7"] {
         problem(app.get(&format!("/v1/samples/bell?{query}")).send().await.unwrap(), 400, "invalid-query").await;
     }

@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use chladni_algebra::{CpuSolver, MassMatrix, SparseMatrix, SymmetricDefiniteSolver, eigenvalues_below};
 use chladni_base::{SplitMix64, Unwatched};
+use chladni_spectral::basis::CutCluster;
 use chladni_spectral::spectrum::hsim::HsimError;
 use chladni_spectral::spectrum::pencil::{Mass, Pairs, Parameters, Pencil, PencilError, Wanted, csr, solve};
 
@@ -155,6 +156,7 @@ fn diagonal_matrices_are_their_own_spectra() {
     }
     // Nothing at all, and nothing but one value.
     proven(&matrix(3, &[]), &Mass::Identity, &lowest(3), &[0.0; 3], 1e-12);
+    proven(&matrix(1000, &[]), &Mass::Identity, &lowest(3), &[0.0; 3], 1e-12);
     proven(&matrix(2, &[(0, 0, 4.0), (1, 1, 4.0)]), &Mass::Identity, &lowest(2), &[4.0; 2], 1e-12);
 }
 
@@ -261,6 +263,8 @@ fn fixed_rows_are_taken_out_and_zero_in_the_vectors() {
         let x = pairs.vectors.column(k);
         assert_eq!((x.len(), x[0], x[n + 1]), (n + 2, 0.0, 0.0));
     }
+    let often = [0, n as u32 + 1].repeat(n);
+    assert_eq!(Pencil::new(stiffness.clone(), Mass::Identity, &often, &Unwatched).unwrap().unknowns(), n);
     let all: Vec<u32> = (0..n as u32 + 2).collect();
     assert!(matches!(Pencil::new(stiffness.clone(), Mass::Identity, &all, &Unwatched), Err(PencilError::Empty)));
     let beyond = Pencil::new(stiffness, Mass::Identity, &[9, 5000], &Unwatched).unwrap_err();
@@ -319,6 +323,8 @@ fn clusters_of_copies_are_whole_from_every_random_start() {
     }
     let pencil = pencil(&matrix(copies * n, &entries), &Mass::Identity);
     let exact: Vec<f64> = (0..60).map(|k| 1e-3 + 2.0 - 2.0 * (PI * (k / copies) as f64 / n as f64).cos()).collect();
+    let cut = solve(&pencil, &lowest(50), &Unwatched).unwrap().certificate.cut;
+    assert_eq!(cut, Some(CutCluster { first: 40, end: 60 }));
     for seed in 0..100 {
         let pairs = solve(&pencil, &Parameters { seed, ..lowest(60) }, &Unwatched).unwrap();
         for (k, (found, exact)) in pairs.values.iter().zip(&exact).enumerate() {

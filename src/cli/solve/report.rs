@@ -164,7 +164,7 @@ pub fn storage(stored: u64, dense: u64) -> String {
 }
 
 /// Which eigenvalues an interval holds, and which lie on a bound of it.
-fn interval_of(first: usize, interval: &Interval) -> String {
+pub fn interval_of(first: usize, interval: &Interval) -> String {
     let Interval { from, to, on_bounds } = interval;
     let mut text = match from {
         Some(from) => format!("\nasked for: from {from}, below {to}\n"),
@@ -183,8 +183,8 @@ fn interval_of(first: usize, interval: &Interval) -> String {
     text
 }
 
-/// That the last pairs are some of a cluster.
-fn cut_of(cut: CutCluster, delivered: usize) -> String {
+/// That the last pairs are some of a cluster, in words.
+pub fn cut_of(cut: CutCluster, delivered: usize) -> String {
     let (of, from) = (grouped(cut.end - cut.first), grouped(cut.first + 1));
     let here = grouped(delivered.saturating_sub(cut.first));
     format!(

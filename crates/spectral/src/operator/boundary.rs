@@ -4,7 +4,7 @@ use chladni_algebra::{SparseMatrix, WeightedMass};
 
 use super::{EigenProblem, MassMatrix, OperatorError};
 
-/// The problem without the rows and columns of `removed` vertices, given ascending. Its size is unchanged, and its mass no longer
+/// The problem without the rows and columns of `removed` vertices, given in any order. Its size is unchanged, and its mass no longer
 /// sums to 1.
 ///
 /// # Errors
@@ -13,7 +13,7 @@ pub(crate) fn without(problem: &EigenProblem, removed: &[u32]) -> Result<EigenPr
     let n = problem.size();
     let mut numbers = vec![0u32; n];
     removed.iter().for_each(|&v| numbers[v as usize] = u32::MAX);
-    let mut unknowns = Vec::with_capacity(n - removed.len());
+    let mut unknowns = Vec::with_capacity(n.saturating_sub(removed.len()));
     for (v, number) in numbers.iter_mut().enumerate() {
         if *number == 0 {
             *number = unknowns.len() as u32;

@@ -1,6 +1,8 @@
 //! About how long the methods take on one core: for the choice between them, and to warn before long work begins. Constants are fitted to meshes of 10,000 to
 //! 134,000 vertices and 50 to 1,000 pairs, on a processor with AVX-512, where they are right to a half; others take up to twice as long.
 
+use chladni_spectral::spectrum::hsim::{Variant, Wanted};
+
 use super::{Approximate, Exact};
 
 /// Seconds that HSIM takes to its default tolerance.
@@ -10,10 +12,14 @@ pub(super) fn exact_seconds(vertices: usize, pairs: usize) -> f64 {
 }
 
 impl Exact {
-    /// Seconds for so many unknowns. Each of two digits of the tolerance beyond the default costs about a quarter more.
-    pub(super) fn seconds(&self, unknowns: usize, pairs: usize) -> f64 {
+    /// Seconds for so many unknowns, of HSIM and a number of pairs. Two digits of the tolerance beyond the default cost about a quarter more.
+    pub(super) fn seconds(&self, unknowns: usize, pairs: usize) -> Option<f64> {
+        let is_hsim = matches!(self.solver.variant, Variant::Sliced | Variant::Published);
+        if !is_hsim || !matches!(self.solver.wanted, Wanted::Count(_)) {
+            return None;
+        }
         let digits = (1e-2 / self.solver.tolerance).log10().max(0.0);
-        exact_seconds(unknowns, pairs) * (1.0 + 0.125 * digits)
+        Some(exact_seconds(unknowns, pairs) * (1.0 + 0.125 * digits))
     }
 }
 

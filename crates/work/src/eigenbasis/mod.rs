@@ -219,16 +219,16 @@ impl EigenbasisParameters {
         mesh + operator + method + (64 << 20)
     }
 
-    /// About how many seconds of one core the job takes, where that is known: not for eigenfields, and not for solids and graphs.
+    /// About how many seconds of one core the job takes, where that is known: for a number of pairs of a surface, by the methods but `sim`.
     pub fn seconds(&self, vertices: usize) -> Option<f64> {
         let pairs = self.most_pairs().min(vertices);
         match &self.method {
             _ if self.is_nested() || self.is_hodge() => None,
-            Method::Auto(auto) if auto.is_exact(vertices) => Some(auto.exact.seconds(vertices, pairs)),
+            Method::Auto(auto) if auto.is_exact(vertices) => auto.exact.seconds(vertices, pairs),
             Method::Auto(Auto { approximate, .. }) | Method::Approximate(approximate) => {
                 Some(approximate.seconds(vertices))
             }
-            Method::Exact(exact) => Some(exact.seconds(vertices, pairs)),
+            Method::Exact(exact) => exact.seconds(vertices, pairs),
         }
     }
 

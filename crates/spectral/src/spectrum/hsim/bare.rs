@@ -27,6 +27,9 @@ const SMALL: usize = 800;
 /// So are those of which more than this share of all pairs is wanted.
 const MOST_SHARE: usize = 3;
 
+/// The most rows of a dense solve: it takes several dense matrices, of 3.2 GB each.
+const MOST_DENSE: usize = 20_000;
+
 /// Above this size a matrix that fills in more than those of surfaces is ordered by nested dissection.
 const MANY_ROWS: usize = 5_000;
 
@@ -118,6 +121,12 @@ impl Bench<'_> {
             let kernel = known(&finest.level);
             let q = hierarchy::columns(beside(wanted, kernel, n), n - kernel);
             if n <= SMALL || MOST_SHARE * q >= n {
+                if n > MOST_DENSE {
+                    let reason = format!(
+                        "{wanted} of {n} eigenpairs take a dense solve; one of at most {MOST_DENSE} rows is made"
+                    );
+                    return Err(HsimError::Memory(reason));
+                }
                 let (values, vectors) = densely(&finest.level, q, self.monitor)?;
                 let exact = true;
                 if kernel > 0 && values.first().is_some_and(|&value| value < 0.0) {

@@ -46,10 +46,14 @@ impl Level {
 
     /// About the largest eigenvalue, or more: the largest row sum of `|S|` over the lumped mass; one where there is nothing but zeros.
     pub fn spread(&self) -> f64 {
-        let sum = |row: usize| self.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
-        let ratios = self.mass.lumped().into_iter().enumerate().map(|(row, mass)| sum(row) / mass);
-        let most = ratios.fold(0.0, f64::max);
+        let most = self.ratios().into_iter().fold(0.0, f64::max);
         if most > 0.0 { most } else { 1.0 }
+    }
+
+    /// For each row the sum of `|S|` over the lumped mass.
+    pub fn ratios(&self) -> Vec<f64> {
+        let sum = |row: usize| self.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
+        self.mass.lumped().into_iter().enumerate().map(|(row, mass)| sum(row) / mass).collect()
     }
 
     pub fn factor_order(&self, ordering: Ordering) -> Result<Vec<u32>, FactorError> {

@@ -42,21 +42,18 @@ type Tried = Option<(f64, usize)>;
 pub(super) struct Scout<'a> {
     pub level: &'a Level,
     pub symbolic: &'a SymbolicFactor,
-    /// Row sums of magnitudes of the stiffness over the lumped mass.
-    ratios: Vec<f64>,
+    spread: f64,
     storage: Vec<f64>,
 }
 
 impl<'a> Scout<'a> {
     pub fn new(level: &'a Level, symbolic: &'a SymbolicFactor) -> Self {
-        let sum = |row: usize| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
-        let ratios = level.mass.lumped().iter().enumerate().map(|(row, mass)| sum(row) / mass).collect();
-        Self { level, symbolic, ratios, storage: Vec::new() }
+        Self { level, symbolic, spread: level.spread(), storage: Vec::new() }
     }
 
     /// About the largest eigenvalue, or more.
     pub fn spread(&self) -> f64 {
-        self.ratios.iter().copied().fold(0.0, f64::max)
+        self.spread
     }
 
     fn count(&mut self, shift: f64) -> Result<usize, HsimError> {
@@ -82,8 +79,9 @@ impl<'a> Scout<'a> {
         if let Some(bound) = bound {
             return self.tighten(base, bound, kernel && semidefinite, semidefinite);
         }
-        let n = self.ratios.len();
-        let median = *self.ratios.clone().select_nth_unstable_by(n / 2, f64::total_cmp).1;
+        let mut ratios = self.level.ratios();
+        let n = ratios.len();
+        let median = *ratios.select_nth_unstable_by(n / 2, f64::total_cmp).1;
         // By Weyl's law, in two dimensions or in three.
         let power = if fills_in(&self.level.stiffness) { 2.0 / 3.0 } else { 1.0 };
         let mut at = (median * (wanted as f64 / n as f64).powf(power)).max(zero).min(spread);

@@ -74,8 +74,10 @@ fn weighted(matrix: SparseMatrix, diagonal: Vec<f64>, monitor: &dyn Monitor) -> 
         }
     }
     let pivot = match symbolic.factor(&ordered, &weights, 0.0) {
-        Err(FactorError::Singular { pivot }) => pivot,
-        factor => factor.map_err(failed)?.first_below().unwrap_or(0),
+        Err(FactorError::Singular { pivot }) => Some(pivot),
+        factor => factor.map_err(failed)?.first_below(),
     };
-    Err(PencilError::NotDefinite { row: order.get(pivot).map_or(0, |&row| row as usize) })
+    Err(pivot
+        .and_then(|pivot| order.get(pivot))
+        .map_or(PencilError::NearlySingular, |&row| PencilError::NotDefinite { row: row as usize }))
 }

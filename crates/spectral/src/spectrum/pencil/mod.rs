@@ -22,7 +22,7 @@ use chladni_algebra::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseE
 use chladni_base::{Cancelled, Monitor};
 
 use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, OnBound};
-use crate::basis::{Basis, Certificate, DenseFunctions, Functions, Precision, completeness};
+use crate::basis::{Basis, Certificate, DenseFunctions, Functions, Interval, Precision, completeness};
 use crate::operator::EigenProblem;
 
 pub use check::csr;
@@ -161,7 +161,10 @@ pub enum PencilError {
         /// What it is.
         value: f64,
     },
-    /// The mass is not positive definite, or not as far as rounding lets one tell.
+    /// No pivot of the mass is negative, but one may be.
+    #[error("M is too close to singular for rounding to let one tell that it is positive definite")]
+    NearlySingular,
+    /// The mass is not positive definite.
     #[error(
         "M is not positive definite: of row {row} and those that were eliminated before it nothing positive is left"
     )]
@@ -292,7 +295,7 @@ pub fn solve(pencil: &Pencil, parameters: &Parameters, monitor: &dyn Monitor) ->
     let inner =
         HsimParameters { wanted, tolerance: parameters.tolerance, seed: parameters.seed, ..HsimParameters::default() };
     let bare = hsim::solve_bare(&pencil.problem, &inner, monitor).map_err(|error| in_units(error, value))?;
-    Ok(pencil.delivered(bare.pairs, bare.moved, parameters.tolerance)?)
+    Ok(pencil.delivered(bare.pairs, bare.moved, parameters)?)
 }
 
 fn in_units(error: HsimError, value: f64) -> HsimError {
@@ -303,7 +306,7 @@ fn in_units(error: HsimError, value: f64) -> HsimError {
 }
 
 impl Pencil {
-    fn delivered(&self, mut pairs: Eigenpairs, moved: f64, tolerance: f64) -> Result<Pairs, HsimError> {
+    fn delivered(&self, mut pairs: Eigenpairs, moved: f64, parameters: &Parameters) -> Result<Pairs, HsimError> {
         let (value, entry) = self.factors;
         pairs.values.iter_mut().for_each(|x| *x *= value);
         pairs.bounds.iter_mut().for_each(|x| *x *= value);
@@ -317,6 +320,12 @@ impl Pencil {
             return Err(HsimError::Unproven { reason });
         }
         let vectors = columns(pairs.vectors, self.rows, self.problem.unknowns.as_deref(), entry);
+        let interval = |from, to| Interval { from, to, on_bounds: pairs.on_bounds.clone() };
+        let interval = match parameters.wanted {
+            Wanted::Lowest(_) => None,
+            Wanted::Below { bound, .. } => Some(interval(None, bound)),
+            Wanted::Between { from, to, .. } => Some(interval(Some(from), to)),
+        };
         let certificate = Certificate {
             complete,
             residuals: pairs.residuals,
@@ -324,7 +333,9 @@ impl Pencil {
             orthonormality_defect: pairs.orthonormality_defect,
             inertia: pairs.inertia,
             first: pairs.first,
-            tolerance: Some(tolerance),
+            interval,
+            cut: pairs.cut,
+            tolerance: Some(parameters.tolerance),
             levels: pairs.levels,
             ..Certificate::default()
         };
@@ -333,23 +344,18 @@ impl Pencil {
 }
 
 impl Pairs {
-    /// As a basis, which can be written and evaluated like that of a mesh: a row of the pencil stands for a vertex. `about` becomes its metadata, with
-    /// [`moved`](Self::moved) and, where pairs were wanted by bounds, the interval.
-    pub fn into_basis(
-        self,
-        pencil: &Pencil,
-        precision: Precision,
-        mut about: serde_json::Map<String, serde_json::Value>,
-    ) -> Basis {
+    /// As a basis in double precision, which can be written and evaluated like that of a mesh: a row of the pencil stands for a vertex. `about` becomes its
+    /// metadata, with [`moved`](Self::moved).
+    pub fn into_basis(self, pencil: &Pencil, mut about: serde_json::Map<String, serde_json::Value>) -> Basis {
         about.insert("moved".to_owned(), self.moved.into());
-        if self.certificate.first > 0 || !self.on_bounds.is_empty() {
-            let interval = serde_json::json!({"first": self.certificate.first, "on_bounds": self.on_bounds});
-            about.insert("interval".to_owned(), interval);
-        }
         Basis {
-            functions: Functions::Dense(DenseFunctions::from_columns(&self.vectors, precision)),
+            functions: Functions::Dense(DenseFunctions::from_columns(&self.vectors, Precision::F64)),
             eigenvalues: self.values,
-            mass: pencil.mass.clone(),
+            // Read from a file it has no weights either.
+            mass: match pencil.mass.clone() {
+                MassMatrix::Weighted(mass) => MassMatrix::Sparse(mass.matrix),
+                mass => mass,
+            },
             certificate: self.certificate,
             metadata: about.into(),
         }
