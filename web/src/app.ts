@@ -117,6 +117,7 @@ export class App {
   async arrive() {
     const place = read();
     const moved = place.mesh !== this.mesh?.id;
+    if (place.tab !== this.place.tab) this.panel?.hide();
     this.place = place;
     this.viewer.view = place.view;
     this.viewer.up = place.up ?? this.viewer.guessed;
@@ -198,6 +199,10 @@ export class App {
     for (const job of [...this.jobs.values()]) if (job.mesh === id) this.jobs.delete(job.id);
     this.toast("note", "Deleted", `${name ?? "The mesh"} and what was computed on it.`);
     this.emit("jobs");
+    if (!this.meshes.length) {
+      this.sought = "";
+      await this.list();
+    }
     if (this.meshes[0]) return this.open(this.meshes[0].id);
     this.panel?.hide();
     [this.mesh, this.basis, this.bases] = [null, null, []];
@@ -289,11 +294,13 @@ export class App {
     this.emit("jobs");
     if (followed || ended(job.status)) return;
     const changed = (job: Job) => {
+      // One that was dismissed, or whose mesh is gone, does not come back.
+      if (!this.jobs.has(job.id)) return;
       this.jobs.set(job.id, job);
       this.emit("jobs");
     };
     watch(job, changed, this.stop.signal)
-      .then((job) => this.finished(job))
+      .then((job) => (this.jobs.has(job.id) ? this.finished(job) : undefined))
       .catch(this.fail);
   }
 

@@ -106,9 +106,9 @@ export async function glb({ positions, triangles }: Surface, normals: Float32Arr
 const linear = (value: number) => (value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4);
 
 /** A row for each vertex: number, position, value. */
-export function csv({ positions: p }: Surface, shown: Coloured): Blob {
+export function csv({ positions: p }: Surface, shown: Coloured, vertex: string): Blob {
   const lines = new Lines();
-  lines.add("vertex,x,y,z,value");
+  lines.add(`${vertex},x,y,z,value`);
   shown.values.forEach((value, v) => lines.add([String(v), ...[p[3 * v], p[3 * v + 1], p[3 * v + 2], value].map(shortest)].join(",")));
   return lines.blob("text/csv");
 }

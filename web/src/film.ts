@@ -1,8 +1,12 @@
 // A film of what a canvas shows.
 
+/** Whether this browser records WebM. */
+export const records = () => "MediaRecorder" in window && MediaRecorder.isTypeSupported("video/webm");
+
 /** Records a canvas for some seconds as WebM; `step` hears before each picture which part of that time has gone by since the last. */
 export async function record(canvas: HTMLCanvasElement, seconds: number, step: (part: number) => void): Promise<Blob> {
-  const recorder = new MediaRecorder(canvas.captureStream(30), { mimeType: "video/webm", videoBitsPerSecond: 8e6 });
+  const stream = canvas.captureStream(30);
+  const recorder = new MediaRecorder(stream, { mimeType: "video/webm", videoBitsPerSecond: 8e6 });
   const parts: Blob[] = [];
   recorder.ondataavailable = (event) => parts.push(event.data);
   const ended = new Promise<void>((resolve) => (recorder.onstop = () => resolve()));
@@ -14,5 +18,6 @@ export async function record(canvas: HTMLCanvasElement, seconds: number, step: (
   }
   recorder.stop();
   await ended;
+  stream.getTracks().forEach((track) => track.stop());
   return new Blob(parts, { type: "video/webm" });
 }

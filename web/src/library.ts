@@ -69,10 +69,15 @@ export function library(app: App): HTMLElement {
   });
 
   const showMeshes = () => {
+    // Whoever types a name goes on typing it.
+    if (meshes.contains(document.activeElement) && document.activeElement instanceof HTMLInputElement) return;
+    const inside = meshes.contains(document.activeElement);
+    if (!app.sought && document.activeElement !== search) search.value = "";
     const sorted = app.meshes.slice();
     if (order === "name") sorted.sort((a, b) => title(a).localeCompare(title(b), undefined, { numeric: true }));
     if (order === "size") sorted.sort((a, b) => b.vertices - a.vertices);
     meshes.replaceChildren(...sorted.map((mesh) => meshItem(app, mesh)));
+    if (inside) meshes.querySelector<HTMLElement>("button[aria-current]")?.focus();
     tools.hidden = app.meshes.length < 4 && !app.sought;
     nothing.hidden = app.meshes.length > 0 || !app.sought;
     more.hidden = !app.moreMeshes;
@@ -120,6 +125,7 @@ function handles(app: App, mesh: Mesh): HTMLElement {
         event.preventDefault();
         const wanted = name.value.trim();
         if (!wanted || wanted === mesh.name) return usual();
+        name.blur();
         app.rename(wanted).catch(app.fail);
       } }, name, h("button", {}, "Rename"));
       form.addEventListener("keydown", (event) => event.key === "Escape" && usual());

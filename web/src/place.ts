@@ -25,7 +25,7 @@ export function read(): Place {
     view: text("view"),
     map: text("map"),
     lines: text("lines") === undefined ? undefined : Number(text("lines")) || 0,
-    up: (text("up") ?? "") in AXES ? (text("up") as Up) : undefined,
+    up: Object.hasOwn(AXES, text("up") ?? "") ? (text("up") as Up) : undefined,
   };
 }
 

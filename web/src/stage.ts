@@ -3,8 +3,9 @@
 import { kept, recent } from "./api";
 import type { App } from "./app";
 import { curl, python, type Request } from "./code";
-import { brief, choice, grouped, h } from "./dom";
+import { brief, choice, h } from "./dom";
 import type { Coloured } from "./files";
+import { records } from "./film";
 import type { Look } from "./panels/basis";
 import type { Up } from "./upright";
 
@@ -13,6 +14,10 @@ const files = () => import("./files");
 
 /** Seconds of a film: one turn of the surface. */
 const FILM = 6;
+
+/** Whether these parameters are all there: of long lists the server keeps only a hash beside a basis. */
+const whole = (value: unknown): boolean =>
+  !value || typeof value !== "object" || ((Array.isArray(value) || !("blake3" in value)) && Object.values(value).every(whole));
 
 export function toolbar(app: App, look: Look): HTMLElement {
   const { viewer } = app;
@@ -30,6 +35,7 @@ export function toolbar(app: App, look: Look): HTMLElement {
   const save = h("details", { class: "save" }, h("summary", {}, "Save"), menu);
   const bar = h("div", { class: "stagebar", role: "group", "aria-label": "View", hidden: true }, up, edges, save);
 
+  const renumbered = () => app.mesh?.report.file !== undefined && app.mesh.report.file !== null;
   const name = () => [app.mesh?.name ?? "mesh", app.title.textContent !== app.mesh?.name ? app.title.textContent : ""].filter(Boolean).join("-").toLowerCase().replace(/[^a-z0-9]+/g, "-");
   const download = (blob: Blob, ending: string) => {
     const link = h("a", { href: URL.createObjectURL(blob), download: `${name()}.${ending}` });
@@ -46,9 +52,11 @@ export function toolbar(app: App, look: Look): HTMLElement {
       app.toast("note", "Copied", `${what} is on the clipboard.`);
     } catch {
       // Without the right to the clipboard, the text can still be taken by hand.
-      const box = h("textarea", { readOnly: true, rows: 8, "aria-label": what });
+      const box = h("textarea", { readOnly: true, rows: 8, "aria-label": `${what}: copy it from here` });
       box.value = text;
-      save.append(box);
+      box.addEventListener("blur", () => box.remove());
+      bar.append(box);
+      box.focus();
       box.select();
     }
   };
@@ -59,14 +67,13 @@ export function toolbar(app: App, look: Look): HTMLElement {
     } }, text);
   const group = (title: string, items: (HTMLElement | false)[]) => items.some(Boolean) && h("div", {}, h("h3", {}, title), ...items);
   const fill = () => {
-    save.querySelector("textarea")?.remove();
     const shown = coloured();
     const { lines, sound } = app.kept;
     const request = recent.shown;
     const basis = app.basis;
-    const job: Request | null = basis && { method: "POST", path: kept("/v1/jobs", "POST"), body: { kind: basis.kind, mesh: basis.mesh, parameters: basis.parameters } };
+    const job: Request | null = basis && whole(basis.parameters) ? { method: "POST", path: kept("/v1/jobs", "POST"), body: { kind: basis.kind, mesh: basis.mesh, parameters: basis.parameters } } : null;
     const groups = [
-      group("Picture", [item("PNG", async () => download(await viewer.snapshot(), "png")), "MediaRecorder" in window && item(`Film of a turn, ${FILM} s`, async () => {
+      group("Picture", [item("PNG", async () => download(await viewer.snapshot(), "png")), records() && item(`Film of a turn, ${FILM} s`, async () => {
         app.toast("note", "Recording", `The surface turns once, for ${FILM} seconds.`);
         download(await viewer.film(FILM), "webm");
       }), lines !== null && item("Lines as SVG", async () => {
@@ -79,7 +86,7 @@ export function toolbar(app: App, look: Look): HTMLElement {
           const { surface, normals } = viewer.turned()!;
           download(await (await files()).glb(surface, normals, coloured()), "glb");
         }), item("VTP (ParaView)", async () => download((await files()).vtp(viewer.shape()!, coloured()), "vtp"))]),
-      shown && group("Values at the vertices", [item("CSV", async () => download((await files()).csv(viewer.shape()!, coloured()!), "csv")), item("NPY (NumPy)", async () => download((await files()).npy(coloured()!.values), "npy"))]),
+      shown && group("Values at the vertices", [item("CSV", async () => download((await files()).csv(viewer.shape()!, coloured()!, renumbered() ? "kept_vertex" : "vertex"), "csv")), item("NPY (NumPy)", async () => download((await files()).npy(coloured()!.values), "npy"))]),
       sound && group("Sound", [item("WAV", () => download(new Blob([sound], { type: "audio/wav" }), "wav"))]),
       request && group("Copy the request", [item("as curl", () => copy(curl(request), "The request for curl")), item("as Python", () => copy(python(request), "The request in Python"))]),
       job && group("Copy the job", [item("as curl", () => copy(curl(job), "The job for curl")), item("as Python", () => copy(python(job), "The job in Python"))]),
@@ -102,7 +109,8 @@ export function toolbar(app: App, look: Look): HTMLElement {
     readout.hidden = hit === null;
     if (!hit) return;
     const value = look.at(hit.vertex);
-    readout.textContent = `vertex ${grouped(hit.vertex)}${value === null ? "" : ` · ${brief(value)}`}`;
+    // What repairs renumbered has other numbers in the file.
+    readout.textContent = `${renumbered() ? "kept vertex" : "vertex"} ${hit.vertex}${value === null ? "" : ` · ${brief(value)}`}`;
   };
   bar.append(readout);
   app.on("look", () => (up.value = viewer.up));

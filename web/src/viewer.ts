@@ -279,6 +279,8 @@ export class Viewer {
     const before = this.overlays.get(name);
     if (before) {
       this.scene.remove(before);
+      // Edges share what is known at the vertices with the mesh, which goes on.
+      if (name === "edges") for (const shared of ["position", "normal", "value"]) (before as LineSegments).geometry.deleteAttribute(shared);
       before.traverse((part) => (part as Mesh).geometry?.dispose());
       this.overlays.delete(name);
     }
@@ -514,11 +516,13 @@ export class Viewer {
   async film(seconds: number): Promise<Blob> {
     const before = this.view;
     this.held = true;
-    const film = await record(this.canvas, seconds, (part) => this.turn(2 * Math.PI * part, 0));
-    this.held = false;
-    this.view = before;
-    this.onView();
-    return film;
+    try {
+      return await record(this.canvas, seconds, (part) => this.turn(2 * Math.PI * part, 0));
+    } finally {
+      this.held = false;
+      this.view = before;
+      this.onView();
+    }
   }
 
   /** Shows the edges of the mesh. */

@@ -23,7 +23,7 @@ export async function begin(app: App, name: string) {
   const mesh = await upload(new File([file], `${name}.ply`), () => {});
   await app.list();
   await app.open(mesh.id);
-  app.go({ tab: "modes", mode });
+  app.go({ mode });
   app.tab("modes");
   app.swinging = true;
   await app.submit("eigenbasis", { count: PAIRS });
@@ -54,6 +54,6 @@ export function welcome(app: App): HTMLElement {
   const element = h("div", { class: "welcome", hidden: true },
     h("h2", {}, "The eigenfunctions of any surface"),
     h("p", {}, "Drop a mesh anywhere on this page, or begin with one of these:"), samples(app));
-  for (const happening of ["mesh", "meshes"] as const) app.on(happening, () => (element.hidden = app.mesh !== null || app.meshes.length > 0));
+  for (const happening of ["mesh", "meshes"] as const) app.on(happening, () => (element.hidden = app.mesh !== null || app.meshes.length > 0 || app.sought !== ""));
   return element;
 }

@@ -151,9 +151,24 @@ try {
     const vertices = await page.evaluate(() => window.chladni.app.mesh.vertices);
     execFileSync("sh", ["-c", await copied("Copy the request", "as curl")], { cwd: site.folder });
     assert.equal(readFileSync(join(site.folder, "answer.bin")).length, 4 * vertices);
+    // The other form, as far as it goes without NumPy.
+    assert.match(await copied("Copy the request", "as Python"), /^import json, urllib\.request\nimport numpy as np\n[^]*"Accept": "application\/octet-stream"[^]*np\.frombuffer/);
     const known = await page.evaluate(() => window.chladni.app.basis.id);
     const answer = execFileSync(process.env.CHLADNI_PYTHON ?? "python3", ["-c", `${await copied("Copy the job", "as Python")}print(result["basis"])`]);
     assert.equal(String(answer).trim(), known);
+  });
+
+  await test("edges come and go, and the surface goes on changing after them", async () => {
+    const edges = page.getByRole("button", { name: "Edges" });
+    const plain = await picture(page);
+    await edges.click();
+    assert.notDeepEqual(await picture(page), plain);
+    await edges.click();
+    const seen = () => page.evaluate(async () => (await window.chladni.viewer.snapshot()).arrayBuffer().then((bytes) => [...new Uint8Array(bytes)].join()));
+    const without = await seen();
+    await page.getByRole("button", { name: "Next mode" }).click();
+    await page.waitForFunction(() => document.body.dataset.mode === "13");
+    assert.notEqual(await seen(), without);
   });
 
   await test("a surface is renamed, found by its name, and deleted only when asked twice", async () => {
@@ -552,6 +567,12 @@ try {
       await upload(visitor, knot);
       await compute(visitor, { Eigenpairs: "30" });
       await changed(visitor, "mode");
+      // What is copied names the key, and does not hold it; without a clipboard the text stands there to be taken.
+      await visitor.evaluate(() => Object.defineProperty(navigator, "clipboard", { value: undefined }));
+      await visitor.locator(".save summary").click();
+      await visitor.locator(".menu div", { has: visitor.getByRole("heading", { name: "Copy the job" }) }).getByRole("button", { name: "as curl" }).click();
+      const text = await visitor.locator(".stagebar textarea").inputValue();
+      assert.ok(text.includes("$CHLADNI_KEY") && !text.includes(secret), text);
       for (const [name, begin] of [[/Download as NPZ/, "PK"], ["metadata", "{"]]) {
         const [file] = await Promise.all([visitor.waitForEvent("download"), visitor.getByRole("link", { name }).click()]);
         const path = join(locked.folder, "download");

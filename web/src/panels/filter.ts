@@ -1,6 +1,6 @@
 // The spectral filter: a curve over the modes is drawn by hand, and the surface follows.
 
-import { postNumbers, type Basis } from "../api";
+import { postNumbers, recent, type Basis } from "../api";
 import type { App, Panel } from "../app";
 import { brief, grouped, h, slider } from "../dom";
 import { latest } from "../latest";
@@ -38,6 +38,7 @@ export function filterPanel(app: App, look: Look): Panel {
     if (!basis) return;
     if (only === 0 && beyond === 1 && curve.every((value) => value === 1)) {
       app.viewer.setPositions(null);
+      recent.shown = null;
       timing.textContent = "Nothing is changed yet: draw on the curve.";
       return;
     }

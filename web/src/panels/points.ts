@@ -1,7 +1,8 @@
 // Geometry from a point: click or drag the dot, and the surface shows distances, signatures or what is similar.
 
-import { postNumbers, type Basis } from "../api";
+import { postNumbers, recent, type Basis } from "../api";
 import type { App, Panel } from "../app";
+import type { Request } from "../code";
 import { brief, choice, field, grouped, h, slider } from "../dom";
 import { latest } from "../latest";
 import type { Hit } from "../surface";
@@ -62,12 +63,18 @@ export function pointsPanel(app: App, look: Look): Panel {
     return short * (long / short) ** scale;
   };
 
-  let series: { of: string; values: Float32Array } | null = null;
+  let series: { of: string; values: Float32Array; request: Request | null } | null = null;
   /** One function of a series; the whole series is asked for once. */
   const member = async (basis: Basis, what: string, index: number) => {
     const { count } = SERIES[what];
     const of = `${basis.id} ${what}`;
-    if (series?.of !== of) series = { of, values: await postNumbers(`${basis.links.self}/signatures`, { signature: { kind: what, count: Math.min(count, what === "global_point" ? basis.count : count) } }) };
+    if (series?.of !== of) {
+      // The kernel has no point signature: a constant for each component.
+      const most = what === "global_point" ? Math.max(basis.count - (app.mesh?.report.components ?? 1), 1) : count;
+      const values = await postNumbers(`${basis.links.self}/signatures`, { signature: { kind: what, count: Math.min(count, most) } });
+      series = { of, values, request: recent.shown };
+    }
+    recent.shown = series.request;
     const columns = series.values.length / basis.vertices;
     const chosen = Math.min(index, columns - 1);
     return Float32Array.from({ length: basis.vertices }, (_, v) => series!.values[v * columns + chosen]);
@@ -99,6 +106,7 @@ export function pointsPanel(app: App, look: Look): Panel {
     if (SERIES[what]) {
       which.element.firstElementChild!.textContent = SERIES[what].label;
       which.control.max = String(SERIES[what].count - 1);
+      which.set(Math.min(which.control.valueAsNumber, SERIES[what].count - 1));
     }
     note.textContent = NOTES[what];
     app.title.textContent = TITLES[what];
