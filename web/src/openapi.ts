@@ -637,6 +637,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/job-estimates": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Estimates a job
+         * @description Takes what `POST /v1/jobs` takes, checks it as that does, and does nothing.
+         */
+        post: operations["estimateJob"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/jobs": {
         parameters: {
             query?: never;
@@ -917,6 +937,47 @@ export interface paths {
          *     for each vertex of the mesh the first of the file.
          */
         get: operations["getVertexMap"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/samples": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Lists the meshes that can be generated
+         * @description For a first look at the service without a file at hand; nothing is stored.
+         */
+        get: operations["listSamples"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/samples/{shape}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Generates a mesh
+         * @description The file can be uploaded as it is: `curl -sS $url/v1/samples/bell | curl -sS $url/v1/meshes?name=bell --data-binary @-`. The same
+         *     request gives the same bytes.
+         */
+        get: operations["getSample"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1332,12 +1393,14 @@ export interface components {
             bounds: number[];
             /** @description Whether inertia counts prove that no eigenvalue below the last was skipped; `None`: not counted. */
             complete: boolean | null;
+            cut: components["schemas"]["CutCluster"] | null;
             /** @description Per pair an estimate of the error of the eigenvalue, in 1/length² of the input; empty where there is none. */
             estimates: number[];
             /** @description The index of the first pair among all eigenvalues of the problem: zero but where the pairs of an interval were asked for. */
             first?: number;
             /** @description The inertia counts, by ascending shift. */
             inertia: components["schemas"]["InertiaCount"][];
+            interval: components["schemas"]["Interval"] | null;
             /**
              * Format: double
              * @description The largest of them.
@@ -1542,6 +1605,16 @@ export interface components {
          * @enum {string}
          */
         Construction: "heat" | "radial";
+        /**
+         * @description Eigenvalues that lie so close together that they count as one, of which not all are delivered: any functions of the cluster's eigenspace could
+         *     stand for those that are, and another computation may give others.
+         */
+        CutCluster: {
+            /** @description One more than the index of its last, or of the last that may belong to it. */
+            end: number;
+            /** @description The index of its first eigenvalue among all, from 0. */
+            first: number;
+        };
         /** @description Damping `α M + β K`. */
         DampingRequest: {
             /**
@@ -2999,6 +3072,21 @@ export interface components {
             /** @description How fast it moves. */
             velocities?: number[][] | null;
         };
+        /** @description Bounds on the eigenvalues that were asked for, in 1/length² of the input. */
+        Interval: {
+            /**
+             * Format: double
+             * @description The lower bound, which belongs to the interval; absent where there is none.
+             */
+            from: number | null;
+            /** @description Pairs of which rounding does not let one tell on which side of a bound they lie, delivered or not. */
+            on_bounds: components["schemas"]["OnBound"][];
+            /**
+             * Format: double
+             * @description The upper bound, which does not.
+             */
+            to: number;
+        };
         /** @description For vertices of the source those of the target. */
         Inverse: {
             /** @description For each of them how well the two agree, from 0 to 1; null where `points` is. */
@@ -3007,6 +3095,40 @@ export interface components {
             matched: number[] | null;
             /** @description For each of them the vertex of the target that corresponds to it; null at vertices of the source's file that were dropped. */
             points: (number | null)[];
+        };
+        /**
+         * @description What a job would take.
+         * @example {
+         *       "fits": true,
+         *       "kind": "eigenbasis",
+         *       "memory_bytes": 1210056704,
+         *       "memory_limit_bytes": 8589934592,
+         *       "seconds": 4.2,
+         *       "threads": 2
+         *     }
+         */
+        JobEstimate: {
+            /** @description Whether it is allowed so much; a job that is not is refused. */
+            fits: boolean;
+            /** @description The kind of job. */
+            kind: string;
+            /**
+             * Format: int64
+             * @description About how much memory it needs, in bytes: an upper estimate for surfaces. Pairs by a bound count as `at_most`.
+             */
+            memory_bytes: number;
+            /**
+             * Format: int64
+             * @description What this server allows for one job, in bytes.
+             */
+            memory_limit_bytes: number;
+            /**
+             * Format: double
+             * @description About how many seconds of one core, right to a factor of two on a recent processor; `null` for what nobody has fitted, as pairs by a bound. Waiting in the queue comes on top, and more threads shorten it.
+             */
+            seconds: number | null;
+            /** @description The threads that work on it. */
+            threads: number;
         };
         /** @description A job. */
         JobFacts: {
@@ -3576,6 +3698,28 @@ export interface components {
          * @enum {string}
          */
         NamedWeights: "anisotropy";
+        /** @description A pair whose enclosure reaches a bound that was asked for: it is for its value that it counts as below the bound or not. */
+        OnBound: {
+            /** @description Whether it counts as below. */
+            below: boolean;
+            /**
+             * Format: double
+             * @description The bound that lies there too.
+             */
+            bound: number;
+            /** @description Its index among all eigenvalues, from 0. */
+            index: number;
+            /**
+             * Format: double
+             * @description Its value, in 1/length² of the input.
+             */
+            value: number;
+            /**
+             * Format: double
+             * @description The exact eigenvalue lies within this of the value.
+             */
+            within: number;
+        };
         /** @description A stored basis. Of the kind `operator_family`. */
         OperatorFamilyBasisResource: components["schemas"]["OperatorFamilyBasisSummary"] & {
             /**
@@ -4008,6 +4152,27 @@ export interface components {
          * @enum {string}
          */
         RepairKind: "triangulated_polygons" | "dropped_short_faces" | "merged_vertices" | "dropped_repeated_vertex_faces" | "dropped_duplicate_faces" | "flipped_faces" | "dropped_unreferenced_vertices" | "left_out_tetrahedra";
+        /**
+         * @description A mesh that can be generated.
+         * @example {
+         *       "description": "A bell, open at its rim",
+         *       "fewest_vertices": 7,
+         *       "name": "bell"
+         *     }
+         */
+        Sample: {
+            /** @description What it is, in a few words. */
+            description: string;
+            /** @description The fewest vertices that it can be made of. */
+            fewest_vertices: number;
+            /** @description Its name in paths. */
+            name: string;
+        };
+        /** @description The meshes that can be generated. */
+        Samples: {
+            /** @description All of them but further genera. */
+            items: components["schemas"]["Sample"][];
+        };
         /**
          * @description Where the functions of a subspace are centred.
          * @enum {string}
@@ -7783,6 +7948,107 @@ export interface operations {
             };
         };
     };
+    estimateJob: {
+        parameters: {
+            query?: {
+                /**
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
+                 *     nearest.
+                 */
+                extend?: "none" | "nearest";
+                /**
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
+                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 */
+                numbering?: "file" | "kept";
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["JobRequest"];
+            };
+        };
+        responses: {
+            /** @description What it would take */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobEstimate"];
+                };
+            };
+            /** @description A problem: damaged-content-encoding, body-incomplete, invalid-json or invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-mesh */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-slow */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unsupported-content-encoding or unsupported-media-type */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: invalid-request or invalid-parameter */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     listJobs: {
         parameters: {
             query?: {
@@ -9189,6 +9455,91 @@ export interface operations {
             };
             /** @description A problem: not-acceptable */
             406: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    listSamples: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The samples */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Samples"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            500: components["responses"]["InternalError"];
+        };
+    };
+    getSample: {
+        parameters: {
+            query?: {
+                /** @description The format of the file. */
+                format?: "ply" | "obj";
+                /** @description About how many vertices: the mesh has the nearest number that the pattern of the shape allows. */
+                vertices?: number;
+            };
+            header?: never;
+            path: {
+                /**
+                 * @description A name from the list, or `genus-G` for a whole number G up to 50
+                 * @example bell
+                 */
+                shape: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The mesh */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "model/obj": Blob;
+                    "model/ply": Blob;
+                };
+            };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-sample */
+            404: {
                 headers: {
                     [name: string]: unknown;
                 };
