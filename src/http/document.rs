@@ -20,7 +20,8 @@ use super::{kinds, variants};
 
 /// Members of answers that may be absent: the types leave them out where there is nothing to say.
 const ABSENT: &[(&str, &[&str])] = &[
-    ("Certificate", &["first"]),
+    ("Certificate", &["first", "interval", "cut"]),
+    ("Interval", &["from"]),
     ("FunctionOperator", &["domain"]),
     ("HodgeOperator", &["domain"]),
     ("MeshReport", &["solid", "subdivisions", "surface", "file"]),

@@ -56,6 +56,7 @@ struct Sample {
 
 /// The meshes that can be generated.
 #[derive(Debug, Serialize, ToSchema)]
+#[schema(example = json!({"items": [{"name": "bell", "description": "A bell, open at its rim", "fewest_vertices": 7}]}))]
 struct Samples {
     /// All of them but further genera.
     items: Vec<Sample>,

@@ -40,8 +40,8 @@ async fn an_estimate_refuses_what_the_job_would_be_refused_for_but_its_size() {
     let body = ask(json!({"kind": "eigenbasis", "mesh": id, "parameters": {"count": 3}})).await.unwrap();
     assert_eq!(body.json::<Value>().await.unwrap()["fits"], false);
     let wrong = json!({"kind": "eigenbasis", "mesh": id, "parameters": {"count": 7}});
-    problem(ask(wrong.clone()).await.unwrap(), 422, "invalid-parameter").await;
-    problem(app.post("/v1/jobs").json(&wrong).send().await.unwrap(), 422, "invalid-parameter").await;
+    problem(ask(wrong.clone()).await.unwrap(), 422, "invalid-parameter/count").await;
+    problem(app.post("/v1/jobs").json(&wrong).send().await.unwrap(), 422, "invalid-parameter/count").await;
     let unknown = json!({"kind": "eigenbasis", "mesh": "00000000000000000000000000000000"});
     problem(ask(unknown).await.unwrap(), 404, "unknown-mesh").await;
 }

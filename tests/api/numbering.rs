@@ -145,6 +145,9 @@ fn assert_close(found: &[f64], expected: &[f64], what: &str) {
 
 async fn job(app: &TestApp, kind: &str, mesh: &str, parameters: &Value, query: &str) -> Value {
     let body = json!({"kind": kind, "mesh": mesh, "parameters": parameters});
+    // What would be refused for its numbers is refused here as well.
+    let estimate = app.post(&format!("/v1/job-estimates{query}")).json(&body).send().await.unwrap();
+    assert_eq!(estimate.status(), 200, "{:?}", estimate.text().await);
     let job: Value = app.post(&format!("/v1/jobs{query}")).json(&body).send().await.unwrap().json().await.unwrap();
     let job = app.finished(&text(&job["id"])).await;
     assert_eq!(job["status"], "succeeded", "{job}");
@@ -181,6 +184,7 @@ async fn raw(request: reqwest::RequestBuilder) -> Vec<f64> {
 /// Every operation that takes part; the test below wants them to be all that the document has.
 const COVERED: &[&str] = &[
     "submitJob",
+    "estimateJob",
     "filter",
     "project",
     "reconstruct",

@@ -302,9 +302,9 @@ mod tests {
             (Shape::Disk, 0.5, 0.8),
             (Shape::Rectangle, 0.85, 0.85),
             (Shape::Knot, 0.6, 0.7),
-            (Shape::Bell, 0.4, 0.6),
-            (Shape::Violin, 0.3, 0.5),
-            (Shape::Starfish, 0.15, 0.3),
+            (Shape::Bell, 0.7, 0.7),
+            (Shape::Violin, 0.35, 0.35),
+            (Shape::Starfish, 0.2, 0.25),
             (Shape::Genus(3), 0.3, 0.6),
         ] {
             let qualities = qualities(&generate(shape, 20_000).unwrap());
