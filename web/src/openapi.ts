@@ -1393,14 +1393,14 @@ export interface components {
             bounds: number[];
             /** @description Whether inertia counts prove that no eigenvalue below the last was skipped; `None`: not counted. */
             complete: boolean | null;
-            cut: components["schemas"]["CutCluster"] | null;
+            cut?: components["schemas"]["CutCluster"] | null;
             /** @description Per pair an estimate of the error of the eigenvalue, in 1/length² of the input; empty where there is none. */
             estimates: number[];
             /** @description The index of the first pair among all eigenvalues of the problem: zero but where the pairs of an interval were asked for. */
             first?: number;
             /** @description The inertia counts, by ascending shift. */
             inertia: components["schemas"]["InertiaCount"][];
-            interval: components["schemas"]["Interval"] | null;
+            interval?: components["schemas"]["Interval"] | null;
             /**
              * Format: double
              * @description The largest of them.
@@ -3078,7 +3078,7 @@ export interface components {
              * Format: double
              * @description The lower bound, which belongs to the interval; absent where there is none.
              */
-            from: number | null;
+            from?: number | null;
             /** @description Pairs of which rounding does not let one tell on which side of a bound they lie, delivered or not. */
             on_bounds: components["schemas"]["OnBound"][];
             /**
@@ -4168,7 +4168,18 @@ export interface components {
             /** @description Its name in paths. */
             name: string;
         };
-        /** @description The meshes that can be generated. */
+        /**
+         * @description The meshes that can be generated.
+         * @example {
+         *       "items": [
+         *         {
+         *           "description": "A bell, open at its rim",
+         *           "fewest_vertices": 7,
+         *           "name": "bell"
+         *         }
+         *       ]
+         *     }
+         */
         Samples: {
             /** @description All of them but further genera. */
             items: components["schemas"]["Sample"][];
