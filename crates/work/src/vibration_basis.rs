@@ -91,8 +91,11 @@ impl VibrationMethodName {
     }
 }
 
+/// A member, the method that it belongs to, and whether a request has it.
+type Belonging = (&'static str, VibrationMethodName, fn(&VibrationBasisParameters) -> bool);
+
 /// The members that one method alone takes, with that method and whether they are given.
-const BELONGINGS: &[(&str, VibrationMethodName, fn(&VibrationBasisParameters) -> bool)] = &[
+const BELONGINGS: &[Belonging] = &[
     ("tolerance", VibrationMethodName::Hsim, |own| own.tolerance.is_some()),
     ("dimension", VibrationMethodName::Approximate, |own| own.dimension.is_some()),
     ("local_coordinates", VibrationMethodName::Approximate, |own| own.local_coordinates.is_some()),
