@@ -39,7 +39,7 @@ impl Request {
         let wanted = match (self.below, self.between) {
             (_, Some([from, to])) => Wanted::Between { from, to, most: self.most },
             (Some(bound), None) => Wanted::Below { bound, most: self.most },
-            (None, None) => Wanted::Lowest(self.count.unwrap_or(6)),
+            (None, None) => Wanted::Count(self.count.unwrap_or(6)),
         };
         Parameters { wanted, tolerance: self.tolerance, seed: self.seed }
     }
@@ -65,7 +65,7 @@ pub fn pencil<'py>(
     let stiffness = parts(&stiffness)?;
     let mass = mass.as_ref().map(parts).transpose()?;
     let diagonal = diagonal.as_ref().map(arrays::numbers).transpose()?;
-    let Pairs { values, vectors, certificate, moved, .. } = watch::run(py, progress, |monitor| {
+    let Pairs { values, vectors, certificate, moved } = watch::run(py, progress, |monitor| {
         let matrix = |(offsets, columns, entries): &Parts<'_>| csr(n, n, offsets, columns, entries);
         let weights = match (&mass, diagonal) {
             (Some(parts), _) => Mass::Sparse(matrix(parts)?),

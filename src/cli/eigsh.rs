@@ -14,6 +14,7 @@ use chladni_work::SOLVER_VERSION;
 use serde_json::{Map, Value, json};
 
 use super::solve::report::{cut_of, eigenvalue_table, interval_of};
+use super::solve::{finite, interval};
 use super::work::{OutputFile, peak_rss_bytes};
 use super::{CliError, StageBars, Table, grouped, number, read_bytes};
 
@@ -81,16 +82,6 @@ Examples:
   chladni eigsh K.mtx M.mtx --fixed clamped.txt -n 20  some rows at zero
   chladni eigsh A.npz --between -0.1,0.1               around zero, with the index of the first";
 
-fn finite(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "a number is expected".to_owned())?;
-    if value.is_finite() { Ok(value) } else { Err("a finite number is expected".to_owned()) }
-}
-
-fn interval(text: &str) -> Result<[f64; 2], String> {
-    let (from, to) = text.split_once(',').ok_or("two numbers with a comma between them are expected")?;
-    Ok([finite(from.trim())?, finite(to.trim())?])
-}
-
 /// What a run made and measured.
 struct Run {
     basis: Basis,
@@ -116,7 +107,7 @@ impl EigshArguments {
         match (self.below, self.between) {
             (Some(bound), _) => Wanted::Below { bound, most },
             (None, Some([from, to])) => Wanted::Between { from, to, most },
-            (None, None) => Wanted::Lowest(self.count),
+            (None, None) => Wanted::Count(self.count),
         }
     }
 
@@ -162,7 +153,7 @@ impl EigshArguments {
     /// How the basis was made, as it is written.
     fn about(&self, parameters: &Parameters) -> Map<String, Value> {
         let wanted = match parameters.wanted {
-            Wanted::Lowest(count) => json!({ "count": count }),
+            Wanted::Count(count) => json!({ "count": count }),
             Wanted::Below { bound, most } => json!({ "below": bound, "at_most": most }),
             Wanted::Between { from, to, most } => json!({ "between": [from, to], "at_most": most }),
         };

@@ -65,7 +65,7 @@ fn without_positions(problem: &EigenProblem, count: usize, tolerance: f64) -> Pa
         mass => Mass::Sparse(mass.sparse().expect("a sparse mass").clone()),
     };
     let pencil = Pencil::new(problem.stiffness.clone(), mass, &[], &Unwatched).expect("a pencil");
-    let parameters = Parameters { wanted: Wanted::Lowest(count), tolerance, seed: 0 };
+    let parameters = Parameters { wanted: Wanted::Count(count), tolerance, seed: 0 };
     solve(&pencil, &parameters, &Unwatched).expect("eigenpairs")
 }
 

@@ -55,7 +55,7 @@ fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
 }
 
 fn lowest(count: usize) -> Parameters {
-    Parameters { wanted: Wanted::Lowest(count), ..Parameters::default() }
+    Parameters { wanted: Wanted::Count(count), ..Parameters::default() }
 }
 
 fn pencil(stiffness: &SparseMatrix, mass: &Mass) -> Pencil {

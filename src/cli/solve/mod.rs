@@ -112,13 +112,13 @@ Examples:
   chladni solve face.obj --method hsim --operator hamiltonian:0.1 --boundary dirichlet";
 
 /// Reads a finite number: JSON has no other, and would pass on one as if nothing had been given.
-fn finite(text: &str) -> Result<f64, String> {
+pub(super) fn finite(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "a number is expected".to_owned())?;
     if value.is_finite() { Ok(value) } else { Err("a finite number is expected".to_owned()) }
 }
 
 /// Reads two finite numbers with a comma between them.
-fn interval(text: &str) -> Result<[f64; 2], String> {
+pub(super) fn interval(text: &str) -> Result<[f64; 2], String> {
     let (from, to) = text.split_once(',').ok_or("two numbers with a comma between them are expected")?;
     Ok([finite(from.trim())?, finite(to.trim())?])
 }

@@ -3,7 +3,7 @@
 use chladni_algebra::{MassMatrix, PANEL_WIDTH, PanelMatrix, residual_sums};
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
-use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Interval, Precision, completeness};
+use chladni_spectral::basis::{Basis, DenseFunctions, Functions, Interval, Precision};
 use chladni_spectral::operator::{EigenProblem, MeshOperator};
 use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Variant, Wanted};
@@ -231,50 +231,21 @@ impl Exact {
             (StorageKind::Dense, Precision::F32) => Some(residuals_as_stored(&pairs, problem, monitor)?),
             _ => None,
         };
-        let interval = self.interval(&pairs);
         let mut basis = self.basis(pairs, mass, monitor)?;
-        if let Some(interval) = &interval {
-            let Interval { from, to, on_bounds } = interval;
+        if let Some(Interval { from, to, on_bounds }) = &basis.certificate.interval {
             basis.metadata = serde_json::json!({
                 "interval": { "from": from, "to": to, "first": basis.certificate.first, "on_bounds": on_bounds }
             });
         }
-        basis.certificate.interval = interval;
         if let Some(residuals) = stored {
             basis.certificate.residuals = residuals;
         }
         Ok(basis)
     }
 
-    /// What was asked for by bounds: those, and the pairs that lie on a bound as far as rounding lets one tell.
-    fn interval(&self, pairs: &Eigenpairs) -> Option<Interval> {
-        let (from, to) = match self.solver.wanted {
-            Wanted::Count(_) => return None,
-            Wanted::Below { bound, .. } => (None, bound),
-            Wanted::Between { from, to, .. } => (Some(from), to),
-        };
-        Some(Interval { from, to, on_bounds: pairs.on_bounds.clone() })
-    }
-
     /// The basis of what the solver found. `mass` is that of all vertices in the units of the input.
-    fn basis(&self, pairs: Eigenpairs, mass: MassMatrix, monitor: &dyn Monitor) -> Result<Basis, JobError> {
-        let complete = completeness(pairs.first, &pairs.values, &pairs.inertia);
-        if complete != Some(true) {
-            let reason = "the inertia counts do not cover the pairs".to_owned();
-            return Err(HsimError::Unproven { reason }.into());
-        }
-        let mut certificate = Certificate {
-            complete,
-            residuals: pairs.residuals,
-            bounds: pairs.bounds,
-            orthonormality_defect: pairs.orthonormality_defect,
-            inertia: pairs.inertia,
-            first: pairs.first,
-            cut: pairs.cut,
-            tolerance: Some(self.solver.tolerance),
-            levels: pairs.levels,
-            ..Certificate::default()
-        };
+    fn basis(&self, mut pairs: Eigenpairs, mass: MassMatrix, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+        let mut certificate = pairs.take_certificate(self.solver.wanted, self.solver.tolerance)?;
         let functions = match self.storage {
             StorageKind::Dense => Functions::Dense(DenseFunctions::from_panels(pairs.vectors, self.precision)),
             StorageKind::Compact => {

@@ -1,6 +1,7 @@
 //! HSIM, the hierarchical subspace iteration method (thesis, chapter 4): the lowest eigenpairs to any tolerance, proven complete.
 
 mod bare;
+mod certificate;
 mod certify;
 mod columns;
 mod deliver;
@@ -31,14 +32,14 @@ use chladni_base::Cancelled;
 pub enum Wanted {
     /// The lowest so many, the kernel included.
     Count(usize),
-    /// All whose eigenvalue lies below this, in 1/length² of the input; at most so many are delivered, more are an error.
+    /// All whose eigenvalue lies below this, in the unit of the eigenvalues (1/length² of the input, for a mesh); at most so many are delivered, more are an error.
     Below {
         /// The bound on the eigenvalues.
         bound: f64,
         /// The most pairs that may be delivered.
         most: usize,
     },
-    /// All whose eigenvalue is at least `from` and below `to`, in 1/length² of the input. All below `to` are computed, and may be `most`.
+    /// All whose eigenvalue is at least `from` and below `to`, in that unit too. All below `to` are computed, and may be `most`.
     Between {
         /// The lower end, which belongs to the interval.
         from: f64,

@@ -8,7 +8,7 @@
 //! let (offsets, columns) = ([0, 2, 5, 8, 10], [0, 1, 0, 1, 2, 1, 2, 3, 2, 3]);
 //! let entries = [1.0, -1.0, -1.0, 2.0, -1.0, -1.0, 2.0, -1.0, -1.0, 1.0];
 //! let pencil = Pencil::new(csr(4, 4, &offsets, &columns, &entries)?, Mass::Identity, &[], &Unwatched)?;
-//! let pairs = solve(&pencil, &Parameters { wanted: Wanted::Lowest(2), ..Parameters::default() }, &Unwatched)?;
+//! let pairs = solve(&pencil, &Parameters { wanted: Wanted::Count(2), ..Parameters::default() }, &Unwatched)?;
 //!
 //! assert!(pairs.values[0].abs() < 1e-12 && (pairs.values[1] - (2.0 - 2f64.sqrt())).abs() < 1e-12);
 //! assert_eq!(pairs.certificate.complete, Some(true));
@@ -21,8 +21,9 @@ mod mass;
 use chladni_algebra::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseError, SparseMatrix};
 use chladni_base::{Cancelled, Monitor};
 
-use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, OnBound};
-use crate::basis::{Basis, Certificate, DenseFunctions, Functions, Interval, Precision, completeness};
+pub use super::hsim::Wanted;
+use super::hsim::{self, Eigenpairs, HsimError, HsimParameters};
+use crate::basis::{Basis, Certificate, DenseFunctions, Functions, Precision};
 use crate::operator::EigenProblem;
 
 pub use check::csr;
@@ -51,29 +52,6 @@ pub struct Pencil {
     mass: MassMatrix,
 }
 
-/// Which eigenpairs are wanted.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Wanted {
-    /// The lowest so many.
-    Lowest(usize),
-    /// All with `λ < bound`; more than `most` are an error.
-    Below {
-        /// The bound.
-        bound: f64,
-        /// The most pairs that may be delivered.
-        most: usize,
-    },
-    /// All with `from ≤ λ < to`. All below `to` are computed, and may be `most`.
-    Between {
-        /// The lower end, which belongs to the interval.
-        from: f64,
-        /// The upper end, which does not.
-        to: f64,
-        /// The most pairs below the upper end.
-        most: usize,
-    },
-}
-
 /// What is to be computed, and how well.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameters {
@@ -87,7 +65,7 @@ pub struct Parameters {
 
 impl Default for Parameters {
     fn default() -> Self {
-        Self { wanted: Wanted::Lowest(6), tolerance: 1e-8, seed: 0 }
+        Self { wanted: Wanted::Count(6), tolerance: 1e-8, seed: 0 }
     }
 }
 
@@ -102,8 +80,6 @@ pub struct Pairs {
     pub certificate: Certificate,
     /// The multiple `c` of the mass that residuals are relative to. Zero where no eigenvalue but that of a kernel of constants is near zero.
     pub moved: f64,
-    /// Pairs of which rounding does not let one tell on which side of a bound they lie, delivered or not.
-    pub on_bounds: Vec<OnBound>,
 }
 
 /// Why there are no pairs.
@@ -288,9 +264,9 @@ fn power(number: f64, step: i32) -> f64 {
 pub fn solve(pencil: &Pencil, parameters: &Parameters, monitor: &dyn Monitor) -> Result<Pairs, PencilError> {
     let (value, _) = pencil.factors;
     let wanted = match parameters.wanted {
-        Wanted::Lowest(count) => hsim::Wanted::Count(count),
-        Wanted::Below { bound, most } => hsim::Wanted::Below { bound: bound / value, most },
-        Wanted::Between { from, to, most } => hsim::Wanted::Between { from: from / value, to: to / value, most },
+        count @ Wanted::Count(_) => count,
+        Wanted::Below { bound, most } => Wanted::Below { bound: bound / value, most },
+        Wanted::Between { from, to, most } => Wanted::Between { from: from / value, to: to / value, most },
     };
     let inner =
         HsimParameters { wanted, tolerance: parameters.tolerance, seed: parameters.seed, ..HsimParameters::default() };
@@ -314,32 +290,9 @@ impl Pencil {
         for pair in &mut pairs.on_bounds {
             (pair.value, pair.within, pair.bound) = (pair.value * value, pair.within * value, pair.bound * value);
         }
-        let complete = completeness(pairs.first, &pairs.values, &pairs.inertia);
-        if complete != Some(true) {
-            let reason = "the inertia counts do not cover the pairs".to_owned();
-            return Err(HsimError::Unproven { reason });
-        }
+        let certificate = pairs.take_certificate(parameters.wanted, parameters.tolerance)?;
         let vectors = columns(pairs.vectors, self.rows, self.problem.unknowns.as_deref(), entry);
-        let interval = |from, to| Interval { from, to, on_bounds: pairs.on_bounds.clone() };
-        let interval = match parameters.wanted {
-            Wanted::Lowest(_) => None,
-            Wanted::Below { bound, .. } => Some(interval(None, bound)),
-            Wanted::Between { from, to, .. } => Some(interval(Some(from), to)),
-        };
-        let certificate = Certificate {
-            complete,
-            residuals: pairs.residuals,
-            bounds: pairs.bounds,
-            orthonormality_defect: pairs.orthonormality_defect,
-            inertia: pairs.inertia,
-            first: pairs.first,
-            interval,
-            cut: pairs.cut,
-            tolerance: Some(parameters.tolerance),
-            levels: pairs.levels,
-            ..Certificate::default()
-        };
-        Ok(Pairs { values: pairs.values, vectors, certificate, moved: moved * value, on_bounds: pairs.on_bounds })
+        Ok(Pairs { values: pairs.values, vectors, certificate, moved: moved * value })
     }
 }
 
