@@ -9,13 +9,13 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::client::ClientState;
-use super::jobs::{BYTES_PER_NUMBER, JSON_BYTES, Planned, plan};
+use super::extract;
+use super::jobs::{self, Planned};
 use super::numbering::{Numbered, NumberingQuery};
 use super::problem::Problem;
 use super::problems::problems;
 use super::state::AppState;
 use super::wire::JobRequest;
-use super::{body, exchange, extract};
 
 /// The routes of estimates.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -58,9 +58,8 @@ async fn estimate(
     body: Body,
 ) -> Result<Json<JobEstimate>, Problem> {
     extract::require_json(&headers)?;
-    let body = body::read(&state, &headers, body, JSON_BYTES).await?;
-    let mut request: JobRequest = exchange::parse(&state, body, BYTES_PER_NUMBER).await?;
-    let Planned { parameters, estimate, limit, seconds, .. } = plan(&state, &numbered, &mut request).await?;
+    let mut request = jobs::read(&state, &headers, body).await?;
+    let Planned { parameters, estimate, limit, seconds, .. } = jobs::plan(&state, &numbered, &mut request).await?;
     Ok(Json(JobEstimate {
         kind: parameters.kind(),
         seconds,

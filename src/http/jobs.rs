@@ -28,10 +28,10 @@ use super::{body, conditional, exchange};
 use crate::store::{EnqueueOutcome, IdempotencyKey, JobFilter, JobRecord, JobStatus, MeshRecord, NewJob, StoreError};
 
 /// The largest body of a job: a potential comes with it.
-pub(super) const JSON_BYTES: u64 = 16 << 20;
+const JSON_BYTES: u64 = 16 << 20;
 
 /// The memory that a number of such a body takes: as packed JSON, as a parameter, and as what is stored.
-pub(super) const BYTES_PER_NUMBER: u64 = 128;
+const BYTES_PER_NUMBER: u64 = 128;
 
 /// The longest a long poll waits.
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
@@ -84,8 +84,7 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
     }
     extract::require_json(&headers)?;
     let key = idempotency_key(&headers)?;
-    let body = body::read(&state, &headers, body, JSON_BYTES).await?;
-    let mut request: JobRequest = exchange::parse(&state, body, BYTES_PER_NUMBER).await?;
+    let mut request = read(&state, &headers, body).await?;
     let Planned { mesh, parameters, estimate, limit, .. } = plan(&state, &numbered, &mut request).await?;
     if estimate > limit {
         return Err(Problem::new(
@@ -122,6 +121,12 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
     let mut response = resource(record, if done { StatusCode::OK } else { StatusCode::ACCEPTED })?;
     response.headers_mut().insert(OUTCOME, HeaderValue::from_static(outcome_name(outcome)));
     Ok(response)
+}
+
+/// Reads the body that asks for a job.
+pub(super) async fn read(state: &ClientState, headers: &HeaderMap, body: Body) -> Result<JobRequest, Problem> {
+    let body = body::read(state, headers, body, JSON_BYTES).await?;
+    exchange::parse(state, body, BYTES_PER_NUMBER).await
 }
 
 /// A job as it would be enqueued.

@@ -50,7 +50,7 @@ const numbered = /^\/v1\/(functional-maps|meshes\/[^/?]+\/frames|bases\/[^/?]+\/
 
 /** The path of a request in which vertices and faces are numbered as the kept mesh does. */
 export const kept = (path: string, method = "GET") =>
-  numbered.test(path) || (path === "/v1/jobs" && method === "POST") ? `${path}${path.includes("?") ? "&" : "?"}numbering=kept` : path;
+  numbered.test(path) || (/^\/v1\/(jobs|job-estimates)$/.test(path) && method === "POST") ? `${path}${path.includes("?") ? "&" : "?"}numbering=kept` : path;
 
 /** The last request for something that is shown, as one would send it oneself. */
 export const recent: { shown: Request | null } = { shown: null };

@@ -6,7 +6,6 @@ import type { Surface } from "./surface";
 
 /** A function at the vertices, with the colours in which it is shown: three bytes a vertex. */
 export interface Coloured {
-  name: string;
   values: Float32Array;
   colours: Uint8Array;
 }

@@ -42,10 +42,7 @@ export function toolbar(app: App, look: Look): HTMLElement {
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
   };
-  const coloured = (): Coloured | null => {
-    const shown = look.coloured();
-    return shown && { name: name(), ...shown };
-  };
+  const coloured = (): Coloured | null => look.coloured();
   const copy = async (text: string, what: string) => {
     try {
       await navigator.clipboard.writeText(text);
