@@ -12,7 +12,7 @@ Arrays are NumPy's, matrices SciPy's. What takes long gives up the interpreter's
 """
 
 from ._basis import Basis
-from ._certificate import Certificate, InertiaCount, LevelReport
+from ._certificate import Certificate, CutCluster, InertiaCount, Interval, LevelReport, OnBound
 from ._client import Client, RemoteBasis
 from ._errors import Cancelled, ClientError, Error, FormatError, MeshError, ParameterError, SolveError, UnprovenError
 from ._fields import Fields, fields
@@ -30,15 +30,18 @@ __all__ = [
     "Certificate",
     "Client",
     "ClientError",
+    "CutCluster",
     "Eigenpairs",
     "Error",
     "Fields",
     "FormatError",
     "FunctionalMap",
     "InertiaCount",
+    "Interval",
     "LevelReport",
     "Mesh",
     "MeshError",
+    "OnBound",
     "Operators",
     "ParameterError",
     "PointMap",

@@ -50,6 +50,19 @@ def test_masses_and_intervals(knot):
     )
 
 
+def test_a_count_that_cuts_a_cluster_says_so():
+    line = scipy.sparse.diags([-np.ones(79), np.r_[1, 2 * np.ones(78), 1], -np.ones(79)], [-1, 0, 1])
+    copies = scipy.sparse.kron(scipy.sparse.identity(20), line) + 1e-3 * scipy.sparse.identity(1600)
+    found = chladni.eigsh(copies, k=50)
+    assert found.complete and found.certificate.cut == chladni.CutCluster(first=40, end=60)
+
+
+def test_shifts_of_equal_distance_take_as_many_as_were_asked_for():
+    S = scipy.sparse.diags([0.0, 0.0, 0.0, 0.6, 2.0, 3.0])
+    found = chladni.eigsh(S, k=3, sigma=0.5)
+    assert np.allclose(found.values, [0, 0, 0.6], atol=1e-12) and found.certificate.first == 1
+
+
 def test_shifts_inside_the_spectrum_take_the_nearest():
     S, exact = grid(50, 33)
     sigma = exact[40] + 0.3 * (exact[41] - exact[40])

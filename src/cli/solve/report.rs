@@ -188,7 +188,7 @@ pub fn cut_of(cut: CutCluster, delivered: usize) -> String {
     let (of, from) = (grouped(cut.end - cut.first), grouped(cut.first + 1));
     let here = grouped(delivered.saturating_sub(cut.first));
     format!(
-        "\nthe count cuts a cluster: from pair {from} on, {here} of at most {of} eigenvalues that count as one, whose functions may be others\n"
+        "\nthe count cuts a cluster of up to {of} eigenvalues: {here} of them are delivered, from pair {from} on, and their eigenfunctions are one choice among many\n"
     )
 }
 
@@ -239,7 +239,7 @@ mod tests {
         assert!(text.contains("from 1, below 2.5") && text.contains("index 3 among all"), "{text}");
         assert!(text.contains("eigenvalue 4 is 2.5") && text.contains("not below"), "{text}");
         let text = cut_of(CutCluster { first: 8, end: 32 }, 14);
-        assert!(text.contains("from pair 9 on, 6 of at most 24"), "{text}");
+        assert!(text.contains("up to 24 eigenvalues: 6 of them are delivered, from pair 9 on"), "{text}");
         assert_eq!(storage(2000, 1000), "2.0 kB stored");
         assert!(storage(500, 1000).contains("50 % of the 1.0 kB"));
     }
