@@ -64,7 +64,7 @@ pub(super) fn finish(
     let mut order = iteration.order();
     order.truncate(pairs.saturating_sub(known));
     iteration.keep(order);
-    iteration.clear_of_kernel();
+    iteration.remove_kernel();
     if !iteration.ritz {
         iteration.orthonormalise()?;
     }

@@ -55,9 +55,6 @@ const ON_ALL: usize = 3;
 /// A coupling of a new direction with an old column counts from this share of what the tolerance allows.
 const COUPLED: f64 = 0.1;
 
-/// A function whose value is above this share of the highest one is no function of the kernel.
-const AS_GOOD_AS_KERNEL: f64 = 1e-9;
-
 /// A new Ritz vector joins the block if its residual (4.6) is at most this: rounding errors look like vectors too.
 const LARGEST_FOUND: f64 = 0.5;
 
@@ -131,11 +128,6 @@ impl<'a> Iteration<'a> {
         values.extend_from_slice(&self.values);
         values.sort_by(f64::total_cmp);
         values
-    }
-
-    /// How many of the values below a shift are those of the kernel.
-    pub fn kernel_below(&self, shift: f64) -> usize {
-        if shift > 0.0 { self.kernel.dimension() } else { 0 }
     }
 
     /// Counts the eigenvalues below a shift.
@@ -324,7 +316,7 @@ impl<'a> Iteration<'a> {
         both.assign(&(old..old + count).collect::<Vec<_>>(), &directions);
         drop(directions);
         rotate(&mut both, &rotation.slice_columns(0..kept), monitor)?;
-        let clear = self.clear_of_the_kernel(&both, &values[..kept], top);
+        let clear = self.not_of_the_kernel(&both, &values[..kept], top);
         if clear.len() < old {
             return self.orthonormalise();
         }
@@ -349,24 +341,6 @@ impl<'a> Iteration<'a> {
             (self.values[place], self.sums[place]) = (values[k], sums[k]);
         }
         Ok(())
-    }
-
-    /// Which columns are not for the most part functions of the kernel, which rounding makes of directions of which next to nothing is left. Those have
-    /// values next to zero beside the highest one, `top`.
-    fn clear_of_the_kernel(&self, columns: &PanelMatrix, values: &[f64], top: f64) -> Vec<usize> {
-        let mut clear: Vec<usize> = (0..values.len()).collect();
-        let suspects: Vec<usize> =
-            clear.iter().copied().filter(|&k| values[k].abs() <= AS_GOOD_AS_KERNEL * top.abs()).collect();
-        if suspects.is_empty() || self.kernel.dimension() == 0 {
-            return clear;
-        }
-        let mut rest = columns.select(&suspects);
-        let before = lengths(&self.level.mass, &rest);
-        self.kernel.remove(&mut rest);
-        let after = lengths(&self.level.mass, &rest);
-        clear
-            .retain(|k| suspects.iter().position(|suspect| suspect == k).is_none_or(|at| after[at] > 0.5 * before[at]));
-        clear
     }
 
     /// One step of plain subspace iteration with a single shift: inverse iterations for the columns from `done` on, and one Rayleigh–Ritz over all. Columns
@@ -478,24 +452,6 @@ impl<'a> Iteration<'a> {
         counts.sort_by(|a, b| a.shift.total_cmp(&b.shift));
         counts.dedup();
         counts
-    }
-
-    /// Takes off the columns what rounding left of the kernel in them.
-    pub fn clear_of_kernel(&mut self) {
-        self.kernel.remove(&mut self.vectors);
-    }
-
-    /// Puts the kernel, or `known` functions of it, among the columns, which ascend by value; gives where. Negative eigenvalues, which a potential can have,
-    /// come before it.
-    pub fn insert_kernel(&mut self, known: usize) -> Result<std::ops::Range<usize>, HsimError> {
-        let columns = self.values.len();
-        let negative = self.values.partition_point(|&value| value < 0.0);
-        if known > 0 {
-            let basis = self.kernel.basis(known);
-            self.append(&basis, &vec![0.0; known])?;
-            self.keep((0..negative).chain(columns..columns + known).chain(negative..columns).collect());
-        }
-        Ok(negative..negative + known)
     }
 
     /// Makes the columns orthonormal Ritz vectors again, without solves.

@@ -4,7 +4,13 @@
 use chladni_algebra::{PANEL_WIDTH, PanelMatrix};
 use rayon::prelude::*;
 
+use super::HsimError;
+use super::columns::lengths;
+use super::iterate::Iteration;
 use super::level::{Level, NO_KERNEL};
+
+/// A function whose value is above this share of the highest one is no function of the kernel.
+const AS_GOOD_AS_KERNEL: f64 = 1e-9;
 
 /// The components on which the operator has constants in its kernel.
 #[derive(Debug, Clone)]
@@ -81,5 +87,49 @@ impl<'a> Kernel<'a> {
             }
         }
         basis
+    }
+}
+
+/// The kernel beside the columns of an iteration, which does without it.
+impl Iteration<'_> {
+    /// How many of the values below a shift are those of the kernel.
+    pub fn kernel_below(&self, shift: f64) -> usize {
+        if shift > 0.0 { self.kernel.dimension() } else { 0 }
+    }
+
+    /// Which columns are not for the most part functions of the kernel, which rounding makes of directions of which next to nothing is left. Those have
+    /// values next to zero beside the highest one, `top`.
+    pub fn not_of_the_kernel(&self, columns: &PanelMatrix, values: &[f64], top: f64) -> Vec<usize> {
+        let mut clear: Vec<usize> = (0..values.len()).collect();
+        let suspects: Vec<usize> =
+            clear.iter().copied().filter(|&k| values[k].abs() <= AS_GOOD_AS_KERNEL * top.abs()).collect();
+        if suspects.is_empty() || self.kernel.dimension() == 0 {
+            return clear;
+        }
+        let mut rest = columns.select(&suspects);
+        let before = lengths(&self.level.mass, &rest);
+        self.kernel.remove(&mut rest);
+        let after = lengths(&self.level.mass, &rest);
+        clear
+            .retain(|k| suspects.iter().position(|suspect| suspect == k).is_none_or(|at| after[at] > 0.5 * before[at]));
+        clear
+    }
+
+    /// Takes off the columns what rounding left of the kernel in them.
+    pub fn remove_kernel(&mut self) {
+        self.kernel.remove(&mut self.vectors);
+    }
+
+    /// Puts the kernel, or `known` functions of it, among the columns, which ascend by value; gives where. Negative eigenvalues, which a potential can have,
+    /// come before it.
+    pub fn insert_kernel(&mut self, known: usize) -> Result<std::ops::Range<usize>, HsimError> {
+        let columns = self.values.len();
+        let negative = self.values.partition_point(|&value| value < 0.0);
+        if known > 0 {
+            let basis = self.kernel.basis(known);
+            self.append(&basis, &vec![0.0; known])?;
+            self.keep((0..negative).chain(columns..columns + known).chain(negative..columns).collect());
+        }
+        Ok(negative..negative + known)
     }
 }
