@@ -3,7 +3,7 @@
 import { ApiError, ended, get, key, meshContent, post, recent, remove, rename, save, watch, type Basis, type BasisSummary, type Job, type Kind, type Mesh, type Page, type Parameters } from "./api";
 import { h } from "./dom";
 import { prepared } from "./geometry";
-import { read, write, type Place } from "./place";
+import { pack, read, unpack, write, type Place } from "./place";
 import type { Viewer } from "./viewer";
 
 /** One tab. `show` runs whenever it becomes visible and whenever mesh or basis change under it. */
@@ -12,14 +12,18 @@ export interface Panel {
   title: string;
   /** What it is for, in a sentence or two. */
   about: string;
+  /** The page of the manual on it. */
+  guide: string;
   /** The kind of basis it works on, where it needs one. */
   kind?: string;
+  /** Whether it can work with this one of them; with all, unless it says so. */
+  fits?(basis: BasisSummary): boolean;
   element: HTMLElement;
   show(): void;
   hide(): void;
 }
 
-type Happening = "mesh" | "meshes" | "bases" | "basis" | "jobs" | "tab" | "look";
+type Happening = "mesh" | "meshes" | "bases" | "basis" | "jobs" | "tab" | "look" | "map";
 
 export class App {
   place: Place = read();
@@ -65,6 +69,21 @@ export class App {
     write(this.place, step);
   }
 
+  /** Keeps in the address what was drawn or chosen in the open tab. What is packed has to be plain ASCII. */
+  keep(design: unknown) {
+    this.go({ design: design === null ? undefined : pack(design) });
+  }
+
+  private wish: { tab: string; design: string | undefined } | null = null;
+
+  /** What the address one came by holds for a tab. It is given once: from then on the tab itself knows. */
+  arrived<T>(tab: string): T | null {
+    if (this.wish?.tab !== tab) return null;
+    const found = unpack<T>(this.wish.design);
+    this.wish = null;
+    return found;
+  }
+
   // --- telling ----------------------------------------------------------------------------------------------------------
 
   /** Shows an error as the server words it. */
@@ -103,7 +122,7 @@ export class App {
     } }, text);
   }
 
-  private working(text: string | null, fraction?: number) {
+  working(text: string | null, fraction?: number) {
     this.busy.hidden = text === null;
     this.busy.lastElementChild!.textContent = text ?? "";
     const bar = this.busy.firstElementChild as HTMLProgressElement;
@@ -119,6 +138,7 @@ export class App {
     const moved = place.mesh !== this.mesh?.id;
     if (place.tab !== this.place.tab) this.panel?.hide();
     this.place = place;
+    this.wish = { tab: place.tab, design: place.design };
     this.viewer.view = place.view;
     this.viewer.up = place.up ?? this.viewer.guessed;
     this.emit("look");
@@ -167,7 +187,7 @@ export class App {
       this.viewer.onClick = this.viewer.onStroke = null;
       if (!keep) {
         this.viewer.view = undefined;
-        this.go({ mesh: id, basis: undefined, mode: 1, view: undefined, up: undefined }, step);
+        this.go({ mesh: id, basis: undefined, mode: 1, view: undefined, up: undefined, design: undefined }, step);
       } else {
         this.go({ mesh: id });
         this.viewer.up = this.place.up ?? this.viewer.guessed;
@@ -207,7 +227,7 @@ export class App {
     this.panel?.hide();
     [this.mesh, this.basis, this.bases] = [null, null, []];
     this.viewer.clear();
-    this.go({ mesh: undefined, basis: undefined, view: undefined, up: undefined });
+    this.go({ mesh: undefined, basis: undefined, view: undefined, up: undefined, design: undefined });
     this.emit("mesh");
     this.tab(this.place.tab, false);
   }
@@ -227,8 +247,8 @@ export class App {
   }
 
   /** The bases that the open tab can work on, newest first. */
-  basesOf(kind: string | undefined): BasisSummary[] {
-    return this.bases.filter((basis) => basis.kind === kind);
+  basesOf(panel: Panel): BasisSummary[] {
+    return this.bases.filter((basis) => basis.kind === panel.kind && (panel.fits?.(basis) ?? true));
   }
 
   /** Opens a tab. */
@@ -244,12 +264,12 @@ export class App {
     recent.shown = null;
     this.viewer.onClick = this.viewer.onStroke = null;
     this.viewer.onStrokeEnd = () => {};
-    this.go({ tab: id }, step && before?.id !== id);
+    this.go({ tab: id, ...(before?.id === id ? {} : { design: undefined }) }, step && before?.id !== id);
     const panel = this.panel;
     if (!panel) return;
     panel.element.hidden = false;
     this.emit("tab");
-    const candidates = this.basesOf(panel.kind);
+    const candidates = this.basesOf(panel);
     const wanted = candidates.find((basis) => basis.id === this.place.basis) ?? candidates.find((basis) => basis.id === this.basis?.id) ?? candidates[0];
     if (panel.kind && wanted && wanted.id !== this.basis?.id) void this.use(wanted.id).catch(this.fail);
     else {
@@ -273,11 +293,11 @@ export class App {
 
   // --- jobs -------------------------------------------------------------------------------------------------------------
 
-  /** Submits a job on the open mesh and follows it. */
-  async submit<K extends Kind>(kind: K, parameters: Parameters<K>) {
-    if (!this.mesh) return;
+  /** Submits a job, on the open mesh unless another is named, and follows it. */
+  async submit<K extends Kind>(kind: K, parameters: Parameters<K>, mesh = this.mesh?.id) {
+    if (!mesh) return;
     try {
-      const job = await post<Job>("/v1/jobs", { kind, mesh: this.mesh.id, parameters });
+      const job = await post<Job>("/v1/jobs", { kind, mesh, parameters });
       if (job.status === "succeeded" && job.basis) {
         this.toast("note", "Known already", "Equal work is done once: this is the stored result.");
         await this.finished(job);
@@ -309,7 +329,8 @@ export class App {
     this.emit("jobs");
     if (job.status !== "succeeded" || job.mesh !== this.mesh?.id) return;
     await this.findBases();
-    if (job.basis && this.panel?.kind === job.kind) await this.use(job.basis, true);
+    const panel = this.panel;
+    if (job.basis && panel && this.basesOf(panel).some((basis) => basis.id === job.basis)) await this.use(job.basis, true);
   }
 
   /** Takes up the jobs that still run, after a reload for example. */

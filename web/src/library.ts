@@ -102,7 +102,8 @@ function meshItem(app: App, mesh: Mesh): HTMLElement {
   const bases = app.bases.map((basis) => {
     const method = basis.kind === "field_basis" ? fieldName(basis.parameters) : "method" in basis.parameters ? basis.parameters.method : "";
     const text = `${words(basis.kind)} · ${grouped(basis.count)}${method ? ` · ${method}` : ""}`;
-    const tab = app.panels.find((panel) => panel.kind === basis.kind && panel.id === app.place.tab) ?? app.panels.find((panel) => panel.kind === basis.kind);
+    const suited = app.panels.filter((panel) => panel.kind === basis.kind && (panel.fits?.(basis) ?? true));
+    const tab = suited.find((panel) => panel.id === app.place.tab) ?? suited[0];
     return h("li", {}, h("button", {
       class: "basis", "aria-current": basis.id === app.basis?.id ? "true" : undefined, disabled: !tab,
       onclick: () => {

@@ -4,13 +4,12 @@ import { kept, recent } from "./api";
 import type { App } from "./app";
 import { curl, python, type Request } from "./code";
 import { brief, choice, h } from "./dom";
-import type { Coloured } from "./files";
+import type { Coloured, Order } from "./files";
 import { records } from "./film";
-import type { Look } from "./panels/basis";
-import type { Up } from "./upright";
-
-/** Fetched where a file is asked for: the page is there sooner without them. */
-const files = () => import("./files");
+import { fileName, give, write } from "./give";
+import type { Look } from "./panels/look";
+import { svg } from "./svg";
+import { AXES, type Up } from "./upright";
 
 /** Seconds of a film: one turn of the surface. */
 const FILM = 6;
@@ -36,11 +35,17 @@ export function toolbar(app: App, look: Look): HTMLElement {
   const bar = h("div", { class: "stagebar", role: "group", "aria-label": "View", hidden: true }, up, edges, save);
 
   const renumbered = () => app.mesh?.report.file !== undefined && app.mesh.report.file !== null;
-  const name = () => [app.mesh?.name ?? "mesh", app.title.textContent !== app.mesh?.name ? app.title.textContent : ""].filter(Boolean).join("-").toLowerCase().replace(/[^a-z0-9]+/g, "-");
-  const download = (blob: Blob, ending: string) => {
-    const link = h("a", { href: URL.createObjectURL(blob), download: `${name()}.${ending}` });
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+  const name = () => fileName(app.mesh?.name ?? "mesh", app.title.textContent !== app.mesh?.name ? app.title.textContent : "");
+  const download = (blob: Blob, ending: string) => give(blob, `${name()}.${ending}`);
+  /** Writes a file beside the page, and tells that it is being written where that takes a moment. */
+  const file = async (order: Order, ending: string) => {
+    const said = window.setTimeout(() => app.working(`Writing ${ending.toUpperCase()} …`), 300);
+    try {
+      download(await write(order), ending);
+    } finally {
+      window.clearTimeout(said);
+      app.working(null);
+    }
   };
   const coloured = (): Coloured | null => look.coloured();
   const copy = async (text: string, what: string) => {
@@ -74,16 +79,12 @@ export function toolbar(app: App, look: Look): HTMLElement {
         app.toast("note", "Recording", `The surface turns once, for ${FILM} seconds.`);
         download(await viewer.film(FILM), "webm");
       }), lines !== null && item("Lines as SVG", async () => {
-        const { svg } = await files();
         const { width, height, runs } = viewer.drawn(lines);
         download(svg(runs, width, height, Math.max(0.6, width / 1200)), "svg");
       })]),
-      group("Surface as shown", [item("OBJ", async () => download((await files()).obj(viewer.shape()!), "obj")), item(shown ? "PLY with colours" : "PLY", async () => download((await files()).ply(viewer.shape()!, coloured()), "ply")),
-        item("GLB", async () => {
-          const { surface, normals } = viewer.turned()!;
-          download(await (await files()).glb(surface, normals, coloured()), "glb");
-        }), item("VTP (ParaView)", async () => download((await files()).vtp(viewer.shape()!, coloured()), "vtp"))]),
-      shown && group("Values at the vertices", [item("CSV", async () => download((await files()).csv(viewer.shape()!, coloured()!, renumbered() ? "kept_vertex" : "vertex"), "csv")), item("NPY (NumPy)", async () => download((await files()).npy(coloured()!.values), "npy"))]),
+      group("Surface as shown", [item("OBJ", () => file({ kind: "obj", surface: viewer.shape()! }, "obj")), item(shown ? "PLY with colours" : "PLY", () => file({ kind: "ply", surface: viewer.shape()!, shown: coloured() }, "ply")),
+        item("GLB", () => file({ kind: "glb", surface: viewer.shape()!, shown: coloured(), axes: AXES[viewer.up] }, "glb")), item("VTP (ParaView)", () => file({ kind: "vtp", surface: viewer.shape()!, shown: coloured() }, "vtp"))]),
+      shown && group("Values at the vertices", [item("CSV", () => file({ kind: "csv", surface: viewer.shape()!, shown: coloured()!, vertex: renumbered() ? "kept_vertex" : "vertex" }, "csv")), item("NPY (NumPy)", () => file({ kind: "npy", values: coloured()!.values }, "npy"))]),
       sound && group("Sound", [item("WAV", () => download(new Blob([sound], { type: "audio/wav" }), "wav"))]),
       request && group("Copy the request", [item("as curl", () => copy(curl(request), "The request for curl")), item("as Python", () => copy(python(request), "The request in Python"))]),
       job && group("Copy the job", [item("as curl", () => copy(curl(job), "The job for curl")), item("as Python", () => copy(python(job), "The job in Python"))]),
@@ -104,8 +105,8 @@ export function toolbar(app: App, look: Look): HTMLElement {
   const readout = h("p", { class: "readout", "aria-hidden": "true", hidden: true });
   viewer.onHover = (hit) => {
     readout.hidden = hit === null;
+    const value = look.at(hit?.vertex ?? null);
     if (!hit) return;
-    const value = look.at(hit.vertex);
     // What repairs renumbered has other numbers in the file.
     readout.textContent = `${renumbered() ? "kept vertex" : "vertex"} ${hit.vertex}${value === null ? "" : ` · ${brief(value)}`}`;
   };

@@ -1,10 +1,8 @@
 // What the tabs share: which basis is open, how to ask for another, and how the surface is coloured.
 
 import type { BasisSummary, Eigenbasis, Parameters } from "../api";
-import type { App } from "../app";
-import { MAPS, gradient, table } from "../colours";
+import type { App, Panel } from "../app";
 import { brief, choice, field, grouped, h, seconds, slider } from "../dom";
-import type { Scalar } from "../viewer";
 import { expected } from "./expected";
 
 /** One line about a basis. */
@@ -22,11 +20,11 @@ function line(basis: BasisSummary): string {
 export const fieldName = ({ field, n }: { field?: string; n?: number | null }) => (field === "n_vector" ? `${n}-field` : (field ?? "vector"));
 
 /** The head of a tab: its bases, and a form that makes another. The form is open where there is none yet. */
-export function basisHead(app: App, kind: string, name: string, form: HTMLElement): { element: HTMLElement; update: () => void } {
+export function basisHead(app: App, panel: () => Panel, name: string, form: HTMLElement): { element: HTMLElement; update: () => void } {
   const chooser = h("div", {});
   const details = h("details", { class: "new" }, h("summary", {}, `New ${name} …`), form);
   const update = () => {
-    const bases = app.basesOf(kind);
+    const bases = app.basesOf(panel());
     chooser.replaceChildren();
     if (bases.length > 0) {
       const select = choice(bases.map((basis) => [basis.id, `${bases.some((other) => other !== basis && line(other) === line(basis)) ? `${new Date(basis.created_ms).toLocaleTimeString()} · ` : ""}${line(basis)}`]), app.basis?.id ?? "", (id) => app.use(id, true).catch(app.fail), name);
@@ -113,101 +111,4 @@ export function certificate(basis: Eigenbasis): HTMLElement {
   const solved = basis.stage_seconds.reduce((sum, stage) => sum + stage.seconds, 0);
   sentences.push(h("p", { class: "dim" }, `Solved in ${seconds(solved)}${parameters.method ? ` by the method ${parameters.method}` : ""}.`));
   return h("div", { class: "certificate" }, ...sentences);
-}
-
-/** Colour map and isolines, the same for every tab, and the legend that tells what colours mean. */
-export class Look {
-  readonly element: HTMLElement;
-  readonly legend = h("div", { class: "legend", hidden: true }, h("span", {}), h("span", { class: "ramp" }), h("span", {}));
-  private scalar: Scalar | null = null;
-  private name = { diverging: "blue-orange", sequential: "viridis" };
-
-  constructor(private readonly app: App) {
-    const maps = choice([], "", () => {}, "Colours");
-    const lines = slider("Isolines", { min: 0, max: 40, step: 1, value: app.place.lines ?? 16 }, (value) => {
-      app.go({ lines: value });
-      app.viewer.lines(value);
-    }, (value) => (value ? String(value) : "none"));
-    const arrive = () => {
-      const wanted = MAPS[app.place.map ?? ""];
-      if (wanted) this.name[wanted.diverging ? "diverging" : "sequential"] = app.place.map!;
-      lines.set(app.place.lines ?? 16);
-      app.viewer.lines(app.place.lines ?? 16);
-      this.apply();
-    };
-    maps.addEventListener("change", () => {
-      this.name[MAPS[maps.value].diverging ? "diverging" : "sequential"] = maps.value;
-      app.go({ map: maps.value });
-      this.apply();
-    });
-    this.element = h("div", { class: "look" }, field("Colours", maps), lines.element);
-    this.options = (diverging) => {
-      maps.replaceChildren(...Object.entries(MAPS).filter(([, map]) => map.diverging === diverging).map(([key, map]) => h("option", { value: key }, map.name)));
-      maps.value = this.name[diverging ? "diverging" : "sequential"];
-    };
-    app.on("look", arrive);
-    arrive();
-  }
-
-  private readonly options: (diverging: boolean) => void;
-
-  /** Colours the surface; `null` leaves it plain. */
-  show(scalar: Scalar | null, ends?: [string, string]) {
-    this.scalar = scalar;
-    this.app.viewer.setScalar(scalar);
-    this.legend.hidden = scalar === null;
-    if (scalar) {
-      this.legend.firstElementChild!.textContent = ends?.[0] ?? brief(scalar.range[0]);
-      this.legend.lastElementChild!.textContent = ends?.[1] ?? brief(scalar.range[1]);
-      this.apply();
-    }
-  }
-
-  /** The value that is shown at a vertex. */
-  at(vertex: number): number | null {
-    return this.scalar?.values[vertex] ?? null;
-  }
-
-  /** The values that are shown, and the colour of each. */
-  coloured(): { values: Float32Array; colours: Uint8Array } | null {
-    if (!this.scalar) return null;
-    const { values, range: [low, high], diverging } = this.scalar;
-    const steps = table(MAPS[this.name[diverging ? "diverging" : "sequential"]], 1024);
-    const colours = new Uint8Array(3 * values.length);
-    values.forEach((value, v) => {
-      const at = 4 * Math.round(1023 * Math.min(Math.max((value - low) / Math.max(high - low, 1e-30), 0), 1));
-      for (let k = 0; k < 3; k++) colours[3 * v + k] = steps[at + k];
-    });
-    return { values, colours };
-  }
-
-  private applied = "";
-
-  private apply() {
-    const diverging = this.scalar?.diverging ?? true;
-    const name = this.name[diverging ? "diverging" : "sequential"];
-    if (this.applied === name) return;
-    this.applied = name;
-    this.options(diverging);
-    this.app.viewer.map(name);
-    (this.legend.children[1] as HTMLElement).style.background = gradient(MAPS[name]);
-  }
-}
-
-/** Values symmetric about zero. */
-export function diverging(values: Float32Array): Scalar {
-  let most = 0;
-  for (const value of values) most = Math.max(most, Math.abs(value));
-  return { values, range: [-most, most], diverging: true };
-}
-
-/** Values from the least to the largest, or to a quantile that keeps single peaks from hiding the rest. */
-export function sequential(values: Float32Array, quantile = 1): Scalar {
-  let [low, high] = [Infinity, -Infinity];
-  for (const value of values) {
-    low = Math.min(low, value);
-    high = Math.max(high, value);
-  }
-  if (quantile < 1) high = Float32Array.from(values).sort()[Math.floor(quantile * (values.length - 1))];
-  return { values, range: [low, high > low ? high : low + 1], diverging: false };
 }

@@ -5,7 +5,8 @@ import type { App, Panel } from "../app";
 import { brief, field, grouped, h, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, ticks, type Frame } from "../plot";
-import { basisHead, diverging, type Look } from "./basis";
+import { basisHead } from "./basis";
+import { diverging, type Look } from "./look";
 
 interface Wish {
   basis: Basis;
@@ -18,7 +19,7 @@ interface Wish {
 const SHOWN = 60;
 
 export function familyPanel(app: App, look: Look): Panel {
-  const head = basisHead(app, "operator_family", "family", form(app));
+  const head = basisHead(app, () => panel, "family", form(app));
   const body = h("div", { hidden: true });
   const timing = h("p", { class: "dim" });
   const facts = h("p", { class: "facts" });
@@ -71,6 +72,7 @@ export function familyPanel(app: App, look: Look): Panel {
     id: "family",
     title: "Family",
     about: "Operators between the intrinsic and the extrinsic one, solved again as you move a slider.",
+    guide: "operator-families",
     kind: "operator_family",
     element: h("div", { class: "panel" }, head.element, body),
     show() {

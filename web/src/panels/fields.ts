@@ -7,7 +7,8 @@ import { brief, choice, field, grouped, h, plural, slider } from "../dom";
 import { latest } from "../latest";
 import { dots, Glyphs, ribbons, spread, strands } from "../lines";
 import type { Hit } from "../surface";
-import { basisHead, type Look } from "./basis";
+import { basisHead } from "./basis";
+import type { Look } from "./look";
 import { expected } from "./expected";
 
 interface Design {
@@ -33,7 +34,7 @@ const unit = (from: number[], to: number[]) => {
 };
 
 export function fieldsPanel(app: App, look: Look): Panel {
-  const head = basisHead(app, "field_basis", "field basis", form(app));
+  const head = basisHead(app, () => panel, "field basis", form(app));
   const body = h("div", { hidden: true });
   const timing = h("p", { class: "dim" });
   const facts = h("p", { "aria-live": "polite" });
@@ -260,6 +261,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
     id: "fields",
     title: "Fields",
     about: "Design vector fields and crosses that follow your strokes, as smooth as the surface allows.",
+    guide: "fields",
     kind: "field_basis",
     element: h("div", { class: "panel" }, head.element, body),
     show() {

@@ -5,7 +5,8 @@ import type { App, Panel } from "../app";
 import { brief, grouped, h, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, type Frame } from "../plot";
-import { basisHead, eigenForm, type Look } from "./basis";
+import { basisHead, eigenForm } from "./basis";
+import type { Look } from "./look";
 
 /** Points of the curve. */
 const POINTS = 97;
@@ -14,7 +15,7 @@ const MOST = 3;
 const LEFT = 30, RIGHT = 8, TOP = 8, BOTTOM = 26;
 
 export function filterPanel(app: App, look: Look): Panel {
-  const head = basisHead(app, "eigenbasis", "basis", eigenForm(app));
+  const head = basisHead(app, () => panel, "basis", eigenForm(app));
   const body = h("div", { hidden: true });
   const timing = h("p", { class: "dim", "aria-live": "off" });
   const curve = new Float32Array(POINTS).fill(1);
@@ -127,6 +128,7 @@ export function filterPanel(app: App, look: Look): Panel {
     id: "filter",
     title: "Filter",
     about: "Reshape the surface by its frequencies: smooth it, or exaggerate what is typical of it.",
+    guide: "filtering",
     kind: "eigenbasis",
     element: h("div", { class: "panel" }, head.element, body),
     show() {

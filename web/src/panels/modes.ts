@@ -5,13 +5,14 @@ import type { App, Panel } from "../app";
 import { brief, bytes, grouped, h, power, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, ticks, type Frame } from "../plot";
-import { basisHead, certificate, diverging, eigenForm, sequential, type Look } from "./basis";
+import { basisHead, certificate, eigenForm } from "./basis";
+import { diverging, sequential, type Look } from "./look";
 
 /** Modes kept in memory, by bytes. */
 const KEPT = 64e6;
 
 export function modesPanel(app: App, look: Look): Panel {
-  const head = basisHead(app, "eigenbasis", "basis", eigenForm(app));
+  const head = basisHead(app, () => panel, "basis", eigenForm(app));
   const body = h("div", { hidden: true });
   const facts = h("p", { class: "facts", "aria-live": "polite" });
   const proof = h("div", {});
@@ -117,6 +118,7 @@ export function modesPanel(app: App, look: Look): Panel {
     id: "modes",
     title: "Modes",
     about: "The standing waves of the surface, from the longest to the finest: the eigenfunctions of its Laplacian.",
+    guide: "certificates",
     kind: "eigenbasis",
     element: h("div", { class: "panel" }, head.element, body),
     show() {

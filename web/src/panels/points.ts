@@ -7,7 +7,8 @@ import { brief, choice, field, grouped, h, slider } from "../dom";
 import { latest } from "../latest";
 import type { Hit } from "../surface";
 import { AXES, type Up } from "../upright";
-import { basisHead, diverging, eigenForm, sequential, type Look } from "./basis";
+import { basisHead, eigenForm } from "./basis";
+import { diverging, sequential, type Look } from "./look";
 
 interface Wish {
   basis: Basis;
@@ -49,7 +50,7 @@ const SERIES: Record<string, { count: number; label: string }> = { wave_kernel: 
 const POINTED = ["diffusion", "biharmonic", "commute_time", "geodesic", "exact", "similar"];
 
 export function pointsPanel(app: App, look: Look): Panel {
-  const head = basisHead(app, "eigenbasis", "basis", eigenForm(app));
+  const head = basisHead(app, () => panel, "basis", eigenForm(app));
   const body = h("div", { hidden: true });
   const note = h("p", { class: "dim" });
   const timing = h("p", { class: "dim" });
@@ -132,6 +133,7 @@ export function pointsPanel(app: App, look: Look): Panel {
     id: "points",
     title: "Distances",
     about: "How far apart points are, and which of them look alike, by measures that bending does not change.",
+    guide: "distances",
     kind: "eigenbasis",
     element: h("div", { class: "panel" }, head.element, body),
     show() {
