@@ -1,8 +1,9 @@
 // What every part of the page shares: the place, the mesh and the basis that are open, and how errors are told.
 
-import { ApiError, ended, get, key, meshContent, post, recent, remove, rename, save, watch, type Basis, type BasisSummary, type Job, type Kind, type Mesh, type Page, type Parameters } from "./api";
+import { ApiError, get, key, meshContent, post, recent, remove, rename, save, type Basis, type BasisSummary, type Job, type Kind, type Mesh, type Page, type Parameters } from "./api";
 import { h } from "./dom";
 import { prepared } from "./geometry";
+import { Jobs } from "./jobs";
 import { pack, read, unpack, write, type Place } from "./place";
 import type { Viewer } from "./viewer";
 
@@ -34,13 +35,12 @@ export class App {
   basis: Basis | null = null;
   /** What the open tab shows beside the surface that is worth keeping. */
   kept: { lines: number[][][] | null; sound: ArrayBuffer | null } = { lines: null, sound: null };
-  jobs = new Map<string, Job>();
+  readonly jobs = new Jobs(() => this.emit("jobs"), (job) => this.finished(job), (error) => this.fail(error));
   /** Whether the next mode that is shown begins to swing by itself. */
   swinging = false;
   readonly panels: Panel[] = [];
   private readonly listeners = new Map<Happening, (() => void)[]>();
   private readonly known = new Map<string, Basis>();
-  private readonly stop = new AbortController();
   readonly toasts = h("div", { class: "toasts", role: "status", "aria-live": "polite" });
   readonly busy = h("div", { class: "busy", hidden: true }, h("progress", { max: 1 }), h("span", {}));
   readonly title = h("div", { class: "caption" });
@@ -71,8 +71,15 @@ export class App {
 
   /** Keeps in the address what was drawn or chosen in the open tab. What is packed has to be plain ASCII. */
   keep(design: unknown) {
-    this.go({ design: design === null ? undefined : pack(design) });
+    window.clearTimeout(this.keeping);
+    const { tab, mesh } = this.place;
+    // Browsers refuse an address that changes with every move of a finger.
+    this.keeping = window.setTimeout(() => {
+      if (this.place.tab === tab && this.place.mesh === mesh) this.go({ design: design === null ? undefined : pack(design) });
+    }, 120);
   }
+
+  private keeping = 0;
 
   private wish: { tab: string; design: string | undefined } | null = null;
 
@@ -216,9 +223,8 @@ export class App {
     const { id, name } = this.mesh;
     await remove(id);
     this.meshes = this.meshes.filter((mesh) => mesh.id !== id);
-    for (const job of [...this.jobs.values()]) if (job.mesh === id) this.jobs.delete(job.id);
+    this.jobs.forget(({ mesh }) => mesh === id);
     this.toast("note", "Deleted", `${name ?? "The mesh"} and what was computed on it.`);
-    this.emit("jobs");
     if (!this.meshes.length) {
       this.sought = "";
       await this.list();
@@ -300,61 +306,19 @@ export class App {
       const job = await post<Job>("/v1/jobs", { kind, mesh, parameters });
       if (job.status === "succeeded" && job.basis) {
         this.toast("note", "Known already", "Equal work is done once: this is the stored result.");
+        this.jobs.put(job);
         await this.finished(job);
-      } else this.follow(job);
+      } else this.jobs.follow(job);
     } catch (error) {
       this.fail(error);
     }
   }
 
-  /** Shows a job and its changes until it has ended. */
-  follow(job: Job) {
-    const followed = this.jobs.has(job.id) && !ended(this.jobs.get(job.id)!.status);
-    this.jobs.set(job.id, job);
-    this.emit("jobs");
-    if (followed || ended(job.status)) return;
-    const changed = (job: Job) => {
-      // One that was dismissed, or whose mesh is gone, does not come back.
-      if (!this.jobs.has(job.id)) return;
-      this.jobs.set(job.id, job);
-      this.emit("jobs");
-    };
-    watch(job, changed, this.stop.signal)
-      .then((job) => (this.jobs.has(job.id) ? this.finished(job) : undefined))
-      .catch(this.fail);
-  }
-
-  private async finished(job: Job) {
-    this.jobs.set(job.id, job);
-    this.emit("jobs");
+  /** Shows what a job made, where it is of the open mesh. */
+  readonly finished = async (job: Job) => {
     if (job.status !== "succeeded" || job.mesh !== this.mesh?.id) return;
     await this.findBases();
     const panel = this.panel;
     if (job.basis && panel && this.basesOf(panel).some((basis) => basis.id === job.basis)) await this.use(job.basis, true);
-  }
-
-  /** Takes up the jobs that still run, after a reload for example. */
-  async resume() {
-    for (const status of ["processing", "enqueued"]) {
-      const page = await get<Page<Job>>(`/v1/jobs?status=${status}&limit=50`);
-      page.items.forEach((job) => this.follow(job));
-    }
-  }
-
-  async cancel(job: Job) {
-    try {
-      this.jobs.set(job.id, await post<Job>(`/v1/jobs/${job.id}/cancel`));
-      this.emit("jobs");
-    } catch (error) {
-      this.fail(error);
-    }
-  }
-
-  async retry(job: Job) {
-    try {
-      this.follow(await post<Job>(`/v1/jobs/${job.id}/retry`));
-    } catch (error) {
-      this.fail(error);
-    }
-  }
+  };
 }

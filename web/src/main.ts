@@ -13,6 +13,7 @@ import { modesPanel } from "./panels/modes";
 import { pointsPanel } from "./panels/points";
 import { shapesPanel } from "./panels/shapes";
 import { vibrationPanel } from "./panels/vibration";
+import { queue } from "./queue";
 import { toolbar } from "./stage";
 import { Viewer } from "./viewer";
 import { welcome } from "./welcome";
@@ -74,17 +75,18 @@ function start(viewer: Viewer) {
       keys.open = false;
       void begin();
     } }, secret, h("button", {}, "Use")));
+  const jobs = queue(app);
   const header = h("header", {}, h("h1", {}, "Chladni"), h("span", { class: "subtitle" }, "the eigenfunctions of surfaces"),
-    h("nav", {}, h("a", { href: "/docs", target: "_blank" }, "API"), keys));
+    h("nav", {}, jobs.button, h("a", { href: "/docs/guide", target: "_blank" }, "Manual"), h("a", { href: "/docs", target: "_blank" }, "API"), keys));
 
   stage.append(app.title, toolbar(app, look), look.legend, app.busy, welcome(app));
   document.body.prepend(header, library(app));
-  document.body.append(h("section", { class: "work", "aria-label": "Tools" }, tabs, ...app.panels.map((panel) => panel.element)), app.toasts);
+  document.body.append(h("section", { class: "work", "aria-label": "Tools" }, tabs, ...app.panels.map((panel) => panel.element)), jobs.dialog, app.toasts);
 
   async function begin() {
     try {
       await app.list();
-      await Promise.all([app.arrive(), app.resume()]);
+      await Promise.all([app.arrive(), app.jobs.resume()]);
     } catch (error) {
       app.fail(error);
     }

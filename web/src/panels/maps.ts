@@ -11,7 +11,7 @@ import { colourOf, showPins } from "../pins";
 import { Plot } from "../plot";
 import type { Hit } from "../surface";
 import { paintMatrix } from "./matrix";
-import { basisHead, eigenForm } from "./basis";
+import { basisHead, eigenForm, ofFunctions } from "./basis";
 import { diverging, type Look } from "./look";
 
 /** What an address keeps: the other mesh, landmarks, sizes, and what is shown. */
@@ -42,12 +42,8 @@ const CHECKS = 14;
 
 const SHOWN: [string, string][] = [["colours", "colours by place"], ["checks", "a texture of checks"], ["mode", "a mode of this surface"], ["confidence", "confidence"]];
 
-/** Whether functions are what this basis holds: not fields, and not the inside of a solid. */
-export const ofFunctions = (basis: BasisSummary) =>
-  basis.kind === "eigenbasis" && basis.parameters.operator !== "hodge" && basis.parameters.operator !== "volume";
-
 export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
-  const head = basisHead(app, () => panel, "basis", eigenForm(app));
+  const head = basisHead(app, () => panel, "basis", eigenForm(app, look));
   const body = h("div", {});
   const note = h("p", { class: "dim", "aria-live": "polite" });
   const facts = h("dl", { class: "facts-list" });
@@ -350,7 +346,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   app.on("jobs", () => {
     const mesh = other();
     if (!here() || !mesh || theirs) return;
-    if ([...app.jobs.values()].some((job) => job.mesh === mesh.id && job.status === "succeeded")) findTheirs().catch(app.fail);
+    if (app.jobs.list.some((job) => job.mesh === mesh.id && job.status === "succeeded")) findTheirs().catch(app.fail);
   });
   app.on("mesh", () => {
     [pairs, half, found] = [[], null, null];

@@ -7,7 +7,7 @@ import { brief, choice, field, grouped, h, slider } from "../dom";
 import { latest } from "../latest";
 import type { Hit } from "../surface";
 import { AXES, type Up } from "../upright";
-import { basisHead, eigenForm } from "./basis";
+import { basisHead, eigenForm, ofFunctions } from "./basis";
 import { diverging, sequential, type Look } from "./look";
 
 interface Wish {
@@ -50,7 +50,7 @@ const SERIES: Record<string, { count: number; label: string }> = { wave_kernel: 
 const POINTED = ["diffusion", "biharmonic", "commute_time", "geodesic", "exact", "similar"];
 
 export function pointsPanel(app: App, look: Look): Panel {
-  const head = basisHead(app, () => panel, "basis", eigenForm(app));
+  const head = basisHead(app, () => panel, "basis", eigenForm(app, look));
   const body = h("div", { hidden: true });
   const note = h("p", { class: "dim" });
   const timing = h("p", { class: "dim" });
@@ -135,6 +135,7 @@ export function pointsPanel(app: App, look: Look): Panel {
     about: "How far apart points are, and which of them look alike, by measures that bending does not change.",
     guide: "distances",
     kind: "eigenbasis",
+    fits: ofFunctions,
     element: h("div", { class: "panel" }, head.element, body),
     show() {
       head.update();
