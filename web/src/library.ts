@@ -105,7 +105,7 @@ function meshItem(app: App, mesh: Mesh): HTMLElement {
     h("strong", {}, title(mesh)), h("small", {}, `${grouped(mesh.vertices)} vertices`));
   if (!open) return h("li", {}, button);
   const bases = app.bases.map((basis) => {
-    const method = basis.kind === "field_basis" ? fieldName(basis.parameters) : "method" in basis.parameters ? basis.parameters.method : "";
+    const method = basis.kind === "field_basis" ? fieldName(basis.parameters) : "operator" in basis.parameters && basis.parameters.operator === "hodge" ? "fields" : "method" in basis.parameters ? basis.parameters.method : "";
     const text = `${words(basis.kind)} · ${grouped(basis.count)}${method ? ` · ${method}` : ""}`;
     const suited = app.panels.filter((panel) => panel.kind === basis.kind && (panel.fits?.(basis) ?? true));
     const tab = suited.find((panel) => panel.id === app.place.tab) ?? suited[0];

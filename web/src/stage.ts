@@ -3,7 +3,7 @@
 import { kept, recent } from "./api";
 import type { App } from "./app";
 import { curl, python, type Request } from "./code";
-import { brief, choice, h } from "./dom";
+import { brief, choice, field, h, slider } from "./dom";
 import type { Coloured, Order } from "./files";
 import { records } from "./film";
 import { fileName, give, write } from "./give";
@@ -30,9 +30,10 @@ export function toolbar(app: App, look: Look): HTMLElement {
     edges.setAttribute("aria-pressed", String(on));
     viewer.edges(on);
   } }, "Edges");
+  const slice = slicer(app);
   const menu = h("div", { class: "menu" });
-  const save = h("details", { class: "save" }, h("summary", {}, "Save"), menu);
-  const bar = h("div", { class: "stagebar", role: "group", "aria-label": "View", hidden: true }, up, edges, save);
+  const save = h("details", { class: "pop save" }, h("summary", {}, "Save"), menu);
+  const bar = h("div", { class: "stagebar", role: "group", "aria-label": "View", hidden: true }, up, edges, slice.element, save);
 
   const renumbered = () => app.mesh?.report.file !== undefined && app.mesh.report.file !== null;
   const name = () => fileName(app.mesh?.name ?? "mesh", app.title.textContent !== app.mesh?.name ? app.title.textContent : "");
@@ -92,14 +93,7 @@ export function toolbar(app: App, look: Look): HTMLElement {
     menu.replaceChildren(...groups.filter((part): part is HTMLDivElement => Boolean(part)));
   };
   save.addEventListener("toggle", () => save.open && fill());
-  document.addEventListener("pointerdown", (event) => {
-    if (save.open && !save.contains(event.target as Node)) save.open = false;
-  });
-  save.addEventListener("keydown", (event) => {
-    if (event.key !== "Escape") return;
-    save.open = false;
-    save.querySelector("summary")!.focus();
-  });
+  closes(save);
 
   // What lies under the pointer, in the numbering of the mesh that the page draws.
   const readout = h("p", { class: "readout", "aria-hidden": "true", hidden: true });
@@ -116,6 +110,41 @@ export function toolbar(app: App, look: Look): HTMLElement {
     bar.hidden = app.mesh === null;
     up.value = viewer.up;
     edges.setAttribute("aria-pressed", "false");
+    slice.reset();
   });
   return bar;
+}
+
+/** A menu goes away with a press beside it, and with Escape. */
+function closes(details: HTMLDetailsElement) {
+  document.addEventListener("pointerdown", (event) => {
+    if (details.open && !details.contains(event.target as Node)) details.open = false;
+  });
+  details.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape") return;
+    details.open = false;
+    details.querySelector("summary")!.focus();
+  });
+}
+
+/** A plane that cuts a part of the surface away, so that one sees inside. */
+function slicer(app: App): { element: HTMLElement; reset: () => void } {
+  const axis = choice([["none", "nothing"], ["0", "across"], ["1", "by height"], ["2", "by depth"]], "none", () => cut(), "Slice");
+  const at = slider("At", { min: 0, max: 1, step: 0.01, value: 0.5 }, () => cut(), (value) => `${Math.round(100 * value)} %`);
+  const far = h("input", { type: "checkbox", checked: true, onchange: () => cut() });
+  const side = h("label", { class: "row" }, far, "cut the far part away");
+  const cut = () => {
+    const on = axis.value !== "none";
+    at.element.hidden = side.hidden = !on;
+    summary.classList.toggle("on", on);
+    app.viewer.slice(on ? { axis: Number(axis.value), at: at.control.valueAsNumber, far: far.checked } : null);
+  };
+  const summary = h("summary", {}, "Slice");
+  const element = h("details", { class: "pop slice" }, summary, h("div", { class: "menu" }, field("Slice", axis), at.element, side));
+  closes(element);
+  at.element.hidden = side.hidden = true;
+  return { element, reset: () => {
+    axis.value = "none";
+    cut();
+  } };
 }

@@ -1,12 +1,13 @@
 // The surface on the screen: geometry, colours, camera, and what lies under the pointer.
 
 import {
-  BufferAttribute, BufferGeometry, DynamicDrawUsage, Euler, LineSegments, Matrix4, Mesh, MeshBasicMaterial, Object3D, PerspectiveCamera, Plane, Quaternion, Scene, Sphere, SphereGeometry, Vector3, WebGLRenderer, type WebGLRenderTarget,
+  BufferAttribute, BufferGeometry, DynamicDrawUsage, Euler, type LineSegments, Matrix4, Mesh, MeshBasicMaterial, Object3D, PerspectiveCamera, Plane, Quaternion, Scene, Sphere, SphereGeometry, Vector3, WebGLRenderer, type WebGLRenderTarget,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { Cursor } from "./cursor";
 import type { Prepared } from "./geometry";
 import { develop, drawnInSoftware, exposure } from "./exposure";
+import { unshare, wires } from "./lines";
 import { Pace } from "./pace";
 import { listen } from "./pointer";
 import { portrait } from "./portrait";
@@ -294,8 +295,7 @@ export class Viewer {
     const before = this.overlays.get(name);
     if (before) {
       this.scene.remove(before);
-      // Edges share what is known at the vertices with the mesh, which goes on.
-      if (name === "edges") for (const shared of ["position", "normal", "value"]) (before as LineSegments).geometry.deleteAttribute(shared);
+      if (name === "edges") unshare((before as LineSegments).geometry);
       before.traverse((part) => (part as Mesh).geometry?.dispose());
       this.overlays.delete(name);
     }
@@ -515,12 +515,7 @@ export class Viewer {
   /** Shows the edges of the mesh. */
   edges(on: boolean) {
     if (!on || !this.surface) return this.overlay("edges", null);
-    const geometry = new BufferGeometry();
-    for (const name of ["position", "normal", "value"]) geometry.setAttribute(name, this.mesh.geometry.getAttribute(name));
-    geometry.setIndex(new BufferAttribute(edges(this.surface), 1));
-    const lines = new LineSegments(geometry, this.shading.edges);
-    lines.frustumCulled = false;
-    this.overlay("edges", lines);
+    this.overlay("edges", wires(this.mesh.geometry, edges(this.surface), this.shading.edges));
   }
 
   /** Lines in the units of the mesh as they are seen in the window: only the parts that nothing hides. */

@@ -93,6 +93,6 @@ function paint({ context: c, width, height, ink, faint, accent, second, write }:
   c.fillRect(LEFT, 5, 10, 3);
   write("eigenspaces, sin θ", LEFT + 14, 7);
   c.fillStyle = second;
-  c.fillRect(LEFT + 122, 5, 3, 3);
-  write("eigenvalues, relative", LEFT + 130, 7);
+  c.fillRect(LEFT + 124, 5, 3, 3);
+  write("eigenvalues", LEFT + 130, 7);
 }
