@@ -1,6 +1,7 @@
 // What every part of the page shares: the place, the mesh and the basis that are open, and how errors are told.
 
 import { ApiError, get, key, meshContent, post, recent, remove, rename, save, type Basis, type BasisSummary, type Job, type Kind, type Mesh, type Page, type Parameters } from "./api";
+import type { Beside } from "./beside";
 import { h } from "./dom";
 import { prepared } from "./geometry";
 import { Jobs } from "./jobs";
@@ -33,6 +34,8 @@ export class App {
   moreMeshes: string | null = null;
   bases: BasisSummary[] = [];
   basis: Basis | null = null;
+  /** A second surface, once one was shown beside the first. */
+  beside: Beside | null = null;
   /** What the open tab shows beside the surface that is worth keeping. */
   kept: { lines: number[][][] | null; sound: ArrayBuffer | null } = { lines: null, sound: null };
   readonly jobs = new Jobs(() => this.emit("jobs"), (job) => this.finished(job), (error) => this.fail(error));

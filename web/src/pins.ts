@@ -1,6 +1,6 @@
 // Numbered points on a surface.
 
-import { CanvasTexture, Group, Mesh, MeshBasicMaterial, SphereGeometry, Sprite, SpriteMaterial } from "three";
+import { CanvasTexture, Group, Mesh, MeshBasicMaterial, SphereGeometry, Sprite, SpriteMaterial, SRGBColorSpace } from "three";
 import type { Viewer } from "./viewer";
 
 /** Colours that stay apart for every common deficiency of colour vision (Okabe and Ito 2008), dark enough for white digits. */
@@ -30,6 +30,7 @@ function disc(text: string, colour: string): CanvasTexture {
   c.textBaseline = "middle";
   c.fillText(text, 32, 34);
   const texture = new CanvasTexture(canvas);
+  texture.colorSpace = SRGBColorSpace;
   textures.set(text + colour, texture);
   return texture;
 }

@@ -297,7 +297,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
   body.append(hint, toolField, row, exactly, which.element, display, spacing.element, strength.element, along.element, across.element, smooth.element, bending.element, alignment.element, facts, timing);
 
   const showDisplay = () => {
-    const kinds: [string, string][] = [["glyphs", kind() === "vector" ? "arrows" : "crosses"], ["hatching", kind() === "vector" ? "streamlines" : "hatching"]];
+    const kinds: [string, string][] = [["glyphs", order() === 1 ? "arrows" : order() === 3 || order() === 6 ? "stars" : "crosses"], ["hatching", kind() === "vector" ? "streamlines" : "hatching"]];
     if (kind() === "vector") kinds.push(["fur", "fur"]);
     if (!kinds.some(([name]) => name === shown)) shown = "glyphs";
     display.replaceChildren(field("Show", choice(kinds, shown, (value) => {

@@ -40,7 +40,7 @@ const PAIRS = 120;
 /** Checks along the longest extent. */
 const CHECKS = 14;
 
-const SHOWN: [string, string][] = [["colours", "colours by place"], ["checks", "a texture of checks"], ["mode", "a mode of this surface"], ["confidence", "confidence"]];
+const SHOWN: [string, string][] = [["colours", "colours by place"], ["checks", "a texture of checks"], ["mode", "a mode"], ["confidence", "confidence"]];
 
 export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   const head = basisHead(app, () => panel, "basis", eigenForm(app, look));
@@ -122,7 +122,8 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
     look.element.hidden = shown === "colours" || shown === "checks";
     if (!surface || !beside?.viewer.surface) return;
     beside.viewer.map(look.map);
-    beside.viewer.lines(app.place.lines ?? 16);
+    // A plateau at 1 is no place for lines.
+    for (const viewer of [app.viewer, beside.viewer]) viewer.lines(shown === "confidence" ? 0 : (app.place.lines ?? 16));
     if (!found || found.answer.points.length !== beside.viewer.surface.positions.length / 3) {
       look.show(null);
       return plain();
@@ -235,6 +236,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
     const mesh = other();
     missing.hidden = mesh === null || (app.basis !== null && theirs !== null);
     tools.hidden = mesh === null || !missing.hidden;
+    numberingField.hidden = !renumbered();
   };
   const findTheirs = async () => {
     const mesh = other();
@@ -249,7 +251,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   };
   const choose = async (id: string) => {
     if (!beside) {
-      beside = new Beside(app, stage);
+      app.beside = beside = new Beside(app, stage);
       beside.viewer.onClick = click(false);
     }
     const mesh = app.meshes.find((mesh) => mesh.id === id) ?? (await get<Mesh>(`/v1/meshes/${id}`));
@@ -369,7 +371,6 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
       look.show(null);
       if (!app.mesh) return;
       tools.insertBefore(look.element, mode.element.nextSibling);
-      numberingField.hidden = !renumbered();
       app.viewer.onClick = click(true);
       const wish = next ?? app.arrived<State>("maps");
       next = null;
@@ -385,6 +386,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
       refining?.abort();
       look.element.hidden = false;
       app.viewer.tint(null);
+      app.viewer.lines(app.place.lines ?? 16);
       app.viewer.overlay("pins", null);
       app.viewer.onClick = null;
       beside?.show(false);

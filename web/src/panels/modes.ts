@@ -59,7 +59,7 @@ export function modesPanel(app: App, look: Look): Panel {
     const scalar = constant ? sequential(values) : diverging(values);
     look.show(scalar);
     amplitude = 0.12 / Math.max(Math.abs(scalar.range[0]), Math.abs(scalar.range[1]), 1e-30);
-    if (app.swinging && !playing) swing(true);
+    if (app.swinging && !playing && !calm()) swing(true);
     app.swinging = false;
     document.body.dataset.mode = String(mode);
   }, app.fail);
@@ -91,7 +91,7 @@ export function modesPanel(app: App, look: Look): Panel {
   const swing = (on: boolean) => {
     playing = on;
     play.setAttribute("aria-pressed", String(on));
-    const still = matchMedia("(prefers-reduced-motion: reduce)").matches ? 0.3 : 1;
+    const still = calm() ? 0.3 : 1;
     if (on) {
       app.viewer.animate((time) => {
         app.viewer.wave(amplitude * Math.sin(4 * still * time));
@@ -161,6 +161,9 @@ export function modesPanel(app: App, look: Look): Panel {
   };
   return panel;
 }
+
+/** Whether whoever looks wants little motion: nothing begins to move by itself then. */
+const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 const LEFT = 46, RIGHT = 8;
 
