@@ -62,10 +62,10 @@ export function jobCard(app: App, job: Job, { dismiss = false, full = false } = 
   const bar = h("progress", { max: 1, "aria-label": state });
   if (job.status === "processing" && job.progress !== null) bar.value = job.progress;
   const parts = [full ? STATES[job.status] : "", job.cancel_requested && running ? "stopping …" : state === STATES[job.status] && full ? "" : state, time(job),
-    job.attempt > 1 ? `attempt ${job.attempt} of ${job.max_attempts}` : "", full ? new Date(job.created_ms).toLocaleString() : ""];
+    job.attempt > 1 ? `attempt ${job.attempt} of ${job.max_attempts}` : "", full ? new Date(job.created_ms).toLocaleString("en-GB") : ""];
   const card = h("div", { class: `card job ${job.status}`, "data-job": job.id },
     h("strong", {}, `${full ? what(job) : words(job.kind)} of ${nameOf(app, job.mesh)}`),
-    running && bar,
+    job.status === "processing" && bar,
     h("small", {}, parts.filter(Boolean).join(" · ")),
     job.problem && h("p", {}, job.problem.detail));
   const buttons = h("div", { class: "row wrap" });

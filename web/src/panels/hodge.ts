@@ -11,7 +11,8 @@ type Part = "harmonic" | "gradient" | "co_gradient";
 
 /** Needles on the screen. */
 const GLYPHS = 2600;
-const INK = 0x14325c;
+/** Neither dark nor yellow, as the ends of the colour maps are. */
+const INK = 0xff4f87;
 
 /** Whether the modes of a basis are fields. */
 export const ofFields = (basis: BasisSummary | null) => basis?.kind === "eigenbasis" && basis.parameters.operator === "hodge";

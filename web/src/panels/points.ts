@@ -20,6 +20,14 @@ interface Wish {
   index: number;
 }
 
+/** What an address keeps. */
+interface State {
+  what: string;
+  vertex: number | null;
+  time: number;
+  index: number;
+}
+
 const TITLES: Record<string, string> = {
   diffusion: "Diffusion distance",
   biharmonic: "Biharmonic distance",
@@ -112,6 +120,7 @@ export function pointsPanel(app: App, look: Look): Panel {
     note.textContent = NOTES[what];
     app.title.textContent = TITLES[what];
     if (!basis) return;
+    app.keep({ what, vertex, time: time.control.valueAsNumber, index: which.control.valueAsNumber } satisfies State);
     const shown = POINTED.includes(what);
     app.viewer.mark("source", shown ? vertex : null);
     if (vertex === null && shown) return;
@@ -145,7 +154,11 @@ export function pointsPanel(app: App, look: Look): Panel {
         return;
       }
       body.append(look.element);
-      time.set(time.control.valueAsNumber);
+      const state = app.arrived<Partial<State>>("points");
+      if (state?.what && Object.hasOwn(TITLES, state.what)) kinds.value = what = state.what;
+      if (typeof state?.vertex === "number" && state.vertex >= 0 && Number.isInteger(state.vertex)) vertex = state.vertex;
+      if (typeof state?.index === "number") which.set(state.index);
+      time.set(typeof state?.time === "number" ? state.time : time.control.valueAsNumber);
       const count = app.viewer.surface.positions.length / 3;
       if (vertex === null || vertex >= count) vertex = farthestUp(app.viewer.surface.positions, app.viewer.up);
       app.viewer.onClick = move;
