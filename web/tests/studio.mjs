@@ -139,6 +139,22 @@ export async function studio(site) {
     assert.equal(await page.evaluate(() => document.activeElement.getAttribute("aria-label")), "Remove landmark 3");
   });
 
+  await test("another basis of the other surface can be chosen", async () => {
+    await page.evaluate(() => window.chladni.app.submit("eigenbasis", { count: 45 }, window.chladni.app.beside.mesh.id));
+    await page.waitForFunction(() => window.chladni.app.jobs.list.some((job) => job.parameters.count === 45 && job.status === "succeeded"));
+    await page.getByRole("tab", { name: "Modes" }).click();
+    await page.getByRole("tab", { name: "Maps" }).click();
+    await chooser(page, "Its basis").waitFor();
+    const texts = await chooser(page, "Its basis").locator("option").allInnerTexts();
+    assert.deepEqual(texts, ["120 · auto", "45 · auto"]);
+    const request = page.waitForRequest((request) => request.url().includes("/v1/functional-maps") && request.postDataJSON().pairs === 45);
+    await chooser(page, "Its basis").selectOption({ index: 1 });
+    assert.equal((await request).postDataJSON().target, await chooser(page, "Its basis").inputValue());
+    const before = await turn();
+    await chooser(page, "Its basis").selectOption({ index: 0 });
+    await mapped(before);
+  });
+
   await test("the surfaces change sides, with their landmarks", async () => {
     const rows = () => page.locator(".landmarks li span:nth-child(2)").allInnerTexts();
     const before = await rows();

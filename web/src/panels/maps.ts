@@ -11,12 +11,14 @@ import { colourOf, showPins } from "../pins";
 import { Plot } from "../plot";
 import type { Hit } from "../surface";
 import { paintMatrix } from "./matrix";
-import { basisHead, eigenForm, ofFunctions } from "./basis";
+import { basisHead, eigenForm, line, ofFunctions } from "./basis";
 import { diverging, type Look } from "./look";
 
 /** What an address keeps: the other mesh, landmarks, sizes, and what is shown. */
 interface State {
   other: string;
+  /** The basis on the other surface, where it was chosen. */
+  basis?: string;
   pairs: [number, number][];
   signatures: boolean;
   start: number;
@@ -49,6 +51,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   const facts = h("dl", { class: "facts-list" });
   let beside: Beside | null = null;
   let theirs: BasisSummary | null = null;
+  let wantedBasis: string | undefined;
   let pairs: [number, number][] = [];
   let half: { left: boolean; vertex: number } | null = null;
   let found: { turn: number; answer: FunctionalMap; refined: boolean } | null = null;
@@ -223,7 +226,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   const keep = () => {
     const mesh = other();
     if (!here() || !mesh) return;
-    const state: State = { other: mesh.id, pairs, signatures: signatures.checked, start: start.control.valueAsNumber, size: size.control.valueAsNumber, shown, mode: mode.control.valueAsNumber };
+    const state: State = { other: mesh.id, basis: wantedBasis, pairs, signatures: signatures.checked, start: start.control.valueAsNumber, size: size.control.valueAsNumber, shown, mode: mode.control.valueAsNumber };
     app.keep(state);
   };
   const chooser = h("div", {});
@@ -243,12 +246,19 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
     if (!mesh) return;
     const page = await get<Page<BasisSummary>>(`/v1/bases?mesh=${mesh.id}&kind=eigenbasis&limit=200`);
     if (mesh !== other()) return;
-    const best = page.items.filter(ofFunctions).sort((a, b) => b.count - a.count)[0] ?? null;
+    // Unless one is chosen, the largest.
+    const offered = page.items.filter(ofFunctions).sort((a, b) => b.count - a.count);
+    const best = offered.find(({ id }) => id === wantedBasis) ?? offered[0] ?? null;
     const changed = best?.id !== theirs?.id;
     theirs = best;
+    basisThere.replaceChildren(...(offered.length > 1 ? [field("Its basis", choice(offered.map((basis) => [basis.id, line(basis)]), best!.id, (id) => {
+      wantedBasis = id;
+      findTheirs().catch(app.fail);
+    }), "The basis on the other surface")] : []));
     needs();
     if (changed) update();
   };
+  const basisThere = h("div", {});
   const choose = async (id: string) => {
     if (!beside) {
       app.beside = beside = new Beside(app, stage);
@@ -257,6 +267,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
     const mesh = app.meshes.find((mesh) => mesh.id === id) ?? (await get<Mesh>(`/v1/meshes/${id}`));
     if (other()?.id !== id) {
       [found, theirs] = [null, null];
+      basisThere.replaceChildren();
       facts.replaceChildren();
       matrix.canvas.hidden = files.hidden = true;
     }
@@ -341,7 +352,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   const tools = h("div", { hidden: true }, hint, list, h("div", { class: "row" }, undo, clear),
     field("Show", kinds), mode.element, look.element, h("label", { class: "row" }, signatures, "also match heat kernels"), start.element, size.element, note, facts, matrix.canvas, files);
   matrix.canvas.hidden = true;
-  body.append(chooser, missing, h("div", { class: "row wrap" }, h("label", { class: "row" }, linked, "link the cameras"), swap), field("Up there", upThere), tools);
+  body.append(chooser, basisThere, missing, h("div", { class: "row wrap" }, h("label", { class: "row" }, linked, "link the cameras"), swap), field("Up there", upThere), tools);
 
   app.on("meshes", () => here() && offer());
   app.on("map", () => here() && show());
@@ -397,6 +408,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   /** Takes over what an address says, as far as it makes sense. */
   const adopt = (state: Partial<State>) => {
     const whole = (value: unknown) => Number.isInteger(value) && (value as number) >= 0;
+    wantedBasis = typeof state.basis === "string" ? state.basis : undefined;
     if (Array.isArray(state.pairs)) pairs = state.pairs.filter((pair) => Array.isArray(pair) && pair.length === 2 && pair.every(whole));
     if (typeof state.signatures === "boolean") signatures.checked = state.signatures;
     if (whole(state.start)) start.set(state.start!);
