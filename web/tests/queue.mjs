@@ -23,7 +23,7 @@ export async function queue(site) {
     });
     for (const event of ["requestfinished", "requestfailed"]) page.on(event, (request) => open.delete(request));
     for (let k = 0; k < 8; k++) jobs.push(await submit(mesh, 300 + k));
-    await page.getByRole("button", { name: "Jobs" }).click();
+    await page.getByRole("button", { name: /^Jobs/ }).click();
     for (const { id } of jobs) await card(id).waitFor();
     // How many run at once is the server's affair; as it says, so says the page.
     await page.waitForFunction(async () => {
@@ -66,9 +66,9 @@ export async function queue(site) {
 
   await test("a job that is done leads to its result, from wherever one is", async () => {
     await page.keyboard.press("Escape");
-    await opened(page, "short", "torus", 900, 40);
+    await opened(page, "short", "torus", 770, 40);
     await page.getByRole("tab", { name: "Shapes" }).click();
-    await page.getByRole("button", { name: "Jobs" }).click();
+    await page.getByRole("button", { name: /^Jobs/ }).click();
     await page.locator("dialog.queue").getByRole("combobox", { name: "Show" }).selectOption("succeeded");
     await page.waitForFunction(() => document.querySelectorAll("dialog.queue .card").length > 0 && !document.querySelector("dialog.queue .card:not(.succeeded)"));
     await page.getByRole("button", { name: "Open: eigenbasis of short" }).click();
@@ -77,7 +77,7 @@ export async function queue(site) {
   });
 
   await test("the list breaks no rule of WCAG 2.2 AA, fits a phone, and gives the focus back", async () => {
-    const button = page.getByRole("button", { name: "Jobs" });
+    const button = page.getByRole("button", { name: /^Jobs/ });
     await button.press("Enter");
     await page.locator("dialog.queue").getByRole("combobox", { name: "Show" }).selectOption("");
     await page.locator("dialog.queue .card.canceled").first().waitFor();

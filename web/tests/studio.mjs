@@ -3,8 +3,8 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import { picture } from "./harness.mjs";
-import { kit } from "./kit.mjs";
+import { picture, ROOT } from "./harness.mjs";
+import { kit, pictures } from "./kit.mjs";
 
 export async function studio(site) {
   const { test, keep, chooser, opened, violations } = kit(site);
@@ -105,6 +105,8 @@ export async function studio(site) {
       await page.waitForFunction((shown) => document.body.dataset.carried?.startsWith(shown), shown);
       seen.push((await picture(page)).toString("base64"));
       await keep(page, `studio-${shown}`);
+      // The picture of the manual.
+      if (pictures && shown === "checks") await page.screenshot({ path: join(ROOT, "docs", "pictures", "studio.png") });
     }
     assert.equal(new Set(seen).size, 4);
     assert.match(await page.locator("#panel-maps .facts-list").innerText(), /Size\s+60 × 60[^]*Coverage\s+(9\d|100) %/);

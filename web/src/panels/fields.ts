@@ -56,6 +56,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const body = h("div", { hidden: true });
   const timing = h("p", { class: "dim" });
   const facts = h("p", { "aria-live": "polite" });
+  const lowest = h("p", {});
   let strokes: number[][][] = [];
   let pins: { from: number[]; to: number[] }[] = [];
   let singular: { vertex: number; index: number }[] = [];
@@ -119,9 +120,12 @@ export function fieldsPanel(app: App, look: Look): Panel {
     draw(basis, vectors);
     timing.textContent = `${brief(performance.now() - begin)} ms for a field on ${grouped(vectors.length / (kind() === "tensor" ? 6 : 3))} faces`;
     if (nothing(wish) && app.basis === basis && app.panel === panel) {
-      facts.replaceChildren(h("b", {}, `Eigenfield ${k}`), `: λ ≈ ${brief(basis.eigenvalues[k])}, from above.`);
+      lowest.replaceChildren(h("b", {}, `Eigenfield ${k}`), `: λ ≈ ${brief(basis.eigenvalues[k])}, from above.`);
       document.body.dataset.eigenfield = String(k);
-    } else delete document.body.dataset.eigenfield;
+    } else {
+      lowest.replaceChildren();
+      delete document.body.dataset.eigenfield;
+    }
   }, app.fail);
   /** The field on the screen, in the frames of the faces. */
   const inFrames = async () => {
@@ -146,7 +150,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
 
   const judge = latest<{ basis: Basis; wish: Design }>(async ({ basis, wish }) => {
     app.viewer.overlay("singularities", null);
-    if (!nothing(wish)) facts.textContent = "";
+    facts.textContent = "";
     const wanted = singular.reduce((sum, { index }) => sum + index, 0);
     if (singular.length > 0 && !balanced()) facts.textContent = `The indices add up to ${brief(wanted)} so far; on this surface they have to make ${app.mesh?.report.euler_characteristic}.`;
     if (nothing(wish)) return;
@@ -294,7 +298,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const display = h("div", {});
   const row = h("div", { class: "row" }, h("button", { onclick: () => remove(false) }, "Undo"), h("button", { onclick: () => remove(true) }, "Clear"));
   const hint = h("p", {});
-  body.append(hint, toolField, row, exactly, which.element, display, spacing.element, strength.element, along.element, across.element, smooth.element, bending.element, alignment.element, facts, timing);
+  body.append(hint, toolField, row, exactly, which.element, display, spacing.element, strength.element, along.element, across.element, smooth.element, bending.element, alignment.element, lowest, facts, timing);
 
   const showDisplay = () => {
     const kinds: [string, string][] = [["glyphs", order() === 1 ? "arrows" : order() === 3 || order() === 6 ? "stars" : "crosses"], ["hatching", kind() === "vector" ? "streamlines" : "hatching"]];
