@@ -5,7 +5,7 @@ import { picture } from "./harness.mjs";
 import { kit } from "./kit.mjs";
 
 export async function fields(site) {
-  const { test, keep, chooser, unfold, opened, compute } = kit(site);
+  const { test, keep, saved, chooser, unfold, opened, compute } = kit(site);
   const page = await site.open();
   const panel = page.locator("#panel-fields");
   const api = (path, body) => page.evaluate(async ([path, body]) => {
@@ -59,6 +59,19 @@ export async function fields(site) {
       await page.getByRole("slider", { name: "Eigenfield" }).fill("0");
       await keep(page, `field-${n}`);
     }
+  });
+
+  await test("a field has its length as colours, which are values to be saved", async () => {
+    const plain = await picture(page);
+    await page.getByLabel("colour by length").check();
+    await page.locator(".legend").waitFor();
+    assert.notDeepEqual(await picture(page), plain);
+    const rows = String(await saved(page, "CSV")).trim().split("\n");
+    assert.equal(rows.length, (await page.evaluate(() => window.chladni.app.mesh.vertices)) + 1);
+    assert.ok(rows.slice(1).every((row) => Number(row.split(",")[4]) >= 0));
+    await page.getByLabel("colour by length").uncheck();
+    await page.locator(".legend").waitFor({ state: "hidden" });
+    assert.deepEqual(await picture(page), plain);
   });
 
   await test("a pin is met exactly", async () => {

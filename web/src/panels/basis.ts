@@ -56,7 +56,7 @@ export function eigenForm(app: App, look?: Look): HTMLElement {
   const accuracy = choice([["standard", "standard: 1 %"], ["accurate", "accurate: 0.3 %"]], "standard", () => {});
   const certify = h("input", { type: "checkbox" });
   const operator = choice([["auto", "Laplace–Beltrami"], ["laplace", "cotangents"], ["robust", "robust Laplacian"],
-    ["extrinsic", "extrinsic"], ["hamiltonian", "with a potential (Hamiltonian)"], ["hodge", "of fields (Hodge–Laplacian)"], ["volume", "of the inside of a solid"], ["graph", "of the edges (graph Laplacian)"]], "auto", () => update());
+    ["extrinsic", "extrinsic"], ["hamiltonian", "with a potential"], ["hodge", "Hodge–Laplacian (fields)"], ["volume", "inside of a solid"], ["graph", "graph Laplacian"]], "auto", () => update());
   const t = slider("t", { min: 0, max: 1, step: 0.05, value: 0.5 }, () => {}, (value) => value.toFixed(2));
   const potential = choice([["curvature", "curvature, κ₁² + κ₂²"], ["values", "the values shown"]], "curvature", () => update());
   const strength = slider("Strength", { min: -2, max: 4, step: 0.1, value: 2 }, () => {}, (value) => brief(10 ** value));

@@ -10,7 +10,8 @@ import type { Hit } from "../surface";
 import { packed, unpacked } from "../strokes";
 import { basisHead } from "./basis";
 import { eigenfield, fieldForm } from "./fieldform";
-import type { Look } from "./look";
+import { lengths } from "./hodge";
+import { sequential, type Look } from "./look";
 
 interface Pinned {
   point: number[];
@@ -57,6 +58,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const timing = h("p", { class: "dim" });
   const facts = h("p", { "aria-live": "polite" });
   const lowest = h("p", {});
+  const looks = h("div", {});
   let strokes: number[][][] = [];
   let pins: { from: number[]; to: number[] }[] = [];
   let singular: { vertex: number; index: number }[] = [];
@@ -107,6 +109,9 @@ export function fieldsPanel(app: App, look: Look): Panel {
       app.viewer.overlay("glyphs", glyphs.object);
     }
     glyphs.set(vectors);
+    if (coloured.checked) look.show(sequential(lengths(vectors, surface, kind() === "tensor" ? 6 : 3), 0.995));
+    else if (look.values) look.show(null);
+    look.element.hidden = !coloured.checked;
     app.viewer.draw();
     document.body.dataset.designed = String(Number(document.body.dataset.designed ?? 0) + 1);
   };
@@ -293,12 +298,13 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const which = knob("Eigenfield", { min: 0, max: 1, step: 1, value: 0 }, grouped);
   const exact = h("input", { type: "checkbox", checked: true, onchange: () => release() });
   const exactly = h("label", { class: "row", title: "A field of length 1 with these singularities and no others, on any mesh; it is not of the space" }, exact, "singularities exactly");
+  const coloured = h("input", { type: "checkbox", onchange: () => release() });
   const spacing = slider("Spacing", { min: -2.2, max: -1, step: 0.05, value: -1.85 }, () => {}, (value) => brief(10 ** value));
   spacing.control.addEventListener("change", settled);
   const display = h("div", {});
   const row = h("div", { class: "row" }, h("button", { onclick: () => remove(false) }, "Undo"), h("button", { onclick: () => remove(true) }, "Clear"));
   const hint = h("p", {});
-  body.append(hint, toolField, row, exactly, which.element, display, spacing.element, strength.element, along.element, across.element, smooth.element, bending.element, alignment.element, lowest, facts, timing);
+  body.append(hint, toolField, row, exactly, which.element, display, h("label", { class: "row" }, coloured, "colour by length"), looks, spacing.element, strength.element, along.element, across.element, smooth.element, bending.element, alignment.element, lowest, facts, timing);
 
   const showDisplay = () => {
     const kinds: [string, string][] = [["glyphs", order() === 1 ? "arrows" : order() === 3 || order() === 6 ? "stars" : "crosses"], ["hatching", kind() === "vector" ? "streamlines" : "hatching"]];
@@ -351,12 +357,15 @@ export function fieldsPanel(app: App, look: Look): Panel {
       if (state) adopt(state);
       showTools();
       showDisplay();
+      looks.append(look.element);
+      look.element.hidden = true;
       app.viewer.onStroke = onStroke;
       app.viewer.onStrokeEnd = onStrokeEnd;
       update();
       settled();
     },
     hide() {
+      look.element.hidden = false;
       for (const name of ["glyphs", "strokes", "singularities", "lines"]) app.viewer.overlay(name, null);
       glyphs = null;
       app.viewer.onStroke = null;

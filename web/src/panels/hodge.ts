@@ -27,12 +27,12 @@ export function lifted(pairs: Float32Array, frames: Float32Array): Float32Array 
   return vectors;
 }
 
-/** How long a field is, at the vertices: the mean over the faces around each. */
-export function lengths(vectors: Float32Array, { positions, triangles: t }: Surface): Float32Array {
+/** How long a field is, at the vertices: the mean over the faces around each. Of more than three numbers for a face the first three count. */
+export function lengths(vectors: Float32Array, { positions, triangles: t }: Surface, wide = 3): Float32Array {
   const sums = new Float32Array(positions.length / 3), counts = new Float32Array(positions.length / 3);
   for (let i = 0; i < t.length; i++) {
     const f = Math.floor(i / 3);
-    sums[t[i]] += Math.hypot(vectors[3 * f], vectors[3 * f + 1], vectors[3 * f + 2]);
+    sums[t[i]] += Math.hypot(vectors[wide * f], vectors[wide * f + 1], vectors[wide * f + 2]);
     counts[t[i]] += 1;
   }
   return sums.map((sum, v) => sum / Math.max(counts[v], 1));
