@@ -164,6 +164,20 @@ export async function looks(site) {
     await again("family", await page.evaluate(() => document.body.dataset.family));
   });
 
+  await test("an address that makes no sense opens its tab all the same", async () => {
+    const mesh = await page.evaluate(() => window.chladni.app.mesh.id);
+    const nonsense = ["x", [], 5, { strokes: 5, pins: [[1, "a"]], singular: [[-1, 1]], knobs: "no", curve: [1], beyond: "a", vertex: -3, what: "toString", extrinsic: null, other: 7, pairs: [[1], "b", [1e9, 0]], shown: "nothing" }];
+    const visitor = await site.open("/");
+    for (const tab of ["modes", "filter", "points", "fields", "family", "maps", "nowhere"]) {
+      for (const design of [...nonsense.map((value) => Buffer.from(JSON.stringify(value)).toString("base64url")), "%%%", "e30"]) {
+        await visitor.evaluate((hash) => (location.hash = hash), `#mesh=${mesh}&tab=${tab}&design=${design}`);
+        await visitor.waitForFunction((tab) => window.chladni.app.place.tab === tab && window.chladni.app.panel.element.hidden === false, tab);
+      }
+    }
+    assert.equal(await visitor.locator(".toast.error").count(), 0, await visitor.locator(".toasts").innerText());
+    await visitor.context().close();
+  });
+
   await test("what is shown becomes the potential of an operator", async () => {
     await page.getByRole("tab", { name: "Distances" }).click();
     await changed(page, "field");

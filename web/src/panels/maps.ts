@@ -274,6 +274,9 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
     if (!(await beside.load(mesh)) || !here()) return;
     beside.show(true);
     beside.viewer.onClick = click(false);
+    // An address may name vertices that there are not.
+    const counts = [app.viewer, beside.viewer].map(({ resting }) => (resting?.length ?? 0) / 3);
+    pairs = pairs.filter((pair) => pair.every((vertex, side) => vertex < counts[side]));
     upThere.value = beside.viewer.up;
     offer();
     marks();
@@ -386,7 +389,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
       const wish = next ?? app.arrived<State>("maps");
       next = null;
       if (wish) adopt(wish);
-      const wanted = wish?.other ?? other()?.id;
+      const wanted = typeof wish?.other === "string" ? wish.other : other()?.id;
       offer();
       needs();
       if (wanted && wanted !== app.mesh.id) choose(wanted).then(() => update()).catch(app.fail);
