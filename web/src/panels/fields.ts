@@ -72,13 +72,13 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const aligned = () => order() % 2 === 0;
 
   const design = (): Design => {
-    const along = alignment.control.valueAsNumber;
+    const pull = alignment.control.valueAsNumber;
     return {
       weights: { harmonic: 10 ** smooth.control.valueAsNumber, biharmonic: 10 ** smooth.control.valueAsNumber * bending.control.valueAsNumber },
       strokes: strokes.filter((points) => points.length > 1).flatMap(stroke),
       constraints: pins.filter(({ from, to }) => from !== to).map(({ from, to }) => ({ point: from, direction: unit(from, to), ...tensor() })),
       ...(singular.length > 0 && balanced() ? { singularities: { at: singular, weight: 1000, exact: exact.checked && pins.length === 0 } } : {}),
-      ...(aligned() && along > 0 ? { alignment: { to: "curvature" as const, weight: along, ...(kind() === "tensor" ? {} : { per_face: "anisotropy" as const }) } } : {}),
+      ...(aligned() && pull > 0 ? { alignment: { to: "curvature" as const, weight: pull, ...(kind() === "tensor" ? {} : { per_face: "anisotropy" as const }) } } : {}),
     };
   };
   /** What a stroke says of a tensor: how large it is along it and across it, in a unit of curvature. */
