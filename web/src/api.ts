@@ -1,6 +1,7 @@
 // The public endpoints of the server, and nothing else: what any other front-end would call.
 
 import type { Request } from "./code";
+import { give } from "./give";
 import type { components } from "./openapi";
 
 /** What the server's document says of requests and answers. */
@@ -88,14 +89,7 @@ async function problemOf(response: Response): Promise<Problem> {
 export const get = async <T>(path: string): Promise<T> => (await send(path)).json() as Promise<T>;
 
 /** Fetches a file with the API key and gives it to the browser as a download. */
-export async function save(path: string, name: string) {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(await (await send(path)).blob());
-  link.download = name;
-  link.click();
-  // The browser may take a moment to begin.
-  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
-}
+export const save = async (path: string, name: string) => give(await (await send(path)).blob(), name);
 
 /** Posts JSON and reads JSON. */
 export const post = async <T>(path: string, body?: unknown, init: RequestInit = {}): Promise<T> =>

@@ -1,9 +1,11 @@
 // What every part of the page shares: the place, the mesh and the basis that are open, and how errors are told.
 
-import { ApiError, ended, get, key, meshContent, post, recent, remove, rename, save, watch, type Basis, type BasisSummary, type Job, type Kind, type Mesh, type Page, type Parameters } from "./api";
+import { ApiError, get, key, meshContent, post, recent, remove, rename, save, type Basis, type BasisSummary, type Job, type Kind, type Mesh, type Page, type Parameters } from "./api";
+import type { Beside } from "./beside";
 import { h } from "./dom";
 import { prepared } from "./geometry";
-import { read, write, type Place } from "./place";
+import { Jobs } from "./jobs";
+import { pack, read, unpack, write, type Place } from "./place";
 import type { Viewer } from "./viewer";
 
 /** One tab. `show` runs whenever it becomes visible and whenever mesh or basis change under it. */
@@ -12,14 +14,18 @@ export interface Panel {
   title: string;
   /** What it is for, in a sentence or two. */
   about: string;
+  /** The page of the manual on it. */
+  guide: string;
   /** The kind of basis it works on, where it needs one. */
   kind?: string;
+  /** Whether it can work with this one of them; with all, unless it says so. */
+  fits?(basis: BasisSummary): boolean;
   element: HTMLElement;
   show(): void;
   hide(): void;
 }
 
-type Happening = "mesh" | "meshes" | "bases" | "basis" | "jobs" | "tab" | "look";
+type Happening = "mesh" | "meshes" | "bases" | "basis" | "jobs" | "tab" | "look" | "map";
 
 export class App {
   place: Place = read();
@@ -28,15 +34,16 @@ export class App {
   moreMeshes: string | null = null;
   bases: BasisSummary[] = [];
   basis: Basis | null = null;
+  /** A second surface, once one was shown beside the first. */
+  beside: Beside | null = null;
   /** What the open tab shows beside the surface that is worth keeping. */
   kept: { lines: number[][][] | null; sound: ArrayBuffer | null } = { lines: null, sound: null };
-  jobs = new Map<string, Job>();
+  readonly jobs = new Jobs(() => this.emit("jobs"), (job) => this.finished(job), (error) => this.fail(error));
   /** Whether the next mode that is shown begins to swing by itself. */
   swinging = false;
   readonly panels: Panel[] = [];
   private readonly listeners = new Map<Happening, (() => void)[]>();
   private readonly known = new Map<string, Basis>();
-  private readonly stop = new AbortController();
   readonly toasts = h("div", { class: "toasts", role: "status", "aria-live": "polite" });
   readonly busy = h("div", { class: "busy", hidden: true }, h("progress", { max: 1 }), h("span", {}));
   readonly title = h("div", { class: "caption" });
@@ -63,6 +70,28 @@ export class App {
   go(change: Partial<Place>, step = false) {
     this.place = { ...this.place, ...change };
     write(this.place, step);
+  }
+
+  /** Keeps in the address what was drawn or chosen in the open tab. What is packed has to be plain ASCII. */
+  keep(design: unknown) {
+    window.clearTimeout(this.keeping);
+    const { tab, mesh } = this.place;
+    // Browsers refuse an address that changes with every move of a finger.
+    this.keeping = window.setTimeout(() => {
+      if (this.place.tab === tab && this.place.mesh === mesh) this.go({ design: design === null ? undefined : pack(design) });
+    }, 120);
+  }
+
+  private keeping = 0;
+
+  private wish: { tab: string; design: string | undefined } | null = null;
+
+  /** What the address one came by holds for a tab. It is given once: from then on the tab itself knows. */
+  arrived<T>(tab: string): T | null {
+    if (this.wish?.tab !== tab) return null;
+    const found = unpack<T>(this.wish.design);
+    this.wish = null;
+    return found;
   }
 
   // --- telling ----------------------------------------------------------------------------------------------------------
@@ -103,7 +132,7 @@ export class App {
     } }, text);
   }
 
-  private working(text: string | null, fraction?: number) {
+  working(text: string | null, fraction?: number) {
     this.busy.hidden = text === null;
     this.busy.lastElementChild!.textContent = text ?? "";
     const bar = this.busy.firstElementChild as HTMLProgressElement;
@@ -119,6 +148,7 @@ export class App {
     const moved = place.mesh !== this.mesh?.id;
     if (place.tab !== this.place.tab) this.panel?.hide();
     this.place = place;
+    this.wish = { tab: place.tab, design: place.design };
     this.viewer.view = place.view;
     this.viewer.up = place.up ?? this.viewer.guessed;
     this.emit("look");
@@ -167,7 +197,7 @@ export class App {
       this.viewer.onClick = this.viewer.onStroke = null;
       if (!keep) {
         this.viewer.view = undefined;
-        this.go({ mesh: id, basis: undefined, mode: 1, view: undefined, up: undefined }, step);
+        this.go({ mesh: id, basis: undefined, mode: 1, view: undefined, up: undefined, design: undefined }, step);
       } else {
         this.go({ mesh: id });
         this.viewer.up = this.place.up ?? this.viewer.guessed;
@@ -196,9 +226,8 @@ export class App {
     const { id, name } = this.mesh;
     await remove(id);
     this.meshes = this.meshes.filter((mesh) => mesh.id !== id);
-    for (const job of [...this.jobs.values()]) if (job.mesh === id) this.jobs.delete(job.id);
+    this.jobs.forget(({ mesh }) => mesh === id);
     this.toast("note", "Deleted", `${name ?? "The mesh"} and what was computed on it.`);
-    this.emit("jobs");
     if (!this.meshes.length) {
       this.sought = "";
       await this.list();
@@ -207,7 +236,7 @@ export class App {
     this.panel?.hide();
     [this.mesh, this.basis, this.bases] = [null, null, []];
     this.viewer.clear();
-    this.go({ mesh: undefined, basis: undefined, view: undefined, up: undefined });
+    this.go({ mesh: undefined, basis: undefined, view: undefined, up: undefined, design: undefined });
     this.emit("mesh");
     this.tab(this.place.tab, false);
   }
@@ -227,8 +256,8 @@ export class App {
   }
 
   /** The bases that the open tab can work on, newest first. */
-  basesOf(kind: string | undefined): BasisSummary[] {
-    return this.bases.filter((basis) => basis.kind === kind);
+  basesOf(panel: Panel): BasisSummary[] {
+    return this.bases.filter((basis) => basis.kind === panel.kind && (panel.fits?.(basis) ?? true));
   }
 
   /** Opens a tab. */
@@ -244,12 +273,12 @@ export class App {
     recent.shown = null;
     this.viewer.onClick = this.viewer.onStroke = null;
     this.viewer.onStrokeEnd = () => {};
-    this.go({ tab: id }, step && before?.id !== id);
+    this.go({ tab: id, ...(before?.id === id ? {} : { design: undefined }) }, step && before?.id !== id);
     const panel = this.panel;
     if (!panel) return;
     panel.element.hidden = false;
     this.emit("tab");
-    const candidates = this.basesOf(panel.kind);
+    const candidates = this.basesOf(panel);
     const wanted = candidates.find((basis) => basis.id === this.place.basis) ?? candidates.find((basis) => basis.id === this.basis?.id) ?? candidates[0];
     if (panel.kind && wanted && wanted.id !== this.basis?.id) void this.use(wanted.id).catch(this.fail);
     else {
@@ -273,67 +302,26 @@ export class App {
 
   // --- jobs -------------------------------------------------------------------------------------------------------------
 
-  /** Submits a job on the open mesh and follows it. */
-  async submit<K extends Kind>(kind: K, parameters: Parameters<K>) {
-    if (!this.mesh) return;
+  /** Submits a job, on the open mesh unless another is named, and follows it. */
+  async submit<K extends Kind>(kind: K, parameters: Parameters<K>, mesh = this.mesh?.id) {
+    if (!mesh) return;
     try {
-      const job = await post<Job>("/v1/jobs", { kind, mesh: this.mesh.id, parameters });
+      const job = await post<Job>("/v1/jobs", { kind, mesh, parameters });
       if (job.status === "succeeded" && job.basis) {
         this.toast("note", "Known already", "Equal work is done once: this is the stored result.");
+        this.jobs.put(job);
         await this.finished(job);
-      } else this.follow(job);
+      } else this.jobs.follow(job);
     } catch (error) {
       this.fail(error);
     }
   }
 
-  /** Shows a job and its changes until it has ended. */
-  follow(job: Job) {
-    const followed = this.jobs.has(job.id) && !ended(this.jobs.get(job.id)!.status);
-    this.jobs.set(job.id, job);
-    this.emit("jobs");
-    if (followed || ended(job.status)) return;
-    const changed = (job: Job) => {
-      // One that was dismissed, or whose mesh is gone, does not come back.
-      if (!this.jobs.has(job.id)) return;
-      this.jobs.set(job.id, job);
-      this.emit("jobs");
-    };
-    watch(job, changed, this.stop.signal)
-      .then((job) => (this.jobs.has(job.id) ? this.finished(job) : undefined))
-      .catch(this.fail);
-  }
-
-  private async finished(job: Job) {
-    this.jobs.set(job.id, job);
-    this.emit("jobs");
+  /** Shows what a job made, where it is of the open mesh. */
+  readonly finished = async (job: Job) => {
     if (job.status !== "succeeded" || job.mesh !== this.mesh?.id) return;
     await this.findBases();
-    if (job.basis && this.panel?.kind === job.kind) await this.use(job.basis, true);
-  }
-
-  /** Takes up the jobs that still run, after a reload for example. */
-  async resume() {
-    for (const status of ["processing", "enqueued"]) {
-      const page = await get<Page<Job>>(`/v1/jobs?status=${status}&limit=50`);
-      page.items.forEach((job) => this.follow(job));
-    }
-  }
-
-  async cancel(job: Job) {
-    try {
-      this.jobs.set(job.id, await post<Job>(`/v1/jobs/${job.id}/cancel`));
-      this.emit("jobs");
-    } catch (error) {
-      this.fail(error);
-    }
-  }
-
-  async retry(job: Job) {
-    try {
-      this.follow(await post<Job>(`/v1/jobs/${job.id}/retry`));
-    } catch (error) {
-      this.fail(error);
-    }
-  }
+    const panel = this.panel;
+    if (job.basis && panel && this.basesOf(panel).some((basis) => basis.id === job.basis)) await this.use(job.basis, true);
+  };
 }

@@ -1,40 +1,14 @@
-// What is shown, as files: surfaces, values, pictures, lines. All of it is made in the browser from what is on the screen.
+// What is shown, as files: surfaces, values, correspondences. All of it is made in the browser from what is on the screen.
 
 import { BufferAttribute, BufferGeometry, Mesh, MeshStandardMaterial } from "three";
 import { GLTFExporter } from "three/examples/jsm/exporters/GLTFExporter.js";
-import type { Surface } from "./surface";
+import { normals, type Surface } from "./surface";
+import { Lines, shortest } from "./text";
 
 /** A function at the vertices, with the colours in which it is shown: three bytes a vertex. */
 export interface Coloured {
   values: Float32Array;
   colours: Uint8Array;
-}
-
-/** Text in pieces: one string of a million lines would be copied at every line. */
-class Lines {
-  private readonly pieces: string[] = [];
-  private open: string[] = [];
-
-  add(line: string) {
-    if (this.open.push(line) < 10_000) return;
-    this.pieces.push(`${this.open.join("\n")}\n`);
-    this.open = [];
-  }
-
-  blob(type: string): Blob {
-    const rest = this.open.length ? [`${this.open.join("\n")}\n`] : [];
-    return new Blob([...this.pieces, ...rest], { type });
-  }
-}
-
-/** The shortest decimal number that single precision reads as the same. */
-export function shortest(value: number): string {
-  if (!Number.isFinite(value)) return String(value);
-  for (let digits = 6; digits < 9; digits++) {
-    const text = value.toPrecision(digits);
-    if (Math.fround(Number(text)) === Math.fround(value)) return String(Number(text));
-  }
-  return String(Number(value.toPrecision(9)));
 }
 
 export function obj({ positions: p, triangles: t }: Surface): Blob {
@@ -87,14 +61,21 @@ export function vtp({ positions: p, triangles: t }: Surface, shown: Coloured | n
   return lines.blob("application/xml");
 }
 
-/** Binary glTF. Its viewers expect y up, so the caller turns the surface. */
-export async function glb({ positions, triangles }: Surface, normals: Float32Array, shown: Coloured | null): Promise<Blob> {
+/** The surface with its up axis as y, which viewers of glTF expect. */
+export function turned({ positions: p, triangles }: Surface, axes: [axis: number, sign: number][]): Surface {
+  const positions = new Float32Array(p.length);
+  for (let i = 0; i < p.length; i += 3) for (let k = 0; k < 3; k++) positions[i + k] = axes[k][1] * p[i + axes[k][0]];
+  return { positions, triangles };
+}
+
+/** Binary glTF, of a surface with y up. */
+export async function glb(surface: Surface, shown: Coloured | null): Promise<Blob> {
   const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new BufferAttribute(positions, 3));
-  geometry.setAttribute("normal", new BufferAttribute(normals, 3));
+  geometry.setAttribute("position", new BufferAttribute(surface.positions, 3));
+  geometry.setAttribute("normal", new BufferAttribute(normals(surface), 3));
   // Colours of glTF are linear light.
-  if (shown) geometry.setAttribute("color", new BufferAttribute(Float32Array.from(shown.colours, (byte) => linear(byte / 255)), 3));
-  geometry.setIndex(new BufferAttribute(triangles, 1));
+  if (shown) geometry.setAttribute("color", new BufferAttribute(Float32Array.from(shown.colours, (byte) => LIGHT[byte]), 3));
+  geometry.setIndex(new BufferAttribute(surface.triangles, 1));
   const material = new MeshStandardMaterial({ vertexColors: shown !== null, metalness: 0, roughness: 0.7 });
   const bytes = await new GLTFExporter().parseAsync(new Mesh(geometry, material), { binary: true });
   geometry.dispose();
@@ -103,6 +84,7 @@ export async function glb({ positions, triangles }: Surface, normals: Float32Arr
 }
 
 const linear = (value: number) => (value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4);
+const LIGHT = Float32Array.from({ length: 256 }, (_, byte) => linear(byte / 255));
 
 /** A row for each vertex: number, position, value. */
 export function csv({ positions: p }: Surface, shown: Coloured, vertex: string): Blob {
@@ -112,20 +94,41 @@ export function csv({ positions: p }: Surface, shown: Coloured, vertex: string):
   return lines.blob("text/csv");
 }
 
-/** The values as an array of NumPy. */
-export function npy(values: Float32Array): Blob {
-  const text = `{'descr': '<f4', 'fortran_order': False, 'shape': (${values.length},), }`;
+/** Numbers as an array of NumPy. */
+export function npy(values: Float32Array | Int32Array): Blob {
+  const text = `{'descr': '${values instanceof Int32Array ? "<i4" : "<f4"}', 'fortran_order': False, 'shape': (${values.length},), }`;
   // Magic, version and length of the header; the data begin at a multiple of 64.
   const padded = `${text.padEnd(Math.ceil((text.length + 11) / 64) * 64 - 11)}\n`;
   const head = new Uint8Array([0x93, ...new TextEncoder().encode("NUMPY"), 1, 0, padded.length & 255, padded.length >> 8]);
   return new Blob([head, padded, values as Float32Array<ArrayBuffer>], { type: "application/octet-stream" });
 }
 
-/** Lines in the plane as a picture of vectors, for print and plotters. */
-export function svg(lines: [x: number, y: number][][], width: number, height: number, stroke: number): Blob {
-  const text = new Lines();
-  text.add(`<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 ${width} ${height}" fill="none" stroke="#14325c" stroke-width="${stroke.toFixed(2)}" stroke-linecap="round" stroke-linejoin="round">`);
-  for (const line of lines) text.add(`<path d="M${line.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`).join("L")}"/>`);
-  text.add("</svg>");
-  return text.blob("image/svg+xml");
+/** A correspondence: for each vertex of the target that of the source, or nothing where it is below zero, and how sure that is. */
+export function pairs(points: Int32Array, confidences: Float32Array, numbering: string): Blob {
+  const lines = new Lines();
+  lines.add(`target_${numbering},source_${numbering},confidence`);
+  points.forEach((point, v) => lines.add(`${v},${point < 0 ? "" : point},${Number.isNaN(confidences[v]) ? "" : shortest(confidences[v])}`));
+  return lines.blob("text/csv");
+}
+
+/** What is asked of the thread that writes files. */
+export type Order =
+  | { kind: "obj"; surface: Surface }
+  | { kind: "ply" | "vtp"; surface: Surface; shown: Coloured | null }
+  | { kind: "glb"; surface: Surface; shown: Coloured | null; axes: [axis: number, sign: number][] }
+  | { kind: "csv"; surface: Surface; shown: Coloured; vertex: string }
+  | { kind: "npy"; values: Float32Array | Int32Array }
+  | { kind: "pairs"; points: Int32Array; confidences: Float32Array; numbering: string };
+
+/** Writes a file. */
+export async function written(order: Order): Promise<Blob> {
+  switch (order.kind) {
+    case "obj": return obj(order.surface);
+    case "ply": return ply(order.surface, order.shown);
+    case "vtp": return vtp(order.surface, order.shown);
+    case "glb": return glb(turned(order.surface, order.axes), order.shown);
+    case "csv": return csv(order.surface, order.shown, order.vertex);
+    case "npy": return npy(order.values);
+    case "pairs": return pairs(order.points, order.confidences, order.numbering);
+  }
 }

@@ -1,10 +1,14 @@
 // The left column: files come in, meshes are listed, jobs report.
 
-import { ended, upload, type Job, type Mesh } from "./api";
+import { upload, type Mesh } from "./api";
 import type { App } from "./app";
-import { brief, choice, grouped, h, plural, seconds, words } from "./dom";
+import { brief, choice, grouped, h, plural, words } from "./dom";
+import { jobCard, renew } from "./queue";
 import { fieldName } from "./panels/basis";
 import { samples } from "./welcome";
+
+/** Jobs that are shown beside the surfaces; the list of jobs has all of them. */
+const MOST_JOBS = 4;
 
 export function library(app: App): HTMLElement {
   const input = h("input", { type: "file", multiple: true, class: "visually-hidden", id: "file", accept: ".obj,.ply,.off,.stl,.mesh,.vtk,.msh,.white,.pial,.inflated,.gz,.zst" });
@@ -83,8 +87,8 @@ export function library(app: App): HTMLElement {
     more.hidden = !app.moreMeshes;
   };
   const showJobs = () => {
-    const listed = [...app.jobs.values()].filter((job) => job.status !== "succeeded").sort((a, b) => b.created_ms - a.created_ms).slice(0, 6);
-    jobs.replaceChildren(...listed.map((job) => jobCard(app, job)));
+    const listed = app.jobs.list.filter((job) => job.status !== "succeeded").slice(0, MOST_JOBS);
+    renew(jobs, listed.map((job) => jobCard(app, job, { dismiss: true })));
   };
   for (const happening of ["meshes", "mesh", "bases", "basis"] as const) app.on(happening, showMeshes);
   app.on("jobs", showJobs);
@@ -92,7 +96,8 @@ export function library(app: App): HTMLElement {
     h("details", { class: "examples" }, h("summary", {}, "Examples"), samples(app)));
 }
 
-const title = (mesh: Mesh) => mesh.name ?? `mesh ${mesh.id.slice(0, 8)}`;
+/** What a mesh is called. */
+const title = ({ id, name }: Pick<Mesh, "id" | "name">) => name ?? `mesh ${id.slice(0, 8)}`;
 
 function meshItem(app: App, mesh: Mesh): HTMLElement {
   const open = mesh.id === app.mesh?.id;
@@ -100,9 +105,10 @@ function meshItem(app: App, mesh: Mesh): HTMLElement {
     h("strong", {}, title(mesh)), h("small", {}, `${grouped(mesh.vertices)} vertices`));
   if (!open) return h("li", {}, button);
   const bases = app.bases.map((basis) => {
-    const method = basis.kind === "field_basis" ? fieldName(basis.parameters) : "method" in basis.parameters ? basis.parameters.method : "";
+    const method = basis.kind === "field_basis" ? fieldName(basis.parameters) : "operator" in basis.parameters && basis.parameters.operator === "hodge" ? "fields" : "method" in basis.parameters ? basis.parameters.method : "";
     const text = `${words(basis.kind)} · ${grouped(basis.count)}${method ? ` · ${method}` : ""}`;
-    const tab = app.panels.find((panel) => panel.kind === basis.kind && panel.id === app.place.tab) ?? app.panels.find((panel) => panel.kind === basis.kind);
+    const suited = app.panels.filter((panel) => panel.kind === basis.kind && (panel.fits?.(basis) ?? true));
+    const tab = suited.find((panel) => panel.id === app.place.tab) ?? suited[0];
     return h("li", {}, h("button", {
       class: "basis", "aria-current": basis.id === app.basis?.id ? "true" : undefined, disabled: !tab,
       onclick: () => {
@@ -153,30 +159,4 @@ function report(mesh: Mesh): HTMLElement {
     h("p", {}, shape.filter(Boolean).join(" · ")),
     defects.length > 0 && h("details", { class: "defects" }, h("summary", {}, `${plural(defects.length, "kind")} of defect found`), h("ul", {}, ...defects.map(line))),
     repairs.length > 0 && h("details", { class: "defects" }, h("summary", {}, `${plural(repairs.length, "repair")} done`), h("ul", {}, ...repairs.map(line))));
-}
-
-function jobCard(app: App, job: Job): HTMLElement {
-  const mesh = app.meshes.find((mesh) => mesh.id === job.mesh);
-  const running = !ended(job.status);
-  const state = {
-    enqueued: "waiting for a worker",
-    processing: [job.stage ? words(job.stage) : "starting", job.detail].filter(Boolean).join(" · "),
-    succeeded: "done", failed: "failed", canceled: "cancelled",
-  }[job.status];
-  const bar = h("progress", { max: 1, "aria-label": state });
-  if (job.status === "processing" && job.progress !== null) bar.value = job.progress;
-  const spent = job.stage_seconds.reduce((sum, stage) => sum + stage.seconds, 0);
-  const card = h("div", { class: `card job ${job.status}`, "data-job": job.id },
-    h("strong", {}, `${words(job.kind)}${mesh?.name ? ` of ${mesh.name}` : ""}`),
-    running && bar,
-    h("small", {}, `${job.cancel_requested && running ? "stopping …" : state}${spent > 0 ? ` · ${seconds(spent)}` : ""}${job.attempt > 1 ? ` · attempt ${job.attempt} of ${job.max_attempts}` : ""}`),
-    job.problem && h("p", {}, job.problem.detail));
-  const buttons = h("div", { class: "row" });
-  if (running) buttons.append(h("button", { disabled: job.cancel_requested, onclick: () => app.cancel(job) }, "Cancel"));
-  else {
-    buttons.append(h("button", { onclick: () => app.retry(job) }, "Try again"));
-    buttons.append(h("button", { class: "quiet", onclick: () => { app.jobs.delete(job.id); app.emit("jobs"); } }, "Dismiss"));
-  }
-  card.append(buttons);
-  return card;
 }

@@ -1,6 +1,6 @@
 // Fields and curves as lines on the surface: glyphs, streamlines, dots.
 
-import { BufferAttribute, BufferGeometry, Color, DoubleSide, InstancedMesh, Matrix4, Mesh, MeshBasicMaterial, SphereGeometry } from "three";
+import { BufferAttribute, BufferGeometry, Color, DoubleSide, InstancedMesh, LineSegments, type Material, Matrix4, Mesh, MeshBasicMaterial, SphereGeometry } from "three";
 import type { Surface } from "./surface";
 
 /** Centre and unit normal of a face. */
@@ -187,3 +187,19 @@ export function dots(places: [x: number, y: number, z: number, colour: number][]
   mesh.frustumCulled = false;
   return mesh;
 }
+
+/** What the edges share with their mesh. */
+const SHARED = ["position", "normal", "value"];
+
+/** Edges of a mesh, which move as its vertices do. */
+export function wires(mesh: BufferGeometry, ends: Uint32Array, material: Material): LineSegments {
+  const geometry = new BufferGeometry();
+  for (const name of SHARED) geometry.setAttribute(name, mesh.getAttribute(name));
+  geometry.setIndex(new BufferAttribute(ends, 1));
+  const lines = new LineSegments(geometry, material);
+  lines.frustumCulled = false;
+  return lines;
+}
+
+/** Leaves to the mesh, which goes on, what its edges shared with it. */
+export const unshare = (geometry: BufferGeometry) => SHARED.forEach((name) => geometry.deleteAttribute(name));

@@ -4,14 +4,16 @@ import { key } from "./api";
 import { App } from "./app";
 import { h } from "./dom";
 import { library } from "./library";
-import { Look } from "./panels/basis";
+import { Look } from "./panels/look";
 import { familyPanel } from "./panels/family";
 import { fieldsPanel } from "./panels/fields";
 import { filterPanel } from "./panels/filter";
+import { mapsPanel } from "./panels/maps";
 import { modesPanel } from "./panels/modes";
 import { pointsPanel } from "./panels/points";
 import { shapesPanel } from "./panels/shapes";
 import { vibrationPanel } from "./panels/vibration";
+import { queue } from "./queue";
 import { toolbar } from "./stage";
 import { Viewer } from "./viewer";
 import { welcome } from "./welcome";
@@ -19,7 +21,7 @@ import { welcome } from "./welcome";
 const hints = h("p", { class: "keys", id: "keys", "aria-hidden": "true" });
 const spoken = h("p", { class: "visually-hidden", "aria-live": "polite" });
 const canvas = h("canvas", { class: "surface", tabIndex: 0, role: "application", "aria-label": "The surface", "aria-describedby": "keys" });
-const stage = h("main", { class: "stage" }, canvas, hints, spoken);
+const stage = h("main", { class: "stage" }, h("div", { class: "pane" }, canvas, hints, spoken));
 document.body.append(stage);
 
 let viewer: Viewer | null = null;
@@ -35,7 +37,7 @@ function start(viewer: Viewer) {
   viewer.onKeys = (hint) => (hints.textContent = hint);
   viewer.cursor.tell = (text) => (spoken.textContent = text);
   const look = new Look(app);
-  app.panels.push(modesPanel(app, look), filterPanel(app, look), pointsPanel(app, look), fieldsPanel(app, look), familyPanel(app, look), vibrationPanel(app, look), shapesPanel(app, look));
+  app.panels.push(modesPanel(app, look), filterPanel(app, look), pointsPanel(app, look), fieldsPanel(app, look), familyPanel(app, look), vibrationPanel(app, look), shapesPanel(app, look), mapsPanel(app, look, stage));
 
   const tabs = h("div", { class: "tabs", role: "tablist", "aria-label": "What to do" });
   app.panels.forEach((panel) => {
@@ -43,7 +45,7 @@ function start(viewer: Viewer) {
     panel.element.setAttribute("role", "tabpanel");
     panel.element.setAttribute("aria-labelledby", `tab-${panel.id}`);
     panel.element.hidden = true;
-    panel.element.prepend(h("p", { class: "dim about" }, panel.about));
+    panel.element.prepend(h("p", { class: "dim about" }, panel.about, " ", h("a", { href: `/docs/guide/${panel.guide}`, target: "_blank", "aria-label": `${panel.title} in the manual` }, "Manual")));
     tabs.append(h("button", { role: "tab", id: `tab-${panel.id}`, "aria-controls": `panel-${panel.id}`, onclick: () => app.tab(panel.id) }, panel.title));
   });
   const showTabs = () => {
@@ -73,17 +75,18 @@ function start(viewer: Viewer) {
       keys.open = false;
       void begin();
     } }, secret, h("button", {}, "Use")));
+  const jobs = queue(app);
   const header = h("header", {}, h("h1", {}, "Chladni"), h("span", { class: "subtitle" }, "the eigenfunctions of surfaces"),
-    h("nav", {}, h("a", { href: "/docs", target: "_blank" }, "API"), keys));
+    h("nav", {}, jobs.button, h("a", { href: "/docs/guide", target: "_blank" }, "Manual"), h("a", { href: "/docs", target: "_blank" }, "API"), keys));
 
   stage.append(app.title, toolbar(app, look), look.legend, app.busy, welcome(app));
   document.body.prepend(header, library(app));
-  document.body.append(h("section", { class: "work", "aria-label": "Tools" }, tabs, ...app.panels.map((panel) => panel.element)), app.toasts);
+  document.body.append(h("section", { class: "work", "aria-label": "Tools" }, tabs, ...app.panels.map((panel) => panel.element)), jobs.dialog, app.toasts);
 
   async function begin() {
     try {
       await app.list();
-      await Promise.all([app.arrive(), app.resume()]);
+      await Promise.all([app.arrive(), app.jobs.resume()]);
     } catch (error) {
       app.fail(error);
     }

@@ -11,6 +11,21 @@ export interface Place {
   map?: string;
   lines?: number;
   up?: Up;
+  /** What was drawn or chosen in the open tab, packed. */
+  design?: string;
+}
+
+/** Packs what a tab keeps, so that an address holds it as it is: base64 of JSON, in the letters of addresses. */
+export const pack = (value: unknown) => btoa(JSON.stringify(value)).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
+
+/** What was packed; null where that cannot be read. */
+export function unpack<T>(text: string | undefined): T | null {
+  if (!text) return null;
+  try {
+    return JSON.parse(atob(text.replaceAll("-", "+").replaceAll("_", "/"))) as T;
+  } catch {
+    return null;
+  }
 }
 
 export function read(): Place {
@@ -26,6 +41,7 @@ export function read(): Place {
     map: text("map"),
     lines: text("lines") === undefined ? undefined : Number(text("lines")) || 0,
     up: Object.hasOwn(AXES, text("up") ?? "") ? (text("up") as Up) : undefined,
+    design: text("design"),
   };
 }
 

@@ -9,6 +9,11 @@ in float value;
 in vec3 slope;
 uniform float wave;
 out float v_value;
+#ifdef TINT
+in vec3 tint;
+out vec3 v_tint;
+#endif
+#include <clipping_planes_pars_vertex>
 #ifdef QUICK
 out vec2 v_light;
 #else
@@ -20,6 +25,11 @@ void main() {
   vec4 at = modelViewMatrix * vec4(position + wave * value * normal, 1.0);
   vec3 n = normalMatrix * (normal - wave * slope);
   v_value = value;
+#ifdef TINT
+  v_tint = tint;
+#endif
+  vec4 mvPosition = at;
+  #include <clipping_planes_vertex>
 #ifdef QUICK
   v_light = light(normalize(n), normalize(-at.xyz));
 #else
@@ -33,9 +43,21 @@ void main() {
 const EDGES = `
 in float value;
 uniform float wave;
+#include <clipping_planes_pars_vertex>
 void main() {
-  gl_Position = projectionMatrix * modelViewMatrix * vec4(position + wave * value * normal, 1.0);
+  vec4 mvPosition = modelViewMatrix * vec4(position + wave * value * normal, 1.0);
+  #include <clipping_planes_vertex>
+  gl_Position = projectionMatrix * mvPosition;
   gl_Position.z -= 2e-4 * gl_Position.w;
+}`;
+
+const EDGE = `
+precision highp float;
+#include <clipping_planes_pars_fragment>
+out vec4 colour;
+void main() {
+  #include <clipping_planes_fragment>
+  colour = vec4(0.10, 0.12, 0.16, 1.0);
 }`;
 
 /** What falls on the surface, and what it mirrors. The far side of an open surface is lit as the near one. */
@@ -65,10 +87,23 @@ uniform float lines;
 uniform float coloured;
 uniform float diverging;
 uniform vec3 plain;
+#ifdef TINT
+in vec3 v_tint;
+uniform float checks;
+#endif
+#include <clipping_planes_pars_fragment>
 out vec4 colour;
 LIGHT
 void main() {
+  #include <clipping_planes_fragment>
   vec3 base = plain;
+#ifdef TINT
+  base = mix(vec3(0.12), vec3(0.97), v_tint);
+  if (checks > 0.5) {
+    vec3 cell = floor(v_tint * checks);
+    base = mix(base, vec3(0.08), 0.75 * mod(cell.x + cell.y + cell.z, 2.0));
+  }
+#endif
   if (coloured > 0.5) {
     float t = clamp((v_value - range.x) * range.y, 0.0, 1.0);
     base = texelFetch(map, ivec2(int(t * 1023.0 + 0.5), 0), 0).rgb;
@@ -104,25 +139,43 @@ export class Shading {
   readonly edges: ShaderMaterial;
   private readonly uniforms = {
     map: { value: null as DataTexture | null }, range: { value: new Vector2(-1, 0.5) }, lines: { value: 0 }, coloured: { value: 0 }, diverging: { value: 1 },
-    plain: { value: new Color(0.8, 0.79, 0.76) }, wave: { value: 0 },
+    plain: { value: new Color(0.8, 0.79, 0.76) }, wave: { value: 0 }, checks: { value: 0 },
   };
   private named = "";
 
   constructor() {
     const [vertexShader, fragmentShader] = [VERTEX, FRAGMENT];
     const make = (quick: boolean) => new ShaderMaterial({
-      glslVersion: GLSL3, side: DoubleSide, uniforms: this.uniforms,
+      glslVersion: GLSL3, side: DoubleSide, uniforms: this.uniforms, clipping: true,
       vertexShader: vertexShader.replace("LIGHT", quick ? LIGHT : ""), fragmentShader: fragmentShader.replace("LIGHT", quick ? "" : LIGHT),
       defines: quick ? { QUICK: "" } : {},
     });
     [this.fine, this.quick] = [make(false), make(true)];
-    this.edges = new ShaderMaterial({ glslVersion: GLSL3, uniforms: this.uniforms, vertexShader: EDGES, fragmentShader: "precision highp float; out vec4 colour; void main() { colour = vec4(0.10, 0.12, 0.16, 1.0); }" });
+    this.edges = new ShaderMaterial({ glslVersion: GLSL3, uniforms: this.uniforms, clipping: true, vertexShader: EDGES, fragmentShader: EDGE });
   }
+
+  private outer: Side = DoubleSide;
 
   /** Which sides of the triangles are drawn: of a closed surface only the outer one. */
   sides(closed: boolean, volume: number) {
-    const side: Side = closed ? (volume > 0 ? FrontSide : BackSide) : DoubleSide;
-    this.fine.side = this.quick.side = side;
+    this.outer = closed ? (volume > 0 ? FrontSide : BackSide) : DoubleSide;
+    this.opened(false);
+  }
+
+  /** Where a part is cut away, the inside is seen too. */
+  opened(open: boolean) {
+    this.fine.side = this.quick.side = open ? DoubleSide : this.outer;
+  }
+
+  /** Whether the surface has the colours of its attribute `tint`; above 0, `checks` lays so many dark cells over them along each axis. */
+  tint(on: boolean, checks = 0) {
+    this.uniforms.checks.value = checks;
+    for (const material of [this.fine, this.quick]) {
+      if (on === "TINT" in material.defines) continue;
+      if (on) material.defines.TINT = "";
+      else delete material.defines.TINT;
+      material.needsUpdate = true;
+    }
   }
 
   /** What the values at the vertices mean, or that there are none. */
@@ -143,6 +196,11 @@ export class Shading {
     this.uniforms.map.value?.dispose();
     this.uniforms.map.value = texture;
     return true;
+  }
+
+  dispose() {
+    for (const material of [this.fine, this.quick, this.edges]) material.dispose();
+    this.uniforms.map.value?.dispose();
   }
 
   lines(count: number) {

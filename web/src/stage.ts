@@ -3,14 +3,13 @@
 import { kept, recent } from "./api";
 import type { App } from "./app";
 import { curl, python, type Request } from "./code";
-import { brief, choice, h } from "./dom";
-import type { Coloured } from "./files";
+import { brief, choice, field, h, slider } from "./dom";
+import type { Coloured, Order } from "./files";
 import { records } from "./film";
-import type { Look } from "./panels/basis";
-import type { Up } from "./upright";
-
-/** Fetched where a file is asked for: the page is there sooner without them. */
-const files = () => import("./files");
+import { fileName, give, write } from "./give";
+import type { Look } from "./panels/look";
+import { svg } from "./svg";
+import { AXES, type Up } from "./upright";
 
 /** Seconds of a film: one turn of the surface. */
 const FILM = 6;
@@ -31,16 +30,23 @@ export function toolbar(app: App, look: Look): HTMLElement {
     edges.setAttribute("aria-pressed", String(on));
     viewer.edges(on);
   } }, "Edges");
+  const slice = slicer(app);
   const menu = h("div", { class: "menu" });
-  const save = h("details", { class: "save" }, h("summary", {}, "Save"), menu);
-  const bar = h("div", { class: "stagebar", role: "group", "aria-label": "View", hidden: true }, up, edges, save);
+  const save = h("details", { class: "pop save" }, h("summary", {}, "Save"), menu);
+  const bar = h("div", { class: "stagebar", role: "group", "aria-label": "View", hidden: true }, up, edges, slice.element, save);
 
   const renumbered = () => app.mesh?.report.file !== undefined && app.mesh.report.file !== null;
-  const name = () => [app.mesh?.name ?? "mesh", app.title.textContent !== app.mesh?.name ? app.title.textContent : ""].filter(Boolean).join("-").toLowerCase().replace(/[^a-z0-9]+/g, "-");
-  const download = (blob: Blob, ending: string) => {
-    const link = h("a", { href: URL.createObjectURL(blob), download: `${name()}.${ending}` });
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+  const name = () => fileName(app.mesh?.name ?? "mesh", app.title.textContent !== app.mesh?.name ? app.title.textContent : "");
+  const download = (blob: Blob, ending: string) => give(blob, `${name()}.${ending}`);
+  /** Writes a file beside the page, and tells that it is being written where that takes a moment. */
+  const file = async (order: Order, ending: string) => {
+    const said = window.setTimeout(() => app.working(`Writing ${ending.toUpperCase()} …`), 300);
+    try {
+      download(await write(order), ending);
+    } finally {
+      window.clearTimeout(said);
+      app.working(null);
+    }
   };
   const coloured = (): Coloured | null => look.coloured();
   const copy = async (text: string, what: string) => {
@@ -74,16 +80,12 @@ export function toolbar(app: App, look: Look): HTMLElement {
         app.toast("note", "Recording", `The surface turns once, for ${FILM} seconds.`);
         download(await viewer.film(FILM), "webm");
       }), lines !== null && item("Lines as SVG", async () => {
-        const { svg } = await files();
         const { width, height, runs } = viewer.drawn(lines);
         download(svg(runs, width, height, Math.max(0.6, width / 1200)), "svg");
       })]),
-      group("Surface as shown", [item("OBJ", async () => download((await files()).obj(viewer.shape()!), "obj")), item(shown ? "PLY with colours" : "PLY", async () => download((await files()).ply(viewer.shape()!, coloured()), "ply")),
-        item("GLB", async () => {
-          const { surface, normals } = viewer.turned()!;
-          download(await (await files()).glb(surface, normals, coloured()), "glb");
-        }), item("VTP (ParaView)", async () => download((await files()).vtp(viewer.shape()!, coloured()), "vtp"))]),
-      shown && group("Values at the vertices", [item("CSV", async () => download((await files()).csv(viewer.shape()!, coloured()!, renumbered() ? "kept_vertex" : "vertex"), "csv")), item("NPY (NumPy)", async () => download((await files()).npy(coloured()!.values), "npy"))]),
+      group("Surface as shown", [item("OBJ", () => file({ kind: "obj", surface: viewer.shape()! }, "obj")), item(shown ? "PLY with colours" : "PLY", () => file({ kind: "ply", surface: viewer.shape()!, shown: coloured() }, "ply")),
+        item("GLB", () => file({ kind: "glb", surface: viewer.shape()!, shown: coloured(), axes: AXES[viewer.up] }, "glb")), item("VTP (ParaView)", () => file({ kind: "vtp", surface: viewer.shape()!, shown: coloured() }, "vtp"))]),
+      shown && group("Values at the vertices", [item("CSV", () => file({ kind: "csv", surface: viewer.shape()!, shown: coloured()!, vertex: renumbered() ? "kept_vertex" : "vertex" }, "csv")), item("NPY (NumPy)", () => file({ kind: "npy", values: coloured()!.values }, "npy"))]),
       sound && group("Sound", [item("WAV", () => download(new Blob([sound], { type: "audio/wav" }), "wav"))]),
       request && group("Copy the request", [item("as curl", () => copy(curl(request), "The request for curl")), item("as Python", () => copy(python(request), "The request in Python"))]),
       job && group("Copy the job", [item("as curl", () => copy(curl(job), "The job for curl")), item("as Python", () => copy(python(job), "The job in Python"))]),
@@ -91,21 +93,14 @@ export function toolbar(app: App, look: Look): HTMLElement {
     menu.replaceChildren(...groups.filter((part): part is HTMLDivElement => Boolean(part)));
   };
   save.addEventListener("toggle", () => save.open && fill());
-  document.addEventListener("pointerdown", (event) => {
-    if (save.open && !save.contains(event.target as Node)) save.open = false;
-  });
-  save.addEventListener("keydown", (event) => {
-    if (event.key !== "Escape") return;
-    save.open = false;
-    save.querySelector("summary")!.focus();
-  });
+  closes(save);
 
   // What lies under the pointer, in the numbering of the mesh that the page draws.
   const readout = h("p", { class: "readout", "aria-hidden": "true", hidden: true });
   viewer.onHover = (hit) => {
     readout.hidden = hit === null;
+    const value = look.at(hit?.vertex ?? null);
     if (!hit) return;
-    const value = look.at(hit.vertex);
     // What repairs renumbered has other numbers in the file.
     readout.textContent = `${renumbered() ? "kept vertex" : "vertex"} ${hit.vertex}${value === null ? "" : ` · ${brief(value)}`}`;
   };
@@ -115,6 +110,41 @@ export function toolbar(app: App, look: Look): HTMLElement {
     bar.hidden = app.mesh === null;
     up.value = viewer.up;
     edges.setAttribute("aria-pressed", "false");
+    slice.reset();
   });
   return bar;
+}
+
+/** A menu goes away with a press beside it, and with Escape. */
+function closes(details: HTMLDetailsElement) {
+  document.addEventListener("pointerdown", (event) => {
+    if (details.open && !details.contains(event.target as Node)) details.open = false;
+  });
+  details.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape") return;
+    details.open = false;
+    details.querySelector("summary")!.focus();
+  });
+}
+
+/** A plane that cuts a part of the surface away, so that one sees inside. */
+function slicer(app: App): { element: HTMLElement; reset: () => void } {
+  const axis = choice([["none", "nothing"], ["0", "across"], ["1", "by height"], ["2", "by depth"]], "none", () => cut(), "Slice");
+  const at = slider("At", { min: 0, max: 1, step: 0.01, value: 0.5 }, () => cut(), (value) => `${Math.round(100 * value)} %`);
+  const far = h("input", { type: "checkbox", checked: true, onchange: () => cut() });
+  const side = h("label", { class: "row" }, far, "cut the far part away");
+  const cut = () => {
+    const on = axis.value !== "none";
+    at.element.hidden = side.hidden = !on;
+    summary.classList.toggle("on", on);
+    app.viewer.slice(on ? { axis: Number(axis.value), at: at.control.valueAsNumber, far: far.checked } : null);
+  };
+  const summary = h("summary", {}, "Slice");
+  const element = h("details", { class: "pop slice" }, summary, h("div", { class: "menu" }, field("Slice", axis), at.element, side));
+  closes(element);
+  at.element.hidden = side.hidden = true;
+  return { element, reset: () => {
+    axis.value = "none";
+    cut();
+  } };
 }

@@ -111,8 +111,11 @@ export interface Hit {
   distance: number;
 }
 
-/** Where a ray first meets the surface (Möller and Trumbore 1997). A plain loop: 20 ms for a million faces, nothing to keep. */
-export function cast({ positions, triangles }: Surface, origin: number[], ray: number[]): Hit | null {
+/**
+ * Where a ray first meets the surface (Möller and Trumbore 1997). A plain loop: 20 ms for a million faces, nothing to keep. Of a plane, four
+ * numbers, only the side on which they are positive is met.
+ */
+export function cast({ positions, triangles }: Surface, origin: number[], ray: number[], plane?: number[]): Hit | null {
   const [ox, oy, oz] = origin, [dx, dy, dz] = ray;
   let nearest = Infinity, face = -1, bestU = 0, bestV = 0;
   for (let f = 0; f < triangles.length; f += 3) {
@@ -131,6 +134,7 @@ export function cast({ positions, triangles }: Surface, origin: number[], ray: n
     if (v < 0 || u + v > 1) continue;
     const t = (vx * qx + vy * qy + vz * qz) / determinant;
     if (t > 0 && t < nearest) {
+      if (plane && plane[0] * (ox + t * dx) + plane[1] * (oy + t * dy) + plane[2] * (oz + t * dz) + plane[3] < 0) continue;
       nearest = t;
       face = f / 3;
       bestU = u;

@@ -7,12 +7,20 @@ const HIDDEN = 0.01;
 /** The largest number in three bytes. */
 const DEEPEST = 16777215;
 
-const VERTEX = "void main() { gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }";
+const VERTEX = `
+#include <clipping_planes_pars_vertex>
+void main() {
+  vec4 mvPosition = modelViewMatrix * vec4(position, 1.0);
+  #include <clipping_planes_vertex>
+  gl_Position = projectionMatrix * mvPosition;
+}`;
 // Three bytes of depth: what a canvas gives back is bytes.
 const FRAGMENT = `
 precision highp float;
+#include <clipping_planes_pars_fragment>
 out vec4 bytes;
 void main() {
+  #include <clipping_planes_fragment>
   float d = floor(gl_FragCoord.z * ${DEEPEST}.0);
   bytes = vec4(floor(d / 65536.0), mod(floor(d / 256.0), 256.0), mod(d, 256.0), 255.0) / 255.0;
 }`;
@@ -21,7 +29,7 @@ void main() {
 export function unhidden(renderer: WebGLRenderer, scene: Scene, camera: PerspectiveCamera, mesh: Mesh<BufferGeometry>, lines: number[][][], width: number, height: number): [number, number][][] {
   const [columns, rows] = [Math.max(2 * width, 2), Math.max(2 * height, 2)];
   const target = new WebGLRenderTarget(columns, rows);
-  const depth = new ShaderMaterial({ glslVersion: GLSL3, side: DoubleSide, vertexShader: VERTEX, fragmentShader: FRAGMENT });
+  const depth = new ShaderMaterial({ glslVersion: GLSL3, side: DoubleSide, clipping: true, vertexShader: VERTEX, fragmentShader: FRAGMENT });
   const [material, background] = [mesh.material, renderer.getClearColor(new Color())];
   mesh.material = depth;
   renderer.setClearColor(0xffffff, 1);

@@ -1,12 +1,16 @@
 // The surface on the screen: geometry, colours, camera, and what lies under the pointer.
 
 import {
-  BufferAttribute, BufferGeometry, DynamicDrawUsage, Euler, GLSL3, LineSegments, Matrix4, Mesh, MeshBasicMaterial, Object3D, PerspectiveCamera, Quaternion, Scene, ShaderMaterial, Sphere, SphereGeometry, SRGBColorSpace, Vector3, WebGLRenderer, WebGLRenderTarget,
+  BufferAttribute, BufferGeometry, DynamicDrawUsage, Euler, type LineSegments, Matrix4, Mesh, MeshBasicMaterial, Object3D, PerspectiveCamera, Plane, Quaternion, Scene, Sphere, SphereGeometry, Vector3, WebGLRenderer, type WebGLRenderTarget,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { Cursor } from "./cursor";
 import type { Prepared } from "./geometry";
+import { develop, drawnInSoftware, exposure } from "./exposure";
+import { unshare, wires } from "./lines";
 import { Pace } from "./pace";
+import { listen } from "./pointer";
+import { portrait } from "./portrait";
 import { Shading } from "./shading";
 import { record } from "./film";
 import { cast, edges, gradient, normals, type Hit, type Surface } from "./surface";
@@ -18,12 +22,6 @@ const QUIET = 180;
 /** Triangles that are drawn in motion without having been tried: by a processor, and by a graphics card. */
 const FEW = [60_000, 3_000_000];
 
-/** Corners of a mesh under which a moving pointer may ask what is there. */
-const HOVERED = 300_000;
-
-/** Triangles of a part of the fine picture. */
-const PART = 50_000;
-
 export interface Scalar {
   values: Float32Array;
   /** What the ends of the colour map stand for; for a diverging map symmetric about zero. */
@@ -31,26 +29,11 @@ export interface Scalar {
   diverging: boolean;
 }
 
-/** Whether a processor does the work of a graphics card. Smooth edges then come from more pixels, and only once nothing moves. */
-function drawnInSoftware(): boolean {
-  const context = document.createElement("canvas").getContext("webgl2");
-  const names = context?.getExtension("WEBGL_debug_renderer_info");
-  const software = !!context && !!names && /swiftshader|llvmpipe|software/i.test(String(context.getParameter(names.UNMASKED_RENDERER_WEBGL)));
-  context?.getExtension("WEBGL_lose_context")?.loseContext();
-  return software;
-}
-
-/** A triangle over the whole window with a picture on it. */
-function exposure(): Mesh<BufferGeometry, ShaderMaterial> {
-  const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
-  const mesh = new Mesh(geometry, new ShaderMaterial({
-    glslVersion: GLSL3, depthTest: false, depthWrite: false, uniforms: { picture: { value: null } },
-    vertexShader: "void main() { gl_Position = vec4(position, 1.0); }",
-    fragmentShader: "precision highp float; uniform sampler2D picture; out vec4 colour; void main() { colour = texture(picture, gl_FragCoord.xy / vec2(textureSize(picture, 0) / 2)); }",
-  }));
-  mesh.frustumCulled = false;
-  return mesh;
+/** What is cut away: along an axis of the screen (to the right, up, to the viewer), where, and whether the far part of it. */
+export interface Slice {
+  axis: number;
+  at: number;
+  far: boolean;
 }
 
 export class Viewer {
@@ -126,7 +109,7 @@ export class Viewer {
     this.map("blue-orange");
     this.compile();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
-    this.listen();
+    listen(this, this.controls);
   }
 
   /** Has the shaders compiled: later the page would wait for them, and for everything that is drawn in front of them. */
@@ -146,6 +129,8 @@ export class Viewer {
   /** Shows another mesh, so that it fills the unit ball. Where it is closed, the far side is not drawn. */
   setMesh(surface: Prepared, closed: boolean) {
     this.shading.sides(closed, surface.volume);
+    this.slice(null);
+    this.shading.tint(false);
     [this.centre, this.radius] = [surface.centre, surface.radius];
     this.guessed = surface.up;
     this.up = surface.up;
@@ -200,7 +185,7 @@ export class Viewer {
     const rows = AXES[up].map(([axis, sign]) => [0, 1, 2].map((k) => (k === axis ? sign : 0)));
     this.upright.setFromRotationMatrix(new Matrix4().set(...[...rows[0], 0, ...rows[1], 0, ...rows[2], 0, 0, 0, 0, 1] as Parameters<Matrix4["set"]>));
     for (const object of [this.mesh, ...this.overlays.values()]) this.place(object);
-    this.draw();
+    this.slice(this.cut);
   }
 
   /** A point of the scene, in radii around the middle of the mesh, in the units of the mesh. */
@@ -244,6 +229,37 @@ export class Viewer {
     this.draw();
   }
 
+  /** Colours the surface itself, by three numbers from 0 to 1 for each vertex, with so many checks along each axis; `null` ends it. */
+  tint(colours: Float32Array | null, checks = 0) {
+    const { geometry } = this.mesh;
+    if (colours) geometry.setAttribute("tint", new BufferAttribute(colours, 3));
+    else geometry.deleteAttribute("tint");
+    this.shading.tint(colours !== null, checks);
+    this.draw();
+  }
+
+  /** Cuts away what lies beyond a part of the extent along an axis of the screen, from 0 to 1; `null` gives all of it back. */
+  slice(cut: Slice | null) {
+    this.cut = cut;
+    this.shading.opened(cut !== null);
+    this.renderer.clippingPlanes = [];
+    const p = this.rest;
+    if (cut && p) {
+      const normal = new Vector3().setComponent(cut.axis, cut.far ? -1 : 1);
+      const [axis, sign] = AXES[this.upward][cut.axis];
+      let [low, high] = [Infinity, -Infinity];
+      for (let i = axis; i < p.length; i += 3) {
+        low = Math.min(low, p[i]);
+        high = Math.max(high, p[i]);
+      }
+      const at = (sign * ((sign > 0 ? low + cut.at * (high - low) : high - cut.at * (high - low)) - this.centre[axis])) / this.radius;
+      this.renderer.clippingPlanes = [new Plane(normal, cut.far ? at : -at)];
+    }
+    this.draw();
+  }
+
+  private cut: Slice | null = null;
+
   /** Chooses the colour map. */
   map(name: string) {
     if (this.shading.map(name)) this.draw();
@@ -279,8 +295,7 @@ export class Viewer {
     const before = this.overlays.get(name);
     if (before) {
       this.scene.remove(before);
-      // Edges share what is known at the vertices with the mesh, which goes on.
-      if (name === "edges") for (const shared of ["position", "normal", "value"]) (before as LineSegments).geometry.deleteAttribute(shared);
+      if (name === "edges") unshare((before as LineSegments).geometry);
       before.traverse((part) => (part as Mesh).geometry?.dispose());
       this.overlays.delete(name);
     }
@@ -352,48 +367,19 @@ export class Viewer {
     else this.picture(true);
   }
 
-  /**
-   * Draws the fine picture out of sight, a part of the mesh at a time, and shows it once it is whole. A browser that draws in software
-   * keeps the page waiting until what is shown is drawn, and a million triangles take it half a second.
-   */
+  /** Draws the fine picture out of sight, and shows it once it is whole. */
   private develop() {
-    const gl = this.renderer.getContext() as WebGL2RenderingContext;
+    const { renderer, scene, camera } = this;
     const { geometry } = this.mesh;
     const corners = this.levels[0];
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    // Twice as many pixels each way as there are: from their means come smooth edges.
-    const target = new WebGLRenderTarget(Math.max(2 * Math.floor(width * this.ratio), 2), Math.max(2 * Math.floor(height * this.ratio), 2));
-    // Colours are written as on the screen, not as light.
-    target.texture.colorSpace = SRGBColorSpace;
-    (target as { isXRRenderTarget?: boolean }).isXRRenderTarget = true;
-    let from = 0;
-    const part = () => {
-      if (this.changed || this.frame || this.held || this.mesh.geometry !== geometry) return target.dispose();
-      if (from > 0 && from >= (corners?.count ?? 0)) {
-        this.expose(target);
-        target.dispose();
-        return;
-      }
+    const { clientWidth, clientHeight } = this.canvas;
+    const begin = () => {
+      if (this.changed || this.frame || this.held || this.mesh.geometry !== geometry) return false;
       if (corners) geometry.setIndex(corners);
-      geometry.setDrawRange(from, 3 * PART);
       this.mesh.material = this.shading.fine;
-      this.renderer.setRenderTarget(target);
-      this.renderer.autoClear = from === 0;
-      this.renderer.render(this.scene, this.camera);
-      this.renderer.autoClear = true;
-      this.renderer.setRenderTarget(null);
-      geometry.setDrawRange(0, Infinity);
-      from += 3 * PART;
-      const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
-      gl.flush();
-      const look = () => {
-        if (fence && gl.clientWaitSync(fence, 0, 0) === gl.TIMEOUT_EXPIRED) return void window.setTimeout(look, 15);
-        gl.deleteSync(fence);
-        part();
-      };
-      window.setTimeout(look, 5);
+      return true;
     };
-    part();
+    develop({ renderer, scene, camera, geometry, corners: corners?.count ?? 0, width: clientWidth * this.ratio, height: clientHeight * this.ratio, begin, done: (target) => this.expose(target) });
   }
 
   /** Shows a picture that was drawn out of sight. */
@@ -463,6 +449,14 @@ export class Viewer {
     this.draw();
   }
 
+  /** Looks at its surface as another viewer looks at its own. */
+  follow(other: Viewer) {
+    this.camera.position.copy(other.camera.position);
+    this.controls.target.copy(other.controls.target);
+    this.controls.update();
+    this.draw();
+  }
+
   /** Turns by angles in radians, or comes closer by a factor. */
   turn(across: number, up: number, closer = 1) {
     const offset = this.camera.position.clone().sub(this.controls.target);
@@ -490,16 +484,6 @@ export class Viewer {
     return { positions: moved, triangles };
   }
 
-  /** The same with its up axis as y, and its normals. */
-  turned(): { surface: Surface; normals: Float32Array } | null {
-    const surface = this.shape();
-    if (!surface) return null;
-    const axes = AXES[this.upward];
-    const positions = Float32Array.from(surface.positions, (_, i) => axes[i % 3][1] * surface.positions[i - (i % 3) + axes[i % 3][0]]);
-    const turned = { positions, triangles: surface.triangles };
-    return { surface: turned, normals: normals(turned) };
-  }
-
   /** What is on the screen as a PNG, twice as fine. */
   snapshot(): Promise<Blob> {
     if (this.levels[0]) this.mesh.geometry.setIndex(this.levels[0]);
@@ -511,6 +495,9 @@ export class Viewer {
     this.draw();
     return done;
   }
+
+  /** A small picture of another surface. */
+  readonly portrait = (surface: Prepared): ImageData => portrait(this.renderer, surface);
 
   /** A film of one turn around the vertical axis, as WebM; what swings goes on swinging. */
   async film(seconds: number): Promise<Blob> {
@@ -528,12 +515,7 @@ export class Viewer {
   /** Shows the edges of the mesh. */
   edges(on: boolean) {
     if (!on || !this.surface) return this.overlay("edges", null);
-    const geometry = new BufferGeometry();
-    for (const name of ["position", "normal", "value"]) geometry.setAttribute(name, this.mesh.geometry.getAttribute(name));
-    geometry.setIndex(new BufferAttribute(edges(this.surface), 1));
-    const lines = new LineSegments(geometry, this.shading.edges);
-    lines.frustumCulled = false;
-    this.overlay("edges", lines);
+    this.overlay("edges", wires(this.mesh.geometry, edges(this.surface), this.shading.edges));
   }
 
   /** Lines in the units of the mesh as they are seen in the window: only the parts that nothing hides. */
@@ -561,7 +543,9 @@ export class Viewer {
     const inverse = this.mesh.matrixWorld.clone().invert();
     const origin = near.applyMatrix4(inverse);
     const ray = far.applyMatrix4(inverse).sub(origin).normalize();
-    return cast(this.surface, origin.toArray(), ray.toArray());
+    // In the frame of the mesh the plane of a slice has its own numbers.
+    const [plane] = this.renderer.clippingPlanes.map((plane) => plane.clone().applyMatrix4(inverse));
+    return cast(this.surface, origin.toArray(), ray.toArray(), plane && [...plane.normal.toArray(), plane.constant]);
   }
 
   /** The vertices where they were before anything moved them. */
@@ -607,65 +591,5 @@ export class Viewer {
       }
     }
     return null;
-  }
-
-  private listen() {
-    const { canvas } = this;
-    let stroke = false;
-    let down: { x: number; y: number; hit: Hit | null } | null = null;
-    // Before the controls see it: a stroke keeps the camera still.
-    canvas.addEventListener("pointerdown", (event) => {
-      if (event.button !== 0 || !event.isPrimary) return;
-      const hit = this.onStroke || this.onClick ? this.pick(event.clientX, event.clientY) : null;
-      down = { x: event.clientX, y: event.clientY, hit };
-      if (hit && this.onStroke?.(hit, "begin")) {
-        stroke = true;
-        this.controls.enabled = false;
-        canvas.setPointerCapture(event.pointerId);
-      }
-    }, { capture: true });
-    canvas.addEventListener("pointermove", (event) => {
-      if (!stroke) return;
-      const hit = this.pick(event.clientX, event.clientY);
-      if (hit) this.onStroke?.(hit, "move");
-    });
-    // A ray meets every triangle: on a large mesh only a pointer that rests asks.
-    let rest = 0;
-    canvas.addEventListener("pointermove", (event) => {
-      window.clearTimeout(rest);
-      if (event.buttons || event.pointerType === "touch") return;
-      const ask = () => this.onHover(this.pick(event.clientX, event.clientY));
-      rest = window.setTimeout(ask, (this.surface?.triangles.length ?? 0) > HOVERED ? 250 : 30);
-    });
-    canvas.addEventListener("pointerleave", () => {
-      window.clearTimeout(rest);
-      this.onHover(null);
-    });
-    const end = (event: PointerEvent) => {
-      const moved = down ? Math.hypot(event.clientX - down.x, event.clientY - down.y) : 0;
-      if (stroke) {
-        stroke = false;
-        this.controls.enabled = true;
-        this.onStrokeEnd();
-      } else if (down?.hit && moved < 5 && event.type === "pointerup") this.onClick?.(down.hit);
-      down = null;
-    };
-    canvas.addEventListener("pointerup", end);
-    canvas.addEventListener("pointercancel", end);
-    canvas.addEventListener("focus", () => this.onKeys(this.cursor.hint));
-    canvas.addEventListener("keydown", (event) => {
-      if (this.cursor.key(event)) return event.preventDefault();
-      const step = event.shiftKey ? 0.4 : 0.1;
-      const moves: Record<string, () => void> = {
-        ArrowLeft: () => this.turn(step, 0), ArrowRight: () => this.turn(-step, 0),
-        ArrowUp: () => this.turn(0, -step), ArrowDown: () => this.turn(0, step),
-        "+": () => this.turn(0, 0, 1.15), "=": () => this.turn(0, 0, 1.15), "-": () => this.turn(0, 0, 1 / 1.15),
-        Home: () => { this.view = undefined; this.onView(); },
-      };
-      const move = event.ctrlKey || event.metaKey || event.altKey ? undefined : moves[event.key];
-      if (!move) return;
-      event.preventDefault();
-      move();
-    });
   }
 }

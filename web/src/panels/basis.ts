@@ -1,14 +1,13 @@
 // What the tabs share: which basis is open, how to ask for another, and how the surface is coloured.
 
 import type { BasisSummary, Eigenbasis, Parameters } from "../api";
-import type { App } from "../app";
-import { MAPS, gradient, table } from "../colours";
-import { brief, choice, field, grouped, h, seconds, slider } from "../dom";
-import type { Scalar } from "../viewer";
+import type { App, Panel } from "../app";
+import { brief, choice, field, grouped, h, plural, seconds, slider } from "../dom";
 import { expected } from "./expected";
+import type { Look } from "./look";
 
 /** One line about a basis. */
-function line(basis: BasisSummary): string {
+export function line(basis: BasisSummary): string {
   const parts = [grouped(basis.count)];
   if (basis.kind === "field_basis") parts.unshift(fieldName(basis.parameters));
   if ("method" in basis.parameters && basis.parameters.method) parts.push(basis.parameters.method);
@@ -18,15 +17,19 @@ function line(basis: BasisSummary): string {
   return parts.join(" · ");
 }
 
+/** Whether functions are what this basis holds: not fields, and not the inside of a solid. */
+export const ofFunctions = (basis: BasisSummary) =>
+  basis.kind === "eigenbasis" && basis.parameters.operator !== "hodge" && basis.parameters.operator !== "volume";
+
 /** What kind of field, in a word. */
 export const fieldName = ({ field, n }: { field?: string; n?: number | null }) => (field === "n_vector" ? `${n}-field` : (field ?? "vector"));
 
 /** The head of a tab: its bases, and a form that makes another. The form is open where there is none yet. */
-export function basisHead(app: App, kind: string, name: string, form: HTMLElement): { element: HTMLElement; update: () => void } {
+export function basisHead(app: App, panel: () => Panel, name: string, form: HTMLElement): { element: HTMLElement; update: () => void } {
   const chooser = h("div", {});
   const details = h("details", { class: "new" }, h("summary", {}, `New ${name} …`), form);
   const update = () => {
-    const bases = app.basesOf(kind);
+    const bases = app.basesOf(panel());
     chooser.replaceChildren();
     if (bases.length > 0) {
       const select = choice(bases.map((basis) => [basis.id, `${bases.some((other) => other !== basis && line(other) === line(basis)) ? `${new Date(basis.created_ms).toLocaleTimeString()} · ` : ""}${line(basis)}`]), app.basis?.id ?? "", (id) => app.use(id, true).catch(app.fail), name);
@@ -40,36 +43,71 @@ export function basisHead(app: App, kind: string, name: string, form: HTMLElemen
   return { element: h("div", { class: "head" }, chooser, details), update };
 }
 
-/** The form of an eigenbasis. */
-export function eigenForm(app: App): HTMLElement {
+/** Operators that the hierarchical method alone takes. */
+const EXACT_ONLY = ["hodge", "volume", "graph"];
+/** The longest list of values that goes with a job. */
+const MOST_VALUES = 500_000;
+
+/** The form of an eigenbasis. What is shown may become a potential. */
+export function eigenForm(app: App, look?: Look): HTMLElement {
   const count = h("input", { type: "number", min: "1", max: "5000", value: "200", "aria-label": "Eigenpairs" });
   const method = choice([["auto", "automatic"], ["approximate", "approximate (fast)"], ["hsim", "exact, certified"]], "auto", () => update());
   const tolerance = choice([["1e-2", "1e-2"], ["1e-4", "1e-4"], ["1e-6", "1e-6"], ["1e-9", "1e-9"]], "1e-2", () => {});
+  const accuracy = choice([["standard", "standard: 1 %"], ["accurate", "accurate: 0.3 %"]], "standard", () => {});
+  const certify = h("input", { type: "checkbox" });
   const operator = choice([["auto", "Laplace–Beltrami"], ["laplace", "cotangents"], ["robust", "robust Laplacian"],
-    ["extrinsic", "extrinsic"], ["hamiltonian", "Hamiltonian"]], "auto", () => update());
+    ["extrinsic", "extrinsic"], ["hamiltonian", "with a potential"], ["hodge", "Hodge–Laplacian (fields)"], ["volume", "inside of a solid"], ["graph", "graph Laplacian"]], "auto", () => update());
   const t = slider("t", { min: 0, max: 1, step: 0.05, value: 0.5 }, () => {}, (value) => value.toFixed(2));
+  const potential = choice([["curvature", "curvature, κ₁² + κ₂²"], ["values", "the values shown"]], "curvature", () => update());
+  const strength = slider("Strength", { min: -2, max: 4, step: 0.1, value: 2 }, () => {}, (value) => brief(10 ** value));
   const boundary = choice([["neumann", "natural (Neumann)"], ["dirichlet", "zero (Dirichlet)"]], "neumann", () => {});
   const tolerances = field("Tolerance", tolerance, "Largest residual of a pair");
+  const accuracies = field("Accuracy", accuracy, "Columns are added until the eigenvalues are estimated to be as accurate as this");
+  const certified = h("label", { class: "row" }, certify, "prove that none is missing");
+  const potentials = field("Potential", potential, "Eigenfunctions stay where it is low");
+  const hodge = () => operator.value === "hodge";
+  const exact = () => method.value === "hsim" || EXACT_ONLY.includes(operator.value);
   const update = () => {
-    tolerances.hidden = method.value !== "hsim";
-    t.element.hidden = operator.value !== "extrinsic" && operator.value !== "hamiltonian";
+    tolerances.hidden = !exact();
+    accuracies.hidden = certified.hidden = exact();
+    method.disabled = EXACT_ONLY.includes(operator.value);
+    potentials.hidden = operator.value !== "hamiltonian" || !look;
+    strength.element.hidden = potentials.hidden || potential.value !== "values";
+    t.element.hidden = operator.value !== "extrinsic" && (operator.value !== "hamiltonian" || potential.value === "values");
+    boundaries.hidden = hodge();
   };
+  const boundaries = field("Boundary", boundary);
   update();
-  const parameters = () => {
+  /** The values on the screen, from 0 to the strength, in the unit of eigenvalues: over the area of the surface. */
+  const shown = (): number[] | null => {
+    const values = look?.values;
+    const area = app.mesh?.report.area;
+    if (!values || !area || values.length > MOST_VALUES) return null;
+    const low = values.reduce((least, value) => Math.min(least, value), Infinity);
+    const high = values.reduce((most, value) => Math.max(most, value), -Infinity);
+    const scale = 10 ** strength.control.valueAsNumber / area / Math.max(high - low, 1e-30);
+    return Array.from(values, (value) => Number((scale * (value - low)).toPrecision(6)));
+  };
+  /** An estimate needs no list of values, whatever they are. */
+  const parameters = (whole = true) => {
     const value = t.control.valueAsNumber;
-    const chosen = { extrinsic: { extrinsic: { t: value } }, hamiltonian: { hamiltonian: { potential: { curvature: { t: value } } } } }[operator.value] ?? operator.value;
+    const values = whole && operator.value === "hamiltonian" && potential.value === "values" ? shown() : null;
+    const chosen = { extrinsic: { extrinsic: { t: value } }, hamiltonian: { hamiltonian: { potential: values ? { values } : { curvature: { t: value } } } } }[operator.value] ?? operator.value;
     // The words of the choices above are those of the server.
     return {
-      count: count.valueAsNumber, method: method.value, operator: chosen, boundary: boundary.value,
-      ...(method.value === "hsim" ? { tolerance: Number(tolerance.value) } : {}),
+      count: count.valueAsNumber, method: exact() ? "hsim" : method.value, operator: chosen, ...(hodge() ? {} : { boundary: boundary.value }),
+      ...(exact() ? { tolerance: Number(tolerance.value) } : {}),
+      ...(!exact() && accuracy.value !== "standard" ? { accuracy: accuracy.value } : {}),
+      ...(!exact() && certify.checked ? { certify: true } : {}),
     } as Parameters<"eigenbasis">;
   };
   const form = h("form", { class: "form", onsubmit: (event: Event) => {
     event.preventDefault();
+    if (!potentials.hidden && potential.value === "values" && !shown()) return app.toast("error", "No values are shown", "Show a function on the surface first, a distance for instance: it becomes the potential.");
     void app.submit("eigenbasis", parameters());
-  } }, field("Eigenpairs", count), field("Method", method), tolerances, field("Operator", operator), t.element, field("Boundary", boundary),
+  } }, field("Eigenpairs", count), field("Method", method), tolerances, accuracies, field("Operator", operator), potentials, strength.element, t.element, boundaries, certified,
     h("button", { class: "primary" }, "Compute"));
-  form.append(expected(app, form, "eigenbasis", parameters));
+  form.append(expected(app, form, "eigenbasis", () => parameters(false)));
   return form;
 }
 
@@ -89,8 +127,11 @@ export function certificate(basis: Eigenbasis): HTMLElement {
   const relative = eigenvalues.map((value, k) => proof.bounds[k] / Math.max(value, 1e-300)).slice(1).filter(Number.isFinite).sort((a, b) => a - b);
   const worst = Math.max(...proof.residuals.slice(1), 0);
   const percent = (value: number) => (value < 1e-6 ? `${brief(value)} of it` : `${brief(100 * value)} %`);
+  const hodge = "hodge" in operator ? operator.hodge : null;
   const sentences: HTMLElement[] = [
-    h("p", {}, `${grouped(eigenvalues.length)} eigenpairs of ${laplacian}${reason}.`),
+    hodge
+      ? h("p", {}, `${grouped(eigenvalues.length)} eigenfields of the Hodge–Laplacian: ${grouped(hodge.harmonic)} harmonic, ${plural(hodge.gradients, "gradient")}, ${plural(hodge.co_gradients, "co-gradient")}.`)
+      : h("p", {}, `${grouped(eigenvalues.length)} eigenpairs of ${laplacian}${reason}.`),
   ];
   if (proof.accuracy) {
     const { goal, largest_estimate, reached } = proof.accuracy;
@@ -113,101 +154,4 @@ export function certificate(basis: Eigenbasis): HTMLElement {
   const solved = basis.stage_seconds.reduce((sum, stage) => sum + stage.seconds, 0);
   sentences.push(h("p", { class: "dim" }, `Solved in ${seconds(solved)}${parameters.method ? ` by the method ${parameters.method}` : ""}.`));
   return h("div", { class: "certificate" }, ...sentences);
-}
-
-/** Colour map and isolines, the same for every tab, and the legend that tells what colours mean. */
-export class Look {
-  readonly element: HTMLElement;
-  readonly legend = h("div", { class: "legend", hidden: true }, h("span", {}), h("span", { class: "ramp" }), h("span", {}));
-  private scalar: Scalar | null = null;
-  private name = { diverging: "blue-orange", sequential: "viridis" };
-
-  constructor(private readonly app: App) {
-    const maps = choice([], "", () => {}, "Colours");
-    const lines = slider("Isolines", { min: 0, max: 40, step: 1, value: app.place.lines ?? 16 }, (value) => {
-      app.go({ lines: value });
-      app.viewer.lines(value);
-    }, (value) => (value ? String(value) : "none"));
-    const arrive = () => {
-      const wanted = MAPS[app.place.map ?? ""];
-      if (wanted) this.name[wanted.diverging ? "diverging" : "sequential"] = app.place.map!;
-      lines.set(app.place.lines ?? 16);
-      app.viewer.lines(app.place.lines ?? 16);
-      this.apply();
-    };
-    maps.addEventListener("change", () => {
-      this.name[MAPS[maps.value].diverging ? "diverging" : "sequential"] = maps.value;
-      app.go({ map: maps.value });
-      this.apply();
-    });
-    this.element = h("div", { class: "look" }, field("Colours", maps), lines.element);
-    this.options = (diverging) => {
-      maps.replaceChildren(...Object.entries(MAPS).filter(([, map]) => map.diverging === diverging).map(([key, map]) => h("option", { value: key }, map.name)));
-      maps.value = this.name[diverging ? "diverging" : "sequential"];
-    };
-    app.on("look", arrive);
-    arrive();
-  }
-
-  private readonly options: (diverging: boolean) => void;
-
-  /** Colours the surface; `null` leaves it plain. */
-  show(scalar: Scalar | null, ends?: [string, string]) {
-    this.scalar = scalar;
-    this.app.viewer.setScalar(scalar);
-    this.legend.hidden = scalar === null;
-    if (scalar) {
-      this.legend.firstElementChild!.textContent = ends?.[0] ?? brief(scalar.range[0]);
-      this.legend.lastElementChild!.textContent = ends?.[1] ?? brief(scalar.range[1]);
-      this.apply();
-    }
-  }
-
-  /** The value that is shown at a vertex. */
-  at(vertex: number): number | null {
-    return this.scalar?.values[vertex] ?? null;
-  }
-
-  /** The values that are shown, and the colour of each. */
-  coloured(): { values: Float32Array; colours: Uint8Array } | null {
-    if (!this.scalar) return null;
-    const { values, range: [low, high], diverging } = this.scalar;
-    const steps = table(MAPS[this.name[diverging ? "diverging" : "sequential"]], 1024);
-    const colours = new Uint8Array(3 * values.length);
-    values.forEach((value, v) => {
-      const at = 4 * Math.round(1023 * Math.min(Math.max((value - low) / Math.max(high - low, 1e-30), 0), 1));
-      for (let k = 0; k < 3; k++) colours[3 * v + k] = steps[at + k];
-    });
-    return { values, colours };
-  }
-
-  private applied = "";
-
-  private apply() {
-    const diverging = this.scalar?.diverging ?? true;
-    const name = this.name[diverging ? "diverging" : "sequential"];
-    if (this.applied === name) return;
-    this.applied = name;
-    this.options(diverging);
-    this.app.viewer.map(name);
-    (this.legend.children[1] as HTMLElement).style.background = gradient(MAPS[name]);
-  }
-}
-
-/** Values symmetric about zero. */
-export function diverging(values: Float32Array): Scalar {
-  let most = 0;
-  for (const value of values) most = Math.max(most, Math.abs(value));
-  return { values, range: [-most, most], diverging: true };
-}
-
-/** Values from the least to the largest, or to a quantile that keeps single peaks from hiding the rest. */
-export function sequential(values: Float32Array, quantile = 1): Scalar {
-  let [low, high] = [Infinity, -Infinity];
-  for (const value of values) {
-    low = Math.min(low, value);
-    high = Math.max(high, value);
-  }
-  if (quantile < 1) high = Float32Array.from(values).sort()[Math.floor(quantile * (values.length - 1))];
-  return { values, range: [low, high > low ? high : low + 1], diverging: false };
 }

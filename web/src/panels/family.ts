@@ -5,7 +5,8 @@ import type { App, Panel } from "../app";
 import { brief, field, grouped, h, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, ticks, type Frame } from "../plot";
-import { basisHead, diverging, type Look } from "./basis";
+import { basisHead } from "./basis";
+import { diverging, type Look } from "./look";
 
 interface Wish {
   basis: Basis;
@@ -14,11 +15,17 @@ interface Wish {
   mode: number;
 }
 
+/** What an address keeps: where the sliders stand. */
+interface State {
+  extrinsic: number;
+  strength: number;
+}
+
 /** Eigenvalues that the plot shows. */
 const SHOWN = 60;
 
 export function familyPanel(app: App, look: Look): Panel {
-  const head = basisHead(app, "operator_family", "family", form(app));
+  const head = basisHead(app, () => panel, "family", form(app));
   const body = h("div", { hidden: true });
   const timing = h("p", { class: "dim" });
   const facts = h("p", { class: "facts" });
@@ -44,7 +51,7 @@ export function familyPanel(app: App, look: Look): Panel {
       if (product < 0) for (let v = 0; v < shown.length; v++) shown[v] = -shown[v];
     }
     before = shown;
-    look.show(diverging(shown), ["−", "+"]);
+    look.show(diverging(shown));
     facts.replaceChildren(h("b", {}, `λ = ${brief(values[mode])}`), h("span", { class: "dim" }, `mode ${grouped(mode)}`));
     timing.textContent = `${brief(performance.now() - begin)} ms for ${grouped(values.length)} pairs of another operator`;
     plot.draw();
@@ -54,6 +61,7 @@ export function familyPanel(app: App, look: Look): Panel {
     const basis = app.basis;
     if (!basis) return;
     const strength = potential.control.valueAsNumber;
+    app.keep({ extrinsic: t.control.valueAsNumber, strength } satisfies State);
     ask({ basis, extrinsic: t.control.valueAsNumber, curvature: strength > 0 ? 10 ** (strength - 3) : 0, mode: mode.control.valueAsNumber });
   };
   const t = slider("Extrinsic t", { min: 0, max: 1, step: 0.01, value: 0 }, update, (value) => value.toFixed(2));
@@ -71,6 +79,7 @@ export function familyPanel(app: App, look: Look): Panel {
     id: "family",
     title: "Family",
     about: "Operators between the intrinsic and the extrinsic one, solved again as you move a slider.",
+    guide: "operator-families",
     kind: "operator_family",
     element: h("div", { class: "panel" }, head.element, body),
     show() {
@@ -79,6 +88,9 @@ export function familyPanel(app: App, look: Look): Panel {
       app.title.textContent = app.mesh?.name ?? "";
       if (!app.basis) return look.show(null);
       body.append(look.element);
+      const state = app.arrived<Partial<State>>("family");
+      if (typeof state?.extrinsic === "number") t.set(state.extrinsic);
+      if (typeof state?.strength === "number") potential.set(state.strength);
       mode.set(Math.min(app.place.mode, SHOWN - 1));
       [values, plain, before] = [[], [], null];
       update();

@@ -1,21 +1,41 @@
 // Fields on the surface: strokes comb a vector field, an n-field is drawn as a hatching, curvature tensors are smoothed.
 
 import type { Object3D } from "three";
-import { ApiError, numbers, post, postNumbers, type Basis, type Parameters } from "../api";
+import { post, postNumbers, type Basis } from "../api";
 import type { App, Panel } from "../app";
 import { brief, choice, field, grouped, h, plural, slider } from "../dom";
 import { latest } from "../latest";
 import { dots, Glyphs, ribbons, spread, strands } from "../lines";
 import type { Hit } from "../surface";
-import { basisHead, type Look } from "./basis";
-import { expected } from "./expected";
+import { packed, unpacked } from "../strokes";
+import { basisHead } from "./basis";
+import { eigenfield, fieldForm } from "./fieldform";
+import { lengths } from "./hodge";
+import { sequential, type Look } from "./look";
+
+interface Pinned {
+  point: number[];
+  direction: number[];
+  /** Of a tensor, its eigenvalues along the direction and across it. */
+  values?: [number, number];
+}
 
 interface Design {
   weights: { harmonic: number; biharmonic: number };
-  strokes: { points: number[][]; strength: number }[];
-  constraints: { point: number[]; direction: number[] }[];
+  strokes: ({ points: number[][]; strength: number } | (Pinned & { strength: number }))[];
+  constraints: Pinned[];
   singularities?: { at: { vertex: number; index: number }[]; weight: number; exact: boolean };
   alignment?: { to: "curvature"; weight: number; per_face?: "anisotropy" };
+}
+
+/** What an address keeps: what was drawn, in thousandths of the radius, and where the sliders stand. */
+interface State {
+  strokes: number[][];
+  pins: number[][];
+  singular: [vertex: number, index: number][];
+  exact: boolean;
+  shown: string;
+  knobs: number[];
 }
 
 /** Glyphs on the screen. */
@@ -33,10 +53,12 @@ const unit = (from: number[], to: number[]) => {
 };
 
 export function fieldsPanel(app: App, look: Look): Panel {
-  const head = basisHead(app, "field_basis", "field basis", form(app));
+  const head = basisHead(app, () => panel, "field basis", fieldForm(app, () => inFrames()));
   const body = h("div", { hidden: true });
   const timing = h("p", { class: "dim" });
   const facts = h("p", { "aria-live": "polite" });
+  const lowest = h("p", {});
+  const looks = h("div", {});
   let strokes: number[][][] = [];
   let pins: { from: number[]; to: number[] }[] = [];
   let singular: { vertex: number; index: number }[] = [];
@@ -50,14 +72,23 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const aligned = () => order() % 2 === 0;
 
   const design = (): Design => {
-    const along = alignment.control.valueAsNumber;
+    const pull = alignment.control.valueAsNumber;
     return {
       weights: { harmonic: 10 ** smooth.control.valueAsNumber, biharmonic: 10 ** smooth.control.valueAsNumber * bending.control.valueAsNumber },
-      strokes: (kind() === "tensor" ? [] : strokes).filter((points) => points.length > 1).map((points) => ({ points, strength: 10 ** strength.control.valueAsNumber })),
-      constraints: (kind() === "tensor" ? [] : pins).filter(({ from, to }) => from !== to).map(({ from, to }) => ({ point: from, direction: unit(from, to) })),
-      ...(singular.length > 0 && balanced() ? { singularities: { at: singular, weight: 1000, exact: pins.length === 0 } } : {}),
-      ...(aligned() && along > 0 ? { alignment: { to: "curvature" as const, weight: along, ...(kind() === "tensor" ? {} : { per_face: "anisotropy" as const }) } } : {}),
+      strokes: strokes.filter((points) => points.length > 1).flatMap(stroke),
+      constraints: pins.filter(({ from, to }) => from !== to).map(({ from, to }) => ({ point: from, direction: unit(from, to), ...tensor() })),
+      ...(singular.length > 0 && balanced() ? { singularities: { at: singular, weight: 1000, exact: exact.checked && pins.length === 0 } } : {}),
+      ...(aligned() && pull > 0 ? { alignment: { to: "curvature" as const, weight: pull, ...(kind() === "tensor" ? {} : { per_face: "anisotropy" as const }) } } : {}),
     };
+  };
+  /** What a stroke says of a tensor: how large it is along it and across it, in a unit of curvature. */
+  const tensor = (): { values?: [number, number] } =>
+    kind() === "tensor" ? { values: [along, across].map(({ control }) => control.valueAsNumber / app.viewer.radius) as [number, number] } : {};
+  /** A line for directions; for tensors, whose lines have no size, a point with a direction for each of its pieces. */
+  const stroke = (points: number[][]): Design["strokes"] => {
+    const firmness = 10 ** strength.control.valueAsNumber;
+    if (kind() !== "tensor") return [{ points, strength: firmness }];
+    return points.slice(1).map((to, i) => ({ point: points[i].map((x, k) => (x + to[k]) / 2), direction: unit(points[i], to), ...tensor(), strength: firmness }));
   };
   /** On a closed surface the indices have to add up; until they do, they are only shown. */
   const balanced = () => {
@@ -78,22 +109,43 @@ export function fieldsPanel(app: App, look: Look): Panel {
       app.viewer.overlay("glyphs", glyphs.object);
     }
     glyphs.set(vectors);
+    if (coloured.checked) look.show(sequential(lengths(vectors, surface, kind() === "tensor" ? 6 : 3), 0.995));
+    else if (look.values) look.show(null);
+    look.element.hidden = !coloured.checked;
     app.viewer.draw();
     document.body.dataset.designed = String(Number(document.body.dataset.designed ?? 0) + 1);
   };
   const send = latest<{ basis: Basis; wish: Design }>(async ({ basis, wish }) => {
     const begin = performance.now();
     // Without a wish, the smoothest field there is.
+    const k = which.control.valueAsNumber;
     const vectors = nothing(wish)
-      ? await numbers(`${basis.links.self}/eigenfields?from=0&form=${wide()}`)
+      ? await eigenfield(basis, k, wide())
       : await postNumbers(`${basis.links.self}/design?form=${wide()}`, wish);
     draw(basis, vectors);
     timing.textContent = `${brief(performance.now() - begin)} ms for a field on ${grouped(vectors.length / (kind() === "tensor" ? 6 : 3))} faces`;
+    if (nothing(wish) && app.basis === basis && app.panel === panel) {
+      lowest.replaceChildren(h("b", {}, `Eigenfield ${k}`), `: λ ≈ ${brief(basis.eigenvalues[k])}, from above.`);
+      document.body.dataset.eigenfield = String(k);
+    } else {
+      lowest.replaceChildren();
+      delete document.body.dataset.eigenfield;
+    }
   }, app.fail);
+  /** The field on the screen, in the frames of the faces. */
+  const inFrames = async () => {
+    const basis = app.basis;
+    if (basis?.kind !== "field_basis") return null;
+    const wish = design();
+    return { basis, values: nothing(wish) ? await eigenfield(basis, which.control.valueAsNumber, "frames") : await postNumbers(`${basis.links.self}/design?form=frames`, wish) };
+  };
 
   const update = () => {
     const basis = app.basis;
     if (!basis) return;
+    keep();
+    const free = nothing(design());
+    which.element.hidden = !free;
     showStrokes();
     lines(null);
     send({ basis, wish: design() });
@@ -107,7 +159,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
     const wanted = singular.reduce((sum, { index }) => sum + index, 0);
     if (singular.length > 0 && !balanced()) facts.textContent = `The indices add up to ${brief(wanted)} so far; on this surface they have to make ${app.mesh?.report.euler_characteristic}.`;
     if (nothing(wish)) return;
-    const answer = await post<{ singularities: { vertex: number; index: number }[]; index_sum: number; euler_characteristic: number; harmonic_energy: number; biharmonic_energy: number }>(
+    const answer = await post<{ singularities: { vertex: number; index: number }[]; index_sum: number; euler_characteristic: number; harmonic_energy: number; matching: unknown[] | null }>(
       `${basis.links.self}/design?singularities=true`, wish);
     const surface = app.viewer.surface;
     if (app.basis !== basis || app.panel !== panel || !surface) return;
@@ -117,7 +169,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
     ]), 0.014 * app.viewer.radius));
     if (balanced() || singular.length === 0) {
       facts.replaceChildren(h("b", {}, plural(found.length, "singularity", "singularities")),
-        `, indices sum to ${brief(answer.index_sum)} (Euler characteristic ${answer.euler_characteristic})${found.length ? ": orange turns with the way around, blue against it" : ""}. Energy ${brief(answer.harmonic_energy)}.`);
+        `, indices sum to ${brief(answer.index_sum)} (Euler characteristic ${answer.euler_characteristic})${found.length ? ": orange turns with the way around, blue against it" : ""}. Energy ${brief(answer.harmonic_energy)}.${wish.singularities?.exact ? " Exactly those that were asked for, and no others." : ""}${answer.matching?.length ? ` Across ${plural(answer.matching.length, "edge")} the field turns by more than half a turn.` : ""}`);
     }
     document.body.dataset.singular = String(found.length);
   }, app.fail);
@@ -136,7 +188,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
     if (glyphs) glyphs.object.visible = object === null;
   };
   const source = async (basis: Basis, wish: Design) =>
-    nothing(wish) ? { eigenfield: 0 } : { coefficients: (await post<{ coefficients: number[] }>(`${basis.links.self}/design`, wish)).coefficients };
+    nothing(wish) ? { eigenfield: which.control.valueAsNumber } : { coefficients: (await post<{ coefficients: number[] }>(`${basis.links.self}/design`, wish)).coefficients };
   const trace = latest<{ basis: Basis; wish: Design }>(async ({ basis, wish }) => {
     const begin = performance.now();
     const field = await source(basis, wish);
@@ -167,10 +219,10 @@ export function fieldsPanel(app: App, look: Look): Panel {
     }
     const p = viewer.surface?.positions;
     if (p) for (const { vertex, index } of singular) places.push([p[3 * vertex], p[3 * vertex + 1], p[3 * vertex + 2], index > 0 ? 0xe08a3a : 0x1f5fa8]);
-    viewer.overlay("strokes", places.length && shown !== "fur" && kind() !== "tensor" ? dots(places, 0.0085 * viewer.radius) : null);
+    viewer.overlay("strokes", places.length && shown !== "fur" ? dots(places, 0.0085 * viewer.radius) : null);
   };
   const onStroke = (hit: Hit, phase: "begin" | "move"): boolean | "point" => {
-    if (tool === "turn" || kind() === "tensor") return false;
+    if (tool === "turn") return false;
     if (tool === "plus" || tool === "minus") {
       if (phase === "begin") {
         const index = (tool === "plus" ? 1 : -1) / order();
@@ -211,8 +263,15 @@ export function fieldsPanel(app: App, look: Look): Panel {
 
   // --- controls ------------------------------------------------------------------------------------------------------------
 
-  const tools = choice([["comb", "comb (soft)"], ["pin", "pin (exact)"], ["plus", "singularity +"], ["minus", "singularity −"], ["turn", "turn the surface"]], tool, (value) => (tool = value));
+  const tools = choice([], tool, (value) => (tool = value));
   const toolField = field("Pointer", tools);
+  const showTools = () => {
+    const singularities: [string, string][] = kind() === "tensor" ? [] : [["plus", "singularity +"], ["minus", "singularity −"]];
+    const offered: [string, string][] = [["comb", "comb (soft)"], ["pin", "pin (exact)"], ...singularities, ["turn", "turn the surface"]];
+    tools.replaceChildren(...offered.map(([value, text]) => h("option", { value }, text)));
+    if (!offered.some(([value]) => value === tool)) tool = "comb";
+    tools.value = tool;
+  };
   const remove = (all: boolean) => {
     if (all) [strokes, pins, singular] = [[], [], []];
     else if (tool === "pin") pins = pins.slice(0, -1);
@@ -234,15 +293,21 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const smooth = knob("Smoothness", { min: -4, max: 1, step: 0.1, value: 0 }, (value) => brief(10 ** value));
   const bending = knob("Biharmonic", { min: 0.05, max: 1, step: 0.05, value: 0.05 }, brief);
   const alignment = knob("Curvature", { min: 0, max: 5, step: 0.1, value: 0 }, (value) => (value ? brief(value) : "ignored"));
+  const along = knob("Along", { min: -5, max: 5, step: 0.25, value: 3 }, brief);
+  const across = knob("Across", { min: -5, max: 5, step: 0.25, value: 0 }, brief);
+  const which = knob("Eigenfield", { min: 0, max: 1, step: 1, value: 0 }, grouped);
+  const exact = h("input", { type: "checkbox", checked: true, onchange: () => release() });
+  const exactly = h("label", { class: "row", title: "A field of length 1 with these singularities and no others, on any mesh; it is not of the space" }, exact, "singularities exactly");
+  const coloured = h("input", { type: "checkbox", onchange: () => release() });
   const spacing = slider("Spacing", { min: -2.2, max: -1, step: 0.05, value: -1.85 }, () => {}, (value) => brief(10 ** value));
   spacing.control.addEventListener("change", settled);
   const display = h("div", {});
   const row = h("div", { class: "row" }, h("button", { onclick: () => remove(false) }, "Undo"), h("button", { onclick: () => remove(true) }, "Clear"));
   const hint = h("p", {});
-  body.append(hint, toolField, row, display, spacing.element, strength.element, smooth.element, bending.element, alignment.element, facts, timing);
+  body.append(hint, toolField, row, exactly, which.element, display, h("label", { class: "row" }, coloured, "colour by length"), looks, spacing.element, strength.element, along.element, across.element, smooth.element, bending.element, alignment.element, lowest, facts, timing);
 
   const showDisplay = () => {
-    const kinds: [string, string][] = [["glyphs", kind() === "vector" ? "arrows" : "crosses"], ["hatching", kind() === "vector" ? "streamlines" : "hatching"]];
+    const kinds: [string, string][] = [["glyphs", order() === 1 ? "arrows" : order() === 3 || order() === 6 ? "stars" : "crosses"], ["hatching", kind() === "vector" ? "streamlines" : "hatching"]];
     if (kind() === "vector") kinds.push(["fur", "fur"]);
     if (!kinds.some(([name]) => name === shown)) shown = "glyphs";
     display.replaceChildren(field("Show", choice(kinds, shown, (value) => {
@@ -260,6 +325,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
     id: "fields",
     title: "Fields",
     about: "Design vector fields and crosses that follow your strokes, as smooth as the surface allows.",
+    guide: "fields",
     kind: "field_basis",
     element: h("div", { class: "panel" }, head.element, body),
     show() {
@@ -272,48 +338,66 @@ export function fieldsPanel(app: App, look: Look): Panel {
       if (!basis) return;
       if (before !== basis.id) singular = [];
       if (mesh !== basis.mesh) [strokes, pins] = [[], []];
+      const tensors = kind() === "tensor";
+      if (before !== basis.id && tensors) {
+        alignment.set(1);
+        smooth.set(-2);
+      }
       [before, mesh] = [basis.id, basis.mesh];
       facts.textContent = "";
-      const tensor = kind() === "tensor";
-      hint.textContent = tensor
-        ? "Curvature tensors in this space: the weights steer, live, how smooth they are."
+      hint.textContent = tensors
+        ? "Curvature tensors in this space: the weights steer, live, how smooth they are. Strokes change them: how much they bend along the stroke and across it, in units of one over the radius."
         : "Draw on the surface: the field follows the stroke. Beside the surface, dragging turns it.";
-      row.hidden = toolField.hidden = tensor;
-      strength.element.hidden = tensor;
+      along.element.hidden = across.element.hidden = !tensors;
+      exactly.hidden = tensors;
       alignment.element.hidden = !aligned();
-      alignment.set(tensor ? 1 : alignment.control.valueAsNumber);
-      if (tensor) smooth.set(-2);
+      which.control.max = String(Math.max(Math.min(basis.eigenvalues.length, 100) - 1, 0));
+      which.set(Math.min(which.control.valueAsNumber, Number(which.control.max)));
+      const state = app.arrived<Partial<State>>("fields");
+      if (state) adopt(state);
+      showTools();
       showDisplay();
-      app.viewer.onStroke = tensor ? null : onStroke;
+      looks.append(look.element);
+      look.element.hidden = true;
+      app.viewer.onStroke = onStroke;
       app.viewer.onStrokeEnd = onStrokeEnd;
       update();
       settled();
     },
     hide() {
+      look.element.hidden = false;
       for (const name of ["glyphs", "strokes", "singularities", "lines"]) app.viewer.overlay(name, null);
       glyphs = null;
       app.viewer.onStroke = null;
       delete document.body.dataset.designed;
       delete document.body.dataset.traced;
       delete document.body.dataset.singular;
+      delete document.body.dataset.eigenfield;
     },
   };
-  return panel;
-}
 
-/** The form of a field basis. */
-function form(app: App): HTMLElement {
-  const kinds = choice([["vector", "vectors"], ["2", "lines (2-field)"], ["4", "crosses (4-field)"], ["6", "6-field"], ["tensor", "symmetric tensors"]], "vector", () => {});
-  const dimension = h("input", { type: "number", min: "10", max: "40000", value: "500" });
-  const parameters = (): Parameters<"field_basis"> => {
-    const n = Number(kinds.value);
-    return { ...(n ? { field: "n_vector", n } : { field: kinds.value as "vector" | "tensor" }), dimension: dimension.valueAsNumber };
+  // --- what an address keeps -----------------------------------------------------------------------------------------------
+
+  const knobs = () => [strength, smooth, bending, alignment, spacing, along, across, which];
+  const keep = () => {
+    const state: State = {
+      strokes: strokes.filter((points) => points.length > 1).map((points) => packed(app.viewer, points)),
+      pins: pins.filter(({ from, to }) => from !== to).map(({ from, to }) => packed(app.viewer, [from, to])),
+      singular: singular.map(({ vertex, index }) => [vertex, Math.round(index * order())]),
+      exact: exact.checked, shown, knobs: knobs().map(({ control }) => control.valueAsNumber),
+    };
+    app.keep(state);
   };
-  const made = h("form", { class: "form", onsubmit: (event: Event) => {
-    event.preventDefault();
-    if (!app.mesh) return app.fail(new ApiError({ type: "", title: "No surface is open", detail: "Open one first." }));
-    void app.submit("field_basis", parameters());
-  } }, field("Field", kinds), field("Dimension", dimension, "Columns of the space"), h("button", { class: "primary" }, "Compute"));
-  made.append(expected(app, made, "field_basis", parameters));
-  return made;
+  /** Takes over what an address says, as far as it makes sense. */
+  const adopt = (state: Partial<State>) => {
+    const list = (value: unknown) => (Array.isArray(value) ? value : []);
+    const count = (app.viewer.resting?.length ?? 0) / 3;
+    strokes = list(state.strokes).map((numbers) => unpacked(app.viewer, numbers)).filter((points) => points.length > 1);
+    pins = list(state.pins).map((numbers) => unpacked(app.viewer, numbers)).filter((points) => points.length === 2).map(([from, to]) => ({ from, to }));
+    singular = list(state.singular).filter((pair) => Array.isArray(pair) && pair.every(Number.isInteger) && pair[0] >= 0 && pair[0] < count).map(([vertex, turns]) => ({ vertex, index: turns / order() }));
+    if (typeof state.exact === "boolean") exact.checked = state.exact;
+    if (["glyphs", "hatching", "fur"].includes(state.shown ?? "")) shown = state.shown!;
+    list(state.knobs).forEach((value, k) => typeof value === "number" && knobs()[k]?.set(value));
+  };
+  return panel;
 }

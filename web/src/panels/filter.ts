@@ -2,10 +2,12 @@
 
 import { postNumbers, recent, type Basis } from "../api";
 import type { App, Panel } from "../app";
-import { brief, grouped, h, slider } from "../dom";
+import { brief, choice, field, grouped, h, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, type Frame } from "../plot";
-import { basisHead, eigenForm, type Look } from "./basis";
+import { basisHead, eigenForm, ofFunctions } from "./basis";
+import { compression } from "./compress";
+import type { Look } from "./look";
 
 /** Points of the curve. */
 const POINTS = 97;
@@ -13,8 +15,18 @@ const POINTS = 97;
 const MOST = 3;
 const LEFT = 30, RIGHT = 8, TOP = 8, BOTTOM = 26;
 
+/** What an address keeps: the curve in hundredths, the rest, and what is done. */
+interface State {
+  curve: number[];
+  beyond: number;
+  only: number;
+  what: string;
+  pairs: number;
+  bits: number;
+}
+
 export function filterPanel(app: App, look: Look): Panel {
-  const head = basisHead(app, "eigenbasis", "basis", eigenForm(app));
+  const head = basisHead(app, () => panel, "basis", eigenForm(app, look));
   const body = h("div", { hidden: true });
   const timing = h("p", { class: "dim", "aria-live": "off" });
   const curve = new Float32Array(POINTS).fill(1);
@@ -22,11 +34,19 @@ export function filterPanel(app: App, look: Look): Panel {
   let beyond = 1;
   /** Only so many modes are kept; 0 for all, and what lies beyond them. */
   let only = 0;
+  let what = "curve";
 
+  const here = (basis: Basis) => app.basis === basis && app.panel === panel;
+  const keep = () => {
+    const state: State = { curve: Array.from(curve, (value) => Math.round(100 * value)), beyond, only, what, pairs: packing.pairs.control.valueAsNumber, bits: packing.bits.control.valueAsNumber };
+    app.keep(what === "curve" && unchanged() ? null : state);
+  };
+  const unchanged = () => only === 0 && beyond === 1 && curve.every((value) => value === 1);
+  const packing = compression(app, (basis) => here(basis) && what === "compression", () => keep());
   const send = latest<{ basis: Basis; values: number[]; beyond: number }>(async ({ basis, values, beyond }) => {
     const begin = performance.now();
     const positions = await postNumbers(`${basis.links.self}/filter`, { functions: "coordinates", transfer: { kind: "samples", values, beyond } });
-    if (app.basis !== basis || app.panel !== panel) return;
+    if (!here(basis) || what !== "curve") return;
     app.viewer.setPositions(positions);
     timing.textContent = `${brief(performance.now() - begin)} ms for the answer`;
     document.body.dataset.filtered = String(Number(document.body.dataset.filtered ?? 0) + 1);
@@ -35,8 +55,12 @@ export function filterPanel(app: App, look: Look): Panel {
   const apply = () => {
     plot.draw();
     const basis = app.basis;
+    curved.hidden = what !== "curve";
+    packing.element.hidden = what !== "compression";
     if (!basis) return;
-    if (only === 0 && beyond === 1 && curve.every((value) => value === 1)) {
+    keep();
+    if (what === "compression") return packing.apply();
+    if (unchanged()) {
       app.viewer.setPositions(null);
       recent.shown = null;
       timing.textContent = "Nothing is changed yet: draw on the curve.";
@@ -113,7 +137,11 @@ export function filterPanel(app: App, look: Look): Panel {
     only = value;
     apply();
   }, (value) => (value ? grouped(value) : "all"));
-  body.append(
+  const kinds = choice([["curve", "a curve over the modes"], ["compression", "compression"]], what, (value) => {
+    what = value;
+    apply();
+  });
+  const curved = h("div", {},
     h("p", {}, "Each mode is multiplied by the curve. Draw it: down smooths, up exaggerates."), plot.canvas,
     h("label", { class: "field slider" }, h("span", {}, "Fine detail"), detail),
     h("div", { class: "row wrap" },
@@ -122,12 +150,15 @@ export function filterPanel(app: App, look: Look): Panel {
       preset("Caricature", (t) => 1 + 1.5 * Math.exp(-(((t - 0.3) / 0.12) ** 2)), 1),
       preset("Sharpen", (t) => 1 + 1.4 * t, 2)),
     first.element, timing);
+  body.append(field("Filter", kinds), curved, packing.element);
 
   const panel: Panel = {
     id: "filter",
     title: "Filter",
     about: "Reshape the surface by its frequencies: smooth it, or exaggerate what is typical of it.",
+    guide: "filtering",
     kind: "eigenbasis",
+    fits: ofFunctions,
     element: h("div", { class: "panel" }, head.element, body),
     show() {
       head.update();
@@ -135,7 +166,10 @@ export function filterPanel(app: App, look: Look): Panel {
       app.title.textContent = app.mesh?.name ?? "";
       look.show(null);
       if (app.basis) {
-        first.control.max = String(app.basis.count);
+        const state = app.arrived<Partial<State>>("filter");
+        if (state) adopt(state);
+        packing.pairs.control.max = first.control.max = String(app.basis.count);
+        packing.pairs.set(Math.min(packing.pairs.control.valueAsNumber, app.basis.count));
         only = Math.min(only, app.basis.count);
         first.set(only);
       }
@@ -143,7 +177,21 @@ export function filterPanel(app: App, look: Look): Panel {
     },
     hide() {
       app.viewer.setPositions(null);
+      delete document.body.dataset.compressed;
     },
+  };
+  /** Takes over what an address says, as far as it makes sense. */
+  const adopt = ({ curve: values, beyond: rest, only: most, what: wanted, pairs, bits }: Partial<State>) => {
+    const number = (value: unknown): value is number => typeof value === "number" && Number.isFinite(value);
+    if (Array.isArray(values) && values.length === POINTS && values.every(number)) values.forEach((value, i) => (curve[i] = Math.min(Math.max(value / 100, 0), MOST)));
+    if (number(rest)) detail.value = String((beyond = Math.min(Math.max(rest, 0), MOST)));
+    if (number(most)) only = Math.max(Math.round(most), 0);
+    if (wanted === "curve" || wanted === "compression") kinds.value = what = wanted;
+    if (number(pairs)) {
+      packing.pairs.control.max = String(app.basis?.count ?? 100);
+      packing.pairs.set(pairs);
+    }
+    if (number(bits)) packing.bits.set(bits);
   };
   return panel;
 }

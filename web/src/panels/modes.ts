@@ -5,13 +5,16 @@ import type { App, Panel } from "../app";
 import { brief, bytes, grouped, h, power, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, ticks, type Frame } from "../plot";
-import { basisHead, certificate, diverging, eigenForm, sequential, type Look } from "./basis";
+import { basisHead, certificate, eigenForm, line } from "./basis";
+import { comparison } from "./compare";
+import { HodgeModes, ofFields } from "./hodge";
+import { diverging, sequential, type Look } from "./look";
 
 /** Modes kept in memory, by bytes. */
 const KEPT = 64e6;
 
 export function modesPanel(app: App, look: Look): Panel {
-  const head = basisHead(app, "eigenbasis", "basis", eigenForm(app));
+  const head = basisHead(app, () => panel, "basis", eigenForm(app, look));
   const body = h("div", { hidden: true });
   const facts = h("p", { class: "facts", "aria-live": "polite" });
   const proof = h("div", {});
@@ -40,19 +43,29 @@ export function modesPanel(app: App, look: Look): Panel {
     return values;
   };
   const request = latest<{ basis: Basis; mode: number }>(async ({ basis, mode }) => {
-    const values = await load(basis, mode);
-    if (app.basis !== basis || app.panel !== panel) return;
+    const loaded = await load(basis, mode);
+    const wanted = () => app.basis === basis && app.panel === panel;
+    if (!wanted()) return;
+    app.title.textContent = `Mode ${grouped(mode)}`;
+    if (ofFields(basis)) {
+      await hodge.show(basis, loaded, wanted);
+      if (wanted()) document.body.dataset.mode = String(mode);
+      return;
+    }
+    // Of a solid the vertices of its surface come first, and these are what is seen.
+    const values = loaded.subarray(0, (app.viewer.resting?.length ?? 0) / 3);
     // The kernel is constant: it has no sign to show.
     const constant = values.every((value) => Math.abs(value - values[0]) <= 1e-3 * Math.abs(values[0]));
     const scalar = constant ? sequential(values) : diverging(values);
     look.show(scalar);
     amplitude = 0.12 / Math.max(Math.abs(scalar.range[0]), Math.abs(scalar.range[1]), 1e-30);
-    app.title.textContent = `Mode ${grouped(mode)}`;
-    if (app.swinging && !playing) swing(true);
+    if (app.swinging && !playing && !calm()) swing(true);
     app.swinging = false;
     document.body.dataset.mode = String(mode);
   }, app.fail);
 
+  const hodge = new HodgeModes(app, look, (mode) => select(mode));
+  const compare = comparison(app, (id) => line(app.bases.find((basis) => basis.id === id)!));
   let amplitude = 0;
   const mode = slider("Mode", { min: 0, max: 1, step: 1, value: 1 }, (value) => select(value), grouped);
   const back = h("button", { class: "quiet", "aria-label": "Previous mode", onclick: () => select(app.place.mode - 1) }, "‹");
@@ -69,7 +82,8 @@ export function modesPanel(app: App, look: Look): Panel {
     const value = basis.eigenvalues[k];
     const zero = Math.abs(value) <= 1e-6 * Math.abs(basis.eigenvalues[basis.count - 1]);
     const percent = (error: number) => (zero ? brief(error) : `${brief((100 * error) / Math.abs(value))} %`);
-    facts.replaceChildren(h("b", {}, `λ = ${brief(value)}`), estimates?.length ? ` error about ${percent(estimates[k])}, within ${percent(bounds[k])}` : ` ± ${percent(bounds[k])}`,
+    const part = hodge.part(basis, k);
+    facts.replaceChildren(h("b", {}, `λ = ${brief(value)}`), part && ` ${part},`, estimates?.length ? ` error about ${percent(estimates[k])}, within ${percent(bounds[k])}` : ` ± ${percent(bounds[k])}`,
       h("span", { class: "dim" }, estimates?.length ? "" : `residual ${brief(residuals[k])}`));
     plot.draw();
     request({ basis, mode: k });
@@ -77,7 +91,7 @@ export function modesPanel(app: App, look: Look): Panel {
   const swing = (on: boolean) => {
     playing = on;
     play.setAttribute("aria-pressed", String(on));
-    const still = matchMedia("(prefers-reduced-motion: reduce)").matches ? 0.3 : 1;
+    const still = calm() ? 0.3 : 1;
     if (on) {
       app.viewer.animate((time) => {
         app.viewer.wave(amplitude * Math.sin(4 * still * time));
@@ -110,13 +124,14 @@ export function modesPanel(app: App, look: Look): Panel {
   plot.canvas.addEventListener("pointermove", (event) => event.buttons && under(event));
 
   body.append(
-    h("div", { class: "modes" }, back, mode.element, next), facts, h("div", { class: "row" }, play, h("span", { class: "dim hint" }, "keys [ and ]")), look.element,
-    h("h3", {}, "Spectrum"), plot.canvas, h("h3", {}, "Certificate"), proof);
+    h("div", { class: "modes" }, back, mode.element, next), facts, hodge.element, h("div", { class: "row" }, play, h("span", { class: "dim hint" }, "keys [ and ]")), look.element,
+    h("h3", {}, "Spectrum"), plot.canvas, h("h3", {}, "Certificate"), proof, compare.element);
 
   const panel: Panel = {
     id: "modes",
     title: "Modes",
     about: "The standing waves of the surface, from the longest to the finest: the eigenfunctions of its Laplacian.",
+    guide: "certificates",
     kind: "eigenbasis",
     element: h("div", { class: "panel" }, head.element, body),
     show() {
@@ -128,20 +143,27 @@ export function modesPanel(app: App, look: Look): Panel {
         look.show(null);
         return;
       }
-      body.querySelector(".modes")!.after(facts);
       body.insertBefore(look.element, body.querySelector("h3"));
       mode.control.max = String(basis.count - 1);
       const name = `${app.mesh?.name ?? "mesh"}-${basis.count}-${basis.id.slice(0, 8)}`;
       proof.replaceChildren(certificate(basis), h("p", {}, app.link(`Download as NPZ (${bytes(basis.bytes)})`, basis.links.content, `${name}.npz`), " · ", app.link("metadata", basis.links.self, `${name}.json`)));
+      play.hidden = ofFields(basis);
+      hodge.hide();
+      hodge.offer(basis, () => app.place.mode);
+      compare.update();
       select(app.place.mode);
     },
     hide() {
       if (playing) swing(false);
+      hodge.hide();
       delete document.body.dataset.mode;
     },
   };
   return panel;
 }
+
+/** Whether whoever looks wants little motion: nothing begins to move by itself then. */
+const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 const LEFT = 46, RIGHT = 8;
 

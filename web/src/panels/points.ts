@@ -7,7 +7,8 @@ import { brief, choice, field, grouped, h, slider } from "../dom";
 import { latest } from "../latest";
 import type { Hit } from "../surface";
 import { AXES, type Up } from "../upright";
-import { basisHead, diverging, eigenForm, sequential, type Look } from "./basis";
+import { basisHead, eigenForm, ofFunctions } from "./basis";
+import { diverging, sequential, type Look } from "./look";
 
 interface Wish {
   basis: Basis;
@@ -16,6 +17,14 @@ interface Wish {
   /** Where between the shortest and the longest time, from 0 to 1. */
   scale: number;
   /** Which function of a series. */
+  index: number;
+}
+
+/** What an address keeps. */
+interface State {
+  what: string;
+  vertex: number | null;
+  time: number;
   index: number;
 }
 
@@ -49,7 +58,7 @@ const SERIES: Record<string, { count: number; label: string }> = { wave_kernel: 
 const POINTED = ["diffusion", "biharmonic", "commute_time", "geodesic", "exact", "similar"];
 
 export function pointsPanel(app: App, look: Look): Panel {
-  const head = basisHead(app, "eigenbasis", "basis", eigenForm(app));
+  const head = basisHead(app, () => panel, "basis", eigenForm(app, look));
   const body = h("div", { hidden: true });
   const note = h("p", { class: "dim" });
   const timing = h("p", { class: "dim" });
@@ -111,6 +120,7 @@ export function pointsPanel(app: App, look: Look): Panel {
     note.textContent = NOTES[what];
     app.title.textContent = TITLES[what];
     if (!basis) return;
+    app.keep({ what, vertex, time: time.control.valueAsNumber, index: which.control.valueAsNumber } satisfies State);
     const shown = POINTED.includes(what);
     app.viewer.mark("source", shown ? vertex : null);
     if (vertex === null && shown) return;
@@ -132,7 +142,9 @@ export function pointsPanel(app: App, look: Look): Panel {
     id: "points",
     title: "Distances",
     about: "How far apart points are, and which of them look alike, by measures that bending does not change.",
+    guide: "distances",
     kind: "eigenbasis",
+    fits: ofFunctions,
     element: h("div", { class: "panel" }, head.element, body),
     show() {
       head.update();
@@ -142,7 +154,11 @@ export function pointsPanel(app: App, look: Look): Panel {
         return;
       }
       body.append(look.element);
-      time.set(time.control.valueAsNumber);
+      const state = app.arrived<Partial<State>>("points");
+      if (state?.what && Object.hasOwn(TITLES, state.what)) kinds.value = what = state.what;
+      if (typeof state?.vertex === "number" && state.vertex >= 0 && Number.isInteger(state.vertex)) vertex = state.vertex;
+      if (typeof state?.index === "number") which.set(state.index);
+      time.set(typeof state?.time === "number" ? state.time : time.control.valueAsNumber);
       const count = app.viewer.surface.positions.length / 3;
       if (vertex === null || vertex >= count) vertex = farthestUp(app.viewer.surface.positions, app.viewer.up);
       app.viewer.onClick = move;

@@ -1,10 +1,11 @@
-// Shape-DNA: every stored shape as a point; shapes with like spectra stand together. A click opens one.
+// Shape-DNA: every stored shape as a point and a small picture; shapes with like spectra stand together. A click opens one.
 
-import { get, post, type BasisSummary, type Page } from "../api";
+import { get, post, type BasisSummary, type Mesh, type Page } from "../api";
 import type { App, Panel } from "../app";
 import { choice, field, grouped, h, plural } from "../dom";
 import { Plot, type Frame } from "../plot";
-import type { Look } from "./basis";
+import { Portraits } from "../portrait";
+import type { Look } from "./look";
 
 interface Comparison {
   labels: string[];
@@ -23,6 +24,7 @@ export function shapesPanel(app: App, look: Look): Panel {
   let over = -1;
   let scale = "area";
   const note = h("p", { class: "dim" });
+  const portraits = new Portraits(app.viewer, async (id) => app.meshes.find((mesh) => mesh.id === id) ?? get<Mesh>(`/v1/meshes/${id}`));
   const list = h("ul", { class: "near", "aria-label": "Shapes, each with its nearest neighbour" });
   const plot = new Plot(300, "Shapes by their spectra", (frame) => found && paint(frame, found, bases.findIndex((basis) => basis.mesh === app.mesh?.id), over));
 
@@ -52,7 +54,8 @@ export function shapesPanel(app: App, look: Look): Panel {
     const held = Math.round(100 * found.held.slice(0, 2).reduce((sum, part) => sum + part, 0));
     note.textContent = `${plural(bases.length, "shape")} by ${grouped(found.count)} eigenvalues; the plane shows ${held} % of the variance.`;
     const { labels, neighbours } = found;
-    list.replaceChildren(...labels.map((label, k) => h("li", {}, h("button", { class: "basis", onclick: () => open(k) }, h("span", {}, label), h("small", {}, neighbours[k].length ? `nearest: ${labels[neighbours[k][0]]}` : "")))));
+    list.replaceChildren(...labels.map((label, k) => h("li", {}, h("button", { class: "basis", title: label, onclick: () => open(k) }, portraits.of(bases[k].mesh),
+      h("span", { class: "two-lines" }, h("span", {}, label), h("small", {}, neighbours[k].length ? `nearest: ${labels[neighbours[k][0]]}` : ""))))));
     plot.draw();
     document.body.dataset.shapes = String(bases.length);
   };
@@ -80,6 +83,7 @@ export function shapesPanel(app: App, look: Look): Panel {
     id: "shapes",
     title: "Shapes",
     about: "Compare surfaces by their spectra, a fingerprint that neither pose nor triangulation changes.",
+    guide: "shape-dna",
     element: h("div", { class: "panel" },
       field("Size", choice([["area", "normalised by area"], ["first", "normalised by λ₁"], ["none", "kept"]], scale, (value) => {
         scale = value;

@@ -6,7 +6,8 @@ import { brief, choice, field, grouped, h, plural, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, type Frame } from "../plot";
 import type { Hit } from "../surface";
-import { basisHead, type Look } from "./basis";
+import { basisHead } from "./basis";
+import type { Look } from "./look";
 import { Clamp, showHeld } from "./clamp";
 
 /** Young's modulus in pascal, Poisson's ratio, density in kg/m³. */
@@ -31,7 +32,7 @@ interface Tap {
 
 export function vibrationPanel(app: App, look: Look): Panel {
   const clamp = new Clamp(app, () => app.panel?.id === "vibration" && prepare());
-  const head = basisHead(app, "vibration_basis", "vibration", form(app, clamp));
+  const head = basisHead(app, () => panel, "vibration", form(app, clamp));
   const body = h("div", { hidden: true });
   const facts = h("p", {});
   const timing = h("p", { class: "dim" });
@@ -171,6 +172,7 @@ export function vibrationPanel(app: App, look: Look): Panel {
     id: "vibration",
     title: "Vibration",
     about: "The surface as a thin shell of some material: tap it, watch it ring, and hear it.",
+    guide: "vibration",
     kind: "vibration_basis",
     element: h("div", { class: "panel" }, head.element, body),
     show() {
