@@ -52,12 +52,19 @@ impl MassMatrix {
 
     /// The mass of the same unknowns in another order: number `k` is what was `order[k]`, a permutation.
     pub fn reordered(&self, order: &[u32]) -> Self {
+        debug_assert_eq!(order.len(), self.size());
+        self.principal(order)
+    }
+
+    /// The mass of some unknowns alone: number `k` is what was `rows[k]`, each at most once. What is proven of weights of the whole holds where those rows are
+    /// coupled to no others.
+    pub fn principal(&self, rows: &[u32]) -> Self {
         match self {
-            Self::Diagonal(mass) => Self::Diagonal(order.iter().map(|&row| mass[row as usize]).collect()),
-            Self::Sparse(mass) => Self::Sparse(mass.reordered(order)),
+            Self::Diagonal(mass) => Self::Diagonal(rows.iter().map(|&row| mass[row as usize]).collect()),
+            Self::Sparse(mass) => Self::Sparse(mass.principal(rows)),
             Self::Weighted(mass) => Self::Weighted(WeightedMass {
-                matrix: mass.matrix.reordered(order),
-                weights: order.iter().map(|&row| mass.weights[row as usize]).collect(),
+                matrix: mass.matrix.principal(rows),
+                weights: rows.iter().map(|&row| mass.weights[row as usize]).collect(),
                 ratio: mass.ratio,
             }),
         }

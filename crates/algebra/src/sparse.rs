@@ -186,21 +186,29 @@ impl SparseMatrix {
 
     /// The square matrix with its rows and columns in another order: row and column `k` are those that were `order[k]`, a permutation.
     pub fn reordered(&self, order: &[u32]) -> Self {
-        let mut places = vec![0u32; self.columns];
-        order.iter().enumerate().for_each(|(place, &row)| places[row as usize] = place as u32);
-        let mut offsets = Vec::with_capacity(self.rows + 1);
-        let (mut indices, mut values) = (Vec::with_capacity(self.entries()), Vec::with_capacity(self.entries()));
+        debug_assert_eq!(order.len(), self.rows);
+        self.principal(order)
+    }
+
+    /// The principal submatrix of a square matrix, `rows.len() × rows.len()`: row and column `k` are those that were `rows[k]`, each at most once.
+    pub fn principal(&self, rows: &[u32]) -> Self {
+        let mut places = vec![u32::MAX; self.columns];
+        rows.iter().enumerate().for_each(|(place, &row)| places[row as usize] = place as u32);
+        let most = rows.iter().map(|&row| self.row(row as usize).0.len()).sum();
+        let mut offsets = Vec::with_capacity(rows.len() + 1);
+        let (mut indices, mut values) = (Vec::with_capacity(most), Vec::with_capacity(most));
         offsets.push(0);
         let mut entries: Vec<(u32, f64)> = Vec::new();
-        for &row in order {
+        for &row in rows {
             let (columns, numbers) = self.row(row as usize);
             entries.clear();
-            entries.extend(columns.iter().zip(numbers).map(|(&column, &number)| (places[column as usize], number)));
+            let placed = columns.iter().zip(numbers).map(|(&column, &number)| (places[column as usize], number));
+            entries.extend(placed.filter(|entry| entry.0 != u32::MAX));
             entries.sort_unstable_by_key(|entry| entry.0);
             indices.extend(entries.iter().map(|entry| entry.0));
             values.extend(entries.iter().map(|entry| entry.1));
             offsets.push(indices.len());
         }
-        Self::from_sorted_parts(self.rows, self.columns, offsets, indices, values)
+        Self::from_sorted_parts(rows.len(), rows.len(), offsets, indices, values)
     }
 }

@@ -132,6 +132,9 @@ pub fn approximate(
     }
     let enclosed = if parameters.certify { Some(attempt.enclose(&energy, problem, monitor)?) } else { None };
     let Attempt { ritz: Ritz { space, mut pairs, .. }, mut certificate, largest_estimate, hidden, .. } = attempt;
+    for distances in [&mut certificate.estimates, &mut certificate.bounds] {
+        by_index(&pairs.values, distances, problem.area);
+    }
     pairs.values.truncate(count);
     pairs.vectors = pairs.vectors.slice_columns(0..count);
     for list in [&mut certificate.residuals, &mut certificate.estimates, &mut certificate.bounds] {
@@ -166,6 +169,22 @@ pub fn approximate(
         certificate,
         metadata: serde_json::Value::Object(serde_json::Map::new()),
     })
+}
+
+/// Makes distances of values, ascending, from some eigenvalue those from the eigenvalue of the same index, if no two values belong to one eigenvalue: a pair that is closer
+/// than its neighbours stands one place too low where an eigenvalue below it has its value above. No distance gets smaller; they are in units of the values over
+/// `unit`.
+fn by_index(values: &[f64], distances: &mut [f64], unit: f64) {
+    let mut lower: Vec<f64> = values
+        .iter()
+        .zip(&*distances)
+        // What is anywhere says nothing of the others.
+        .map(|(value, distance)| if distance.is_finite() { value - distance * unit } else { *value })
+        .collect();
+    lower.sort_by(f64::total_cmp);
+    for ((value, lower), distance) in values.iter().zip(lower).zip(distances) {
+        *distance = distance.max((value - lower) / unit);
+    }
 }
 
 /// Pairs that are computed and judged beyond those that are delivered. An eigenfunction that the space holds badly has its Ritz value among them,

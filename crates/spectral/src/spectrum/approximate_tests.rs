@@ -261,3 +261,19 @@ fn certified_pairs_enclose_the_exact_ones_index_by_index_or_are_refused() {
         Err(error) => assert_eq!(error.kind(), "unproven", "{error}"),
     }
 }
+
+/// Of three eigenvalues 10, 11 and 12 the second is found exactly and the others 1.5 too high: by value it comes first, and is the second.
+#[test]
+fn distances_are_from_the_eigenvalue_of_the_same_index() {
+    let values = [11.0, 11.5, 13.5];
+    let mut distances = [0.0, 0.75, 0.75];
+    super::by_index(&values, &mut distances, 2.0);
+    assert_eq!(distances, [0.5, 0.75, 0.75]);
+    let exact = [10.0, 11.0, 12.0];
+    for ((value, distance), exact) in values.iter().zip(distances).zip(exact) {
+        assert!(value - 2.0 * distance <= exact && exact <= *value);
+    }
+    let mut endless = [f64::INFINITY, 0.25, 0.25];
+    super::by_index(&values, &mut endless, 1.0);
+    assert_eq!(endless, [f64::INFINITY, 0.25, 0.25]);
+}

@@ -45,7 +45,7 @@ pub fn solve(
     // HSIM asks how many vertices there are, and where only for levels that it makes itself.
     let mesh = TriangleMesh { positions: vec![[0.0; 3]; vertices], faces: Vec::new() };
     let (n, q) = (problem.size(), hsim::columns(problem.size(), count));
-    if count > n || hsim::is_dense(n, count) {
+    if count > n || hsim::is_dense_by_blocks(problem, count) {
         return hsim::solve(&mesh, problem, parameters, false, monitor);
     }
     monitor.stage("sampling");

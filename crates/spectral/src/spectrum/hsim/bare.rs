@@ -10,14 +10,15 @@ use chladni_mesh::TriangleMesh;
 
 use super::certify::Goal;
 use super::deliver::nothing;
-use super::hierarchy::{self, densely};
+use super::densely::{self, densely};
+use super::hierarchy;
 use super::kernel::Kernel;
 use super::krylov;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
 use super::scout::{Scout, fills_in};
 use super::shifts::factor_near;
-use super::solve::{DENSE, Estimate, Finest, LARGE, SLACK, Task, estimate};
+use super::solve::{Estimate, Finest, LARGE, SLACK, Task, estimate};
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
 use crate::operator::EigenProblem;
 
@@ -204,10 +205,12 @@ impl Bench<'_> {
         };
         let values: Vec<f64> = begun.values.iter().map(|&value| up(value)).collect();
         let solved = match task.solve(begun.vectors, values, None, begun.exact) {
-            Err(error) if n <= DENSE && error.is_of_the_iteration() => {
-                self.monitor.stage("repair");
-                let (values, vectors) = densely(&finest.level, n - kernel.dimension(), self.monitor)?;
-                task.solve(vectors, values, None, true)
+            Err(error) if error.is_of_the_iteration() => {
+                let columns = hierarchy::columns(task.beside, n - kernel.dimension());
+                match densely::instead(&finest.level, columns, kernel.dimension(), self.monitor)? {
+                    Some((values, vectors)) => task.solve(vectors, values, None, true),
+                    None => Err(error),
+                }
             }
             solved => solved,
         };

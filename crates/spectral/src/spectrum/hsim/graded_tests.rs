@@ -3,7 +3,7 @@
 use chladni_algebra::{MassMatrix, SparseMatrix};
 use chladni_base::Unwatched;
 
-use super::super::hierarchy::densely;
+use super::super::densely::densely;
 use crate::spectrum::hsim::level::{Level, NO_KERNEL};
 
 /// A path of `n` rows, whose eigenvalues are known, and one more row that a spring of this strength ties to the first, with next to no mass.

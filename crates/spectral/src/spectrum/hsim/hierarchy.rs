@@ -1,13 +1,12 @@
 //! The start of the iteration on the mesh: approximate eigenvectors from smaller and smaller spaces of local functions.
 
-use chladni_algebra::{DenseMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, prolong};
+use chladni_algebra::{Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, prolong};
 use chladni_base::Monitor;
 
-use super::graded::{by_inverse, sharpen};
+use super::densely::densely;
 use super::iterate::{Iteration, Plan};
 use super::kernel::Kernel;
-use super::level::{Level, NO_KERNEL, coarsened, space};
-use super::ritz::ritz;
+use super::level::{Level, coarsened, space};
 use super::{HsimError, LevelReport};
 
 /// Overlap of the supports of prolongation functions.
@@ -126,50 +125,3 @@ fn peaks(space: &SparseMatrix<f32>) -> Vec<u32> {
 
 /// The residual (4.6) up to which levels between the coarsest and the mesh are solved: what is left, the mesh removes.
 const MIDDLE_TOLERANCE: f64 = 0.1;
-
-/// The lowest `q` pairs of a level beside its kernel, by a dense solve.
-pub(super) fn densely(level: &Level, q: usize, monitor: &dyn Monitor) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
-    let (mut stiffness, mass) = dense(level);
-    let lumped = level.mass.lumped();
-    let mut kernel: Vec<Vec<usize>> = Vec::new();
-    for (row, &component) in level.component.iter().enumerate() {
-        if component != NO_KERNEL {
-            let component = component as usize;
-            if kernel.len() <= component {
-                kernel.resize(component + 1, Vec::new());
-            }
-            kernel[component].push(row);
-        }
-    }
-    let count = q.min(level.size() - kernel.len());
-    let sum = |row: usize| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
-    let ratios: Vec<f64> = (0..level.size()).map(|row| sum(row) / lumped[row].abs()).collect();
-    if let Some(pairs) = by_inverse(level, (&stiffness, &mass), &kernel, count, ratios.clone(), monitor)? {
-        return Ok(pairs);
-    }
-    // The kernel is moved above all other eigenvalues, where it cannot be taken for one of them.
-    let height = 8.0 * ratios.into_iter().fold(0.0, f64::max);
-    add_constants(&mut stiffness, &lumped, &kernel, height);
-    let (mut values, vectors) = ritz(stiffness, mass, count, monitor)?;
-    let mut vectors = PanelMatrix::from_dense(&vectors);
-    sharpen(level, &mut vectors, &mut values, monitor)?;
-    Ok((values, vectors))
-}
-
-/// Adds `factor · M 1 1ᵀ M / 1ᵀM1` for the constants `1` of every component.
-pub(super) fn add_constants(matrix: &mut DenseMatrix, lumped: &[f64], components: &[Vec<usize>], factor: f64) {
-    for rows in components {
-        let total: f64 = rows.iter().map(|&row| lumped[row]).sum();
-        for &column in rows {
-            let factor = factor * lumped[column] / total;
-            let entries = matrix.column_mut(column);
-            rows.iter().for_each(|&row| entries[row] += factor * lumped[row]);
-        }
-    }
-}
-
-/// The pencil of a level as dense matrices.
-pub(super) fn dense(level: &Level) -> (DenseMatrix, DenseMatrix) {
-    let mass = level.mass.to_dense();
-    (level.stiffness.to_dense(), mass)
-}

@@ -6,7 +6,7 @@ use chladni_mesh::shape::{Shape, generate, noisy};
 
 use super::{Count, Found, certify};
 use crate::operator::{MassKind, laplace};
-use crate::spectrum::hsim::hierarchy::densely;
+use crate::spectrum::hsim::densely::densely;
 use crate::spectrum::hsim::kernel::Kernel;
 use crate::spectrum::hsim::level::Level;
 use crate::spectrum::hsim::offset::components;

@@ -5,6 +5,7 @@ mod certificate;
 mod certify;
 mod columns;
 mod deliver;
+mod densely;
 mod floor;
 mod graded;
 mod hierarchy;
@@ -202,7 +203,7 @@ impl HsimError {
 }
 
 pub(in crate::spectrum) use bare::solve as solve_bare;
-pub(in crate::spectrum) use solve::{columns, is_dense, solve_from};
+pub(in crate::spectrum) use solve::{columns, is_dense, is_dense_by_blocks, solve_from};
 pub use solve::{solve, solve_with_space};
 
 impl HsimParameters {

@@ -11,7 +11,7 @@ use chladni_mesh::connectivity::Connectivity;
 use chladni_mesh::distance::DistanceKind;
 use chladni_mesh::sample::farthest_points;
 
-use super::hierarchy::densely;
+use super::densely::densely;
 use super::iterate::Iteration;
 use super::kernel::Kernel;
 use super::level::{Level, NO_KERNEL, coarsened};

@@ -6,7 +6,8 @@ use chladni_mesh::TriangleMesh;
 
 use super::certify::{Goal, complete};
 use super::deliver::{Delivery, finish, nothing};
-use super::hierarchy::{self, densely};
+use super::densely::{self, dense_rows, densely};
+use super::hierarchy;
 use super::iterate::{Iteration, Plan};
 use super::judge::Count;
 use super::kernel::Kernel;
@@ -22,9 +23,6 @@ const MOST_PASSES: usize = 24;
 
 /// From this tolerance on, a replacing step makes two solves instead of one.
 const TIGHT: f64 = 1e-4;
-
-/// Up to this size, what an iteration did not settle is left to a dense solve of the whole pencil.
-pub(super) const DENSE: usize = 1500;
 
 /// Computes the lowest eigenpairs of an operator on a mesh, and proves by inertia that none is missing.
 ///
@@ -66,6 +64,11 @@ pub fn solve_with_space(
 /// Whether the lowest `count` pairs of a problem of a size are taken from one dense eigenproblem, without a start.
 pub fn is_dense(size: usize, count: usize) -> bool {
     hierarchy::sizes(size, columns(size, count), None).is_empty()
+}
+
+/// The same of a problem that may be of many blocks.
+pub fn is_dense_by_blocks(problem: &EigenProblem, count: usize) -> bool {
+    is_dense(dense_rows(&problem.stiffness, &problem.mass), count)
 }
 
 /// The columns that are iterated on for so many pairs of a problem of a size: so many a start should have.
@@ -138,7 +141,8 @@ fn climb_and_solve(
     let sliced = parameters.variant == Variant::Sliced;
     let sigma = parameters.sigma.unwrap_or(hierarchy::SIGMA);
     let climb = |q: usize| {
-        let mut sizes = hierarchy::sizes(n, q, parameters.levels);
+        let rows = if parameters.levels.is_none() { dense_rows(&base.stiffness, &base.mass) } else { n };
+        let mut sizes = hierarchy::sizes(rows, q, parameters.levels);
         if q == 0 || sizes.is_empty() || !sliced || begun.is_some() {
             return Ok(None);
         }
@@ -231,10 +235,11 @@ fn climb_and_solve(
     };
     let task = Task { mesh, problem, parameters, finest: &finest, kernel: &kernel, goal, beside, offset, monitor };
     let solved = match task.solve(vectors, values, plain, reports.is_empty()) {
-        Err(error) if n <= DENSE && error.is_of_the_iteration() => {
-            monitor.stage("repair");
-            let (values, vectors) = densely(&finest.level, n - known, monitor)?;
-            task.solve(vectors, values, None, true)
+        Err(error) if error.is_of_the_iteration() => {
+            match densely::instead(&finest.level, hierarchy::columns(beside, n - known), known, monitor)? {
+                Some((values, vectors)) => task.solve(vectors, values, None, true),
+                None => Err(error),
+            }
         }
         solved => solved,
     };

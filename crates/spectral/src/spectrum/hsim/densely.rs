@@ -1,0 +1,165 @@
+//! Dense solves of a level, block by block: rows that are coupled by neither matrix, those of copies and of pieces, are problems of their own.
+
+use chladni_algebra::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix};
+use chladni_base::Monitor;
+
+use super::HsimError;
+use super::graded::{by_inverse, sharpen};
+use super::level::{Level, NO_KERNEL};
+use super::ritz::ritz;
+
+/// The lowest `q` pairs of a level beside its kernel, ascending by value, by dense solves.
+pub(super) fn densely(level: &Level, q: usize, monitor: &dyn Monitor) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
+    let blocks = blocks(&level.stiffness, &level.mass);
+    if blocks.len() <= 1 {
+        return whole(level, q, monitor);
+    }
+    let mut solved: Vec<(Vec<f64>, PanelMatrix)> = Vec::with_capacity(blocks.len());
+    for (done, rows) in blocks.iter().enumerate() {
+        monitor.progress(done as f64 / blocks.len() as f64);
+        solved.push(whole(&level.of_block(rows), q, monitor)?);
+    }
+    let mut places: Vec<(f64, usize, usize)> = Vec::new();
+    for (block, (values, _)) in solved.iter().enumerate() {
+        places.extend(values.iter().enumerate().map(|(column, &value)| (value, block, column)));
+    }
+    // A stable order, by block where values are equal.
+    places.sort_by(|a, b| a.0.total_cmp(&b.0));
+    places.truncate(q);
+    let mut vectors = PanelMatrix::zeros(level.size(), places.len());
+    for (k, &(_, block, column)) in places.iter().enumerate() {
+        let panel = &mut vectors.panels_mut()[k / PANEL_WIDTH];
+        let entries = solved[block].1.column(column);
+        for (&row, entry) in blocks[block].iter().zip(entries) {
+            panel[row as usize * PANEL_WIDTH + k % PANEL_WIDTH] = entry;
+        }
+    }
+    Ok((places.into_iter().map(|place| place.0).collect(), vectors))
+}
+
+/// The rows of a problem of one block whose dense solve takes as long as those of all blocks of a pencil.
+pub(super) fn dense_rows(stiffness: &SparseMatrix, mass: &MassMatrix) -> usize {
+    let work: f64 = blocks(stiffness, mass).iter().map(|rows| (rows.len() as f64).powi(3)).sum();
+    work.cbrt().ceil() as usize
+}
+
+/// The rows of each block, ascending; blocks by their first row.
+fn blocks(stiffness: &SparseMatrix, mass: &MassMatrix) -> Vec<Vec<u32>> {
+    let n = stiffness.rows();
+    let mut block = vec![usize::MAX; n];
+    let mut blocks: Vec<Vec<u32>> = Vec::new();
+    let mut open: Vec<u32> = Vec::new();
+    for start in 0..n {
+        if block[start] != usize::MAX {
+            continue;
+        }
+        let number = blocks.len();
+        blocks.push(Vec::new());
+        block[start] = number;
+        open.push(start as u32);
+        while let Some(row) = open.pop() {
+            let coupled = mass.sparse().map_or(&[][..], |mass| mass.row(row as usize).0);
+            for &column in stiffness.row(row as usize).0.iter().chain(coupled) {
+                if block[column as usize] == usize::MAX {
+                    block[column as usize] = number;
+                    open.push(column);
+                }
+            }
+        }
+    }
+    block.into_iter().enumerate().for_each(|(row, number)| blocks[number].push(row as u32));
+    blocks
+}
+
+impl Level {
+    /// The rows of a block as a level of their own, without positions.
+    fn of_block(&self, rows: &[u32]) -> Self {
+        let mut numbers: Vec<u32> = rows.iter().map(|&row| self.component[row as usize]).collect();
+        let mut known: Vec<u32> = numbers.iter().copied().filter(|&number| number != NO_KERNEL).collect();
+        known.sort_unstable();
+        known.dedup();
+        // Numbers of components go from zero on.
+        for number in numbers.iter_mut().filter(|number| **number != NO_KERNEL) {
+            *number = known.partition_point(|known| known < number) as u32;
+        }
+        Self {
+            stiffness: self.stiffness.principal(rows),
+            mass: self.mass.principal(rows),
+            positions: Vec::new(),
+            component: numbers,
+        }
+    }
+}
+
+/// The largest problem, in rows, of which what an iteration did not settle is left to a dense solve.
+const REPAIRED: usize = 1500;
+
+/// The most rows of all blocks together: the columns of such a repair are as long.
+const REPAIRED_IN_ALL: usize = 12_000;
+
+/// The pairs beside the kernel that a dense solve gives where an iteration from `columns` columns failed, as [`densely`]: all there are, unless many blocks have more
+/// than a dense problem. `None` where that would take too long.
+pub(super) fn instead(
+    level: &Level,
+    columns: usize,
+    kernel: usize,
+    monitor: &dyn Monitor,
+) -> Result<Option<(Vec<f64>, PanelMatrix)>, HsimError> {
+    let n = level.size();
+    if n > REPAIRED_IN_ALL || dense_rows(&level.stiffness, &level.mass) > REPAIRED {
+        return Ok(None);
+    }
+    monitor.stage("repair");
+    densely(level, (n - kernel).min(columns.max(REPAIRED)), monitor).map(Some)
+}
+
+/// The same for a level that is one block.
+fn whole(level: &Level, q: usize, monitor: &dyn Monitor) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
+    let (mut stiffness, mass) = dense(level);
+    let lumped = level.mass.lumped();
+    let mut kernel: Vec<Vec<usize>> = Vec::new();
+    for (row, &component) in level.component.iter().enumerate() {
+        if component != NO_KERNEL {
+            let component = component as usize;
+            if kernel.len() <= component {
+                kernel.resize(component + 1, Vec::new());
+            }
+            kernel[component].push(row);
+        }
+    }
+    let count = q.min(level.size() - kernel.len());
+    let sum = |row: usize| level.stiffness.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
+    let ratios: Vec<f64> = (0..level.size()).map(|row| sum(row) / lumped[row].abs()).collect();
+    if let Some(pairs) = by_inverse(level, (&stiffness, &mass), &kernel, count, ratios.clone(), monitor)? {
+        return Ok(pairs);
+    }
+    // The kernel is moved above all other eigenvalues, where it cannot be taken for one of them.
+    let height = 8.0 * ratios.into_iter().fold(0.0, f64::max);
+    add_constants(&mut stiffness, &lumped, &kernel, height);
+    let (mut values, vectors) = ritz(stiffness, mass, count, monitor)?;
+    let mut vectors = PanelMatrix::from_dense(&vectors);
+    sharpen(level, &mut vectors, &mut values, monitor)?;
+    Ok((values, vectors))
+}
+
+/// Adds `factor · M 1 1ᵀ M / 1ᵀM1` for the constants `1` of every component.
+pub(super) fn add_constants(matrix: &mut DenseMatrix, lumped: &[f64], components: &[Vec<usize>], factor: f64) {
+    for rows in components {
+        let total: f64 = rows.iter().map(|&row| lumped[row]).sum();
+        for &column in rows {
+            let factor = factor * lumped[column] / total;
+            let entries = matrix.column_mut(column);
+            rows.iter().for_each(|&row| entries[row] += factor * lumped[row]);
+        }
+    }
+}
+
+/// The pencil of a level as dense matrices.
+pub(super) fn dense(level: &Level) -> (DenseMatrix, DenseMatrix) {
+    let mass = level.mass.to_dense();
+    (level.stiffness.to_dense(), mass)
+}
+
+#[cfg(test)]
+#[path = "densely_tests.rs"]
+mod tests;
