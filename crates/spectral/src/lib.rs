@@ -4,7 +4,17 @@
 //! become a [`basis`] that can be stored in several [`formats`] and used in [`analysis`]: filters, distances, signatures, functional maps,
 //! vibration. Tangential fields have spaces of their own ([`field`]).
 //!
+//! # Two lines
+//!
+//! ```no_run
+//! # use chladni_spectral::Mesh;
+//! let pairs = Mesh::read("bunny.ply")?.eigen(50).exact(1e-6)?;
+//! # Ok::<(), chladni_spectral::MeshSolveError>(())
+//! ```
+//!
 //! # Eigenpairs that are proven complete
+//!
+//! The same step by step:
 //!
 //! ```
 //! use chladni_spectral::mesh::shape::{Shape, generate};
@@ -57,7 +67,7 @@
 //! # Long work
 //!
 //! What takes long reports to a [`Monitor`], which may also end it; [`Unwatched`] does neither. All of it runs on the rayon pool of the
-//! calling thread. Nothing here reads the environment, prints, or opens a file.
+//! calling thread. Nothing here reads the environment or prints, and [`Mesh::read`] alone opens a file.
 //!
 //! # Features
 //!
@@ -65,6 +75,7 @@
 
 pub mod analysis;
 pub mod basis;
+mod facade;
 pub mod field;
 pub mod formats;
 pub mod operator;
@@ -73,6 +84,7 @@ pub mod verify;
 
 pub use chladni_base::{Cancelled, Monitor, Quiet, StageClock, Unwatched};
 pub use chladni_mesh as mesh;
+pub use facade::{Eigen, Mesh, MeshSolveError};
 
 /// Of the matrices and dense solvers what takes part in signatures here.
 pub mod algebra {
