@@ -16,7 +16,8 @@ function weight(text, word) {
   const at = text.indexOf(word);
   if (at < 0) return 0;
   const begins = at === 0 || !/[\p{L}\p{N}]/u.test(text[at - 1]);
-  return begins ? 2 : 1;
+  // More of the same word says a little more.
+  return (begins ? 2 : 1) + Math.log2(text.split(word).length - 1);
 }
 
 /**
@@ -35,8 +36,11 @@ function search(sections, wish) {
       score += (section[2] ? 3 : 6) * a + 6 * b + c;
       return a + b + c > 0;
     });
-    // Of pages that are as good, those for users come before the reasons behind them.
-    if (all) found.push({ section, score: score - (section[0].startsWith("decisions/") ? 3 : 0) });
+    const phrase = words.join(" ");
+    if (words.length > 1 && `${heading} ${text}`.includes(phrase)) score += 3;
+    // Of pages that are as good, those for users come before the reasons behind them, and before lists of pages and of figures.
+    if (/^(decisions\/|benchmarks$|$)/.test(section[0])) score -= 6;
+    if (all) found.push({ section, score });
   }
   return found.sort((a, b) => b.score - a.score).slice(0, 12).map(({ section }) => section);
 }

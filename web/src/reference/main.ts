@@ -51,6 +51,8 @@ async function start() {
   spec.servers = [{ url: new URL(".", location.href).pathname.replace(/\/$/, "") || "/" }];
   keepAlive(spec);
   const nothing = () => () => null;
+  // A link inside of the button that opens an operation could not be reached by itself; opening it writes the same address.
+  const plain = (_: unknown, { React }: { React: { createElement(...parts: unknown[]): unknown } }) => ({ text }: { text: unknown }) => React.createElement("span", null, text);
   new MutationObserver(() => name(place)).observe(place, { childList: true, subtree: true });
   const shown = SwaggerUIBundle({
     spec,
@@ -62,7 +64,7 @@ async function start() {
     tryItOutEnabled: true,
     displayRequestDuration: true,
     validatorUrl: null,
-    plugins: [{ fn: { opsFilter }, wrapComponents: { ServersContainer: nothing } }],
+    plugins: [{ fn: { opsFilter }, wrapComponents: { ServersContainer: nothing, DeepLink: plain } }],
     onComplete: () => {
       // The key that the page keeps in this tab.
       if (key.get()) shown.preauthorizeApiKey("bearer", key.get());
