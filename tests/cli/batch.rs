@@ -24,7 +24,8 @@ fn shapes(folder: &Path) {
 /// Results and when they were written.
 fn results(folder: &Path) -> BTreeMap<String, SystemTime> {
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
-    let of = |entry: fs::DirEntry| (entry.file_name().into_string().unwrap(), entry.metadata().unwrap().modified().unwrap());
+    let of =
+        |entry: fs::DirEntry| (entry.file_name().into_string().unwrap(), entry.metadata().unwrap().modified().unwrap());
     entries.map(of).collect()
 }
 
@@ -44,8 +45,19 @@ fn a_folder_is_done_in_one_go_and_only_what_is_missing_again() {
     fs::create_dir(&meshes).unwrap();
     shapes(&meshes);
     let run = |extra: &[&str]| {
-        let common =
-            ["batch", meshes.to_str().unwrap(), "--kind", "eigenbasis", "-n", "12", "-p", "method=hsim", "-o", made.to_str().unwrap(), "--json"];
+        let common = [
+            "batch",
+            meshes.to_str().unwrap(),
+            "--kind",
+            "eigenbasis",
+            "-n",
+            "12",
+            "-p",
+            "method=hsim",
+            "-o",
+            made.to_str().unwrap(),
+            "--json",
+        ];
         chladni(&[&common, extra].concat())
     };
     let first = run(&[]);
