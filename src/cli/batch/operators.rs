@@ -82,7 +82,9 @@ pub fn one(arguments: &BatchArguments, mesh: &Path, pairs: usize, promises: &Pro
     let operators = SurfaceOperators {
         positions: &positions,
         faces: &faces,
-        gradients: &gradients,
+        frames: &gradients.frames,
+        pattern: (&gradients.offsets, &gradients.indices),
+        gradients: &gradients.values,
         mass: &mass.iter().map(|own| own + least).collect::<Vec<_>>(),
         stiffness: &stiffness,
         eigenvalues: &basis.eigenvalues.iter().map(|value| value.max(0.0)).collect::<Vec<_>>(),

@@ -7,14 +7,18 @@ use chladni_algebra::SparseMatrix;
 use zip::{ZipArchive, ZipWriter};
 
 use super::{FormatError, Members};
-use crate::operator::vertex_gradients::VertexGradients;
 
 /// What is written, all in the numbering of the positions and faces.
 #[derive(Debug, Clone, Copy)]
 pub struct SurfaceOperators<'a> {
     pub positions: &'a [[f32; 3]],
     pub faces: &'a [[u32; 3]],
-    pub gradients: &'a VertexGradients,
+    /// At each vertex two tangents and the normal.
+    pub frames: &'a [[[f64; 3]; 3]],
+    /// The pattern of both gradient matrices by rows: where each begins, and its columns.
+    pub pattern: (&'a [usize], &'a [u32]),
+    /// Their entries, along the first and the second tangent.
+    pub gradients: &'a [[f64; 2]],
     /// The mass of each vertex.
     pub mass: &'a [f64],
     /// The stiffness matrix: square and symmetric.
@@ -29,11 +33,12 @@ pub struct SurfaceOperators<'a> {
 /// # Errors
 /// [`FormatError::Write`] or [`FormatError::Archive`] where the destination fails, [`FormatError::TooLarge`] where a matrix has 2³¹ entries.
 pub fn write_operators<W: Write + Seek>(operators: &SurfaceOperators<'_>, out: W) -> Result<(), FormatError> {
-    let SurfaceOperators { positions, faces, gradients, mass, stiffness, eigenvalues, functions } = *operators;
+    let SurfaceOperators { positions, faces, frames, pattern, gradients, mass, stiffness, eigenvalues, functions } =
+        *operators;
     let (n, k) = (positions.len(), eigenvalues.len());
     let mut members = Members { archive: ZipWriter::new(out) };
     members.add("verts", "<f4", false, &[n, 3], bytemuck::cast_slice(positions))?;
-    let frames: Vec<f32> = gradients.frames.as_flattened().as_flattened().iter().map(|&x| x as f32).collect();
+    let frames: Vec<f32> = frames.as_flattened().as_flattened().iter().map(|&x| x as f32).collect();
     members.add("frames", "<f4", false, &[n, 3, 3], bytemuck::cast_slice(&frames))?;
     let corners: Vec<i64> = faces.as_flattened().iter().map(|&vertex| i64::from(vertex)).collect();
     members.add("faces", "<i8", false, &[faces.len(), 3], bytemuck::cast_slice(&corners))?;
@@ -45,9 +50,9 @@ pub fn write_operators<W: Write + Seek>(operators: &SurfaceOperators<'_>, out: W
     members.singles("evals", &[k], eigenvalues.iter().copied())?;
     let rows = (0..n * k).map(|at| functions[at % k * n + at / k]);
     members.singles("evecs", &[n, k], rows)?;
-    let (offsets, indices, from) = transposed(n, &gradients.offsets, &gradients.indices);
+    let (offsets, indices, from) = transposed(n, pattern.0, pattern.1);
     for (axis, name) in ["gradX", "gradY"].into_iter().enumerate() {
-        members.by_columns(name, n, &offsets, &indices, from.iter().map(|&at| gradients.values[at][axis]))?;
+        members.by_columns(name, n, &offsets, &indices, from.iter().map(|&at| gradients[at][axis]))?;
     }
     members.archive.finish()?.flush()?;
     Ok(())
