@@ -88,7 +88,7 @@ fn kind(text: &str) -> Result<String, String> {
 /// What is computed of each mesh.
 enum Wanted {
     Operators { pairs: usize },
-    Job(JobParameters),
+    Job(Box<JobParameters>),
 }
 
 impl BatchArguments {
@@ -113,7 +113,7 @@ impl BatchArguments {
         } else {
             let job = JobParameters::parse(&self.kind, &Value::Object(given))?;
             let parameters = job.canonical();
-            (Wanted::Job(job), parameters)
+            (Wanted::Job(Box::new(job)), parameters)
         };
         let settings = json!({
             "kind": self.kind, "parameters": parameters, "merge": self.merge, "solver_version": SOLVER_VERSION,
