@@ -29,13 +29,15 @@ COPY README.md ./
 COPY migrations migrations
 COPY openapi openapi
 COPY benches benches
-# The build script makes the web page and embeds it; an image without it would be a surprise.
+# The build script makes the web page and the manual and embeds them; an image without them would be a surprise.
 COPY build.rs ./
+COPY build build
+COPY docs docs
 COPY web web
 COPY crates crates
 COPY src src
 # Cargo looks at times of change, and those of a copied file may lie before the placeholder's.
-RUN find src crates build.rs -name '*.rs' -exec touch {} + \
+RUN find src crates build build.rs -name '*.rs' -exec touch {} + \
     && CHLADNI_WEB=required cargo build --release --locked --bin chladni \
     && strip target/release/chladni
 

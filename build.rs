@@ -1,7 +1,10 @@
 //! Builds the web page in `web/` where Node and npm are at hand, and embeds one that says how to get it where they are not: Rust
-//! alone always builds. Everything happens in `OUT_DIR`; nothing is written into the tree.
+//! alone always builds. The manual is made of `docs/` in either case. Everything happens in `OUT_DIR`; nothing is written into the tree.
 //!
 //! `CHLADNI_WEB=off` leaves the page out; with `CHLADNI_WEB=required` a page that cannot be built is an error.
+
+#[path = "build/guide.rs"]
+mod guide;
 
 use std::error::Error;
 use std::fmt::Write;
@@ -11,8 +14,17 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// What the page is made of.
-const SOURCES: [&str; 8] =
-    ["index.html", "package.json", "package-lock.json", ".npmrc", "tsconfig.json", "vite.config.ts", "public", "src"];
+const SOURCES: [&str; 9] = [
+    "index.html",
+    "reference.html",
+    "package.json",
+    "package-lock.json",
+    ".npmrc",
+    "tsconfig.json",
+    "vite.config.ts",
+    "public",
+    "src",
+];
 
 /// Versions of Node that Vite accepts.
 const NODE: [u32; 2] = [18, 20];
@@ -22,9 +34,12 @@ const PATIENCE: Duration = Duration::from_secs(240);
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-env-changed=CHLADNI_WEB");
-    println!("cargo::rerun-if-changed=build.rs");
+    for source in ["build.rs", "build", "docs", "web/guide"] {
+        println!("cargo::rerun-if-changed={source}");
+    }
     let out = PathBuf::from(std::env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
-    let web = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").ok_or("CARGO_MANIFEST_DIR is not set")?).join("web");
+    let tree = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").ok_or("CARGO_MANIFEST_DIR is not set")?);
+    let web = tree.join("web");
     for source in SOURCES {
         println!("cargo::rerun-if-changed={}", web.join(source).display());
     }
@@ -48,12 +63,19 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     files.sort();
+    embed(&out.join("page.rs"), &files)?;
+    let manual = guide::build(&tree.join("docs"), &web.join("guide"), &out.join("guide"))?;
+    embed(&out.join("guide.rs"), &manual)
+}
+
+/// Writes a table of names and contents.
+fn embed(to: &Path, files: &[(String, PathBuf)]) -> Result<(), Box<dyn Error>> {
     let mut table = String::from("&[\n");
     for (name, path) in files {
         writeln!(table, "    ({name:?}, include_bytes!({:?})),", path.display().to_string())?;
     }
     table.push(']');
-    fs::write(out.join("page.rs"), table)?;
+    fs::write(to, table)?;
     Ok(())
 }
 

@@ -1,5 +1,8 @@
 //! The binary as a user meets it: exit codes, sentences, JSON, files, signals.
 
+#[path = "cli/batch.rs"]
+mod batch;
+
 use chladni_mesh::shape::{Shape, generate};
 use chladni_mesh::write::write_ply;
 use serde_json::Value;

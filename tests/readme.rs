@@ -17,13 +17,9 @@ fn the_walk_with_curl_works_as_pasted() {
     let folder = tempfile::tempdir().unwrap();
     let server = Server::start(&folder.path().join("data"));
     // The second walk goes on where the first one ends.
-    let walk = blocks("bash").concat();
+    let walk = blocks("api.md", "bash").concat();
     assert!(walk.contains(DOCUMENTED) && walk.contains("target/release/chladni") && walk.contains("hsim"));
-    let script = walk.replace(DOCUMENTED, &server.url).replace("target/release/chladni", CHLADNI);
-    let script = format!("set -euo pipefail\n{script}");
-    let done = Command::new("bash").args(["-c", &script]).current_dir(folder.path()).output().unwrap();
-    let told = String::from_utf8_lossy(&done.stdout).into_owned();
-    assert!(done.status.success(), "{told}{}", String::from_utf8_lossy(&done.stderr));
+    let told = shell(&walk, &server, folder.path());
     assert!(told.contains("\"complete\":true"), "{told}");
     assert!(told.contains("\"index_sum\":0.0"), "{told}");
     for (name, magic) in
@@ -38,7 +34,7 @@ fn the_walk_with_curl_works_as_pasted() {
         println!("skipped: the Python lines, for want of a Python with SciPy");
         return;
     };
-    let scripts = blocks("python");
+    let scripts = blocks("api.md", "python");
     assert_eq!(scripts[0].lines().count(), 6, "the page promises six lines");
     for (script, pairs, tolerance) in [(&scripts[0], ", 200)", 1e-5), (&scripts[1], ", 60)", 1e-9)] {
         let script = script.replace(DOCUMENTED, &server.url);
@@ -49,6 +45,100 @@ fn the_walk_with_curl_works_as_pasted() {
         let defect: f64 = printed.split_whitespace().next_back().unwrap().parse().unwrap();
         assert!(defect < tolerance, "the modes are not orthonormal: {defect}");
     }
+}
+
+#[test]
+fn the_tutorial_works_as_pasted() {
+    if !runs("curl", &["--version"]) {
+        println!("skipped: there is no curl");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("data"));
+    let told = shell(&blocks("tutorial.md", "bash").concat(), &server, folder.path());
+    assert!(told.contains("\"complete\":true") && told.contains("\"eigenvalues\":[0"), "{told}");
+    assert!(told.contains("{\"vertices\":[0,"), "{told}");
+    let Some(python) = python() else {
+        println!("skipped: the Python lines, for want of a Python with SciPy");
+        return;
+    };
+    // What begins with the package is run by its own tests.
+    let script = blocks("tutorial.md", "python").into_iter().find(|block| !block.starts_with("import chladni"));
+    let done = Command::new(python).args(["-c", &script.unwrap()]).current_dir(folder.path()).output().unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert!(String::from_utf8_lossy(&done.stdout).contains("16) vertices and times"));
+}
+
+/// The members of a mesh and of bases that pages on uses take for granted, each made once: a mesh whose vertices and faces reach as far as theirs.
+const GIVEN: &str = r#"
+member() { grep -o "\"$1\":\"[^\"]*\"" | head -n 1 | cut -d '"' -f 4; }
+made() { curl -sS --fail-with-body "$url/v1/jobs" --json "$1" | member id | xargs -I{} curl -sS --fail-with-body "$url/v1/jobs/{}?wait=60s" | member basis; }
+upload() { curl -sS --fail-with-body "$url/v1/samples/$1?vertices=$2" | curl -sS --fail-with-body -H 'Content-Type: model/ply' --data-binary @- "$url/v1/meshes?name=$1" | member id; }
+eigenbasis() { made "{\"kind\": \"eigenbasis\", \"mesh\": \"$1\", \"parameters\": $2}"; }
+mesh=$(upload torus 4000)
+other=$(upload knot 4000)
+exact=$(eigenbasis "$mesh" '{"method": "hsim", "count": 210, "tolerance": 1e-4}')
+approximate=$(eigenbasis "$mesh" '{"method": "approximate", "count": 510}')
+basis=$approximate
+camel1=$exact; camel2=$approximate; horse=$(eigenbasis "$other" '{"method": "approximate", "count": 510}')
+standing=$basis; galloping=$horse
+curl() { command curl --fail-with-body "$@" || { echo "failed: $*" >&2; exit 1; }; }
+"#;
+
+#[test]
+fn requests_of_the_pages_on_uses_are_answered() {
+    if !runs("curl", &["--version"]) {
+        println!("skipped: there is no curl");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("data"));
+    let mut script = format!("url={DOCUMENTED}\n{GIVEN}");
+    let mut count = 0;
+    for name in [
+        "comparing-bases.md",
+        "compression.md",
+        "distances.md",
+        "filtering.md",
+        "functional-maps.md",
+        "shape-dna.md",
+        "signatures.md",
+    ] {
+        // Files of one's own and the command line are the reader's.
+        for block in blocks(name, "sh").into_iter().filter(|block| block.contains("$url") && !block.contains("homer")) {
+            count += block.matches("curl ").count();
+            script += &format!("echo '== {name}'\n{block}");
+        }
+    }
+    assert!(count >= 12, "{count}");
+    let told = shell(&script, &server, folder.path());
+    for (name, magic) in [("back.ply", &b"ply"[..]), ("sharp.ply", b"ply")] {
+        assert!(std::fs::read(folder.path().join(name)).unwrap().starts_with(magic), "{name}");
+    }
+    assert!(std::fs::metadata(folder.path().join("distances.f32")).unwrap().len() > 10_000);
+    assert!(!told.contains("/problems/"), "{told}");
+}
+
+#[test]
+fn the_example_for_octave_runs_and_is_the_one_that_the_page_shows() {
+    let tree = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for (file, language) in [("examples/octave/modes.m", 0), ("examples/julia/modes.jl", 1)] {
+        let source = std::fs::read_to_string(tree.join(file)).unwrap();
+        let shown = &blocks("languages.md", "matlab")[0];
+        let shown = if language == 0 { shown.clone() } else { blocks("languages.md", "julia")[0].clone() };
+        assert!(source == shown, "docs/languages.md shows something else than {file}");
+    }
+    if !runs("octave-cli", &["--version"]) {
+        println!("skipped: there is no Octave (Debian: apt-get install octave)");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let mut octave = Command::new("octave-cli");
+    octave.args(["--no-gui", "--norc"]).arg(tree.join("examples/octave/modes.m"));
+    let done = octave.env("CHLADNI", CHLADNI).current_dir(folder.path()).output().unwrap();
+    let told = String::from_utf8_lossy(&done.stdout);
+    assert!(done.status.success(), "{told}{}", String::from_utf8_lossy(&done.stderr));
+    assert!(told.contains("60 modes, defect ") && told.contains("hottest at vertex"), "{told}");
 }
 
 #[test]
@@ -105,13 +195,23 @@ impl Drop for Server {
     }
 }
 
+/// Runs lines of the documentation in a shell, with the server's own address, and gives what they print.
+fn shell(lines: &str, server: &Server, folder: &Path) -> String {
+    let script = lines.replace(DOCUMENTED, &server.url).replace("target/release/chladni", CHLADNI);
+    let script = format!("set -euo pipefail\n{script}");
+    let done = Command::new("bash").args(["-c", &script]).current_dir(folder).output().unwrap();
+    let told = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(done.status.success(), "{told}{}", String::from_utf8_lossy(&done.stderr));
+    told
+}
+
 fn page(name: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name)).unwrap()
 }
 
 /// The blocks of code in a language.
-fn blocks(language: &str) -> Vec<String> {
-    let page = page("api.md");
+fn blocks(name: &str, language: &str) -> Vec<String> {
+    let page = page(name);
     let fence = format!("```{language}\n");
     page.split(&fence).skip(1).map(|rest| rest[..rest.find("```").unwrap()].to_owned()).collect()
 }

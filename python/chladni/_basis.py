@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Callable, TypeVar
 
 import numpy as np
 
-from . import _arrays, _native
+from . import _arrays, _native, _view
 from ._certificate import Certificate
 from ._mesh import Mesh, distance_request, is_nearest, spreading
 
@@ -406,7 +406,7 @@ class Basis:
         )
         more = f"<tr><td colspan='4'>and {len(self) - shown} more</td></tr>" if shown < len(self) else ""
         head = "<tr><th></th><th>eigenvalue</th><th>residual</th><th>bound</th></tr>"
-        return f"<p>{html.escape(repr(self))}</p><table>{head}{rows}{more}</table>"
+        return f"<p>{html.escape(repr(self))}</p>{_view.frame(self) or ''}<table>{head}{rows}{more}</table>"
 
 
 def _plain(value: Any) -> Any:

@@ -94,7 +94,10 @@ fn word<T: DeserializeOwned>(name: &str, text: &str) -> Result<T, Failure> {
 }
 
 /// The faces of an array of signed numbers.
-fn faces_of(faces: &[[i64; 3]], vertices: usize) -> Result<Vec<[u32; 3]>, Failure> {
+///
+/// # Errors
+/// [`Kind::Mesh`] names the first face that refers to a vertex that is not there.
+pub fn faces_of(faces: &[[i64; 3]], vertices: usize) -> Result<Vec<[u32; 3]>, Failure> {
     let inside = |vertex: i64| u32::try_from(vertex).ok().filter(|&own| (own as usize) < vertices);
     let face = |(face, corners): (usize, &[i64; 3])| {
         let mut own = [0; 3];

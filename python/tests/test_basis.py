@@ -1,5 +1,8 @@
 """What a basis is good for, against the formulas by NumPy."""
 
+import base64
+import html
+import json
 import pickle
 
 import numpy as np
@@ -144,3 +147,19 @@ def test_fields_follow_strokes(knot):
     assert np.allclose(np.cross(field[4000], tangent), 0, atol=1e-4) and len(about["residuals"]) == 2
     with pytest.raises(chladni.ParameterError):
         space.design([{"face": 5992, "direction": [0, 0, 1]}])
+
+
+def test_a_notebook_is_shown_the_modes_and_is_given_no_more_than_it_holds(knot, knot_basis, monkeypatch):
+    shown = knot_basis._repr_html_()
+    assert 'sandbox="allow-scripts"' in shown and "http" not in shown
+    page = html.unescape(shown.split('srcdoc="', 1)[1].split('"></iframe>')[0])
+    data = json.loads(page.split('id="data">')[1].split("</script>")[0])
+    read = lambda name, kind: np.frombuffer(base64.b64decode(data[name]), kind)  # noqa: E731
+    positions, faces = read("positions", "<f4").reshape(-1, 3), read("faces", "<u4").reshape(-1, 3)
+    modes = read("modes", "<f4").reshape(20, -1)
+    assert np.isclose(np.linalg.norm(positions, axis=1).max(), 1) and (faces == knot.faces).all()
+    expected = knot_basis.vectors[:, 7] / np.abs(knot_basis.vectors[:, 7]).max()
+    assert np.allclose(modes[7], expected, atol=1e-6) and data["values"] == knot_basis.values[:20].tolist() and data["first"] == 1
+    # With a surface that is too large for a notebook's file, there is the table alone.
+    monkeypatch.setattr("chladni._view.NUMBERS", 6 * len(knot.vertices))
+    assert "<iframe" not in knot_basis._repr_html_() and "<table>" in knot_basis._repr_html_()

@@ -20,3 +20,14 @@ def test_the_tutorial_runs(tmp_path, monkeypatch):
         exec(compile(block, str(PAGE), "exec"), names)  # noqa: S102
     assert names["hks"].shape == (len(names["mesh"].vertices), 16) and names["basis"].complete
     assert os.listdir("op_cache") and os.path.exists("knot.npz")
+
+
+@pytest.mark.skipif(not PAGE.exists(), reason="the page is not beside the package")
+@pytest.mark.parametrize("name", ["coming-from.md", "tutorial.md"])
+def test_blocks_that_begin_with_the_package_run(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = (PAGE.parent / name).read_text()
+    blocks = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if block.startswith("import chladni")]
+    assert blocks
+    for block in blocks:
+        exec(compile(block, name, "exec"), {})  # noqa: S102

@@ -2,6 +2,8 @@
 
 import importlib.util
 import json
+import os
+import subprocess
 import time
 from pathlib import Path
 
@@ -58,3 +60,28 @@ def test_a_folder_becomes_a_data_set(tmp_path):
     item = surfaces[1]
     assert item["name"] == "sphere" and item["evecs"].shape == (len(item["verts"]), 16) and item["evecs"].dtype == np.float32
     assert {file.name: file.stat().st_mtime_ns for file in cache.iterdir()} == made, "what is there is not computed again"
+
+
+@pytest.mark.skipif(not EXAMPLES.exists(), reason="the examples are not beside the package")
+def test_a_folder_of_the_command_line_is_a_data_set(tmp_path):
+    binary = os.environ.get("CHLADNI_BINARY")
+    if not binary or not Path(binary).exists():
+        pytest.skip("no binary: CHLADNI_BINARY names one")
+    spec = importlib.util.spec_from_file_location("cached", EXAMPLES / "learning" / "cached.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    meshes, cache = tmp_path / "meshes", tmp_path / "cache"
+    meshes.mkdir()
+    write_off(meshes / "torus.off", chladni.Mesh.sample("torus", 800))
+    subprocess.run([binary, "batch", meshes, "--kind", "operators", "-n", "24", "-q", "-o", cache], check=True, capture_output=True)
+    surfaces = module.Cached(cache)
+    assert len(surfaces) == 1
+    found = surfaces[0]
+    # The same as the package computes and writes, of arrays as a network is given them: byte for byte where no rounding is in between.
+    own = chladni.operators(found["verts"], found["faces"], k=24)
+    assert Path(own.save_cache(tmp_path / "own")).name == surfaces.paths[0].name
+    for name, array in own.arrays().items():
+        assert found[name].dtype == array.dtype and found[name].shape == array.shape, name
+        if name not in ("evals", "evecs"):
+            assert (found[name] == array).all(), name
+    assert np.allclose(found["evals"], own.arrays()["evals"], atol=1e-4)

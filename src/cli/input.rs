@@ -78,6 +78,12 @@ pub struct NumberingArguments {
     pub extend: Extension,
 }
 
+impl Default for NumberingArguments {
+    fn default() -> Self {
+        Self { numbering: Whose::File, extend: Extension::None }
+    }
+}
+
 impl NumberingArguments {
     /// How vertices and faces of a mesh are translated.
     pub fn translation(&self, numbering: Arc<Numbering>) -> Translation {
@@ -128,7 +134,11 @@ fn format(text: &str) -> Result<MeshFormat, String> {
     })
 }
 
-fn merge(text: &str) -> Result<Merge, String> {
+/// Whether vertices are merged, by its name.
+///
+/// # Errors
+/// The names that there are.
+pub fn merge(text: &str) -> Result<Merge, String> {
     match text {
         "auto" => Ok(Merge::Auto),
         "always" => Ok(Merge::Always),

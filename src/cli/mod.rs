@@ -2,6 +2,7 @@
 
 mod apply;
 mod backup;
+mod batch;
 mod check;
 mod client;
 mod compact;
@@ -53,6 +54,7 @@ Examples:
   chladni serve --data /srv/chladni --workers 2            the service
   chladni solve bunny.ply --count 500 --output bunny.npz   500 eigenpairs, without a server
   chladni run vibration_basis plate.ply -p thickness=0.001 any kind of job, with the parameters of the API
+  chladni batch shapes --kind operators -o op_cache        every mesh of a folder, for learning
   chladni eigsh S.npz M.npz --count 200                    the same of any sparse symmetric matrices
   chladni check scan.obj                                   what is wrong with a mesh, what was repaired
   chladni verify bunny.npz bunny.ply                       whether a basis is what it says
@@ -71,6 +73,7 @@ enum Command {
     Eigsh(Box<eigsh::EigshArguments>),
     Field(Box<field::FieldArguments>),
     Run(Box<run::RunArguments>),
+    Batch(Box<batch::BatchArguments>),
     Distances(apply::DistancesArguments),
     Filter(apply::FilterArguments),
     Design(apply::DesignArguments),
@@ -105,6 +108,7 @@ pub fn main() -> ExitCode {
         Command::Eigsh(arguments) => eigsh::eigsh(*arguments),
         Command::Field(arguments) => field::field(*arguments),
         Command::Run(arguments) => run::run(*arguments),
+        Command::Batch(arguments) => batch::batch(*arguments),
         Command::Distances(arguments) => apply::distances(arguments),
         Command::Filter(arguments) => apply::filtered(arguments),
         Command::Design(arguments) => apply::design(arguments),

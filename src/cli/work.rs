@@ -9,6 +9,7 @@ use chladni_algebra::gpu::{self, GpuChoice};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::check::SurfaceOf;
 use chladni_mesh::numbering::Numbering;
+use chladni_mesh::solid::CheckedBody;
 use chladni_spectral::basis::Product;
 use chladni_spectral::formats::FormatError;
 use chladni_work::numbered::translate_parameters;
@@ -92,14 +93,7 @@ impl WorkArguments {
     /// # Errors
     /// [`CliError::Usage`] or [`CliError::Parameters`] names what does not fit.
     pub fn job(&self, kind: &str, mut given: Map<String, Value>) -> Result<JobParameters, CliError> {
-        for text in &self.named {
-            let (name, value) = text
-                .split_once('=')
-                .ok_or_else(|| CliError::Usage(format!("--parameter takes NAME=VALUE, not \"{text}\"")))?;
-            // What is not JSON is a word: `accuracy=accurate` needs no quotes.
-            let value = serde_json::from_str(value).unwrap_or_else(|_| json!(value));
-            insert(&mut given, name, value);
-        }
+        insert_named(&mut given, &self.named)?;
         Ok(JobParameters::parse(kind, &Value::Object(given))?)
     }
 
@@ -123,17 +117,10 @@ impl WorkArguments {
         let began = Instant::now();
         bars.begin("read");
         let body = pool.install(|| self.input.load_body())?;
-        let (mesh, solid, numbering) = (body.surface.mesh, body.solid, Arc::new(body.surface.numbering));
         let mut stages = vec![("read", began.elapsed().as_secs_f64())];
-        let mut size = MeshSize::from(&mesh);
-        if let Some(solid) = &solid {
-            (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
-        }
+        let (job, size, numbering) = prepared(&body, job, &self.numbered)?;
+        let (mesh, solid) = (body.surface.mesh, body.solid);
         let to = self.numbered.translation(Arc::clone(&numbering));
-        let mut parameters = Packed::from(&job.canonical());
-        translate_parameters(&mut parameters, &to, size)?;
-        let job = &JobParameters::read(job.kind(), &parameters)?;
-        job.check_mesh(size)?;
         let memory_estimate = job.memory_bytes(size);
         if let Some(free) = memory::available().filter(|free| memory_estimate > *free && !self.ignore_memory) {
             return Err(CliError::Refused(format!(
@@ -204,6 +191,43 @@ impl Finished {
         }
         stages
     }
+}
+
+/// A job as it runs on a mesh: its parameters in the numbering of the mesh that was kept, and checked against its size.
+///
+/// # Errors
+/// [`CliError::Parameters`] names what does not fit.
+pub fn prepared(
+    body: &CheckedBody,
+    job: &JobParameters,
+    numbered: &NumberingArguments,
+) -> Result<(JobParameters, MeshSize, Arc<Numbering>), CliError> {
+    let mut size = MeshSize::from(&body.surface.mesh);
+    if let Some(solid) = &body.solid {
+        (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
+    }
+    let numbering = Arc::new(body.surface.numbering.clone());
+    let mut parameters = Packed::from(&job.canonical());
+    translate_parameters(&mut parameters, &numbered.translation(Arc::clone(&numbering)), size)?;
+    let job = JobParameters::read(job.kind(), &parameters)?;
+    job.check_mesh(size)?;
+    Ok((job, size, numbering))
+}
+
+/// Adds parameters that were given as NAME=VALUE.
+///
+/// # Errors
+/// [`CliError::Usage`] where one is not of this form.
+pub fn insert_named(given: &mut Map<String, Value>, named: &[String]) -> Result<(), CliError> {
+    for text in named {
+        let (name, value) = text
+            .split_once('=')
+            .ok_or_else(|| CliError::Usage(format!("--parameter takes NAME=VALUE, not \"{text}\"")))?;
+        // What is not JSON is a word: `accuracy=accurate` needs no quotes.
+        let value = serde_json::from_str(value).unwrap_or_else(|_| json!(value));
+        insert(given, name, value);
+    }
+    Ok(())
 }
 
 /// The members of an object that were given.

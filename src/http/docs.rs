@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::sync::OnceLock;
 
 use axum::Router;
-use axum::http::{HeaderValue, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{Html, IntoResponse, Response};
 use serde_json::Value;
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
@@ -15,6 +15,7 @@ use utoipa_axum::routes;
 
 use super::details::Details;
 use super::extract::PathOf;
+use super::page;
 use super::problem::{self, KINDS, Problem};
 use super::problems::problems;
 use super::state::AppState;
@@ -132,14 +133,16 @@ fn cached() -> &'static str {
 pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(openapi))
-        .routes(routes!(page))
+        .routes(routes!(reference))
         .routes(routes!(problems))
         .routes(routes!(one_problem))
 }
 
-/// Pages that stand in no document: the addresses of problems within a kind.
+/// Pages that stand in no document: the reference without a script, and the addresses of problems within a kind.
 pub fn pages() -> Router<AppState> {
-    Router::new().route("/problems/{kind}/{within}", axum::routing::get(one_problem_within))
+    Router::new()
+        .route("/docs/plain", axum::routing::get(plain))
+        .route("/problems/{kind}/{within}", axum::routing::get(one_problem_within))
 }
 
 /// Gives the OpenAPI document
@@ -151,12 +154,21 @@ async fn openapi() -> Response {
     ([(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))], cached()).into_response()
 }
 
-/// Shows the documentation
+/// Shows the reference of the API
 ///
-/// A page made from the OpenAPI document. It loads nothing from elsewhere.
+/// A page made from the OpenAPI document: every operation, to be searched and tried. It loads nothing from elsewhere. `/docs/plain` is the same to read,
+/// without a script; the manual is at `/docs/guide/`.
 #[utoipa::path(get, path = "/docs", tag = "system", operation_id = "docs", security(()),
     responses((status = 200, description = "The page", body = String, content_type = "text/html", example = "<!doctype html>…")))]
-async fn page() -> Response {
+async fn reference(headers: HeaderMap) -> Response {
+    // A binary without its web page has the plain one.
+    match page::reference(&headers) {
+        Some(page) => page,
+        None => plain().await,
+    }
+}
+
+async fn plain() -> Response {
     static PAGE: OnceLock<String> = OnceLock::new();
     html(PAGE.get_or_init(|| render(&serde_json::from_str(cached()).unwrap_or_default())))
 }
@@ -339,7 +351,7 @@ fn render_operation(html: &mut String, method: &str, path: &str, operation: &Val
 
 fn render(document: &Value) -> String {
     let mut html = format!(
-        "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content=\"width=device-width\"><title>Chladni API</title>{STYLE}<h1>Chladni {}</h1>{}<p>The same as a document: <a href=\"/openapi.json\">/openapi.json</a> · <a href=\"/problems\">problems</a></p>",
+        "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content=\"width=device-width\"><title>Chladni API</title>{STYLE}<h1>Chladni {}</h1>{}<p><a href=\"/docs\">To search and to try</a> · <a href=\"/docs/guide/\">manual</a> · <a href=\"/openapi.json\">OpenAPI document</a> · <a href=\"/problems\">problems</a></p>",
         escape(text(&document["info"], "version")),
         prose(text(&document["info"], "description")),
     );

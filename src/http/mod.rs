@@ -15,7 +15,7 @@
 //! | `wire`, `details` | what goes over the wire |
 //! | `document`, `kinds`, `variants` | the OpenAPI document, made of what the types say |
 //! | `meshes`, `mesh_maps`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `verification`, `subspaces`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
-//! | `page` | the web page, embedded |
+//! | `page`, `guide`, `embedded` | the web page and the manual, embedded |
 
 mod access;
 mod auth;
@@ -34,12 +34,14 @@ mod details;
 mod distances;
 mod docs;
 mod document;
+mod embedded;
 mod estimates;
 mod events;
 mod exchange;
 mod extract;
 mod family;
 mod fields;
+mod guide;
 mod ids;
 mod jobs;
 mod kinds;
@@ -127,7 +129,12 @@ pub fn router(state: AppState) -> Router {
         .method_not_allowed_fallback(middleware::method_not_allowed)
         .layer(from_fn_with_state((state.clone(), access), access::authorise))
         // What follows is no part of the API, stands in no document, and is open to everyone.
-        .merge(page::routes().merge(docs::pages()).method_not_allowed_fallback(middleware::method_not_allowed))
+        .merge(
+            page::routes()
+                .merge(guide::routes())
+                .merge(docs::pages())
+                .method_not_allowed_fallback(middleware::method_not_allowed),
+        )
         // Limits are applied where bodies are read, with problems of their own.
         .layer(DefaultBodyLimit::disable())
         .layer(compression)

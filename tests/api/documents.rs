@@ -49,17 +49,24 @@ fn every_route_has_a_summary_a_description_and_an_example() {
 #[tokio::test]
 async fn documentation_loads_nothing_from_elsewhere() {
     let app = TestApp::start();
-    for path in ["/docs", "/problems", "/problems/job-too-large", "/problems/unreadable-mesh/no-vertices"] {
+    for path in ["/docs/plain", "/problems", "/problems/job-too-large", "/problems/unreadable-mesh/no-vertices"] {
         let response = app.get(path).send().await.unwrap();
         assert_eq!(response.status(), 200, "{path}");
         assert!(response.headers()["content-security-policy"].to_str().unwrap().contains("default-src 'none'"));
         let page = response.text().await.unwrap();
         assert!(!page.contains("src=") && !page.contains("http://") && !page.contains("https://"), "{path}");
     }
-    let page = app.get("/docs").send().await.unwrap().text().await.unwrap();
+    let page = app.get("/docs/plain").send().await.unwrap().text().await.unwrap();
     for word in ["uploadMesh", "/v1/jobs/{id}/events", "Idempotency-Key", "JobResource"] {
         assert!(page.contains(word), "{word}");
     }
+    // The reference that can be searched and tried, or the plain one where the page was left out: either keeps to this server.
+    let reference = app.get("/docs").send().await.unwrap();
+    assert_eq!(reference.status(), 200);
+    assert!(reference.headers()["content-security-policy"].to_str().unwrap().starts_with("default-src 'none'"));
+    let reference = reference.text().await.unwrap();
+    assert!(reference.contains("/docs/plain") || reference.contains("uploadMesh"));
+    assert!(!reference.contains("http://") && !reference.contains("https://"));
     let home = app.get("/").send().await.unwrap();
     assert_eq!(home.status(), 200);
     assert!(home.headers()["content-security-policy"].to_str().unwrap().starts_with("default-src 'none'"));

@@ -19,6 +19,7 @@ mod fields;
 mod garbage;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod guide;
 mod hostile;
 mod jobs;
 mod journeys;

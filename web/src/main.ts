@@ -77,7 +77,7 @@ function start(viewer: Viewer) {
     } }, secret, h("button", {}, "Use")));
   const jobs = queue(app);
   const header = h("header", {}, h("h1", {}, "Chladni"), h("span", { class: "subtitle" }, "the eigenfunctions of surfaces"),
-    h("nav", {}, jobs.button, h("a", { href: "/docs/guide", target: "_blank" }, "Manual"), h("a", { href: "/docs", target: "_blank" }, "API"), keys));
+    h("nav", {}, jobs.button, h("a", { href: "docs/guide/", target: "_blank" }, "Manual"), h("a", { href: "docs", target: "_blank" }, "API"), keys));
 
   stage.append(app.title, toolbar(app, look), look.legend, app.busy, welcome(app));
   document.body.prepend(header, library(app));

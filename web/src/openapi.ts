@@ -9,8 +9,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Shows the documentation
-         * @description A page made from the OpenAPI document. It loads nothing from elsewhere.
+         * Shows the reference of the API
+         * @description A page made from the OpenAPI document: every operation, to be searched and tried. It loads nothing from elsewhere. `/docs/plain` is the same to read,
+         *     without a script; the manual is at `/docs/guide/`.
          */
         get: operations["docs"];
         put?: never;

@@ -53,7 +53,8 @@ export function samples(app: App): HTMLElement {
 export function welcome(app: App): HTMLElement {
   const element = h("div", { class: "welcome", hidden: true },
     h("h2", {}, "The eigenfunctions of any surface"),
-    h("p", {}, "Drop a mesh anywhere on this page, or begin with one of these:"), samples(app));
+    h("p", {}, "Drop a mesh anywhere on this page, or begin with one of these:"), samples(app),
+    h("p", {}, h("a", { href: "docs/guide/tutorial", target: "_blank" }, "A tutorial of ten minutes")));
   for (const happening of ["mesh", "meshes"] as const) app.on(happening, () => (element.hidden = app.mesh !== null || app.meshes.length > 0 || app.sought !== ""));
   return element;
 }

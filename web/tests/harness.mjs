@@ -52,11 +52,11 @@ export async function start(keys) {
     const context = await browser.newContext({ viewport: { width: 1100, height: 700 }, colorScheme: "light", ...options });
     if (process.env.CHLADNI_DIST) {
       // The page as Vite just built it, in place of the one in the binary: for work on the page alone.
-      await context.route(/\/(page\/[^/]*|icon\.svg)?(\?.*)?(#.*)?$/, (route) => {
+      await context.route(/\/(page\/[^/]*|icon\.svg|docs)?(\?.*)?(#.*)?$/, (route) => {
         const path = new URL(route.request().url()).pathname;
-        if (!/^\/($|page\/|icon)/.test(path)) return route.fallback();
+        if (!/^\/($|page\/|icon|docs$)/.test(path)) return route.fallback();
         const headers = policy?.includes("script-src") ? { "content-security-policy": policy } : {};
-        return route.fulfill({ path: join(process.env.CHLADNI_DIST, path === "/" ? "index.html" : path), headers });
+        return route.fulfill({ path: join(process.env.CHLADNI_DIST, path === "/" ? "index.html" : path === "/docs" ? "reference.html" : path), headers });
       });
     }
     const page = await context.newPage();

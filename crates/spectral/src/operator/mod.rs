@@ -18,6 +18,7 @@ pub mod robust;
 mod shapes;
 pub mod tangential;
 pub mod transport;
+pub mod vertex_gradients;
 pub mod volume;
 
 use chladni_algebra::{GalerkinError, SparseMatrix};

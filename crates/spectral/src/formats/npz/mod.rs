@@ -10,6 +10,7 @@
 
 mod family;
 mod fields;
+mod learning;
 mod maps;
 mod modal;
 mod read;
@@ -28,6 +29,7 @@ use crate::basis::{Basis, BasisError, CHUNK_COLUMNS, Certificate, Compact, Dense
 
 pub use family::{read_family, write_family};
 pub use fields::{fields_to_bytes, read_fields, write_fields};
+pub use learning::{SurfaceOperators, operators_within, write_operators};
 pub use maps::maps;
 pub use modal::{read_modes, write_modes};
 pub use read::{check_sums, read, read_frame, read_head};

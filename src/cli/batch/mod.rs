@@ -1,0 +1,280 @@
+//! `batch`: every mesh of a folder, several at once; what is there already is left alone.
+
+mod memory;
+mod operators;
+mod progress;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use chladni_base::Unwatched;
+use chladni_mesh::check::{CheckOptions, Merge};
+use chladni_mesh::read::MeshFormat;
+use chladni_work::{JobParameters, KINDS, SOLVER_VERSION};
+use serde_json::{Value, json};
+
+use self::memory::Promises;
+use self::progress::{Lines, Outcome};
+use super::work::{OutputFile, insert_named, prepared};
+use super::{CliError, MeshInput, NumberingArguments, seconds};
+
+/// Compute something of every mesh of a folder, without a server: operators for learning, or any kind of job
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct BatchArguments {
+    /// Folder with mesh files, of any format that is read but NPZ and JSON, as they are or compressed by gzip; folders in it are left alone
+    #[arg(value_name = "FOLDER")]
+    folder: PathBuf,
+
+    /// What is computed: operators (frames, mass, Laplacian, eigenpairs and gradients, as a cache of DiffusionNet), or a kind of job: eigenbasis,
+    /// field_basis, operator_family, vibration_basis
+    #[arg(long, value_name = "KIND", value_parser = kind)]
+    kind: String,
+
+    /// Folder for the results; made where there is none
+    #[arg(long, short = 'o', value_name = "FOLDER")]
+    output: PathBuf,
+
+    /// Eigenpairs of each mesh (operators, eigenbasis, vibration_basis); 128 of operators, else the default of the job
+    #[arg(long, short = 'n', value_name = "M")]
+    count: Option<usize>,
+
+    /// Any parameter of the job by name, as the API takes it; may be given several times
+    #[arg(long = "parameter", short = 'p', value_name = "NAME=VALUE")]
+    named: Vec<String>,
+
+    /// Meshes that are worked on at once, each with one thread; 0 for one per core
+    #[arg(long, short = 'j', value_name = "N", default_value_t = 0)]
+    jobs: usize,
+
+    /// Whether vertices at equal positions become one: auto (where the format splits them, as STL does), always, never
+    #[arg(long, value_name = "WHEN", value_parser = super::input::merge, default_value = "auto")]
+    merge: Merge,
+
+    /// Compute anew what is there already
+    #[arg(long)]
+    anew: bool,
+
+    /// Print a line of JSON for each mesh
+    #[arg(long)]
+    json: bool,
+
+    /// Draw no progress
+    #[arg(long, short = 'q')]
+    quiet: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  chladni batch shapes --kind operators -n 128 -o op_cache      what DiffusionNet looks for with op_cache_dir=\"op_cache\"
+  chladni batch scans --kind eigenbasis -n 200 -p method=hsim -o bases
+  chladni batch plates --kind vibration_basis -p thickness=0.001 -o modes --jobs 4 --json
+
+A result appears under its name when it is whole: what was interrupted goes on when started again. Operators are named by a
+hash of positions and faces, all else by the file of the mesh. Exit codes: 0 all is there; 1 some meshes failed, each
+with a line that says why; 2 wrong usage; 3 a folder cannot be read or written.";
+
+fn kind(text: &str) -> Result<String, String> {
+    if text == "operators" || KINDS.contains(&text) {
+        return Ok(text.to_owned());
+    }
+    Err(format!("the kinds are operators, {}", KINDS.join(", ")))
+}
+
+/// What is computed of each mesh.
+enum Wanted {
+    Operators { pairs: usize },
+    Job(Box<JobParameters>),
+}
+
+impl BatchArguments {
+    /// What is wanted, and all of it that a result depends on.
+    fn wanted(&self) -> Result<(Wanted, Value), CliError> {
+        let mut given = serde_json::Map::new();
+        if let Some(count) = self.count {
+            given.insert("count".to_owned(), json!(count));
+        }
+        insert_named(&mut given, &self.named)?;
+        let (wanted, parameters) = if self.kind == "operators" {
+            if !self.named.is_empty() {
+                return Err(CliError::Usage(
+                    "--parameter is for kinds of job; operators take --count alone".to_owned(),
+                ));
+            }
+            let pairs = self.count.unwrap_or(operators::PAIRS);
+            if pairs == 0 {
+                return Err(CliError::Usage("--count 0: at least one eigenpair is due".to_owned()));
+            }
+            (Wanted::Operators { pairs }, json!({"count": pairs}))
+        } else {
+            let job = JobParameters::parse(&self.kind, &Value::Object(given))?;
+            let parameters = job.canonical();
+            (Wanted::Job(Box::new(job)), parameters)
+        };
+        let settings = json!({
+            "kind": self.kind, "parameters": parameters, "merge": self.merge, "solver_version": SOLVER_VERSION,
+        });
+        Ok((wanted, settings))
+    }
+
+    /// The meshes of the folder, by name.
+    fn meshes(&self) -> Result<Vec<PathBuf>, CliError> {
+        let failed = |error| CliError::file("read", &self.folder, error);
+        let mut found = Vec::new();
+        for entry in fs::read_dir(&self.folder).map_err(failed)? {
+            let path = entry.map_err(failed)?.path();
+            if path.is_file() && is_mesh(&path) {
+                found.push(path);
+            }
+        }
+        found.sort();
+        if found.is_empty() {
+            return Err(CliError::Usage(format!("{}: there is no mesh file in this folder", self.folder.display())));
+        }
+        Ok(found)
+    }
+
+    fn input(&self, mesh: &Path) -> MeshInput {
+        let CheckOptions { surface, .. } = CheckOptions::default();
+        MeshInput { mesh: mesh.to_owned(), format: None, merge: self.merge, surface, subdivide: 0 }
+    }
+}
+
+/// By its name; archives and JSON may be anything.
+fn is_mesh(path: &Path) -> bool {
+    let bare = path.extension().filter(|ending| ending.eq_ignore_ascii_case("gz")).map(|_| path.with_extension(""));
+    let ending = bare.as_deref().unwrap_or(path).extension();
+    let format = ending.and_then(|ending| MeshFormat::from_extension(ending.to_str()?));
+    format.is_some_and(|format| !matches!(format, MeshFormat::Npz | MeshFormat::Json))
+}
+
+/// Runs `chladni batch`.
+pub fn batch(arguments: BatchArguments) -> Result<ExitCode, CliError> {
+    let (wanted, settings) = arguments.wanted()?;
+    let meshes = arguments.meshes()?;
+    fs::create_dir_all(&arguments.output).map_err(|error| CliError::file("write", &arguments.output, error))?;
+    same_settings(&arguments, &settings)?;
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let at_once = if arguments.jobs == 0 { cores } else { arguments.jobs }.min(meshes.len());
+    let lines = Lines::new(meshes.len(), arguments.json, arguments.quiet);
+    let (next, promises) = (AtomicUsize::new(0), Promises::default());
+    let broken: Mutex<Option<CliError>> = Mutex::new(None);
+    let began = Instant::now();
+    std::thread::scope(|scope| {
+        for _ in 0..at_once {
+            scope.spawn(|| {
+                let result = worker(&arguments, &wanted, &meshes, &next, &promises, &lines);
+                if let Err(error) = result {
+                    // Nothing else can be told to whoever asks: the others stop as well.
+                    next.store(meshes.len(), Ordering::Relaxed);
+                    broken.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
+                }
+            });
+        }
+    });
+    if let Some(error) = broken.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
+        return Err(error);
+    }
+    let failed = lines.finish(&seconds(began.elapsed().as_secs_f64()))?;
+    Ok(ExitCode::from(u8::from(failed > 0)))
+}
+
+/// Takes meshes until there are none left.
+fn worker(
+    arguments: &BatchArguments,
+    wanted: &Wanted,
+    meshes: &[PathBuf],
+    next: &AtomicUsize,
+    promises: &Promises,
+    lines: &Lines,
+) -> Result<(), CliError> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .map_err(|error| CliError::Service(format!("cannot start a thread: {error}")))?;
+    while let Some(mesh) = meshes.get(next.fetch_add(1, Ordering::Relaxed)) {
+        let began = Instant::now();
+        let outcome = pool.install(|| match wanted {
+            Wanted::Operators { pairs } => operators::one(arguments, mesh, *pairs, promises),
+            Wanted::Job(job) => one(arguments, mesh, job, promises),
+        });
+        let outcome = match outcome {
+            Ok(outcome) => outcome,
+            // A full or missing disk fails for every mesh.
+            Err(error @ (CliError::Io { action: "write", .. } | CliError::Service(_))) => return Err(error),
+            Err(error) => Outcome::Failed(told(&error, mesh)),
+        };
+        lines.tell(mesh, &outcome, began.elapsed().as_secs_f64())?;
+    }
+    Ok(())
+}
+
+/// The reason alone: the line begins with the name.
+fn told(error: &CliError, mesh: &Path) -> String {
+    let whole = error.to_string();
+    whole.strip_prefix(&format!("{}: ", mesh.display())).unwrap_or(&whole).to_owned()
+}
+
+/// Runs a job on a mesh, unless its result is there and no older than the mesh.
+fn one(arguments: &BatchArguments, mesh: &Path, job: &JobParameters, promises: &Promises) -> Result<Outcome, CliError> {
+    let name = mesh.file_name().unwrap_or_default().to_string_lossy();
+    let path = arguments.output.join(format!("{name}.npz"));
+    if !arguments.anew && is_newer(&path, mesh) {
+        return Ok(Outcome::There(path));
+    }
+    let file = OutputFile::probe(&path)?;
+    let body = arguments.input(mesh).load_body()?;
+    let (job, size, numbering) = prepared(&body, job, &NumberingArguments::default())?;
+    let _promise = promises.take(job.memory_bytes(size))?;
+    let outcome = job.run_body(&body.surface.mesh, body.solid.as_ref(), &Unwatched)?;
+    file.write(|out| outcome.product.write_npz_numbered(Some(&numbering), out))?;
+    Ok(Outcome::Made(path))
+}
+
+fn is_newer(path: &Path, than: &Path) -> bool {
+    let changed = |path: &Path| fs::metadata(path).and_then(|found| found.modified()).ok();
+    changed(path).zip(changed(than)).is_some_and(|(made, source)| made >= source)
+}
+
+/// Results of other settings in the same folder would pass for results of these: the settings stand beside them.
+fn same_settings(arguments: &BatchArguments, settings: &Value) -> Result<(), CliError> {
+    let path = arguments.output.join("batch.json");
+    let text = format!("{settings:#}\n");
+    match fs::read_to_string(&path) {
+        Ok(before) if before == text => return Ok(()),
+        Ok(_) if !arguments.anew => {
+            let reason = format!(
+                "{} has results of other settings, which its file batch.json names; choose another folder, or pass --anew",
+                arguments.output.display()
+            );
+            return Err(CliError::Usage(reason));
+        }
+        Ok(_) => {}
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+        Err(error) => return Err(CliError::file("read", &path, error)),
+    }
+    OutputFile::probe(&path)?.write(|out| Ok(std::io::Write::write_all(out, text.as_bytes())?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn meshes_are_told_by_their_names() {
+        for (name, expected) in [
+            ("a.off", true),
+            ("a.PLY.gz", true),
+            ("lh.pial", true),
+            ("a.npz", false),
+            ("a.json", false),
+            ("a.txt", false),
+        ] {
+            assert_eq!(is_mesh(Path::new(name)), expected, "{name}");
+        }
+    }
+}
