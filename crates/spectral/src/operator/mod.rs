@@ -19,6 +19,7 @@ mod shapes;
 pub mod tangential;
 pub mod transport;
 pub mod volume;
+pub mod weighted;
 
 use chladni_algebra::{GalerkinError, SparseMatrix};
 use chladni_base::{Cancelled, Monitor};
