@@ -12,6 +12,7 @@ mod family;
 mod fields;
 mod maps;
 mod modal;
+mod problem;
 mod read;
 
 use std::cell::{Cell, RefCell};
@@ -30,6 +31,7 @@ pub use family::{read_family, write_family};
 pub use fields::{fields_to_bytes, read_fields, write_fields};
 pub use maps::maps;
 pub use modal::{read_modes, write_modes};
+pub use problem::{ProblemParts, read_problem, write_problem};
 pub use read::{check_sums, read, read_frame, read_head};
 
 /// Why bytes are not a basis, or a basis could not be written.

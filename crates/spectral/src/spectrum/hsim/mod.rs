@@ -201,7 +201,7 @@ impl HsimError {
     }
 }
 
-pub(in crate::spectrum) use bare::solve as solve_bare;
+pub(in crate::spectrum) use bare::{ordering as bare_ordering, plus_mass, solve as solve_bare};
 pub(in crate::spectrum) use solve::{columns, is_dense, solve_from};
 pub use solve::{solve, solve_with_space};
 
