@@ -272,7 +272,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
       if (!basis) return;
       if (before !== basis.id) singular = [];
       if (mesh !== basis.mesh) [strokes, pins] = [[], []];
-      [before, mesh] = [basis.id, basis.mesh];
+      [before, mesh] = [basis.id, basis.mesh ?? undefined];
       facts.textContent = "";
       const tensor = kind() === "tensor";
       hint.textContent = tensor
