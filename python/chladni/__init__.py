@@ -12,7 +12,7 @@ Arrays are NumPy's, matrices SciPy's. What takes long gives up the interpreter's
 """
 
 from ._basis import Basis
-from ._certificate import Certificate, CutCluster, InertiaCount, Interval, LevelReport, OnBound
+from ._certificate import Around, Certificate, CutCluster, InertiaCount, Interval, LevelReport, NearPair, OnBound
 from ._client import Client, RemoteBasis
 from ._errors import Cancelled, ClientError, Error, FormatError, MeshError, ParameterError, SolveError, UnprovenError
 from ._fields import Fields, fields
@@ -25,6 +25,7 @@ from ._solve import eigs
 
 __all__ = [
     "SOLVER_VERSION",
+    "Around",
     "Basis",
     "Cancelled",
     "Certificate",
@@ -41,6 +42,7 @@ __all__ = [
     "LevelReport",
     "Mesh",
     "MeshError",
+    "NearPair",
     "OnBound",
     "Operators",
     "ParameterError",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Certificate", "CutCluster", "InertiaCount", "Interval", "LevelReport", "OnBound"]
+__all__ = ["Around", "Certificate", "CutCluster", "InertiaCount", "Interval", "LevelReport", "NearPair", "OnBound"]
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,44 @@ class Interval:
     on_bounds: tuple[OnBound, ...] = ()
 
 
+@dataclass(frozen=True)
+class NearPair:
+    """A pair as near to a shift as another, as far as enclosures let one tell.
+
+    Attributes
+    ----------
+    index : int
+        Its index among all eigenvalues, from 0.
+    value : float
+        Its value.
+    within : float
+        The exact eigenvalue lies within this of the value.
+    delivered : bool
+        Whether it is one of the pairs that were returned.
+    """
+
+    index: int
+    value: float
+    within: float
+    delivered: bool
+
+
+@dataclass(frozen=True)
+class Around:
+    """The number that pairs were asked for by, as the nearest to it.
+
+    Attributes
+    ----------
+    shift : float
+        The number.
+    ties : tuple of NearPair
+        Pairs of which enclosures do not let one tell which are nearer; empty where these pairs are proven to be the nearest.
+    """
+
+    shift: float
+    ties: tuple[NearPair, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Certificate:
     """What is proven about each pair and about the whole.
@@ -128,6 +166,8 @@ class Certificate:
         The index of the first pair among all: 0 but for pairs of an interval.
     interval : Interval or None
         The bounds that the pairs were asked for by; None where a number was asked for.
+    around : Around or None
+        The number that the pairs are the nearest to, where they were asked for by one.
     cut : CutCluster or None
         The cluster of eigenvalues that the number of pairs cuts, where it is known to cut one.
     tolerance : float or None
@@ -148,6 +188,7 @@ class Certificate:
     inertia: tuple[InertiaCount, ...] = ()
     first: int = 0
     interval: Interval | None = None
+    around: Around | None = None
     cut: CutCluster | None = None
     tolerance: float | None = None
     accuracy: dict[str, Any] | None = None
@@ -170,6 +211,7 @@ class Certificate:
             inertia=tuple(InertiaCount(**count) for count in own.get("inertia") or ()),
             first=own.get("first", 0),
             interval=_interval(own.get("interval")),
+            around=_around(own.get("around")),
             cut=CutCluster(**own["cut"]) if own.get("cut") else None,
             tolerance=own.get("tolerance"),
             accuracy=own.get("accuracy"),
@@ -187,3 +229,9 @@ def _interval(own: dict[str, Any] | None) -> Interval | None:
     if own is None:
         return None
     return Interval(own["to"], own.get("from"), tuple(OnBound(**pair) for pair in own.get("on_bounds") or ()))
+
+
+def _around(own: dict[str, Any] | None) -> Around | None:
+    if own is None:
+        return None
+    return Around(own["shift"], tuple(NearPair(**pair) for pair in own.get("ties") or ()))

@@ -7,13 +7,15 @@ import json
 import urllib.error
 import urllib.parse
 import urllib.request
+import uuid
 from functools import cached_property
 from typing import Any, Callable, cast
 
 import numpy as np
 
-from . import _arrays, _native
+from . import _arrays, _native, _pencil
 from ._basis import Basis
+from ._certificate import Certificate
 from ._errors import Cancelled, ClientError, Error, ParameterError, SolveError, UnprovenError
 from ._mesh import Mesh, as_mesh
 from ._solve import eigenbasis_request
@@ -24,6 +26,9 @@ _JSON, _OCTETS = "application/json", "application/octet-stream"
 
 #: How long one answer about a running job is waited for.
 _WAIT = 2
+
+#: The most pairs that a job computes.
+_MOST = 20_000
 
 
 class Client:
@@ -147,6 +152,95 @@ class Client:
         parameters = eigenbasis_request(k, **arguments)
         wanted = {"kind": "eigenbasis", "mesh": self.upload(mesh), "parameters": json.loads(parameters)}
         job = self._json("POST", "/v1/jobs", body=wanted)
+        return self.basis(self._finished(job, progress)["basis"], mesh)
+
+    def problem(self, S: Any, M: Any = None, name: str | None = None) -> str:
+        """Bring the matrices of a pencil to the server.
+
+        Parameters
+        ----------
+        S, M
+            The matrices, as for `chladni.eigsh`.
+        name : str, optional
+            A name for people.
+
+        Returns
+        -------
+        str
+            Its identifier: that of its content, so that equal matrices are kept once.
+        """
+        import scipy.sparse
+
+        stiffness = _pencil._csr(S, "S")
+        parts = {"stiffness": _npz(stiffness)}
+        diagonal, mass = _pencil._mass(M, stiffness.shape[0])
+        if mass is not None:
+            parts["mass"] = _npz(mass)
+        elif diagonal is not None:
+            parts["mass"] = _npz(scipy.sparse.diags(diagonal).tocsr())
+        boundary = uuid.uuid4().hex
+        head = "--{}\r\nContent-Disposition: form-data; name=\"{}\"; filename=\"{}.npz\"\r\n\r\n"
+        body = b"".join(head.format(boundary, part, part).encode() + content + b"\r\n" for part, content in parts.items())
+        body += f"--{boundary}--\r\n".encode()
+        kind = f"multipart/form-data; boundary={boundary}"
+        return str(self._json("POST", "/v1/problems", query={"name": name}, body=body, content_type=kind)["id"])
+
+    def eigsh(
+        self,
+        S: Any,
+        k: int | None = None,
+        M: Any = None,
+        sigma: float | None = None,
+        which: str | None = None,
+        *,
+        tol: float = 1e-8,
+        below: float | None = None,
+        between: tuple[float, float] | None = None,
+        fixed: Any = (),
+        seed: int = 0,
+        return_eigenvectors: bool = True,
+        progress: bool | Callable[[str, float], Any] = False,
+    ) -> Any:
+        """Lowest eigenpairs of ``S x = λ M x``, computed by the server: arguments are those of `chladni.eigsh`.
+
+        `S` may also be the identifier that `problem` returned; `M` then belongs to it. Ctrl-C cancels the job. At most 20,000 pairs are computed.
+
+        Returns
+        -------
+        Eigenpairs or numpy.ndarray, (k,)
+        """
+        _pencil._check_wanted(sigma, which, tol, below, between)
+        if isinstance(S, str) and M is not None:
+            raise _arrays.parameter_error("S is the identifier of a problem, which has its own mass: M belongs to matrices")
+        identifier = S if isinstance(S, str) else self.problem(S, M)
+        rows, _ = _arrays.vertex_list(fixed, "fixed") if np.size(fixed) else ([], False)
+        parameters: dict[str, Any] = {"tolerance": float(tol) or _pencil._LEAST, "seed": int(seed), "precision": "f64"}
+        parameters["fixed"] = [int(row) for row in rows]
+        if below is not None:
+            parameters["below"] = float(below)
+        if between is not None:
+            parameters["between"] = [float(end) for end in between]
+        if sigma is not None:
+            parameters["around"] = float(sigma)
+        if below is not None or between is not None:
+            parameters["at_most"] = _MOST if k is None else int(k)
+        else:
+            parameters["count"] = 6 if k is None else int(k)
+            if sigma is not None:
+                parameters["at_most"] = _MOST
+        job = self._json("POST", "/v1/jobs", body={"kind": "pencil_basis", "pencil": identifier, "parameters": parameters})
+        job = self._finished(job, progress)
+        record = self._json("GET", f"/v1/bases/{job['basis']}")
+        values = np.array(record["eigenvalues"], dtype=float)
+        if not return_eigenvectors:
+            return values
+        content, _ = self.call("GET", f"/v1/bases/{job['basis']}/modes", query={"format": "npy", "dtype": "f64"})
+        vectors = np.load(io.BytesIO(content))
+        certificate = Certificate._of_json(json.dumps(record["certificate"]))
+        return _pencil.Eigenpairs(values, vectors, certificate, float(record["details"]["moved"]))
+
+    def _finished(self, job: Any, progress: bool | Callable[[str, float], Any]) -> Any:
+        """The job when it has succeeded; an interruption cancels it."""
         told, close = _arrays.progress_callback(progress)
         try:
             while job["status"] in ("enqueued", "processing"):
@@ -160,7 +254,7 @@ class Client:
             close()
         if job["status"] != "succeeded":
             raise _job_error(job)
-        return self.basis(job["basis"], mesh)
+        return job
 
     def _cancel(self, job: str) -> None:
         try:
@@ -311,6 +405,15 @@ class _RemoteNative:
 
     def reconstruct(self, coefficients: np.ndarray, nearest: bool) -> np.ndarray:
         return self._table("reconstruct", self._raw(coefficients), _OCTETS, extend=_extend(nearest))
+
+
+def _npz(matrix: Any) -> bytes:
+    """A sparse matrix as the bytes of an NPZ file."""
+    import scipy.sparse
+
+    file = io.BytesIO()
+    scipy.sparse.save_npz(file, matrix, compressed=False)
+    return file.getvalue()
 
 
 def _extend(nearest: bool) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from dataclasses import dataclass
 from typing import Any, Callable, Iterator
@@ -80,7 +79,7 @@ def eigsh(
     M : sparse matrix or array_like, (n, n) or (n,), optional
         The mass: symmetric and positive definite, or a diagonal of positive numbers. The identity by default.
     sigma : float, optional
-        Without it, or where it lies below the spectrum, the lowest pairs. Else the `k` whose eigenvalues are nearest to it; all pairs below are computed on the way.
+        Without it, or where it lies below the spectrum, the lowest pairs. Else the `k` whose eigenvalues are nearest to it, which the certificate proves; all pairs below it are computed on the way.
     which : {"SA", "LM"}, optional
         ``"SA"``: the lowest. ``"LM"``, which needs `sigma`: those nearest to it.
     tol : float
@@ -122,20 +121,8 @@ def eigsh(
         ...
     chladni.ParameterError: S is not symmetric: S[5, 6] is -1, S[6, 5] is 7
     """
-    if which is not None:
-        _arrays.flag(which, "which", ("SA", "LM"))
-        if which == "LM" and sigma is None:
-            raise _arrays.parameter_error("which is 'LM' without sigma: the largest are none of the lowest; call with -S for those")
-        if which == "SA" and sigma is not None:
-            raise _arrays.parameter_error("which is 'SA', the lowest, which takes no sigma")
-    if below is not None and between is not None:
-        raise _arrays.parameter_error("either below or between, not both")
-    for name, given in (("below", below), ("between", between), ("sigma", sigma), ("tol", tol)):
-        if given is not None and not np.all(np.isfinite(given)):
-            raise _arrays.parameter_error(f"{name} is {given}, where finite numbers are due")
+    _check_wanted(sigma, which, tol, below, between)
     interval = below is not None or between is not None
-    if interval and sigma is not None:
-        raise _arrays.parameter_error("sigma belongs to a number of pairs, not to below or between")
     stiffness = _csr(S, "S")
     n = stiffness.shape[0]
     diagonal, mass = _mass(M, n)
@@ -146,48 +133,36 @@ def eigsh(
     if between is not None:
         request["between"] = [float(end) for end in between]
     told, close = _arrays.progress_callback(progress)
-
-    def solve(count: int | None) -> Eigenpairs:
-        arguments = _parts(stiffness), diagonal, None if mass is None else _parts(mass), rows
-        values, vectors, certificate, moved = _native.pencil(n, *arguments, json.dumps({**request, "count": count}), told)
-        return Eigenpairs(values, vectors, Certificate._of_json(certificate), moved)
-
+    if sigma is not None:
+        request["around"], request["most"] = float(sigma), n
+    if not interval:
+        request["count"] = 6 if k is None else int(k)
     try:
-        if interval:
-            found = solve(None)
-        else:
-            wanted = 6 if k is None else int(k)
-            found = solve(wanted)
-            if sigma is not None:
-                found = _nearest(found, wanted, float(sigma), n - len(set(rows)), solve)
+        arguments = _parts(stiffness), diagonal, None if mass is None else _parts(mass), rows
+        values, vectors, certificate, moved = _native.pencil(n, *arguments, json.dumps(request), told)
+        found = Eigenpairs(values, vectors, Certificate._of_json(certificate), moved)
     finally:
         close()
     return found if return_eigenvectors else found.values
 
 
-def _nearest(found: Eigenpairs, k: int, sigma: float, most: int, solve: Callable[[int], Eigenpairs]) -> Eigenpairs:
-    """The k pairs nearest to sigma: of ever more lowest ones, until those that are not known are further away."""
-    while True:
-        distances = abs(found.values - sigma)
-        # Of two as near, the one next to sigma by index: so the nearest are neighbours.
-        place = np.searchsorted(found.values, sigma) - 0.5
-        nearest = np.sort(np.lexsort((abs(np.arange(len(distances)) - place), distances))[:k])
-        known = found.values[-1] - sigma
-        if known >= distances[nearest].max() or len(found.values) >= most:
-            return _slice(found, int(nearest[0]), int(nearest[-1]) + 1)
-        found = solve(min(2 * len(found.values), most))
-
-
-def _slice(found: Eigenpairs, start: int, stop: int) -> Eigenpairs:
-    whole = found.certificate
-    certificate = dataclasses.replace(
-        whole,
-        residuals=whole.residuals[start:stop],
-        bounds=whole.bounds[start:stop],
-        first=whole.first + start,
-        cut=whole.cut if stop == len(found.values) else None,
-    )
-    return Eigenpairs(found.values[start:stop], found.vectors[:, start:stop], certificate, found.moved)
+def _check_wanted(
+    sigma: float | None, which: str | None, tol: float, below: float | None, between: tuple[float, float] | None
+) -> None:
+    """That pairs are told in one way."""
+    if which is not None:
+        _arrays.flag(which, "which", ("SA", "LM"))
+        if which == "LM" and sigma is None:
+            raise _arrays.parameter_error("which is 'LM' without sigma: the largest are none of the lowest; call with -S for those")
+        if which == "SA" and sigma is not None:
+            raise _arrays.parameter_error("which is 'SA', the lowest, which takes no sigma")
+    if below is not None and between is not None:
+        raise _arrays.parameter_error("either below or between, not both")
+    if sigma is not None and not (below is None and between is None):
+        raise _arrays.parameter_error("sigma belongs to a number of pairs, not to below or between")
+    for name, given in (("below", below), ("between", between), ("sigma", sigma), ("tol", tol)):
+        if given is not None and not np.all(np.isfinite(given)):
+            raise _arrays.parameter_error(f"{name} is {given}, where finite numbers are due")
 
 
 def _csr(matrix: Any, name: str) -> Any:

@@ -7,7 +7,7 @@ use numpy::{
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use crate::errors::Failure;
+use super::errors::Failure;
 
 /// A contiguous array's numbers.
 ///

@@ -17,9 +17,9 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2}
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 
-use crate::errors::{Failure, Kind};
-use crate::mesh::{Body, NativeMesh, json, parsed, translation, vertex_map};
-use crate::{arrays, watch};
+use super::errors::{Failure, Kind};
+use super::mesh::{Body, NativeMesh, json, parsed, translation, vertex_map};
+use super::{arrays, watch};
 
 /// An eigenbasis, with the numbering of the arrays or the file that its mesh was made of.
 #[pyclass(frozen, name = "Basis", module = "chladni._native")]

@@ -9,9 +9,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use serde_json::json;
 
-use crate::errors::{Failure, Kind};
-use crate::mesh::{Body, NativeMesh, json as text, parsed};
-use crate::{arrays, watch};
+use super::errors::{Failure, Kind};
+use super::mesh::{Body, NativeMesh, json as text, parsed};
+use super::{arrays, watch};
 
 impl From<DesignFault> for Failure {
     fn from(fault: DesignFault) -> Self {

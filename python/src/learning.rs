@@ -5,9 +5,9 @@ use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use crate::errors::Failure;
-use crate::mesh::faces_of;
-use crate::{arrays, watch};
+use super::errors::Failure;
+use super::mesh::faces_of;
+use super::{arrays, watch};
 
 /// Frames (n, 3, 3) and both gradients in CSR: `(frames, indptr, indices, data_x, data_y)`.
 #[pyfunction]

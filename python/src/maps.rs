@@ -7,10 +7,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use serde::Deserialize;
 
-use crate::basis::NativeBasis;
-use crate::errors::Failure;
-use crate::mesh::parsed;
-use crate::{arrays, watch};
+use super::basis::NativeBasis;
+use super::errors::Failure;
+use super::mesh::parsed;
+use super::{arrays, watch};
 
 /// The numbers of a request; functions come beside it.
 #[derive(Deserialize)]

@@ -19,9 +19,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use serde::de::DeserializeOwned;
 
-use crate::basis::NativeBasis;
-use crate::errors::{Failure, Kind};
-use crate::{arrays, watch};
+use super::basis::NativeBasis;
+use super::errors::{Failure, Kind};
+use super::{arrays, watch};
 
 /// A mesh, and the arrays that it was made of.
 #[derive(Debug)]

@@ -6,9 +6,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use serde::Deserialize;
 
-use crate::errors::{Failure, Kind};
-use crate::mesh::{json, parsed};
-use crate::{arrays, watch};
+use super::errors::{Failure, Kind};
+use super::mesh::{json, parsed};
+use super::{arrays, watch};
 
 impl From<PencilError> for Failure {
     fn from(error: PencilError) -> Self {
@@ -29,6 +29,7 @@ struct Request {
     count: Option<usize>,
     below: Option<f64>,
     between: Option<[f64; 2]>,
+    around: Option<f64>,
     most: usize,
     tolerance: f64,
     seed: u64,
@@ -36,10 +37,12 @@ struct Request {
 
 impl Request {
     fn parameters(&self) -> Parameters {
-        let wanted = match (self.below, self.between) {
-            (_, Some([from, to])) => Wanted::Between { from, to, most: self.most },
-            (Some(bound), None) => Wanted::Below { bound, most: self.most },
-            (None, None) => Wanted::Count(self.count.unwrap_or(6)),
+        let (most, count) = (self.most, self.count.unwrap_or(6));
+        let wanted = match (self.below, self.between, self.around) {
+            (_, Some([from, to]), _) => Wanted::Between { from, to, most },
+            (Some(bound), None, _) => Wanted::Below { bound, most },
+            (None, None, Some(shift)) => Wanted::Around { shift, count, most },
+            (None, None, None) => Wanted::Count(count),
         };
         Parameters { wanted, tolerance: self.tolerance, seed: self.seed }
     }

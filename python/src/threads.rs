@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 
-use crate::errors::{Failure, Kind};
+use super::errors::{Failure, Kind};
 
 struct Held {
     /// Threads asked for; 0 for one per core.

@@ -11,8 +11,8 @@ use std::time::Duration;
 use chladni_base::{Cancelled, Monitor};
 use pyo3::prelude::*;
 
-use crate::errors::{Failure, Kind};
-use crate::threads;
+use super::errors::{Failure, Kind};
+use super::threads;
 
 /// How long a signal waits at most until somebody looks.
 const PAUSE: Duration = Duration::from_millis(50);

@@ -59,6 +59,28 @@ def test_answers_are_those_of_here(client, knot, tmp_path):
 
 
 @needs_server
+def test_pairs_of_matrices_are_those_of_here(client):
+    import scipy.sparse
+
+    n = 300
+    S = scipy.sparse.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1]).tocsr()
+    M = scipy.sparse.diags([np.ones(n - 1), 4 * np.ones(n), np.ones(n - 1)], [-1, 0, 1]).tocsr() / 6
+    problem = client.problem(S, M, name="an interval")
+    assert problem == client.problem(S.tocoo(), M.tocsc()) and problem != client.problem(S)
+    for arguments in [{"k": 5}, {"k": 4, "sigma": 0.3}, {"below": 0.01}, {"between": (0.01, 0.02), "fixed": [0, 150]}]:
+        here, there = chladni.eigsh(S, M=M, **arguments), client.eigsh(problem, **arguments)
+        assert np.allclose(there.values, here.values, rtol=1e-12) and there.complete
+        assert np.allclose(abs(there.vectors), abs(here.vectors), atol=1e-6) and there.moved == here.moved
+        assert there.certificate.first == here.certificate.first
+    assert np.allclose(client.eigsh(S, 3, np.full(n, 2.0), return_eigenvectors=False), chladni.eigsh(S, 3).values / 2)
+    with pytest.raises(chladni.ClientError, match="not symmetric: S\\[0, 1\\]") as refused:
+        client.eigsh(S + scipy.sparse.eye(n, k=1), 3)
+    assert refused.value.status == 422 and refused.value.problem["row"] == 0
+    with pytest.raises(chladni.ParameterError):
+        client.eigsh(problem, 3, M)
+
+
+@needs_server
 def test_refusals_are_the_servers_sentences(client, knot):
     with pytest.raises(chladni.ClientError, match="count") as caught:
         client.eigs(knot, k=0)

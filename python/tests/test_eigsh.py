@@ -61,6 +61,8 @@ def test_shifts_of_equal_distance_take_as_many_as_were_asked_for():
     S = scipy.sparse.diags([0.0, 0.0, 0.0, 0.6, 2.0, 3.0])
     found = chladni.eigsh(S, k=3, sigma=0.5)
     assert np.allclose(found.values, [0, 0, 0.6], atol=1e-12) and found.certificate.first == 1
+    # One of three equal ones was left out.
+    assert [(tie.index, tie.delivered) for tie in found.certificate.around.ties] == [(0, False), (1, True), (2, True)]
 
 
 def test_shifts_inside_the_spectrum_take_the_nearest():
@@ -71,6 +73,7 @@ def test_shifts_inside_the_spectrum_take_the_nearest():
     assert np.allclose(found.values, nearest, rtol=1e-9)
     assert np.isclose(exact[found.certificate.first], found.values[0]) and found.vectors.shape == (1650, 8)
     assert len(found.certificate.bounds) == len(found.certificate.residuals) == 8
+    assert found.certificate.around == chladni.Around(sigma, ())
 
 
 def test_indefinite_and_dense_ones_against_lapack():

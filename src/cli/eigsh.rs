@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use chladni_base::{Monitor, StageClock};
-use chladni_spectral::basis::Basis;
+use chladni_spectral::basis::{Around, Basis, NearPair, PENCIL, Precision};
 use chladni_spectral::formats::matrix::{MatrixFile, MatrixLimits};
 use chladni_spectral::formats::npz;
 use chladni_spectral::spectrum::pencil::{Mass, Parameters, Pencil, PencilError, Wanted, solve};
@@ -42,7 +42,11 @@ pub struct EigshArguments {
     #[arg(long, value_name = "FROM,TO", conflicts_with_all = ["count", "below"], allow_hyphen_values = true, value_parser = interval, help_heading = "Problem")]
     between: Option<[f64; 2]>,
 
-    /// With a bound: more pairs than this are an error
+    /// Not the lowest, but those whose eigenvalues are nearest to this number; all below it are computed too
+    #[arg(long, value_name = "SHIFT", conflicts_with_all = ["below", "between"], allow_negative_numbers = true, value_parser = finite, help_heading = "Problem")]
+    around: Option<f64>,
+
+    /// With a bound or a shift: to compute more pairs than this is an error
     #[arg(long, value_name = "COUNT", default_value_t = 2000, help_heading = "Problem")]
     at_most: usize,
 
@@ -80,7 +84,8 @@ Examples:
   chladni eigsh S.npz M.npz -n 200 -o pairs.npz        200 lowest pairs of S x = λ M x
   chladni eigsh L.npz --below 0.5                      all below a bound
   chladni eigsh K.mtx M.mtx --fixed clamped.txt -n 20  some rows at zero
-  chladni eigsh A.npz --between -0.1,0.1               around zero, with the index of the first";
+  chladni eigsh A.npz --between -0.1,0.1               around zero, with the index of the first
+  chladni eigsh A.npz --around 2.5 -n 8                the eight nearest to a number";
 
 /// What a run made and measured.
 struct Run {
@@ -104,10 +109,11 @@ pub fn eigsh(arguments: EigshArguments) -> Result<ExitCode, CliError> {
 impl EigshArguments {
     fn wanted(&self) -> Wanted {
         let most = self.at_most;
-        match (self.below, self.between) {
-            (Some(bound), _) => Wanted::Below { bound, most },
-            (None, Some([from, to])) => Wanted::Between { from, to, most },
-            (None, None) => Wanted::Count(self.count),
+        match (self.below, self.between, self.around) {
+            (Some(bound), _, _) => Wanted::Below { bound, most },
+            (None, Some([from, to]), _) => Wanted::Between { from, to, most },
+            (None, None, Some(shift)) => Wanted::Around { shift, count: self.count, most },
+            (None, None, None) => Wanted::Count(self.count),
         }
     }
 
@@ -133,7 +139,8 @@ impl EigshArguments {
             let pencil = self.pencil(&clock)?;
             let pairs = solve(&pencil, &parameters, &clock).map_err(|error| CliError::Refused(error.to_string()))?;
             let (rows, unknowns) = (pencil.rows(), pencil.unknowns());
-            Ok::<_, CliError>((pairs.into_basis(&pencil, self.about(&parameters)), rows, unknowns))
+            let basis = pairs.into_basis(&pencil, Precision::F64, self.about(&parameters), &clock);
+            Ok::<_, CliError>((basis.map_err(|error| CliError::Refused(error.to_string()))?, rows, unknowns))
         });
         let (basis, rows, unknowns) = basis?;
         let (total, peak_rss) = (began.elapsed().as_secs_f64(), peak_rss_bytes());
@@ -156,9 +163,10 @@ impl EigshArguments {
             Wanted::Count(count) => json!({ "count": count }),
             Wanted::Below { bound, most } => json!({ "below": bound, "at_most": most }),
             Wanted::Between { from, to, most } => json!({ "between": [from, to], "at_most": most }),
+            Wanted::Around { shift, count, most } => json!({ "around": shift, "count": count, "at_most": most }),
         };
         let about = [
-            ("kind", json!("pencil")),
+            ("kind", json!(PENCIL)),
             ("method", json!("hsim")),
             ("wanted", wanted),
             ("tolerance", json!(parameters.tolerance)),
@@ -187,6 +195,19 @@ impl EigshArguments {
             CliError::mesh(file, error)
         })
     }
+}
+
+/// What pairs around a shift are, in words.
+fn around_of(first: usize, around: &Around) -> String {
+    let shift = number(around.shift);
+    let mut text = format!("\nthe nearest to {shift}; the first has the index {first}\n");
+    if !around.ties.is_empty() {
+        let (kept, left): (Vec<_>, Vec<_>) = around.ties.iter().partition(|tie| tie.delivered);
+        let list = |ties: Vec<&NearPair>| ties.iter().map(|tie| tie.index.to_string()).collect::<Vec<_>>().join(", ");
+        let (kept, left) = (list(kept), list(left));
+        text += &format!("as near as one can tell: {kept}, which are listed, and {left}, which are not\n");
+    }
+    text
 }
 
 fn matrix(path: &Path) -> Result<MatrixFile, CliError> {
@@ -241,6 +262,9 @@ impl Run {
         text += &eigenvalue_table(&self.basis.eigenvalues, &certificate.residuals, &[], &certificate.bounds);
         if let Some(interval) = &certificate.interval {
             text += &interval_of(certificate.first, interval);
+        }
+        if let Some(around) = &certificate.around {
+            text += &around_of(certificate.first, around);
         }
         if let Some(cut) = certificate.cut {
             text += &cut_of(cut, self.basis.eigenvalues.len());

@@ -5,6 +5,7 @@ use crate::queue::{JobFailure, Outcome, Runner, Watch};
 use crate::store::JobRecord;
 use chladni_base::Monitor;
 use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::spectrum::pencil::Matrices;
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Duration;
@@ -29,6 +30,12 @@ impl<R: Runner> Runner for Poison<R> {
         watch.stage("poison");
         harm(job.priority);
         self.0.run_body(job, mesh, solid, watch)
+    }
+
+    fn run_problem(&self, job: &JobRecord, matrices: Arc<Matrices>, watch: &dyn Watch) -> Result<Outcome, JobFailure> {
+        watch.stage("poison");
+        harm(job.priority);
+        self.0.run_problem(job, matrices, watch)
     }
 }
 

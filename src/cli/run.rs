@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use chladni_work::{JobParameters, KINDS};
+use chladni_work::{JobParameters, MESH_KINDS};
 use serde_json::{Map, Value};
 
 use super::work::{WorkArguments, json_argument};
@@ -14,7 +14,7 @@ use super::{CliError, Table, bytes, grouped};
 #[command(after_help = EXAMPLES)]
 pub struct RunArguments {
     /// Kind of job: eigenbasis, field_basis, operator_family, vibration_basis
-    #[arg(value_name = "KIND", value_parser = clap::builder::PossibleValuesParser::new(KINDS))]
+    #[arg(value_name = "KIND", value_parser = clap::builder::PossibleValuesParser::new(MESH_KINDS))]
     kind: String,
 
     /// Parameters of the job as a JSON object, or @FILE; what is absent takes its default

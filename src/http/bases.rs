@@ -32,7 +32,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct ListQuery {
-    /// Only bases on this mesh.
+    /// Only bases on this mesh, or of this problem.
     mesh: Option<String>,
     /// Only bases of this kind.
     #[param(example = "eigenbasis")]

@@ -216,11 +216,11 @@ async fn basis_content(
         Format::Safetensors => formats::safetensors::to_bytes,
         Format::MatrixMarket => formats::matrix_market::to_bytes,
     };
-    if record.kind != ProductKind::Eigenbasis.name() {
+    if ![ProductKind::Eigenbasis, ProductKind::PencilBasis].iter().any(|kind| kind.name() == record.kind) {
         let detail = format!("A basis of the kind {} comes as {NPZ}.", record.kind);
         return Err(Problem::new(&problem::NOT_ACCEPTABLE, detail));
     }
-    let basis = state.store.load_basis(record.id).await?;
+    let basis = state.store.load_eigenvectors(record.id).await?;
     if let BasisStorage::Dense(layout) = &record.storage {
         let (hash, columns) = (&record.content_hash, layout.start..layout.end);
         if format == Format::Safetensors {

@@ -6,7 +6,7 @@ use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::analysis::family::FamilyError;
 use chladni_spectral::analysis::filter::FilterError;
 use chladni_spectral::analysis::vibration::SimulationError;
-use chladni_spectral::basis::{BasisError, ColumnError};
+use chladni_spectral::basis::{BasisError, ColumnError, ProductKind};
 use chladni_work::ParameterError;
 
 use super::problem::{self, Problem};
@@ -18,6 +18,7 @@ impl From<StoreError> for Problem {
         match error {
             StoreError::NotFound { resource, .. } => match resource {
                 "mesh" => Self::new(&problem::UNKNOWN_MESH, text),
+                "problem" => Self::new(&problem::UNKNOWN_PROBLEM, text),
                 "job" => Self::new(&problem::UNKNOWN_JOB, text),
                 "basis" => Self::new(&problem::UNKNOWN_BASIS, text),
                 _ => Self::new(&problem::NOT_FOUND, "The content was deleted."),
@@ -25,6 +26,15 @@ impl From<StoreError> for Problem {
             StoreError::MeshInUse { unfinished_jobs, bases, .. } => {
                 Self::new(&problem::MESH_IN_USE, text).with("unfinished_jobs", unfinished_jobs).with("bases", bases)
             }
+            StoreError::BasisKind { basis, kind: ProductKind::PencilBasis, wanted } => Self::new(
+                &problem::BASIS_WITHOUT_MESH,
+                format!(
+                    "Basis {basis} is of matrices that came without a mesh; this route needs one of the kind {}.",
+                    wanted.name()
+                ),
+            )
+            .with("kind", ProductKind::PencilBasis.name())
+            .with("kinds", vec![wanted.name()]),
             StoreError::BasisKind { kind, wanted, .. } => {
                 Self::new(&problem::BASIS_KIND, text).with("kind", kind.name()).with("kinds", vec![wanted.name()])
             }

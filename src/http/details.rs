@@ -169,6 +169,18 @@ pub struct VibrationBasisDetails {
     dense_solver: Vec<String>,
 }
 
+/// What only eigenvectors of a problem have.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct PencilBasisDetails {
+    /// Rows that are not fixed.
+    unknowns: u64,
+    /// The multiple c of the mass that residuals ‖Sx − λMx‖ / ‖(S + cM)x‖ are relative to.
+    moved: f64,
+    /// What solved its dense problems; absent where no graphics card had to do with it.
+    dense_solver: Vec<String>,
+}
+
 /// What is known of vibration modes: proven by HSIM, or estimated for the approximation.
 #[derive(ToSchema)]
 #[serde(untagged)]
@@ -218,6 +230,7 @@ pub struct EstimatedModes {
     FieldBasisDetails,
     OperatorFamilyDetails,
     VibrationBasisDetails,
-    VibrationCertificate
+    VibrationCertificate,
+    PencilBasisDetails
 )))]
 pub struct Details;

@@ -53,6 +53,7 @@ pub struct Binary(Vec<u8>);
     ),
     tags(
         (name = "meshes", description = "Surfaces: uploaded, checked, repaired without loss, stored by content."),
+        (name = "problems", description = "Pencils of sparse symmetric matrices that someone else assembled: uploaded, checked, stored by content."),
         (name = "jobs", description = "Eigenproblems, worked on in the background."),
         (name = "bases", description = "Bases of eigenfunctions, compact or dense, and what can be computed with them at once."),
         (name = "analysis", description = "Distances, signatures, comparisons, compression and maps: uses of a basis, computed at once."),

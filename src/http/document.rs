@@ -20,7 +20,8 @@ use super::{kinds, variants};
 
 /// Members of answers that may be absent: the types leave them out where there is nothing to say.
 const ABSENT: &[(&str, &[&str])] = &[
-    ("Certificate", &["first", "interval", "cut"]),
+    ("Certificate", &["first", "interval", "around", "cut"]),
+    ("ReceiptHashes", &["mesh", "problem"]),
     ("Interval", &["from"]),
     ("FunctionOperator", &["domain"]),
     ("HodgeOperator", &["domain"]),
@@ -29,6 +30,7 @@ const ABSENT: &[(&str, &[&str])] = &[
     ("FieldBasisDetails", &["dense_solver"]),
     ("OperatorFamilyDetails", &["dense_solver"]),
     ("VibrationBasisDetails", &["dense_solver"]),
+    ("PencilBasisDetails", &["dense_solver"]),
 ];
 
 /// Makes the document of what the derives say.

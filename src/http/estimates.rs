@@ -32,7 +32,7 @@ struct JobEstimate {
     seconds: Option<f64>,
     /// The threads that work on it.
     threads: usize,
-    /// About how much memory it needs, in bytes: an upper estimate for surfaces. Pairs by a bound count as `at_most`.
+    /// About how much memory it needs, in bytes: an upper estimate for surfaces, and for problems, whose factor was counted. Pairs by a bound count as `at_most`.
     memory_bytes: u64,
     /// What this server allows for one job, in bytes.
     memory_limit_bytes: u64,
@@ -40,7 +40,7 @@ struct JobEstimate {
     fits: bool,
 }
 
-problems!(EstimateJobProblems: BODY JSON [INVALID_QUERY, UNKNOWN_MESH, INVALID_PARAMETER]);
+problems!(EstimateJobProblems: BODY JSON [INVALID_QUERY, UNKNOWN_MESH, UNKNOWN_PROBLEM, INVALID_PARAMETER]);
 
 /// Estimates a job
 ///

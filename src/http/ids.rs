@@ -103,6 +103,8 @@ ids! {
         let digits = text.len() == 32 && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
         digits.then(|| text.to_owned())
     };
+    /// The id of a problem: 32 hexadecimal digits of the hash of its matrices.
+    ProblemId(String), "problem", UNKNOWN_PROBLEM, "7be0a1d25c9f4e3388d1c6f2904ab57e", |text| MeshId::read(text).map(|id| id.0);
     /// The id of a job.
     JobId(Uuid), "job", UNKNOWN_JOB, "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2", |text| text.parse().ok();
     /// The id of a basis.

@@ -6,9 +6,10 @@ use axum::Json;
 use axum::body::Body;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use chladni_spectral::basis::ProductKind;
 use chladni_work::numbered::translate_parameters;
 use chladni_work::packed::Packed;
-use chladni_work::{JobParameters, MeshSize, SOLVER_VERSION};
+use chladni_work::{JobParameters, MeshSize, ProblemSize, SOLVER_VERSION};
 use headers::HeaderMapExt;
 use serde::Deserialize;
 use utoipa::IntoParams;
@@ -25,7 +26,7 @@ use super::problems::problems;
 use super::state::AppState;
 use super::wire::{JobRequest, JobResource, PageOf, Status};
 use super::{body, conditional, exchange};
-use crate::store::{EnqueueOutcome, IdempotencyKey, JobFilter, JobRecord, JobStatus, MeshRecord, NewJob, StoreError};
+use crate::store::{EnqueueOutcome, IdempotencyKey, JobFilter, JobRecord, JobStatus, NewJob, StoreError};
 
 /// The largest body of a job: a potential comes with it.
 const JSON_BYTES: u64 = 16 << 20;
@@ -49,7 +50,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(retry))
 }
 
-problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_QUERY, INVALID_HEADER, UNKNOWN_MESH, INVALID_PARAMETER, JOB_TOO_LARGE, IDEMPOTENCY_CONFLICT, QUEUE_FULL, DRAINING]);
+problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_QUERY, INVALID_HEADER, UNKNOWN_MESH, UNKNOWN_PROBLEM, INVALID_PARAMETER, JOB_TOO_LARGE, IDEMPOTENCY_CONFLICT, QUEUE_FULL, DRAINING]);
 
 /// Submits a job
 ///
@@ -68,6 +69,7 @@ problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_QUERY, INVALID_HEADER, UNK
         ("fields" = (summary = "A space of 4-fields of 2,000 dimensions", value = json!({"kind": "field_basis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"field": "n_vector", "n": 4, "dimension": 2000}}))),
         ("vibration" = (summary = "60 vibration modes of a steel shell of a millimetre, in metres", value = json!({"kind": "vibration_basis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"count": 60, "thickness": 0.001}}))),
         ("family" = (summary = "A family of operators", value = json!({"kind": "operator_family", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"dimension": 780}}))),
+        ("pencil" = (summary = "The 20 pairs of a problem nearest to 1.5, with three rows at zero", value = json!({"kind": "pencil_basis", "pencil": "7be0a1d25c9f4e3388d1c6f2904ab57e", "parameters": {"count": 20, "around": 1.5, "fixed": [0, 1, 2]}}))),
         ("operator" = (summary = "A Hamiltonian with functions that vanish on the boundary", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"count": 100, "operator": {"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}, "boundary": "dirichlet"}}))),
     )),
     responses(
@@ -85,7 +87,7 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
     extract::require_json(&headers)?;
     let key = idempotency_key(&headers)?;
     let mut request = read(&state, &headers, body).await?;
-    let Planned { mesh, parameters, estimate, limit, .. } = plan(&state, &numbered, &mut request).await?;
+    let Planned { source, parameters, estimate, limit, .. } = plan(&state, &numbered, &mut request).await?;
     if estimate > limit {
         return Err(Problem::new(
             &problem::JOB_TOO_LARGE,
@@ -98,14 +100,14 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
     let brief = chladni_work::abbreviated(&canonical);
     let idempotency = key.map(|key| IdempotencyKey {
         key: format!("{}:{key}", state.principal),
-        request_hash: chladni_work::hash_of(&(&request.kind, &mesh.id, &canonical, request.priority)),
+        request_hash: chladni_work::hash_of(&(&request.kind, &source, &canonical, request.priority)),
     });
     let enqueued = state
         .store
         .enqueue(NewJob {
             kind: parameters.kind().to_owned(),
-            work_key: parameters.work_key_of(&mesh.id, &canonical),
-            mesh: mesh.id,
+            work_key: parameters.work_key_of(&source, &canonical),
+            mesh: source,
             brief: (brief != canonical).then_some(brief),
             parameters: canonical,
             priority: request.priority,
@@ -131,7 +133,8 @@ pub(super) async fn read(state: &ClientState, headers: &HeaderMap, body: Body) -
 
 /// A job as it would be enqueued.
 pub(super) struct Planned {
-    pub mesh: MeshRecord,
+    /// The mesh or the problem that it is on.
+    pub source: String,
     pub parameters: JobParameters,
     /// Of the memory that it needs, in bytes.
     pub estimate: u64,
@@ -153,7 +156,11 @@ pub(super) async fn plan(
             format!("priority: must be between -100 and 100, not {}.", request.priority),
         ));
     }
-    let found = state.store.mesh(&request.mesh).await;
+    if request.kind == ProductKind::PencilBasis.name() {
+        return plan_on_problem(state, request).await;
+    }
+    let given = mesh_of(request)?;
+    let found = state.store.mesh(&given).await;
     if found.is_err() {
         // What can be told without a mesh is told first.
         JobParameters::read(&request.kind, &request.parameters)?;
@@ -161,7 +168,7 @@ pub(super) async fn plan(
     let mesh = found.map_err(|error| match error {
         StoreError::NotFound { .. } => Problem::new(
             &problem::UNKNOWN_MESH,
-            format!("mesh: no mesh has the id {:?}.", problem::shorten(request.mesh.clone())),
+            format!("mesh: no mesh has the id {:?}.", problem::shorten(given.clone())),
         ),
         other => other.into(),
     })?;
@@ -181,8 +188,53 @@ pub(super) async fn plan(
         estimate: parameters.memory_bytes(size),
         limit: state.config.limits.max_job_bytes,
         seconds: parameters.seconds(size),
-        mesh,
+        source: mesh.id,
         parameters,
+    })
+}
+
+/// The mesh that a request names.
+fn mesh_of(request: &JobRequest) -> Result<String, Problem> {
+    let refused = |reason: &str| Err(Problem::new(&problem::INVALID_REQUEST, reason));
+    if !chladni_work::KINDS.contains(&request.kind.as_str()) {
+        JobParameters::read(&request.kind, &request.parameters)?;
+    }
+    match (&request.mesh, &request.pencil) {
+        (_, Some(_)) => refused("pencil: belongs to jobs of the kind \"pencil_basis\"."),
+        (None, None) => refused("mesh: the id of a mesh is missing."),
+        (Some(mesh), None) => Ok(mesh.clone()),
+    }
+}
+
+/// The same for a job on the matrices of a problem.
+async fn plan_on_problem(state: &ClientState, request: &mut JobRequest) -> Result<Planned, Problem> {
+    let refused = |reason: &str| Err(Problem::new(&problem::INVALID_REQUEST, reason));
+    let JobParameters::PencilBasis(parameters) = JobParameters::read(&request.kind, &request.parameters)? else {
+        return Err(Problem::internal("parameters of another kind were read"));
+    };
+    request.parameters = Packed::Null;
+    let given = match (&request.pencil, &request.mesh) {
+        (_, Some(_)) => {
+            return refused("mesh: a job of the kind \"pencil_basis\" works on a problem, named by `pencil`.");
+        }
+        (None, None) => return refused("pencil: the id of a problem is missing."),
+        (Some(given), None) => given.clone(),
+    };
+    let problem = state.store.problem(&given).await.map_err(|error| match error {
+        StoreError::NotFound { .. } => Problem::new(
+            &problem::UNKNOWN_PROBLEM,
+            format!("pencil: no problem has the id {:?}.", problem::shorten(given)),
+        ),
+        other => other.into(),
+    })?;
+    let size = ProblemSize::of_report(problem.rows as usize, &problem.report);
+    parameters.check_problem(size)?;
+    Ok(Planned {
+        estimate: parameters.problem_memory_bytes(size),
+        limit: state.config.limits.max_job_bytes,
+        seconds: None,
+        source: problem.id,
+        parameters: JobParameters::PencilBasis(parameters),
     })
 }
 
@@ -238,7 +290,7 @@ struct ListQuery {
     /// Only jobs of this kind.
     #[param(example = "eigenbasis")]
     kind: Option<String>,
-    /// Only jobs on this mesh.
+    /// Only jobs on this mesh, or on this problem.
     mesh: Option<String>,
     /// Items of the page, at most 200.
     #[param(minimum = 1, maximum = 200, default = 50)]

@@ -1,5 +1,6 @@
 //! Jobs and bases by kind, in the OpenAPI document: `oneOf` with `kind` as the discriminator, each with parameters and details of its own.
 
+use chladni_spectral::basis::PENCIL;
 use chladni_work::LONGEST_LIST;
 use serde_json::{Value, json};
 
@@ -21,7 +22,7 @@ struct Kind {
     always: bool,
 }
 
-const KINDS: [Kind; 4] = [
+const KINDS: [Kind; 5] = [
     Kind {
         name: "eigenbasis",
         prefix: "Eigenbasis",
@@ -54,11 +55,36 @@ const KINDS: [Kind; 4] = [
         details: "VibrationBasisDetails",
         always: true,
     },
+    Kind {
+        name: PENCIL,
+        prefix: "PencilBasis",
+        operator: None,
+        certificate: Some("Certificate"),
+        details: "PencilBasisDetails",
+        always: true,
+    },
 ];
 
 impl Kind {
     fn parameters(&self) -> Value {
         reference(&format!("{}Parameters", self.prefix))
+    }
+
+    /// Whether what it works on is a problem; else it is a mesh.
+    fn is_of_problem(&self) -> bool {
+        self.name == PENCIL
+    }
+
+    /// What it works on, as answers have it.
+    fn source(&self, of: &Value) -> Value {
+        let text = |member: &str| of["properties"][member]["description"].clone();
+        match self.is_of_problem() {
+            true => json!({
+                "mesh": { "type": "null", "description": text("mesh") },
+                "pencil": { "type": "string", "description": text("pencil") },
+            }),
+            false => json!({ "mesh": { "type": "string", "description": text("mesh") } }),
+        }
     }
 
     fn own(&self) -> Value {
@@ -81,14 +107,20 @@ pub fn split(document: &mut Value) {
         let mut own = request.clone();
         own["properties"]["kind"] = kind.own();
         own["properties"]["parameters"] = described(kind.parameters(), "Parameters; what is absent takes its default.");
+        let (named, other) = if kind.is_of_problem() { ("pencil", "mesh") } else { ("mesh", "pencil") };
+        own["properties"][named]["type"] = "string".into();
+        if let Some(properties) = own["properties"].as_object_mut() {
+            properties.remove(other);
+        }
+        own["required"] = json!(["kind", named]);
         own
     });
     let job = schemas(document)["JobResource"].take();
-    divide(document, "JobResource", &job, |kind| with(kind, "JobFacts", json!({ "parameters": shown(kind) })));
-    common(document, "JobFacts", job, &["kind", "parameters"]);
+    divide(document, "JobResource", &job, |kind| with(kind, "JobFacts", &job, shown(kind)));
+    common(document, "JobFacts", job, &["kind", "parameters", "mesh", "pencil"]);
     let summary = schemas(document)["BasisSummary"].take();
-    divide(document, "BasisSummary", &summary, |kind| with(kind, "BasisFacts", json!({ "parameters": shown(kind) })));
-    common(document, "BasisFacts", summary, &["kind", "parameters"]);
+    divide(document, "BasisSummary", &summary, |kind| with(kind, "BasisFacts", &summary, shown(kind)));
+    common(document, "BasisFacts", summary, &["kind", "parameters", "mesh", "pencil"]);
     let basis = schemas(document)["BasisResource"].take();
     let texts = basis["allOf"][1]["properties"].clone();
     divide(document, "BasisResource", &basis, |kind| {
@@ -105,7 +137,7 @@ pub fn split(document: &mut Value) {
             { "type": "object", "properties": {
                 "eigenvalues": texts["eigenvalues"],
                 "operator": member("operator", kind.operator, true),
-                "certificate": member("certificate", kind.certificate, kind.name == "eigenbasis"),
+                "certificate": member("certificate", kind.certificate, ["eigenbasis", PENCIL].contains(&kind.name)),
                 "details": member("details", Some(kind.details), kind.always),
             } },
         ] })
@@ -118,7 +150,9 @@ fn described(mut schema: Value, text: &str) -> Value {
 }
 
 /// What all kinds share, and what one has beside it.
-fn with(kind: &Kind, common: &str, mut properties: Value) -> Value {
+fn with(kind: &Kind, common: &str, of: &Value, parameters: Value) -> Value {
+    let mut properties = kind.source(of);
+    properties["parameters"] = parameters;
     properties["kind"] = kind.own();
     json!({ "allOf": [reference(common), { "type": "object", "properties": properties }] })
 }

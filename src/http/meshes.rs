@@ -26,13 +26,13 @@ use super::ids::MeshId;
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
-use super::upload::{LONGEST_NAME, Sent};
+use super::upload::{Sent, check_name};
 use super::wire::{MeshResource, PageOf};
 use super::{body, conditional, exchange};
 use crate::store::NewMesh;
 
 /// The largest body that renames a mesh.
-const RENAME_BYTES: u64 = 16 << 10;
+pub(super) const RENAME_BYTES: u64 = 16 << 10;
 
 /// The media type of positions and indices for web clients.
 const BUFFERS: &str = "application/vnd.chladni.mesh";
@@ -165,12 +165,7 @@ async fn upload(
     let body = body.gunzipped(std::mem::take(&mut sent.bytes), limit).await?;
     sent.bytes = body.bytes.clone();
     let name = query.name.or(sent.name.take()).filter(|name| !name.trim().is_empty());
-    if name.as_ref().is_some_and(|name| name.chars().count() > LONGEST_NAME) {
-        return Err(Problem::new(
-            &problem::INVALID_QUERY,
-            format!("name: must have at most {LONGEST_NAME} characters."),
-        ));
-    }
+    check_name(name.as_deref(), &problem::INVALID_QUERY)?;
     let format = sent.format(query.format.as_deref())?;
     let subdivisions = query.subdivide.or(sent.subdivide).unwrap_or_default();
     if subdivisions > MOST_SUBDIVISIONS {
@@ -303,9 +298,9 @@ async fn show(state: ClientState, MeshId(id): MeshId, headers: HeaderMap) -> Res
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(example = json!({"name": "bunny, scanned in March"}))]
-struct RenameRequest {
+pub(super) struct RenameRequest {
     /// A name for people, at most 200 characters; null or nothing but blanks takes it away.
-    name: Option<String>,
+    pub name: Option<String>,
 }
 
 problems!(RenameMeshProblems: BODY JSON WRITE [UNKNOWN_MESH]);
@@ -333,12 +328,7 @@ async fn rename(
     let body = body::read(&state, &headers, body, RENAME_BYTES).await?;
     let request: RenameRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
     let name = request.name.filter(|name| !name.trim().is_empty());
-    if name.as_ref().is_some_and(|name| name.chars().count() > LONGEST_NAME) {
-        return Err(Problem::new(
-            &problem::INVALID_REQUEST,
-            format!("name: must have at most {LONGEST_NAME} characters."),
-        ));
-    }
+    check_name(name.as_deref(), &problem::INVALID_REQUEST)?;
     let record = state.store.rename_mesh(&id, name.as_deref()).await?;
     tracing::info!(mesh = record.id, "mesh renamed");
     Ok(Json(MeshResource::from(record)))

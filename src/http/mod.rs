@@ -12,9 +12,9 @@
 //! | `body`, `extract`, `ids`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, ids, negotiation, ranges |
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `numbering` | whose numbering of vertices and faces they are in |
-//! | `wire`, `details` | what goes over the wire |
+//! | `wire`, `pencil_wire`, `details` | what goes over the wire |
 //! | `document`, `kinds`, `variants` | the OpenAPI document, made of what the types say |
-//! | `meshes`, `mesh_maps`, `upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `verification`, `subspaces`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
+//! | `meshes`, `mesh_maps`, `upload`, `pencils`, `pencil_upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `verification`, `subspaces`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
 //! | `page`, `guide`, `embedded` | the web page and the manual, embedded |
 
 mod access;
@@ -53,6 +53,9 @@ mod modes;
 mod numbering;
 mod origin;
 mod page;
+mod pencil_upload;
+mod pencil_wire;
+mod pencils;
 mod problem;
 mod problems;
 mod samples;
@@ -72,6 +75,7 @@ mod wire;
 
 pub use auth::{ApiKey, KeyError, KeysNeeded, Scope, require_keys};
 pub use docs::document as openapi;
+pub use pencil_wire::{ProblemLinks, ProblemResource};
 pub use problem::{Kind, Problem};
 pub use serve::serve;
 pub use state::{AppState, Shared, StateError};
@@ -99,6 +103,7 @@ fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::with_openapi(docs::base())
         .merge(meshes::routes())
         .merge(samples::routes())
+        .merge(pencils::routes())
         .merge(jobs::routes())
         .merge(estimates::routes())
         .merge(bases::routes())

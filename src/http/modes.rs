@@ -73,9 +73,11 @@ struct ModesQuery {
     dtype: Dtype,
 }
 
-problems!(GetModesProblems: [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE, RANGE_NOT_SATISFIABLE, BASIS_KIND, INVALID_RANGE_OF_MODES, BUSY]);
+problems!(GetModesProblems: [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE, RANGE_NOT_SATISFIABLE, BASIS_KIND, BASIS_WITHOUT_MESH, INVALID_RANGE_OF_MODES, BUSY]);
 
 /// Gets eigenfunctions on the vertices
+///
+/// Or the eigenvectors of a problem, a row for each of its rows.
 ///
 /// By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`;
 /// `application/octet-stream`, the same little-endian numbers, mode after mode, without a header; `model/ply`, the mesh with the
@@ -108,7 +110,10 @@ async fn modes(
             _ => Format::F32,
         },
     };
-    let record = find_kind(&state, id, ProductKind::Eigenbasis).await?;
+    let record = match state.store.basis(id).await? {
+        record if record.kind == ProductKind::PencilBasis.name() && format != Format::Ply => record,
+        _ => find_kind(&state, id, ProductKind::Eigenbasis).await?,
+    };
     let count = record.count as usize;
     let last = if format == Format::Ply { query.from.saturating_add(1) } else { count };
     let range = query.from..query.to.unwrap_or(last);
@@ -125,7 +130,7 @@ async fn modes(
     let tag = format!("{hash}-modes-{}-{}-{format:?}-{}{which}", range.start, range.end, dtype.name());
     let basis = match format {
         Format::Ply => on_vertices(&state, id).await?,
-        _ => state.store.load_basis(record.id).await?,
+        _ => state.store.load_eigenvectors(record.id).await?,
     };
     if format == Format::Ply {
         let mesh = state.store.load_mesh(&record.mesh).await?;
@@ -145,7 +150,11 @@ async fn modes(
     }
     let tag = conditional::strong(&tag)?;
     let known = conditional::matches(&headers, &tag);
-    let to = translation(&state, numbered, id, &basis).await?;
+    let to = match record.kind == ProductKind::PencilBasis.name() {
+        // Rows of a problem have the numbers that it came with.
+        true => Translation::default(),
+        false => translation(&state, numbered, id, &basis).await?,
+    };
     let (n, k) = (to.rows(basis.vertices()), range.len());
     let mut response = if known { StatusCode::NOT_MODIFIED.into_response() } else { StatusCode::OK.into_response() };
     let head = response.headers_mut();

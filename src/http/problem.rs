@@ -42,6 +42,8 @@ kinds! {
         "The route exists, but not with this method. The header Allow lists those it has.";
     UNKNOWN_MESH = "unknown-mesh", 404, "There is no such mesh",
         "No mesh has this id. It may have been deleted.";
+    UNKNOWN_PROBLEM = "unknown-problem", 404, "There is no such problem",
+        "No problem, a pencil of matrices, has this id. It may have been deleted.";
     UNKNOWN_SAMPLE = "unknown-sample", 404, "There is no such sample",
         "No generated mesh has this name. /v1/samples lists them.";
     UNKNOWN_JOB = "unknown-job", 404, "There is no such job",
@@ -73,7 +75,7 @@ kinds! {
     INVALID_CURSOR = "invalid-cursor", 400, "The cursor is invalid",
         "`from` must be the `next` of an earlier page of the same list.";
     INVALID_MULTIPART = "invalid-multipart", 400, "The multipart body is invalid",
-        "The multipart body is malformed or has no mesh in it. The detail says what is wrong.";
+        "The multipart body is malformed, or lacks the part that it must have. The detail says what is wrong.";
     INVALID_FUNCTION = "invalid-function", 422, "The function does not fit the mesh",
         "A function needs one finite value per vertex and column. The detail names the offending value or count.";
     INVALID_TRANSFER = "invalid-transfer-function", 422, "The transfer function is invalid",
@@ -104,6 +106,10 @@ kinds! {
         "An Idempotency-Key stands for one request. Use a fresh key for another body.";
     MESH_IN_USE = "mesh-in-use", 409, "The mesh is in use",
         "Unfinished jobs or stored bases refer to the mesh. Delete them first, or pass cascade=true.";
+    PROBLEM_IN_USE = "problem-in-use", 409, "The problem is in use",
+        "Unfinished jobs or stored bases refer to the matrices. Delete them first, or pass cascade=true.";
+    BASIS_WITHOUT_MESH = "basis-without-mesh", 409, "The basis has no mesh",
+        "The basis is of a problem, matrices that came without a mesh, and the route computes with a mesh or with functions on one. Its vectors can be downloaded and verified. The member `kinds` has what the route serves.";
     BASIS_KIND = "basis-kind", 409, "The basis is of another kind",
         "The route serves bases of another kind. The member `kind` has the kind of this one, `kinds` those that the route serves.";
     INCOMPARABLE_BASES = "incomparable-bases", 409, "The bases cannot be compared",
@@ -111,7 +117,7 @@ kinds! {
     STATE_CONFLICT = "state-conflict", 409, "The resource is not in a state for this",
         "A job that has ended cannot be canceled, one that has succeeded cannot be retried, and one that waits or runs, or whose basis is stored, cannot be deleted. The member `job_status` has its status.";
     JOB_FAILED = "job", 500, "The job failed",
-        "Never the answer to a request: the `problem` of a failed job. The type goes on with why.\n\nOf the work itself, which another attempt would not help: `not-converged` (some pairs did not reach the tolerance: ask for less, or for another variant), `incomplete` (inertia counts prove that pairs are missing, and they could not be found: nothing is stored as if it were complete), `unproven` (pairs were found, but no count or bound could be trusted to prove them), `tolerance-below-rounding` (the message says which tolerance double precision allows on this mesh), `invalid-parameters` (they do not fit the mesh), `no-field-surface` (fields need an oriented manifold), `harmonic-fields-failed`, `operator-failed`, `subspace-failed`, `restriction-failed`, `eigenproblem-failed`, `certificate-failed`, `job-too-large` (it needs more memory than the server has by now), `memory-exceeded` (it needs more memory than it was promised: the mesh is connected as no surface is, or one vertex has very many triangles).\n\nOf the service: `worker-lost`, `worker-panicked`, `worker-stalled` after the last attempt; `quarantined` (the process of the job, or the server, crashed twice while the job ran: it is not tried again by itself); `mesh-unavailable`, `storage-full`, `storage-unavailable`.";
+        "Never the answer to a request: the `problem` of a failed job. The type goes on with why.\n\nOf the work itself, which another attempt would not help: `not-converged` (some pairs did not reach the tolerance: ask for less, or for another variant), `incomplete` (inertia counts prove that pairs are missing, and they could not be found: nothing is stored as if it were complete), `unproven` (pairs were found, but no count or bound could be trusted to prove them), `tolerance-below-rounding` (the message says which tolerance double precision allows on this mesh), `invalid-parameters` (they do not fit the mesh), `no-field-surface` (fields need an oriented manifold), `harmonic-fields-failed`, `operator-failed`, `subspace-failed`, `restriction-failed`, `eigenproblem-failed`, `certificate-failed`, `job-too-large` (it needs more memory than the server has by now), `memory-exceeded` (it needs more memory than it was promised: the mesh is connected as no surface is, or one vertex has very many triangles).\n\nOf the service: `worker-lost`, `worker-panicked`, `worker-stalled` after the last attempt; `quarantined` (the process of the job, or the server, crashed twice while the job ran: it is not tried again by itself); `mesh-unavailable`, `storage-full`, `storage-unavailable`.\n\nOf matrices: `invalid-pencil` (the mass is not positive definite, which was left to the job to find out).";
     RANGE_NOT_SATISFIABLE = "range-not-satisfiable", 416, "The range cannot be satisfied",
         "The range begins beyond the end. The header Content-Range has the length.";
     UNAUTHENTICATED = "unauthenticated", 401, "An API key is needed",
@@ -142,6 +148,10 @@ kinds! {
         "The type goes on with what is wrong, as in unreadable-mesh/index-out-of-range. The detail names the line or the element.";
     UNUSABLE_MESH = "unusable-mesh", 422, "The mesh cannot be used",
         "The type goes on with what is wrong, as in unusable-mesh/no-faces. The detail names the element.";
+    UNREADABLE_MATRIX = "unreadable-matrix", 422, "A matrix cannot be read",
+        "The type goes on with what is wrong: unreadable-matrix/unknown-format (neither an NPZ of scipy.sparse.save_npz, nor NPY, nor Matrix Market), /archive, /line, /entries, /too-large or /problem. The detail names the member, the line or the row; the member `matrix` is S or M.";
+    INVALID_PENCIL = "invalid-pencil", 422, "The matrices are no pencil",
+        "The type goes on with what is wrong: invalid-pencil/not-square, /not-finite, /not-symmetric, /not-definite (the mass), /empty or /structure. The members `matrix`, `row` and `column`, counted from 0, have the first place where it shows.";
     UNKNOWN_FORMAT = "unknown-mesh-format", 415, "The format of the mesh is unknown",
         "Name the format by Content-Type or ?format=: obj, ply, off, stl, medit, vtk, gmsh or freesurfer.";
 }

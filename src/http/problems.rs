@@ -24,8 +24,14 @@ pub const BODY: List = &[
 pub const JSON: List = &[&problem::UNSUPPORTED_MEDIA_TYPE, &problem::INVALID_JSON, &problem::INVALID_REQUEST];
 
 /// What a synchronous solve in a stored basis may answer, whatever it computes.
-pub const SOLVE: List =
-    &[&problem::INVALID_QUERY, &problem::UNKNOWN_BASIS, &problem::NOT_ACCEPTABLE, &problem::BASIS_KIND, &problem::BUSY];
+pub const SOLVE: List = &[
+    &problem::INVALID_QUERY,
+    &problem::UNKNOWN_BASIS,
+    &problem::NOT_ACCEPTABLE,
+    &problem::BASIS_KIND,
+    &problem::BASIS_WITHOUT_MESH,
+    &problem::BUSY,
+];
 
 /// What a list of resources may answer.
 pub const PAGE: List = &[&problem::INVALID_QUERY, &problem::INVALID_CURSOR];

@@ -7,7 +7,7 @@ use bytes::Bytes;
 use chladni_mesh::check::{Merge, SurfaceOf};
 use chladni_mesh::read::MeshFormat;
 
-use super::problem::{self, Problem};
+use super::problem::{self, Kind, Problem};
 
 /// The longest name of a mesh, in characters.
 pub const LONGEST_NAME: usize = 200;
@@ -131,6 +131,19 @@ impl Sent {
                 format!("The format cannot be recognised from the first bytes; name one of {} with ?format=.", list()),
             )
         })
+    }
+}
+
+/// That a name is not too long.
+///
+/// # Errors
+/// Of the given kind.
+pub fn check_name(name: Option<&str>, kind: &'static Kind) -> Result<(), Problem> {
+    match name {
+        Some(name) if name.chars().count() > LONGEST_NAME => {
+            Err(Problem::new(kind, format!("name: must have at most {LONGEST_NAME} characters.")))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -5,12 +5,15 @@ use std::time::Instant;
 use axum::http::HeaderMap;
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::verify::VerifyError;
-use chladni_work::JobError;
-use chladni_work::verification::{JudgeError, Promised, judge, judging_bytes, problem_of, receipt};
+use chladni_work::verification::{
+    JudgeError, Promised, judge, judge_pencil, judging_bytes, pencil_receipt, problem_of, receipt,
+};
+use chladni_work::{JobError, JobParameters, ProblemSize};
 use serde_json::json;
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+use uuid::Uuid;
 
 use super::bases::{find_kind, on_vertices};
 use super::body;
@@ -43,17 +46,17 @@ struct ReceiptSchema {
     /// `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing is wrong and something could not be
     /// judged.
     verdict: String,
-    /// BLAKE3 of the content of the basis, and the id of the mesh.
+    /// BLAKE3 of the content of the basis, and the id of the mesh or of the problem.
     hashes: ReceiptHashes,
     /// What the hashes are of.
     hash: String,
     /// Program and version.
     verified_by: String,
-    /// The operator that was assembled anew.
+    /// The operator that was assembled anew; `pencil` where the matrices came as they are.
     operator: serde_json::Value,
-    /// Its mass matrix.
+    /// Its mass matrix; of a problem `identity`, `diagonal` or `sparse`.
     mass: String,
-    /// Its boundary condition.
+    /// Its boundary condition; of a problem `dirichlet` where rows are fixed, else `none`.
     boundary: String,
     /// The parameters of the job that made the basis.
     solved_with: serde_json::Value,
@@ -87,8 +90,10 @@ struct ReceiptSchema {
 struct ReceiptHashes {
     /// BLAKE3 of the content of the basis, 64 hexadecimal digits.
     basis: String,
-    /// The id of the mesh.
+    /// The id of the mesh; absent where there is a problem.
     mesh: String,
+    /// The id of the problem, of a basis of the kind `pencil_basis`.
+    problem: String,
 }
 
 /// A count made anew.
@@ -110,7 +115,7 @@ problems!(VerifyBasisProblems: SOLVE [BODY_TOO_LARGE, INVALID_ANALYSIS]);
 
 /// Judges a basis again
 ///
-/// Nothing of a solver takes part: the operator is assembled anew, residuals and inner products are summed from the functions as they are stored, and where the
+/// Nothing of a solver takes part: the operator is assembled anew, or the matrices of the problem are read again, residuals and inner products are summed from the functions as they are stored, and where the
 /// basis claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as `chladni verify --receipt` writes it.
 /// Bases of eigenfields, and of operators with a potential that came with the job, cannot be judged here.
 #[utoipa::path(
@@ -124,6 +129,9 @@ problems!(VerifyBasisProblems: SOLVE [BODY_TOO_LARGE, INVALID_ANALYSIS]);
 )]
 async fn verify_basis(state: ClientState, BasisId(id): BasisId, headers: HeaderMap) -> Result<Answer, Problem> {
     extract::negotiated(&headers, &["application/json"])?;
+    if state.store.basis(id).await?.kind == ProductKind::PencilBasis.name() {
+        return verify_pencil(state, id).await;
+    }
     let record = find_kind(&state, id, ProductKind::Eigenbasis).await?;
     let mut memory = state.memory();
     let basis = on_vertices(&state, id).await?;
@@ -141,15 +149,45 @@ async fn verify_basis(state: ClientState, BasisId(id): BasisId, headers: HeaderM
             let (begin, _memory) = (Instant::now(), memory);
             // A factor that fills in more is not computed, and the count stays unconfirmed.
             let monitor = &Promised { inner: monitor, bytes };
-            let outcome =
-                judge(&basis, &mesh, solid.as_deref(), &parameters, monitor).map_err(|error| match error {
-                    JudgeError::Operator(JobError::Cancelled(cancelled))
-                    | JudgeError::Verify(VerifyError::Cancelled(cancelled)) => cancelled.into(),
-                    JudgeError::Verify(VerifyError::Functions(error)) => error.into(),
-                    other => Problem::new(&problem::INVALID_ANALYSIS, format!("This basis cannot be judged: {other}.")),
-                })?;
+            let outcome = judge(&basis, &mesh, solid.as_deref(), &parameters, monitor).map_err(unjudged)?;
             let hashes = json!({"basis": record.content_hash, "mesh": record.mesh});
             let receipt = receipt(&basis, &parameters, &outcome, (&hashes, HASH), begin.elapsed().as_secs_f64());
+            Answer::json(&receipt, begin)
+        })
+        .await
+}
+
+fn unjudged(error: JudgeError) -> Problem {
+    match error {
+        JudgeError::Operator(JobError::Cancelled(cancelled))
+        | JudgeError::Verify(VerifyError::Cancelled(cancelled)) => cancelled.into(),
+        JudgeError::Verify(VerifyError::Functions(error)) => error.into(),
+        other => Problem::new(&problem::INVALID_ANALYSIS, format!("This basis cannot be judged: {other}.")),
+    }
+}
+
+/// The same for a basis of a problem.
+async fn verify_pencil(state: ClientState, id: Uuid) -> Result<Answer, Problem> {
+    let record = state.store.basis(id).await?;
+    let source = state.store.problem(&record.mesh).await?;
+    let parameters = JobParameters::parse(&record.kind, &state.store.job_parameters(record.job).await?)?;
+    let JobParameters::PencilBasis(parameters) = parameters else {
+        return Err(Problem::internal("a basis of a problem has the parameters of another kind"));
+    };
+    let size = ProblemSize::of_report(source.rows as usize, &source.report);
+    let bytes = size.judging_bytes(record.count as usize);
+    let mut memory = state.memory();
+    body::reserve(&mut memory, bytes)?;
+    let basis = state.store.load_eigenvectors(id).await?;
+    let matrices = state.store.load_problem(&source.id).await?;
+    state
+        .solve("verify", move |monitor| {
+            let (begin, _memory) = (Instant::now(), memory);
+            let monitor = &Promised { inner: monitor, bytes };
+            let outcome = judge_pencil(&basis, &matrices, &parameters.fixed, monitor).map_err(unjudged)?;
+            let hashes = json!({"basis": record.content_hash, "problem": source.id});
+            let hash = (&hashes, "BLAKE3 of the content of the basis, the id of the problem");
+            let receipt = pencil_receipt(&basis, &matrices, &parameters, &outcome, hash, begin.elapsed().as_secs_f64());
             Answer::json(&receipt, begin)
         })
         .await

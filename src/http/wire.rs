@@ -102,7 +102,11 @@ pub struct JobRequest {
     /// The kind of job.
     pub kind: String,
     /// The id of the mesh.
-    pub mesh: String,
+    #[serde(default)]
+    pub mesh: Option<String>,
+    /// Of the kind `pencil_basis`, in the place of a mesh: the id of the problem.
+    #[serde(default)]
+    pub pencil: Option<String>,
     /// Parameters of the kind; what is absent takes its default. A parameter of another kind or method is refused by name.
     #[serde(default)]
     #[schema(value_type = Object)]
@@ -111,6 +115,29 @@ pub struct JobRequest {
     #[serde(default)]
     #[schema(default = 0, minimum = -100, maximum = 100)]
     pub priority: i32,
+}
+
+/// What a job works on, and a basis belongs to.
+struct Source {
+    mesh: Option<String>,
+    pencil: Option<String>,
+}
+
+impl Source {
+    fn of(kind: &str, id: String) -> Self {
+        match kind == ProductKind::PencilBasis.name() {
+            true => Self { mesh: None, pencil: Some(id) },
+            false => Self { mesh: Some(id), pencil: None },
+        }
+    }
+
+    fn mesh_link(&self) -> Option<String> {
+        self.mesh.as_ref().map(|id| format!("/v1/meshes/{id}"))
+    }
+
+    fn pencil_link(&self) -> Option<String> {
+        self.pencil.as_ref().map(|id| format!("/v1/problems/{id}"))
+    }
 }
 
 /// Seconds spent in a stage.
@@ -196,15 +223,18 @@ impl From<Status> for JobStatus {
     "attempt": 1, "max_attempts": 3, "cancel_requested": false, "basis": null, "problem": null, "solver_version": "0.1.0+3",
     "created_ms": 1795269600000i64, "started_ms": 1795269600012i64, "finished_ms": null, "revision": 7,
     "links": {"self": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2", "events": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2/events",
-              "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "basis": null}
+              "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "pencil": null, "basis": null}
 }))]
 pub struct JobResource {
     /// A time-ordered UUID.
     pub id: String,
     /// The kind of job.
     pub kind: String,
-    /// The mesh it works on.
-    pub mesh: String,
+    /// The mesh it works on; null where it works on a problem.
+    pub mesh: Option<String>,
+    /// The problem it works on, of the kind `pencil_basis` alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pencil: Option<String>,
     /// The parameters, with every default filled in. Of a long list, such as a potential, `numbers` tells the length and `blake3` the
     /// hash.
     #[schema(value_type = Object)]
@@ -255,8 +285,10 @@ pub struct JobLinks {
     pub itself: String,
     /// Its changes, as server-sent events.
     pub events: String,
-    /// Its mesh.
-    pub mesh: String,
+    /// Its mesh; null where it has none.
+    pub mesh: Option<String>,
+    /// Its problem, of the kind `pencil_basis`; null for others.
+    pub pencil: Option<String>,
     /// Its basis, once there is one.
     pub basis: Option<String>,
 }
@@ -264,16 +296,19 @@ pub struct JobLinks {
 impl From<JobRecord> for JobResource {
     fn from(record: JobRecord) -> Self {
         let itself = format!("/v1/jobs/{}", record.id);
+        let source = Source::of(&record.kind, record.mesh);
         Self {
             links: JobLinks {
                 events: format!("{itself}/events"),
-                mesh: format!("/v1/meshes/{}", record.mesh),
+                mesh: source.mesh_link(),
+                pencil: source.pencil_link(),
                 basis: record.basis.map(|basis| format!("/v1/bases/{basis}")),
                 itself,
             },
             id: record.id.to_string(),
             kind: record.kind,
-            mesh: record.mesh,
+            mesh: source.mesh,
+            pencil: source.pencil,
             parameters: abbreviated(record.parameters),
             priority: record.priority,
             status: record.status.into(),
@@ -305,8 +340,11 @@ impl From<JobRecord> for JobResource {
 pub struct BasisSummary {
     /// A time-ordered UUID.
     pub id: String,
-    /// The mesh it lives on.
-    pub mesh: String,
+    /// The mesh it lives on; null where it is of a problem.
+    pub mesh: Option<String>,
+    /// The problem it is of, of the kind `pencil_basis` alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pencil: Option<String>,
     /// The job that made it.
     pub job: String,
     /// What kind of basis it is, which is the kind of that job: `eigenbasis` or `field_basis`.
@@ -314,7 +352,7 @@ pub struct BasisSummary {
     /// The parameters of that job, with every default filled in.
     #[schema(value_type = Object)]
     pub parameters: Value,
-    /// Vertices of the mesh, n.
+    /// Vertices of the mesh, or rows of the problem, n.
     pub vertices: u64,
     /// Numbers of one function as it is lifted: a value per vertex, or two or three per face.
     pub rows: u64,
@@ -361,7 +399,7 @@ pub struct BasisSummary {
                     "projection_errors": [], "largest_projection_error": null},
     "details": null,
     "links": {"self": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "content": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/content",
-              "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes", "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"}
+              "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes", "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "pencil": null}
 }))]
 pub struct BasisResource {
     /// What lists have as well.
@@ -394,23 +432,31 @@ pub struct BasisLinks {
     pub content: String,
     /// Its eigenfunctions on the vertices; null where they are no functions on vertices.
     pub modes: Option<String>,
-    /// Its mesh.
-    pub mesh: String,
+    /// Its mesh; null where it has none.
+    pub mesh: Option<String>,
+    /// Its problem, of the kind `pencil_basis`; null for others.
+    pub pencil: Option<String>,
 }
 
 impl From<BasisRecord> for BasisSummary {
     fn from(record: BasisRecord) -> Self {
+        let source = Source::of(&record.kind, record.mesh);
         let itself = format!("/v1/bases/{}", record.id);
         let compact = record.storage == BasisStorage::Compact;
         Self {
             links: BasisLinks {
                 content: format!("{itself}/content"),
-                modes: (record.kind == ProductKind::Eigenbasis.name()).then(|| format!("{itself}/modes")),
-                mesh: format!("/v1/meshes/{}", record.mesh),
+                modes: [ProductKind::Eigenbasis, ProductKind::PencilBasis]
+                    .iter()
+                    .any(|kind| kind.name() == record.kind)
+                    .then(|| format!("{itself}/modes")),
+                mesh: source.mesh_link(),
+                pencil: source.pencil_link(),
                 itself,
             },
             id: record.id.to_string(),
-            mesh: record.mesh,
+            mesh: source.mesh,
+            pencil: source.pencil,
             job: record.job.to_string(),
             kind: record.kind,
             parameters: abbreviated(record.parameters),

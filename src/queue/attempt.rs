@@ -75,8 +75,8 @@ pub(super) async fn run(
         settle(shared, &job.kind, Ending::Failed(too_large, false), token).await;
         return Threads::Free;
     }
-    let mesh = match shared.store.load_body(&job.mesh).await {
-        Ok(mesh) => mesh,
+    let subject = match shared.store.load_subject(&job.mesh).await {
+        Ok(subject) => subject,
         Err(error) => {
             let retryable = error.is_retryable();
             settle(shared, &job.kind, Ending::Failed(problem("mesh-unavailable", &error), retryable), token).await;
@@ -89,7 +89,7 @@ pub(super) async fn run(
         let (runner, job, monitor) = (Arc::clone(&shared.runner), job.clone(), Arc::clone(&monitor));
         let memory = Arc::clone(&memory);
         move || {
-            let outcome = catch_unwind(AssertUnwindSafe(|| runner.run_body(&job, mesh.0, mesh.1, monitor.as_ref())));
+            let outcome = catch_unwind(AssertUnwindSafe(|| runner.run_on(&job, subject, monitor.as_ref())));
             // Nobody may be waiting any more; then the result is void.
             let _ = sender.send(outcome);
             drop((left_behind, memory));

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
+use chladni_spectral::spectrum::pencil::Matrices;
 
-use crate::store::{JobRecord, JobStatus};
+use crate::store::{JobRecord, JobStatus, Subject};
 
 /// Does the work of a job: a pure function of the job and its mesh.
 pub trait Runner: Send + Sync + 'static {
@@ -28,6 +29,31 @@ pub trait Runner: Send + Sync + 'static {
         monitor: &dyn Watch,
     ) -> Result<Outcome, JobFailure> {
         self.run(job, mesh, monitor)
+    }
+
+    /// Runs one attempt at a job that works on the matrices of a problem.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    fn run_problem(
+        &self,
+        job: &JobRecord,
+        _matrices: Arc<Matrices>,
+        _monitor: &dyn Watch,
+    ) -> Result<Outcome, JobFailure> {
+        let detail = format!("jobs of the kind {} are not run here", job.kind);
+        Err(JobFailure::Failed { kind: "invalid-parameters".to_owned(), detail, retryable: false })
+    }
+
+    /// Runs one attempt at a job, whatever it works on.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    fn run_on(&self, job: &JobRecord, subject: Subject, monitor: &dyn Watch) -> Result<Outcome, JobFailure> {
+        match subject {
+            Subject::Mesh(mesh, solid) => self.run_body(job, mesh, solid, monitor),
+            Subject::Problem(matrices) => self.run_problem(job, matrices, monitor),
+        }
     }
 }
 

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use chladni_base::Monitor;
 use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::spectrum::pencil::Matrices;
 use chladni_work::{JobError, JobParameters};
 
 use super::{JobFailure, Outcome, Runner, Watch};
@@ -27,6 +28,26 @@ impl Runner for Solver {
     ) -> Result<Outcome, JobFailure> {
         solve(job, &mesh, solid.as_deref(), monitor)
     }
+
+    fn run_problem(
+        &self,
+        job: &JobRecord,
+        matrices: Arc<Matrices>,
+        monitor: &dyn Watch,
+    ) -> Result<Outcome, JobFailure> {
+        let parameters = parameters(job)?;
+        let JobParameters::PencilBasis(parameters) = parameters else {
+            let detail = format!("jobs of the kind {} work on meshes", job.kind);
+            return Err(JobFailure::Failed { kind: "invalid-parameters".to_owned(), detail, retryable: false });
+        };
+        let mut product = parameters.run_problem(&matrices, monitor).map_err(failure)?.product;
+        product.describe(serde_json::Map::from_iter([("pencil".to_owned(), job.mesh.clone().into())]));
+        Ok(Outcome { product })
+    }
+}
+
+fn parameters(job: &JobRecord) -> Result<JobParameters, JobFailure> {
+    JobParameters::parse(&job.kind, &job.parameters).map_err(JobError::from).map_err(failure)
 }
 
 fn solve(
@@ -35,8 +56,7 @@ fn solve(
     solid: Option<&TetMesh>,
     monitor: &dyn Monitor,
 ) -> Result<Outcome, JobFailure> {
-    let parameters = JobParameters::parse(&job.kind, &job.parameters).map_err(JobError::from).map_err(failure)?;
-    let mut product = parameters.run_body(mesh, solid, monitor).map_err(failure)?.product;
+    let mut product = parameters(job)?.run_body(mesh, solid, monitor).map_err(failure)?.product;
     product.describe(serde_json::Map::from_iter([("mesh".to_owned(), job.mesh.clone().into())]));
     Ok(Outcome { product })
 }

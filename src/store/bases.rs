@@ -133,6 +133,17 @@ impl Store {
         }
     }
 
+    /// Decoded eigenvectors, of an operator on a mesh or of a problem: what does not need the mesh works with both.
+    ///
+    /// # Errors
+    /// As [`load_basis`](Self::load_basis).
+    pub async fn load_eigenvectors(&self, id: Uuid) -> Result<Arc<Basis>, StoreError> {
+        match self.load_product(id).await? {
+            Product::Eigenbasis(basis) | Product::PencilBasis(basis) => Ok(basis),
+            other => Err(wrong_kind(id, &other, ProductKind::Eigenbasis)),
+        }
+    }
+
     /// A decoded family of operators, as [`load_product`](Self::load_product) gives it.
     ///
     /// # Errors

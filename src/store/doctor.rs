@@ -14,6 +14,8 @@ use super::{
 pub struct Examination {
     /// Meshes that were looked at.
     pub meshes: u64,
+    /// Problems that were looked at.
+    pub problems: u64,
     /// Bases that were looked at.
     pub bases: u64,
     /// Jobs that were looked at.
@@ -56,6 +58,7 @@ impl Store {
         }
         let damaged = self.examine_blobs(&mut found, repair).await?;
         self.examine_meshes(&mut found, &damaged).await?;
+        self.examine_problems(&mut found, &damaged).await?;
         self.examine_bases(&mut found, &damaged, repair).await?;
         self.examine_jobs(&mut found, repair).await?;
         Ok(found)
@@ -106,6 +109,30 @@ impl Store {
                 }
             }
             page.from = meshes.next;
+            if page.from.is_none() {
+                return Ok(());
+            }
+        }
+    }
+
+    async fn examine_problems(&self, found: &mut Examination, damaged: &HashSet<String>) -> Result<(), StoreError> {
+        let mut page = PageRequest { limit: PageRequest::MOST, from: None };
+        loop {
+            let problems = self.problems_named(None, &page).await?;
+            for problem in problems.items {
+                found.problems += 1;
+                let name = problem.name.map_or(String::new(), |name| format!(" ({name})"));
+                let what = if self.is_dead(&problem.content_hash, damaged).await? {
+                    "its content is missing or damaged".to_owned()
+                } else if let Err(error) = self.load_problem(&problem.id).await {
+                    error.to_string()
+                } else {
+                    continue;
+                };
+                let what = format!("problem {}{name}: {what}", problem.id);
+                found.add(what, "upload the same matrices again", false);
+            }
+            page.from = problems.next;
             if page.from.is_none() {
                 return Ok(());
             }
@@ -183,7 +210,9 @@ impl Store {
             return self.redo_job(job).await.map(|_| ());
         }
         let job = self.job(job).await?;
-        self.mesh(&job.mesh).await?;
+        if !self.knows_source(&job.mesh).await? {
+            return Err(StoreError::NotFound { resource: "mesh", id: job.mesh });
+        }
         match job.status {
             JobStatus::Succeeded | JobStatus::Enqueued | JobStatus::Processing => Ok(()),
             status => Err(StoreError::JobState { job: job.id, status, reason: "it has to be retried".to_owned() }),

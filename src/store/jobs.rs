@@ -161,6 +161,18 @@ impl Store {
             .unwrap_or_else(|| Err(unknown_job(id)))
     }
 
+    /// The parameters of a job in full.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`].
+    pub async fn job_parameters(&self, id: Uuid) -> Result<serde_json::Value, StoreError> {
+        let text: Option<String> = sqlx::query_scalar("SELECT parameters FROM jobs WHERE id = ?")
+            .bind(id.to_string())
+            .fetch_optional(self.inner.meta.reader())
+            .await?;
+        text.map_or_else(|| Err(unknown_job(id)), |text| from_json("parameters", &text))
+    }
+
     /// A page of jobs, newest first.
     ///
     /// # Errors

@@ -8,9 +8,10 @@ use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
 use sqlx::{QueryBuilder, Row, Sqlite, sqlite::SqliteRow};
 
+use super::sources::{NewSource, SourceKind};
 use super::{
     JobRecord, MeshRecord, NewMesh, Page, PageRequest, Store, StoreError, Stored, Weighed, blobs, detached, from_json,
-    jobs::job_from_row, pairing, to_json,
+    jobs::job_from_row,
 };
 
 /// The head of a mesh's canonical content; the counts of vertices and faces follow, u64 little-endian, then positions as
@@ -27,8 +28,6 @@ const HEAD_BYTES: usize = 24;
 const POSITION_BYTES: usize = 24;
 const FACE_BYTES: usize = 12;
 const TETRAHEDRON_BYTES: usize = 16;
-/// Digits of a mesh's identifier: 128 bits of its hash.
-const ID_DIGITS: usize = 32;
 
 /// A mesh as the cache holds it.
 #[derive(Debug, Clone)]
@@ -51,41 +50,17 @@ impl Store {
     async fn add_mesh_now(&self, new: NewMesh) -> Result<Stored<MeshRecord>, StoreError> {
         let (mesh, solid, numbering) = (Arc::clone(&new.mesh), new.solid.clone(), Arc::clone(&new.numbering));
         let content = blobs::blocking(move || Bytes::from(encode(&mesh, solid.as_deref(), &numbering))).await?;
-        let hash = blobs::hash_of(&content).await?;
-        let id = hash[..ID_DIGITS].to_owned();
-        let _in_use = self.inner.blob_use.read().await;
-        match self.mesh(&id).await {
-            Ok(record) => {
-                self.put_blob(&hash, &content).await?;
-                self.use_mesh(&id);
-                return Ok(Stored { record, created: false });
-            }
-            Err(StoreError::NotFound { .. }) => {}
-            Err(error) => return Err(error),
-        }
-        self.put_blob(&hash, &content).await?;
-        let reached = pairing::generation(&self.inner.blobs).await?;
-        let mut transaction = self.inner.meta.write().await?;
-        transaction.remember(reached).await?;
-        let inserted = sqlx::query(
-            "INSERT INTO meshes (id, name, format, source_bytes, vertices, faces, report, content_hash, bytes, created_ms, used_ms)
-             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?10) ON CONFLICT (id) DO NOTHING",
-        )
-        .bind(&id)
-        .bind(&new.name)
-        .bind(&new.format)
-        .bind(new.source_bytes as i64)
-        .bind(new.mesh.positions.len() as i64)
-        .bind(new.mesh.faces.len() as i64)
-        .bind(to_json(&new.report)?)
-        .bind(&hash)
-        .bind(content.len() as i64)
-        .bind(self.now_ms())
-        .execute(transaction.on())
-        .await?
-        .rows_affected();
-        transaction.commit().await?;
-        Ok(Stored { record: self.mesh(&id).await?, created: inserted > 0 })
+        let source = NewSource {
+            kind: SourceKind::Mesh,
+            name: new.name,
+            format: new.format,
+            source_bytes: new.source_bytes,
+            rows: new.mesh.positions.len(),
+            faces: new.mesh.faces.len(),
+            report: new.report,
+        };
+        let (id, created) = self.add_source(content, source).await?;
+        Ok(Stored { record: self.mesh(&id).await?, created })
     }
 
     /// A mesh by its identifier.
@@ -93,7 +68,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`].
     pub async fn mesh(&self, id: &str) -> Result<MeshRecord, StoreError> {
-        sqlx::query("SELECT * FROM meshes WHERE id = ?")
+        sqlx::query("SELECT * FROM meshes WHERE id = ? AND kind = 'mesh'")
             .bind(id)
             .fetch_optional(self.inner.meta.reader())
             .await?
@@ -114,7 +89,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::InvalidCursor`].
     pub async fn meshes_named(&self, part: Option<&str>, page: &PageRequest) -> Result<Page<MeshRecord>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("SELECT * FROM meshes WHERE sequence < ");
+        let mut query = QueryBuilder::<Sqlite>::new("SELECT * FROM meshes WHERE kind = 'mesh' AND sequence < ");
         query.push_bind(page.below()?);
         if let Some(part) = part {
             query.push(" AND instr(lower(name), lower(").push_bind(part.to_owned()).push(")) > 0");
@@ -131,7 +106,7 @@ impl Store {
     /// [`StoreError::NotFound`].
     pub async fn rename_mesh(&self, id: &str, name: Option<&str>) -> Result<MeshRecord, StoreError> {
         let mut transaction = self.inner.meta.write().await?;
-        let row = sqlx::query("UPDATE meshes SET name = ? WHERE id = ? RETURNING *")
+        let row = sqlx::query("UPDATE meshes SET name = ? WHERE id = ? AND kind = 'mesh' RETURNING *")
             .bind(name)
             .bind(id)
             .fetch_optional(transaction.on())
@@ -146,11 +121,17 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`]; without `cascade`, [`StoreError::MeshInUse`] where unfinished jobs or bases refer to it.
     pub async fn delete_mesh(&self, id: &str, cascade: bool) -> Result<(), StoreError> {
-        let (store, id) = (self.clone(), id.to_owned());
-        detached(async move { store.delete_mesh_now(&id, cascade).await }).await
+        self.mesh(id).await?;
+        self.delete_source(id, cascade).await
     }
 
-    async fn delete_mesh_now(&self, id: &str, cascade: bool) -> Result<(), StoreError> {
+    /// Deletes a mesh or a problem.
+    pub(super) async fn delete_source(&self, id: &str, cascade: bool) -> Result<(), StoreError> {
+        let (store, id) = (self.clone(), id.to_owned());
+        detached(async move { store.delete_source_now(&id, cascade).await }).await
+    }
+
+    async fn delete_source_now(&self, id: &str, cascade: bool) -> Result<(), StoreError> {
         let _alone = self.inner.blob_use.write().await;
         let mut transaction = self.inner.meta.write().await?;
         let content: Option<String> = sqlx::query_scalar("SELECT content_hash FROM meshes WHERE id = ?")
@@ -347,7 +328,7 @@ fn encode(mesh: &TriangleMesh, solid: Option<&TetMesh>, numbering: &Numbering) -
 }
 
 /// Writes a mesh, and the solid whose surface it is, as the store keeps it, without the numbering of its file.
-pub(crate) fn write_body(mesh: &TriangleMesh, solid: Option<&TetMesh>, out: &mut impl Write) -> std::io::Result<()> {
+pub(super) fn write_body(mesh: &TriangleMesh, solid: Option<&TetMesh>, out: &mut impl Write) -> std::io::Result<()> {
     write_numbered(mesh, solid, &[], out)
 }
 
@@ -384,7 +365,7 @@ fn write_numbered(
 }
 
 /// Reads what [`write_body`] wrote.
-pub(crate) fn read_body(bytes: &[u8]) -> Option<(TriangleMesh, Option<TetMesh>)> {
+pub(super) fn read_body(bytes: &[u8]) -> Option<(TriangleMesh, Option<TetMesh>)> {
     let (mesh, solid, _) = decode(bytes)?;
     Some((mesh, solid))
 }

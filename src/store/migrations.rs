@@ -14,6 +14,7 @@ const META: &[(&str, &str)] = &[
     ("0006_deaths", include_str!("../../migrations/meta/0006_deaths.sql")),
     ("0007_last_use", include_str!("../../migrations/meta/0007_last_use.sql")),
     ("0008_brief_parameters", include_str!("../../migrations/meta/0008_brief_parameters.sql")),
+    ("0009_problems", include_str!("../../migrations/meta/0009_problems.sql")),
 ];
 
 /// The steps of `blobs.db`.

@@ -11,7 +11,8 @@
 //! | `blobs.rs`, `orphans.rs` | content in chunks, and what becomes of it when nothing refers to it |
 //! | `backup.rs`, `restore.rs` | copies of a folder in use, and folders made of them |
 //! | `integrity.rs`, `doctor.rs` | whether content is what was stored, and what is done where it is not |
-//! | `meshes.rs`, `bases.rs`, `jobs.rs` | what clients see |
+//! | `meshes.rs`, `problems.rs`, `bases.rs`, `jobs.rs` | what clients see |
+//! | `sources.rs` | what meshes and problems have in common |
 //! | `last_use.rs`, `retention.rs`, `space.rs` | what is kept, and for how long; room, and how it comes back |
 //! | `columns.rs` | dense bases: written as they are computed, read in chunks |
 //! | `leases.rs`, `deaths.rs` | what workers do: claim, heartbeat, complete, fail, release, reap; and what becomes of a job whose process died |
@@ -38,9 +39,11 @@ mod migrations;
 mod orphans;
 mod page;
 mod pairing;
+mod problems;
 mod records;
 mod restore;
 mod retention;
+mod sources;
 mod space;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -68,14 +71,15 @@ pub use clock::Clock;
 pub use doctor::{Examination, Finding};
 pub use error::{DAMAGE, StoreError};
 pub use leases::{Claim, Company, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
-pub(crate) use meshes::{read_body, write_body};
 pub use page::{Page, PageRequest};
 pub use records::{
     BasisFilter, BasisRecord, BasisStorage, CacheStatistics, EnqueueOutcome, Enqueued, IdempotencyKey, JobEvent,
-    JobFilter, JobProblem, JobRecord, JobStatus, MeshRecord, NewJob, NewMesh, StoreHealth, Stored, UnknownStatus,
+    JobFilter, JobProblem, JobRecord, JobStatus, MeshRecord, NewJob, NewMesh, NewProblem, ProblemRecord, StoreHealth,
+    Stored, UnknownStatus,
 };
 pub use restore::restore;
 pub use retention::{Removed, Retention};
+pub use sources::Subject;
 pub use space::Compacted;
 
 /// Job events that a slow listener may fall behind by.

@@ -5,6 +5,7 @@ use std::{fmt, str::FromStr, sync::Arc};
 use chladni_mesh::numbering::Numbering;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::formats::DenseLayout;
+use chladni_spectral::spectrum::pencil::Matrices;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use uuid::Uuid;
@@ -76,6 +77,40 @@ impl MeshRecord {
     }
 }
 
+/// A problem to be stored.
+#[derive(Debug, Clone)]
+pub struct NewProblem {
+    /// The checked matrices.
+    pub matrices: Arc<Matrices>,
+    /// What was found when they were checked, a JSON object.
+    pub report: Value,
+    /// A name for people.
+    pub name: Option<String>,
+    /// How many bytes they came in as.
+    pub source_bytes: u64,
+}
+
+/// A stored problem: the matrices of a pencil.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ProblemRecord {
+    /// The first 32 hexadecimal digits of the BLAKE3 hash of the content.
+    pub id: String,
+    /// A name for people.
+    pub name: Option<String>,
+    /// How many bytes it came in as.
+    pub source_bytes: u64,
+    /// Rows of both matrices.
+    pub rows: u64,
+    /// What was found when they were checked, a JSON object.
+    pub report: Value,
+    /// The BLAKE3 hash of the content, 64 hexadecimal digits: the key of its blob.
+    pub content_hash: String,
+    /// Bytes of the content, an NPZ file.
+    pub bytes: u64,
+    /// When it was stored, in milliseconds since 1970.
+    pub created_ms: i64,
+}
+
 /// A record, and whether this call made it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stored<T> {
@@ -145,7 +180,7 @@ impl FromStr for JobStatus {
 pub struct NewJob {
     /// The kind of job, such as `eigenbasis`.
     pub kind: String,
-    /// The mesh that it works on.
+    /// The mesh or the problem that it works on.
     pub mesh: String,
     /// Canonical parameters, with defaults filled in.
     pub parameters: Value,
@@ -181,7 +216,7 @@ pub struct JobRecord {
     pub id: Uuid,
     /// The kind of job.
     pub kind: String,
-    /// The mesh that it works on.
+    /// The mesh or, of the kind `pencil_basis`, the problem that it works on.
     pub mesh: String,
     /// Canonical parameters, with defaults filled in; in full in a [`Claim`](super::Claim), else with long lists told by their length and hash.
     pub parameters: Value,
@@ -294,7 +329,7 @@ pub struct JobEvent {
 pub struct BasisRecord {
     /// A time-ordered UUID.
     pub id: Uuid,
-    /// The mesh that it lives on.
+    /// The mesh that it lives on or, of the kind `pencil_basis`, the problem.
     pub mesh: String,
     /// The job that made it.
     pub job: Uuid,
@@ -302,7 +337,7 @@ pub struct BasisRecord {
     pub kind: String,
     /// The parameters of that job, with defaults filled in.
     pub parameters: Value,
-    /// Vertices of the mesh.
+    /// Vertices of the mesh, or rows of the problem.
     pub vertices: u64,
     /// Numbers of one lifted function: a value per vertex, or two or three per face.
     pub rows: u64,

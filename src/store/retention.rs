@@ -20,7 +20,7 @@ pub struct Retention {
     pub bases: Option<u64>,
     /// Meshes without bases and unfinished jobs are deleted so long after their last use.
     pub mesh_age: Option<Duration>,
-    /// The most meshes; those with bases or unfinished jobs stay.
+    /// The most meshes and problems together; those with bases or unfinished jobs stay.
     pub meshes: Option<u64>,
     /// The most bytes of content: bases and meshes without bases go, whichever was not used for longest.
     pub bytes: Option<u64>,
@@ -45,7 +45,7 @@ const AT_ONCE: i64 = 100;
 /// Bases that no unfinished job makes anew.
 const FREE_BASES: &str = "FROM bases WHERE NOT EXISTS
     (SELECT 1 FROM jobs WHERE jobs.id = bases.job AND jobs.status IN ('enqueued', 'processing'))";
-/// Meshes that nothing needs.
+/// Meshes and problems that nothing needs.
 const FREE_MESHES: &str = "FROM meshes WHERE NOT EXISTS (SELECT 1 FROM bases WHERE bases.mesh = meshes.id)
     AND NOT EXISTS (SELECT 1 FROM jobs WHERE jobs.mesh = meshes.id AND jobs.status IN ('enqueued', 'processing'))";
 /// Ended jobs without a basis.
@@ -163,7 +163,7 @@ impl Store {
 
     async fn remove_meshes(&self, ids: &[String], removed: &mut Removed) -> Result<(), StoreError> {
         for id in ids {
-            removed.meshes += gone(self.delete_mesh(id, false).await)?;
+            removed.meshes += gone(self.delete_source(id, false).await)?;
         }
         Ok(())
     }

@@ -25,6 +25,7 @@ mod jobs;
 mod journeys;
 mod meshes;
 mod numbering;
+mod pencils;
 mod samples;
 mod schemas;
 mod system;

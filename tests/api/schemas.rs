@@ -192,11 +192,12 @@ fn objects<'d>(document: &'d Document, name: &str) -> Vec<(&'d Value, Value)> {
     choices.into_iter().map(|schema| (schema, least(schema))).collect()
 }
 
-const KINDS: [(&str, &str); 4] = [
+const KINDS: [(&str, &str); 5] = [
     ("eigenbasis", "EigenbasisParameters"),
     ("field_basis", "FieldBasisParameters"),
     ("operator_family", "OperatorFamilyParameters"),
     ("vibration_basis", "VibrationBasisParameters"),
+    ("pencil_basis", "PencilBasisParameters"),
 ];
 
 #[test]
@@ -249,7 +250,11 @@ fn parameters_are_taken_and_refused_as_the_document_says() {
 }
 
 async fn solved(app: &TestApp, document: &Document, mesh: &str, kind: &str, parameters: Value) {
-    let body = json!({"kind": kind, "mesh": mesh, "parameters": parameters});
+    checked(app, document, json!({"kind": kind, "mesh": mesh, "parameters": parameters})).await;
+}
+
+async fn checked(app: &TestApp, document: &Document, body: Value) {
+    let kind = text(&body["kind"]);
     document.assert_fits(document.schema("JobRequest"), &body, "request");
     let job: Value = app.post("/v1/jobs").json(&body).send().await.unwrap().json().await.unwrap();
     document.assert_fits(document.schema("JobResource"), &job, "job");
@@ -257,7 +262,7 @@ async fn solved(app: &TestApp, document: &Document, mesh: &str, kind: &str, para
     assert_eq!(job["status"], "succeeded", "{job}");
     document.assert_fits(document.schema("JobResource"), &job, "job");
     let basis: Value = app.get(job["links"]["basis"].as_str().unwrap()).send().await.unwrap().json().await.unwrap();
-    document.assert_fits(document.schema("BasisResource"), &basis, kind);
+    document.assert_fits(document.schema("BasisResource"), &basis, &kind);
 }
 
 #[tokio::test]
@@ -290,9 +295,17 @@ async fn answers_are_what_the_document_says() {
     ] {
         solved(&app, &document, &id, kind, parameters).await;
     }
-    for (list, page) in
-        [("meshes", "PageOf_MeshResource"), ("jobs", "PageOf_JobResource"), ("bases", "PageOf_BasisSummary")]
-    {
+    let matrix = "%%MatrixMarket matrix coordinate real symmetric\n3 3 5\n1 1 1\n2 1 -1\n2 2 2\n3 2 -1\n3 3 1\n";
+    let pencil: Value = app.post("/v1/problems").body(matrix).send().await.unwrap().json().await.unwrap();
+    document.assert_fits(document.schema("ProblemResource"), &pencil, "problem");
+    let body = json!({"kind": "pencil_basis", "pencil": pencil["id"], "parameters": {"count": 2, "around": 0.9}});
+    checked(&app, &document, body).await;
+    for (list, page) in [
+        ("meshes", "PageOf_MeshResource"),
+        ("problems", "PageOf_ProblemResource"),
+        ("jobs", "PageOf_JobResource"),
+        ("bases", "PageOf_BasisSummary"),
+    ] {
         let found: Value = app.get(&format!("/v1/{list}")).send().await.unwrap().json().await.unwrap();
         assert!(!found["items"].as_array().unwrap().is_empty());
         document.assert_fits(document.schema(page), &found, page);

@@ -28,7 +28,7 @@ let viewer: Viewer | null = null;
 try {
   viewer = new Viewer(canvas);
 } catch {
-  stage.append(h("p", { class: "sorry" }, "This page draws with WebGL 2, which this browser does not offer. The API under ", h("a", { href: "/docs" }, "/docs"), " needs no browser."));
+  stage.append(h("p", { class: "sorry" }, "This page draws with WebGL 2, which this browser does not offer. The API under ", h("a", { href: "docs" }, "/docs"), " needs no browser."));
 }
 if (viewer) start(viewer);
 
@@ -45,7 +45,7 @@ function start(viewer: Viewer) {
     panel.element.setAttribute("role", "tabpanel");
     panel.element.setAttribute("aria-labelledby", `tab-${panel.id}`);
     panel.element.hidden = true;
-    panel.element.prepend(h("p", { class: "dim about" }, panel.about, " ", h("a", { href: `/docs/guide/${panel.guide}`, target: "_blank", "aria-label": `${panel.title} in the manual` }, "Manual")));
+    panel.element.prepend(h("p", { class: "dim about" }, panel.about, " ", h("a", { href: `docs/guide/${panel.guide}`, target: "_blank", "aria-label": `${panel.title} in the manual` }, "Manual")));
     tabs.append(h("button", { role: "tab", id: `tab-${panel.id}`, "aria-controls": `panel-${panel.id}`, onclick: () => app.tab(panel.id) }, panel.title));
   });
   const showTabs = () => {

@@ -415,7 +415,9 @@ export interface paths {
         };
         /**
          * Gets eigenfunctions on the vertices
-         * @description By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`;
+         * @description Or the eigenvectors of a problem, a row for each of its rows.
+         *
+         *     By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`;
          *     `application/octet-stream`, the same little-endian numbers, mode after mode, without a header; `model/ply`, the mesh with the
          *     values of one mode as colours, from blue over white at zero to red. Numbers are f32 unless `dtype` says f64. Answers are streamed:
          *     nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these modes are read.
@@ -580,7 +582,7 @@ export interface paths {
         put?: never;
         /**
          * Judges a basis again
-         * @description Nothing of a solver takes part: the operator is assembled anew, residuals and inner products are summed from the functions as they are stored, and where the
+         * @description Nothing of a solver takes part: the operator is assembled anew, or the matrices of the problem are read again, residuals and inner products are summed from the functions as they are stored, and where the
          *     basis claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as `chladni verify --receipt` writes it.
          *     Bases of eigenfields, and of operators with a potential that came with the job, cannot be judged here.
          */
@@ -946,6 +948,90 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/problems": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Lists problems
+         * @description Newest first. Pages stay stable while new problems arrive.
+         */
+        get: operations["listProblems"];
+        put?: never;
+        /**
+         * Uploads a problem
+         * @description A problem is a pencil of sparse symmetric matrices, `S x = λ M x`, that someone else assembled; no mesh belongs to it. Jobs of the kind `pencil_basis` compute
+         *     eigenpairs of it.
+         *
+         *     The body is the matrix S, its mass then being the identity, or `multipart/form-data` with the parts `stiffness` and `mass` (and, optionally, `name`). Each is an NPZ file of
+         *     `scipy.sparse.save_npz` (CSR, CSC, COO, DIA or BSR) or Matrix Market (real, integer or pattern; general or symmetric), told by its first bytes; a mass may also be
+         *     the diagonal alone. What `GET /v1/problems/{id}/content` gives is taken as well, with its mass. `Content-Encoding` may be gzip or zstd.
+         *
+         *     Both have to be finite and symmetric: entries on either side of the diagonal may differ by 1e-12 of the largest of their rows, and their mean is taken. The mass has to be
+         *     positive definite. The first entry or row that does not fit is named, counted from 0. Where proving the mass definite would take much memory (`mass_proven` is false then), the first job
+         *     does it, and fails if it is not.
+         *
+         *     Equal matrices have the same id, in whichever format they come: sending them again answers 200 with what is stored.
+         */
+        post: operations["uploadProblem"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/problems/{id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Shows a problem
+         * @description With what was found when it was checked.
+         */
+        get: operations["showProblem"];
+        put?: never;
+        post?: never;
+        /**
+         * Deletes a problem
+         * @description Refused while unfinished jobs or bases refer to it, unless `cascade=true`.
+         */
+        delete: operations["deleteProblem"];
+        options?: never;
+        head?: never;
+        /**
+         * Renames a problem
+         * @description The name is for people; the id stays.
+         */
+        patch: operations["renameProblem"];
+        trace?: never;
+    };
+    "/v1/problems/{id}/content": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Gets the matrices of a problem
+         * @description As NPZ: `format`, `shape`, `data`, `indices` and `indptr` of S in CSR form, which `scipy.sparse.load_npz` opens; of the mass the diagonal `mass`, or `mass_data`,
+         *     `mass_indices` and `mass_indptr` in CSR form, or nothing where it is the identity.
+         */
+        get: operations["getProblemContent"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/samples": {
         parameters: {
             query?: never;
@@ -1094,6 +1180,16 @@ export interface components {
              */
             pairs: number;
         };
+        /** @description The number that pairs were asked for by, as the nearest to it. */
+        Around: {
+            /**
+             * Format: double
+             * @description The number.
+             */
+            shift: number;
+            /** @description Pairs of which enclosures do not let one tell which are nearer, delivered or not; empty where these pairs are proven to be the nearest. */
+            ties: components["schemas"]["NearPair"][];
+        };
         /**
          * @description Two bases, compared.
          * @example {
@@ -1200,8 +1296,6 @@ export interface components {
             job: string;
             /** @description Where to go from here. */
             links: components["schemas"]["BasisLinks"];
-            /** @description The mesh it lives on. */
-            mesh: string;
             /**
              * Format: int64
              * @description Entries of the sparse factor; null for a dense basis.
@@ -1222,7 +1316,7 @@ export interface components {
             storage: string;
             /**
              * Format: int64
-             * @description Vertices of the mesh, n.
+             * @description Vertices of the mesh, or rows of the problem, n.
              */
             vertices: number;
         };
@@ -1230,10 +1324,12 @@ export interface components {
         BasisLinks: {
             /** @description Its factors or its columns as NPZ, safetensors or MatrixMarket. */
             content: string;
-            /** @description Its mesh. */
-            mesh: string;
+            /** @description Its mesh; null where it has none. */
+            mesh: string | null;
             /** @description Its eigenfunctions on the vertices; null where they are no functions on vertices. */
             modes: string | null;
+            /** @description Its problem, of the kind `pencil_basis`; null for others. */
+            pencil: string | null;
             /** @description The basis itself. */
             self: string;
         };
@@ -1295,6 +1391,7 @@ export interface components {
          *         "content": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/content",
          *         "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
          *         "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes",
+         *         "pencil": null,
          *         "self": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10"
          *       },
          *       "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
@@ -1337,9 +1434,9 @@ export interface components {
          *       "vertices": 2930
          *     }
          */
-        BasisResource: components["schemas"]["EigenbasisBasisResource"] | components["schemas"]["FieldBasisBasisResource"] | components["schemas"]["OperatorFamilyBasisResource"] | components["schemas"]["VibrationBasisBasisResource"];
+        BasisResource: components["schemas"]["EigenbasisBasisResource"] | components["schemas"]["FieldBasisBasisResource"] | components["schemas"]["OperatorFamilyBasisResource"] | components["schemas"]["VibrationBasisBasisResource"] | components["schemas"]["PencilBasisBasisResource"];
         /** @description A stored basis without its eigenvalues and certificate, as lists have it. */
-        BasisSummary: components["schemas"]["EigenbasisBasisSummary"] | components["schemas"]["FieldBasisBasisSummary"] | components["schemas"]["OperatorFamilyBasisSummary"] | components["schemas"]["VibrationBasisBasisSummary"];
+        BasisSummary: components["schemas"]["EigenbasisBasisSummary"] | components["schemas"]["FieldBasisBasisSummary"] | components["schemas"]["OperatorFamilyBasisSummary"] | components["schemas"]["VibrationBasisBasisSummary"] | components["schemas"]["PencilBasisBasisSummary"];
         /**
          * @description Which biharmonic energy.
          * @enum {string}
@@ -1387,6 +1484,7 @@ export interface components {
         /** @description What is proven about a basis. */
         Certificate: {
             accuracy: components["schemas"]["AccuracyReport"] | null;
+            around?: components["schemas"]["Around"] | null;
             /**
              * @description Per pair an a-posteriori bound, in 1/length² of the input. Where `complete` is true, the exact eigenvalue of the same index lies within
              *     `[θ − bound, θ + bound]`, rounding errors included; otherwise some exact eigenvalue does.
@@ -1843,6 +1941,8 @@ export interface components {
              * @enum {string}
              */
             kind: "eigenbasis";
+            /** @description The mesh it lives on; null where it is of a problem. */
+            mesh: string;
             parameters: components["schemas"]["EigenbasisParametersShown"];
         } & {
             /**
@@ -2354,6 +2454,8 @@ export interface components {
              * @enum {string}
              */
             kind: "eigenbasis";
+            /** @description The mesh it works on; null where it works on a problem. */
+            mesh: string;
             parameters: components["schemas"]["EigenbasisParametersShown"];
         } & {
             /**
@@ -2459,6 +2561,8 @@ export interface components {
              * @enum {string}
              */
             kind: "field_basis";
+            /** @description The mesh it lives on; null where it is of a problem. */
+            mesh: string;
             parameters: components["schemas"]["FieldBasisParametersShown"];
         } & {
             /**
@@ -2523,6 +2627,8 @@ export interface components {
              * @enum {string}
              */
             kind: "field_basis";
+            /** @description The mesh it works on; null where it works on a problem. */
+            mesh: string;
             parameters: components["schemas"]["FieldBasisParametersShown"];
         } & {
             /**
@@ -3115,7 +3221,7 @@ export interface components {
             kind: string;
             /**
              * Format: int64
-             * @description About how much memory it needs, in bytes: an upper estimate for surfaces. Pairs by a bound count as `at_most`.
+             * @description About how much memory it needs, in bytes: an upper estimate for surfaces, and for problems, whose factor was counted. Pairs by a bound count as `at_most`.
              */
             memory_bytes: number;
             /**
@@ -3168,8 +3274,6 @@ export interface components {
              * @description An estimate of the memory it needs: jobs that together need more than the server has do not run at once.
              */
             memory_bytes: number;
-            /** @description The mesh it works on. */
-            mesh: string;
             /**
              * Format: int32
              * @description Higher runs first.
@@ -3206,8 +3310,10 @@ export interface components {
             basis: string | null;
             /** @description Its changes, as server-sent events. */
             events: string;
-            /** @description Its mesh. */
-            mesh: string;
+            /** @description Its mesh; null where it has none. */
+            mesh: string | null;
+            /** @description Its problem, of the kind `pencil_basis`; null for others. */
+            pencil: string | null;
             /** @description The job itself. */
             self: string;
         };
@@ -3232,7 +3338,7 @@ export interface components {
          *       "priority": 0
          *     }
          */
-        JobRequest: components["schemas"]["EigenbasisJobRequest"] | components["schemas"]["FieldBasisJobRequest"] | components["schemas"]["OperatorFamilyJobRequest"] | components["schemas"]["VibrationBasisJobRequest"];
+        JobRequest: components["schemas"]["EigenbasisJobRequest"] | components["schemas"]["FieldBasisJobRequest"] | components["schemas"]["OperatorFamilyJobRequest"] | components["schemas"]["VibrationBasisJobRequest"] | components["schemas"]["PencilBasisJobRequest"];
         /**
          * @description A job.
          * @example {
@@ -3248,6 +3354,7 @@ export interface components {
          *         "basis": null,
          *         "events": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2/events",
          *         "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
+         *         "pencil": null,
          *         "self": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2"
          *       },
          *       "max_attempts": 3,
@@ -3284,7 +3391,7 @@ export interface components {
          *       "status": "processing"
          *     }
          */
-        JobResource: components["schemas"]["EigenbasisJobResource"] | components["schemas"]["FieldBasisJobResource"] | components["schemas"]["OperatorFamilyJobResource"] | components["schemas"]["VibrationBasisJobResource"];
+        JobResource: components["schemas"]["EigenbasisJobResource"] | components["schemas"]["FieldBasisJobResource"] | components["schemas"]["OperatorFamilyJobResource"] | components["schemas"]["VibrationBasisJobResource"] | components["schemas"]["PencilBasisJobResource"];
         /**
          * @description How the Laplacian is made.
          * @enum {string}
@@ -3699,6 +3806,23 @@ export interface components {
          * @enum {string}
          */
         NamedWeights: "anisotropy";
+        /** @description A pair as near to a number as another, as far as one can tell. */
+        NearPair: {
+            /** @description Whether it is delivered. */
+            delivered: boolean;
+            /** @description Its index among all eigenvalues, from 0. */
+            index: number;
+            /**
+             * Format: double
+             * @description Its value.
+             */
+            value: number;
+            /**
+             * Format: double
+             * @description The exact eigenvalue lies within this of the value.
+             */
+            within: number;
+        };
         /** @description A pair whose enclosure reaches a bound that was asked for: it is for its value that it counts as below the bound or not. */
         OnBound: {
             /** @description Whether it counts as below. */
@@ -3755,6 +3879,8 @@ export interface components {
              * @enum {string}
              */
             kind: "operator_family";
+            /** @description The mesh it lives on; null where it is of a problem. */
+            mesh: string;
             parameters: components["schemas"]["OperatorFamilyParameters"];
         } & {
             /**
@@ -3794,6 +3920,8 @@ export interface components {
              * @enum {string}
              */
             kind: "operator_family";
+            /** @description The mesh it works on; null where it works on a problem. */
+            mesh: string;
             parameters: components["schemas"]["OperatorFamilyParameters"];
         } & {
             /**
@@ -3818,7 +3946,7 @@ export interface components {
             seed?: number;
         };
         /** @description Which operator is wanted. */
-        OperatorKind: ("auto" | "laplace" | "robust" | "volume" | "graph" | "hodge") | components["schemas"]["OperatorKindExtrinsic"] | components["schemas"]["OperatorKindHamiltonian"];
+        OperatorKind: ("auto" | "laplace" | "robust" | "volume" | "graph" | "hodge") | components["schemas"]["OperatorKindExtrinsic"] | components["schemas"]["OperatorKindHamiltonian"] | components["schemas"]["OperatorKindWeighted"];
         /** @description The extrinsic family (thesis, eq. 2.13): `(1 − t) S + t A`, on the Laplacian that `auto` chooses. */
         OperatorKindExtrinsic: {
             extrinsic: components["schemas"]["OperatorKindExtrinsicMembers"];
@@ -3851,7 +3979,63 @@ export interface components {
             hamiltonian: components["schemas"]["OperatorKindHamiltonianMembersShown"];
         };
         /** @description Which operator is wanted. */
-        OperatorKindShown: ("auto" | "laplace" | "robust" | "volume" | "graph" | "hodge") | components["schemas"]["OperatorKindExtrinsic"] | components["schemas"]["OperatorKindHamiltonianShown"];
+        OperatorKindShown: ("auto" | "laplace" | "robust" | "volume" | "graph" | "hodge") | components["schemas"]["OperatorKindExtrinsic"] | components["schemas"]["OperatorKindHamiltonianShown"] | components["schemas"]["OperatorKindWeightedShown"];
+        /** @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are held at zero. */
+        OperatorKindWeighted: {
+            /** @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are held at zero. */
+            weighted: components["schemas"]["OperatorParts"];
+        };
+        /** @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are held at zero. */
+        OperatorKindWeightedShown: {
+            /** @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are held at zero. */
+            weighted: components["schemas"]["OperatorPartsShown"];
+        };
+        /**
+         * @description What a client says of the parts: at most one kind of weights, and vertices that are no unknowns.
+         * @example {
+         *       "fixed": [
+         *         0,
+         *         7
+         *       ],
+         *       "scalars": [
+         *         1,
+         *         1,
+         *         0.25,
+         *         4
+         *       ]
+         *     }
+         */
+        OperatorParts: {
+            /** @description Vertices at which functions are zero (Dirichlet), in any order. By default `[]`. */
+            fixed?: number[];
+            /** @description A positive number for each face, which multiplies its share of the stiffness. Ones, unless they or tensors are given. By default `[]`. */
+            scalars?: number[];
+            /**
+             * @description Three numbers for each face, one after the other: `xx`, `xy` and `yy` of a positive definite tensor in the frame of the face, whose `x` runs along the
+             *     edge from its first corner to its second, and `y` to the side of the third. By default `[]`.
+             */
+            tensors?: number[];
+        };
+        /**
+         * @description What a client says of the parts: at most one kind of weights, and vertices that are no unknowns.
+         * @example {
+         *       "fixed": [
+         *         0,
+         *         7
+         *       ],
+         *       "scalars": [
+         *         1,
+         *         1,
+         *         0.25,
+         *         4
+         *       ]
+         *     }
+         */
+        OperatorPartsShown: {
+            fixed?: number[] | components["schemas"]["AbbreviatedList"];
+            scalars?: number[] | components["schemas"]["AbbreviatedList"];
+            tensors?: number[] | components["schemas"]["AbbreviatedList"];
+        };
         /** @description What was chosen and come across when an operator was made. */
         OperatorReport: {
             /** @description Whether the flips came to an end, so that no weight of the stiffness is negative. Without the robust Laplacian nobody asked. */
@@ -3902,6 +4086,212 @@ export interface components {
             items: components["schemas"]["MeshResource"][];
             /** @description Pass this as `from` to get the next page; null on the last. */
             next: string | null;
+        };
+        /** @description A page of a list, newest first. */
+        PageOf_ProblemResource: {
+            /** @description The items. */
+            items: components["schemas"]["ProblemResource"][];
+            /** @description Pass this as `from` to get the next page; null on the last. */
+            next: string | null;
+        };
+        /** @description A stored basis. Of the kind `pencil_basis`. */
+        PencilBasisBasisResource: components["schemas"]["PencilBasisBasisSummary"] & {
+            /**
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
+             *     Null where nothing is.
+             */
+            certificate: components["schemas"]["Certificate"];
+            /**
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
+             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of any kind, where a graphics card took part in it or
+             *     failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
+             */
+            details: components["schemas"]["PencilBasisDetails"];
+            /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
+            eigenvalues: number[];
+            /**
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh, how many
+             *     vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             */
+            operator: null;
+        } & {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "pencil_basis";
+        };
+        /** @description A stored basis without its eigenvalues and certificate, as lists have it. Of the kind `pencil_basis`. */
+        PencilBasisBasisSummary: components["schemas"]["BasisFacts"] & {
+            /**
+             * @description The kind of job.
+             * @enum {string}
+             */
+            kind: "pencil_basis";
+            /** @description The mesh it lives on; null where it is of a problem. */
+            mesh: null;
+            parameters: components["schemas"]["PencilBasisParametersShown"];
+            /** @description The problem it is of, of the kind `pencil_basis` alone. */
+            pencil: string;
+        } & {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "pencil_basis";
+        };
+        /** @description What only eigenvectors of a problem have. */
+        PencilBasisDetails: {
+            /** @description What solved its dense problems; absent where no graphics card had to do with it. */
+            dense_solver?: string[];
+            /**
+             * Format: double
+             * @description The multiple c of the mass that residuals ‖Sx − λMx‖ / ‖(S + cM)x‖ are relative to.
+             */
+            moved: number;
+            /**
+             * Format: int64
+             * @description Rows that are not fixed.
+             */
+            unknowns: number;
+        };
+        /** @description A job to be done. Of the kind `pencil_basis`. */
+        PencilBasisJobRequest: {
+            /**
+             * @description The kind of job. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "pencil_basis";
+            /** @description Parameters; what is absent takes its default. */
+            parameters?: components["schemas"]["PencilBasisParameters"];
+            /** @description Of the kind `pencil_basis`, in the place of a mesh: the id of the problem. */
+            pencil: string;
+            /**
+             * Format: int32
+             * @description Higher runs first. By default `0`.
+             */
+            priority?: number;
+        };
+        /** @description A job. Of the kind `pencil_basis`. */
+        PencilBasisJobResource: components["schemas"]["JobFacts"] & {
+            /**
+             * @description The kind of job.
+             * @enum {string}
+             */
+            kind: "pencil_basis";
+            /** @description The mesh it works on; null where it works on a problem. */
+            mesh: null;
+            parameters: components["schemas"]["PencilBasisParametersShown"];
+            /** @description The problem it works on, of the kind `pencil_basis` alone. */
+            pencil: string;
+        } & {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "pencil_basis";
+        };
+        /** @description What is to be computed. Every default is filled in. */
+        PencilBasisParameters: {
+            /**
+             * Format: double
+             * @description With a count: not the lowest pairs, but those whose eigenvalues are nearest to this number. All below it are computed as well.
+             * @example 1.5
+             */
+            around?: number | null;
+            /**
+             * @description With `below`, `between` or `around`: the most pairs that may be computed, 1000 unless it is given.
+             * @example 400
+             */
+            at_most?: number | null;
+            /**
+             * Format: double
+             * @description All pairs below this eigenvalue instead of a count.
+             * @example 0.5
+             */
+            below?: number | null;
+            /**
+             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, instead of a count. All below `to` are computed.
+             * @example [
+             *       -0.1,
+             *       0.1
+             *     ]
+             */
+            between?: number[] | null;
+            /**
+             * @description How many pairs: the lowest, or with `around` the nearest. 10, unless it is given or bounds take its place.
+             * @example 50
+             */
+            count?: number | null;
+            /**
+             * @description Rows whose entries are zero in every vector (Dirichlet), from 0, up to a million: they and their columns are left out. In ascending order, each once, in answers. By default `[]`.
+             * @example [
+             *       0,
+             *       1,
+             *       2
+             *     ]
+             */
+            fixed?: number[];
+            precision?: components["schemas"]["Precision"] | null;
+            /**
+             * Format: int64
+             * @description Seeds everything that is drawn at random. By default `0`.
+             * @example 0
+             */
+            seed?: number;
+            /**
+             * Format: double
+             * @description The largest residual ‖Sx − λMx‖ / ‖(S + cM)x‖ of a pair, 1e-8 unless it is given; eigenvalues are as exact as its square.
+             * @example 0.000001
+             */
+            tolerance?: number | null;
+        };
+        /** @description What is to be computed. Every default is filled in. */
+        PencilBasisParametersShown: {
+            /**
+             * Format: double
+             * @description With a count: not the lowest pairs, but those whose eigenvalues are nearest to this number. All below it are computed as well.
+             * @example 1.5
+             */
+            around?: number | null;
+            /**
+             * @description With `below`, `between` or `around`: the most pairs that may be computed, 1000 unless it is given.
+             * @example 400
+             */
+            at_most?: number | null;
+            /**
+             * Format: double
+             * @description All pairs below this eigenvalue instead of a count.
+             * @example 0.5
+             */
+            below?: number | null;
+            /**
+             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, instead of a count. All below `to` are computed.
+             * @example [
+             *       -0.1,
+             *       0.1
+             *     ]
+             */
+            between?: number[] | null;
+            /**
+             * @description How many pairs: the lowest, or with `around` the nearest. 10, unless it is given or bounds take its place.
+             * @example 50
+             */
+            count?: number | null;
+            fixed?: number[] | components["schemas"]["AbbreviatedList"];
+            precision?: components["schemas"]["Precision"] | null;
+            /**
+             * Format: int64
+             * @description Seeds everything that is drawn at random.
+             * @example 0
+             */
+            seed?: number;
+            /**
+             * Format: double
+             * @description The largest residual ‖Sx − λMx‖ / ‖(S + cM)x‖ of a pair, 1e-8 unless it is given; eigenvalues are as exact as its square.
+             * @example 0.000001
+             */
+            tolerance?: number | null;
         };
         /** @description Weights of faces. */
         PerFace: components["schemas"]["NamedWeights"] | number[];
@@ -3975,6 +4365,111 @@ export interface components {
             title: string;
             /** @description A stable URI of the kind of problem; it can be opened on this server. */
             type: string;
+        };
+        /** @description Links of a problem. */
+        ProblemLinks: {
+            /** @description Its matrices. */
+            content: string;
+            /** @description The problem itself. */
+            self: string;
+        };
+        /** @description Matrices in parts. */
+        ProblemParts: {
+            /**
+             * Format: binary
+             * @description The mass M: a matrix as S, or its diagonal as NPY or a Matrix Market array of one column; the identity where it is absent.
+             */
+            mass?: Blob;
+            /** @description As in the query. */
+            name?: string;
+            /**
+             * Format: binary
+             * @description The matrix S.
+             */
+            stiffness: Blob;
+        };
+        /** @description What was found of matrices when they were checked. */
+        ProblemReport: {
+            /**
+             * Format: int64
+             * @description Entries of S that are not zero, those on both sides of the diagonal counted.
+             */
+            entries: number;
+            /**
+             * Format: int64
+             * @description Entries of a factor of S − μM, which tell the memory of a job; null where the matrices were too large to be analysed at once.
+             */
+            factor_entries: number | null;
+            /**
+             * @description What the mass is.
+             * @enum {string}
+             */
+            mass: "identity" | "diagonal" | "sparse";
+            /**
+             * Format: int64
+             * @description Entries of the mass that are stored.
+             */
+            mass_entries: number;
+            /** @description Whether the mass was proven positive definite; where that would have taken much memory, the first job proves it. */
+            mass_proven: boolean;
+            /**
+             * Format: int64
+             * @description Rows of both.
+             */
+            rows: number;
+        };
+        /**
+         * @description A stored problem: sparse symmetric matrices S and M of a pencil `S x = λ M x`.
+         * @example {
+         *       "bytes": 5123456,
+         *       "created_ms": 1795269600000,
+         *       "id": "7be0a1d25c9f4e3388d1c6f2904ab57e",
+         *       "links": {
+         *         "content": "/v1/problems/7be0a1d25c9f4e3388d1c6f2904ab57e/content",
+         *         "self": "/v1/problems/7be0a1d25c9f4e3388d1c6f2904ab57e"
+         *       },
+         *       "name": "bracket, 2 mm",
+         *       "report": {
+         *         "entries": 412431,
+         *         "factor_entries": 18234567,
+         *         "mass": "sparse",
+         *         "mass_entries": 412431,
+         *         "mass_proven": true,
+         *         "rows": 29791
+         *       },
+         *       "rows": 29791,
+         *       "source_bytes": 981734
+         *     }
+         */
+        ProblemResource: {
+            /**
+             * Format: int64
+             * @description Bytes of the stored content.
+             */
+            bytes: number;
+            /**
+             * Format: int64
+             * @description When it was stored.
+             */
+            created_ms: number;
+            /** @description 32 hexadecimal digits of the BLAKE3 hash of the matrices: equal matrices have an equal id. */
+            id: string;
+            /** @description Where to go from here. */
+            links: components["schemas"]["ProblemLinks"];
+            /** @description The name it was given. */
+            name: string | null;
+            /** @description What was found when it was checked. */
+            report: components["schemas"]["ProblemReport"];
+            /**
+             * Format: int64
+             * @description Rows of both matrices.
+             */
+            rows: number;
+            /**
+             * Format: int64
+             * @description Bytes it came in as, after decompression.
+             */
+            source_bytes: number;
         };
         /**
          * @description The weight of a vertex by its distance from the sample, as a share of the support radius (appendix 2.A). All are 1 at the
@@ -4091,8 +4586,10 @@ export interface components {
         ReceiptHashes: {
             /** @description BLAKE3 of the content of the basis, 64 hexadecimal digits. */
             basis: string;
-            /** @description The id of the mesh. */
-            mesh: string;
+            /** @description The id of the mesh; absent where there is a problem. */
+            mesh?: string;
+            /** @description The id of the problem, of a basis of the kind `pencil_basis`. */
+            problem?: string;
         };
         /** @description A count made anew. */
         Recount: {
@@ -4776,7 +5273,7 @@ export interface components {
          *     }
          */
         VerificationReceipt: {
-            /** @description Its boundary condition. */
+            /** @description Its boundary condition; of a problem `dirichlet` where rows are fixed, else `none`. */
             boundary: string;
             /** @description Their bounds. */
             bounds: number[];
@@ -4795,11 +5292,11 @@ export interface components {
             first: number;
             /** @description What the hashes are of. */
             hash: string;
-            /** @description BLAKE3 of the content of the basis, and the id of the mesh. */
+            /** @description BLAKE3 of the content of the basis, and the id of the mesh or of the problem. */
             hashes: components["schemas"]["ReceiptHashes"];
-            /** @description Its mass matrix. */
+            /** @description Its mass matrix; of a problem `identity`, `diagonal` or `sparse`. */
             mass: string;
-            /** @description The operator that was assembled anew. */
+            /** @description The operator that was assembled anew; `pencil` where the matrices came as they are. */
             operator: unknown;
             /**
              * Format: double
@@ -4867,6 +5364,8 @@ export interface components {
              * @enum {string}
              */
             kind: "vibration_basis";
+            /** @description The mesh it lives on; null where it is of a problem. */
+            mesh: string;
             parameters: components["schemas"]["VibrationBasisParametersShown"];
         } & {
             /**
@@ -4916,6 +5415,8 @@ export interface components {
              * @enum {string}
              */
             kind: "vibration_basis";
+            /** @description The mesh it works on; null where it works on a problem. */
+            mesh: string;
             parameters: components["schemas"]["VibrationBasisParametersShown"];
         } & {
             /**
@@ -5363,7 +5864,7 @@ export interface operations {
                 kind?: string;
                 /** @description Items of the page, at most 200. */
                 limit?: number;
-                /** @description Only bases on this mesh. */
+                /** @description Only bases on this mesh, or of this problem. */
                 mesh?: string;
             };
             header?: never;
@@ -5584,7 +6085,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -5818,7 +6319,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -5954,7 +6455,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6095,7 +6596,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6223,7 +6724,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6351,7 +6852,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6493,7 +6994,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6619,7 +7120,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6758,7 +7259,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6896,7 +7397,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -7040,7 +7541,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -7179,7 +7680,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -7318,7 +7819,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -7449,7 +7950,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -7579,7 +8080,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -7681,7 +8182,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -7912,7 +8413,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind */
+            /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -8004,7 +8505,7 @@ export interface operations {
             };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
-            /** @description A problem: unknown-mesh */
+            /** @description A problem: unknown-mesh or unknown-problem */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -8073,7 +8574,7 @@ export interface operations {
                 kind?: string;
                 /** @description Items of the page, at most 200. */
                 limit?: number;
-                /** @description Only jobs on this mesh. */
+                /** @description Only jobs on this mesh, or on this problem. */
                 mesh?: string;
                 /** @description Only jobs with this status. */
                 status?: "enqueued" | "processing" | "succeeded" | "failed" | "canceled";
@@ -8171,7 +8672,7 @@ export interface operations {
             };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
-            /** @description A problem: unknown-mesh */
+            /** @description A problem: unknown-mesh or unknown-problem */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -9484,6 +9985,470 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
+        };
+    };
+    listProblems: {
+        parameters: {
+            query?: {
+                /** @description `next` of the page before. */
+                from?: string;
+                /** @description Items of the page, at most 200. */
+                limit?: number;
+                /**
+                 * @description Only problems whose name contains this, in capital letters or small ones.
+                 * @example bracket
+                 */
+                name?: string;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description A page of problems */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PageOf_ProblemResource"];
+                };
+            };
+            /** @description A problem: invalid-query or invalid-cursor */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            500: components["responses"]["InternalError"];
+        };
+    };
+    uploadProblem: {
+        parameters: {
+            query?: {
+                /**
+                 * @description A name for people, at most 200 characters.
+                 * @example bracket, 2 mm
+                 */
+                name?: string;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** @description The matrices */
+        requestBody: {
+            content: {
+                "application/octet-stream": Blob;
+                "application/x-matrix-market": Blob;
+                "application/x-npz": Blob;
+                "multipart/form-data": components["schemas"]["ProblemParts"];
+            };
+        };
+        responses: {
+            /** @description Equal matrices were stored before */
+            200: {
+                headers: {
+                    Location?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProblemResource"];
+                };
+            };
+            /** @description The problem is stored; `Location` names it */
+            201: {
+                headers: {
+                    ETag?: string;
+                    Location?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProblemResource"];
+                };
+            };
+            /** @description A problem: damaged-content-encoding, body-incomplete, invalid-query or invalid-multipart */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: body-too-slow */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unsupported-content-encoding */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unreadable-matrix or invalid-pencil */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy, storage-busy or draining */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: storage-full */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    showProblem: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the problem
+                 * @example 7be0a1d25c9f4e3388d1c6f2904ab57e
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The problem */
+            200: {
+                headers: {
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProblemResource"];
+                };
+            };
+            /** @description The problem is as `If-None-Match` names it */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-problem */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+        };
+    };
+    deleteProblem: {
+        parameters: {
+            query?: {
+                /** @description Cancels its unfinished jobs and deletes its bases too. */
+                cascade?: boolean;
+            };
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the problem
+                 * @example 7be0a1d25c9f4e3388d1c6f2904ab57e
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The problem is gone */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-problem */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: problem-in-use */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: storage-busy */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: storage-full */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    renameProblem: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the problem
+                 * @example 7be0a1d25c9f4e3388d1c6f2904ab57e
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["RenameRequest"];
+            };
+        };
+        responses: {
+            /** @description The problem under its new name */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProblemResource"];
+                };
+            };
+            /** @description A problem: damaged-content-encoding, body-incomplete or invalid-json */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-problem */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-slow */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unsupported-content-encoding or unsupported-media-type */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: invalid-request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy or storage-busy */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: storage-full */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    getProblemContent: {
+        parameters: {
+            query?: never;
+            header?: {
+                /**
+                 * @description One range of bytes
+                 * @example bytes=0-1023
+                 */
+                Range?: string | null;
+            };
+            path: {
+                /**
+                 * @description The id of the problem
+                 * @example 7be0a1d25c9f4e3388d1c6f2904ab57e
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The whole content */
+            200: {
+                headers: {
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": Blob;
+                    "application/x-npz": Blob;
+                    "application/zip": Blob;
+                };
+            };
+            /** @description The bytes that `Range` asks for */
+            206: {
+                headers: {
+                    "Content-Range"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": Blob;
+                    "application/x-npz": Blob;
+                    "application/zip": Blob;
+                };
+            };
+            /** @description The content is as `If-None-Match` names it */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-problem */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: not-acceptable */
+            406: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: range-not-satisfiable */
+            416: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
         };
     };
     listSamples: {

@@ -325,7 +325,8 @@ impl Subject<'_> {
         let expected = self.operator.laplacian().mass.scaled(self.operator.problem.area);
         let same_kind = matches!(
             (&self.basis.mass, &expected),
-            (MassMatrix::Diagonal(_), MassMatrix::Diagonal(_)) | (MassMatrix::Sparse(_), MassMatrix::Sparse(_))
+            (MassMatrix::Diagonal(_), MassMatrix::Diagonal(_))
+                | (MassMatrix::Sparse(_), MassMatrix::Sparse(_) | MassMatrix::Weighted(_))
         );
         let ones = vec![1.0; expected.size()];
         let ramp: Vec<f64> = (0..ones.len()).map(|k| 1.0 + (k % 7) as f64).collect();

@@ -264,6 +264,11 @@ fn fixed_rows_are_taken_out_and_zero_in_the_vectors() {
         assert!((found - exact).abs() < 1e-9 * exact, "{found} is not {exact}");
         let x = pairs.vectors.column(k);
         assert_eq!((x.len(), x[0], x[n + 1]), (n + 2, 0.0, 0.0));
+        // What is not fixed is an eigenvector of the rest.
+        let sx = stiffness.multiply(x).unwrap();
+        let rest: f64 = (1..=n).map(|row| (sx[row] - found * x[row]).powi(2)).sum();
+        let length: f64 = x.iter().map(|x| x * x).sum();
+        assert!(rest.sqrt() < 1e-7 && (length - 1.0).abs() < 1e-9, "{k}: {rest:e}, {length}");
     }
     let often = [0, n as u32 + 1].repeat(n);
     assert_eq!(Pencil::new(stiffness.clone(), Mass::Identity, &often, &Unwatched).unwrap().unknowns(), n);

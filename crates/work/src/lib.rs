@@ -14,6 +14,7 @@ mod field_basis;
 pub mod numbered;
 mod operator_family;
 pub mod packed;
+mod pencil_basis;
 mod provenance;
 #[cfg(feature = "schema")]
 pub mod schema;
@@ -28,6 +29,7 @@ use chladni_spectral::basis::Product;
 use chladni_spectral::operator::OperatorError;
 use chladni_spectral::spectrum::ApproximationError;
 use chladni_spectral::spectrum::hsim::HsimError;
+use chladni_spectral::spectrum::pencil::PencilError;
 use chladni_spectral::spectrum::vibration::VibrationError;
 
 use packed::Packed;
@@ -41,14 +43,18 @@ pub use field_basis::{FieldBasisParameters, FieldConstruction, FieldName};
 
 use chladni_spectral::field::{DesignError, FieldError};
 pub use operator_family::OperatorFamilyParameters;
+pub use pencil_basis::{PencilBasisParameters, ProblemSize};
 pub use provenance::{Provenance, ProvenanceError};
 pub use vibration_basis::{VibrationBasisParameters, VibrationMethodName};
 
 /// The version of the solvers: it enters the key of equal work, so that a better solver does not answer with old results.
 pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+3");
 
+/// The names of all kinds of job that work on a mesh.
+pub const MESH_KINDS: &[&str] = &["eigenbasis", "field_basis", "operator_family", "vibration_basis"];
+
 /// The names of all kinds of job.
-pub const KINDS: &[&str] = &["eigenbasis", "field_basis", "operator_family", "vibration_basis"];
+pub const KINDS: &[&str] = &["eigenbasis", "field_basis", "operator_family", "vibration_basis", "pencil_basis"];
 
 /// Why parameters were refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -114,6 +120,9 @@ pub enum JobError {
     /// The vibration modes could not be computed.
     #[error(transparent)]
     Vibration(VibrationError),
+    /// Matrices are no pencil.
+    #[error(transparent)]
+    Pencil(PencilError),
 }
 
 stopped!(JobError: VibrationError => Vibration, HsimError => Iteration, ApproximationError => Approximation, OperatorError => Operator, DesignError => Ritz);
@@ -147,6 +156,7 @@ impl JobError {
             Self::Field(_) => "subspace-failed",
             Self::Ritz(_) => "eigenproblem-failed",
             Self::Vibration(error) => error.kind(),
+            Self::Pencil(error) => error.kind(),
         }
     }
 }
@@ -229,6 +239,8 @@ pub enum JobParameters {
     OperatorFamily(OperatorFamilyParameters),
     /// Vibration modes.
     VibrationBasis(VibrationBasisParameters),
+    /// Eigenpairs of a pencil that came as matrices.
+    PencilBasis(PencilBasisParameters),
 }
 
 impl JobParameters {
@@ -250,6 +262,7 @@ impl JobParameters {
             "field_basis" => FieldBasisParameters::read(parameters).map(Self::FieldBasis),
             "operator_family" => OperatorFamilyParameters::read(parameters).map(Self::OperatorFamily),
             "vibration_basis" => VibrationBasisParameters::read(parameters).map(Self::VibrationBasis),
+            "pencil_basis" => PencilBasisParameters::read(parameters).map(Self::PencilBasis),
             other => Err(ParameterError::UnknownKind { kind: other.chars().take(64).collect() }),
         }
     }
@@ -261,6 +274,7 @@ impl JobParameters {
             Self::FieldBasis(_) => "field_basis",
             Self::OperatorFamily(_) => "operator_family",
             Self::VibrationBasis(_) => "vibration_basis",
+            Self::PencilBasis(_) => "pencil_basis",
         }
     }
 
@@ -270,6 +284,7 @@ impl JobParameters {
             Self::FieldBasis(parameters) => parameters,
             Self::OperatorFamily(parameters) => parameters,
             Self::VibrationBasis(parameters) => parameters,
+            Self::PencilBasis(parameters) => parameters,
         }
     }
 
@@ -344,13 +359,18 @@ impl JobParameters {
             mesh: None,
         };
         let mut about = provenance.to_metadata();
-        for (name, text) in notes {
-            if let Some(list) = about.entry(name).or_insert_with(|| serde_json::json!([])).as_array_mut() {
-                list.push(text.into());
-            }
-        }
+        add_notes(&mut about, notes);
         product.describe(about);
         Ok(Outcome { product, seconds })
+    }
+}
+
+/// What long work noted on its way, a list under each name.
+fn add_notes(about: &mut serde_json::Map<String, serde_json::Value>, notes: Vec<(&'static str, String)>) {
+    for (name, text) in notes {
+        if let Some(list) = about.entry(name).or_insert_with(|| serde_json::json!([])).as_array_mut() {
+            list.push(text.into());
+        }
     }
 }
 

@@ -102,6 +102,9 @@ pub fn translate_parameters(parameters: &mut Packed, to: &Translation, mesh: Mes
         let pulled = to.pull(&numbers, mesh.vertices);
         *values = pulled.map_err(refused("operator.hamiltonian.potential.values"))?.into();
     }
+    if let Some(parts) = parameters.at_mut(&["operator", "weighted"]) {
+        translate_parts(parts, to, mesh)?;
+    }
     if let Some(values) = parameters.get_mut("weights")
         && let Some(numbers) = values.numbers()
     {
@@ -115,6 +118,30 @@ pub fn translate_parameters(parameters: &mut Packed, to: &Translation, mesh: Mes
             }
             let width = numbers.len().checked_div(to.faces(mesh.faces)).unwrap_or(0);
             *example = to.pull_faces(&numbers, width).map_err(refused("examples"))?.into();
+        }
+    }
+    Ok(())
+}
+
+/// Weights of faces, which parts of a divided face inherit, and vertices that are held at zero. Tensors are in the frames of the faces of the file.
+fn translate_parts(parts: &mut Packed, to: &Translation, mesh: MeshSize) -> Result<(), ParameterError> {
+    let refused =
+        |name: &'static str| move |error: NumberingError| ParameterError::Value { name, reason: error.to_string() };
+    for (member, name, width) in
+        [("scalars", "operator.weighted.scalars", 1), ("tensors", "operator.weighted.tensors", 3)]
+    {
+        if let Some(values) = parts.get_mut(member)
+            && let Some(numbers) = values.numbers().filter(|numbers| !numbers.is_empty())
+        {
+            if width > 1 && to.divides_faces() {
+                return Err(refused(name)(NumberingError::Frames));
+            }
+            *values = to.pull_faces(&numbers, width).map_err(refused(name))?.into();
+        }
+    }
+    if let Some(Packed::Whole(fixed)) = parts.get_mut("fixed") {
+        for vertex in fixed {
+            *vertex = to.vertex(*vertex, mesh.vertices).map_err(refused("operator.weighted.fixed"))?.into();
         }
     }
     Ok(())

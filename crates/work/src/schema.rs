@@ -8,7 +8,10 @@ use utoipa::openapi::{Ref, RefOr};
 use utoipa::{PartialSchema, ToSchema};
 
 use crate::eigenbasis::{self, MethodName};
-use crate::{FieldBasisParameters, KINDS, OperatorFamilyParameters, VibrationBasisParameters, VibrationMethodName};
+use crate::{
+    FieldBasisParameters, KINDS, OperatorFamilyParameters, PencilBasisParameters, VibrationBasisParameters,
+    VibrationMethodName,
+};
 
 /// Schemas by name.
 pub type Components = Vec<(String, RefOr<Schema>)>;
@@ -27,8 +30,13 @@ struct Variant {
 
 /// The name of the schema of the parameters of a kind of job; `None` where there is no such kind.
 pub fn component(kind: &str) -> Option<&'static str> {
-    let names =
-        ["EigenbasisParameters", "FieldBasisParameters", "OperatorFamilyParameters", "VibrationBasisParameters"];
+    let names = [
+        "EigenbasisParameters",
+        "FieldBasisParameters",
+        "OperatorFamilyParameters",
+        "VibrationBasisParameters",
+        "PencilBasisParameters",
+    ];
     KINDS.iter().zip(names).find(|(own, _)| **own == kind).map(|(_, name)| name)
 }
 
@@ -46,6 +54,8 @@ pub fn components() -> Components {
     <FieldBasisParameters as ToSchema>::schemas(&mut found);
     found.push(("FieldBasisParameters".to_owned(), <FieldBasisParameters as PartialSchema>::schema()));
     found.push(("OperatorFamilyParameters".to_owned(), <OperatorFamilyParameters as PartialSchema>::schema()));
+    <PencilBasisParameters as ToSchema>::schemas(&mut found);
+    found.push(("PencilBasisParameters".to_owned(), <PencilBasisParameters as PartialSchema>::schema()));
     <VibrationBasisParameters as ToSchema>::schemas(&mut found);
     by_method(
         "VibrationBasisParameters",

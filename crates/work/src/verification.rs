@@ -1,12 +1,14 @@
 //! A basis judged again from its mesh, and the receipt of it.
 
+use chladni_algebra::MassMatrix;
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Basis;
-use chladni_spectral::verify::{Verification, VerifyError, verify};
+use chladni_spectral::spectrum::pencil::{Mass, Matrices};
+use chladni_spectral::verify::{Finding, Verification, VerifyError, verify};
 use serde_json::{Value, json};
 
-use crate::{EigenbasisParameters, JobError, ParameterError};
+use crate::{EigenbasisParameters, JobError, ParameterError, PencilBasisParameters};
 
 /// Why a basis was not judged.
 #[derive(Debug, thiserror::Error)]
@@ -106,7 +108,11 @@ pub fn receipt(
     (hashes, hash): (&Value, &str),
     seconds: f64,
 ) -> Value {
-    let problem = parameters.canonical();
+    told(basis, parameters.canonical(), outcome, (hashes, hash), seconds)
+}
+
+/// `problem` has the operator, its mass and its boundary condition.
+fn told(basis: &Basis, problem: Value, outcome: &Verification, (hashes, hash): (&Value, &str), seconds: f64) -> Value {
     json!({
         "verdict": outcome.verdict(),
         "hashes": hashes,
@@ -128,6 +134,59 @@ pub fn receipt(
         "distances": outcome.distances,
         "seconds": seconds,
     })
+}
+
+/// Judges a basis of a problem by its matrices. Residuals are relative to `‖(S + cM) x‖`, with the `moved` of its metadata for `c`; rows of `fixed` have to be zero.
+///
+/// # Errors
+/// [`JudgeError`]; whatever is wrong with the basis is a finding.
+pub fn judge_pencil(
+    basis: &Basis,
+    matrices: &Matrices,
+    fixed: &[u32],
+    monitor: &dyn Monitor,
+) -> Result<Verification, JudgeError> {
+    let moved = basis.metadata["moved"].as_f64().filter(|moved| moved.is_finite()).unwrap_or(0.0);
+    let operator = matrices.moved(moved, fixed, monitor).map_err(JobError::from)?;
+    let mut there = basis.clone();
+    there.eigenvalues.iter_mut().for_each(|value| *value += moved);
+    there.certificate.inertia.iter_mut().for_each(|count| count.shift += moved);
+    if let MassMatrix::Weighted(mass) = there.mass {
+        there.mass = MassMatrix::Sparse(mass.matrix);
+    }
+    let mut found = verify(&there, &operator, monitor)?;
+    found.counts.iter_mut().for_each(|count| count.shift -= moved);
+    found.findings.iter_mut().for_each(|finding| move_back(finding, moved));
+    Ok(found)
+}
+
+/// Numbers of a finding in the units of the pencil.
+fn move_back(finding: &mut Finding, moved: f64) {
+    match finding {
+        Finding::Order { value, before, .. } => (*value, *before) = (*value - moved, *before - moved),
+        Finding::Quotient { value, quotient, .. } => (*value, *quotient) = (*value - moved, *quotient - moved),
+        Finding::Count { shift, .. } | Finding::Missing { shift, .. } => *shift -= moved,
+        _ => {}
+    }
+}
+
+/// The receipt of a basis of a problem.
+pub fn pencil_receipt(
+    basis: &Basis,
+    matrices: &Matrices,
+    parameters: &PencilBasisParameters,
+    outcome: &Verification,
+    (hashes, hash): (&Value, &str),
+    seconds: f64,
+) -> Value {
+    let mass = match matrices.mass() {
+        Mass::Identity => "identity",
+        Mass::Diagonal(_) => "diagonal",
+        Mass::Sparse(_) => "sparse",
+    };
+    let boundary = if parameters.fixed.is_empty() { "none" } else { "dirichlet" };
+    let judged = json!({ "operator": "pencil", "mass": mass, "boundary": boundary });
+    told(basis, judged, outcome, (hashes, hash), seconds)
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use std::{
 
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::spectrum::pencil::Matrices;
 
 use super::{
     child::{Heard, Worker},
@@ -20,7 +21,7 @@ use super::{
 };
 use crate::{
     queue::{JobFailure, Outcome, QueueObserver, Runner, Watch},
-    store::{JobRecord, write_body},
+    store::{JobRecord, Subject},
 };
 
 /// How often it is looked whether the job was asked to stop.
@@ -126,6 +127,16 @@ impl Runner for Processes {
         solid: Option<Arc<TetMesh>>,
         watch: &dyn Watch,
     ) -> Result<Outcome, JobFailure> {
+        self.hand_out(job, Subject::Mesh(mesh, solid), watch)
+    }
+
+    fn run_problem(&self, job: &JobRecord, matrices: Arc<Matrices>, watch: &dyn Watch) -> Result<Outcome, JobFailure> {
+        self.hand_out(job, Subject::Problem(matrices), watch)
+    }
+}
+
+impl Processes {
+    fn hand_out(&self, job: &JobRecord, subject: Subject, watch: &dyn Watch) -> Result<Outcome, JobFailure> {
         let lost = |error: io::Error| JobFailure::Failed {
             kind: "worker-lost".to_owned(),
             detail: format!("no process could be started for the job: {error}"),
@@ -139,19 +150,19 @@ impl Runner for Processes {
             threads: rayon::current_num_threads(),
             memory: self.memory(job.memory_bytes),
         };
-        send(&worker, order, mesh, solid).map_err(lost)?;
+        send(&worker, order, subject).map_err(lost)?;
         attend(worker, job, watch, &self.0)
     }
 }
 
 /// Sends an order from a thread of its own: a worker that does not read must not keep its server from killing it.
-fn send(worker: &Worker, order: Order, mesh: Arc<TriangleMesh>, solid: Option<Arc<TetMesh>>) -> io::Result<()> {
+fn send(worker: &Worker, order: Order, subject: Subject) -> io::Result<()> {
     let orders = Arc::clone(&worker.orders);
     let sending = move || -> io::Result<()> {
         let mut orders = orders.lock().unwrap_or_else(PoisonError::into_inner);
         frame::write_pieces(&mut *orders, Tag::Order, &serde_json::to_vec(&order)?)?;
         let mut pieces = Pieces::new(&mut *orders, Tag::Mesh);
-        write_body(&mesh, solid.as_deref(), &mut pieces)?;
+        subject.write(&mut pieces)?;
         pieces.flush()?;
         frame::write(&mut *orders, Tag::Begin, &[])?;
         orders.flush()

@@ -13,7 +13,6 @@ use std::{
 
 use chladni_algebra::gpu;
 use chladni_base::{Cancelled, Monitor};
-use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::{Basis, Functions, Product};
 use chladni_spectral::formats::npz;
 
@@ -24,7 +23,7 @@ use super::{
 };
 use crate::{
     queue::{JobFailure, Runner, Watch},
-    store::read_body,
+    store::Subject,
 };
 
 /// Milliseconds between two signs of life.
@@ -77,25 +76,23 @@ pub fn work(input: File, output: File, runner: &dyn Runner) -> io::Result<()> {
 /// An order and what it is about.
 struct Incoming {
     order: Order,
-    mesh: Arc<TriangleMesh>,
-    solid: Option<Arc<TetMesh>>,
+    subject: Subject,
 }
 
 /// Reads orders, and requests to stop, until the server is gone.
 fn listen(input: impl Read, orders: &mpsc::Sender<Incoming>, cancelled: &AtomicU64) -> io::Result<()> {
     let broken = |what: &str| io::Error::new(io::ErrorKind::InvalidData, what.to_owned());
     let mut input = BufReader::with_capacity(1 << 16, input);
-    let (mut text, mut mesh) = (Vec::new(), Vec::new());
+    let (mut text, mut subject) = (Vec::new(), Vec::new());
     while let Some(frame) = frame::read(&mut input)? {
         match frame.tag {
             Tag::Order => text.extend(frame.body),
-            Tag::Mesh => mesh.extend(frame.body),
+            Tag::Mesh => subject.extend(frame.body),
             Tag::Begin => {
                 let order: Order = serde_json::from_slice(&std::mem::take(&mut text))?;
-                let (mesh, solid) =
-                    read_body(&std::mem::take(&mut mesh)).ok_or_else(|| broken("the mesh could not be decoded"))?;
-                let incoming = Incoming { order, mesh: Arc::new(mesh), solid: solid.map(Arc::new) };
-                if orders.send(incoming).is_err() {
+                let subject = Subject::read(&std::mem::take(&mut subject))
+                    .ok_or_else(|| broken("what the order is about could not be decoded"))?;
+                if orders.send(Incoming { order, subject }).is_err() {
                     return Ok(());
                 }
             }
@@ -128,7 +125,7 @@ fn say_json(output: &Output, tag: Tag, body: &impl serde::Serialize) -> io::Resu
 
 /// Does one order.
 fn obey(
-    Incoming { order, mesh, solid }: Incoming,
+    Incoming { order, subject }: Incoming,
     threads: &rayon::ThreadPool,
     runner: &dyn Runner,
     output: &Output,
@@ -149,7 +146,7 @@ fn obey(
     if let Some(bytes) = order.memory {
         limit::allow(bytes);
     }
-    let run = || runner.run_body(&order.job, mesh, solid, &monitor);
+    let run = || runner.run_on(&order.job, subject, &monitor);
     let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| threads.install(run)));
     let result = result.unwrap_or_else(|_| {
         let detail = "the worker panicked".to_owned();

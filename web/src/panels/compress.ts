@@ -63,7 +63,7 @@ export function compression(app: App, here: (basis: Basis) => boolean, changed: 
   const pairs = slider("Modes kept", { min: 1, max: 100, step: 1, value: 100 }, move, grouped);
   const bits = slider("Bits", { min: 2, max: 24, step: 1, value: 12 }, move);
   const element = h("div", {}, h("p", {}, "The coordinates in the first modes, rounded and packed; what you see is what comes back."), pairs.element, bits.element, facts, h("div", { class: "row" }, save), note,
-    h("p", { class: "dim" }, h("a", { href: "/docs/guide/compression", target: "_blank" }, "How it works")));
+    h("p", { class: "dim" }, h("a", { href: "docs/guide/compression", target: "_blank" }, "How it works")));
   facts.classList.add("wide");
   return { element, apply, pairs, bits };
 }

@@ -343,7 +343,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
         alignment.set(1);
         smooth.set(-2);
       }
-      [before, mesh] = [basis.id, basis.mesh];
+      [before, mesh] = [basis.id, basis.mesh ?? undefined];
       facts.textContent = "";
       hint.textContent = tensors
         ? "Curvature tensors in this space: the weights steer, live, how smooth they are. Strokes change them: how much they bend along the stroke and across it, in units of one over the radius."

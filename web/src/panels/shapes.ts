@@ -60,7 +60,8 @@ export function shapesPanel(app: App, look: Look): Panel {
     document.body.dataset.shapes = String(bases.length);
   };
   const open = (k: number) => {
-    if (bases[k]) app.open(bases[k].mesh).catch(app.fail);
+    const mesh = bases[k]?.mesh;
+    if (mesh) app.open(mesh).catch(app.fail);
   };
   const nearest = (event: PointerEvent) => {
     if (!found) return -1;

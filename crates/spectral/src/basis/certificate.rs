@@ -31,6 +31,9 @@ pub struct Certificate {
     /// The bounds that the pairs were asked for by, if they were.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interval: Option<Interval>,
+    /// The number that the pairs are the nearest to, if they were asked for by one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub around: Option<Around>,
     /// The cluster that the number of pairs cuts, if it is known to cut one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cut: Option<CutCluster>,
@@ -108,6 +111,30 @@ pub struct OnBound {
     pub bound: f64,
     /// Whether it counts as below.
     pub below: bool,
+}
+
+/// The number that pairs were asked for by, as the nearest to it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Around {
+    /// The number.
+    pub shift: f64,
+    /// Pairs of which enclosures do not let one tell which are nearer, delivered or not; empty where these pairs are proven to be the nearest.
+    pub ties: Vec<NearPair>,
+}
+
+/// A pair as near to a number as another, as far as one can tell.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct NearPair {
+    /// Its index among all eigenvalues, from 0.
+    pub index: usize,
+    /// Its value.
+    pub value: f64,
+    /// The exact eigenvalue lies within this of the value.
+    pub within: f64,
+    /// Whether it is delivered.
+    pub delivered: bool,
 }
 
 /// Eigenvalues that lie so close together that they count as one, of which not all are delivered: any functions of the cluster's eigenspace could

@@ -12,14 +12,15 @@ mod product;
 mod squares;
 
 pub use certificate::{
-    AccuracyReport, Certificate, CutCluster, InertiaCount, Interval, LevelReport, OnBound, completeness,
+    AccuracyReport, Around, Certificate, CutCluster, InertiaCount, Interval, LevelReport, NearPair, OnBound,
+    completeness,
 };
 pub(crate) use dense::Visit;
 pub use dense::{CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Precision, Real};
 pub use evaluate::BasisError;
 pub use field::{FieldBasis, RitzFields, StoredFields};
 pub use field_space::{FieldSpace, SpaceError};
-pub use product::{Product, ProductKind, Summary};
+pub use product::{PENCIL, Product, ProductKind, Summary};
 
 use std::sync::{Arc, OnceLock};
 

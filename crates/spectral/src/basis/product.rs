@@ -21,6 +21,8 @@ pub enum Product {
     OperatorFamily(Arc<FamilyBasis>),
     /// Vibration modes.
     VibrationBasis(Arc<ModalBasis>),
+    /// Eigenvectors of a pencil that came as matrices: a row of it stands where another basis has a vertex.
+    PencilBasis(Arc<Basis>),
 }
 
 /// The kinds of product. Each bears the name of the kind of job that makes it.
@@ -34,6 +36,8 @@ pub enum ProductKind {
     OperatorFamily,
     /// Vibration modes.
     VibrationBasis,
+    /// Eigenvectors of a pencil that came as matrices.
+    PencilBasis,
 }
 
 /// What the record of a product shows.
@@ -61,7 +65,8 @@ pub struct Summary {
 
 impl ProductKind {
     /// Every kind.
-    pub const ALL: [Self; 4] = [Self::Eigenbasis, Self::FieldBasis, Self::OperatorFamily, Self::VibrationBasis];
+    pub const ALL: [Self; 5] =
+        [Self::Eigenbasis, Self::FieldBasis, Self::OperatorFamily, Self::VibrationBasis, Self::PencilBasis];
 
     /// The name on the wire and in the table.
     pub fn name(self) -> &'static str {
@@ -70,6 +75,7 @@ impl ProductKind {
             Self::FieldBasis => "field_basis",
             Self::OperatorFamily => "operator_family",
             Self::VibrationBasis => "vibration_basis",
+            Self::PencilBasis => PENCIL,
         }
     }
 
@@ -87,6 +93,7 @@ impl Product {
             Self::FieldBasis(_) => ProductKind::FieldBasis,
             Self::OperatorFamily(_) => ProductKind::OperatorFamily,
             Self::VibrationBasis(_) => ProductKind::VibrationBasis,
+            Self::PencilBasis(_) => ProductKind::PencilBasis,
         }
     }
 
@@ -106,7 +113,7 @@ impl Product {
 
     fn metadata(&self) -> &Value {
         match self {
-            Self::Eigenbasis(basis) => &basis.metadata,
+            Self::Eigenbasis(basis) | Self::PencilBasis(basis) => &basis.metadata,
             Self::FieldBasis(fields) => &fields.metadata,
             Self::OperatorFamily(family) => &family.metadata,
             Self::VibrationBasis(modes) => &modes.metadata,
@@ -115,7 +122,7 @@ impl Product {
 
     fn own_summary(&self) -> Summary {
         match self {
-            Self::Eigenbasis(basis) => Summary {
+            Self::Eigenbasis(basis) | Self::PencilBasis(basis) => Summary {
                 rows: basis.vertices(),
                 dimension: basis.dimension(),
                 count: basis.count(),
@@ -123,7 +130,12 @@ impl Product {
                 eigenvalues: basis.eigenvalues.clone(),
                 certificate: serde_json::to_value(&basis.certificate).unwrap_or_default(),
                 operator: basis.metadata["operator"].clone(),
-                details: Value::Null,
+                details: match self {
+                    Self::PencilBasis(_) => {
+                        json!({"unknowns": basis.metadata["unknowns"], "moved": basis.metadata["moved"]})
+                    }
+                    _ => Value::Null,
+                },
                 dense_bytes: basis.dense_bytes(),
             },
             Self::FieldBasis(fields) => {
@@ -182,7 +194,7 @@ impl Product {
     /// Adds members to what is told of how the product was made.
     pub fn describe(&mut self, members: Map<String, Value>) {
         let metadata = match self {
-            Self::Eigenbasis(basis) => &mut Arc::make_mut(basis).metadata,
+            Self::Eigenbasis(basis) | Self::PencilBasis(basis) => &mut Arc::make_mut(basis).metadata,
             Self::FieldBasis(fields) => &mut Arc::make_mut(fields).metadata,
             Self::OperatorFamily(family) => &mut Arc::make_mut(family).metadata,
             Self::VibrationBasis(modes) => &mut Arc::make_mut(modes).metadata,
@@ -195,7 +207,7 @@ impl Product {
     /// About the bytes of the NPZ file.
     pub fn stored_bytes(&self) -> u64 {
         match self {
-            Self::Eigenbasis(basis) => basis.stored_bytes(),
+            Self::Eigenbasis(basis) | Self::PencilBasis(basis) => basis.stored_bytes(),
             Self::FieldBasis(fields) => fields.stored_bytes(),
             Self::OperatorFamily(family) => family.stored_bytes(),
             Self::VibrationBasis(modes) => modes.stored_bytes(),
@@ -205,7 +217,7 @@ impl Product {
     /// The bytes that the product may come to hold in memory besides what is stored, once it is used.
     pub fn derived_bytes(&self) -> u64 {
         match self {
-            Self::Eigenbasis(basis) => basis.derived_bytes(),
+            Self::Eigenbasis(basis) | Self::PencilBasis(basis) => basis.derived_bytes(),
             _ => 0,
         }
     }
@@ -224,7 +236,7 @@ impl Product {
     /// The product itself.
     pub fn in_columns(self) -> Result<Basis, Self> {
         match self {
-            Self::Eigenbasis(basis) if matches!(basis.functions, Functions::Dense(_)) => {
+            Self::Eigenbasis(basis) | Self::PencilBasis(basis) if matches!(basis.functions, Functions::Dense(_)) => {
                 Ok(Arc::unwrap_or_clone(basis))
             }
             other => Err(other),
@@ -232,9 +244,15 @@ impl Product {
     }
 }
 
+/// What the metadata of a basis of a pencil name as its kind.
+pub const PENCIL: &str = "pencil_basis";
+
 impl From<Basis> for Product {
     fn from(basis: Basis) -> Self {
-        Self::Eigenbasis(Arc::new(basis))
+        match basis.metadata["kind"] == PENCIL {
+            true => Self::PencilBasis(Arc::new(basis)),
+            false => Self::Eigenbasis(Arc::new(basis)),
+        }
     }
 }
 
@@ -311,6 +329,7 @@ mod tests {
             small_family().into(),
             small_modes(true).into(),
             small_modes(false).into(),
+            Basis { metadata: json!({"kind": PENCIL, "moved": 0.5}), ..small_basis(true) }.into(),
         ];
         assert!(ProductKind::ALL.iter().all(|kind| products.iter().any(|product| product.kind() == *kind)));
         for product in products {

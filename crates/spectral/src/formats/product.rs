@@ -26,7 +26,7 @@ impl Product {
         out: W,
     ) -> Result<(), FormatError> {
         match self {
-            Self::Eigenbasis(basis) => npz::write_numbered(basis, numbering, out),
+            Self::Eigenbasis(basis) | Self::PencilBasis(basis) => npz::write_numbered(basis, numbering, out),
             Self::FieldBasis(fields) => npz::write_fields(fields, numbering, out),
             Self::OperatorFamily(family) => npz::write_family(family, numbering, out),
             Self::VibrationBasis(modes) => npz::write_modes(modes, numbering, out),
@@ -38,11 +38,18 @@ impl Product {
     /// # Errors
     /// [`FormatError`] names the member that is missing, damaged or does not fit.
     pub fn read_npz(kind: ProductKind, bytes: &[u8]) -> Result<Self, FormatError> {
-        Ok(match kind {
-            ProductKind::Eigenbasis => npz::read(bytes)?.into(),
+        let found: Self = match kind {
+            ProductKind::Eigenbasis | ProductKind::PencilBasis => npz::read(bytes)?.into(),
             ProductKind::FieldBasis => npz::read_fields(bytes)?.into(),
             ProductKind::OperatorFamily => npz::read_family(bytes)?.into(),
             ProductKind::VibrationBasis => npz::read_modes(bytes)?.into(),
-        })
+        };
+        if found.kind() != kind {
+            return Err(FormatError::Member {
+                member: "metadata".to_owned(),
+                reason: format!("it tells of a basis of the kind {}, not {}", found.kind().name(), kind.name()),
+            });
+        }
+        Ok(found)
     }
 }

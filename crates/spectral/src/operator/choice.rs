@@ -7,10 +7,12 @@ use serde::{Deserialize, Serialize};
 
 use super::curvature::Surface;
 use super::manifold::Topology;
+use super::weighted::{self, Parts};
 use super::{EigenProblem, MassKind, OperatorError, boundary, extrinsic, graph, hamiltonian, laplace, robust};
 
 /// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"robust"`, `"volume"`, `"graph"`, `"hodge"`, `{"extrinsic": {"t": 0.5}}`,
-/// `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}`, `{"hamiltonian": {"potential": {"values": [0.0, …]}}}`.
+/// `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}`, `{"hamiltonian": {"potential": {"values": [0.0, …]}}}`,
+/// `{"weighted": {"scalars": [1.0, …], "fixed": [0, …]}}`.
 ///
 /// [`assemble`], which has a surface alone, refuses `volume` and `hodge`, which acts on no functions: see [`super::volume`], [`super::hodge`] and, for
 /// `graph`, [`super::graph`].
@@ -43,6 +45,8 @@ pub enum OperatorKind {
     Graph,
     /// The Hodge–Laplacian of tangential fields, two numbers for each face.
     Hodge,
+    /// Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are held at zero.
+    Weighted(Parts),
 }
 
 /// The potential of a Hamiltonian.
@@ -107,6 +111,7 @@ impl OperatorParameters {
                     None => Ok(()),
                 }
             }
+            OperatorKind::Weighted(parts) => parts.check(),
             _ => Ok(()),
         }
     }
@@ -215,7 +220,7 @@ impl MeshOperator {
     ///
     /// # Errors
     /// [`OperatorError::NoUnknowns`] where the boundary is everything.
-    pub(super) fn of_problem(
+    pub(crate) fn of_problem(
         whole: EigenProblem,
         boundary: Option<&[u32]>,
         mut report: OperatorReport,
@@ -254,6 +259,9 @@ pub fn assemble(
     monitor.stage("operator");
     parameters.check()?;
     parameters.check_mesh(mesh.positions.len())?;
+    if let OperatorKind::Weighted(parts) = &parameters.operator {
+        parts.check_mesh(mesh.positions.len(), mesh.faces.len())?;
+    }
     if parameters.operator == OperatorKind::Hodge {
         let reason = "\"hodge\" acts on tangential fields, not on functions".to_owned();
         return Err(OperatorError::Parameter { name: "operator", reason });
@@ -310,6 +318,7 @@ pub fn assemble(
         | OperatorKind::Hodge
         | OperatorKind::Volume
         | OperatorKind::Graph => None,
+        OperatorKind::Weighted(parts) => Some(weighted::stiffness(&laplacian, mesh, shapes, measured.scale, parts)),
         OperatorKind::Extrinsic { t } => {
             let normals = Surface::new(mesh, &measured).normals(&measured.corners);
             Some(extrinsic::blend(&laplacian.stiffness, &normals, *t))
@@ -336,14 +345,20 @@ pub fn assemble(
         area: laplacian.area,
         unknowns: None,
     });
-    if !dirichlet {
+    let mut held: Vec<u32> = if dirichlet { topology.boundary.clone() } else { Vec::new() };
+    if let OperatorKind::Weighted(parts) = &parameters.operator {
+        held.extend(&parts.fixed);
+        held.sort_unstable();
+        held.dedup();
+    }
+    if held.is_empty() {
         return Ok(match whole {
             Some(problem) => MeshOperator { problem, base: Some(laplacian), floor, report },
             None => MeshOperator { problem: laplacian, base: None, floor, report },
         });
     }
-    report.removed_vertices = topology.boundary.len();
-    let problem = boundary::without(whole.as_ref().unwrap_or(&laplacian), &topology.boundary)?;
+    report.removed_vertices = held.len();
+    let problem = boundary::without(whole.as_ref().unwrap_or(&laplacian), &held)?;
     Ok(MeshOperator { problem, base: Some(laplacian), floor, report })
 }
 
@@ -355,7 +370,7 @@ fn choose(
     topology: &Topology,
 ) -> (Laplacian, Reason) {
     match wanted {
-        OperatorKind::Laplace => (Laplacian::Cotangent, Reason::Requested),
+        OperatorKind::Laplace | OperatorKind::Weighted(_) => (Laplacian::Cotangent, Reason::Requested),
         OperatorKind::Robust => (Laplacian::Robust, Reason::Requested),
         OperatorKind::Auto
         | OperatorKind::Extrinsic { .. }

@@ -20,6 +20,7 @@ pub mod tangential;
 pub mod transport;
 pub mod vertex_gradients;
 pub mod volume;
+pub mod weighted;
 
 use chladni_algebra::{GalerkinError, SparseMatrix};
 use chladni_base::{Cancelled, Monitor};

@@ -41,7 +41,7 @@ pub enum Start {
 }
 
 /// The pairs delivered where a bound is given and no number: storage has to be planned before the spectrum is known.
-const AT_MOST: usize = 1000;
+pub(crate) const AT_MOST: usize = 1000;
 
 /// Pairs to a smaller tolerance than this are stored in double precision, unless another is asked for: single precision would not keep it.
 const SINGLE: f64 = 1e-4;
@@ -302,7 +302,7 @@ fn compact_dimension(count: usize, unknowns: usize) -> usize {
     (6 * count).min(unknowns / 4).max(2 * count)
 }
 
-fn within(name: &'static str, given: f64, least: f64, most: f64) -> Result<(), ParameterError> {
+pub(crate) fn within(name: &'static str, given: f64, least: f64, most: f64) -> Result<(), ParameterError> {
     if (least..=most).contains(&given) {
         return Ok(());
     }

@@ -17,6 +17,7 @@ use serde_json::Value;
 
 pub use approximation::{Accuracy, Approximate, Construction};
 pub use auto::Auto;
+pub(crate) use exact::{AT_MOST, within};
 pub use exact::{Exact, Start, StorageKind};
 pub use request::{HsimVariant, MethodName};
 
@@ -35,6 +36,9 @@ pub const LARGEST_DIMENSION: usize = 40_000;
 
 /// The most values of a potential that come with a job.
 pub const LARGEST_POTENTIAL: usize = 500_000;
+
+/// The most numbers of weights of faces that come with a job.
+pub const LARGEST_WEIGHTS: usize = 3_000_000;
 
 /// The pairs of a job that does not say how many.
 const COUNT: usize = 100;
@@ -116,6 +120,20 @@ impl EigenbasisParameters {
             let reason = format!("{} values are more than the {LARGEST_POTENTIAL} that a job may bring", values.len());
             return Err(value("operator.hamiltonian.potential.values", reason));
         }
+        if let OperatorKind::Weighted(parts) = &operator.operator {
+            for (name, numbers) in [
+                ("operator.weighted.scalars", parts.scalars.len()),
+                ("operator.weighted.tensors", parts.tensors.len()),
+                ("operator.weighted.fixed", parts.fixed.len()),
+            ] {
+                if numbers > LARGEST_WEIGHTS {
+                    return Err(value(
+                        name,
+                        format!("{numbers} numbers are more than the {LARGEST_WEIGHTS} that a job may bring"),
+                    ));
+                }
+            }
+        }
         Ok(Self { operator, method, seed: request.seed.unwrap_or(0) })
     }
 
@@ -150,12 +168,14 @@ impl EigenbasisParameters {
         }
     }
 
-    /// The parameters as a basis carries them. The values of a potential, which may be more than everything else, stay out, and the operator with them.
+    /// The parameters as a basis carries them. Values of a potential and weights of faces, which may be more than everything else, stay out, and the operator with them.
     fn to_be_recorded(&self) -> Value {
         let mut parameters = self.canonical();
-        if let (OperatorKind::Hamiltonian { potential: Potential::Values(_) }, Value::Object(members)) =
-            (&self.operator.operator, &mut parameters)
-        {
+        let long = matches!(
+            &self.operator.operator,
+            OperatorKind::Hamiltonian { potential: Potential::Values(_) } | OperatorKind::Weighted(_)
+        );
+        if let (true, Value::Object(members)) = (long, &mut parameters) {
             members.remove("operator");
         }
         parameters
@@ -310,6 +330,9 @@ impl Work for EigenbasisParameters {
     fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
         if self.is_nested() {
             return self.check_mesh(nested::vertices(&self.operator.operator, mesh)?);
+        }
+        if let OperatorKind::Weighted(parts) = &self.operator.operator {
+            parts.check_mesh(mesh.vertices, mesh.faces)?;
         }
         let (count, most) = (self.most_pairs(), 2 * mesh.faces);
         if self.is_hodge() && count > most {

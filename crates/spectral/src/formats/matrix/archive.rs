@@ -37,6 +37,19 @@ struct Archive<'a> {
     limits: MatrixLimits,
 }
 
+/// The bytes of all arrays together, as the archive tells them; what unfolds to more is refused when it is read.
+pub(super) fn unfolded_bytes(bytes: &[u8]) -> u64 {
+    let Ok(mut directory) = ZipArchive::new(Cursor::new(bytes)) else { return 0 };
+    let sizes = (0..directory.len()).filter_map(|at| directory.by_index_raw(at).ok().map(|file| file.size()));
+    sizes.fold(0, u64::saturating_add)
+}
+
+/// Whether an archive has an array of one of these names.
+pub(super) fn has_member(bytes: &[u8], names: &[&str]) -> bool {
+    let Ok(directory) = ZipArchive::new(Cursor::new(bytes)) else { return false };
+    names.iter().any(|name| directory.index_for_name(&format!("{name}.npy")).is_some())
+}
+
 pub(super) fn read(bytes: &[u8], limits: &MatrixLimits) -> Result<SparseMatrix, MatrixError> {
     let directory = ZipArchive::new(Cursor::new(bytes)).map_err(|error| MatrixError::Archive(error.to_string()))?;
     let mut archive = Archive { bytes, directory, limits: *limits };
@@ -68,12 +81,16 @@ impl Archive<'_> {
         let stored = start.checked_add(length).and_then(|end| self.bytes.get(start..end)).ok_or_else(short)?;
         // Not even a file that claims less unfolds to more than the limits allow.
         let most = (self.limits.entries.max(self.limits.rows + 1) as u64).saturating_mul(ENTRY).saturating_add(HEADER);
+        let said = file.size();
         let mut bytes = Vec::new();
         match (file.compression(), file.encrypted()) {
             (CompressionMethod::Stored, false) => bytes.extend_from_slice(stored),
             (CompressionMethod::DEFLATE, false) => {
                 let damaged = |error: std::io::Error| refuse(name, format!("it is damaged: {error}"));
-                DeflateDecoder::new(stored).take(most + 1).read_to_end(&mut bytes).map_err(damaged)?;
+                DeflateDecoder::new(stored).take(most.min(said) + 1).read_to_end(&mut bytes).map_err(damaged)?;
+                if bytes.len() as u64 > said && said <= most {
+                    return Err(refuse(name, format!("it unfolds to more than the {said} bytes that it says it has")));
+                }
             }
             _ => return Err(refuse(name, "it is encrypted, or compressed by other means than deflate")),
         }

@@ -98,6 +98,24 @@ impl MatrixFile {
         }
     }
 
+    /// About the bytes of memory that a matrix takes once it is read, from what its file says of itself; not less than its bytes.
+    pub fn memory_bytes(bytes: &[u8]) -> u64 {
+        if bytes.starts_with(b"PK") {
+            return archive::unfolded_bytes(bytes).max(bytes.len() as u64);
+        }
+        if bytes.starts_with(b"%%MatrixMarket") {
+            // An entry for each line, or two where the matrix is symmetric, of a place and a number.
+            let lines = bytes.iter().filter(|&&byte| byte == b'\n').count() as u64 + 1;
+            return (24 * lines).max(bytes.len() as u64);
+        }
+        bytes.len() as u64
+    }
+
+    /// Whether bytes are an archive with an array of one of these names.
+    pub fn has_member(bytes: &[u8], names: &[&str]) -> bool {
+        bytes.starts_with(b"PK") && archive::has_member(bytes, names)
+    }
+
     /// The matrix, where it is one; a list of numbers is the diagonal of one.
     pub fn into_matrix(self) -> SparseMatrix {
         match self {

@@ -13,6 +13,7 @@ mod fields;
 mod learning;
 mod maps;
 mod modal;
+mod problem;
 mod read;
 
 use std::cell::{Cell, RefCell};
@@ -32,6 +33,7 @@ pub use fields::{fields_to_bytes, read_fields, write_fields};
 pub use learning::{SurfaceOperators, operators_within, write_operators};
 pub use maps::maps;
 pub use modal::{read_modes, write_modes};
+pub use problem::{ProblemParts, read_problem, write_problem};
 pub use read::{check_sums, read, read_frame, read_head};
 
 /// Why bytes are not a basis, or a basis could not be written.

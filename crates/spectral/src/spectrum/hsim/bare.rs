@@ -244,10 +244,7 @@ fn in_order(problem: &EigenProblem, wanted: Wanted, monitor: &dyn Monitor) -> Re
         Wanted::Count(count) => hierarchy::columns(count, n),
         Wanted::Below { .. } | Wanted::Between { .. } => 128,
     };
-    let solid = fills_in(&problem.stiffness);
-    let dissect = n > LARGE || if solid { n > MANY_ROWS } else { columns >= 128 && n * columns > 30_000_000 };
-    let ordering = if dissect { Ordering::NestedDissection } else { Ordering::Amd };
-    let order = fill_reducing_order(&problem.stiffness, ordering)?;
+    let order = fill_reducing_order(&problem.stiffness, ordering(&problem.stiffness, columns))?;
     monitor.checkpoint()?;
     let (stiffness, mass) = (problem.stiffness.reordered(&order), problem.mass.reordered(&order));
     let mut component = match mass {
@@ -263,6 +260,14 @@ fn in_order(problem: &EigenProblem, wanted: Wanted, monitor: &dyn Monitor) -> Re
     Ok(Finest { order, level, symbolic })
 }
 
+/// The order in which a matrix fills in least, where so many columns are solved for.
+pub(in crate::spectrum) fn ordering(stiffness: &SparseMatrix, columns: usize) -> Ordering {
+    let n = stiffness.rows();
+    let dissect =
+        n > LARGE || if fills_in(stiffness) { n > MANY_ROWS } else { columns >= 128 && n * columns > 30_000_000 };
+    if dissect { Ordering::NestedDissection } else { Ordering::Amd }
+}
+
 /// A number no less than the given one, with so few digits that products with it are hardly rounded.
 fn few_digits(number: f64) -> f64 {
     if !(number > 0.0 && number.is_finite()) {
@@ -273,7 +278,7 @@ fn few_digits(number: f64) -> f64 {
 }
 
 /// `S + cM`; the pattern of `S` holds that of `M`.
-fn plus_mass(stiffness: &SparseMatrix, mass: &MassMatrix, factor: f64) -> SparseMatrix {
+pub(in crate::spectrum) fn plus_mass(stiffness: &SparseMatrix, mass: &MassMatrix, factor: f64) -> SparseMatrix {
     let mut values = stiffness.values().to_vec();
     let mut add = |row: usize, column: u32, part: f64| {
         if let Ok(at) = stiffness.row(row).0.binary_search(&column) {

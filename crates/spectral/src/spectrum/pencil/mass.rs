@@ -13,6 +13,15 @@ const SHARES: [f64; 8] = [0.45, 0.2, 0.05, 1e-2, 1e-4, 1e-6, 1e-8, 1e-11];
 
 /// The mass of a pencil with `n` rows.
 pub(super) fn checked(mass: Mass, n: usize, monitor: &dyn Monitor) -> Result<MassMatrix, PencilError> {
+    match symmetric(mass, n)? {
+        (Some(matrix), Some(diagonal)) => weighted(matrix, diagonal, monitor).map(MassMatrix::Weighted),
+        (_, Some(diagonal)) => Ok(MassMatrix::Diagonal(diagonal)),
+        (_, None) => Ok(MassMatrix::Diagonal(vec![1.0; n])),
+    }
+}
+
+/// The symmetric matrix of a mass that is no diagonal, and its diagonal, which is positive; neither of the identity.
+pub(super) fn symmetric(mass: Mass, n: usize) -> Result<(Option<SparseMatrix>, Option<Vec<f64>>), PencilError> {
     let misfit = |rows: usize, columns: usize| PencilError::Shape {
         matrix: "M",
         rows,
@@ -20,9 +29,9 @@ pub(super) fn checked(mass: Mass, n: usize, monitor: &dyn Monitor) -> Result<Mas
         expected: format!("{n} × {n}, as S is,"),
     };
     let matrix = match mass {
-        Mass::Identity => return Ok(MassMatrix::Diagonal(vec![1.0; n])),
+        Mass::Identity => return Ok((None, None)),
         Mass::Diagonal(diagonal) if diagonal.len() != n => return Err(misfit(diagonal.len(), diagonal.len())),
-        Mass::Diagonal(diagonal) => return positive(diagonal).map(MassMatrix::Diagonal),
+        Mass::Diagonal(diagonal) => return Ok((None, Some(positive(diagonal)?))),
         Mass::Sparse(matrix) if (matrix.rows(), matrix.columns()) != (n, n) => {
             return Err(misfit(matrix.rows(), matrix.columns()));
         }
@@ -35,10 +44,7 @@ pub(super) fn checked(mass: Mass, n: usize, monitor: &dyn Monitor) -> Result<Mas
         })
         .collect();
     let diagonal = positive(diagonal)?;
-    if matrix.entries() == n {
-        return Ok(MassMatrix::Diagonal(diagonal));
-    }
-    weighted(matrix, diagonal, monitor).map(MassMatrix::Weighted)
+    Ok(((matrix.entries() > n).then_some(matrix), Some(diagonal)))
 }
 
 fn positive(diagonal: Vec<f64>) -> Result<Vec<f64>, PencilError> {

@@ -17,16 +17,51 @@
 
 mod check;
 mod mass;
+mod matrices;
+mod nearest;
+mod single;
 
 use chladni_algebra::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseError, SparseMatrix};
 use chladni_base::{Cancelled, Monitor};
 
-pub use super::hsim::Wanted;
 use super::hsim::{self, Eigenpairs, HsimError, HsimParameters};
 use crate::basis::{Basis, Certificate, DenseFunctions, Functions, Precision};
 use crate::operator::EigenProblem;
 
 pub use check::csr;
+pub use matrices::Matrices;
+
+/// Which eigenpairs are wanted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Wanted {
+    /// The lowest so many.
+    Count(usize),
+    /// All whose eigenvalue lies below this.
+    Below {
+        /// The bound on the eigenvalues.
+        bound: f64,
+        /// The most pairs that may be delivered; more are an error.
+        most: usize,
+    },
+    /// All whose eigenvalue is at least `from` and below `to`. All below `to` are computed.
+    Between {
+        /// The lower end, which belongs to the interval.
+        from: f64,
+        /// The upper end, which does not.
+        to: f64,
+        /// The most pairs below the upper end.
+        most: usize,
+    },
+    /// The `count` whose eigenvalues are nearest to `shift`, which may lie anywhere. All below the shift are computed, and `count` above it.
+    Around {
+        /// The number that eigenvalues are to be near to.
+        shift: f64,
+        /// How many.
+        count: usize,
+        /// The most pairs that may be computed: those below the shift, and `count`.
+        most: usize,
+    },
+}
 
 /// The inner product that eigenvectors are orthonormal in.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,8 +77,10 @@ pub enum Mass {
 /// A pencil that was checked: symmetric, finite, with a positive definite mass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pencil {
-    /// In units in which no square overflows. `unknowns` are the rows that are not fixed, if some are.
+    /// In units in which no square overflows, without the fixed rows: all of its rows are unknowns.
     problem: EigenProblem,
+    /// The row of each unknown, where some rows are fixed.
+    places: Option<Vec<u32>>,
     /// An eigenvalue of the pencil over that of `problem`, and an entry of a vector likewise.
     factors: (f64, f64),
     /// Rows, the fixed ones included.
@@ -208,7 +245,8 @@ impl Pencil {
             problem = crate::operator::boundary::without(&problem, fixed).map_err(|_| PencilError::Empty)?;
         }
         let factors = scale(&mut problem);
-        Ok(Self { problem, factors, rows, mass: given })
+        let places = problem.unknowns.take();
+        Ok(Self { problem, places, factors, rows, mass: given })
     }
 
     /// Rows, the fixed ones included.
@@ -257,21 +295,43 @@ fn power(number: f64, step: i32) -> f64 {
 }
 
 /// Computes eigenpairs of a pencil and proves by inertia that none is missing. Stages: `hierarchy`, `iterate`, `certify`, and `repair` where something was
-/// missing.
+/// missing; before them `count`, where pairs around a shift are wanted.
 ///
 /// # Errors
 /// [`PencilError`]: more pairs than there are, pairs that do not converge, stay missing or cannot be proven, cancellation.
 pub fn solve(pencil: &Pencil, parameters: &Parameters, monitor: &dyn Monitor) -> Result<Pairs, PencilError> {
-    let (value, _) = pencil.factors;
     let wanted = match parameters.wanted {
-        count @ Wanted::Count(_) => count,
-        Wanted::Below { bound, most } => Wanted::Below { bound: bound / value, most },
-        Wanted::Between { from, to, most } => Wanted::Between { from: from / value, to: to / value, most },
+        Wanted::Around { shift, count, most } => {
+            return nearest::solve(pencil, parameters, (shift, count, most), monitor);
+        }
+        Wanted::Count(count) => hsim::Wanted::Count(count),
+        Wanted::Below { bound, most } => hsim::Wanted::Below { bound, most },
+        Wanted::Between { from, to, most } => hsim::Wanted::Between { from, to, most },
     };
-    let inner =
-        HsimParameters { wanted, tolerance: parameters.tolerance, seed: parameters.seed, ..HsimParameters::default() };
+    lowest(pencil, wanted, parameters, monitor)
+}
+
+/// The lowest pairs, in whatever way they are told.
+fn lowest(
+    pencil: &Pencil,
+    wanted: hsim::Wanted,
+    parameters: &Parameters,
+    monitor: &dyn Monitor,
+) -> Result<Pairs, PencilError> {
+    let (value, _) = pencil.factors;
+    let inner = match wanted {
+        hsim::Wanted::Count(count) => hsim::Wanted::Count(count),
+        hsim::Wanted::Below { bound, most } => hsim::Wanted::Below { bound: bound / value, most },
+        hsim::Wanted::Between { from, to, most } => hsim::Wanted::Between { from: from / value, to: to / value, most },
+    };
+    let inner = HsimParameters {
+        wanted: inner,
+        tolerance: parameters.tolerance,
+        seed: parameters.seed,
+        ..HsimParameters::default()
+    };
     let bare = hsim::solve_bare(&pencil.problem, &inner, monitor).map_err(|error| in_units(error, value))?;
-    Ok(pencil.delivered(bare.pairs, bare.moved, parameters)?)
+    Ok(pencil.delivered(bare.pairs, bare.moved, wanted, parameters.tolerance)?)
 }
 
 fn in_units(error: HsimError, value: f64) -> HsimError {
@@ -282,7 +342,13 @@ fn in_units(error: HsimError, value: f64) -> HsimError {
 }
 
 impl Pencil {
-    fn delivered(&self, mut pairs: Eigenpairs, moved: f64, parameters: &Parameters) -> Result<Pairs, HsimError> {
+    fn delivered(
+        &self,
+        mut pairs: Eigenpairs,
+        moved: f64,
+        wanted: hsim::Wanted,
+        tolerance: f64,
+    ) -> Result<Pairs, HsimError> {
         let (value, entry) = self.factors;
         pairs.values.iter_mut().for_each(|x| *x *= value);
         pairs.bounds.iter_mut().for_each(|x| *x *= value);
@@ -290,19 +356,31 @@ impl Pencil {
         for pair in &mut pairs.on_bounds {
             (pair.value, pair.within, pair.bound) = (pair.value * value, pair.within * value, pair.bound * value);
         }
-        let certificate = pairs.take_certificate(parameters.wanted, parameters.tolerance)?;
-        let vectors = columns(pairs.vectors, self.rows, self.problem.unknowns.as_deref(), entry);
+        let certificate = pairs.take_certificate(wanted, tolerance)?;
+        let vectors = columns(pairs.vectors, self.rows, self.places.as_deref(), entry);
         Ok(Pairs { values: pairs.values, vectors, certificate, moved: moved * value })
     }
 }
 
 impl Pairs {
-    /// As a basis in double precision, which can be written and evaluated like that of a mesh: a row of the pencil stands for a vertex. `about` becomes its
-    /// metadata, with [`moved`](Self::moved).
-    pub fn into_basis(self, pencil: &Pencil, mut about: serde_json::Map<String, serde_json::Value>) -> Basis {
+    /// As a basis, which can be written and evaluated like that of a mesh: a row of the pencil stands for a vertex. `about` becomes its
+    /// metadata, with [`moved`](Self::moved). In single precision residuals are those of what is stored.
+    ///
+    /// # Errors
+    /// [`PencilError::Cancelled`].
+    pub fn into_basis(
+        mut self,
+        pencil: &Pencil,
+        precision: Precision,
+        mut about: serde_json::Map<String, serde_json::Value>,
+        monitor: &dyn Monitor,
+    ) -> Result<Basis, PencilError> {
+        if precision == Precision::F32 {
+            self.certificate.residuals = single::residuals(&self, pencil, monitor)?;
+        }
         about.insert("moved".to_owned(), self.moved.into());
-        Basis {
-            functions: Functions::Dense(DenseFunctions::from_columns(&self.vectors, Precision::F64)),
+        Ok(Basis {
+            functions: Functions::Dense(DenseFunctions::from_columns(&self.vectors, precision)),
             eigenvalues: self.values,
             // Read from a file it has no weights either.
             mass: match pencil.mass.clone() {
@@ -311,7 +389,7 @@ impl Pairs {
             },
             certificate: self.certificate,
             metadata: about.into(),
-        }
+        })
     }
 }
 

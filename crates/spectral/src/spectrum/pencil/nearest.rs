@@ -1,0 +1,182 @@
+//! The pairs nearest to a number inside the spectrum.
+//!
+//! With `c` eigenvalues below the shift, the `k` nearest are among the lowest `c + k`: of those, `k` lie at the shift or above, each nearer than whatever comes
+//! after. One inertia count tells `c`; the lowest `c + k` pairs are proven complete as always, and enclosures tell which of them are the nearest.
+
+use chladni_algebra::{FactorError, MassMatrix, SparseMatrix, SymbolicFactor, fill_reducing_order};
+use chladni_base::Monitor;
+
+use super::{Pairs, Parameters, Pencil, PencilError, lowest};
+use crate::basis::{Around, InertiaCount, NearPair};
+use crate::spectrum::hsim::{self, HsimError, Wanted};
+
+/// Columns of a typical solve, as far as the order of the factor goes.
+const COLUMNS: usize = 128;
+
+/// A gap below the first pair holds a shift for a count if it is wider than this share of its ends.
+const LEAST_GAP: f64 = 1e-9;
+
+pub(super) fn solve(
+    pencil: &Pencil,
+    parameters: &Parameters,
+    (shift, count, most): (f64, usize, usize),
+    monitor: &dyn Monitor,
+) -> Result<Pairs, PencilError> {
+    let n = pencil.unknowns();
+    if !shift.is_finite() {
+        let reason = format!("must be a finite number, not {shift}");
+        return Err(HsimError::Parameter { name: "around", reason }.into());
+    }
+    if count == 0 || count > n {
+        return Err(HsimError::Count { wanted: count, most: n }.into());
+    }
+    monitor.stage("count");
+    let counter = Counter::new(pencil, monitor)?;
+    let mut computed = counter.below(shift)?.saturating_add(count).min(n);
+    loop {
+        if computed > most {
+            return Err(HsimError::Count { wanted: computed, most }.into());
+        }
+        let pairs = lowest(pencil, Wanted::Count(computed), parameters, monitor)?;
+        let above = pairs.values.len() - pairs.values.partition_point(|&value| value < shift);
+        if above >= count || computed == n {
+            return nearest(pairs, shift, count, &counter);
+        }
+        // What lies next to the shift may have been counted on its other side.
+        computed = (computed + count - above).min(n);
+    }
+}
+
+/// Inertia counts of a pencil.
+struct Counter {
+    stiffness: SparseMatrix,
+    mass: MassMatrix,
+    symbolic: SymbolicFactor,
+    /// An eigenvalue of the pencil over that of these matrices.
+    unit: f64,
+}
+
+impl Counter {
+    fn new(pencil: &Pencil, monitor: &dyn Monitor) -> Result<Self, HsimError> {
+        let problem = &pencil.problem;
+        let order = fill_reducing_order(&problem.stiffness, hsim::bare_ordering(&problem.stiffness, COLUMNS))?;
+        monitor.checkpoint()?;
+        let (stiffness, mass) = (problem.stiffness.reordered(&order), problem.mass.reordered(&order));
+        let symbolic = SymbolicFactor::new(&stiffness, &mass)?.within(1, monitor)?;
+        Ok(Self { stiffness, mass, symbolic, unit: pencil.factors.0 })
+    }
+
+    /// Eigenvalues below a shift, or next to it where an eigenvalue lies on it.
+    fn below(&self, shift: f64) -> Result<usize, HsimError> {
+        let shift = shift / self.unit;
+        let step = f64::EPSILON * (shift.abs() + self.stiffness.rows() as f64);
+        let mut last = None;
+        for times in [0.0, 16.0, -64.0, 1e3, -1e4, 1e6] {
+            match self.symbolic.factor(&self.stiffness, &self.mass, shift + times * step) {
+                Ok(factor) => return Ok(factor.eigenvalues_below()),
+                Err(error @ FactorError::Singular { .. }) => last = Some(error),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        let reason = last.map_or_else(String::new, |error| error.to_string());
+        Err(HsimError::Numerical(reason))
+    }
+}
+
+/// The nearest of the lowest pairs, which hold all of them.
+fn nearest(mut pairs: Pairs, shift: f64, count: usize, counter: &Counter) -> Result<Pairs, PencilError> {
+    let values = &pairs.values;
+    let (start, end) = window(values, shift, count);
+    pairs.certificate.around = Some(Around { shift, ties: ties(values, &pairs.certificate.bounds, shift, start..end) });
+    if let Some(gap) = gap_below(values, &pairs.certificate.bounds, start) {
+        // Whoever judges the pairs counts what lies below the first.
+        let place = pairs.certificate.inertia.partition_point(|count| count.shift < gap);
+        pairs.certificate.inertia.insert(place, InertiaCount { shift: gap, below: counter.below(gap)? });
+    }
+    if end < values.len() {
+        pairs.certificate.cut = None;
+    }
+    let keep = |numbers: &mut Vec<f64>| {
+        numbers.truncate(end);
+        numbers.drain(..start);
+    };
+    keep(&mut pairs.values);
+    keep(&mut pairs.certificate.residuals);
+    keep(&mut pairs.certificate.bounds);
+    pairs.certificate.first += start;
+    pairs.vectors = pairs.vectors.slice_columns(start..end);
+    Ok(pairs)
+}
+
+/// The `count` of ascending values that are nearest to `shift` are neighbours: from the first of these numbers to before the second. Of two as near, the one
+/// with fewer others between.
+fn window(values: &[f64], shift: f64, count: usize) -> (usize, usize) {
+    let place = values.partition_point(|&value| value < shift);
+    let (mut start, mut end) = (place, place);
+    while end - start < count.min(values.len()) {
+        let below = start.checked_sub(1).map(|at| shift - values[at]);
+        let above = values.get(end).map(|value| value - shift);
+        let down = match (below, above) {
+            (Some(below), Some(above)) if below == above => place - start <= end - place,
+            (Some(below), Some(above)) => below < above,
+            (below, _) => below.is_some(),
+        };
+        if down { start -= 1 } else { end += 1 }
+    }
+    (start, end)
+}
+
+/// The pairs, delivered or not, of which enclosures do not let one tell which are nearer.
+fn ties(values: &[f64], bounds: &[f64], shift: f64, window: std::ops::Range<usize>) -> Vec<NearPair> {
+    let distance = |k: usize| (values[k] - shift).abs();
+    let furthest = window.clone().map(|k| distance(k) + bounds[k]).fold(0.0, f64::max);
+    let others = (0..values.len()).filter(|k| !window.contains(k));
+    let closest = others.map(|k| distance(k) - bounds[k]).fold(f64::INFINITY, f64::min);
+    if closest > furthest {
+        return Vec::new();
+    }
+    let is_tied = |k: &usize| match window.contains(k) {
+        true => distance(*k) + bounds[*k] >= closest,
+        false => distance(*k) - bounds[*k] <= furthest,
+    };
+    let tied = (0..values.len()).filter(is_tied);
+    tied.map(|index| NearPair {
+        index,
+        value: values[index],
+        within: bounds[index],
+        delivered: window.contains(&index),
+    })
+    .collect()
+}
+
+/// A shift between the first pair and the one before, where their enclosures leave room for one.
+fn gap_below(values: &[f64], bounds: &[f64], start: usize) -> Option<f64> {
+    let before = start.checked_sub(1)?;
+    let (low, high) = (values[before] + bounds[before], values.get(start)? - bounds[start]);
+    (high - low > LEAST_GAP * low.abs().max(high.abs())).then(|| 0.5 * (low + high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_are_neighbours_on_both_sides() {
+        let values = [-3.0, -1.0, 0.0, 1.0, 3.0, 10.0];
+        assert_eq!(window(&values, 0.25, 1), (2, 3));
+        assert_eq!(window(&values, 0.25, 3), (1, 4));
+        assert_eq!(window(&values, 100.0, 2), (4, 6));
+        assert_eq!(window(&values, -100.0, 2), (0, 2));
+        assert_eq!(window(&values, 0.5, 9), (0, 6));
+        // As near on either side: by turns, from below first.
+        assert_eq!(window(&[-1.0, -1.0, 1.0, 1.0], 0.0, 2), (1, 3));
+    }
+
+    #[test]
+    fn what_cannot_be_told_apart_is_named() {
+        let (values, bounds) = ([-2.0, -1.0, 1.0, 2.0], [1e-12; 4]);
+        assert!(ties(&values, &bounds, 0.1, 1..3).is_empty());
+        let tied: Vec<_> = ties(&values, &bounds, 0.0, 1..2).iter().map(|pair| (pair.index, pair.delivered)).collect();
+        assert_eq!(tied, [(1, true), (2, false)]);
+    }
+}

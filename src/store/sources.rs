@@ -1,0 +1,148 @@
+//! What jobs work on: meshes, and problems. They share a table (`meshes`, with a kind), a way in, and a way out.
+
+use std::sync::Arc;
+
+use bytes::Bytes;
+use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::formats::npz;
+use chladni_spectral::spectrum::pencil::Matrices;
+use serde_json::Value;
+
+use super::{Store, StoreError, blobs, meshes, pairing, to_json};
+
+/// Digits of an identifier: 128 bits of the hash of the content.
+pub(super) const ID_DIGITS: usize = 32;
+
+/// The kinds of source, by their names in the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum SourceKind {
+    Mesh,
+    Problem,
+}
+
+impl SourceKind {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mesh => "mesh",
+            Self::Problem => "problem",
+        }
+    }
+}
+
+/// What is written down of a source beside its content.
+pub(super) struct NewSource {
+    pub kind: SourceKind,
+    pub name: Option<String>,
+    pub format: String,
+    pub source_bytes: u64,
+    /// Vertices or rows.
+    pub rows: usize,
+    pub faces: usize,
+    pub report: Value,
+}
+
+/// What a job works on.
+#[derive(Debug, Clone)]
+pub enum Subject {
+    /// A mesh, and the solid whose surface it is, if it is one.
+    Mesh(Arc<TriangleMesh>, Option<Arc<TetMesh>>),
+    /// The matrices of a problem.
+    Problem(Arc<Matrices>),
+}
+
+impl Subject {
+    /// Writes it as the store keeps it, without the numbering of a file.
+    pub(crate) fn write(&self, out: &mut impl std::io::Write) -> std::io::Result<()> {
+        match self {
+            Self::Mesh(mesh, solid) => meshes::write_body(mesh, solid.as_deref(), out),
+            Self::Problem(matrices) => out.write_all(&problem_bytes(matrices)?),
+        }
+    }
+
+    /// Reads what [`write`](Self::write) wrote.
+    pub(crate) fn read(bytes: &[u8]) -> Option<Self> {
+        if bytes.starts_with(b"PK") {
+            return Some(Self::Problem(Arc::new(read_matrices(bytes).ok()?)));
+        }
+        let (mesh, solid) = meshes::read_body(bytes)?;
+        Some(Self::Mesh(Arc::new(mesh), solid.map(Arc::new)))
+    }
+}
+
+/// Matrices as the store keeps them: an NPZ file.
+pub(super) fn problem_bytes(matrices: &Matrices) -> std::io::Result<Vec<u8>> {
+    let mut out = std::io::Cursor::new(Vec::with_capacity(matrices.bytes() as usize + (1 << 14)));
+    npz::write_problem(matrices.parts(), &mut out).map_err(std::io::Error::other)?;
+    Ok(out.into_inner())
+}
+
+/// Matrices from what [`problem_bytes`] made.
+///
+/// # Errors
+/// In words, what is wrong with the bytes.
+pub(super) fn read_matrices(bytes: &[u8]) -> Result<Matrices, String> {
+    let (stiffness, diagonal, mass) = npz::read_problem(bytes).map_err(|error| error.to_string())?;
+    Matrices::of_parts(stiffness, diagonal, mass).map_err(|error| error.to_string())
+}
+
+impl Store {
+    /// Stores a source, or finds it where the same content is known; content that was damaged is written anew. Gives its identifier, and whether it is new.
+    pub(super) async fn add_source(&self, content: Bytes, new: NewSource) -> Result<(String, bool), StoreError> {
+        let hash = blobs::hash_of(&content).await?;
+        let id = hash[..ID_DIGITS].to_owned();
+        let _in_use = self.inner.blob_use.read().await;
+        if self.knows_source(&id).await? {
+            self.put_blob(&hash, &content).await?;
+            self.use_mesh(&id);
+            return Ok((id, false));
+        }
+        self.put_blob(&hash, &content).await?;
+        let reached = pairing::generation(&self.inner.blobs).await?;
+        let mut transaction = self.inner.meta.write().await?;
+        transaction.remember(reached).await?;
+        let inserted = sqlx::query(
+            "INSERT INTO meshes (id, name, format, source_bytes, vertices, faces, report, content_hash, bytes, created_ms, used_ms, kind)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?10, ?11) ON CONFLICT (id) DO NOTHING",
+        )
+        .bind(&id)
+        .bind(&new.name)
+        .bind(&new.format)
+        .bind(new.source_bytes as i64)
+        .bind(new.rows as i64)
+        .bind(new.faces as i64)
+        .bind(to_json(&new.report)?)
+        .bind(&hash)
+        .bind(content.len() as i64)
+        .bind(self.now_ms())
+        .bind(new.kind.name())
+        .execute(transaction.on())
+        .await?
+        .rows_affected();
+        transaction.commit().await?;
+        Ok((id, inserted > 0))
+    }
+
+    /// Whether there is a source of that identifier, of whichever kind.
+    pub(super) async fn knows_source(&self, id: &str) -> Result<bool, StoreError> {
+        let found: Option<i64> = sqlx::query_scalar("SELECT sequence FROM meshes WHERE id = ?")
+            .bind(id)
+            .fetch_optional(self.inner.meta.reader())
+            .await?;
+        Ok(found.is_some())
+    }
+
+    /// What a job works on, verified and decoded.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`]; [`StoreError::Damaged`] where the content does not verify.
+    pub async fn load_subject(&self, id: &str) -> Result<Subject, StoreError> {
+        match self.problem(id).await {
+            Ok(_) => Ok(Subject::Problem(self.load_problem(id).await?)),
+            Err(StoreError::NotFound { .. }) => {
+                let (mesh, solid) = self.load_body(id).await?;
+                Ok(Subject::Mesh(mesh, solid))
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
