@@ -153,7 +153,7 @@ fn ties(values: &[f64], bounds: &[f64], shift: f64, window: std::ops::Range<usiz
 fn gap_below(values: &[f64], bounds: &[f64], start: usize) -> Option<f64> {
     let before = start.checked_sub(1)?;
     let (low, high) = (values[before] + bounds[before], values.get(start)? - bounds[start]);
-    (high - low > LEAST_GAP * low.abs().max(high.abs())).then(|| 0.5 * (low + high))
+    (high - low > LEAST_GAP * low.abs().max(high.abs())).then_some(0.5 * (low + high))
 }
 
 #[cfg(test)]
