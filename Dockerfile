@@ -22,6 +22,7 @@ RUN for folder in . crates/* python; do \
         && sed -n '/^\[\[bench\]\]/,/^$/s/^name = "\(.*\)"/\1/p' "$folder/Cargo.toml" \
         | while read -r name; do echo 'fn main() {}' > "$folder/benches/$name.rs"; done; \
     done \
+    && mkdir -p python/examples && : > python/examples/native.rs \
     && echo 'fn main() {}' | tee src/main.rs > build.rs \
     && cargo build --release --locked --bin chladni \
     && rm -rf src benches crates/*/src crates/*/benches

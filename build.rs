@@ -60,6 +60,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             let plain = out.join("without.html");
             fs::write(&plain, without(&reason.to_string()))?;
             files.push(("index.html".to_owned(), plain));
+            // The manual has it as well.
+            files.push(("icon.svg".to_owned(), web.join("public/icon.svg")));
         }
     }
     files.sort();

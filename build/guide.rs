@@ -330,7 +330,7 @@ fn neighbours(page: &Page, groups: &[Group]) -> String {
     let link = |(name, title): &(String, String), kind, words| {
         format!("<a rel=\"{kind}\" href=\"{up}{name}\"><small>{words}</small> {}</a>", escape(title))
     };
-    let before = here.checked_sub(1).map_or_else(String::new, |i| link(order[i], "prev", "Before"));
+    let before = here.checked_sub(1).map_or_else(String::new, |i| link(order[i], "prev", "Previous"));
     let after = order.get(here + 1).map_or_else(String::new, |next| link(next, "next", "Next"));
     format!("<nav class=\"neighbours\" aria-label=\"Neighbouring pages\">{before}{after}</nav>")
 }
@@ -353,7 +353,7 @@ fn whole(page: &Page, groups: &[Group]) -> String {
 <script type=\"module\" src=\"{up}guide.js\"></script>
 </head>
 <body data-root=\"{up}\">
-<a class=\"skip\" href=\"#content\">To the text</a>
+<a class=\"skip\" href=\"#content\">Skip to content</a>
 <header>
 <a class=\"name\" href=\"{up}../../\">Chladni</a>
 <div class=\"search\" role=\"search\" hidden></div>

@@ -1,8 +1,21 @@
-import { defineConfig } from "vite";
+import { readFileSync } from "node:fs";
+import { defineConfig, type Plugin } from "vite";
+
+/** What the licences of others ask to be passed on with their code: the bundle of the reference is embedded as it is. */
+const notices: Plugin = {
+  name: "notices",
+  generateBundle() {
+    for (const file of ["LICENSE", "NOTICE", "swagger-ui-bundle.js.LICENSE.txt"]) {
+      const fileName = `page/swagger-ui-${file.replace(/^swagger-ui-|\.txt$/g, "")}.txt`;
+      this.emitFile({ type: "asset", fileName, source: readFileSync(`node_modules/swagger-ui-dist/${file}`) });
+    }
+  },
+};
 
 // Where the page is built to and where `npm run dev` finds a running server; Cargo's build script sets the first.
 export default defineConfig({
   base: "./",
+  plugins: [notices],
   build: {
     outDir: process.env.CHLADNI_PAGE ?? "dist",
     emptyOutDir: true,

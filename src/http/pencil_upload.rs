@@ -31,6 +31,12 @@ const ANALYSED_ENTRIES: usize = 40_000_000;
 /// Bytes of memory for each byte of matrices as they are kept: they are copied, mirrored and ordered on the way.
 const COPIES: u64 = 5;
 
+/// Bytes of memory for each row beside its entries: offsets, orders, and what the symbolic factor knows of it.
+const ROW_BYTES: u64 = 100;
+
+/// Rows and entries of a matrix take this many bytes each at least, unfolded: whatever tells of more has next to nothing in it.
+const LEAST_BYTES: u64 = 4;
+
 /// What was sent.
 #[derive(Debug, Default)]
 pub struct SentMatrices {
@@ -95,11 +101,14 @@ pub fn read(
     let SentMatrices { stiffness, mass, .. } = sent;
     let source_bytes = (stiffness.len() + mass.as_ref().map_or(0, Bytes::len)) as u64;
     let unfolded = MatrixFile::memory_bytes(&stiffness) + mass.as_deref().map_or(0, MatrixFile::memory_bytes);
-    body::reserve(&mut memory, unfolded.saturating_mul(COPIES))?;
+    let copies = unfolded.saturating_mul(COPIES);
+    body::reserve(&mut memory, copies)?;
     // Whatever unfolds to more than a body may be is too much.
     let entries = usize::try_from(limits.max_body_bytes / 8).unwrap_or(usize::MAX);
     let most = MatrixLimits { rows: limits.max_vertices, entries };
-    let matrices = matrices(stiffness, mass, &most)?;
+    let matrices = matrices(stiffness, mass, &most, |rows| {
+        body::reserve(&mut memory, copies.saturating_add(ROW_BYTES * rows as u64))
+    })?;
     let (rows, entries) = (matrices.rows(), matrices.stiffness().entries() + matrices.mass_entries());
     let kind = match matrices.mass() {
         Mass::Identity => "identity",
@@ -133,17 +142,30 @@ fn prove(matrices: &Matrices, limits: &Limits, memory: &mut Share) -> Result<boo
     }
 }
 
-fn matrices(stiffness: Bytes, mass: Option<Bytes>, limits: &MatrixLimits) -> Result<Matrices, Problem> {
-    let read = |what: &str, bytes: &Bytes| MatrixFile::read(bytes, limits).map_err(|error| unreadable(what, &error));
+/// `make_room` is told the rows once they are known.
+fn matrices(
+    stiffness: Bytes,
+    mass: Option<Bytes>,
+    limits: &MatrixLimits,
+    make_room: impl FnOnce(usize) -> Result<(), Problem>,
+) -> Result<Matrices, Problem> {
+    let within = |bytes: &Bytes| {
+        let most = usize::try_from(MatrixFile::memory_bytes(bytes) / LEAST_BYTES + 16).unwrap_or(usize::MAX);
+        MatrixLimits { rows: limits.rows.min(most), entries: limits.entries.min(most) }
+    };
+    let read =
+        |what: &str, bytes: &Bytes| MatrixFile::read(bytes, &within(bytes)).map_err(|error| unreadable(what, &error));
     if mass.is_none() && MatrixFile::has_member(&stiffness, &["mass", "mass_data"]) {
         // What this server gave, with its mass beside S.
-        let (stiffness, diagonal, mass) = npz::read_problem(&stiffness).map_err(|error| {
+        let (stiffness, diagonal, mass) = npz::read_problem(&stiffness, within(&stiffness).rows).map_err(|error| {
             Problem::within(&problem::UNREADABLE_MATRIX, "problem", format!("The body: {}", sentence(&error)))
         })?;
+        make_room(stiffness.rows())?;
         return Matrices::of_parts(stiffness, diagonal, mass).map_err(refused);
     }
     let whole = read("stiffness", &stiffness)?.into_matrix();
     drop(stiffness);
+    make_room(whole.rows())?;
     let weights = match mass {
         None => Mass::Identity,
         Some(bytes) => match read("mass", &bytes)? {

@@ -81,7 +81,7 @@ pub(super) fn problem_bytes(matrices: &Matrices) -> std::io::Result<Vec<u8>> {
 /// # Errors
 /// In words, what is wrong with the bytes.
 pub(super) fn read_matrices(bytes: &[u8]) -> Result<Matrices, String> {
-    let (stiffness, diagonal, mass) = npz::read_problem(bytes).map_err(|error| error.to_string())?;
+    let (stiffness, diagonal, mass) = npz::read_problem(bytes, usize::MAX).map_err(|error| error.to_string())?;
     Matrices::of_parts(stiffness, diagonal, mass).map_err(|error| error.to_string())
 }
 

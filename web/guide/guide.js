@@ -55,7 +55,7 @@ function excerpt(text, words) {
   const first = Math.max(0, Math.min(...words.map((word) => lower.indexOf(word)).filter((at) => at >= 0), text.length));
   const begin = first === text.length ? 0 : Math.max(0, lower.lastIndexOf(" ", Math.max(0, first - 50)));
   const piece = text.slice(begin, begin + 150);
-  const pattern = new RegExp(`(${words.map((word) => word.replace(/[^\p{L}\p{N}]/gu, "\\$&")).join("|")})`, "giu");
+  const pattern = new RegExp(`(${words.map((word) => word.replace(/[\\^$.*+?()[\]{}|/]/g, "\\$&")).join("|")})`, "giu");
   element.append(begin > 0 ? "…" : "");
   piece.split(pattern).forEach((part, i) => {
     if (i % 2 === 0) return element.append(part);
@@ -111,7 +111,7 @@ function searchBox(place) {
       sections = search(await load(), wish);
     } catch {
       index = undefined;
-      said.textContent = "The index of the manual cannot be had.";
+      said.textContent = "The index of the manual could not be loaded.";
       return;
     }
     if (mine !== asked) return;

@@ -56,8 +56,7 @@ impl MassMatrix {
         self.principal(order)
     }
 
-    /// The mass of some unknowns alone: number `k` is what was `rows[k]`, each at most once. What is proven of weights of the whole holds where those rows are
-    /// coupled to no others.
+    /// The mass of some unknowns alone: number `k` is what was `rows[k]`, each at most once. What is less than a multiple of a matrix is so on some of its rows.
     pub fn principal(&self, rows: &[u32]) -> Self {
         match self {
             Self::Diagonal(mass) => Self::Diagonal(rows.iter().map(|&row| mass[row as usize]).collect()),

@@ -192,8 +192,16 @@ impl SparseMatrix {
 
     /// The principal submatrix of a square matrix, `rows.len() × rows.len()`: row and column `k` are those that were `rows[k]`, each at most once.
     pub fn principal(&self, rows: &[u32]) -> Self {
-        let mut places = vec![u32::MAX; self.columns];
-        rows.iter().enumerate().for_each(|(place, &row)| places[row as usize] = place as u32);
+        // A small part of a large matrix is found without a list of all its columns.
+        let few = rows.len() < self.columns / 16 && rows.is_sorted();
+        let mut places = vec![u32::MAX; if few { 0 } else { self.columns }];
+        if !few {
+            rows.iter().enumerate().for_each(|(place, &row)| places[row as usize] = place as u32);
+        }
+        let place = |column: u32| match few {
+            true => rows.binary_search(&column).map_or(u32::MAX, |place| place as u32),
+            false => places[column as usize],
+        };
         let most = rows.iter().map(|&row| self.row(row as usize).0.len()).sum();
         let mut offsets = Vec::with_capacity(rows.len() + 1);
         let (mut indices, mut values) = (Vec::with_capacity(most), Vec::with_capacity(most));
@@ -202,7 +210,7 @@ impl SparseMatrix {
         for &row in rows {
             let (columns, numbers) = self.row(row as usize);
             entries.clear();
-            let placed = columns.iter().zip(numbers).map(|(&column, &number)| (places[column as usize], number));
+            let placed = columns.iter().zip(numbers).map(|(&column, &number)| (place(column), number));
             entries.extend(placed.filter(|entry| entry.0 != u32::MAX));
             entries.sort_unstable_by_key(|entry| entry.0);
             indices.extend(entries.iter().map(|entry| entry.0));

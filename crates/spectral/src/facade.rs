@@ -63,22 +63,22 @@ pub enum MeshSolveError {
 }
 
 impl Mesh {
-    /// Reads a file, in the format that its ending names, and repairs what can be repaired without loss; an ending `.gz` is unpacked first. Sizes are limited as in
+    /// Reads a file, in the format that its ending names, and repairs what can be repaired without loss; gzip is unpacked first, and its ending `.gz` is none. Vertices and faces are limited as in
     /// [`ReadLimits::default`].
     ///
     /// # Errors
     /// [`MeshSolveError`]: a file that cannot be read, or is no mesh.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, MeshSolveError> {
         let path = path.as_ref();
-        let packed = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gz"));
-        let inner = if packed { path.with_extension("") } else { path.to_owned() };
+        let named_gz = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gz"));
+        let inner = if named_gz { path.with_extension("") } else { path.to_owned() };
         let format = inner
             .extension()
             .and_then(|ending| MeshFormat::from_extension(ending.to_str()?))
             .ok_or_else(|| MeshSolveError::Format(path.to_owned()))?;
         let failed = |source| MeshSolveError::File { path: path.to_owned(), source };
         let mut bytes = std::fs::read(path).map_err(failed)?;
-        if packed {
+        if bytes.starts_with(&[0x1f, 0x8b]) {
             let mut unpacked = Vec::new();
             flate2::read::MultiGzDecoder::new(&bytes[..]).read_to_end(&mut unpacked).map_err(failed)?;
             bytes = unpacked;

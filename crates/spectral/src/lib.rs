@@ -4,7 +4,7 @@
 //! become a [`basis`] that can be stored in several [`formats`] and used in [`analysis`]: filters, distances, signatures, functional maps,
 //! vibration. Tangential fields have spaces of their own ([`field`]).
 //!
-//! # Two lines
+//! # A file and its eigenpairs
 //!
 //! ```no_run
 //! # use chladni_spectral::Mesh;

@@ -15,7 +15,12 @@ interface Document {
 
 /** Links of before, to `#operationId` and `#Schema`: the first are those of Swagger UI with the tag before, the others are on the plain page. */
 function keepAlive(document: Document) {
-  const name = decodeURIComponent(location.hash.slice(1));
+  let name = "";
+  try {
+    name = decodeURIComponent(location.hash.slice(1));
+  } catch {
+    // What is no encoding of anything is no name of anything.
+  }
   if (!name || name.startsWith("/")) return;
   const operations = Object.values(document.paths).flatMap((path) => Object.values(path));
   const found = operations.find(({ operationId }) => operationId === name);

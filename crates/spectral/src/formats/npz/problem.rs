@@ -39,15 +39,18 @@ pub fn write_problem<W: Write + Seek>(
     Ok(())
 }
 
-/// Reads what [`write_problem`] wrote. That the matrices are symmetric is not looked at.
+/// Reads what [`write_problem`] wrote, of at most `most` rows. That the matrices are symmetric is not looked at.
 ///
 /// # Errors
 /// [`FormatError`] names the member that is missing, damaged or of another shape than the rest.
-pub fn read_problem(bytes: &[u8]) -> Result<ProblemParts, FormatError> {
+pub fn read_problem(bytes: &[u8], most: usize) -> Result<ProblemParts, FormatError> {
     let mut archive = Archive::open(Frame::whole(bytes))?;
     let shape: Vec<i64> = archive.member("shape")?.vector("<i8", 2)?;
     let n = usize::try_from(shape[0]).ok().filter(|&n| n < u32::MAX as usize && shape[0] == shape[1]);
     let n = n.ok_or_else(|| wrong("shape", format!("{shape:?} is not that of a square matrix")))?;
+    if n > most {
+        return Err(wrong("shape", format!("{n} rows are more than the {most} that are read")));
+    }
     let stiffness = archive.sparse(["data", "indices", "indptr"], n, n, "<f8")?;
     let diagonal = if archive.has("mass") { Some(archive.member("mass")?.vector("<f8", n)?) } else { None };
     let mass = if archive.has("mass_data") {
@@ -81,10 +84,11 @@ mod tests {
                 out.into_inner()
             };
             let bytes = write();
-            assert_eq!(read_problem(&bytes).unwrap(), (stiffness.clone(), diagonal.clone(), mass.clone()));
+            assert_eq!(read_problem(&bytes, 3).unwrap(), (stiffness.clone(), diagonal.clone(), mass.clone()));
+            assert!(read_problem(&bytes, 2).unwrap_err().to_string().contains("3 rows"));
             assert_eq!(bytes, write());
             for cut in (0..bytes.len()).step_by(61) {
-                assert!(read_problem(&bytes[..cut]).is_err(), "{cut}");
+                assert!(read_problem(&bytes[..cut], 3).is_err(), "{cut}");
             }
         }
     }

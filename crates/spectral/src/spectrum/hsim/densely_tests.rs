@@ -47,12 +47,10 @@ fn rows_that_nothing_couples_are_blocks() {
     assert_eq!(dense_rows(&level.stiffness, &level.mass), (216f64).cbrt().ceil() as usize);
     // A mass couples as well.
     let n = level.size();
-    let mut coupled = SparseMatrix::from_sorted_parts(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![2.0; n]);
-    let parts = [(0, 0, 2.0), (0, 1, 0.5), (1, 0, 0.5), (1, 1, 2.0)];
+    let parts: [(usize, u32, f64); 4] = [(0, 0, 2.0), (0, 1, 0.5), (1, 0, 0.5), (1, 1, 2.0)];
     let (mut offsets, mut indices, mut values) = (vec![0usize], Vec::new(), Vec::new());
     for row in 0..n {
-        for &(at, column, value) in parts.iter().filter(|part| part.0 == row) {
-            let _: usize = at;
+        for &(_, column, value) in parts.iter().filter(|part| part.0 == row) {
             indices.push(column);
             values.push(value);
         }
@@ -62,14 +60,14 @@ fn rows_that_nothing_couples_are_blocks() {
         }
         offsets.push(indices.len());
     }
-    coupled = SparseMatrix::from_sorted_parts(coupled.rows(), n, offsets, indices, values);
+    let coupled = SparseMatrix::from_sorted_parts(n, n, offsets, indices, values);
     assert_eq!(blocks(&level.stiffness, &MassMatrix::Sparse(coupled)).len(), 2);
 }
 
 #[test]
 fn pairs_of_blocks_are_those_of_the_whole() {
     for (lengths, fixed) in [(&[7, 12, 7, 1][..], false), (&[9, 9, 4][..], true)] {
-        let mut level = paths(lengths, fixed);
+        let level = paths(lengths, fixed);
         assert_eq!(level.component.contains(&NO_KERNEL), fixed);
         for count in [1, 10, 18] {
             let (together, _) = whole(&level, count, &Unwatched).unwrap();
@@ -88,6 +86,5 @@ fn pairs_of_blocks_are_those_of_the_whole() {
                 }
             }
         }
-        level.positions.clear();
     }
 }

@@ -38,12 +38,16 @@ pub(super) fn solve(
             return Err(HsimError::Count { wanted: computed, most }.into());
         }
         let pairs = lowest(pencil, Wanted::Count(computed), parameters, monitor)?;
-        let above = pairs.values.len() - pairs.values.partition_point(|&value| value < shift);
-        if above >= count || computed == n {
+        // What lies next to the shift may have been counted on its other side: only pairs that are surely above it tell that nothing nearer comes after.
+        let above = pairs.values.iter().filter(|&&value| value >= shift).count();
+        let surely =
+            pairs.values.iter().zip(&pairs.certificate.bounds).filter(|(value, bound)| *value - *bound >= shift);
+        let missing = count.saturating_sub(surely.count());
+        let next = computed.saturating_add(missing).min(n);
+        if next == computed || above >= count && next > most {
             return nearest(pairs, shift, count, &counter);
         }
-        // What lies next to the shift may have been counted on its other side.
-        computed = (computed + count - above).min(n);
+        computed = next;
     }
 }
 
@@ -71,7 +75,8 @@ impl Counter {
         let shift = shift / self.unit;
         let step = f64::EPSILON * (shift.abs() + self.stiffness.rows() as f64);
         let mut last = None;
-        for times in [0.0, 16.0, -64.0, 1e3, -1e4, 1e6] {
+        // Down first: what is counted too low is found in another round.
+        for times in [0.0, -16.0, -64.0, 1e3, -1e4, 1e6] {
             match self.symbolic.factor(&self.stiffness, &self.mass, shift + times * step) {
                 Ok(factor) => return Ok(factor.eigenvalues_below()),
                 Err(error @ FactorError::Singular { .. }) => last = Some(error),
@@ -81,6 +86,14 @@ impl Counter {
         let reason = last.map_or_else(String::new, |error| error.to_string());
         Err(HsimError::Numerical(reason))
     }
+
+    /// Whether a count at a shift, with `room` to the next eigenvalues on either side, proves that so many lie below.
+    fn proves(&self, shift: f64, room: f64, below: usize) -> bool {
+        let (at, room) = (shift / self.unit, room / self.unit);
+        self.symbolic.factor(&self.stiffness, &self.mass, at).is_ok_and(|factor| {
+            factor.eigenvalues_below() == below && factor.uncertainty(&self.stiffness, &self.mass, at) < room
+        })
+    }
 }
 
 /// The nearest of the lowest pairs, which hold all of them.
@@ -88,10 +101,16 @@ fn nearest(mut pairs: Pairs, shift: f64, count: usize, counter: &Counter) -> Res
     let values = &pairs.values;
     let (start, end) = window(values, shift, count);
     pairs.certificate.around = Some(Around { shift, ties: ties(values, &pairs.certificate.bounds, shift, start..end) });
-    if let Some(gap) = gap_below(values, &pairs.certificate.bounds, start) {
-        // Whoever judges the pairs counts what lies below the first.
-        let place = pairs.certificate.inertia.partition_point(|count| count.shift < gap);
-        pairs.certificate.inertia.insert(place, InertiaCount { shift: gap, below: counter.below(gap)? });
+    // Whoever judges the pairs counts what lies below the first, and below the last and it.
+    for (at, is_last) in [(start, false), (end, true)] {
+        let below = pairs.certificate.first + at;
+        let Some((gap, room)) = gap_below(values, &pairs.certificate.bounds, at) else { continue };
+        if counter.proves(gap, room, below) {
+            let counts = &mut pairs.certificate.inertia;
+            counts.retain(|count| !is_last || count.shift < gap);
+            let place = counts.partition_point(|count| count.shift < gap);
+            counts.insert(place, InertiaCount { shift: gap, below });
+        }
     }
     if end < values.len() {
         pairs.certificate.cut = None;
@@ -149,11 +168,11 @@ fn ties(values: &[f64], bounds: &[f64], shift: f64, window: std::ops::Range<usiz
     .collect()
 }
 
-/// A shift between the first pair and the one before, where their enclosures leave room for one.
-fn gap_below(values: &[f64], bounds: &[f64], start: usize) -> Option<f64> {
-    let before = start.checked_sub(1)?;
-    let (low, high) = (values[before] + bounds[before], values.get(start)? - bounds[start]);
-    (high - low > LEAST_GAP * low.abs().max(high.abs())).then_some(0.5 * (low + high))
+/// A shift between a pair and the one before, where their enclosures leave room for one, and how much room on either side.
+fn gap_below(values: &[f64], bounds: &[f64], at: usize) -> Option<(f64, f64)> {
+    let before = at.checked_sub(1)?;
+    let (low, high) = (values[before] + bounds[before], values.get(at)? - bounds[at]);
+    (high - low > LEAST_GAP * low.abs().max(high.abs())).then_some((0.5 * (low + high), 0.5 * (high - low)))
 }
 
 #[cfg(test)]
