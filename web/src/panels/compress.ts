@@ -47,7 +47,7 @@ export function compression(app: App, here: (basis: Basis) => boolean, changed: 
       ["Per vertex", `${brief(rates.bits_per_vertex)} bits`, "All three coordinates together"],
       ["With the basis", rates.basis_from_faces ? "the same" : `${brief(rates.bits_per_vertex_with_basis)} bits`, rates.basis_from_faces ? "Whoever has the faces computes the basis anew" : `Whoever decompresses needs the basis, ${bytes(rates.basis_bytes)}`],
       ["Error", percent(rates.relative_errors), "Of x, y and z, relative to how far the surface is from its mean"],
-      ["By truncation alone", percent(rates.truncation_errors), "What leaving out the other modes costs without any rounding"],
+      ["Truncation", percent(rates.truncation_errors), "What leaving out the other modes costs without any rounding"],
     ];
     facts.replaceChildren(...rows.map(([name, value, title]) => h("div", { title }, h("dt", {}, name), h("dd", {}, value))));
     note.textContent = `${brief(performance.now() - begin)} ms there and back`;
