@@ -214,6 +214,13 @@ export async function studio(site) {
     await mapped();
     // A choice keeps the focus.
     assert.equal(await page.evaluate(() => document.activeElement.getAttribute("aria-label")), "Other");
+    for (const name of ["The surface", "The other surface"]) {
+      await page.getByRole("application", { name, exact: true }).focus();
+      for (const key of ["Enter", "Enter", "Escape"]) await page.keyboard.press(key);
+    }
+    await page.getByRole("button", { name: "Remove landmark 1" }).press("Enter");
+    assert.equal(await page.evaluate(() => document.activeElement.getAttribute("aria-label")), "The surface");
+    assert.ok(await page.locator("#panel-maps").getByRole("button", { name: "Clear" }).isDisabled());
     // The open surface is not the other one of itself.
     await page.evaluate((id) => window.chladni.app.open(id), ids.shape);
     assert.deepEqual([await chooser(page, "Other").inputValue(), await page.locator(".pane.beside").isHidden()], ["", true]);

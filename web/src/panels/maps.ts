@@ -2,6 +2,7 @@
 
 import { ApiError, get, numbers, post, recent, type Basis, type BasisSummary, type Mesh, type Page } from "../api";
 import type { App, Panel } from "../app";
+import type { Request } from "../code";
 import { Beside } from "../beside";
 import { carried, gathered, numberedPairs, placeColours, type FunctionalMap } from "../correspondence";
 import { brief, choice, field, grouped, h, refill, slider } from "../dom";
@@ -55,7 +56,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   let wantedBasis: string | undefined;
   let pairs: [number, number][] = [];
   let half: { left: boolean; vertex: number } | null = null;
-  let found: { turn: number; answer: FunctionalMap; refined: boolean } | null = null;
+  let found: { answer: FunctionalMap; request: Request | null } | null = null;
   let turn = 0;
   let refining: AbortController | null = null;
   let shown = "colours";
@@ -72,9 +73,10 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
     post<FunctionalMap>("/v1/functional-maps", { source: source.id, target: target.id, landmarks: pairs, signatures: signatures || pairs.length === 0, start, pairs: size, all_points: true }, { signal });
   // A first map at once, and after it, as long as nothing changes, the refined one.
   const quick = latest<Wish>(async (wish) => {
-    const answer = await ask(wish, wish.start, wish.start);
+    const [answer, request] = [ask(wish, wish.start, wish.start), recent.shown];
+    const map = { answer: await answer, request };
     if (wish.turn !== turn || !here()) return;
-    found = { turn, answer, refined: false };
+    found = map;
     tell();
     if (wish.size > wish.start) refine(wish);
     else done();
@@ -84,9 +86,10 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
     refining = new AbortController();
     const begin = performance.now();
     note.textContent = `Refining to ${wish.size} pairs …`;
-    const answer = await ask(wish, wish.start, wish.size, refining.signal);
+    const [answer, request] = [ask(wish, wish.start, wish.size, refining.signal), recent.shown];
+    const map = { answer: await answer, request };
     if (wish.turn !== turn || !here()) return;
-    found = { turn, answer, refined: true };
+    found = map;
     tell();
     note.textContent = `Refined to ${wish.size} pairs in ${brief((performance.now() - begin) / 1000)} s.`;
     done();
@@ -112,11 +115,10 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   // --- what is shown --------------------------------------------------------------------------------------------------------
 
   const modes = latest<{ basis: Basis; mode: number }>(async ({ basis, mode }) => {
-    const request = recent.shown;
     const values = await numbers(`${basis.links.modes}?from=${mode}&to=${mode + 1}&format=f32`);
     if (!here() || app.basis !== basis) return;
     // What “Save” copies stays the map.
-    recent.shown = request;
+    recent.shown = found?.request ?? null;
     if (shown !== "mode") return;
     const scalar = diverging(values);
     look.show(scalar);
@@ -198,12 +200,14 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
       return h("li", {}, mark, h("span", {}, `${grouped(a)} ↔ ${grouped(b)}`), h("button", { class: "quiet", "aria-label": `Remove landmark ${k + 1}`, onclick: () => {
         pairs = pairs.filter((_, other) => other !== k);
         update();
-        (list.children[Math.min(k, pairs.length - 1)]?.querySelector("button") ?? undo).focus();
+        (list.children[Math.min(k, pairs.length - 1)]?.querySelector("button") ?? app.viewer.canvas).focus({ preventScroll: true });
       } }, "×"));
     }));
     hint.textContent = half
       ? `Now click the same point on ${half.left ? "the other surface" : "this surface"}, or another one here.`
       : pairs.length ? "Click another point, then the same one on the other surface." : "Click a point on one surface, then the same point on the other. Without landmarks, heat kernels alone are matched: left and right may be swapped.";
+    // A button that is of no use any more gives the focus to where the next landmark is set.
+    if (pairs.length === 0 && half === null && [undo, clear].some((button) => button === document.activeElement)) app.viewer.canvas.focus({ preventScroll: true });
     undo.disabled = clear.disabled = pairs.length === 0 && half === null;
   };
   const hint = h("p", { "aria-live": "polite" });
