@@ -31,6 +31,9 @@ export type Kind = JobRequest["kind"];
 /** The parameters of a kind of job. */
 export type Parameters<K extends Kind> = Extract<JobRequest, { kind: K }>["parameters"];
 
+/** Whether a mesh bounds one solid, so that of its triangles only the outer sides are ever seen. */
+export const hasInside = ({ report: { closed, manifold, orientable, components } }: Mesh) => closed && manifold && orientable && components === 1;
+
 export interface Page<T> {
   items: T[];
   next: string | null;
@@ -86,24 +89,34 @@ async function problemOf(response: Response): Promise<Problem> {
   }
 }
 
-export const get = async <T>(path: string): Promise<T> => (await send(path)).json() as Promise<T>;
+/** Reads JSON; of an answer that is none, an error that names it. */
+async function read<T>(response: Response): Promise<T> {
+  const text = await response.text();
+  try {
+    return JSON.parse(text) as T;
+  } catch {
+    throw new Error(`${response.url} answered ${response.status} with ${text.length} characters that are not JSON: ${text.slice(0, 100)}`);
+  }
+}
+
+export const get = async <T>(path: string): Promise<T> => read<T>(await send(path));
 
 /** Fetches a file with the API key and gives it to the browser as a download. */
 export const save = async (path: string, name: string) => give(await (await send(path)).blob(), name);
 
 /** Posts JSON and reads JSON. */
 export const post = async <T>(path: string, body?: unknown, init: RequestInit = {}): Promise<T> =>
-  (
+  read<T>(
     await send(path, {
       method: "POST",
       ...(body === undefined ? {} : { body: JSON.stringify(body), headers: { "Content-Type": "application/json" } }),
       ...init,
-    })
-  ).json() as Promise<T>;
+    }),
+  );
 
 /** Renames a mesh. */
 export const rename = async (id: string, name: string): Promise<Mesh> =>
-  (await send(`/v1/meshes/${id}`, { method: "PATCH", body: JSON.stringify({ name }), headers: { "Content-Type": "application/json" } })).json() as Promise<Mesh>;
+  read<Mesh>(await send(`/v1/meshes/${id}`, { method: "PATCH", body: JSON.stringify({ name }), headers: { "Content-Type": "application/json" } }));
 
 /** Deletes a mesh with its jobs and bases. */
 export const remove = (id: string) => send(`/v1/meshes/${id}?cascade=true`, { method: "DELETE" });

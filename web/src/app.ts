@@ -1,6 +1,6 @@
 // What every part of the page shares: the place, the mesh and the basis that are open, and how errors are told.
 
-import { ApiError, get, key, meshContent, post, recent, remove, rename, save, type Basis, type BasisSummary, type Job, type Kind, type Mesh, type Page, type Parameters } from "./api";
+import { ApiError, get, hasInside, key, meshContent, post, recent, remove, rename, save, type Basis, type BasisSummary, type Job, type Kind, type Mesh, type Page, type Parameters } from "./api";
 import type { Beside } from "./beside";
 import { h } from "./dom";
 import { prepared } from "./geometry";
@@ -193,7 +193,7 @@ export class App {
       this.mesh = mesh;
       this.basis = null;
       this.bases = [];
-      this.viewer.setMesh(surface, mesh.report.closed && mesh.report.manifold && mesh.report.orientable && mesh.report.components === 1);
+      this.viewer.setMesh(surface, hasInside(mesh));
       this.viewer.onClick = this.viewer.onStroke = null;
       if (!keep) {
         this.viewer.view = undefined;
@@ -220,12 +220,17 @@ export class App {
     this.panel?.show();
   }
 
+  /** Meshes that were deleted here. */
+  readonly gone = new Set<string>();
+
   /** Deletes the open mesh with all that was computed on it. */
   async remove() {
     if (!this.mesh) return;
     const { id, name } = this.mesh;
     await remove(id);
+    this.gone.add(id);
     this.meshes = this.meshes.filter((mesh) => mesh.id !== id);
+    this.emit("meshes");
     this.jobs.forget(({ mesh }) => mesh === id);
     this.toast("note", "Deleted", `${name ?? "The mesh"} and what was computed on it.`);
     if (!this.meshes.length) {
@@ -288,11 +293,15 @@ export class App {
     }
   }
 
+  private using = 0;
+
   /** Works with a basis from now on. */
   async use(id: string, step = false) {
+    const turn = ++this.using;
     const basis = this.known.get(id) ?? (await get<Basis>(`/v1/bases/${id}`));
     this.known.set(id, basis);
-    if (basis.mesh !== this.mesh?.id) return;
+    // Another one was chosen meanwhile.
+    if (turn !== this.using || basis.mesh !== this.mesh?.id) return;
     this.panel?.hide();
     this.basis = basis;
     this.go({ basis: id }, step);
@@ -312,6 +321,23 @@ export class App {
         this.jobs.put(job);
         await this.finished(job);
       } else this.jobs.follow(job);
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  /** Deletes a job that has ended with the basis that it made, which nothing here goes on using. */
+  async removeJob(job: Job) {
+    try {
+      await this.jobs.remove(job);
+      if (!job.basis) return;
+      this.known.delete(job.basis);
+      if (job.mesh !== this.mesh?.id) return;
+      await this.findBases();
+      if (this.basis?.id !== job.basis || this.bases.some(({ id }) => id === job.basis)) return;
+      this.panel?.hide();
+      this.basis = null;
+      this.tab(this.place.tab, false);
     } catch (error) {
       this.fail(error);
     }

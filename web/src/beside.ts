@@ -1,6 +1,6 @@
 // A second surface beside the first, with a viewer of its own.
 
-import { meshContent, type Mesh } from "./api";
+import { hasInside, meshContent, type Mesh } from "./api";
 import type { App } from "./app";
 import { h } from "./dom";
 import { prepared } from "./geometry";
@@ -47,6 +47,14 @@ export class Beside {
     if (on && this.linked) this.viewer.follow(this.app.viewer);
   }
 
+  /** Shows nothing any more. */
+  drop() {
+    this.turn += 1;
+    this.mesh = null;
+    this.show(false);
+    this.viewer.clear();
+  }
+
   /** Loads a mesh; false where another was wanted meanwhile. */
   async load(mesh: Mesh): Promise<boolean> {
     const turn = ++this.turn;
@@ -54,8 +62,7 @@ export class Beside {
       const surface = await prepared(await meshContent(mesh.links.content, () => {}));
       if (turn !== this.turn) return false;
       this.mesh = mesh;
-      const { closed, manifold, orientable, components } = mesh.report;
-      this.viewer.setMesh(surface, closed && manifold && orientable && components === 1);
+      this.viewer.setMesh(surface, hasInside(mesh));
     }
     this.caption.textContent = mesh.name ?? "";
     return true;

@@ -30,6 +30,14 @@ export function choice(options: [value: string, text: string][], value: string, 
   return select;
 }
 
+/** Replaces what an element holds. A control that has the focus leaves it to its successor of the same name. */
+export function refill(parent: HTMLElement, ...children: (Node | string)[]) {
+  const focused = document.activeElement;
+  const name = focused && parent.contains(focused) ? focused.getAttribute("aria-label") : null;
+  parent.replaceChildren(...children);
+  if (name !== null) parent.querySelector<HTMLElement>(`[aria-label="${CSS.escape(name)}"]`)?.focus();
+}
+
 /** A slider with its value written beside it. */
 export function slider(
   label: string,

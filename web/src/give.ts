@@ -27,4 +27,4 @@ export function give(blob: Blob, name: string) {
 }
 
 /** A name as a file may have it. */
-export const fileName = (...parts: (string | null | undefined)[]) => parts.filter(Boolean).join("-").toLowerCase().replace(/[^a-z0-9]+/g, "-");
+export const fileName = (...parts: (string | null | undefined)[]) => parts.filter(Boolean).join("-").toLowerCase().replace(/[^\p{L}\p{N}]+/gu, "-");

@@ -6,6 +6,8 @@ import { ApiError, ended, get, post, send, watch, type Job, type Page } from "./
 const STREAMS = 2;
 /** Milliseconds between two looks at what no stream tells. */
 const PAUSE = 1500;
+/** The same where the server did not answer. */
+const LATER = 10_000;
 /** Jobs of a page of the list, and pages of waiting ones that are read. */
 const PAGE = 100;
 const PAGES = 5;
@@ -20,6 +22,7 @@ export class Jobs {
   /** The newest jobs of the server, as far as they were read. */
   newest: Job[] = [];
   private next: string | null = null;
+  private turn = 0;
 
   constructor(private readonly changed: () => void, private readonly finished: (job: Job) => Promise<void>, private readonly fail: (error: unknown) => void) {}
 
@@ -76,12 +79,19 @@ export class Jobs {
     };
     watch(job, told, this.stop.signal)
       .then(told)
-      .catch((error) => this.all.has(job.id) && this.fail(error))
+      .catch((error) => this.all.has(job.id) && this.lost(job, error))
       .finally(() => {
         this.streams.delete(job.id);
         const other = this.running.find(({ id }) => !this.streams.has(id));
         if (other) this.follow(other);
       });
+  }
+
+  /** Tells why a job cannot be followed. What the server refuses, as a job that was deleted, is not asked for again and again. */
+  private lost(job: Job, error: unknown) {
+    if (!refused(error)) return this.fail(error);
+    this.forget(({ id }) => id === job.id);
+    if (error.problem.status !== 404) this.fail(error);
   }
 
   /** Takes up the jobs that still run, after a reload for example. */
@@ -100,10 +110,14 @@ export class Jobs {
   /** Reads the newest jobs of the server, of a status if one is given, and goes on reading them until `look(false)`. */
   async look(on: boolean, status = "", more = false) {
     this.looked = on;
+    const turn = ++this.turn;
     if (!on) return;
     const found: Page<Job> = await get(`/v1/jobs?limit=${PAGE}${status && `&status=${status}`}${more && this.next ? `&from=${encodeURIComponent(this.next)}` : ""}`);
+    // Another part of the list has been asked for meanwhile.
+    if (turn !== this.turn) return;
     this.next = found.next;
-    this.newest = more ? [...this.newest, ...found.items] : found.items;
+    const known = new Set(more ? this.newest.map(({ id }) => id) : []);
+    this.newest = [...(more ? this.newest : []), ...found.items.filter(({ id }) => !known.has(id))].sort(newer);
     for (const job of found.items) if (!ended(job.status) || this.all.has(job.id)) this.follow(job);
     this.changed();
     this.soon();
@@ -114,12 +128,16 @@ export class Jobs {
     return this.next !== null;
   }
 
-  private soon() {
+  private soon(pause = PAUSE) {
     if (this.timer) return;
     this.timer = window.setTimeout(() => {
       this.timer = 0;
-      this.glance().catch(this.fail);
-    }, PAUSE);
+      this.glance().catch((error) => {
+        this.fail(error);
+        // A server that was started anew answers again.
+        if (!refused(error)) this.soon(LATER);
+      });
+    }, pause);
   }
 
   /** Looks at what no stream tells. */
@@ -140,7 +158,7 @@ export class Jobs {
     try {
       this.put(await get<Job>(job.links.self));
     } catch (error) {
-      if (!(error instanceof ApiError) || error.problem.status !== 404) throw error;
+      if (!refused(error) || error.problem.status !== 404) throw error;
       this.forget(({ id }) => id === job.id);
     }
   }
@@ -150,8 +168,11 @@ export class Jobs {
   readonly retry = (job: Job) => post<Job>(`/v1/jobs/${job.id}/retry`).then((job) => this.follow(job)).catch(this.fail);
 
   /** Deletes a job that has ended, and the basis that it made. */
-  readonly remove = (job: Job) => send(`/v1/jobs/${job.id}?cascade=true`, { method: "DELETE" }).then(() => this.forget(({ id }) => id === job.id)).catch(this.fail);
+  readonly remove = (job: Job) => send(`/v1/jobs/${job.id}?cascade=true`, { method: "DELETE" }).then(() => this.forget(({ id }) => id === job.id));
 }
+
+/** Whether the server understood what was asked, and said no. */
+const refused = (error: unknown): error is ApiError => error instanceof ApiError && (error.problem.status ?? 500) < 500;
 
 /** Newest first. */
 const newer = (a: Job, b: Job) => b.created_ms - a.created_ms || (a.id < b.id ? 1 : -1);

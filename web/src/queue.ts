@@ -77,7 +77,7 @@ export function jobCard(app: App, job: Job, { dismiss = false, full = false } = 
     if (dismiss) buttons.append(named("Dismiss", () => app.jobs.dismiss(job), { class: "quiet" }));
     if (full) {
       // A job alone is soon made again; with its basis goes what took long.
-      const sure = named(job.basis ? "Delete with its basis" : "Delete for good", () => app.jobs.remove(job), { class: "danger", hidden: true });
+      const sure = named(job.basis ? "Delete with its basis" : "Delete for good", () => app.removeJob(job), { class: "danger", hidden: true });
       buttons.append(named("Delete", () => {
         sure.hidden = false;
         sure.focus();
@@ -94,7 +94,7 @@ function open(app: App, job: Job) {
   const go = async () => {
     if (app.mesh?.id !== job.mesh) await app.open(job.mesh);
     const panel = app.panels.find((panel) => panel.kind === job.kind && app.basesOf(panel).some(({ id }) => id === job.basis));
-    if (!panel) return;
+    if (!panel) return app.toast("note", "Nothing to open", "What this job made has been deleted.");
     app.go({ basis: job.basis ?? undefined });
     app.tab(panel.id);
   };
@@ -131,7 +131,7 @@ export function queue(app: App): { button: HTMLElement; dialog: HTMLElement } {
     // One that is about to be deleted is not taken away under the finger.
     const asked = list.querySelector<HTMLElement>("button.danger:not([hidden])")?.closest<HTMLElement>("[data-job]")?.dataset.job;
     const shown = app.jobs.newest.filter((job) => !status || job.status === status);
-    renew(list, shown.length ? shown.map((job) => (job.id === asked ? list.querySelector<HTMLElement>(`[data-job="${asked}"]`)! : jobCard(app, job, { full: true }))) : [h("p", {}, "No jobs.")]);
+    renew(list, shown.length ? shown.map((job) => (job.id === asked && ended(job.status) ? list.querySelector<HTMLElement>(`[data-job="${asked}"]`)! : jobCard(app, job, { full: true }))) : [h("p", {}, "No jobs.")]);
     more.hidden = !app.jobs.more;
   };
   app.on("jobs", show);

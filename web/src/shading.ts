@@ -105,8 +105,9 @@ void main() {
   }
 #endif
   if (coloured > 0.5) {
-    float t = clamp((v_value - range.x) * range.y, 0.0, 1.0);
-    base = texelFetch(map, ivec2(int(t * 1023.0 + 0.5), 0), 0).rgb;
+    float part = (v_value - range.x) * range.y;
+    float t = clamp(part, 0.0, 1.0);
+    vec3 shown = texelFetch(map, ivec2(int(t * 1023.0 + 0.5), 0), 0).rgb;
     if (lines > 0.5) {
       float s = t * lines;
       float w = max(fwidth(s), 1e-9);
@@ -114,8 +115,11 @@ void main() {
       float ink = clamp(1.47 - 1.33 * d, 0.0, 1.0) * clamp(1.64 - 1.82 * w, 0.0, 1.0);
       if (diverging > 0.5) ink = max(0.55 * ink, clamp(2.13 - 1.25 * abs(s - 0.5 * lines) / w, 0.0, 1.0));
       else ink *= 0.6;
-      base = mix(base, vec3(0.06), ink);
+      // What lies beyond the range is a plateau: no line of any width runs there.
+      if (part > 0.0 && part < 1.0) shown = mix(shown, vec3(0.06), ink);
     }
+    // Where there is no value, as on a part of the surface that no way leads to, there is no colour either.
+    if (abs(v_value) < 1e37) base = shown;
   }
 #ifdef QUICK
   vec2 l = v_light;
@@ -124,6 +128,9 @@ void main() {
 #endif
   colour = vec4(base * l.x + l.y, 1.0);
 }`;
+
+/** The colour of a surface without values, or where there is none: red, green, blue from 0 to 1. */
+export const PLAIN = [0.8, 0.79, 0.76] as const;
 
 /** Steps of a colour map: more than a screen shows, so that nothing is interpolated between them. */
 const STEPS = 1024;
@@ -139,7 +146,7 @@ export class Shading {
   readonly edges: ShaderMaterial;
   private readonly uniforms = {
     map: { value: null as DataTexture | null }, range: { value: new Vector2(-1, 0.5) }, lines: { value: 0 }, coloured: { value: 0 }, diverging: { value: 1 },
-    plain: { value: new Color(0.8, 0.79, 0.76) }, wave: { value: 0 }, checks: { value: 0 },
+    plain: { value: new Color(...PLAIN) }, wave: { value: 0 }, checks: { value: 0 },
   };
   private named = "";
 

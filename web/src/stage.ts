@@ -9,7 +9,7 @@ import { records } from "./film";
 import { fileName, give, write } from "./give";
 import type { Look } from "./panels/look";
 import { svg } from "./svg";
-import { AXES, type Up } from "./upright";
+import { AXES, UPWARD, type Up } from "./upright";
 
 /** Seconds of a film: one turn of the surface. */
 const FILM = 6;
@@ -20,7 +20,7 @@ const whole = (value: unknown): boolean =>
 
 export function toolbar(app: App, look: Look): HTMLElement {
   const { viewer } = app;
-  const up = choice([["y", "y is up"], ["z", "z is up"], ["x", "x is up"], ["-y", "−y is up"], ["-z", "−z is up"], ["-x", "−x is up"]], "y", (value) => {
+  const up = choice(UPWARD, "y", (value) => {
     viewer.up = value as Up;
     app.go({ up: value === viewer.guessed ? undefined : (value as Up) });
     app.emit("look");

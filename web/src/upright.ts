@@ -14,6 +14,9 @@ export const AXES: Record<Up, [axis: number, sign: number][]> = {
   "-x": [[1, 1], [0, -1], [2, 1]],
 };
 
+/** Ways up to choose from, with their names. */
+export const UPWARD = (Object.keys(AXES) as Up[]).map((up): [Up, string] => [up, `${up.replace("-", "−")} is up`]);
+
 /** The part of the height that counts as touching the ground. */
 const FOOT = 0.05;
 

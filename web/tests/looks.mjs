@@ -114,7 +114,7 @@ export async function looks(site) {
     assert.deepEqual([options.length, options.some((text) => text.includes("hodge"))], [2, false]);
     await chooser(page, "Reference").selectOption({ index: 1 });
     await page.waitForFunction(() => document.body.dataset.compared === "30");
-    assert.match(await page.locator("#panel-modes").innerText(), /30 pairs in \d+ eigenspaces: eigenvalues differ by up to .* %, and the eigenspace of modes \d+ to \d+ is turned most, sin θ = /);
+    assert.match(await page.locator("#panel-modes").innerText(), /30 pairs in \d+ eigenspaces: eigenvalues differ by up to .* %, and the eigenspace of modes? \d+( to \d+)? is turned most, sin θ = /);
     await page.getByText("A row for each mode of the reference").scrollIntoViewIfNeeded();
     await keep(page, "comparison");
   });
@@ -144,8 +144,10 @@ export async function looks(site) {
     await page.getByRole("tab", { name: "Distances" }).click();
     await changed(page, "field");
     await chooser(page, "Show").selectOption("biharmonic");
-    await page.mouse.click(...(await onSurface(page, 0.4)));
     await page.waitForFunction(() => document.body.dataset.field?.startsWith("biharmonic"));
+    const uppermost = await page.evaluate(() => document.body.dataset.field);
+    await page.mouse.click(...(await onSurface(page, 0.4)));
+    await changed(page, "field", uppermost);
     const design = (name) => page.waitForFunction((name) => JSON.parse(atob((new URLSearchParams(location.hash.slice(1)).get("design") ?? "bnVsbA").replaceAll("-", "+").replaceAll("_", "/")))?.[name[0]] === name[1], name);
     const shown = await page.evaluate(() => document.body.dataset.field);
     await design(["vertex", Number(shown.split(" ")[1])]);
@@ -189,6 +191,55 @@ export async function looks(site) {
     await page.waitForFunction(() => window.chladni.app.basis?.count === 20);
   });
 
+  await test("a part of a surface that no way leads to has neither a colour nor a share in the range", async () => {
+    const one = await page.evaluate(async () => {
+      const { app, viewer } = window.chladni;
+      const { positions: p, triangles: t } = viewer.surface;
+      const lines = [];
+      for (const along of [0, 4]) for (let v = 0; v < p.length; v += 3) lines.push(`v ${p[v] + along} ${p[v + 1]} ${p[v + 2]}`);
+      for (const from of [1, 1 + p.length / 3]) for (let f = 0; f < t.length; f += 3) lines.push(`f ${t[f] + from} ${t[f + 1] + from} ${t[f + 2] + from}`);
+      const mesh = await (await fetch("/v1/meshes?name=pair&format=obj", { method: "POST", body: lines.join("\n") })).json();
+      await app.list();
+      await app.open(mesh.id);
+      await app.submit("eigenbasis", { count: 25 });
+      return p.length / 3;
+    });
+    await page.getByRole("tab", { name: "Distances" }).click();
+    await page.waitForFunction(() => window.chladni.app.mesh.name === "pair" && document.body.dataset.field);
+    for (const what of ["geodesic", "exact"]) {
+      await chooser(page, "Show").selectOption(what);
+      await page.waitForFunction((what) => document.body.dataset.field.startsWith(`${what} `), what);
+      const [least, , most] = (await labels()).map(Number);
+      assert.ok(least === 0 && most > 1 && most < 10, `${await labels()}`);
+      await page.getByText(`No way leads to ${one.toLocaleString("en-GB")} vertices`).waitFor();
+    }
+    const ply = await saved(page, "PLY with colours");
+    const begin = ply.indexOf("end_header\n") + 11;
+    const source = Number((await page.evaluate(() => document.body.dataset.field)).split(" ")[1]);
+    const plain = (v) => [204, 201, 194].every((part, k) => ply[begin + 19 * v + 12 + k] === part);
+    for (let v = 0; v < 2 * one; v++) assert.equal(plain(v), v < one !== source < one, `vertex ${v}`);
+    // A potential has to be finite.
+    await unfold(page);
+    await compute(page, { Operator: "hamiltonian", Potential: "values", Eigenpairs: "20" });
+    await page.getByRole("alert").getByText("It has to be finite everywhere").waitFor();
+    await page.getByRole("button", { name: "Close" }).first().click();
+  });
+
+  await test("a range holds in its tab, and not where other things are shown", async () => {
+    await page.getByRole("tab", { name: "Modes" }).click();
+    await changed(page, "mode");
+    await page.getByLabel("Colours end at").fill("1e-3");
+    await page.getByLabel("Colours end at").press("Enter");
+    assert.equal((await labels())[2], "0.001");
+    await page.getByRole("button", { name: "Next mode" }).click();
+    await page.waitForFunction(() => document.body.dataset.mode === "2");
+    assert.equal((await labels())[2], "0.001");
+    await page.getByRole("tab", { name: "Distances" }).click();
+    await changed(page, "field");
+    assert.ok(Number((await labels())[2]) > 1);
+    assert.equal(await page.getByLabel("Colours end at").inputValue(), "");
+  });
+
   await test("files are written beside the page, however large they are", async () => {
     const threads = [];
     page.on("worker", (worker) => threads.push(worker.url()));
@@ -204,8 +255,14 @@ export async function looks(site) {
 
   await test("shapes have pictures", async () => {
     for (const shape of ["sphere", "disk"]) await opened(page, shape, shape, 900, 30);
+    // Fields have another spectrum: shapes are not compared by it, however long it is.
+    await page.evaluate(() => window.chladni.app.submit("eigenbasis", { count: 50, method: "hsim", operator: "hodge", tolerance: 1e-2 }));
+    await page.waitForFunction(() => window.chladni.app.bases.some(({ count }) => count === 50), null, { timeout: 60_000 });
+    const asked = page.waitForRequest((request) => request.url().includes("/v1/shape-comparisons"));
     await page.getByRole("tab", { name: "Shapes" }).click();
     await page.waitForFunction(() => document.querySelectorAll("canvas.portrait[data-drawn]").length >= 3);
+    const hodge = await page.evaluate(() => window.chladni.app.bases.find(({ count }) => count === 50).id);
+    assert.ok(!(await asked).postDataJSON().bases.includes(hodge));
     const filled = await page.evaluate(() => [...document.querySelectorAll("canvas.portrait[data-drawn]")].map((canvas) => {
       const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
       let count = 0;

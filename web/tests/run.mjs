@@ -54,7 +54,7 @@ async function everything() {
   });
 
   await test("what stands on z stands upright, and another axis can be chosen and kept", async () => {
-    const axis = page.getByLabel("Up axis");
+    const axis = page.getByLabel("Up axis", { exact: true });
     assert.equal(await axis.inputValue(), "z");
     const upright = await picture(page);
     await axis.selectOption("-x");

@@ -112,6 +112,31 @@ export async function studio(site) {
     assert.match(await page.locator("#panel-maps .facts-list").innerText(), /Size\s+60 × 60[^]*Coverage\s+(9\d|100) %/);
   });
 
+  await test("the range of the colours is that of both surfaces, and the request that is copied is the map", async () => {
+    await chooser(page, "Show").selectOption("mode");
+    await page.waitForFunction(() => document.body.dataset.carried === "mode 7");
+    const right = () => page.locator(".pane.beside").screenshot();
+    await picture(page);
+    const before = await right();
+    await page.getByLabel("Colours end at").fill("0.2");
+    await page.getByLabel("Colours end at").press("Enter");
+    await page.waitForFunction(() => document.querySelector(".legend .labels").lastChild.textContent === "0.2");
+    await page.waitForFunction(() => {
+      const [left, right] = [window.chladni.viewer, window.chladni.app.beside.viewer].map((viewer) => viewer.shading.uniforms.range.value);
+      return left.equals(right);
+    });
+    await picture(page);
+    assert.notDeepEqual(await right(), before);
+    await page.getByLabel("Colours end at").fill("");
+    await page.getByLabel("Colours end at").press("Enter");
+    await page.locator(".save summary").click();
+    await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
+    await page.locator(".menu div", { has: page.getByRole("heading", { name: "Copy the request" }) }).getByRole("button", { name: "as curl" }).click();
+    await page.locator(".toast").waitFor();
+    assert.match(await page.evaluate(() => navigator.clipboard.readText()), /\/v1\/functional-maps/);
+    await page.getByRole("button", { name: "Close" }).first().click();
+  });
+
   await test("an address leads back to both surfaces, the landmarks, and what is shown", async () => {
     await page.waitForFunction(() => location.hash.includes("design="));
     await chooser(page, "Show").selectOption("checks");
@@ -178,6 +203,39 @@ export async function studio(site) {
     await page.setViewportSize({ width: 1100, height: 700 });
     await page.getByRole("tab", { name: "Modes" }).click();
     assert.equal(await page.locator(".pane.beside").isHidden(), true);
+  });
+
+  await test("a surface that is deleted leaves the studio, whoever deletes it", async () => {
+    const ids = await page.evaluate(() => Object.fromEntries(window.chladni.app.meshes.map(({ name, id }) => [name, id])));
+    await page.evaluate((id) => window.chladni.app.open(id), ids.shifted);
+    await page.getByRole("tab", { name: "Maps" }).click();
+    await chooser(page, "Other").focus();
+    await chooser(page, "Other").selectOption(ids.shape);
+    await mapped();
+    // A choice keeps the focus.
+    assert.equal(await page.evaluate(() => document.activeElement.getAttribute("aria-label")), "Other");
+    for (const name of ["The surface", "The other surface"]) {
+      await page.getByRole("application", { name, exact: true }).focus();
+      for (const key of ["Enter", "Enter", "Escape"]) await page.keyboard.press(key);
+    }
+    await page.getByRole("button", { name: "Remove landmark 1" }).press("Enter");
+    assert.equal(await page.evaluate(() => document.activeElement.getAttribute("aria-label")), "The surface");
+    assert.ok(await page.locator("#panel-maps").getByRole("button", { name: "Clear" }).isDisabled());
+    // The open surface is not the other one of itself.
+    await page.evaluate((id) => window.chladni.app.open(id), ids.shape);
+    assert.deepEqual([await chooser(page, "Other").inputValue(), await page.locator(".pane.beside").isHidden()], ["", true]);
+    await page.evaluate(() => window.chladni.app.remove());
+    assert.equal(await page.evaluate(() => window.chladni.app.beside.mesh), null);
+    await opened(page, "again", "starfish", 1200, 60);
+    await page.evaluate((id) => window.chladni.app.open(id), ids.shifted);
+    await chooser(page, "Other").selectOption(await page.evaluate(() => window.chladni.app.meshes.find(({ name }) => name === "again").id));
+    await mapped();
+    await page.evaluate(() => fetch(`/v1/meshes/${window.chladni.app.beside.mesh.id}?cascade=true`, { method: "DELETE" }));
+    await page.getByLabel("also match heat kernels").uncheck();
+    await page.locator(".pane.beside").waitFor({ state: "hidden" });
+    await page.waitForFunction(() => !window.chladni.app.meshes.some(({ name }) => name === "again"));
+    assert.equal(await page.evaluate(() => window.chladni.app.beside.mesh), null);
+    while (await page.locator(".toast").count()) await page.getByRole("button", { name: "Close" }).first().click();
   });
   await page.context().close();
 }

@@ -2,7 +2,7 @@
 
 import type { BasisSummary, Eigenbasis, Parameters } from "../api";
 import type { App, Panel } from "../app";
-import { brief, choice, field, grouped, h, plural, seconds, slider } from "../dom";
+import { brief, choice, field, grouped, h, plural, refill, seconds, slider } from "../dom";
 import { expected } from "./expected";
 import type { Look } from "./look";
 
@@ -21,6 +21,9 @@ export function line(basis: BasisSummary): string {
 export const ofFunctions = (basis: BasisSummary) =>
   basis.kind === "eigenbasis" && basis.parameters.operator !== "hodge" && basis.parameters.operator !== "volume";
 
+/** The operator of a basis with its boundary condition, so that two can be compared. */
+export const operatorOf = (basis: BasisSummary) => (basis.kind === "eigenbasis" ? JSON.stringify([basis.parameters.operator, basis.parameters.boundary]) : "");
+
 /** What kind of field, in a word. */
 export const fieldName = ({ field, n }: { field?: string; n?: number | null }) => (field === "n_vector" ? `${n}-field` : (field ?? "vector"));
 
@@ -30,10 +33,10 @@ export function basisHead(app: App, panel: () => Panel, name: string, form: HTML
   const details = h("details", { class: "new" }, h("summary", {}, `New ${name} …`), form);
   const update = () => {
     const bases = app.basesOf(panel());
-    chooser.replaceChildren();
-    if (bases.length > 0) {
+    if (bases.length === 0) chooser.replaceChildren();
+    else {
       const select = choice(bases.map((basis) => [basis.id, `${bases.some((other) => other !== basis && line(other) === line(basis)) ? `${new Date(basis.created_ms).toLocaleTimeString()} · ` : ""}${line(basis)}`]), app.basis?.id ?? "", (id) => app.use(id, true).catch(app.fail), name);
-      chooser.append(field(name[0].toUpperCase() + name.slice(1), select));
+      refill(chooser, field(name[0].toUpperCase() + name.slice(1), select));
     }
     details.open = bases.length === 0;
     details.hidden = app.mesh === null;
@@ -82,7 +85,7 @@ export function eigenForm(app: App, look?: Look): HTMLElement {
   const shown = (): number[] | null => {
     const values = look?.values;
     const area = app.mesh?.report.area;
-    if (!values || !area || values.length > MOST_VALUES) return null;
+    if (!values || !area || values.length > MOST_VALUES || !values.every(Number.isFinite)) return null;
     const low = values.reduce((least, value) => Math.min(least, value), Infinity);
     const high = values.reduce((most, value) => Math.max(most, value), -Infinity);
     const scale = 10 ** strength.control.valueAsNumber / area / Math.max(high - low, 1e-30);
@@ -103,7 +106,7 @@ export function eigenForm(app: App, look?: Look): HTMLElement {
   };
   const form = h("form", { class: "form", onsubmit: (event: Event) => {
     event.preventDefault();
-    if (!potentials.hidden && potential.value === "values" && !shown()) return app.toast("error", "No values are shown", "Show a function on the surface first, a distance for instance: it becomes the potential.");
+    if (!potentials.hidden && potential.value === "values" && !shown()) return app.toast("error", "Nothing is shown that can be a potential", `Show a function on the surface first, a distance for instance. It has to be finite everywhere, and on ${grouped(MOST_VALUES)} vertices at most.`);
     void app.submit("eigenbasis", parameters());
   } }, field("Eigenpairs", count), field("Method", method), tolerances, accuracies, field("Operator", operator), potentials, strength.element, t.element, boundaries, certified,
     h("button", { class: "primary" }, "Compute"));

@@ -2,7 +2,7 @@
 
 import { post, type Basis } from "../api";
 import type { App } from "../app";
-import { brief, choice, field, h, plural, power } from "../dom";
+import { brief, choice, field, h, plural, power, refill } from "../dom";
 import type { components } from "../openapi";
 import { Plot, type Frame } from "../plot";
 import { paintMatrix } from "./matrix";
@@ -22,8 +22,14 @@ export function comparison(app: App, name: (id: string) => string): { element: H
   const table = new Plot(230, "Fourier coefficients of one basis in the other", (frame) => found?.answer.coefficients && paintMatrix(frame, found.answer.coefficients));
   result.append(summary, plot.canvas, h("h3", {}, "Coefficients"), table.canvas, h("p", { class: "dim" }, "A row for each mode of the reference, a column for each of this basis. Blocks on the diagonal are clusters, within which single functions mean nothing."));
   let reference = "";
+  const clear = () => {
+    found = null;
+    result.hidden = true;
+    delete document.body.dataset.compared;
+  };
   const run = async () => {
     const [basis, chosen] = [app.basis, reference];
+    clear();
     if (!basis || !chosen) return;
     const answer = await post<Comparison>("/v1/basis-comparisons", { reference: chosen, other: basis.id, pairs: Math.min(DRAWN, basis.count, app.bases.find(({ id }) => id === chosen)?.count ?? DRAWN), coefficients: true });
     if (app.basis !== basis || reference !== chosen) return;
@@ -32,7 +38,7 @@ export function comparison(app: App, name: (id: string) => string): { element: H
     const worst = spaces.reduce((most, space) => (space.error > most.error ? space : most), { error: 0, from: 0, to: 1 });
     const values = answer.eigenvalue_errors.slice(1).map(Math.abs).filter(Number.isFinite);
     const largest = answer.angles[answer.angles.length - 1] ?? 0;
-    summary.textContent = `${plural(answer.pairs, "pair")} in ${plural(answer.eigenspaces.length, "eigenspace")}: eigenvalues differ by up to ${brief(100 * Math.max(...values, 0))} %, and the eigenspace of modes ${worst.from} to ${worst.to - 1} is turned most, sin θ = ${brief(worst.error)}. Of all functions together the largest principal angle is ${brief((180 / Math.PI) * largest)}°; it says how the last cluster is cut.`;
+    summary.textContent = `${plural(answer.pairs, "pair")} in ${plural(answer.eigenspaces.length, "eigenspace")}: eigenvalues differ by up to ${brief(100 * Math.max(...values, 0))} %, and the eigenspace of ${worst.to - worst.from === 1 ? `mode ${worst.from}` : `modes ${worst.from} to ${worst.to - 1}`} is turned most, sin θ = ${brief(worst.error)}. Of all functions together the largest principal angle is ${brief((180 / Math.PI) * largest)}°; it says how the last cluster is cut.`;
     result.hidden = false;
     plot.draw();
     table.draw();
@@ -41,15 +47,11 @@ export function comparison(app: App, name: (id: string) => string): { element: H
   const element = h("details", { class: "new" }, h("summary", {}, "Compare with another basis …"), chooser, result);
   const update = () => {
     const basis: Basis | null = app.basis;
-    if (found?.of !== basis?.id) {
-      found = null;
-      result.hidden = true;
-      delete document.body.dataset.compared;
-    }
+    if (found?.of !== basis?.id) clear();
     const others = app.bases.filter((other) => basis && other.kind === "eigenbasis" && other.id !== basis.id && rows(other) === rows(basis));
     element.hidden = others.length === 0;
-    if (!others.some(({ id }) => id === reference)) reference = "";
-    chooser.replaceChildren(field("Reference", choice([["", "choose one …"], ...others.map(({ id }): [string, string] => [id, name(id)])], reference, (id) => {
+    if (!others.some(({ id }) => id === reference) || !found) reference = "";
+    refill(chooser, field("Reference", choice([["", "choose one …"], ...others.map(({ id }): [string, string] => [id, name(id)])], reference, (id) => {
       reference = id;
       run().catch(app.fail);
     }), "Take the exact one, where there is one"));

@@ -44,16 +44,24 @@ export function compression(app: App, here: (basis: Basis) => boolean, changed: 
     const percent = (errors: number[]) => errors.map((error) => `${brief(100 * error)} %`).join(" · ");
     const rows: [string, string, string][] = [
       ["Size", bytes(rates.bytes), `${grouped(rates.nonzeros)} coefficients that are not zero`],
-      ["Of a vertex", `${brief(rates.bits_per_vertex)} bits`, "All three coordinates together"],
+      ["Per vertex", `${brief(rates.bits_per_vertex)} bits`, "All three coordinates together"],
       ["With the basis", rates.basis_from_faces ? "the same" : `${brief(rates.bits_per_vertex_with_basis)} bits`, rates.basis_from_faces ? "Whoever has the faces computes the basis anew" : `Whoever decompresses needs the basis, ${bytes(rates.basis_bytes)}`],
       ["Error", percent(rates.relative_errors), "Of x, y and z, relative to how far the surface is from its mean"],
-      ["Cut off alone", percent(rates.truncation_errors), "What the modes that are left out would lose alone"],
+      ["Truncation", percent(rates.truncation_errors), "What leaving out the other modes costs without any rounding"],
     ];
     facts.replaceChildren(...rows.map(([name, value, title]) => h("div", { title }, h("dt", {}, name), h("dd", {}, value))));
     note.textContent = `${brief(performance.now() - begin)} ms there and back`;
     document.body.dataset.compressed = `${pairs} ${bits} ${rates.bytes}`;
   }, app.fail);
+  let of: Basis | null = null;
   const apply = () => {
+    // Bytes and figures of another surface are not shown under the name of this one.
+    if (of !== app.basis) {
+      [of, packed] = [app.basis, null];
+      save.disabled = true;
+      facts.replaceChildren();
+      note.textContent = "";
+    }
     if (app.basis) ask({ basis: app.basis, pairs: Math.min(pairs.control.valueAsNumber, app.basis.count), bits: bits.control.valueAsNumber });
   };
   const move = () => {

@@ -125,7 +125,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
     draw(basis, vectors);
     timing.textContent = `${brief(performance.now() - begin)} ms for a field on ${grouped(vectors.length / (kind() === "tensor" ? 6 : 3))} faces`;
     if (nothing(wish) && app.basis === basis && app.panel === panel) {
-      lowest.replaceChildren(h("b", {}, `Eigenfield ${k}`), `: λ ≈ ${brief(basis.eigenvalues[k])}, from above.`);
+      lowest.replaceChildren(h("b", {}, `Eigenfield ${k}`), `: λ ≈ ${brief(basis.eigenvalues[k])}, approached from above.`);
       document.body.dataset.eigenfield = String(k);
     } else {
       lowest.replaceChildren();

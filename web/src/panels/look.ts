@@ -4,6 +4,7 @@ import type { App } from "../app";
 import { MAPS, gradient, table } from "../colours";
 import { brief, choice, field, grouped, h, slider } from "../dom";
 import { Plot, type Frame } from "../plot";
+import { PLAIN } from "../shading";
 import type { Scalar } from "../viewer";
 
 /** Bars of the histogram. */
@@ -49,6 +50,7 @@ export class Look {
       input.addEventListener("change", () => {
         this.wanted[index] = input.value === "" ? NaN : input.valueAsNumber;
         if (this.scalar) this.show(this.scalar, this.ends);
+        app.emit("map");
       });
       return input;
     };
@@ -59,9 +61,16 @@ export class Look {
       maps.value = this.name[diverging ? "diverging" : "sequential"];
     };
     app.on("look", arrive);
-    app.on("mesh", () => {
+    const forget = () => {
       this.wanted = [NaN, NaN];
       for (const input of ends) input.value = "";
+    };
+    app.on("mesh", forget);
+    // Another tab shows something else, in another unit.
+    let tab = app.panel;
+    app.on("tab", () => {
+      if (app.panel !== tab) forget();
+      tab = app.panel;
     });
     arrive();
   }
@@ -93,8 +102,8 @@ export class Look {
     this.apply();
   }
 
-  /** What the ends of the colours stand for. */
-  private get range(): [number, number] | null {
+  /** What the ends of the colours stand for; null where there are no colours. */
+  get range(): [number, number] | null {
     if (!this.scalar) return null;
     const [low, high] = this.wanted.map((end, k) => (Number.isNaN(end) ? this.scalar!.range[k] : end));
     return high > low ? [low, high] : this.scalar.range;
@@ -129,7 +138,12 @@ export class Look {
     const steps = table(MAPS[this.name[diverging ? "diverging" : "sequential"]], 1024);
     const colours = new Uint8Array(3 * values.length);
     const scale = 1023 / Math.max(high - low, 1e-30);
+    const plain = PLAIN.map((part) => Math.round(255 * part));
     for (let v = 0; v < values.length; v++) {
+      if (!Number.isFinite(values[v])) {
+        colours.set(plain, 3 * v);
+        continue;
+      }
       const at = 4 * Math.round(Math.min(Math.max((values[v] - low) * scale, 0), 1023));
       for (let k = 0; k < 3; k++) colours[3 * v + k] = steps[at + k];
     }
@@ -155,11 +169,11 @@ export class Look {
   }
 }
 
-/** How many values lie in each part of a range; what lies beyond counts with its ends. */
+/** How many values lie in each part of a range; what lies beyond counts with its ends, what is not finite not at all. */
 function count(values: Float32Array, [low, high]: [number, number]): number[] {
   const counts = new Array<number>(BARS).fill(0);
   const scale = BARS / (high - low);
-  for (const value of values) if (!Number.isNaN(value)) counts[Math.min(Math.max(Math.floor((value - low) * scale), 0), BARS - 1)] += 1;
+  for (const value of values) if (Number.isFinite(value)) counts[Math.min(Math.max(Math.floor((value - low) * scale), 0), BARS - 1)] += 1;
   return counts;
 }
 
@@ -179,17 +193,25 @@ function bars({ context: c, width, height, ink, second }: Frame, counts: number[
 /** Values symmetric about zero. */
 export function diverging(values: Float32Array): Scalar {
   let most = 0;
-  for (const value of values) most = Math.max(most, Math.abs(value));
+  for (const value of values) if (Number.isFinite(value)) most = Math.max(most, Math.abs(value));
   return { values, range: [-most, most], diverging: true };
 }
 
-/** Values from the least to the largest, or to a quantile that keeps single peaks from hiding the rest. */
+/**
+ * Values from the least to the largest, or to a quantile that keeps single peaks from hiding the rest. What is not finite, as a distance to
+ * another component, has no part in it.
+ */
 export function sequential(values: Float32Array, quantile = 1): Scalar {
   let [low, high] = [Infinity, -Infinity];
   for (const value of values) {
+    if (!Number.isFinite(value)) continue;
     low = Math.min(low, value);
     high = Math.max(high, value);
   }
-  if (quantile < 1) high = Float32Array.from(values).sort()[Math.floor(quantile * (values.length - 1))];
+  if (low > high) [low, high] = [0, 1];
+  if (quantile < 1) {
+    const finite = values.filter(Number.isFinite).sort();
+    high = finite[Math.floor(quantile * (finite.length - 1))] ?? high;
+  }
   return { values, range: [low, high > low ? high : low + 1], diverging: false };
 }

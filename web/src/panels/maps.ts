@@ -1,17 +1,19 @@
 // Functional maps: two surfaces side by side, points that correspond are clicked, and the map between them is shown as it changes.
 
-import { get, numbers, post, type Basis, type BasisSummary, type Mesh, type Page } from "../api";
+import { ApiError, get, numbers, post, recent, type Basis, type BasisSummary, type Mesh, type Page } from "../api";
 import type { App, Panel } from "../app";
+import type { Request } from "../code";
 import { Beside } from "../beside";
 import { carried, gathered, numberedPairs, placeColours, type FunctionalMap } from "../correspondence";
-import { brief, choice, field, grouped, h, slider } from "../dom";
+import { brief, choice, field, grouped, h, refill, slider } from "../dom";
 import { fileName, give, write } from "../give";
 import { latest } from "../latest";
 import { colourOf, showPins } from "../pins";
 import { Plot } from "../plot";
 import type { Hit } from "../surface";
+import { UPWARD, type Up } from "../upright";
 import { paintMatrix } from "./matrix";
-import { basisHead, eigenForm, line, ofFunctions } from "./basis";
+import { basisHead, eigenForm, line, ofFunctions, operatorOf } from "./basis";
 import { diverging, type Look } from "./look";
 
 /** What an address keeps: the other mesh, landmarks, sizes, and what is shown. */
@@ -54,15 +56,16 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   let wantedBasis: string | undefined;
   let pairs: [number, number][] = [];
   let half: { left: boolean; vertex: number } | null = null;
-  let found: { turn: number; answer: FunctionalMap; refined: boolean } | null = null;
+  let found: { answer: FunctionalMap; request: Request | null } | null = null;
   let turn = 0;
   let refining: AbortController | null = null;
   let shown = "colours";
-  /** Kept while the surfaces change sides. */
-  let next: Partial<State> | null = null;
+  /** Kept while the surfaces change sides: what the tab is to show once the named mesh is open. */
+  let next: { mesh: string; state: Partial<State> } | null = null;
 
   const here = () => app.panel === panel && app.mesh !== null;
-  const other = () => beside?.mesh ?? null;
+  /** The other surface; the open one is none. */
+  const other = () => (beside?.mesh && beside.mesh.id !== app.mesh?.id ? beside.mesh : null);
 
   // --- the map --------------------------------------------------------------------------------------------------------------
 
@@ -70,30 +73,36 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
     post<FunctionalMap>("/v1/functional-maps", { source: source.id, target: target.id, landmarks: pairs, signatures: signatures || pairs.length === 0, start, pairs: size, all_points: true }, { signal });
   // A first map at once, and after it, as long as nothing changes, the refined one.
   const quick = latest<Wish>(async (wish) => {
-    const answer = await ask(wish, wish.start, wish.start);
+    const [answer, request] = [ask(wish, wish.start, wish.start), recent.shown];
+    const map = { answer: await answer, request };
     if (wish.turn !== turn || !here()) return;
-    found = { turn, answer, refined: false };
+    found = map;
     tell();
     if (wish.size > wish.start) refine(wish);
     else done();
-  }, app.fail);
+  }, (error) => failed(error));
   const refine = latest<Wish>(async (wish) => {
     if (wish.turn !== turn) return;
     refining = new AbortController();
     const begin = performance.now();
     note.textContent = `Refining to ${wish.size} pairs …`;
-    const answer = await ask(wish, wish.start, wish.size, refining.signal);
+    const [answer, request] = [ask(wish, wish.start, wish.size, refining.signal), recent.shown];
+    const map = { answer: await answer, request };
     if (wish.turn !== turn || !here()) return;
-    found = { turn, answer, refined: true };
+    found = map;
     tell();
     note.textContent = `Refined to ${wish.size} pairs in ${brief((performance.now() - begin) / 1000)} s.`;
     done();
-  }, app.fail);
+  }, (error) => failed(error));
   const done = () => (document.body.dataset.mapped = String(turn));
-  const update = () => {
+  /** What is under way is of no use any more. */
+  const abandon = () => {
     turn += 1;
     refining?.abort();
     delete document.body.dataset.mapped;
+  };
+  const update = () => {
+    abandon();
     keep();
     marks();
     if (!here() || !app.basis || !theirs || !other()) return;
@@ -107,10 +116,13 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
 
   const modes = latest<{ basis: Basis; mode: number }>(async ({ basis, mode }) => {
     const values = await numbers(`${basis.links.modes}?from=${mode}&to=${mode + 1}&format=f32`);
-    if (!here() || app.basis !== basis || shown !== "mode") return;
+    if (!here() || app.basis !== basis) return;
+    // What “Save” copies stays the map.
+    recent.shown = found?.request ?? null;
+    if (shown !== "mode") return;
     const scalar = diverging(values);
     look.show(scalar);
-    if (found && beside) beside.viewer.setScalar({ ...scalar, values: carried(found.answer.points, values) });
+    if (found && beside) beside.viewer.setScalar({ ...scalar, range: look.range!, values: carried(found.answer.points, values) });
     document.body.dataset.carried = `mode ${mode}`;
   }, app.fail);
   const plain = () => {
@@ -142,7 +154,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
       const range: [number, number] = [0, 1];
       look.show({ values: gathered(found.answer, surface), range, diverging: false });
       beside.viewer.map(look.map);
-      beside.viewer.setScalar({ values: Float32Array.from(confidences, (value) => value ?? 0), range, diverging: false });
+      beside.viewer.setScalar({ values: Float32Array.from(confidences, (value) => value ?? 0), range: look.range!, diverging: false });
     } else {
       look.show(null);
       const colours = placeColours(surface);
@@ -188,13 +200,15 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
       return h("li", {}, mark, h("span", {}, `${grouped(a)} ↔ ${grouped(b)}`), h("button", { class: "quiet", "aria-label": `Remove landmark ${k + 1}`, onclick: () => {
         pairs = pairs.filter((_, other) => other !== k);
         update();
-        (list.children[Math.min(k, pairs.length - 1)]?.querySelector("button") ?? undo).focus();
+        (list.children[Math.min(k, pairs.length - 1)]?.querySelector("button") ?? app.viewer.canvas).focus({ preventScroll: true });
       } }, "×"));
     }));
     hint.textContent = half
       ? `Now click the same point on ${half.left ? "the other surface" : "this surface"}, or another one here.`
       : pairs.length ? "Click another point, then the same one on the other surface." : "Click a point on one surface, then the same point on the other. Without landmarks, heat kernels alone are matched: left and right may be swapped.";
-    undo.disabled = pairs.length === 0 && half === null;
+    // A button that is of no use any more gives the focus to where the next landmark is set.
+    if (pairs.length === 0 && half === null && [undo, clear].some((button) => button === document.activeElement)) app.viewer.canvas.focus({ preventScroll: true });
+    undo.disabled = clear.disabled = pairs.length === 0 && half === null;
   };
   const hint = h("p", { "aria-live": "polite" });
   const click = (left: boolean) => (hit: Hit) => {
@@ -245,20 +259,56 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
     const mesh = other();
     if (!mesh) return;
     const page = await get<Page<BasisSummary>>(`/v1/bases?mesh=${mesh.id}&kind=eigenbasis&limit=200`);
+    // A mesh that was deleted has no bases either.
+    if (page.items.length === 0) await get(`/v1/meshes/${mesh.id}`);
     if (mesh !== other()) return;
-    // Unless one is chosen, the largest.
-    const offered = page.items.filter(ofFunctions).sort((a, b) => b.count - a.count);
+    // Unless one is chosen, the largest of those of the same operator: functions of different operators do not correspond.
+    const offered = page.items.filter(ofFunctions).sort((a, b) => Number(alike(b)) - Number(alike(a)) || b.count - a.count);
     const best = offered.find(({ id }) => id === wantedBasis) ?? offered[0] ?? null;
     const changed = best?.id !== theirs?.id;
     theirs = best;
-    basisThere.replaceChildren(...(offered.length > 1 ? [field("Its basis", choice(offered.map((basis) => [basis.id, line(basis)]), best!.id, (id) => {
+    refill(basisThere, ...(offered.length > 1 ? [field("Its basis", choice(offered.map((basis) => [basis.id, line(basis)]), best!.id, (id) => {
       wantedBasis = id;
-      findTheirs().catch(app.fail);
+      findTheirs().catch(failed);
     }), "The basis on the other surface")] : []));
     needs();
     if (changed) update();
   };
+  const alike = (basis: BasisSummary) => app.basis !== null && operatorOf(basis) === operatorOf(app.basis);
   const basisThere = h("div", {});
+  /** Takes the other surface away. */
+  const leave = () => {
+    abandon();
+    [pairs, half, found, theirs] = [[], null, null, null];
+    beside?.drop();
+    blank();
+    if (!here()) return;
+    plain();
+    look.show(null);
+    marks();
+    offer();
+    needs();
+    app.keep(null);
+  };
+  const missed = (error: unknown) => error instanceof ApiError && error.problem.status === 404;
+  /** Tells an error; if it is that the other mesh or its basis was deleted meanwhile, the page forgets it too. */
+  const failed = (error: unknown) => {
+    app.fail(error);
+    const mesh = other();
+    if (!mesh || !missed(error)) return;
+    get(`/v1/meshes/${mesh.id}`).then(findTheirs, (gone: unknown) => {
+      if (!missed(gone)) throw gone;
+      if (other() === mesh) leave();
+      return app.list();
+    }).catch(app.fail);
+  };
+  /** Nothing is known of a map. */
+  const blank = () => {
+    basisThere.replaceChildren();
+    facts.replaceChildren();
+    note.textContent = "";
+    matrix.canvas.hidden = files.hidden = true;
+  };
   const choose = async (id: string) => {
     if (!beside) {
       app.beside = beside = new Beside(app, stage);
@@ -266,10 +316,9 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
     }
     const mesh = app.meshes.find((mesh) => mesh.id === id) ?? (await get<Mesh>(`/v1/meshes/${id}`));
     if (other()?.id !== id) {
+      abandon();
       [found, theirs] = [null, null];
-      basisThere.replaceChildren();
-      facts.replaceChildren();
-      matrix.canvas.hidden = files.hidden = true;
+      blank();
     }
     if (!(await beside.load(mesh)) || !here()) return;
     beside.show(true);
@@ -288,21 +337,22 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   const offer = () => {
     const mesh = other();
     const meshes = app.meshes.filter(({ id }) => id !== app.mesh?.id);
-    if (mesh && mesh.id !== app.mesh?.id && !meshes.some(({ id }) => id === mesh.id)) meshes.push(mesh);
+    if (mesh && !meshes.some(({ id }) => id === mesh.id)) meshes.push(mesh);
     if (meshes.length === 0) {
       chooser.replaceChildren(h("p", {}, "Another surface is needed: drop a second mesh on the page, another pose of this one for instance."));
       return;
     }
     const select = choice([["", "choose one …"], ...meshes.map(({ id, name, vertices }): [string, string] => [id, `${name ?? id.slice(0, 8)} · ${grouped(vertices)}`])], mesh && here() ? mesh.id : "", (id) => {
+      if (!id) return leave();
       [pairs, half] = [[], null];
-      if (id) choose(id).catch(app.fail);
+      choose(id).catch(failed);
     });
-    chooser.replaceChildren(field("Other", select, "The other surface"));
+    refill(chooser, field("Other", select, "The other surface"));
   };
   const swap = h("button", { title: "The other surface becomes the one that functions come from", onclick: () => {
     const [mesh, before] = [other(), app.mesh];
     if (!mesh || !before) return;
-    next = { other: before.id, pairs: pairs.map(([a, b]) => [b, a]) };
+    next = { mesh: mesh.id, state: { other: before.id, pairs: pairs.map(([a, b]) => [b, a]) } };
     app.open(mesh.id).catch(app.fail);
   } }, "Swap sides");
 
@@ -326,8 +376,8 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
     beside.linked = linked.checked;
     if (linked.checked) beside.viewer.follow(app.viewer);
   } });
-  const upThere = choice(["y", "z", "x", "-y", "-z", "-x"].map((axis) => [axis, `${axis.replace("-", "−")} is up`]), "y", (axis) => {
-    if (beside) beside.viewer.up = axis as typeof beside.viewer.up;
+  const upThere = choice(UPWARD, "y", (axis) => {
+    if (beside) beside.viewer.up = axis as Up;
   });
   const renumbered = () => [app.mesh, other()].some((mesh) => mesh?.report.file);
   const numbering = choice([["kept", "of the kept meshes"], ["file", "of the files"]], "kept", () => {});
@@ -355,20 +405,21 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   const tools = h("div", { hidden: true }, hint, list, h("div", { class: "row" }, undo, clear),
     field("Show", kinds), mode.element, look.element, h("label", { class: "row" }, signatures, "also match heat kernels"), start.element, size.element, note, facts, matrix.canvas, files);
   matrix.canvas.hidden = true;
-  body.append(chooser, basisThere, missing, h("div", { class: "row wrap" }, h("label", { class: "row" }, linked, "link the cameras"), swap), field("Up there", upThere), tools);
+  body.append(chooser, basisThere, missing, h("div", { class: "row wrap" }, h("label", { class: "row" }, linked, "link the cameras"), swap), field("Its up axis", upThere), tools);
 
   app.on("meshes", () => here() && offer());
   app.on("map", () => here() && show());
   app.on("jobs", () => {
     const mesh = other();
     if (!here() || !mesh || theirs) return;
-    if (app.jobs.list.some((job) => job.mesh === mesh.id && job.status === "succeeded")) findTheirs().catch(app.fail);
+    if (app.jobs.list.some((job) => job.mesh === mesh.id && job.kind === "eigenbasis" && job.status === "succeeded")) findTheirs().catch(failed);
   });
   app.on("mesh", () => {
     [pairs, half, found] = [[], null, null];
-    facts.replaceChildren();
-    matrix.canvas.hidden = files.hidden = true;
+    blank();
   });
+  // The mesh that was deleted may be the one that stood beside others.
+  app.on("meshes", () => beside?.mesh && app.gone.has(beside.mesh.id) && leave());
 
   const panel: Panel = {
     id: "maps",
@@ -386,25 +437,23 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
       if (!app.mesh) return;
       tools.insertBefore(look.element, mode.element.nextSibling);
       app.viewer.onClick = click(true);
-      const wish = next ?? app.arrived<State>("maps");
+      const wish = next?.mesh === app.mesh.id ? next.state : app.arrived<State>("maps");
       next = null;
       if (wish) adopt(wish);
       const wanted = typeof wish?.other === "string" ? wish.other : other()?.id;
       offer();
       needs();
-      if (wanted && wanted !== app.mesh.id) choose(wanted).then(() => update()).catch(app.fail);
+      if (wanted && wanted !== app.mesh.id) choose(wanted).then(() => update()).catch(failed);
       else beside?.show(false);
     },
     hide() {
-      turn += 1;
-      refining?.abort();
+      abandon();
       look.element.hidden = false;
       app.viewer.tint(null);
       app.viewer.lines(app.place.lines ?? 16);
       app.viewer.overlay("pins", null);
       app.viewer.onClick = null;
       beside?.show(false);
-      delete document.body.dataset.mapped;
       delete document.body.dataset.carried;
     },
   };

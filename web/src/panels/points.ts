@@ -3,7 +3,7 @@
 import { postNumbers, recent, type Basis } from "../api";
 import type { App, Panel } from "../app";
 import type { Request } from "../code";
-import { brief, choice, field, grouped, h, slider } from "../dom";
+import { brief, choice, field, grouped, h, plural, slider } from "../dom";
 import { latest } from "../latest";
 import type { Hit } from "../surface";
 import { AXES, type Up } from "../upright";
@@ -99,6 +99,8 @@ export function pointsPanel(app: App, look: Look): Panel {
     else values = await postNumbers(`${to}/distances`, { distance: what === "diffusion" ? { kind: what, times: [time] } : what === "exact" ? { kind: "geodesic", method: "exact" } : { kind: what }, sources: [vertex] });
     if (app.basis !== basis || app.panel !== panel) return;
     timing.textContent = `${brief(performance.now() - begin)} ms for ${grouped(values.length)} values`;
+    const apart = values.filter((value) => !Number.isFinite(value)).length;
+    if (apart > 0) timing.textContent += `. No way leads to ${plural(apart, "vertex", "vertices")}: other components of the surface have no colour.`;
     if (what === "similar") {
       const shown = sequential(values.map((value) => -value));
       const sorted = shown.values.slice().sort();

@@ -15,6 +15,8 @@ interface Comparison {
   neighbours: number[][];
 }
 
+/** Operators whose spectra are alike: Laplacians of the surface itself. */
+const LAPLACIANS = new Set<unknown>(["auto", "laplace", "robust"]);
 /** The most shapes that are compared here. */
 const MOST = 100;
 
@@ -28,28 +30,33 @@ export function shapesPanel(app: App, look: Look): Panel {
   const list = h("ul", { class: "near", "aria-label": "Shapes, each with its nearest neighbour" });
   const plot = new Plot(300, "Shapes by their spectra", (frame) => found && paint(frame, found, bases.findIndex((basis) => basis.mesh === app.mesh?.id), over));
 
+  let turn = 0;
   const load = async () => {
-    // One basis for each mesh and kind of operator: the one with most pairs.
+    const own = ++turn;
+    // One basis for each mesh: the one with most pairs.
     const best = new Map<string, BasisSummary>();
     let from: string | null = null;
     do {
       const page: Page<BasisSummary> = await get(`/v1/bases?kind=eigenbasis&limit=200${from ? `&from=${encodeURIComponent(from)}` : ""}`);
       for (const basis of page.items) {
-        if (basis.kind !== "eigenbasis" || basis.parameters.boundary !== "neumann" || typeof basis.parameters.operator !== "string") continue;
+        if (basis.kind !== "eigenbasis" || basis.parameters.boundary !== "neumann" || !LAPLACIANS.has(basis.parameters.operator)) continue;
         if ((best.get(basis.mesh)?.count ?? 20) < basis.count) best.set(basis.mesh, basis);
       }
       from = page.next;
     } while (from && best.size < MOST);
-    bases = [...best.values()].slice(0, MOST);
-    if (app.panel !== panel) return;
-    if (bases.length < 3) {
+    const wanted = () => own === turn && app.panel === panel;
+    if (!wanted()) return;
+    const chosen = [...best.values()].slice(0, MOST);
+    if (chosen.length < 3) {
       found = null;
       plot.canvas.hidden = true;
       list.replaceChildren();
-      note.textContent = `Three shapes or more can be compared, each with an eigenbasis of more than 20 pairs; ${plural(bases.length, "shape")} ${bases.length === 1 ? "has" : "have"} one so far.`;
+      note.textContent = `Three shapes or more can be compared, each with an eigenbasis of more than 20 pairs; ${plural(chosen.length, "shape")} ${chosen.length === 1 ? "has" : "have"} one so far.`;
       return;
     }
-    found = await post<Comparison>("/v1/shape-comparisons", { bases: bases.map((basis) => basis.id), scale, dimensions: 2, neighbours: 1 });
+    const answer = await post<Comparison>("/v1/shape-comparisons", { bases: chosen.map((basis) => basis.id), scale, dimensions: 2, neighbours: 1 });
+    if (!wanted()) return;
+    [bases, found] = [chosen, answer];
     plot.canvas.hidden = false;
     const held = Math.round(100 * found.held.slice(0, 2).reduce((sum, part) => sum + part, 0));
     note.textContent = `${plural(bases.length, "shape")} by ${grouped(found.count)} eigenvalues; the plane shows ${held} % of the variance.`;
