@@ -21,6 +21,9 @@ export function renew(list: HTMLElement, cards: HTMLElement[]) {
 /** Names of meshes that no list holds. */
 const names = new Map<string, string | null>();
 
+/** What a job is of, for people. */
+const subject = (app: App, job: Job) => job.mesh === null ? "matrices" : nameOf(app, job.mesh);
+
 function nameOf(app: App, id: string): string {
   const known = app.meshes.find((mesh) => mesh.id === id)?.name ?? names.get(id);
   if (known === undefined) {
@@ -64,12 +67,12 @@ export function jobCard(app: App, job: Job, { dismiss = false, full = false } = 
   const parts = [full ? STATES[job.status] : "", job.cancel_requested && running ? "stopping …" : state === STATES[job.status] && full ? "" : state, time(job),
     job.attempt > 1 ? `attempt ${job.attempt} of ${job.max_attempts}` : "", full ? new Date(job.created_ms).toLocaleString("en-GB") : ""];
   const card = h("div", { class: `card job ${job.status}`, "data-job": job.id },
-    h("strong", {}, `${full ? what(job) : words(job.kind)} of ${nameOf(app, job.mesh)}`),
+    h("strong", {}, `${full ? what(job) : words(job.kind)} of ${subject(app, job)}`),
     job.status === "processing" && bar,
     h("small", {}, parts.filter(Boolean).join(" · ")),
     job.problem && h("p", {}, job.problem.detail));
   const buttons = h("div", { class: "row wrap" });
-  const named = (text: string, act: () => unknown, rest: object = {}) => h("button", { "aria-label": `${text}: ${words(job.kind)} of ${nameOf(app, job.mesh)}`, onclick: act, ...rest }, text);
+  const named = (text: string, act: () => unknown, rest: object = {}) => h("button", { "aria-label": `${text}: ${words(job.kind)} of ${subject(app, job)}`, onclick: act, ...rest }, text);
   if (running) buttons.append(named("Cancel", () => app.jobs.cancel(job), { disabled: job.cancel_requested }));
   else {
     if (full && job.status === "succeeded") buttons.append(named("Open", () => open(app, job)));
@@ -92,6 +95,7 @@ export function jobCard(app: App, job: Job, { dismiss = false, full = false } = 
 function open(app: App, job: Job) {
   document.querySelector<HTMLDialogElement>("dialog.queue")?.close();
   const go = async () => {
+    if (job.mesh === null) return app.toast("note", "Nothing to show", "This job is of matrices without a surface: its basis can be downloaded through the API.");
     if (app.mesh?.id !== job.mesh) await app.open(job.mesh);
     const panel = app.panels.find((panel) => panel.kind === job.kind && app.basesOf(panel).some(({ id }) => id === job.basis));
     if (!panel) return app.toast("note", "Nothing to open", "What this job made has been deleted.");

@@ -74,8 +74,9 @@ export class HodgeModes {
   /** Draws a mode. */
   async show(basis: Basis, pairs: Float32Array, wanted: () => boolean) {
     const surface = this.app.viewer.surface;
-    if (!surface) return;
-    if (this.frames?.mesh !== basis.mesh) this.frames = { mesh: basis.mesh, values: await numbers(`/v1/meshes/${basis.mesh}/frames`) };
+    const { mesh } = basis;
+    if (!surface || mesh === null) return;
+    if (this.frames?.mesh !== mesh) this.frames = { mesh, values: await numbers(`/v1/meshes/${mesh}/frames`) };
     if (!wanted()) return;
     const vectors = lifted(pairs, this.frames.values);
     this.look.show(sequential(lengths(vectors, surface), 0.995));

@@ -61,7 +61,7 @@ export function shapesPanel(app: App, look: Look): Panel {
     const held = Math.round(100 * found.held.slice(0, 2).reduce((sum, part) => sum + part, 0));
     note.textContent = `${plural(bases.length, "shape")} by ${grouped(found.count)} eigenvalues; the plane shows ${held} % of the variance.`;
     const { labels, neighbours } = found;
-    list.replaceChildren(...labels.map((label, k) => h("li", {}, h("button", { class: "basis", title: label, onclick: () => open(k) }, portraits.of(bases[k].mesh),
+    list.replaceChildren(...labels.map((label, k) => h("li", {}, h("button", { class: "basis", title: label, onclick: () => open(k) }, bases[k].mesh !== null && portraits.of(bases[k].mesh),
       h("span", { class: "two-lines" }, h("span", {}, label), h("small", {}, neighbours[k].length ? `nearest: ${labels[neighbours[k][0]]}` : ""))))));
     plot.draw();
     document.body.dataset.shapes = String(bases.length);
