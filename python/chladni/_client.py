@@ -27,9 +27,6 @@ _JSON, _OCTETS = "application/json", "application/octet-stream"
 #: How long one answer about a running job is waited for.
 _WAIT = 2
 
-#: The most pairs that a job computes.
-_MOST = 20_000
-
 
 class Client:
     """A server of Chladni.
@@ -198,12 +195,19 @@ class Client:
         between: tuple[float, float] | None = None,
         fixed: Any = (),
         seed: int = 0,
+        at_most: int | None = None,
         return_eigenvectors: bool = True,
         progress: bool | Callable[[str, float], Any] = False,
     ) -> Any:
-        """Lowest eigenpairs of ``S x = λ M x``, computed by the server: arguments are those of `chladni.eigsh`.
+        """Lowest eigenpairs of ``S x = λ M x``, computed by the server: arguments are those of `chladni.eigsh`, and `at_most`.
 
-        `S` may also be the identifier that `problem` returned; `M` then belongs to it. Ctrl-C cancels the job. At most 20,000 pairs are computed.
+        `S` may also be the identifier that `problem` returned; `M` then belongs to it. Ctrl-C cancels the job.
+
+        Parameters
+        ----------
+        at_most : int, optional
+            With `sigma`, `below` or `between`: the most pairs that the server may compute, up to 20,000; it sets memory aside for as many. Where it is not
+            given, `k` takes its place with `below` and `between`, and otherwise the server allows 1000. More are an error.
 
         Returns
         -------
@@ -222,20 +226,24 @@ class Client:
             parameters["between"] = [float(end) for end in between]
         if sigma is not None:
             parameters["around"] = float(sigma)
-        if below is not None or between is not None:
-            parameters["at_most"] = _MOST if k is None else int(k)
-        else:
+        if below is None and between is None:
             parameters["count"] = 6 if k is None else int(k)
-            if sigma is not None:
-                parameters["at_most"] = _MOST
+        elif at_most is None:
+            at_most = k
+        if at_most is not None:
+            parameters["at_most"] = int(at_most)
         job = self._json("POST", "/v1/jobs", body={"kind": "pencil_basis", "pencil": identifier, "parameters": parameters})
         job = self._finished(job, progress)
         record = self._json("GET", f"/v1/bases/{job['basis']}")
         values = np.array(record["eigenvalues"], dtype=float)
         if not return_eigenvectors:
             return values
-        content, _ = self.call("GET", f"/v1/bases/{job['basis']}/modes", query={"format": "npy", "dtype": "f64"})
-        vectors = np.load(io.BytesIO(content))
+        if len(values):
+            content, _ = self.call("GET", f"/v1/bases/{job['basis']}/modes", query={"format": "npy", "dtype": "f64"})
+            vectors = np.load(io.BytesIO(content))
+        else:
+            # A range of no functions is refused.
+            vectors = np.empty((int(record["rows"]), 0))
         certificate = Certificate._of_json(json.dumps(record["certificate"]))
         return _pencil.Eigenpairs(values, vectors, certificate, float(record["details"]["moved"]))
 

@@ -73,6 +73,10 @@ def test_pairs_of_matrices_are_those_of_here(client):
         assert np.allclose(abs(there.vectors), abs(here.vectors), atol=1e-6) and there.moved == here.moved
         assert there.certificate.first == here.certificate.first
     assert np.allclose(client.eigsh(S, 3, np.full(n, 2.0), return_eigenvectors=False), chladni.eigsh(S, 3).values / 2)
+    none = client.eigsh(problem, below=-1.0)
+    assert none.values.shape == (0,) and none.vectors.shape == (n, 0)
+    with pytest.raises(chladni.ClientError, match="at_most"):
+        client.eigsh(problem, k=4, sigma=0.3, at_most=3)
     with pytest.raises(chladni.ClientError, match="not symmetric: S\\[0, 1\\]") as refused:
         client.eigsh(S + scipy.sparse.eye(n, k=1), 3)
     assert refused.value.status == 422 and refused.value.problem["row"] == 0

@@ -290,7 +290,7 @@ struct ListQuery {
     /// Only jobs of this kind.
     #[param(example = "eigenbasis")]
     kind: Option<String>,
-    /// Only jobs on this mesh, or on this problem.
+    /// Only jobs on this mesh, or on the problem that has this id.
     mesh: Option<String>,
     /// Items of the page, at most 200.
     #[param(minimum = 1, maximum = 200, default = 50)]

@@ -220,7 +220,7 @@ async fn upload(
         "mesh stored"
     );
     let status = if stored.created { StatusCode::CREATED } else { StatusCode::OK };
-    let tag = conditional::weak(&record.id)?;
+    let tag = conditional::of_named(&record.id, record.name.as_deref())?;
     let location = HeaderValue::from_str(&format!("/v1/meshes/{}", record.id));
     let mut response = (status, Json(MeshResource::from(record))).into_response();
     if let Ok(location) = location {
@@ -287,7 +287,7 @@ problems!(ShowMeshProblems: [UNKNOWN_MESH]);
 )]
 async fn show(state: ClientState, MeshId(id): MeshId, headers: HeaderMap) -> Result<Response, Problem> {
     let record = state.store.mesh(&id).await?;
-    let tag = conditional::weak(&record.id)?;
+    let tag = conditional::of_named(&record.id, record.name.as_deref())?;
     let make = || Json(MeshResource::from(record)).into_response();
     let mut response = conditional::unless_known(&headers, tag, make);
     response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));

@@ -112,7 +112,7 @@ async fn upload(
     let record = stored.record;
     tracing::info!(problem = record.id, rows = record.rows, created = stored.created, "problem stored");
     let status = if stored.created { StatusCode::CREATED } else { StatusCode::OK };
-    let tag = conditional::weak(&record.id)?;
+    let tag = conditional::of_named(&record.id, record.name.as_deref())?;
     let location = HeaderValue::from_str(&format!("/v1/problems/{}", record.id));
     let mut response = (status, Json(ProblemResource::from(record))).into_response();
     if let Ok(location) = location {
@@ -176,7 +176,7 @@ problems!(ShowProblemProblems: [UNKNOWN_PROBLEM]);
 )]
 async fn show(state: ClientState, ProblemId(id): ProblemId, headers: HeaderMap) -> Result<Response, Problem> {
     let record = state.store.problem(&id).await?;
-    let tag = conditional::weak(&record.id)?;
+    let tag = conditional::of_named(&record.id, record.name.as_deref())?;
     let make = || Json(ProblemResource::from(record)).into_response();
     let mut response = conditional::unless_known(&headers, tag, make);
     response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));

@@ -117,7 +117,7 @@ problems!(VerifyBasisProblems: SOLVE [BODY_TOO_LARGE, INVALID_ANALYSIS]);
 ///
 /// Nothing of a solver takes part: the operator is assembled anew, or the matrices of the problem are read again, residuals and inner products are summed from the functions as they are stored, and where the
 /// basis claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as `chladni verify --receipt` writes it.
-/// Bases of eigenfields, and of operators with a potential that came with the job, cannot be judged here.
+/// Bases of eigenfields, and of operators whose potential, weights or fixed vertices came with the job, cannot be judged here.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/verification", tag = "bases", operation_id = "verifyBasis",
     params(BasisId),

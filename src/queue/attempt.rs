@@ -75,7 +75,7 @@ pub(super) async fn run(
         settle(shared, &job.kind, Ending::Failed(too_large, false), token).await;
         return Threads::Free;
     }
-    let subject = match shared.store.load_subject(&job.mesh).await {
+    let subject = match shared.store.load_subject(&job.kind, &job.mesh).await {
         Ok(subject) => subject,
         Err(error) => {
             let retryable = error.is_retryable();

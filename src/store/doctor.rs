@@ -6,7 +6,7 @@ use sqlx::Row;
 
 use super::{
     BasisFilter, BasisStorage, JobFilter, JobStatus, PageRequest, Store, StoreError, blobs::delete_blob,
-    database::Database,
+    database::Database, sources::SourceKind,
 };
 
 /// What was looked at, and what was found.
@@ -211,7 +211,7 @@ impl Store {
         }
         let job = self.job(job).await?;
         if !self.knows_source(&job.mesh).await? {
-            return Err(StoreError::NotFound { resource: "mesh", id: job.mesh });
+            return Err(SourceKind::of_job(&job.kind).unknown(&job.mesh));
         }
         match job.status {
             JobStatus::Succeeded | JobStatus::Enqueued | JobStatus::Processing => Ok(()),

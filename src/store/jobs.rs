@@ -5,11 +5,7 @@ use uuid::Uuid;
 
 use super::{
     EnqueueOutcome, Enqueued, JobFilter, JobRecord, JobStatus, NewJob, Page, PageRequest, Store, StoreError,
-    database::WriteTransaction,
-    detached,
-    fault::FailPoint,
-    from_json,
-    meshes::{push_filter, unknown_mesh},
+    database::WriteTransaction, detached, fault::FailPoint, from_json, meshes::push_filter, sources::SourceKind,
     to_json,
 };
 
@@ -22,7 +18,7 @@ impl Store {
     /// this returns.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`] for an unknown mesh, [`StoreError::IdempotencyConflict`], [`StoreError::QueueFull`].
+    /// [`StoreError::NotFound`] for an unknown mesh or problem, [`StoreError::IdempotencyConflict`], [`StoreError::QueueFull`].
     pub async fn enqueue(&self, new: NewJob) -> Result<Enqueued, StoreError> {
         let store = self.clone();
         detached(async move {
@@ -77,7 +73,7 @@ impl Store {
             .fetch_optional(on.on())
             .await?;
         if mesh.is_none() {
-            return Err(unknown_mesh(&new.mesh));
+            return Err(SourceKind::of_job(&new.kind).unknown(&new.mesh));
         }
         // A job that is asked to stop will not do the work.
         let same = sqlx::query(
@@ -257,7 +253,7 @@ impl Store {
     /// is.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`], for its mesh too; [`StoreError::JobState`] where it has succeeded, is asked to stop, or
+    /// [`StoreError::NotFound`], for its mesh or problem too; [`StoreError::JobState`] where it has succeeded, is asked to stop, or
     /// where equal work is under way as another job; [`StoreError::QueueFull`].
     pub async fn retry_job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
         let store = self.clone();
@@ -319,7 +315,7 @@ impl Store {
             .fetch_optional(on.on())
             .await?;
         if mesh.is_none() {
-            return Err(unknown_mesh(&job.mesh));
+            return Err(SourceKind::of_job(&job.kind).unknown(&job.mesh));
         }
         self.check_queue(on).await?;
         let row = sqlx::query(

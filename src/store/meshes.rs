@@ -122,16 +122,16 @@ impl Store {
     /// [`StoreError::NotFound`]; without `cascade`, [`StoreError::MeshInUse`] where unfinished jobs or bases refer to it.
     pub async fn delete_mesh(&self, id: &str, cascade: bool) -> Result<(), StoreError> {
         self.mesh(id).await?;
-        self.delete_source(id, cascade).await
+        self.delete_source(SourceKind::Mesh, id, cascade).await
     }
 
     /// Deletes a mesh or a problem.
-    pub(super) async fn delete_source(&self, id: &str, cascade: bool) -> Result<(), StoreError> {
+    pub(super) async fn delete_source(&self, kind: SourceKind, id: &str, cascade: bool) -> Result<(), StoreError> {
         let (store, id) = (self.clone(), id.to_owned());
-        detached(async move { store.delete_source_now(&id, cascade).await }).await
+        detached(async move { store.delete_source_now(kind, &id, cascade).await }).await
     }
 
-    async fn delete_source_now(&self, id: &str, cascade: bool) -> Result<(), StoreError> {
+    async fn delete_source_now(&self, kind: SourceKind, id: &str, cascade: bool) -> Result<(), StoreError> {
         let _alone = self.inner.blob_use.write().await;
         let mut transaction = self.inner.meta.write().await?;
         let content: Option<String> = sqlx::query_scalar("SELECT content_hash FROM meshes WHERE id = ?")
@@ -140,7 +140,7 @@ impl Store {
             .await?;
         let Some(content) = content else {
             transaction.rollback().await?;
-            return Err(unknown_mesh(id));
+            return Err(kind.unknown(id));
         };
         let counts = sqlx::query(
             "SELECT (SELECT COUNT(*) FROM jobs WHERE mesh = ?1 AND status IN ('enqueued', 'processing')) AS jobs,
@@ -291,8 +291,8 @@ fn no_mesh(id: &str) -> StoreError {
     StoreError::Corrupt { detail: format!("mesh {id}: its content is not a mesh") }
 }
 
-pub(super) fn unknown_mesh(id: &str) -> StoreError {
-    StoreError::NotFound { resource: "mesh", id: id.chars().take(64).collect() }
+fn unknown_mesh(id: &str) -> StoreError {
+    SourceKind::Mesh.unknown(id)
 }
 
 fn mesh_from_row(row: &SqliteRow) -> Result<MeshRecord, StoreError> {

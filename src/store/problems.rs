@@ -93,7 +93,7 @@ impl Store {
     /// As there.
     pub async fn delete_problem(&self, id: &str, cascade: bool) -> Result<(), StoreError> {
         self.problem(id).await?;
-        self.delete_source(id, cascade).await
+        self.delete_source(SourceKind::Problem, id, cascade).await
     }
 
     /// The matrices of a problem, verified and decoded each time.
@@ -111,7 +111,7 @@ impl Store {
 }
 
 fn unknown_problem(id: &str) -> StoreError {
-    StoreError::NotFound { resource: "problem", id: id.chars().take(64).collect() }
+    SourceKind::Problem.unknown(id)
 }
 
 fn problem_from_row(row: &SqliteRow) -> Result<ProblemRecord, StoreError> {

@@ -5,7 +5,7 @@ use std::{sync::atomic::Ordering, time::Duration};
 use sqlx::Row;
 use uuid::Uuid;
 
-use super::{Store, StoreError};
+use super::{Store, StoreError, sources::SourceKind};
 
 /// Bounds on what is kept; everything is kept for ever where there is none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -163,7 +163,8 @@ impl Store {
 
     async fn remove_meshes(&self, ids: &[String], removed: &mut Removed) -> Result<(), StoreError> {
         for id in ids {
-            removed.meshes += gone(self.delete_source(id, false).await)?;
+            // Problems are among them; one that is gone already is not told of.
+            removed.meshes += gone(self.delete_source(SourceKind::Mesh, id, false).await)?;
         }
         Ok(())
     }

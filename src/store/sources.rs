@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::basis::ProductKind;
 use chladni_spectral::formats::npz;
 use chladni_spectral::spectrum::pencil::Matrices;
 use serde_json::Value;
@@ -26,6 +27,16 @@ impl SourceKind {
             Self::Mesh => "mesh",
             Self::Problem => "problem",
         }
+    }
+
+    /// What jobs of a kind work on.
+    pub fn of_job(kind: &str) -> Self {
+        if kind == ProductKind::PencilBasis.name() { Self::Problem } else { Self::Mesh }
+    }
+
+    /// That there is none of that identifier.
+    pub fn unknown(self, id: &str) -> StoreError {
+        StoreError::NotFound { resource: self.name(), id: id.chars().take(64).collect() }
     }
 }
 
@@ -131,18 +142,17 @@ impl Store {
         Ok(found.is_some())
     }
 
-    /// What a job works on, verified and decoded.
+    /// What a job of that kind works on, verified and decoded.
     ///
     /// # Errors
     /// [`StoreError::NotFound`]; [`StoreError::Damaged`] where the content does not verify.
-    pub async fn load_subject(&self, id: &str) -> Result<Subject, StoreError> {
-        match self.problem(id).await {
-            Ok(_) => Ok(Subject::Problem(self.load_problem(id).await?)),
-            Err(StoreError::NotFound { .. }) => {
+    pub async fn load_subject(&self, kind: &str, id: &str) -> Result<Subject, StoreError> {
+        Ok(match SourceKind::of_job(kind) {
+            SourceKind::Problem => Subject::Problem(self.load_problem(id).await?),
+            SourceKind::Mesh => {
                 let (mesh, solid) = self.load_body(id).await?;
-                Ok(Subject::Mesh(mesh, solid))
+                Subject::Mesh(mesh, solid)
             }
-            Err(error) => Err(error),
-        }
+        })
     }
 }

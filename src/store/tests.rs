@@ -286,6 +286,8 @@ async fn equal_work_is_done_once() {
     assert_eq!(third.outcome, EnqueueOutcome::Created);
     assert!(matches!(store.retry_job(first).await, Err(StoreError::JobState { .. })));
     assert!(matches!(store.enqueue(new_job("nowhere", "x")).await, Err(StoreError::NotFound { resource: "mesh", .. })));
+    let on_problem = NewJob { kind: "pencil_basis".to_owned(), ..new_job("nowhere", "x") };
+    assert!(matches!(store.enqueue(on_problem).await, Err(StoreError::NotFound { resource: "problem", .. })));
 }
 
 #[tokio::test]

@@ -196,8 +196,14 @@ async fn a_mesh_is_renamed_and_found_by_its_name() {
     let id = app.octahedron().await;
     let path = format!("/v1/meshes/{id}");
     let rename = |body: Value| app.client.patch(app.url(&path)).json(&body).send();
+    let tag = app.get(&path).send().await.unwrap().headers()["etag"].clone();
     let renamed: Value = rename(json!({"name": "Äußeres Oktaeder 100%"})).await.unwrap().json().await.unwrap();
     assert_eq!(renamed["name"], "Äußeres Oktaeder 100%");
+    // The tag of the mesh without a name does not stand for the one that has it.
+    let shown = app.get(&path).header("if-none-match", tag).send().await.unwrap();
+    let tag = shown.headers()["etag"].clone();
+    assert_eq!(shown.json::<Value>().await.unwrap()["name"], "Äußeres Oktaeder 100%");
+    assert_eq!(app.get(&path).header("if-none-match", tag).send().await.unwrap().status(), 304);
     for (part, found) in [("oktaeder", 1), ("100%", 1), ("%", 1), ("_", 0), ("Würfel", 0), ("", 1)] {
         let answer = app.get("/v1/meshes").query(&[("name", part)]).send().await.unwrap();
         let page: Value = answer.json().await.unwrap();

@@ -175,8 +175,11 @@ async fn equal_matrices_are_one_problem_in_whatever_format_they_come() {
     let listed: Value = app.get("/v1/problems?name=PATH").send().await.unwrap().json().await.unwrap();
     assert_eq!((listed["items"].as_array().unwrap().len(), &listed["items"][0]["id"]), (1, &first["id"]));
     let url = format!("/v1/problems/{}", text(&first["id"]));
+    let tag = app.get(&url).send().await.unwrap().headers()["etag"].clone();
     let renamed = app.client.patch(app.url(&url)).json(&json!({"name": "forty"})).send().await.unwrap();
     assert_eq!(renamed.json::<Value>().await.unwrap()["name"], "forty");
+    let shown = app.get(&url).header("if-none-match", tag).send().await.unwrap();
+    assert_eq!(shown.json::<Value>().await.unwrap()["name"], "forty");
     // Meshes and problems do not stand for each other.
     let meshes: Value = app.get("/v1/meshes").send().await.unwrap().json().await.unwrap();
     assert_eq!(meshes["items"], json!([]));

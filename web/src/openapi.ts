@@ -584,7 +584,7 @@ export interface paths {
          * Judges a basis again
          * @description Nothing of a solver takes part: the operator is assembled anew, or the matrices of the problem are read again, residuals and inner products are summed from the functions as they are stored, and where the
          *     basis claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as `chladni verify --receipt` writes it.
-         *     Bases of eigenfields, and of operators with a potential that came with the job, cannot be judged here.
+         *     Bases of eigenfields, and of operators whose potential, weights or fixed vertices came with the job, cannot be judged here.
          */
         post: operations["verifyBasis"];
         delete?: never;
@@ -8574,7 +8574,7 @@ export interface operations {
                 kind?: string;
                 /** @description Items of the page, at most 200. */
                 limit?: number;
-                /** @description Only jobs on this mesh, or on this problem. */
+                /** @description Only jobs on this mesh, or on the problem that has this id. */
                 mesh?: string;
                 /** @description Only jobs with this status. */
                 status?: "enqueued" | "processing" | "succeeded" | "failed" | "canceled";

@@ -86,9 +86,10 @@ impl ProblemSize {
         }
     }
 
-    /// Entries of a factor, as they were counted or, where they were not, those of a solid.
+    /// Entries of a factor, as they were counted or, where they were not, those of a solid, and no fewer than the matrix has.
     fn factor(self) -> u64 {
-        self.factor_entries.unwrap_or_else(|| (40.0 * (self.rows.max(2) as f64).powf(4.0 / 3.0)) as u64)
+        let of_solid = || (40.0 * (self.rows.max(2) as f64).powf(4.0 / 3.0)) as u64;
+        self.factor_entries.unwrap_or_else(|| of_solid().max(self.entries as u64))
     }
 
     /// The bytes of both matrices, with one index for each entry.
@@ -370,6 +371,15 @@ mod tests {
                 "{parameters}: {refused}"
             );
         }
+    }
+
+    #[test]
+    fn a_factor_that_was_not_counted_has_the_entries_of_the_matrix_at_least() {
+        let full = ProblemSize { rows: 10_000, entries: 100_000_000, ..ProblemSize::default() };
+        assert_eq!(full.factor(), 100_000_000);
+        let thin = ProblemSize { entries: 10_000, ..full };
+        assert!(thin.factor() > 8_000_000, "{}", thin.factor());
+        assert_eq!(ProblemSize { factor_entries: Some(7), ..full }.factor(), 7);
     }
 
     #[test]

@@ -102,7 +102,7 @@ impl EigenbasisParameters {
             MethodName::Approximate => Method::Approximate(Approximate::from_request(&request, count)?),
             MethodName::Hsim | MethodName::Sim => Method::Exact(Exact::from_request(&request, count)?),
         };
-        let operator = OperatorParameters {
+        let mut operator = OperatorParameters {
             operator: request.operator.unwrap_or_default(),
             mass: request.mass.unwrap_or_default(),
             boundary: request.boundary.unwrap_or_default(),
@@ -120,7 +120,7 @@ impl EigenbasisParameters {
             let reason = format!("{} values are more than the {LARGEST_POTENTIAL} that a job may bring", values.len());
             return Err(value("operator.hamiltonian.potential.values", reason));
         }
-        if let OperatorKind::Weighted(parts) = &operator.operator {
+        if let OperatorKind::Weighted(parts) = &mut operator.operator {
             for (name, numbers) in [
                 ("operator.weighted.scalars", parts.scalars.len()),
                 ("operator.weighted.tensors", parts.tensors.len()),
@@ -133,6 +133,9 @@ impl EigenbasisParameters {
                     ));
                 }
             }
+            // Equal work has equal parameters.
+            parts.fixed.sort_unstable();
+            parts.fixed.dedup();
         }
         Ok(Self { operator, method, seed: request.seed.unwrap_or(0) })
     }
@@ -389,6 +392,16 @@ mod tests {
         let spelled =
             EigenbasisParameters::parse(&json!({"count": 50, "dimension": 200, "construction": "heat"})).unwrap();
         assert_eq!(silent.canonical(), spelled.canonical());
+    }
+
+    #[test]
+    fn vertices_at_zero_are_equal_work_in_any_order() {
+        let holding = |fixed: &[u32]| {
+            let parameters = json!({"operator": {"weighted": {"fixed": fixed}}});
+            EigenbasisParameters::parse(&parameters).unwrap().canonical()
+        };
+        assert_eq!(holding(&[3, 1, 3]), holding(&[1, 3]));
+        assert_eq!(holding(&[3, 1])["operator"]["weighted"]["fixed"], json!([1, 3]));
     }
 
     #[test]
