@@ -41,7 +41,7 @@ def frame(basis: Basis) -> str | None:
         return None
     centre = (mesh.kept_vertices.min(axis=0) + mesh.kept_vertices.max(axis=0)) / 2
     radius = np.linalg.norm(mesh.kept_vertices - centre, axis=1).max() or 1.0
-    values = np.nan_to_num(basis.vectors[:, :modes])
+    values = np.nan_to_num(basis.lift(0, modes))
     largest = np.abs(values).max(axis=0)
     values = values / np.where(largest > 0, largest, 1)
     used = np.where(np.isfinite(mesh.vertices), mesh.vertices, centre)
