@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use chladni_mesh::TriangleMesh;
-use chladni_mesh::check::{CheckOptions, Merge, SurfaceOf};
+use chladni_mesh::check::{CheckOptions, Merge, RepairKind, SurfaceOf};
 use chladni_mesh::numbering::{Extension, Numbering, Translation};
 use chladni_mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
 use chladni_mesh::shape::{Shape, generate};
@@ -58,7 +58,8 @@ impl Body {
 
     /// How requests and answers in the numbering of the arrays are brought into that of the mesh, and back.
     pub fn translation(&self, nearest: bool) -> Translation {
-        translation(&self.numbering, nearest)
+        let turned = self.checked.surface.report.repaired(RepairKind::FlippedFaces);
+        translation(&self.numbering, nearest).turning(turned)
     }
 
     /// A job with parameters in the numbering of the arrays.

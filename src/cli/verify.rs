@@ -1,5 +1,6 @@
 //! `verify`: a basis judged again, from its mesh alone.
 
+use chladni_mesh::check::RepairKind;
 use chladni_mesh::numbering::{Extension, Translation};
 use chladni_spectral::basis::Basis;
 use chladni_spectral::formats::npz;
@@ -99,7 +100,9 @@ pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
     let mut parameters = parameters(&basis, arguments.operator.as_deref())?;
     let body = pool.install(|| arguments.input.load_body())?;
     let (checked, solid) = (body.surface, body.solid);
-    let (mesh, file) = (checked.mesh, Translation::of_file(Arc::new(checked.numbering), Extension::None));
+    let turned = checked.report.repaired(RepairKind::FlippedFaces);
+    let file = Translation::of_file(Arc::new(checked.numbering), Extension::None).turning(turned);
+    let mesh = checked.mesh;
     if arguments.operator.is_some() {
         // A potential that is given here is given as the file numbers its vertices.
         let mut own = Packed::from(&parameters.canonical());

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use chladni_algebra::gpu::{self, GpuChoice};
 use chladni_mesh::TriangleMesh;
-use chladni_mesh::check::SurfaceOf;
+use chladni_mesh::check::{RepairKind, SurfaceOf};
 use chladni_mesh::numbering::Numbering;
 use chladni_mesh::solid::CheckedBody;
 use chladni_spectral::basis::Product;
@@ -208,7 +208,9 @@ pub fn prepared(
     }
     let numbering = Arc::new(body.surface.numbering.clone());
     let mut parameters = Packed::from(&job.canonical());
-    translate_parameters(&mut parameters, &numbered.translation(Arc::clone(&numbering)), size)?;
+    let turned = body.surface.report.repaired(RepairKind::FlippedFaces);
+    let to = numbered.translation(Arc::clone(&numbering)).turning(turned);
+    translate_parameters(&mut parameters, &to, size)?;
     let job = JobParameters::read(job.kind(), &parameters)?;
     job.check_mesh(size)?;
     Ok((job, size, numbering))

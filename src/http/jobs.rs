@@ -179,7 +179,7 @@ pub(super) async fn plan(
         solid_vertices: solid_vertices as usize,
         tetrahedra: tetrahedra as usize,
     };
-    let to = numbered.on_mesh(state, &mesh.id).await?;
+    let to = numbered.on_mesh(state, &mesh.id).await?.turning(mesh.turned_faces());
     translate_parameters(&mut request.parameters, &to, size)?;
     let parameters = JobParameters::read(&request.kind, &request.parameters)?;
     request.parameters = Packed::Null;

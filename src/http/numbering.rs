@@ -136,7 +136,8 @@ impl From<NumberingError> for Problem {
             NumberingError::Length { .. }
             | NumberingError::NotFinite { .. }
             | NumberingError::Disagreement { .. }
-            | NumberingError::Frames => Self::new(&problem::INVALID_FUNCTION, text),
+            | NumberingError::Frames
+            | NumberingError::Turned { .. } => Self::new(&problem::INVALID_FUNCTION, text),
         }
     }
 }

@@ -70,6 +70,13 @@ impl MeshRecord {
             || !kinds.clone().all(|kind| kept.contains(&kind))
     }
 
+    /// How many faces the check turned over.
+    pub fn turned_faces(&self) -> usize {
+        let mut repairs = self.report["repairs"].as_array().into_iter().flatten();
+        let turned = repairs.find(|repair| repair["kind"] == "flipped_faces");
+        turned.and_then(|repair| repair["count"].as_u64()).map_or(0, |count| count as usize)
+    }
+
     /// The vertices and tetrahedra of the solid; zeros where there is none.
     pub fn solid_size(&self) -> (u64, u64) {
         let count = |name: &str| self.report["solid"][name].as_u64().unwrap_or(0);

@@ -84,6 +84,7 @@ impl Table {
 /// # Errors
 /// [`ParameterError::Value`] names the parameter and the vertex or face.
 pub fn translate_parameters(parameters: &mut Packed, to: &Translation, mesh: MeshSize) -> Result<(), ParameterError> {
+    check_frames(parameters, to)?;
     if to.is_identity() {
         return Ok(());
     }
@@ -121,6 +122,18 @@ pub fn translate_parameters(parameters: &mut Packed, to: &Translation, mesh: Mes
         }
     }
     Ok(())
+}
+
+/// That tensors are in frames that the kept mesh has. A face that was turned over has another one, even where no number differs from the file's.
+fn check_frames(parameters: &mut Packed, to: &Translation) -> Result<(), ParameterError> {
+    let faces = to.turned_faces();
+    match parameters.at_mut(&["operator", "weighted", "tensors"]) {
+        Some(tensors) if faces > 0 && tensors.numbers().is_some_and(|numbers| !numbers.is_empty()) => {
+            let reason = NumberingError::Turned { faces }.to_string();
+            Err(ParameterError::Value { name: "operator.weighted.tensors", reason })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Weights of faces, which parts of a divided face inherit, and vertices that are held at zero. Tensors are in the frames of the faces of the file.
@@ -297,7 +310,7 @@ impl FurRequest {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use chladni_mesh::check::{CheckOptions, check};
+    use chladni_mesh::check::{CheckOptions, RepairKind, check};
     use chladni_mesh::numbering::Extension;
     use chladni_mesh::read::{MeshFormat, ReadLimits, read};
     use serde_json::json;
@@ -336,6 +349,27 @@ mod tests {
         let mut odd = packed(json!({"clamped": "all", "weights": ["a"]}));
         translate_parameters(&mut odd, &to, mesh).unwrap();
         assert_eq!(odd, packed(json!({"clamped": "all", "weights": ["a"]})));
+    }
+
+    #[test]
+    fn tensors_of_a_file_whose_faces_were_turned_over_are_refused() {
+        let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 3 4\nf 2 3 4\n";
+        let raw = read(text.as_bytes(), MeshFormat::Obj, &ReadLimits::default()).unwrap();
+        let checked = check(raw, &CheckOptions::default()).unwrap();
+        let (mesh, turned) = (MeshSize::from(&checked.mesh), checked.report.repaired(RepairKind::FlippedFaces));
+        assert_eq!(turned, 1);
+        let to = Translation::of_file(checked.numbering.into(), Extension::None).turning(turned);
+        assert!(to.is_identity());
+        let weighted = |parts: serde_json::Value| Packed::from(&json!({"operator": {"weighted": parts}}));
+        let numbers = [2.0, 0.5, 1.0].repeat(4);
+        let tensors = weighted(json!({"tensors": numbers}));
+        let refused = translate_parameters(&mut tensors.clone(), &to, mesh).unwrap_err().to_string();
+        assert!(refused.contains("operator.weighted.tensors") && refused.contains("(1 in all)"), "{refused}");
+        // What is not in frames is as good as before, and so are tensors in the numbering of the kept mesh, or where no face was turned over.
+        translate_parameters(&mut weighted(json!({"scalars": [1.0, 2.0, 3.0, 4.0], "fixed": [0]})), &to, mesh).unwrap();
+        for other in [Translation::default().turning(turned), to.turning(0)] {
+            translate_parameters(&mut tensors.clone(), &other, mesh).unwrap();
+        }
     }
 
     #[test]

@@ -78,6 +78,14 @@ pub enum NumberingError {
         "numbers in the frames of faces need the numbering \"kept\" on this mesh, since a face of the file is several of its triangles"
     )]
     Frames,
+    /// Numbers in frames are given, and the check turned faces over, whose frames are then others than in the file.
+    #[error(
+        "numbers in the frames of faces need the numbering \"kept\" on this mesh, whose check turned faces over ({faces} in all)"
+    )]
+    Turned {
+        /// How many faces.
+        faces: usize,
+    },
     /// A function has two values at vertices that are one.
     #[error(
         "vertices {first} and {second} of the file are one vertex of the mesh, but have the values {one:e} and {other:e}"
@@ -122,12 +130,25 @@ pub struct Translation {
     extend: Extension,
     /// Where functions are so many numbers in the frame of each face instead of one at each vertex.
     in_frames: Option<usize>,
+    /// Of the numbering of the file: how many faces of the kept mesh run the other way round.
+    turned: Option<usize>,
 }
 
 impl Translation {
     /// From the numbering of the file. Where that is the kept one, nothing is converted, and nothing is paid.
     pub fn of_file(numbering: Arc<Numbering>, extend: Extension) -> Self {
-        Self { numbering: Some(numbering).filter(|numbering| !numbering.is_identity()), extend, in_frames: None }
+        let numbering = Some(numbering).filter(|numbering| !numbering.is_identity());
+        Self { numbering, extend, in_frames: None, turned: Some(0) }
+    }
+
+    /// The same where the check turned so many faces over. In the numbering of the kept mesh that makes no difference.
+    pub fn turning(self, faces: usize) -> Self {
+        Self { turned: self.turned.map(|_| faces), ..self }
+    }
+
+    /// How many faces the check turned over, as [`turning`](Self::turning) was told: their frames are others than in the file, though no number changes.
+    pub fn turned_faces(&self) -> usize {
+        self.turned.unwrap_or(0)
     }
 
     /// The same for functions that are `width` numbers in the frame of each face, not one at each vertex.
