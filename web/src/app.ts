@@ -273,6 +273,8 @@ export class App {
       before.hide();
       before.element.hidden = true;
     }
+    // What an earlier tab has asked for is not put into this one.
+    this.using += 1;
     this.viewer.cursor.leave();
     this.kept = { lines: null, sound: null };
     recent.shown = null;

@@ -94,7 +94,7 @@ export async function queue(site) {
     await page.waitForFunction(async (id) => (await fetch(`/v1/jobs/${id}`, { method: "DELETE" })).ok, job.id);
     // As the page would that read of it just before.
     await page.evaluate((job) => window.chladni.app.jobs.follow(job), job);
-    await page.waitForFunction((id) => !window.chladni.app.jobs.list.some((job) => job.id === id), job.id);
+    await page.waitForFunction((id) => !window.chladni.app.jobs.running.some((job) => job.id === id), job.id);
     assert.equal(await page.locator(".toast.error").count(), 0);
     await page.evaluate(() => window.chladni.app.list());
     await page.evaluate(() => window.chladni.app.open(window.chladni.app.meshes.find(({ name }) => name === "short").id));
