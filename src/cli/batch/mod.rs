@@ -277,7 +277,7 @@ fn result_name(mesh: &Path) -> OsString {
 
 /// Whether a file holds a result of this kind that can be read.
 fn is_whole(path: &Path, job: &JobParameters, promises: &Promises) -> Result<bool, CliError> {
-    let kind = ProductKind::ALL.into_iter().find(|kind| kind.name() == job.kind());
+    let kind = ProductKind::of_name(job.kind());
     let (Some(kind), Ok(found)) = (kind, fs::metadata(path)) else { return Ok(false) };
     // The bytes and what is made of them.
     let _promise = promises.take(found.len().saturating_mul(2))?;
