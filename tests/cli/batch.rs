@@ -99,7 +99,11 @@ fn a_folder_is_done_in_one_go_and_only_what_is_missing_again() {
     // Other settings do not pass for these.
     let other = run(&["-p", "tolerance=1e-5"]);
     assert_eq!(code(&other), 2);
-    assert!(stderr(&other).contains("batch.json (parameters.tolerance differs)"), "{}", stderr(&other));
+    assert!(
+        ["batch.json", "parameters.tolerance"].iter().all(|word| stderr(&other).contains(word)),
+        "{}",
+        stderr(&other)
+    );
     assert_eq!(code(&run(&["-p", "tolerance=1e-5", "--anew"])), 1);
 }
 
@@ -131,7 +135,7 @@ fn what_is_stale_or_cut_off_does_not_pass_for_a_result() {
     }
     let other = run(&["20"]);
     assert_eq!(code(&other), 2);
-    assert!(stderr(&other).contains("(parameters.count differs)"), "{}", stderr(&other));
+    assert!(stderr(&other).contains("parameters.count"), "{}", stderr(&other));
 
     let result = made.join("torus.ply.npz");
     let whole = fs::read(&result).unwrap();
@@ -155,7 +159,7 @@ fn equal_meshes_have_one_file_of_operators_which_is_whole_with_all_pairs_of_used
         chladni(&[&common, extra].concat())
     };
     for (extra, expected) in [
-        (&[][..], "1 made, 1 there already, 0 failed"),
+        (&[] as &[&str], "1 made, 1 there already, 0 failed"),
         (&[], "0 made, 2 there already, 0 failed"),
         (&["--anew"], "1 made, 1 there already, 0 failed"),
     ] {
