@@ -3,6 +3,7 @@
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use chladni_algebra::gpu::{self, GpuChoice};
@@ -272,6 +273,9 @@ pub fn peak_rss_bytes() -> Option<u64> {
 /// What a file is written through.
 pub type Out = BufWriter<std::fs::File>;
 
+/// Distinguishes the parts of one process: two threads may write the same file.
+static PARTS: AtomicU64 = AtomicU64::new(0);
+
 /// A file that appears under its name only when it is whole.
 pub struct OutputFile {
     path: PathBuf,
@@ -285,7 +289,8 @@ impl OutputFile {
             .file_name()
             .map(std::ffi::OsStr::to_owned)
             .ok_or_else(|| CliError::Usage(format!("--output {}: this is not the name of a file", path.display())))?;
-        name.push(format!(".{}.part", std::process::id()));
+        let part = PARTS.fetch_add(1, Ordering::Relaxed);
+        name.push(format!(".{}-{part}.part", std::process::id()));
         let output = Self { path: path.to_owned(), part: path.with_file_name(name) };
         let failed = |error| CliError::file("write", &output.path, error);
         std::fs::File::create(&output.part).map_err(failed)?;
@@ -305,8 +310,15 @@ impl OutputFile {
 
     fn write_part(&self, write: impl FnOnce(&mut Out) -> Result<(), FormatError>) -> std::io::Result<()> {
         let mut out = BufWriter::with_capacity(1 << 20, std::fs::File::create(&self.part)?);
-        write(&mut out).map_err(std::io::Error::other)?;
-        out.flush()
+        write(&mut out).map_err(|error| match error {
+            // The kind says whether anything else can be written.
+            FormatError::Write(source) => source,
+            FormatError::Archive(source) => source.into(),
+            error => std::io::Error::other(error),
+        })?;
+        out.flush()?;
+        // Otherwise the name may outlive the content when the machine fails.
+        out.get_ref().sync_all()
     }
 }
 
@@ -317,6 +329,22 @@ mod tests {
     #[test]
     fn peak_memory_is_told_on_linux() {
         assert!(!cfg!(target_os = "linux") || peak_rss_bytes().is_some_and(|bytes| bytes > 1 << 20));
+    }
+
+    #[test]
+    fn two_writers_of_one_file_do_not_share_a_part() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("one.txt");
+        let (first, second) = (OutputFile::probe(&path).unwrap(), OutputFile::probe(&path).unwrap());
+        first
+            .write(|out| {
+                out.write_all(b"first")?;
+                second.write(|out| Ok(out.write_all(b"second")?)).unwrap();
+                Ok(())
+            })
+            .unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"first");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[test]

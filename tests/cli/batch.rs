@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
-use std::time::SystemTime;
+use std::process::{Command, Stdio};
+use std::time::{Duration, SystemTime};
 
 use chladni_mesh::shape::{Shape, generate};
 use chladni_mesh::write::{write_obj, write_ply};
@@ -19,6 +19,19 @@ fn shapes(folder: &Path) {
     write_obj(&generate(Shape::Sphere, 500).unwrap(), &mut write("sphere.obj")).unwrap();
     fs::write(folder.join("broken.off"), "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n").unwrap();
     fs::write(folder.join("notes.txt"), "no mesh").unwrap();
+}
+
+/// A bent sheet of 25 vertices, and one more that no face uses.
+fn sheet(path: &Path) {
+    let corners = (0..25).map(|at| (at % 5, at / 5)).map(|(x, y)| format!("{x} {y} 0.{}\n", x * x + y));
+    let squares = (0..16).map(|at| at / 4 * 5 + at % 4);
+    let faces = squares.map(|a| format!("3 {a} {} {}\n3 {} {} {}\n", a + 1, a + 5, a + 1, a + 6, a + 5));
+    let text = format!("OFF\n26 32 0\n{}9 9 9\n{}", corners.collect::<String>(), faces.collect::<String>());
+    fs::write(path, text).unwrap();
+}
+
+fn set_modified(path: &Path, time: SystemTime) {
+    fs::File::options().write(true).open(path).unwrap().set_modified(time).unwrap();
 }
 
 /// Results and when they were written.
@@ -79,16 +92,125 @@ fn a_folder_is_done_in_one_go_and_only_what_is_missing_again() {
     assert_eq!(results(&made), before);
     // One is missing, the mesh of the other changed after it was made.
     fs::remove_file(made.join("sphere.obj.npz")).unwrap();
-    let newer = fs::File::options().write(true).open(meshes.join("torus.ply")).unwrap();
-    newer.set_modified(before["torus.ply.npz"] + std::time::Duration::from_secs(5)).unwrap();
+    set_modified(&meshes.join("torus.ply"), before["torus.ply.npz"] + Duration::from_secs(5));
     let third = lines(&run(&["--jobs", "1"]));
     assert_eq!((&third["torus.ply"]["status"], &third["sphere.obj"]["status"]), (&"made".into(), &"made".into()));
 
     // Other settings do not pass for these.
     let other = run(&["-p", "tolerance=1e-5"]);
     assert_eq!(code(&other), 2);
-    assert!(stderr(&other).contains("batch.json"), "{}", stderr(&other));
+    assert!(
+        ["batch.json", "parameters.tolerance"].iter().all(|word| stderr(&other).contains(word)),
+        "{}",
+        stderr(&other)
+    );
     assert_eq!(code(&run(&["-p", "tolerance=1e-5", "--anew"])), 1);
+}
+
+#[test]
+fn what_is_stale_or_cut_off_does_not_pass_for_a_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let (meshes, made) = (folder.path().join("meshes"), folder.path().join("made"));
+    fs::create_dir(&meshes).unwrap();
+    shapes(&meshes);
+    fs::remove_file(meshes.join("broken.off")).unwrap();
+    sheet(&meshes.join("sheet.off"));
+    let run = |extra: &[&str]| {
+        let (meshes, made) = (meshes.to_str().unwrap(), made.to_str().unwrap());
+        let common = ["batch", meshes, "--kind", "eigenbasis", "-p", "method=hsim", "-o", made, "--json", "-n"];
+        chladni(&[&common, extra].concat())
+    };
+    let first = run(&["20"]);
+    assert_eq!(code(&first), 0, "{}", stderr(&first));
+    // Newer than its mesh, older than the next settings, however coarse the clock of the file system.
+    let time = results(&made)["sheet.off.npz"];
+    set_modified(&meshes.join("sheet.off"), time - Duration::from_secs(10));
+    set_modified(&made.join("sheet.off.npz"), time - Duration::from_secs(5));
+    for (extra, torus) in [(&["30", "--anew"][..], "made"), (&["30"], "there")] {
+        let output = run(extra);
+        assert_eq!(code(&output), 1, "{}", stderr(&output));
+        let told = lines(&output);
+        assert_eq!((&told["torus.ply"]["status"], &told["sheet.off"]["status"]), (&torus.into(), &"failed".into()));
+        assert!(told["sheet.off"]["error"].as_str().unwrap().contains("25 vertices"), "{told:?}");
+    }
+    let other = run(&["20"]);
+    assert_eq!(code(&other), 2);
+    assert!(stderr(&other).contains("parameters.count"), "{}", stderr(&other));
+
+    let result = made.join("torus.ply.npz");
+    let whole = fs::read(&result).unwrap();
+    for cut in [0, whole.len() / 2] {
+        fs::write(&result, &whole[..cut]).unwrap();
+        assert_eq!(lines(&run(&["30"]))["torus.ply"]["status"], "made", "{cut}");
+        assert_eq!(lines(&run(&["30"]))["torus.ply"]["status"], "there", "{cut}");
+    }
+}
+
+#[test]
+fn equal_meshes_have_one_file_of_operators_which_is_whole_with_all_pairs_of_used_vertices() {
+    let folder = tempfile::tempdir().unwrap();
+    let (meshes, made) = (folder.path().join("meshes"), folder.path().join("made"));
+    fs::create_dir(&meshes).unwrap();
+    sheet(&meshes.join("a.off"));
+    sheet(&meshes.join("b.off"));
+    let run = |extra: &[&str]| {
+        let (meshes, made) = (meshes.to_str().unwrap(), made.to_str().unwrap());
+        let common = ["batch", meshes, "--kind", "operators", "-n", "64", "--jobs", "2", "-o", made];
+        chladni(&[&common, extra].concat())
+    };
+    for (extra, expected) in [
+        (&[] as &[&str], "1 made, 1 there already, 0 failed"),
+        (&[], "0 made, 2 there already, 0 failed"),
+        (&["--anew"], "1 made, 1 there already, 0 failed"),
+    ] {
+        let output = run(extra);
+        assert!(String::from_utf8_lossy(&output.stdout).starts_with(expected), "{expected}: {output:?}");
+        assert!(stderr(&output).contains(".off: up to date\n"), "{}", stderr(&output));
+    }
+    assert_eq!(results(&made).len(), 2);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn links_that_lead_nowhere_are_told_and_names_need_not_be_utf8() {
+    use std::os::unix::ffi::OsStrExt;
+
+    let folder = tempfile::tempdir().unwrap();
+    let (meshes, made) = (folder.path().join("meshes"), folder.path().join("made"));
+    fs::create_dir_all(meshes.join("folder.off")).unwrap();
+    for name in [b"a\xfe.off", b"a\xff.off"] {
+        sheet(&meshes.join(std::ffi::OsStr::from_bytes(name)));
+    }
+    std::os::unix::fs::symlink("/no/such/mesh", meshes.join("gone.off")).unwrap();
+    let (meshes, out) = (meshes.to_str().unwrap(), made.to_str().unwrap());
+    let output =
+        chladni(&["batch", meshes, "--kind", "eigenbasis", "-n", "12", "-p", "method=hsim", "-o", out, "--json"]);
+    assert_eq!(code(&output), 1, "{}", stderr(&output));
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    assert_eq!((text.lines().count(), text.matches("\"status\":\"made\"").count()), (3, 2), "{text}");
+    assert_eq!(lines(&output)["gone.off"]["status"], "failed");
+    assert_eq!(fs::read_dir(&made).unwrap().count(), 3);
+}
+
+#[test]
+fn a_closed_pipe_neither_panics_nor_hides_what_is_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let (meshes, made) = (folder.path().join("meshes"), folder.path().join("made"));
+    fs::create_dir(&meshes).unwrap();
+    shapes(&meshes);
+    let closed = || -> Stdio { std::io::pipe().unwrap().1.into() };
+    let run = |stdout: Stdio, stderr: Stdio, extra: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_chladni"));
+        command.arg("batch").arg(&meshes).args(["--kind", "eigenbasis", "-n", "12", "-p", "method=hsim", "-o"]);
+        command.arg(&made).args(extra).stdout(stdout).stderr(stderr).status().unwrap().code()
+    };
+    // Lines of meshes cannot be told: the run ends.
+    assert_eq!(run(closed(), Stdio::null(), &["--json"]), Some(3));
+    // Only progress cannot be told: the run goes on, and one mesh fails.
+    assert_eq!(run(Stdio::null(), closed(), &[]), Some(1));
+    assert!(made.join("torus.ply.npz").exists() && made.join("sphere.obj.npz").exists());
+    // All is done when the summary cannot be told.
+    assert_eq!(run(closed(), Stdio::null(), &[]), Some(1));
 }
 
 #[test]
@@ -101,6 +223,8 @@ fn wrong_usage_is_told_before_any_work() {
         (vec!["batch", path, "--kind", "operators", "-o", out], "no mesh file"),
         (vec!["batch", "/no/such/folder", "--kind", "operators", "-o", out], "/no/such/folder"),
         (vec!["batch", path, "--kind", "bases", "-o", out], "eigenbasis"),
+        (vec!["batch", path, "--kind", "pencil_basis", "-o", out], "the kinds are operators"),
+        (vec!["batch", path, "--kind", "operators", "-n", "0", "-o", out], "at least one eigenpair"),
         (vec!["batch", path, "--kind", "operators", "-p", "a=1", "-o", out], "--parameter"),
         (vec!["batch", path, "--kind", "eigenbasis", "-p", "cuont=1", "-o", out], "cuont"),
     ] {

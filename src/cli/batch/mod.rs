@@ -1,10 +1,14 @@
 //! `batch`: every mesh of a folder, several at once; what is there already is left alone.
 
+mod claims;
 mod memory;
 mod operators;
 mod progress;
+mod settings;
 
+use std::ffi::OsString;
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Mutex;
@@ -14,9 +18,11 @@ use std::time::Instant;
 use chladni_base::Unwatched;
 use chladni_mesh::check::{CheckOptions, Merge};
 use chladni_mesh::read::MeshFormat;
-use chladni_work::{JobParameters, KINDS, SOLVER_VERSION};
+use chladni_spectral::basis::{Product, ProductKind};
+use chladni_work::{JobParameters, MESH_KINDS, SOLVER_VERSION};
 use serde_json::{Value, json};
 
+use self::claims::Claims;
 use self::memory::Promises;
 use self::progress::{Lines, Outcome};
 use super::work::{OutputFile, insert_named, prepared};
@@ -55,7 +61,7 @@ pub struct BatchArguments {
     #[arg(long, value_name = "WHEN", value_parser = super::input::merge, default_value = "auto")]
     merge: Merge,
 
-    /// Compute anew what is there already
+    /// Recompute existing results
     #[arg(long)]
     anew: bool,
 
@@ -79,10 +85,10 @@ hash of positions and faces, all else by the file of the mesh. Exit codes: 0 all
 with a line that says why; 2 wrong usage; 3 a folder cannot be read or written.";
 
 fn kind(text: &str) -> Result<String, String> {
-    if text == "operators" || KINDS.contains(&text) {
+    if text == "operators" || MESH_KINDS.contains(&text) {
         return Ok(text.to_owned());
     }
-    Err(format!("the kinds are operators, {}", KINDS.join(", ")))
+    Err(format!("the kinds are operators, {}", MESH_KINDS.join(", ")))
 }
 
 /// What is computed of each mesh.
@@ -107,7 +113,7 @@ impl BatchArguments {
             }
             let pairs = self.count.unwrap_or(operators::PAIRS);
             if pairs == 0 {
-                return Err(CliError::Usage("--count 0: at least one eigenpair is due".to_owned()));
+                return Err(CliError::Usage("--count 0: at least one eigenpair is required".to_owned()));
             }
             (Wanted::Operators { pairs }, json!({"count": pairs}))
         } else {
@@ -127,7 +133,8 @@ impl BatchArguments {
         let mut found = Vec::new();
         for entry in fs::read_dir(&self.folder).map_err(failed)? {
             let path = entry.map_err(failed)?.path();
-            if path.is_file() && is_mesh(&path) {
+            // A link that leads nowhere is a mesh that cannot be read, not one that is left out.
+            if !path.is_dir() && is_mesh(&path) {
                 found.push(path);
             }
         }
@@ -136,6 +143,11 @@ impl BatchArguments {
             return Err(CliError::Usage(format!("{}: there is no mesh file in this folder", self.folder.display())));
         }
         Ok(found)
+    }
+
+    /// Whether a result was made since the settings of the folder are these.
+    fn is_current(&self, result: &Path) -> bool {
+        is_newer(result, &settings::file(&self.output))
     }
 
     fn input(&self, mesh: &Path) -> MeshInput {
@@ -157,17 +169,17 @@ pub fn batch(arguments: BatchArguments) -> Result<ExitCode, CliError> {
     let (wanted, settings) = arguments.wanted()?;
     let meshes = arguments.meshes()?;
     fs::create_dir_all(&arguments.output).map_err(|error| CliError::file("write", &arguments.output, error))?;
-    same_settings(&arguments, &settings)?;
+    settings::keep(&arguments.output, &settings, arguments.anew)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let at_once = if arguments.jobs == 0 { cores } else { arguments.jobs }.min(meshes.len());
     let lines = Lines::new(meshes.len(), arguments.json, arguments.quiet);
-    let (next, promises) = (AtomicUsize::new(0), Promises::default());
+    let (next, shared) = (AtomicUsize::new(0), Shared::default());
     let broken: Mutex<Option<CliError>> = Mutex::new(None);
     let began = Instant::now();
     std::thread::scope(|scope| {
         for _ in 0..at_once {
             scope.spawn(|| {
-                let result = worker(&arguments, &wanted, &meshes, &next, &promises, &lines);
+                let result = worker(&arguments, &wanted, &meshes, &next, &shared, &lines);
                 if let Err(error) = result {
                     // Nothing else can be told to whoever asks: the others stop as well.
                     next.store(meshes.len(), Ordering::Relaxed);
@@ -177,10 +189,19 @@ pub fn batch(arguments: BatchArguments) -> Result<ExitCode, CliError> {
         }
     });
     if let Some(error) = broken.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
-        return Err(error);
+        // Elsewhere a closed pipe means that the reader has all that it wanted; here meshes are left.
+        let cut = error.is_closed_pipe();
+        return Err(if cut { CliError::Service(format!("ended before the last mesh: {error}")) } else { error });
     }
     let failed = lines.finish(&seconds(began.elapsed().as_secs_f64()))?;
     Ok(ExitCode::from(u8::from(failed > 0)))
+}
+
+/// What the workers share.
+#[derive(Debug, Default)]
+struct Shared {
+    promises: Promises,
+    claims: Claims,
 }
 
 /// Takes meshes until there are none left.
@@ -189,7 +210,7 @@ fn worker(
     wanted: &Wanted,
     meshes: &[PathBuf],
     next: &AtomicUsize,
-    promises: &Promises,
+    shared: &Shared,
     lines: &Lines,
 ) -> Result<(), CliError> {
     let pool = rayon::ThreadPoolBuilder::new()
@@ -199,18 +220,31 @@ fn worker(
     while let Some(mesh) = meshes.get(next.fetch_add(1, Ordering::Relaxed)) {
         let began = Instant::now();
         let outcome = pool.install(|| match wanted {
-            Wanted::Operators { pairs } => operators::one(arguments, mesh, *pairs, promises),
-            Wanted::Job(job) => one(arguments, mesh, job, promises),
+            // A pipe or a device could be waited for without end.
+            _ if fs::metadata(mesh).is_ok_and(|found| !found.is_file()) => {
+                Err(CliError::mesh(mesh, "it is not a regular file"))
+            }
+            Wanted::Operators { pairs } => operators::one(arguments, mesh, *pairs, shared),
+            Wanted::Job(job) => one(arguments, mesh, job, &shared.promises),
         });
         let outcome = match outcome {
             Ok(outcome) => outcome,
-            // A full or missing disk fails for every mesh.
-            Err(error @ (CliError::Io { action: "write", .. } | CliError::Service(_))) => return Err(error),
+            Err(error) if fails_for_all(&error, &arguments.output) => return Err(error),
             Err(error) => Outcome::Failed(told(&error, mesh)),
         };
         lines.tell(mesh, &outcome, began.elapsed().as_secs_f64())?;
     }
     Ok(())
+}
+
+/// Whether no other result could be written either: the disk is full or read-only, or the folder is gone.
+fn fails_for_all(error: &CliError, folder: &Path) -> bool {
+    let CliError::Io { action: "write", source, .. } = error else { return false };
+    match source.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::ReadOnlyFilesystem => true,
+        ErrorKind::NotFound => !folder.is_dir(),
+        _ => false,
+    }
 }
 
 /// The reason alone: the line begins with the name.
@@ -219,11 +253,10 @@ fn told(error: &CliError, mesh: &Path) -> String {
     whole.strip_prefix(&format!("{}: ", mesh.display())).unwrap_or(&whole).to_owned()
 }
 
-/// Runs a job on a mesh, unless its result is there and no older than the mesh.
+/// Runs a job on a mesh, unless its result is there, whole, and no older than the mesh and the settings.
 fn one(arguments: &BatchArguments, mesh: &Path, job: &JobParameters, promises: &Promises) -> Result<Outcome, CliError> {
-    let name = mesh.file_name().unwrap_or_default().to_string_lossy();
-    let path = arguments.output.join(format!("{name}.npz"));
-    if !arguments.anew && is_newer(&path, mesh) {
+    let path = arguments.output.join(result_name(mesh));
+    if !arguments.anew && arguments.is_current(&path) && is_newer(&path, mesh) && is_whole(&path, job, promises)? {
         return Ok(Outcome::There(path));
     }
     let file = OutputFile::probe(&path)?;
@@ -235,34 +268,47 @@ fn one(arguments: &BatchArguments, mesh: &Path, job: &JobParameters, promises: &
     Ok(Outcome::Made(path))
 }
 
+/// The name of the mesh with an ending; two names that are no UTF-8 stay two.
+fn result_name(mesh: &Path) -> OsString {
+    let mut name = mesh.file_name().unwrap_or_default().to_owned();
+    name.push(".npz");
+    name
+}
+
+/// Whether a file holds a result of this kind that can be read.
+fn is_whole(path: &Path, job: &JobParameters, promises: &Promises) -> Result<bool, CliError> {
+    let kind = ProductKind::of_name(job.kind());
+    let (Some(kind), Ok(found)) = (kind, fs::metadata(path)) else { return Ok(false) };
+    // The bytes and what is made of them.
+    let _promise = promises.take(found.len().saturating_mul(2))?;
+    Ok(fs::read(path).is_ok_and(|bytes| Product::read_npz(kind, &bytes).is_ok()))
+}
+
 fn is_newer(path: &Path, than: &Path) -> bool {
     let changed = |path: &Path| fs::metadata(path).and_then(|found| found.modified()).ok();
     changed(path).zip(changed(than)).is_some_and(|(made, source)| made >= source)
 }
 
-/// Results of other settings in the same folder would pass for results of these: the settings stand beside them.
-fn same_settings(arguments: &BatchArguments, settings: &Value) -> Result<(), CliError> {
-    let path = arguments.output.join("batch.json");
-    let text = format!("{settings:#}\n");
-    match fs::read_to_string(&path) {
-        Ok(before) if before == text => return Ok(()),
-        Ok(_) if !arguments.anew => {
-            let reason = format!(
-                "{} has results of other settings, which its file batch.json names; choose another folder, or pass --anew",
-                arguments.output.display()
-            );
-            return Err(CliError::Usage(reason));
-        }
-        Ok(_) => {}
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-        Err(error) => return Err(CliError::file("read", &path, error)),
-    }
-    OutputFile::probe(&path)?.write(|out| Ok(std::io::Write::write_all(out, text.as_bytes())?))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_bad_name_ends_nothing_and_a_full_disk_everything() {
+        let folder = tempfile::tempdir().unwrap();
+        let gone = folder.path().join("gone");
+        for (kind, output, expected) in [
+            (ErrorKind::StorageFull, folder.path(), true),
+            (ErrorKind::ReadOnlyFilesystem, folder.path(), true),
+            (ErrorKind::NotFound, gone.as_path(), true),
+            (ErrorKind::NotFound, folder.path(), false),
+            (ErrorKind::InvalidFilename, folder.path(), false),
+            (ErrorKind::PermissionDenied, folder.path(), false),
+        ] {
+            let error = CliError::file("write", &output.join("a.npz"), kind.into());
+            assert_eq!(fails_for_all(&error, output), expected, "{kind}");
+        }
+    }
 
     #[test]
     fn meshes_are_told_by_their_names() {

@@ -66,13 +66,19 @@ impl Lines {
         } += 1;
         let done = counts.made + counts.there + counts.failed;
         if self.json {
+            // As text: names need not be UTF-8.
+            let (mesh, output) = (mesh.to_string_lossy(), output.map(|path| path.to_string_lossy()));
             let line = json!({"mesh": mesh, "status": status, "output": output, "error": error, "seconds": seconds});
             writeln!(std::io::stdout().lock(), "{line}").map_err(CliError::stdout)?;
         } else if let Some(reason) = error {
             // Failures are told even to those who want no progress.
-            self.bar.suspend(|| eprintln!("chladni: {name}: {reason}"));
+            self.bar.suspend(|| to_stderr(&format!("chladni: {name}: {reason}")));
         } else if self.bar.is_hidden() && !self.quiet {
-            eprintln!("[{done} of {}] {name}: {status} in {}", self.all, crate::cli::seconds(seconds));
+            let how = match outcome {
+                Outcome::There(_) => "up to date".to_owned(),
+                _ => format!("{status} in {}", crate::cli::seconds(seconds)),
+            };
+            to_stderr(&format!("[{done} of {}] {name}: {how}", self.all));
         }
         self.bar.set_message(name.into_owned());
         self.bar.inc(1);
@@ -82,14 +88,24 @@ impl Lines {
     /// Ends with how it went, and gives the number of failures.
     ///
     /// # Errors
-    /// As [`tell`](Self::tell).
+    /// As [`tell`](Self::tell), but for a closed pipe: everything is done, and whether it failed is still to be told.
     pub fn finish(self, time: &str) -> Result<usize, CliError> {
         self.bar.finish_and_clear();
         let Counts { made, there, failed } = self.counts.into_inner().unwrap_or_else(PoisonError::into_inner);
         if !self.json {
             let line = format!("{made} made, {there} there already, {failed} failed in {time}");
-            writeln!(std::io::stdout().lock(), "{line}").map_err(CliError::stdout)?;
+            let written = writeln!(std::io::stdout().lock(), "{line}").map_err(CliError::stdout);
+            if let Err(error) = written
+                && !error.is_closed_pipe()
+            {
+                return Err(error);
+            }
         }
         Ok(failed)
     }
+}
+
+/// A line for whoever reads it: nobody may be there, which must not end the work.
+fn to_stderr(line: &str) {
+    let _written = writeln!(std::io::stderr().lock(), "{line}");
 }
