@@ -86,20 +86,6 @@ export async function queue(site) {
     await page.keyboard.press("Escape");
   });
 
-  await test("a job that was deleted is not asked for again and again", async () => {
-    await opened(page, "doomed", "torus", 30_000);
-    const mesh = await page.evaluate(() => window.chladni.app.mesh.id);
-    const job = await submit(mesh, 300);
-    await api(`/v1/jobs/${job.id}/cancel`, { method: "POST" });
-    await page.waitForFunction(async (id) => (await fetch(`/v1/jobs/${id}`, { method: "DELETE" })).ok, job.id);
-    // As the page would that read of it just before.
-    await page.evaluate((job) => window.chladni.app.jobs.follow(job), job);
-    await page.waitForFunction((id) => !window.chladni.app.jobs.running.some((job) => job.id === id), job.id);
-    assert.equal(await page.locator(".toast.error").count(), 0);
-    await page.evaluate(() => window.chladni.app.list());
-    await page.evaluate(() => window.chladni.app.open(window.chladni.app.meshes.find(({ name }) => name === "short").id));
-  });
-
   await test("the list breaks no rule of WCAG 2.2 AA, fits a phone, and gives the focus back", async () => {
     const button = page.getByRole("button", { name: /^Jobs/ });
     await button.press("Enter");
