@@ -19,6 +19,8 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("formats", &["basis"]),
     // Whoever judges what a solver made uses nothing of it.
     ("verify", &["operator", "basis"]),
+    // The short way from a file to eigenpairs.
+    ("facade", &["operator", "basis", "spectrum"]),
     // src
     ("config", &[]),
     ("telemetry", &["config"]),
@@ -38,7 +40,10 @@ const GUARDED: &[(&str, &[&str])] = &[
     // A product knows no mesh; geodesics need gradients, hence analysis the mesh. Files hold the numbering of the one that a product lives on.
     (
         "chladni_mesh",
-        &["operator", "spectrum", "field", "formats", "analysis", "work", "store", "queue", "http", "cli", "python"],
+        &[
+            "operator", "spectrum", "field", "formats", "analysis", "facade", "work", "store", "queue", "http", "cli",
+            "python",
+        ],
     ),
     ("chladni_spectral", &["work", "store", "queue", "http", "cli", "python"]),
     ("chladni_work", &["queue", "http", "cli", "python"]),
