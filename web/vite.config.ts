@@ -6,8 +6,8 @@ const notices: Plugin = {
   name: "notices",
   generateBundle() {
     for (const file of ["LICENSE", "NOTICE", "swagger-ui-bundle.js.LICENSE.txt"]) {
-      const fileName = `page/swagger-ui-${file.replace(/^swagger-ui-|\.txt$/g, "")}.txt`;
-      this.emitFile({ type: "asset", fileName, source: readFileSync(`node_modules/swagger-ui-dist/${file}`) });
+      const name = `swagger-ui-${file.replace(/^swagger-ui-|\.txt$/g, "").replaceAll(".", "-")}.txt`;
+      this.emitFile({ type: "asset", name, source: readFileSync(`node_modules/swagger-ui-dist/${file}`) });
     }
   },
 };
