@@ -9,6 +9,7 @@ mod guide;
 use std::error::Error;
 use std::fmt::Write;
 use std::fs;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -91,6 +92,12 @@ fn build(web: &Path, out: &Path, page: &Path) -> Result<(), Box<dyn Error>> {
     }
     let work = out.join("web");
     fs::create_dir_all(&work)?;
+    // An edit of the manual makes no other page.
+    let (made, sources) = (out.join("page.stamp"), stamp_of(web)?);
+    if fs::read_to_string(&made).is_ok_and(|before| before == sources) && page.join("index.html").is_file() {
+        return Ok(());
+    }
+    let _ = fs::remove_file(&made);
     for source in SOURCES {
         let (from, to) = (web.join(source), work.join(source));
         if to.is_dir() {
@@ -110,7 +117,24 @@ fn build(web: &Path, out: &Path, page: &Path) -> Result<(), Box<dyn Error>> {
     if !page.join("index.html").is_file() {
         return Err("Vite made no index.html".into());
     }
-    Ok(())
+    Ok(fs::write(&made, sources)?)
+}
+
+/// What tells one state of the sources from another: names and a hash of each content.
+fn stamp_of(web: &Path) -> Result<String, Box<dyn Error>> {
+    let mut files = Vec::new();
+    for source in SOURCES {
+        let path = web.join(source);
+        if path.is_dir() { list(&path, web, &mut files)? } else { files.push((source.to_owned(), path)) }
+    }
+    files.sort();
+    let mut stamp = String::new();
+    for (name, path) in files {
+        let mut hasher = DefaultHasher::new();
+        fs::read(path)?.hash(&mut hasher);
+        writeln!(stamp, "{name} {:016x}", hasher.finish())?;
+    }
+    Ok(stamp)
 }
 
 /// Runs a command to its end, or to the end of patience.

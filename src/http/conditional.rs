@@ -25,17 +25,6 @@ pub fn weak(tag: &str) -> Result<ETag, Problem> {
     format!("W/\"{tag}\"").parse().map_err(|_| Problem::internal(format!("{tag:?} cannot be an entity tag")))
 }
 
-/// The entity tag of a resource that keeps its id while people give it other names.
-///
-/// # Errors
-/// As [`strong`].
-pub fn of_named(id: &str, name: Option<&str>) -> Result<ETag, Problem> {
-    match name {
-        None => weak(id),
-        Some(name) => weak(&format!("{id}-{}", &blake3::hash(name.as_bytes()).to_hex()[..16])),
-    }
-}
-
 /// Whether `If-None-Match` names `tag` (weak comparison), so that the answer is 304.
 pub fn matches(headers: &HeaderMap, tag: &ETag) -> bool {
     headers.typed_get::<IfNoneMatch>().is_some_and(|condition| !condition.precondition_passes(tag))

@@ -352,7 +352,7 @@ fn render_operation(html: &mut String, method: &str, path: &str, operation: &Val
 
 fn render(document: &Value) -> String {
     let mut html = format!(
-        "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content=\"width=device-width\"><title>Chladni API</title>{STYLE}<h1>Chladni {}</h1>{}<p><a href=\"/docs\">To search and to try</a> · <a href=\"/docs/guide/\">manual</a> · <a href=\"/openapi.json\">OpenAPI document</a> · <a href=\"/problems\">problems</a></p>",
+        "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content=\"width=device-width\"><title>Chladni API</title>{STYLE}<h1>Chladni {}</h1>{}<p><a href=\"/docs\">Interactive reference</a> · <a href=\"/docs/guide/\">manual</a> · <a href=\"/openapi.json\">OpenAPI document</a> · <a href=\"/problems\">problems</a></p>",
         escape(text(&document["info"], "version")),
         prose(text(&document["info"], "description")),
     );

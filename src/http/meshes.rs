@@ -5,15 +5,14 @@ use std::sync::Arc;
 use axum::Json;
 use axum::body::Body;
 use axum::extract::Request;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::response::{IntoResponse, Response};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
 use bytes::Bytes;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge, SurfaceOf};
 use chladni_mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
 use chladni_mesh::solid::check_body;
 use chladni_mesh::write::{write_obj, write_ply};
-use headers::HeaderMapExt;
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -23,16 +22,14 @@ use super::client::ClientState;
 use super::content::Immutable;
 use super::extract::{self, QueryOf};
 use super::ids::MeshId;
+use super::named::{self, RenameRequest};
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
 use super::upload::{Sent, check_name};
 use super::wire::{MeshResource, PageOf};
-use super::{body, conditional, exchange};
+use super::{body, exchange};
 use crate::store::NewMesh;
-
-/// The largest body that renames a mesh.
-pub(super) const RENAME_BYTES: u64 = 16 << 10;
 
 /// The media type of positions and indices for web clients.
 const BUFFERS: &str = "application/vnd.chladni.mesh";
@@ -219,15 +216,8 @@ async fn upload(
         created = stored.created,
         "mesh stored"
     );
-    let status = if stored.created { StatusCode::CREATED } else { StatusCode::OK };
-    let tag = conditional::of_named(&record.id, record.name.as_deref())?;
-    let location = HeaderValue::from_str(&format!("/v1/meshes/{}", record.id));
-    let mut response = (status, Json(MeshResource::from(record))).into_response();
-    if let Ok(location) = location {
-        response.headers_mut().insert(header::LOCATION, location);
-    }
-    response.headers_mut().typed_insert(tag);
-    Ok(response)
+    let (address, tag) = (format!("/v1/meshes/{}", record.id), named::tag(&record.id, record.name.as_deref())?);
+    Ok(named::stored(stored.created, &address, tag, MeshResource::from(record)))
 }
 
 /// About the bytes of positions and faces when every face has been divided into four so many times.
@@ -287,20 +277,8 @@ problems!(ShowMeshProblems: [UNKNOWN_MESH]);
 )]
 async fn show(state: ClientState, MeshId(id): MeshId, headers: HeaderMap) -> Result<Response, Problem> {
     let record = state.store.mesh(&id).await?;
-    let tag = conditional::of_named(&record.id, record.name.as_deref())?;
-    let make = || Json(MeshResource::from(record)).into_response();
-    let mut response = conditional::unless_known(&headers, tag, make);
-    response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
-    Ok(response)
-}
-
-/// A new name.
-#[derive(Debug, Deserialize, utoipa::ToSchema)]
-#[serde(deny_unknown_fields)]
-#[schema(example = json!({"name": "bunny, scanned in March"}))]
-pub(super) struct RenameRequest {
-    /// A name for people, at most 200 characters; null or nothing but blanks takes it away.
-    pub name: Option<String>,
+    let tag = named::tag(&record.id, record.name.as_deref())?;
+    Ok(named::shown(&headers, tag, MeshResource::from(record)))
 }
 
 problems!(RenameMeshProblems: BODY JSON WRITE [UNKNOWN_MESH]);
@@ -324,11 +302,7 @@ async fn rename(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Json<MeshResource>, Problem> {
-    extract::require_json(&headers)?;
-    let body = body::read(&state, &headers, body, RENAME_BYTES).await?;
-    let request: RenameRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
-    let name = request.name.filter(|name| !name.trim().is_empty());
-    check_name(name.as_deref(), &problem::INVALID_REQUEST)?;
+    let name = named::new_name(&state, &headers, body).await?;
     let record = state.store.rename_mesh(&id, name.as_deref()).await?;
     tracing::info!(mesh = record.id, "mesh renamed");
     Ok(Json(MeshResource::from(record)))

@@ -10,6 +10,7 @@
 //! | `client`, `shares` | what one client may use of what all share |
 //! | `problem`, `problems`, `convert` | every error as RFC 9457, and which ones a route has |
 //! | `body`, `extract`, `ids`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, ids, negotiation, ranges |
+//! | `named` | ids that stay and names that change, of meshes and problems |
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
 //! | `numbering` | whose numbering of vertices and faces they are in |
 //! | `wire`, `pencil_wire`, `details` | what goes over the wire |
@@ -50,6 +51,7 @@ mod mesh_maps;
 mod meshes;
 mod middleware;
 mod modes;
+mod named;
 mod numbering;
 mod origin;
 mod page;

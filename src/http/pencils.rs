@@ -3,9 +3,8 @@
 use axum::Json;
 use axum::body::Body;
 use axum::extract::Request;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::response::{IntoResponse, Response};
-use headers::HeaderMapExt;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -15,7 +14,7 @@ use super::client::ClientState;
 use super::content::{Immutable, Wanted};
 use super::extract::{self, QueryOf};
 use super::ids::ProblemId;
-use super::meshes::RenameRequest;
+use super::named::{self, RenameRequest};
 use super::pencil_upload::{self, SentMatrices};
 use super::pencil_wire::ProblemResource;
 use super::problem::{self, Problem};
@@ -23,7 +22,7 @@ use super::problems::problems;
 use super::state::AppState;
 use super::upload::check_name;
 use super::wire::PageOf;
-use super::{body, conditional, exchange};
+use super::{body, exchange};
 
 /// The routes of problems.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -111,15 +110,8 @@ async fn upload(
     let stored = state.store.add_problem(new).await?;
     let record = stored.record;
     tracing::info!(problem = record.id, rows = record.rows, created = stored.created, "problem stored");
-    let status = if stored.created { StatusCode::CREATED } else { StatusCode::OK };
-    let tag = conditional::of_named(&record.id, record.name.as_deref())?;
-    let location = HeaderValue::from_str(&format!("/v1/problems/{}", record.id));
-    let mut response = (status, Json(ProblemResource::from(record))).into_response();
-    if let Ok(location) = location {
-        response.headers_mut().insert(header::LOCATION, location);
-    }
-    response.headers_mut().typed_insert(tag);
-    Ok(response)
+    let (address, tag) = (format!("/v1/problems/{}", record.id), named::tag(&record.id, record.name.as_deref())?);
+    Ok(named::stored(stored.created, &address, tag, ProblemResource::from(record)))
 }
 
 /// Which page.
@@ -176,11 +168,8 @@ problems!(ShowProblemProblems: [UNKNOWN_PROBLEM]);
 )]
 async fn show(state: ClientState, ProblemId(id): ProblemId, headers: HeaderMap) -> Result<Response, Problem> {
     let record = state.store.problem(&id).await?;
-    let tag = conditional::of_named(&record.id, record.name.as_deref())?;
-    let make = || Json(ProblemResource::from(record)).into_response();
-    let mut response = conditional::unless_known(&headers, tag, make);
-    response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
-    Ok(response)
+    let tag = named::tag(&record.id, record.name.as_deref())?;
+    Ok(named::shown(&headers, tag, ProblemResource::from(record)))
 }
 
 problems!(RenameProblemProblems: BODY JSON WRITE [UNKNOWN_PROBLEM]);
@@ -204,11 +193,7 @@ async fn rename(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Json<ProblemResource>, Problem> {
-    extract::require_json(&headers)?;
-    let body = body::read(&state, &headers, body, super::meshes::RENAME_BYTES).await?;
-    let request: RenameRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
-    let name = request.name.filter(|name| !name.trim().is_empty());
-    check_name(name.as_deref(), &problem::INVALID_REQUEST)?;
+    let name = named::new_name(&state, &headers, body).await?;
     let record = state.store.rename_problem(&id, name.as_deref()).await?;
     tracing::info!(problem = record.id, "problem renamed");
     Ok(Json(ProblemResource::from(record)))

@@ -1423,7 +1423,7 @@ export interface components {
          *       },
          *       "precision": "f32",
          *       "rows": 2930,
-         *       "solver_version": "0.1.0+3",
+         *       "solver_version": "0.1.0+4",
          *       "stage_seconds": [
          *         {
          *           "seconds": 0.001,
@@ -3375,7 +3375,7 @@ export interface components {
          *       "problem": null,
          *       "progress": 0.4,
          *       "revision": 7,
-         *       "solver_version": "0.1.0+3",
+         *       "solver_version": "0.1.0+4",
          *       "stage": "basis",
          *       "stage_seconds": [
          *         {

@@ -13,7 +13,9 @@ use crate::basis::Basis;
 use crate::operator::{OperatorError, OperatorParameters, assemble};
 use crate::spectrum::heat::HeatParameters;
 use crate::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Wanted};
-use crate::spectrum::{ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Space, approximate};
+use crate::spectrum::{
+    ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Space, approximate, dimension_for,
+};
 
 /// A surface that was read and checked, and is ready to be solved on.
 ///
@@ -170,7 +172,7 @@ impl<'a> Eigen<'a> {
         let operator = assemble(surface, &self.operator, self.monitor)?;
         let parameters = ApproximationParameters {
             count: self.count,
-            dimension: (2 * self.count).max(self.count + LEAST_EXTRA),
+            dimension: dimension_for(self.count, 2),
             space: Space::Heat(HeatParameters::default()),
             goal: Some(Goal { error: goal, rounds: MOST_ROUNDS }),
             certify: false,
@@ -179,9 +181,6 @@ impl<'a> Eigen<'a> {
         Ok(approximate(surface, &operator, &parameters, self.monitor)?)
     }
 }
-
-/// A space of fewer columns than the pairs and this is too coarse for the lowest of them.
-const LEAST_EXTRA: usize = 150;
 
 #[cfg(test)]
 mod tests {

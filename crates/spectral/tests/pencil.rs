@@ -252,6 +252,53 @@ fn negative_eigenvalues_bounds_and_intervals() {
 }
 
 #[test]
+fn the_nearest_to_a_shift_are_those_of_the_whole_spectrum() {
+    // The adjacency matrix of a path, of which no two eigenvalues are equal.
+    let n = 900;
+    let entries: Vec<_> = path(n).into_iter().flat_map(|(a, b)| [(a, b, 1.0), (b, a, 1.0)]).collect();
+    let adjacency = pencil(&matrix(n, &entries), &Mass::Identity);
+    let exact = sorted((1..=n).map(|k| 2.0 * (PI * k as f64 / (n + 1) as f64).cos()));
+    let around = |shift: f64, count: usize, most: usize| {
+        let wanted = Wanted::Around { shift, count, most };
+        solve(&adjacency, &Parameters { wanted, ..Parameters::default() }, &Unwatched)
+    };
+    for (shift, count) in [(-1.99, 7), (-1.2, 1), (-5.0, 2), (5.0, 3), (0.5 * (exact[20] + exact[21]) + 1e-9, 4)] {
+        let pairs = around(shift, count, n).unwrap();
+        let mut nearest: Vec<usize> = (0..n).collect();
+        nearest.sort_by(|&a, &b| (exact[a] - shift).abs().total_cmp(&(exact[b] - shift).abs()));
+        let first = *nearest[..count].iter().min().unwrap();
+        assert_eq!((pairs.values.len(), pairs.certificate.first), (count, first), "around {shift}");
+        for (k, value) in pairs.values.iter().enumerate() {
+            let error = (value - exact[first + k]).abs();
+            assert!(error <= pairs.certificate.bounds[k] + 1e-14 && error < 1e-9, "around {shift}: {error:e}");
+        }
+        assert!(pairs.certificate.around.unwrap().ties.is_empty(), "around {shift}");
+    }
+    let refused = around(-1.0, 7, 100).unwrap_err();
+    assert!(matches!(refused, PencilError::Solve(HsimError::Count { most: 100, .. })), "{refused}");
+}
+
+#[test]
+fn a_shift_on_an_eigenvalue_names_the_copies_that_it_leaves_out() {
+    // All eigenvalues of a cycle but two are double.
+    let n = 60;
+    let cycle: Vec<_> = path(n).into_iter().chain([(n - 1, 0)]).collect();
+    let pencil = pencil(&laplacian(n, &cycle), &Mass::Identity);
+    let shift = 2.0 - 2.0 * (2.0 * PI * 7.0 / n as f64).cos();
+    for (count, tied) in [(1, vec![(13, true), (14, false)]), (2, vec![])] {
+        let wanted = Wanted::Around { shift, count, most: n };
+        let pairs = solve(&pencil, &Parameters { wanted, ..Parameters::default() }, &Unwatched).unwrap();
+        assert!(pairs.values.iter().all(|value| (value - shift).abs() < 1e-12), "{:?}", pairs.values);
+        let around = pairs.certificate.around.unwrap();
+        let mut found: Vec<_> = around.ties.iter().map(|tie| (tie.index, tie.delivered)).collect();
+        // Which of the two is delivered is for rounding to say.
+        assert_eq!(found.iter().filter(|tie| tie.1).count(), usize::from(!tied.is_empty()));
+        found.iter_mut().enumerate().for_each(|(k, tie)| tie.1 = k == 0);
+        assert_eq!(found, tied, "{count} pairs");
+    }
+}
+
+#[test]
 fn fixed_rows_are_taken_out_and_zero_in_the_vectors() {
     let n = 1600;
     let stiffness = laplacian(n + 2, &path(n + 2));

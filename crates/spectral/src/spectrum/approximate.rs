@@ -51,6 +51,14 @@ pub struct ApproximationParameters {
     pub seed: u64,
 }
 
+/// A space of fewer columns than the pairs and this is too coarse for the lowest of them; more cost next to nothing.
+const LEAST_EXTRA: usize = 150;
+
+/// The dimension of a subspace for `count` pairs with so many columns for each; few pairs get more.
+pub fn dimension_for(count: usize, columns_per_pair: usize) -> usize {
+    count.saturating_mul(columns_per_pair).max(count.saturating_add(LEAST_EXTRA))
+}
+
 /// What is good enough.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Goal {

@@ -19,6 +19,8 @@ mod refine;
 mod shifted;
 pub mod vibration;
 
-pub use approximate::{ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Space, approximate, subspace};
+pub use approximate::{
+    ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Space, approximate, dimension_for, subspace,
+};
 pub use energy::MOST_FACTORED;
 pub use refine::{Refinement, approximate_refined};

@@ -10,7 +10,7 @@ use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use chladni_spectral::spectrum::{
     ApproximationError, ApproximationParameters, Goal, MOST_FACTORED, MOST_ROUNDS, Refinement, Space, approximate,
-    approximate_refined,
+    approximate_refined, dimension_for,
 };
 use serde::{Deserialize, Serialize};
 
@@ -47,9 +47,6 @@ pub enum Accuracy {
 
 /// The goals that may be asked for.
 const GOALS: (f64, f64) = (1e-4, 0.5);
-
-/// A space of fewer columns than the pairs and this is too coarse for the lowest of them; more cost next to nothing.
-const LEAST_EXTRA: usize = 150;
 
 impl Accuracy {
     /// The largest relative error that is good enough.
@@ -92,8 +89,8 @@ impl Approximate {
             return Err(value("accuracy.goal", format!("must be between {} and {}, not {goal}", GOALS.0, GOALS.1)));
         }
         let dimension = request.dimension.unwrap_or(match accuracy {
-            Accuracy::Standard | Accuracy::Goal(_) => (2 * count).max(count + LEAST_EXTRA),
-            Accuracy::Accurate => (3 * count).max(count + LEAST_EXTRA),
+            Accuracy::Standard | Accuracy::Goal(_) => dimension_for(count, 2),
+            Accuracy::Accurate => dimension_for(count, 3),
         });
         if !(count..=LARGEST_DIMENSION).contains(&dimension) {
             let reason = format!("must be between the count, {count}, and {LARGEST_DIMENSION}, not {dimension}");

@@ -97,8 +97,8 @@ const REPAIRED: usize = 1500;
 /// The most rows of all blocks together: the columns of such a repair are as long.
 const REPAIRED_IN_ALL: usize = 12_000;
 
-/// The pairs beside the kernel that a dense solve gives where an iteration from `columns` columns failed, as [`densely`]: all there are, unless many blocks have more
-/// than a dense problem. `None` where that would take too long.
+/// The pairs beside the kernel that a dense solve gives where an iteration from `columns` columns failed, as [`densely`]: all there are, or as many as the
+/// largest problem of one block that is repaired has rows. `None` where that would take too long.
 pub(super) fn instead(
     level: &Level,
     columns: usize,

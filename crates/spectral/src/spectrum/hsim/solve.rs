@@ -141,9 +141,11 @@ fn climb_and_solve(
     let sliced = parameters.variant == Variant::Sliced;
     let sigma = parameters.sigma.unwrap_or(hierarchy::SIGMA);
     let climb = |q: usize| {
-        let rows = if parameters.levels.is_none() { dense_rows(&base.stiffness, &base.mass) } else { n };
-        let mut sizes = hierarchy::sizes(rows, q, parameters.levels);
-        if q == 0 || sizes.is_empty() || !sliced || begun.is_some() {
+        let mut sizes = hierarchy::sizes(n, q, parameters.levels);
+        // Many small pieces are solved densely, however many there are.
+        let rows = || dense_rows(&base.stiffness, &base.mass);
+        let pieces = || parameters.levels.is_none() && hierarchy::sizes(rows(), q, None).is_empty();
+        if q == 0 || sizes.is_empty() || !sliced || begun.is_some() || given.is_none() && pieces() {
             return Ok(None);
         }
         if let Some(given) = given {

@@ -39,15 +39,12 @@ pub(super) fn solve(
         }
         let pairs = lowest(pencil, Wanted::Count(computed), parameters, monitor)?;
         // What lies next to the shift may have been counted on its other side: only pairs that are surely above it tell that nothing nearer comes after.
-        let above = pairs.values.iter().filter(|&&value| value >= shift).count();
-        let surely =
-            pairs.values.iter().zip(&pairs.certificate.bounds).filter(|(value, bound)| *value - *bound >= shift);
-        let missing = count.saturating_sub(surely.count());
-        let next = computed.saturating_add(missing).min(n);
-        if next == computed || above >= count && next > most {
+        let enclosed = pairs.values.iter().zip(&pairs.certificate.bounds);
+        let above = enclosed.filter(|(value, bound)| *value - *bound >= shift).count();
+        if above >= count || computed == n {
             return nearest(pairs, shift, count, &counter);
         }
-        computed = next;
+        computed = (computed + count - above).min(n);
     }
 }
 
