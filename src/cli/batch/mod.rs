@@ -76,13 +76,15 @@ pub struct BatchArguments {
 
 const EXAMPLES: &str = "\
 Examples:
-  chladni batch shapes --kind operators -n 128 -o op_cache      what DiffusionNet looks for with op_cache_dir=\"op_cache\"
+  chladni batch shapes --kind operators -o op_cache     for DiffusionNet's op_cache_dir=\"op_cache\"
   chladni batch scans --kind eigenbasis -n 200 -p method=hsim -o bases
   chladni batch plates --kind vibration_basis -p thickness=0.001 -o modes --jobs 4 --json
 
-A result appears under its name when it is whole: what was interrupted goes on when started again. Operators are named by a
-hash of positions and faces, all else by the file of the mesh. Exit codes: 0 all is there; 1 some meshes failed, each
-with a line that says why; 2 wrong usage; 3 a folder cannot be read or written.";
+A result appears under its name when it is whole: what was interrupted goes on when started again.
+Operators are named by a hash of positions and faces, all else by the file of the mesh.
+
+Exit codes: 0 all results are there; 1 some meshes failed, each with a line that says why; 2 wrong
+usage; 3 a folder cannot be read or written.";
 
 fn kind(text: &str) -> Result<String, String> {
     if text == "operators" || MESH_KINDS.contains(&text) {

@@ -62,7 +62,9 @@ impl Parts {
         }
         let inside = |x: f64| (LEAST..=1.0 / LEAST).contains(&x);
         if let Some(face) = self.scalars.iter().position(|&weight| !inside(weight)) {
-            let reason = format!("the weight of face {face} is {}, which is no positive number", self.scalars[face]);
+            let weight = self.scalars[face];
+            let reason =
+                format!("the weight of face {face} must lie between {LEAST:e} and {:e}, not be {weight}", 1.0 / LEAST);
             return refused(SCALARS, reason);
         }
         let (tensors, rest) = self.tensors.as_chunks::<3>();
