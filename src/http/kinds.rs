@@ -80,7 +80,8 @@ impl Kind {
         let text = |member: &str| of["properties"][member]["description"].clone();
         match self.is_of_problem() {
             true => json!({
-                "mesh": { "type": "null", "description": text("mesh") },
+                // Always null, and yet not of the type `null` alone: openapi-fetch takes members that are never anything else out of its answers.
+                "mesh": { "type": ["string", "null"], "description": text("mesh") },
                 "pencil": { "type": "string", "description": text("pencil") },
             }),
             false => json!({ "mesh": { "type": "string", "description": text("mesh") } }),
@@ -127,7 +128,7 @@ pub fn split(document: &mut Value) {
         let member = |name: &str, of: Option<&str>, always: bool| {
             let text = texts[name]["description"].as_str().unwrap_or_default();
             match of {
-                None => json!({ "type": "null", "description": text }),
+                None => json!({ "type": ["object", "null"], "description": text }),
                 Some(of) if always => described(reference(of), text),
                 Some(of) => json!({ "oneOf": [reference(of), { "type": "null" }], "description": text }),
             }

@@ -2533,7 +2533,7 @@ export interface components {
              * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
              *     Null where nothing is.
              */
-            certificate: null;
+            certificate: Record<string, never> | null;
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
              *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of any kind, where a graphics card took part in it or
@@ -2546,7 +2546,7 @@ export interface components {
              * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh, how many
              *     vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
              */
-            operator: null;
+            operator: Record<string, never> | null;
         } & {
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -3851,7 +3851,7 @@ export interface components {
              * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
              *     Null where nothing is.
              */
-            certificate: null;
+            certificate: Record<string, never> | null;
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
              *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of any kind, where a graphics card took part in it or
@@ -4113,7 +4113,7 @@ export interface components {
              * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh, how many
              *     vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
              */
-            operator: null;
+            operator: Record<string, never> | null;
         } & {
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -4129,7 +4129,7 @@ export interface components {
              */
             kind: "pencil_basis";
             /** @description The mesh it lives on; null where it is of a problem. */
-            mesh: null;
+            mesh: string | null;
             parameters: components["schemas"]["PencilBasisParametersShown"];
             /** @description The problem it is of, of the kind `pencil_basis` alone. */
             pencil: string;
@@ -4180,7 +4180,7 @@ export interface components {
              */
             kind: "pencil_basis";
             /** @description The mesh it works on; null where it works on a problem. */
-            mesh: null;
+            mesh: string | null;
             parameters: components["schemas"]["PencilBasisParametersShown"];
             /** @description The problem it works on, of the kind `pencil_basis` alone. */
             pencil: string;
