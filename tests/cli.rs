@@ -428,6 +428,60 @@ fn serve_tells_its_address_and_ends_on_sigterm() {
 }
 
 #[test]
+fn verify_judges_modes_eigenfields_and_pairs_of_matrices() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = torus(folder.path());
+    let (mesh, path) = (mesh.to_str().unwrap(), |name: &str| folder.path().join(name).to_str().unwrap().to_owned());
+    let confirmed = |arguments: &[&str]| {
+        let verified = chladni(&[&["verify"], arguments, &["--json"]].concat());
+        let line: Value =
+            serde_json::from_slice(&verified.stdout).unwrap_or_else(|_| panic!("{arguments:?}: {}", stderr(&verified)));
+        assert_eq!((code(&verified), &line["verdict"]), (0, &"confirmed".into()), "{}", line["findings"]);
+        assert!(line["proven_complete"].as_u64().is_some_and(|proven| proven > 3), "{line}");
+        line
+    };
+    let (modes, fields, pairs) = (path("modes.npz"), path("fields.npz"), path("pairs.npz"));
+    let made = chladni(&[
+        "run",
+        "vibration_basis",
+        mesh,
+        "-p",
+        "thickness=0.02",
+        "-p",
+        "count=20",
+        "-p",
+        "clamped=[0,5]",
+        "-q",
+        "-o",
+        &modes,
+    ]);
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    assert_eq!(confirmed(&[&modes, mesh])["boundary"], "clamped");
+    let made = chladni(&["solve", mesh, "-n", "20", "--operator", "hodge", "--method", "hsim", "-q", "-o", &fields]);
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    assert_eq!(confirmed(&[&fields, mesh])["operator"], "hodge");
+
+    // A path of 60 vertices, one held.
+    let n = 60;
+    let entries: String =
+        (1..=n).map(|k| format!("{k} {k} 2\n")).chain((2..=n).map(|k| format!("{k} {} -1\n", k - 1))).collect();
+    let text = format!("%%MatrixMarket matrix coordinate real symmetric\n{n} {n} {}\n{entries}", 2 * n - 1);
+    let (s, mass, held) = (path("s.mtx"), path("m.mtx"), path("held.txt"));
+    std::fs::write(&s, text).unwrap();
+    std::fs::write(&mass, format!("%%MatrixMarket matrix array real general\n{n} 1\n{}", "0.5\n".repeat(n))).unwrap();
+    std::fs::write(&held, "17").unwrap();
+    let made = chladni(&["eigsh", &s, &mass, "--fixed", &held, "-n", "8", "-q", "-o", &pairs]);
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    let line = confirmed(&[&pairs, &s, "--mass", &mass, "--fixed", &held]);
+    assert_eq!((&line["operator"], &line["boundary"]), (&"pencil".into(), &"dirichlet".into()));
+    // Another mass is another problem; and what does not belong is named.
+    assert_eq!(code(&chladni(&["verify", &pairs, &s, "--fixed", &held])), 1);
+    let refused = chladni(&["verify", &modes, mesh, "--mass", &mass]);
+    assert_eq!(code(&refused), 2, "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("--mass is for pairs of matrices"), "{}", stderr(&refused));
+}
+
+#[test]
 fn eigsh_solves_matrices_of_others_and_names_what_does_not_fit() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();

@@ -178,13 +178,7 @@ impl EigshArguments {
 
     fn pencil(&self, monitor: &dyn Monitor) -> Result<Pencil, CliError> {
         let stiffness = matrix(&self.stiffness)?.into_matrix();
-        let mass = match &self.mass {
-            None => Mass::Identity,
-            Some(path) => match matrix(path)? {
-                MatrixFile::Sparse(mass) => Mass::Sparse(mass),
-                MatrixFile::Vector(diagonal) => Mass::Diagonal(diagonal),
-            },
-        };
+        let mass = mass(self.mass.as_deref())?;
         let fixed = self.fixed.as_deref().map(rows).transpose()?.unwrap_or_default();
         Pencil::new(stiffness, mass, &fixed, monitor).map_err(|error| {
             let of_mass = matches!(
@@ -210,13 +204,23 @@ fn around_of(first: usize, around: &Around) -> String {
     text
 }
 
-fn matrix(path: &Path) -> Result<MatrixFile, CliError> {
+/// A matrix, or the diagonal of one.
+pub(super) fn matrix(path: &Path) -> Result<MatrixFile, CliError> {
     let (bytes, _) = read_bytes(path)?;
     MatrixFile::read(&bytes, &MatrixLimits::default()).map_err(|error| CliError::mesh(path, error))
 }
 
+/// The mass of a file; the identity where there is none.
+pub(super) fn mass(path: Option<&Path>) -> Result<Mass, CliError> {
+    Ok(match path.map(matrix).transpose()? {
+        None => Mass::Identity,
+        Some(MatrixFile::Sparse(mass)) => Mass::Sparse(mass),
+        Some(MatrixFile::Vector(diagonal)) => Mass::Diagonal(diagonal),
+    })
+}
+
 /// Whole numbers with white space between them.
-fn rows(path: &Path) -> Result<Vec<u32>, CliError> {
+pub(super) fn rows(path: &Path) -> Result<Vec<u32>, CliError> {
     let text = std::fs::read_to_string(path).map_err(|error| CliError::file("read", path, error))?;
     let number = |word: &str| word.parse().map_err(|_| CliError::mesh(path, format!("\"{word}\" is no row")));
     text.split_whitespace().map(number).collect()

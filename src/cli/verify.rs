@@ -1,15 +1,21 @@
-//! `verify`: a basis judged again, from its mesh alone.
+//! `verify`: a basis judged again, from its mesh or its matrices alone.
 
 use chladni_mesh::check::RepairKind;
 use chladni_mesh::numbering::{Extension, Translation};
-use chladni_spectral::basis::Basis;
+use chladni_mesh::solid::CheckedBody;
+use chladni_spectral::basis::modal::ModalBasis;
+use chladni_spectral::basis::{Basis, PENCIL};
 use chladni_spectral::formats::npz;
+use chladni_spectral::spectrum::pencil::Matrices;
 use chladni_spectral::verify::Verification;
 use chladni_work::numbered::translate_parameters;
 use chladni_work::packed::Packed;
-use chladni_work::verification::{JudgeError, judge, problem_of, receipt};
-use chladni_work::{EigenbasisParameters, MeshSize};
+use chladni_work::verification::{
+    JudgeError, judge, judge_modes, judge_pencil, modes_receipt, pencil_receipt, problem_of, receipt, vibration_of,
+};
+use chladni_work::{EigenbasisParameters, MeshSize, VibrationBasisParameters, Work};
 
+use super::eigsh::{mass, matrix, rows};
 use super::{CliError, MeshInput, StageBars, Table, grouped, number, seconds};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -18,11 +24,11 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Judge an eigenbasis again, from its mesh: residuals, orthonormality, and a count of eigenvalues by another factorisation
+/// Judge eigenpairs again, from their mesh or their matrices: residuals, orthonormality, and a count of eigenvalues by another factorisation
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct VerifyArguments {
-    /// Eigenbasis, as solve --output or a server writes it
+    /// What was solved, as solve, run, eigsh or a server writes it: an eigenbasis, also of fields, vibration modes, or pairs of matrices. Of those, MESH is the matrix S
     #[arg(value_name = "BASIS.npz")]
     basis: PathBuf,
 
@@ -32,6 +38,14 @@ pub struct VerifyArguments {
     /// Operator, where the basis does not say: as for solve
     #[arg(long, value_name = "OPERATOR", help_heading = "Problem")]
     operator: Option<String>,
+
+    /// The mass, of pairs of matrices that had one: as for eigsh
+    #[arg(long, value_name = "M", help_heading = "Problem")]
+    mass: Option<PathBuf>,
+
+    /// What is held, where the basis does not list it: rows of matrices, or clamped vertices of a vibration, by their numbers from 0; a file of whole numbers
+    #[arg(long, value_name = "FILE", help_heading = "Problem")]
+    fixed: Option<PathBuf>,
 
     /// Write a receipt, a JSON file: what was judged, by hashes, and what was found
     #[arg(long, value_name = "FILE", help_heading = "Output", conflicts_with = "against")]
@@ -59,11 +73,32 @@ Examples:
   chladni verify bunny.npz bunny.ply
   chladni verify bunny.npz bunny.ply --receipt bunny.receipt.json     something to cite
   chladni verify bunny.npz bunny.ply --against bunny.receipt.json     the same files, to the last bit?
+  chladni verify modes.npz bell.ply                                   modes of run vibration_basis
+  chladni verify pairs.npz S.npz --mass M.npz                         pairs of eigsh
 
 Exit codes: 0 everything is as the basis says; 1 something is not, or the files are not those of the receipt.";
 
 /// Findings that a table lists; JSON has all.
 const MOST_LISTED: usize = 20;
+
+/// What was judged, and how it came out.
+struct Judged {
+    outcome: Verification,
+    /// What is to be cited, but for the seconds.
+    receipt: Value,
+    pairs: usize,
+    /// Whether the basis claims that no eigenvalue is missing.
+    complete: bool,
+    /// Whether it is of an approximation, with enclosures by index.
+    approximate: bool,
+}
+
+/// What a file holds.
+enum Stored {
+    Eigenbasis(Basis),
+    Pencil(Basis),
+    Modes(ModalBasis),
+}
 
 /// Runs `chladni verify`.
 pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
@@ -74,56 +109,175 @@ pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
     let bars = StageBars::new(arguments.json || arguments.quiet);
     let began = Instant::now();
     bars.begin("read");
-    let read = |path: &Path| std::fs::read(path).map_err(|error| CliError::file("read", path, error));
-    let bytes = read(&arguments.basis)?;
-    let hashes = json!({
-        "basis": blake3::hash(&bytes).to_hex().as_str(),
-        "mesh": blake3::hash(&read(&arguments.input.mesh)?).to_hex().as_str(),
-    });
-    if let Some(path) = &arguments.against {
-        let text = read(path)?;
-        let receipt: Value = serde_json::from_slice(&text)
-            .map_err(|error| CliError::Usage(format!("{}: this is no receipt: {error}", path.display())))?;
-        for file in ["basis", "mesh"] {
-            let claimed = &receipt["hashes"][file];
-            if file == "mesh" && is_id(claimed) {
-                eprintln!("{}: it names the mesh by its id on a server; the file is not compared", path.display());
-            } else if *claimed != hashes[file] {
-                return Err(CliError::Refused(format!("the {file} is not the one of {}", path.display())));
-            }
-        }
-    }
-    let unreadable = |error: String| CliError::Refused(format!("{}: {error}", arguments.basis.display()));
-    pool.install(|| npz::check_sums(&bytes)).map_err(|error| unreadable(error.to_string()))?;
-    let basis = npz::read(&bytes).map_err(|error| unreadable(error.to_string()))?;
-    drop(bytes);
-    let mut parameters = parameters(&basis, arguments.operator.as_deref())?;
-    let body = pool.install(|| arguments.input.load_body())?;
-    let (checked, solid) = (body.surface, body.solid);
-    let turned = checked.report.repaired(RepairKind::FlippedFaces);
-    let file = Translation::of_file(Arc::new(checked.numbering), Extension::None).turning(turned);
-    let mesh = checked.mesh;
-    if arguments.operator.is_some() {
-        // A potential that is given here is given as the file numbers its vertices.
-        let mut own = Packed::from(&parameters.canonical());
-        translate_parameters(&mut own, &file, MeshSize::from(&mesh))?;
-        parameters = EigenbasisParameters::read(&own)?;
-    }
-    let outcome = pool.install(|| {
-        judge(&basis, &mesh, solid.as_ref(), &parameters, &bars).map_err(|error| match error {
-            JudgeError::Operator(error) => CliError::from(error),
-            other => unreadable(other.to_string()),
-        })
-    })?;
+    let mut judged = pool.install(|| arguments.judge(&bars))?;
     let total = began.elapsed().as_secs_f64();
     bars.finish();
-    let receipt = receipt(&basis, &parameters, &outcome, (&hashes, "BLAKE3 of the files"), total);
+    judged.receipt["seconds"] = json!(total);
+    let receipt = &judged.receipt;
     if let Some(path) = &arguments.receipt {
         std::fs::write(path, format!("{receipt:#}\n")).map_err(|error| CliError::file("write", path, error))?;
     }
-    let text = if arguments.json { format!("{receipt}\n") } else { page(&basis, &outcome, total) };
+    let text = if arguments.json { format!("{receipt}\n") } else { page(&judged, total) };
     std::io::stdout().write_all(text.as_bytes()).map_err(CliError::stdout)?;
-    Ok(if outcome.findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(if judged.outcome.findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+impl VerifyArguments {
+    fn judge(&self, bars: &StageBars) -> Result<Judged, CliError> {
+        let bytes = read(&self.basis)?;
+        let stored = self.stored(&bytes)?;
+        let is_pencil = matches!(stored, Stored::Pencil(_));
+        self.refuse_misfits(&stored)?;
+        let other = if is_pencil { "stiffness" } else { "mesh" };
+        let mut hashes = json!({ "basis": hash(&bytes), other: hash(&read(&self.input.mesh)?) });
+        if let Some(path) = &self.mass {
+            hashes["mass"] = json!(hash(&read(path)?));
+        }
+        drop(bytes);
+        if let Some(path) = &self.against {
+            compare(path, &hashes)?;
+        }
+        let hashes = (&hashes, "BLAKE3 of the files");
+        match stored {
+            Stored::Eigenbasis(basis) => self.judge_eigenbasis(&basis, hashes, bars),
+            Stored::Pencil(basis) => self.judge_pencil(&basis, hashes, bars),
+            Stored::Modes(modes) => self.judge_modes(&modes, hashes, bars),
+        }
+    }
+
+    fn unreadable(&self, error: impl std::fmt::Display) -> CliError {
+        CliError::Refused(format!("{}: {error}", self.basis.display()))
+    }
+
+    fn unjudged(&self, error: JudgeError) -> CliError {
+        match error {
+            JudgeError::Operator(error) => CliError::from(error),
+            other => self.unreadable(other),
+        }
+    }
+
+    fn stored(&self, bytes: &[u8]) -> Result<Stored, CliError> {
+        npz::check_sums(bytes).map_err(|error| self.unreadable(error))?;
+        let basis = match npz::read(bytes) {
+            Ok(basis) => basis,
+            // Modes have members of their own; of what is neither, the first message tells more.
+            Err(error) => {
+                return npz::read_modes(bytes).map(Stored::Modes).map_err(|_| self.unreadable(error));
+            }
+        };
+        Ok(if basis.metadata["kind"] == PENCIL { Stored::Pencil(basis) } else { Stored::Eigenbasis(basis) })
+    }
+
+    /// Options that say nothing about what is there.
+    fn refuse_misfits(&self, stored: &Stored) -> Result<(), CliError> {
+        let (is_eigenbasis, is_pencil) = (matches!(stored, Stored::Eigenbasis(_)), matches!(stored, Stored::Pencil(_)));
+        for (given, option, fits, of) in [
+            (self.operator.is_some(), "--operator", is_eigenbasis, "an eigenbasis"),
+            (self.mass.is_some(), "--mass", is_pencil, "pairs of matrices"),
+            (self.fixed.is_some(), "--fixed", !is_eigenbasis, "pairs of matrices and vibration modes"),
+        ] {
+            if given && !fits {
+                let what = match stored {
+                    Stored::Eigenbasis(_) => "an eigenbasis of a mesh",
+                    Stored::Pencil(_) => "pairs of matrices",
+                    Stored::Modes(_) => "vibration modes",
+                };
+                let reason = format!("{option} is for {of}; {} holds {what}", self.basis.display());
+                return Err(CliError::Usage(reason));
+            }
+        }
+        Ok(())
+    }
+
+    fn judge_eigenbasis(&self, basis: &Basis, hashes: (&Value, &str), bars: &StageBars) -> Result<Judged, CliError> {
+        let mut parameters = parameters(basis, self.operator.as_deref())?;
+        let CheckedBody { surface, solid } = self.input.load_body()?;
+        let turned = surface.report.repaired(RepairKind::FlippedFaces);
+        let file = Translation::of_file(Arc::new(surface.numbering), Extension::None).turning(turned);
+        if self.operator.is_some() {
+            // A potential that is given here is given as the file numbers its vertices.
+            let mut own = Packed::from(&parameters.canonical());
+            translate_parameters(&mut own, &file, MeshSize::from(&surface.mesh))?;
+            parameters = EigenbasisParameters::read(&own)?;
+        }
+        let outcome = judge(basis, &surface.mesh, solid.as_ref(), &parameters, bars);
+        let outcome = outcome.map_err(|error| self.unjudged(error))?;
+        Ok(Judged {
+            receipt: receipt(basis, &parameters, &outcome, hashes, 0.0),
+            outcome,
+            pairs: basis.count(),
+            complete: basis.certificate.complete == Some(true),
+            approximate: basis.certificate.accuracy.is_some(),
+        })
+    }
+
+    fn judge_pencil(&self, basis: &Basis, hashes: (&Value, &str), bars: &StageBars) -> Result<Judged, CliError> {
+        let stiffness = matrix(&self.input.mesh)?.into_matrix();
+        let matrices = Matrices::new(stiffness, mass(self.mass.as_deref())?)
+            .map_err(|error| CliError::mesh(&self.input.mesh, error))?;
+        let listed = serde_json::from_value(basis.metadata["parameters"]["fixed"].clone()).unwrap_or_default();
+        let fixed: Vec<u32> = self.fixed.as_deref().map_or(Ok(listed), rows)?;
+        let outcome = judge_pencil(basis, &matrices, &fixed, bars).map_err(|error| self.unjudged(error))?;
+        Ok(Judged {
+            receipt: pencil_receipt(basis, &matrices, !fixed.is_empty(), &outcome, hashes, 0.0),
+            outcome,
+            pairs: basis.count(),
+            complete: basis.certificate.complete == Some(true),
+            approximate: false,
+        })
+    }
+
+    fn judge_modes(&self, modes: &ModalBasis, hashes: (&Value, &str), bars: &StageBars) -> Result<Judged, CliError> {
+        let clamped = self.fixed.as_deref().map(rows).transpose()?;
+        let mut parameters = vibration_of(modes, clamped)
+            .map_err(|error| CliError::Usage(format!("{error}; list the clamped vertices with --fixed")))?;
+        let CheckedBody { surface, solid } = self.input.load_body()?;
+        if self.fixed.is_some() {
+            let mut size = MeshSize::from(&surface.mesh);
+            if let Some(solid) = &solid {
+                (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
+            }
+            let turned = surface.report.repaired(RepairKind::FlippedFaces);
+            let file = Translation::of_file(Arc::new(surface.numbering), Extension::None).turning(turned);
+            let mut own = Packed::from(&parameters.canonical());
+            translate_parameters(&mut own, &file, size)?;
+            parameters = VibrationBasisParameters::read(&own)?;
+        }
+        let outcome = judge_modes(modes, &surface.mesh, solid.as_ref(), &parameters, bars);
+        let outcome = outcome.map_err(|error| self.unjudged(error))?;
+        Ok(Judged {
+            receipt: modes_receipt(modes, &parameters, &outcome, hashes, 0.0),
+            outcome,
+            pairs: modes.count(),
+            complete: modes.metadata["certificate"]["complete"] == json!(true),
+            approximate: false,
+        })
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, CliError> {
+    std::fs::read(path).map_err(|error| CliError::file("read", path, error))
+}
+
+fn hash(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
+}
+
+/// Refuses files that are not those of the receipt.
+fn compare(path: &Path, hashes: &Value) -> Result<(), CliError> {
+    let receipt: Value = serde_json::from_slice(&read(path)?)
+        .map_err(|error| CliError::Usage(format!("{}: this is no receipt: {error}", path.display())))?;
+    for (file, found) in hashes.as_object().into_iter().flatten() {
+        let claimed = &receipt["hashes"][file];
+        let id = if file == "stiffness" { &receipt["hashes"]["problem"] } else { claimed };
+        if file != "basis" && is_id(id) {
+            let what = if file == "mesh" { "mesh" } else { "problem" };
+            eprintln!("{}: it names the {what} by its id on a server; the file is not compared", path.display());
+        } else if claimed != found {
+            return Err(CliError::Refused(format!("the {file} is not the one of {}", path.display())));
+        }
+    }
+    Ok(())
 }
 
 /// Whether a receipt names its mesh as a server does: by the id, 32 hexadecimal digits, which is no hash of a file.
@@ -145,22 +299,23 @@ fn parameters(basis: &Basis, operator: Option<&str>) -> Result<EigenbasisParamet
 }
 
 /// The same for people.
-fn page(basis: &Basis, outcome: &Verification, total: f64) -> String {
+fn page(judged: &Judged, total: f64) -> String {
+    let Judged { outcome, pairs, .. } = judged;
     // Nothing is measured where sizes do not fit.
     let measured = |value: f64| if outcome.residuals.is_empty() { "–".to_owned() } else { number(value) };
     let largest = |values: &[f64]| values.iter().fold(0.0, |most: f64, value| most.max(*value));
     let mut table = Table::new(&["verified", ""]);
     let complete = match outcome.proven {
-        Some(proven) if proven == basis.count() => "yes, none is missing".to_owned(),
+        Some(proven) if proven == *pairs => "yes, none is missing".to_owned(),
         Some(proven) => format!("the lowest {} are, the rest is one cluster", grouped(proven)),
-        None if basis.certificate.complete == Some(true) && basis.certificate.accuracy.is_some() => {
+        None if judged.complete && judged.approximate => {
             "the count is confirmed; bounds of approximate pairs are not derived again".to_owned()
         }
-        None if basis.certificate.complete == Some(true) => "not confirmed".to_owned(),
+        None if judged.complete => "not confirmed".to_owned(),
         None => "the basis does not claim it".to_owned(),
     };
     for (name, value) in [
-        ("pairs", grouped(basis.count())),
+        ("pairs", grouped(*pairs)),
         ("complete", complete),
         ("largest residual", measured(largest(&outcome.residuals))),
         ("orthonormality defect", measured(outcome.orthonormality_defect)),

@@ -6,16 +6,17 @@ use axum::http::HeaderMap;
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::verify::VerifyError;
 use chladni_work::verification::{
-    JudgeError, Promised, judge, judge_pencil, judging_bytes, pencil_receipt, problem_of, receipt,
+    JudgeError, Promised, judge, judge_modes, judge_pencil, judging_bytes, modes_receipt, pencil_receipt, problem_of,
+    receipt, vibration_of,
 };
-use chladni_work::{JobError, JobParameters, ProblemSize};
+use chladni_work::{JobError, JobParameters, MeshSize, ParameterError, ProblemSize};
 use serde_json::json;
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use uuid::Uuid;
 
-use super::bases::{find_kind, on_vertices};
+use super::bases::find_kind;
 use super::body;
 use super::client::ClientState;
 use super::exchange::Answer;
@@ -24,6 +25,7 @@ use super::ids::BasisId;
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
+use crate::store::{BasisRecord, StoreError};
 
 /// The route of verification.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -52,11 +54,11 @@ struct ReceiptSchema {
     hash: String,
     /// Program and version.
     verified_by: String,
-    /// The operator that was assembled anew; `pencil` where the matrices came as they are.
+    /// The operator that was assembled anew; `{"elastic": …}` of vibration modes, `pencil` where the matrices came as they are.
     operator: serde_json::Value,
-    /// Its mass matrix; of a problem `identity`, `diagonal` or `sparse`.
+    /// Its mass matrix; `lumped` of vibration modes, of a problem `identity`, `diagonal` or `sparse`.
     mass: String,
-    /// Its boundary condition; of a problem `dirichlet` where rows are fixed, else `none`.
+    /// Its boundary condition; of vibration modes `free` or `clamped`, of a problem `dirichlet` where rows are fixed, else `none`.
     boundary: String,
     /// The parameters of the job that made the basis.
     solved_with: serde_json::Value,
@@ -115,9 +117,10 @@ problems!(VerifyBasisProblems: SOLVE [BODY_TOO_LARGE, INVALID_ANALYSIS]);
 
 /// Judges a basis again
 ///
-/// Nothing of a solver takes part: the operator is assembled anew, or the matrices of the problem are read again, residuals and inner products are summed from the functions as they are stored, and where the
-/// basis claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as `chladni verify --receipt` writes it.
-/// Bases of eigenfields, and of operators whose potential, weights or fixed vertices came with the job, cannot be judged here.
+/// Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem are read again, residuals and inner products are summed from
+/// the functions as they are stored, and where the basis claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as
+/// `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts are squared angular frequencies, in 1/time².
+/// Bases of fields for design and families of operators have no certificate, and nothing to be judged.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/verification", tag = "bases", operation_id = "verifyBasis",
     params(BasisId),
@@ -129,18 +132,38 @@ problems!(VerifyBasisProblems: SOLVE [BODY_TOO_LARGE, INVALID_ANALYSIS]);
 )]
 async fn verify_basis(state: ClientState, BasisId(id): BasisId, headers: HeaderMap) -> Result<Answer, Problem> {
     extract::negotiated(&headers, &["application/json"])?;
-    if state.store.basis(id).await?.kind == ProductKind::PencilBasis.name() {
-        return verify_pencil(state, id).await;
+    match ProductKind::of_name(&state.store.basis(id).await?.kind) {
+        Some(ProductKind::PencilBasis) => verify_pencil(state, id).await,
+        Some(ProductKind::VibrationBasis) => verify_vibration(state, id).await,
+        _ => verify_eigenbasis(state, id).await,
     }
+}
+
+/// The parameters of the job that made a basis, which have what the basis abbreviates; `None` where the job was deleted.
+async fn parameters_of(state: &ClientState, record: &BasisRecord) -> Result<Option<JobParameters>, Problem> {
+    match state.store.job_parameters(record.job).await {
+        Ok(parameters) => Ok(Some(JobParameters::parse(&record.kind, &parameters)?)),
+        Err(StoreError::NotFound { .. }) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn refused(error: &ParameterError, command: &str) -> Problem {
+    Problem::new(
+        &problem::INVALID_ANALYSIS,
+        format!("This basis cannot be judged here, since its job was deleted: {error}. {command}"),
+    )
+}
+
+async fn verify_eigenbasis(state: ClientState, id: Uuid) -> Result<Answer, Problem> {
     let record = find_kind(&state, id, ProductKind::Eigenbasis).await?;
     let mut memory = state.memory();
-    let basis = on_vertices(&state, id).await?;
-    let refused = |text: String| Problem::new(&problem::INVALID_ANALYSIS, text);
-    let parameters = problem_of(&basis, None).map_err(|error| {
-        refused(format!(
-            "This basis cannot be judged here: {error}. Download it and its mesh, and use `chladni verify --operator`."
-        ))
-    })?;
+    let basis = state.store.load_basis(id).await?;
+    let parameters = match parameters_of(&state, &record).await? {
+        Some(JobParameters::Eigenbasis(parameters)) => parameters,
+        _ => problem_of(&basis, None)
+            .map_err(|error| refused(&error, "Download it and its mesh, and use `chladni verify --operator`."))?,
+    };
     let bytes = judging_bytes(basis.vertices(), basis.count(), &parameters);
     body::reserve(&mut memory, bytes)?;
     let (mesh, solid) = state.store.load_body(&record.mesh).await?;
@@ -153,6 +176,35 @@ async fn verify_basis(state: ClientState, BasisId(id): BasisId, headers: HeaderM
             let hashes = json!({"basis": record.content_hash, "mesh": record.mesh});
             let receipt = receipt(&basis, &parameters, &outcome, (&hashes, HASH), begin.elapsed().as_secs_f64());
             Answer::json(&receipt, begin)
+        })
+        .await
+}
+
+/// The same for the modes of a vibration.
+async fn verify_vibration(state: ClientState, id: Uuid) -> Result<Answer, Problem> {
+    let record = find_kind(&state, id, ProductKind::VibrationBasis).await?;
+    let mut memory = state.memory();
+    let modes = state.store.load_modes(id).await?;
+    let parameters = match parameters_of(&state, &record).await? {
+        Some(JobParameters::VibrationBasis(parameters)) => parameters,
+        _ => vibration_of(&modes, None)
+            .map_err(|error| refused(&error, "Download it and its mesh, and use `chladni verify --clamped`."))?,
+    };
+    let (mesh, solid) = state.store.load_body(&record.mesh).await?;
+    let mut size = MeshSize::from(&*mesh);
+    if let Some(solid) = &solid {
+        (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
+    }
+    let bytes = parameters.judging_bytes(size, modes.count());
+    body::reserve(&mut memory, bytes)?;
+    state
+        .solve("verify", move |monitor| {
+            let (begin, _memory) = (Instant::now(), memory);
+            let monitor = &Promised { inner: monitor, bytes };
+            let outcome = judge_modes(&modes, &mesh, solid.as_deref(), &parameters, monitor).map_err(unjudged)?;
+            let hashes = json!({"basis": record.content_hash, "mesh": record.mesh});
+            let seconds = begin.elapsed().as_secs_f64();
+            Answer::json(&modes_receipt(&modes, &parameters, &outcome, (&hashes, HASH), seconds), begin)
         })
         .await
 }
@@ -187,7 +239,14 @@ async fn verify_pencil(state: ClientState, id: Uuid) -> Result<Answer, Problem> 
             let outcome = judge_pencil(&basis, &matrices, &parameters.fixed, monitor).map_err(unjudged)?;
             let hashes = json!({"basis": record.content_hash, "problem": source.id});
             let hash = (&hashes, "BLAKE3 of the content of the basis, the id of the problem");
-            let receipt = pencil_receipt(&basis, &matrices, &parameters, &outcome, hash, begin.elapsed().as_secs_f64());
+            let receipt = pencil_receipt(
+                &basis,
+                &matrices,
+                !parameters.fixed.is_empty(),
+                &outcome,
+                hash,
+                begin.elapsed().as_secs_f64(),
+            );
             Answer::json(&receipt, begin)
         })
         .await

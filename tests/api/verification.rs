@@ -46,15 +46,39 @@ async fn a_basis_is_confirmed_with_a_receipt_of_what_was_judged() {
 }
 
 #[tokio::test]
-async fn what_cannot_be_judged_is_refused_with_the_reason() {
+async fn what_came_with_the_job_eigenfields_and_modes_are_judged_too() {
     let app = app();
     let (mesh, n) = app.sphere().await;
-    let operator = json!({"hamiltonian": {"potential": {"values": vec![1.0; n]}}});
-    let id = basis(&app, &mesh, json!({"method": "hsim", "count": 4, "operator": operator})).await;
+    let potential: Vec<f64> = (0..n).map(|vertex| (vertex % 5) as f64).collect();
+    let operator = json!({"hamiltonian": {"potential": {"values": potential}}});
+    let verification = |id: &str| app.post(&format!("/v1/bases/{id}/verification"));
+    for (kind, parameters, judged) in [
+        ("eigenbasis", json!({"method": "hsim", "count": 4, "tolerance": 1e-6, "operator": operator}), "hamiltonian"),
+        ("eigenbasis", json!({"operator": "hodge", "method": "hsim", "count": 16, "tolerance": 1e-6}), "hodge"),
+        (
+            "vibration_basis",
+            json!({"thickness": 0.05, "count": 20, "clamped": [0, 1, 2], "tolerance": 1e-6}),
+            "elastic",
+        ),
+    ] {
+        let job = json!({"kind": kind, "mesh": mesh, "parameters": parameters});
+        let job: Value = app.post("/v1/jobs").json(&job).send().await.unwrap().json().await.unwrap();
+        let id = text(&app.finished(&text(&job["id"])).await["basis"]);
+        let receipt: Value = verification(&id).send().await.unwrap().json().await.unwrap();
+        assert_eq!((&receipt["verdict"], &receipt["findings"]), (&json!("confirmed"), &json!([])), "{receipt}");
+        assert!(receipt["proven_complete"].as_u64().is_some_and(|proven| proven > 2), "{receipt}");
+        assert!(receipt["operator"].to_string().contains(judged), "{receipt}");
+    }
+}
+
+#[tokio::test]
+async fn what_cannot_be_judged_is_refused_with_the_reason() {
+    let app = app();
+    let (mesh, _) = app.sphere().await;
+    let job = json!({"kind": "field_basis", "mesh": mesh, "parameters": {"dimension": 40}});
+    let job: Value = app.post("/v1/jobs").json(&job).send().await.unwrap().json().await.unwrap();
+    let id = text(&app.finished(&text(&job["id"])).await["basis"]);
     let url = |id: &str| format!("/v1/bases/{id}/verification");
-    let refused = problem(app.post(&url(&id)).send().await.unwrap(), 422, "invalid-analysis").await;
-    assert!(text(&refused["detail"]).contains("operator"), "{refused}");
-    let fields = basis(&app, &mesh, json!({"operator": "hodge", "method": "hsim", "count": 4})).await;
-    problem(app.post(&url(&fields)).send().await.unwrap(), 409, "basis-kind").await;
+    problem(app.post(&url(&id)).send().await.unwrap(), 409, "basis-kind").await;
     problem(app.post(&url(&"0".repeat(32))).send().await.unwrap(), 404, "unknown-basis").await;
 }

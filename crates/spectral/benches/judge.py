@@ -118,8 +118,17 @@ def judge(header, matrices, values, bounds, columns, tally, say):
     if header["count"] is not None:
         least = most = header["count"]
     else:
-        least = int(np.sum(exact + slack < header["below"]))
-        most = int(np.sum(exact - slack < header["below"]))
+        # What the certificate names as lying on the bound may be on either side, if it does lie there.
+        named = {int(index): (value, within) for index, value, within in header.get("on_bounds", [])}
+        for index, (value, within) in named.items():
+            if not max(abs(exact[index] - value), abs(header["below"] - value)) <= within + slack[index]:
+                tally["false"] += 1
+                say(f"FALSE: pair {index} is said to be {value!r} ± {within:.1e}, on the bound; it is {exact[index]!r}")
+                return
+        tally["with a pair on the bound, named"] += bool(named)
+        clear = [index for index in range(n) if index not in named]
+        least = int(np.sum((exact + slack)[clear] < header["below"]))
+        most = int(np.sum((exact - slack)[clear] < header["below"])) + len(named)
     if not least <= m <= most:
         tally["false"] += 1
         say(f"FALSE: {m} pairs instead of {least} to {most}")

@@ -4,11 +4,14 @@ use chladni_algebra::MassMatrix;
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Basis;
+use chladni_spectral::basis::modal::ModalBasis;
+use chladni_spectral::field::FieldSurface;
+use chladni_spectral::operator::{OperatorError, elastic};
 use chladni_spectral::spectrum::pencil::{Mass, Matrices};
-use chladni_spectral::verify::{Finding, Verification, VerifyError, verify};
+use chladni_spectral::verify::{Verification, VerifyError, verify, verify_fields, verify_modes};
 use serde_json::{Value, json};
 
-use crate::{EigenbasisParameters, JobError, ParameterError, PencilBasisParameters};
+use crate::{EigenbasisParameters, JobError, ParameterError, VibrationBasisParameters};
 
 /// Why a basis was not judged.
 #[derive(Debug, thiserror::Error)]
@@ -28,7 +31,7 @@ pub enum JudgeError {
 /// basis, which does not carry a potential that came with the job.
 ///
 /// # Errors
-/// [`ParameterError::Value`] where no operator is named, or it has fields for eigenfunctions.
+/// [`ParameterError::Value`] where no operator is named.
 pub fn problem_of(basis: &Basis, operator: Option<Value>) -> Result<EigenbasisParameters, ParameterError> {
     let refused = |reason: &str| Err(ParameterError::Value { name: "operator", reason: reason.to_owned() });
     let mut parameters = basis.metadata["parameters"].clone();
@@ -41,13 +44,23 @@ pub fn problem_of(basis: &Basis, operator: Option<Value>) -> Result<EigenbasisPa
     if !parameters.is_object() || parameters.get("operator").is_none_or(Value::is_null) {
         return refused("this basis does not say which operator it is of");
     }
+    // Of the methods, the exact one takes every operator.
+    let mut given = serde_json::Map::from_iter([("method".to_owned(), json!("hsim"))]);
     let problem = ["operator", "mass", "boundary"].map(|name| (name.to_owned(), parameters[name].clone()));
-    let given = problem.into_iter().filter(|(_, value)| !value.is_null()).collect();
-    let parameters = EigenbasisParameters::parse(&Value::Object(given))?;
-    if parameters.is_hodge() {
-        return refused("eigenfields (operator \"hodge\") cannot be judged yet");
+    given.extend(problem.into_iter().filter(|(_, value)| !value.is_null()));
+    EigenbasisParameters::parse(&Value::Object(given))
+}
+
+/// What the modes of a vibration are said to be of: object, material and held vertices of the job that made them.
+///
+/// # Errors
+/// [`ParameterError`] where they do not say it in full, as where more vertices are held than a file lists; `clamped` takes their place.
+pub fn vibration_of(modes: &ModalBasis, clamped: Option<Vec<u32>>) -> Result<VibrationBasisParameters, ParameterError> {
+    let mut parameters = modes.metadata["parameters"].clone();
+    if let Some(clamped) = clamped.filter(|_| parameters.is_object()) {
+        parameters["clamped"] = json!(clamped);
     }
-    Ok(parameters)
+    VibrationBasisParameters::parse(&parameters)
 }
 
 /// Assembles the operator of `parameters` on the mesh, or on the solid whose surface it is, and judges the basis by it. Stages: those of the operator, then `residuals`, `orthonormality`, `count`.
@@ -61,20 +74,46 @@ pub fn judge(
     parameters: &EigenbasisParameters,
     monitor: &dyn Monitor,
 ) -> Result<Verification, JudgeError> {
+    if parameters.is_hodge() {
+        let refused = |reason: String| JobError::Operator(OperatorError::Parameter { name: "operator", reason });
+        let surface = FieldSurface::new(mesh.clone()).map_err(|error| refused(error.to_string()))?;
+        return Ok(verify_fields(basis, &surface, monitor)?);
+    }
     let operator = parameters.assemble(mesh, solid, monitor)?;
     Ok(verify(basis, &operator, monitor)?)
 }
 
-/// The memory that judging `count` functions of `vertices` numbers takes, in bytes: the functions, once more where a boundary is held, some of their products, the
+/// Assembles the object of `parameters` on the mesh, or on the solid whose surface it is, and judges the modes by it. Stages: `operator`, `residuals`, `orthonormality`, `count`.
+///
+/// # Errors
+/// [`JudgeError`]; whatever is wrong with the modes is a finding.
+pub fn judge_modes(
+    modes: &ModalBasis,
+    mesh: &TriangleMesh,
+    solid: Option<&TetMesh>,
+    parameters: &VibrationBasisParameters,
+    monitor: &dyn Monitor,
+) -> Result<Verification, JudgeError> {
+    let body = parameters.body(mesh, solid)?;
+    let elastic =
+        elastic::assemble(body, &parameters.material, &parameters.clamped, monitor).map_err(JobError::from)?;
+    Ok(verify_modes(modes, &elastic, monitor)?)
+}
+
+/// The memory that judging `count` functions of `rows` numbers takes, in bytes: the functions, once more where a boundary is held, some of their products, the
 /// operator and a factor, which fills in more in a solid.
-pub fn judging_bytes(vertices: usize, count: usize, parameters: &EigenbasisParameters) -> u64 {
-    let (n, m) = (vertices as u64, count as u64);
-    let fill = if parameters.is_of_volume() {
-        4.0 * (n as f64).powf(4.0 / 3.0)
-    } else {
-        4.7 * n as f64 * (n.max(2) as f64).log2()
+pub fn judging_bytes(rows: usize, count: usize, parameters: &EigenbasisParameters) -> u64 {
+    let n = rows as u64;
+    let planar = |per_row: f64| per_row * n as f64 * (n.max(2) as f64).log2();
+    let fill = match (parameters.is_of_volume(), parameters.is_hodge()) {
+        (true, _) => 4.0 * (n as f64).powf(4.0 / 3.0),
+        // Some twenty-six entries a row instead of seven.
+        (_, true) => planar(15.0),
+        _ => planar(4.7),
     };
-    16 * n * m + 16 * n * m.min(64) + 300 * n + 10 * fill as u64
+    // The rows of the Hodge–Laplacian and its pattern.
+    let assembly = if parameters.is_hodge() { 1200 } else { 300 };
+    16 * n * count as u64 + 16 * n * count.min(64) as u64 + assembly * n + 10 * fill as u64
 }
 
 /// Work that was promised so many bytes.
@@ -100,19 +139,60 @@ impl Monitor for Promised<'_> {
     }
 }
 
+/// What a receipt says of the pairs themselves.
+struct Pairs<'a> {
+    first: usize,
+    eigenvalues: &'a [f64],
+    bounds: &'a [f64],
+    solved_with: &'a Value,
+}
+
+impl<'a> From<&'a Basis> for Pairs<'a> {
+    fn from(basis: &'a Basis) -> Self {
+        Self {
+            first: basis.certificate.first,
+            eigenvalues: &basis.eigenvalues,
+            bounds: &basis.certificate.bounds,
+            solved_with: &basis.metadata["parameters"],
+        }
+    }
+}
+
 /// What was judged and what was found, to be cited. `hashes` name the basis and the mesh, and `hash` says what they are.
 pub fn receipt(
     basis: &Basis,
     parameters: &EigenbasisParameters,
     outcome: &Verification,
-    (hashes, hash): (&Value, &str),
+    hashes: (&Value, &str),
     seconds: f64,
 ) -> Value {
-    told(basis, parameters.canonical(), outcome, (hashes, hash), seconds)
+    told(&basis.into(), parameters.canonical(), outcome, hashes, seconds)
+}
+
+/// The same of vibration modes; eigenvalues, bounds, distances and shifts are squared angular frequencies.
+pub fn modes_receipt(
+    modes: &ModalBasis,
+    parameters: &VibrationBasisParameters,
+    outcome: &Verification,
+    hashes: (&Value, &str),
+    seconds: f64,
+) -> Value {
+    let solved_with = &modes.metadata["parameters"];
+    let pairs = Pairs { first: 0, eigenvalues: &modes.eigenvalues, bounds: &modes.bounds, solved_with };
+    let operator = json!({"elastic": {"thickness": parameters.thickness, "material": parameters.material}});
+    let boundary = if parameters.clamped.is_empty() { "free" } else { "clamped" };
+    let judged = json!({ "operator": operator, "mass": "lumped", "boundary": boundary });
+    told(&pairs, judged, outcome, hashes, seconds)
 }
 
 /// `problem` has the operator, its mass and its boundary condition.
-fn told(basis: &Basis, problem: Value, outcome: &Verification, (hashes, hash): (&Value, &str), seconds: f64) -> Value {
+fn told(
+    pairs: &Pairs<'_>,
+    problem: Value,
+    outcome: &Verification,
+    (hashes, hash): (&Value, &str),
+    seconds: f64,
+) -> Value {
     json!({
         "verdict": outcome.verdict(),
         "hashes": hashes,
@@ -121,15 +201,15 @@ fn told(basis: &Basis, problem: Value, outcome: &Verification, (hashes, hash): (
         "operator": problem["operator"],
         "mass": problem["mass"],
         "boundary": problem["boundary"],
-        "solved_with": basis.metadata["parameters"],
-        "first": basis.certificate.first,
-        "pairs": basis.count(),
+        "solved_with": pairs.solved_with,
+        "first": pairs.first,
+        "pairs": pairs.eigenvalues.len(),
         "proven_complete": outcome.proven,
         "findings": outcome.findings,
         "counts": outcome.counts,
         "orthonormality_defect": outcome.orthonormality_defect,
-        "eigenvalues": basis.eigenvalues,
-        "bounds": basis.certificate.bounds,
+        "eigenvalues": pairs.eigenvalues,
+        "bounds": pairs.bounds,
         "residuals": outcome.residuals,
         "distances": outcome.distances,
         "seconds": seconds,
@@ -156,25 +236,15 @@ pub fn judge_pencil(
     }
     let mut found = verify(&there, &operator, monitor)?;
     found.counts.iter_mut().for_each(|count| count.shift -= moved);
-    found.findings.iter_mut().for_each(|finding| move_back(finding, moved));
+    found.findings.iter_mut().for_each(|finding| finding.map_values(|value| value - moved));
     Ok(found)
 }
 
-/// Numbers of a finding in the units of the pencil.
-fn move_back(finding: &mut Finding, moved: f64) {
-    match finding {
-        Finding::Order { value, before, .. } => (*value, *before) = (*value - moved, *before - moved),
-        Finding::Quotient { value, quotient, .. } => (*value, *quotient) = (*value - moved, *quotient - moved),
-        Finding::Count { shift, .. } | Finding::Missing { shift, .. } => *shift -= moved,
-        _ => {}
-    }
-}
-
-/// The receipt of a basis of a problem.
+/// The receipt of a basis of a problem, with rows that are fixed or without.
 pub fn pencil_receipt(
     basis: &Basis,
     matrices: &Matrices,
-    parameters: &PencilBasisParameters,
+    has_fixed: bool,
     outcome: &Verification,
     (hashes, hash): (&Value, &str),
     seconds: f64,
@@ -184,16 +254,18 @@ pub fn pencil_receipt(
         Mass::Diagonal(_) => "diagonal",
         Mass::Sparse(_) => "sparse",
     };
-    let boundary = if parameters.fixed.is_empty() { "none" } else { "dirichlet" };
+    let boundary = if has_fixed { "dirichlet" } else { "none" };
     let judged = json!({ "operator": "pencil", "mass": mass, "boundary": boundary });
-    told(basis, judged, outcome, (hashes, hash), seconds)
+    told(&basis.into(), judged, outcome, (hashes, hash), seconds)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Work;
     use chladni_base::Unwatched;
     use chladni_mesh::shape::{Shape, generate};
+    use chladni_spectral::basis::{DenseFunctions, Functions, Precision, Product};
 
     #[test]
     fn a_basis_and_an_interval_are_confirmed_and_what_was_altered_is_refuted() {
@@ -229,7 +301,63 @@ mod tests {
         assert!(matches!(problem_of(&basis, None), Err(ParameterError::Value { name: "operator", .. })));
         let problem = problem_of(&basis, Some(operator)).unwrap();
         assert!(judge(&basis, &mesh, None, &problem, &Unwatched).unwrap().findings.is_empty());
-        let hodge = problem_of(&basis, Some(json!("hodge")));
-        assert!(hodge.unwrap_err().to_string().contains("hodge"));
+    }
+
+    #[test]
+    fn eigenfields_are_confirmed_and_what_was_altered_is_refuted() {
+        // A torus has two harmonic fields, a disk has none.
+        for (shape, harmonic) in [(Shape::Torus, 2), (Shape::Disk, 0)] {
+            let mesh = generate(shape, 400).unwrap();
+            let parameters =
+                json!({"operator": "hodge", "method": "hsim", "count": 24, "tolerance": 1e-6, "precision": "f64"});
+            let parameters = EigenbasisParameters::parse(&parameters).unwrap();
+            let (product, basis) = (parameters.canonical(), parameters.run(&mesh, &Unwatched).unwrap());
+            let mut basis = Basis { metadata: json!({"parameters": product}), ..basis };
+            let problem = problem_of(&basis, None).unwrap();
+            assert!(problem.is_hodge());
+            let outcome = judge(&basis, &mesh, None, &problem, &Unwatched).unwrap();
+            assert!(outcome.findings.is_empty(), "{shape}: {:?}", outcome.findings);
+            assert!(outcome.proven.is_some_and(|proven| proven + 6 >= basis.count()), "{shape}: {outcome:?}");
+            assert_eq!(basis.eigenvalues.iter().filter(|value| **value == 0.0).count(), harmonic);
+            // A field less, and nothing else altered: the count finds it missing.
+            basis.eigenvalues.remove(5);
+            basis.certificate.residuals.remove(5);
+            basis.certificate.bounds.remove(5);
+            let columns = basis.lift::<f64>(0..24).unwrap();
+            let rows = columns.len() / 24;
+            let kept = [&columns[..5 * rows], &columns[6 * rows..]].concat();
+            let kept = chladni_algebra::DenseMatrix::from_columns(rows, 23, kept).unwrap();
+            basis.functions = Functions::Dense(DenseFunctions::from_columns(&kept, Precision::F64));
+            let outcome = judge(&basis, &mesh, None, &problem, &Unwatched).unwrap();
+            assert_eq!(outcome.verdict(), "refuted", "{shape}: {:?}", outcome.findings);
+        }
+    }
+
+    #[test]
+    fn modes_are_confirmed_and_what_was_altered_is_refuted() {
+        let mesh = generate(Shape::Torus, 500).unwrap();
+        for clamped in [vec![], vec![0, 1, 2, 3, 10, 11]] {
+            let parameters = json!({"count": 30, "thickness": 0.05, "clamped": clamped, "tolerance": 1e-6});
+            let parameters = VibrationBasisParameters::parse(&parameters).unwrap();
+            let modes = match parameters.run(&mesh, &Unwatched).unwrap() {
+                Product::VibrationBasis(modes) => modes,
+                other => panic!("{:?}", other.kind()),
+            };
+            let outcome = judge_modes(&modes, &mesh, None, &parameters, &Unwatched).unwrap();
+            assert!(outcome.findings.is_empty(), "{clamped:?}: {:?}", outcome.findings);
+            assert!(outcome.proven.is_some_and(|proven| proven + 6 >= modes.count()), "{clamped:?}: {outcome:?}");
+            let told = modes_receipt(&modes, &parameters, &outcome, (&json!({}), ""), 0.0);
+            assert_eq!(told["boundary"], if clamped.is_empty() { "free" } else { "clamped" });
+            let judged = |altered: &ModalBasis| judge_modes(altered, &mesh, None, &parameters, &Unwatched).unwrap();
+            let mut altered = ModalBasis::clone(&modes);
+            altered.eigenvalues[20] *= 1.001;
+            assert_eq!(judged(&altered).verdict(), "refuted");
+            let mut altered = ModalBasis::clone(&modes);
+            altered.masses[7] *= 1.001;
+            assert_eq!(judged(&altered).verdict(), "refuted");
+            // Of another object: thicker.
+            let thicker = VibrationBasisParameters { thickness: Some(0.06), ..parameters.clone() };
+            assert_eq!(judge_modes(&modes, &mesh, None, &thicker, &Unwatched).unwrap().verdict(), "refuted");
+        }
     }
 }

@@ -182,6 +182,30 @@ impl VibrationBasisParameters {
         fill as u64
     }
 
+    /// What vibrates: the shell along the surface where there is a thickness, else the solid.
+    ///
+    /// # Errors
+    /// [`JobError::Parameters`] where there is neither.
+    pub(crate) fn body<'a>(
+        &self,
+        mesh: &'a TriangleMesh,
+        solid: Option<&'a TetMesh>,
+    ) -> Result<ElasticBody<'a>, JobError> {
+        match (self.thickness, solid) {
+            (Some(thickness), _) => Ok(ElasticBody::Shell { mesh, thickness }),
+            (None, Some(mesh)) => Ok(ElasticBody::Solid { mesh }),
+            (None, None) => Err(JobError::Parameters(value("thickness", "is missing".to_owned()))),
+        }
+    }
+
+    /// The memory that judging its modes takes, in bytes: the modes twice, operator, factor, and the assembly.
+    pub fn judging_bytes(&self, mesh: MeshSize, count: usize) -> u64 {
+        let n = self.vertices(mesh) as u64;
+        let assembly = if self.thickness.is_some() { 12_000 } else { 400 } * mesh.faces as u64;
+        let solved = n * 20 * 9 * 12 + 16 * self.fill(n) + 24 * n * (3 * count as u64 + 64);
+        n * 20 * 9 * 8 + assembly.max(solved) + (16 << 20)
+    }
+
     fn vibration(&self) -> VibrationParameters {
         let method = match self.method {
             VibrationMethodName::Approximate => VibrationMethod::Approximate {
@@ -264,12 +288,7 @@ impl Work for VibrationBasisParameters {
         solid: Option<&TetMesh>,
         monitor: &dyn Monitor,
     ) -> Result<Product, JobError> {
-        let body = match (self.thickness, solid) {
-            (Some(thickness), _) => ElasticBody::Shell { mesh, thickness },
-            (None, Some(mesh)) => ElasticBody::Solid { mesh },
-            (None, None) => return Err(JobError::Parameters(value("thickness", "is missing".to_owned()))),
-        };
-        Ok(vibration_modes(body, &self.vibration(), monitor)?.into())
+        Ok(vibration_modes(self.body(mesh, solid)?, &self.vibration(), monitor)?.into())
     }
 }
 

@@ -38,10 +38,15 @@ pub fn write(
         Err(HsimError::Floor { floor, .. }) => ("tolerance-below-rounding", None, Some(*floor)),
         Err(error) => (error.kind(), None, None),
     };
+    let on_bounds: Vec<_> = pairs
+        .iter()
+        .flat_map(|pairs| &pairs.on_bounds)
+        .map(|pair| json!([pair.index, pair.value * problem.area, pair.within * problem.area]))
+        .collect();
     let header = json!({
         "name": name, "size": problem.size(), "stiffness": problem.stiffness.entries(), "mass": mass.entries(), "count": count, "below": below,
         "tolerance": question.tolerance, "outcome": outcome, "floor": floor, "pairs": columns.len(),
-        "defect": pairs.map(|pairs| pairs.orthonormality_defect),
+        "defect": pairs.map(|pairs| pairs.orthonormality_defect), "on_bounds": on_bounds,
     });
     let mut file = std::io::BufWriter::new(std::fs::File::create(path)?);
     writeln!(file, "{header}")?;

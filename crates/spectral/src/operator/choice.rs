@@ -216,6 +216,11 @@ pub struct MeshOperator {
 }
 
 impl MeshOperator {
+    /// An operator whose unknowns are all there are.
+    pub(crate) fn whole(problem: EigenProblem) -> Self {
+        Self { problem, base: None, floor: 0.0, report: OperatorReport::default() }
+    }
+
     /// An operator on all vertices, or what is left of it without those of a boundary.
     ///
     /// # Errors
