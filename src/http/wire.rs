@@ -220,7 +220,7 @@ impl From<Status> for JobStatus {
     "priority": 0, "status": "processing", "stage": "basis", "progress": 0.4,
     "stage_seconds": [{"stage": "operator", "seconds": 0.031}, {"stage": "sampling", "seconds": 0.022}],
     "detail": null, "memory_bytes": 1283457000,
-    "attempt": 1, "max_attempts": 3, "cancel_requested": false, "basis": null, "problem": null, "solver_version": "0.1.0+4",
+    "attempt": 1, "max_attempts": 3, "cancel_requested": false, "basis": null, "problem": null, "solver_version": "0.1.0+5",
     "created_ms": 1795269600000i64, "started_ms": 1795269600012i64, "finished_ms": null, "revision": 7,
     "links": {"self": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2", "events": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2/events",
               "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "pencil": null, "basis": null}
@@ -388,7 +388,7 @@ pub struct BasisSummary {
     "parameters": {"method": "hsim", "count": 3, "operator": "auto", "mass": "barycentric", "boundary": "neumann", "tolerance": 0.01,
                    "variant": "sliced", "storage": "dense", "precision": "f32", "seed": 0},
     "vertices": 2930, "rows": 2930, "storage": "dense", "precision": "f32", "dimension": null, "count": 3, "nonzeros": null, "bytes": 62012,
-    "dense_bytes": 70344, "solver_version": "0.1.0+4", "created_ms": 1795269601000i64,
+    "dense_bytes": 70344, "solver_version": "0.1.0+5", "created_ms": 1795269601000i64,
     "stage_seconds": [{"stage": "iterate", "seconds": 0.001}],
     "eigenvalues": [0.0, 1.31, 2.08],
     "operator": {"laplacian": "cotangent", "reason": "fair_mesh", "non_manifold_edges": 0, "non_manifold_vertices": 0, "thin_faces": 0,

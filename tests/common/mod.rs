@@ -310,7 +310,7 @@ pub fn plain_basis(n: usize, parameters: Value) -> Basis {
 /// A dense basis: function `k` is 1 at vertex `k` and 0 elsewhere, on `n` vertices of mass 1.
 pub fn unit_basis(n: usize, parameters: Value) -> Basis {
     let count = parameters["count"].as_u64().unwrap() as usize;
-    let precision = Precision::from_name(parameters["precision"].as_str().unwrap()).unwrap();
+    let precision = Precision::from_name(parameters["precision"].as_str().unwrap_or("f32")).unwrap();
     let mut columns = DenseMatrix::zeros(n, count);
     (0..count).for_each(|k| columns.column_mut(k)[k] = 1.0);
     Basis {

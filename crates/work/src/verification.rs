@@ -292,6 +292,33 @@ mod tests {
     }
 
     #[test]
+    fn what_is_stored_keeps_the_tolerance_or_says_which_one() {
+        // Flat: the largest eigenvalues are so large that single precision has little left for the lowest.
+        let mut mesh = generate(Shape::Sphere, 2_000).unwrap();
+        mesh.positions.iter_mut().for_each(|p| p[2] *= 0.02);
+        let solved = |tolerance: f64, precision: Option<&str>| {
+            let mut parameters = json!({"method": "hsim", "count": 10, "tolerance": tolerance});
+            precision.into_iter().for_each(|name| parameters["precision"] = json!(name));
+            let parameters = EigenbasisParameters::parse(&parameters).unwrap();
+            // A job is run from its canonical parameters.
+            let parameters = EigenbasisParameters::parse(&parameters.canonical()).unwrap();
+            let basis = parameters.run(&mesh, &Unwatched).unwrap();
+            let outcome = judge(&basis, &mesh, None, &parameters, &Unwatched).unwrap();
+            assert!(outcome.findings.is_empty(), "{tolerance} {precision:?}: {:?}", outcome.findings);
+            let Functions::Dense(dense) = &basis.functions else { panic!("dense was asked for") };
+            let worst = basis.certificate.residuals.iter().copied().fold(0.0, f64::max);
+            let kept = basis.certificate.tolerance.unwrap();
+            assert!(worst <= kept, "{tolerance} {precision:?}: {worst}");
+            (dense.precision(), kept)
+        };
+        assert_eq!(solved(0.1, None), (Precision::F32, 0.1));
+        assert_eq!(solved(2e-4, None), (Precision::F64, 2e-4));
+        let (precision, kept) = solved(2e-4, Some("f32"));
+        assert!(precision == Precision::F32 && kept > 2e-4, "{precision:?} {kept}");
+        assert_eq!(solved(0.1, Some("f64")), (Precision::F64, 0.1));
+    }
+
+    #[test]
     fn a_basis_that_does_not_say_what_it_is_of_needs_to_be_told() {
         let mesh = generate(Shape::Sphere, 100).unwrap();
         let values = vec![1.0; mesh.positions.len()];

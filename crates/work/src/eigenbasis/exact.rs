@@ -43,7 +43,7 @@ pub enum Start {
 /// The pairs delivered where a bound is given and no number: storage has to be planned before the spectrum is known.
 pub(crate) const AT_MOST: usize = 1000;
 
-/// Pairs to a smaller tolerance than this are stored in double precision, unless another is asked for: single precision would not keep it.
+/// To a smaller tolerance than this single precision is not tried: on no mesh worth the name would it keep it.
 const SINGLE: f64 = 1e-4;
 
 /// What is solved, how well, and how it is stored.
@@ -53,8 +53,8 @@ pub struct Exact {
     pub solver: HsimParameters,
     /// How eigenfunctions are stored.
     pub storage: StorageKind,
-    /// The type of the numbers of a dense basis.
-    pub precision: Precision,
+    /// The type of the numbers of a dense basis, if one was asked for; else single where it keeps the tolerance.
+    pub precision: Option<Precision>,
 }
 
 impl Exact {
@@ -109,8 +109,7 @@ impl Exact {
             subspace_factor: request.subspace_factor,
             seed: 0,
         };
-        let precision = request.precision.unwrap_or(if tolerance < SINGLE { Precision::F64 } else { Precision::F32 });
-        Ok(Self { solver, storage, precision })
+        Ok(Self { solver, storage, precision: request.precision })
     }
 
     /// Writes every member of the method.
@@ -134,7 +133,7 @@ impl Exact {
         request.shift_ratio = (self.solver.variant == Variant::Published).then_some(self.solver.shift_ratio);
         request.subspace_factor = self.solver.subspace_factor;
         request.storage = Some(self.storage);
-        request.precision = (self.storage == StorageKind::Dense).then_some(self.precision);
+        request.precision = self.precision;
     }
 
     /// The most pairs that may be computed.
@@ -164,7 +163,7 @@ impl Exact {
         let columns = 20 * n * q + 48 * q * q;
         let space = n * 25 * 2 * 8;
         let result = match self.storage {
-            StorageKind::Dense => n * p * self.precision.bytes() as u64,
+            StorageKind::Dense => n * p * self.precision.unwrap_or_default().bytes() as u64,
             StorageKind::Compact => {
                 let d = (6 * p).min(n);
                 8 * (2 * d * d + 2 * d * p)
@@ -223,31 +222,43 @@ impl Exact {
         self.stored(pairs, operator, monitor)
     }
 
-    /// What was found as it is stored, with its residuals as they are then.
+    /// What was found as it is stored, with its residuals as they are then. Where nobody asked for single precision, it has to keep the tolerance.
     fn stored(&self, pairs: Eigenpairs, operator: &MeshOperator, monitor: &dyn Monitor) -> Result<Basis, JobError> {
-        let problem = &operator.problem;
+        let (problem, tolerance) = (&operator.problem, self.solver.tolerance);
         let mass = operator.laplacian().mass.scaled(operator.laplacian().area);
-        let stored = match (self.storage, self.precision) {
-            (StorageKind::Dense, Precision::F32) => Some(residuals_as_stored(&pairs, problem, monitor)?),
-            _ => None,
+        let single = match (self.storage, self.precision) {
+            (StorageKind::Compact, _) | (_, Some(Precision::F64)) => None,
+            (_, None) if tolerance < SINGLE => None,
+            _ => Some(residuals_as_stored(&pairs, problem, monitor)?),
         };
-        let mut basis = self.basis(pairs, mass, monitor)?;
+        let met = single.as_ref().map_or(0.0, |residuals| residuals.iter().copied().fold(0.0, f64::max));
+        let single = single.filter(|_| self.precision.is_some() || met <= tolerance);
+        let precision = if single.is_some() { Precision::F32 } else { Precision::F64 };
+        let mut basis = self.basis(pairs, mass, precision, monitor)?;
         if let Some(Interval { from, to, on_bounds }) = &basis.certificate.interval {
             basis.metadata = serde_json::json!({
                 "interval": { "from": from, "to": to, "first": basis.certificate.first, "on_bounds": on_bounds }
             });
         }
-        if let Some(residuals) = stored {
+        if let Some(residuals) = single {
             basis.certificate.residuals = residuals;
+            // Whoever asks for single precision gets it, and is told what it keeps.
+            basis.certificate.tolerance = Some(tolerance.max(met));
         }
         Ok(basis)
     }
 
     /// The basis of what the solver found. `mass` is that of all vertices in the units of the input.
-    fn basis(&self, mut pairs: Eigenpairs, mass: MassMatrix, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+    fn basis(
+        &self,
+        mut pairs: Eigenpairs,
+        mass: MassMatrix,
+        precision: Precision,
+        monitor: &dyn Monitor,
+    ) -> Result<Basis, JobError> {
         let mut certificate = pairs.take_certificate(self.solver.wanted, self.solver.tolerance)?;
         let functions = match self.storage {
-            StorageKind::Dense => Functions::Dense(DenseFunctions::from_panels(pairs.vectors, self.precision)),
+            StorageKind::Dense => Functions::Dense(DenseFunctions::from_panels(pairs.vectors, precision)),
             StorageKind::Compact => {
                 let space = pairs.space.or_else(|| all_functions(mass.size())).ok_or_else(|| {
                     HsimError::Numerical("the hierarchy has no space to store the eigenfunctions in".to_owned())

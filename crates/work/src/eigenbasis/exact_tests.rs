@@ -58,8 +58,8 @@ fn solved(mass: MassKind, count: usize) -> (Eigenpairs, MassMatrix) {
     (pairs, problem.mass.scaled(problem.area))
 }
 
-fn exact(storage: StorageKind, precision: Precision) -> Exact {
-    Exact { solver: HsimParameters::default(), storage, precision }
+fn exact(storage: StorageKind) -> Exact {
+    Exact { solver: HsimParameters::default(), storage, precision: None }
 }
 
 fn defect(basis: &Basis) -> f64 {
@@ -73,7 +73,7 @@ fn pairs_are_stored_as_columns_of_the_precision_asked_for() {
     for (precision, tolerance) in [(Precision::F32, 1e-6), (Precision::F64, 1e-12)] {
         let (pairs, mass) = solved(MassKind::Barycentric, 40);
         let (values, vectors) = (pairs.values.clone(), pairs.vectors.clone());
-        let basis = exact(StorageKind::Dense, precision).basis(pairs, mass, &Unwatched).unwrap();
+        let basis = exact(StorageKind::Dense).basis(pairs, mass, precision, &Unwatched).unwrap();
         assert_eq!((&basis.eigenvalues, basis.certificate.complete), (&values, Some(true)));
         let column: Vec<f64> = basis.lift(35..36).unwrap();
         let close = |(a, b): (&f64, &f64)| (a - b).abs() < tolerance;
@@ -88,7 +88,7 @@ fn a_compact_basis_is_orthonormal_and_tells_how_far_it_is() {
     for kind in [MassKind::Barycentric, MassKind::Consistent] {
         let (pairs, mass) = solved(kind, 40);
         let (values, vectors) = (pairs.values.clone(), pairs.vectors.clone());
-        let basis = exact(StorageKind::Compact, Precision::F32).basis(pairs, mass.clone(), &Unwatched).unwrap();
+        let basis = exact(StorageKind::Compact).basis(pairs, mass.clone(), Precision::F64, &Unwatched).unwrap();
         assert_eq!(basis.eigenvalues, values);
         assert!(basis.certificate.orthonormality_defect < 1e-10 && defect(&basis) < 1e-10);
         let errors = &basis.certificate.projection_errors;
@@ -113,7 +113,7 @@ fn the_best_functions_of_the_space_are_taken() {
     let identity = SparseMatrix::new(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0f32; n]).unwrap();
     pairs.space = Some(identity);
     let vectors = pairs.vectors.clone();
-    let basis = exact(StorageKind::Compact, Precision::F32).basis(pairs, mass, &Unwatched).unwrap();
+    let basis = exact(StorageKind::Compact).basis(pairs, mass, Precision::F64, &Unwatched).unwrap();
     assert!(basis.certificate.largest_projection_error < Some(1e-10));
     let stored: Vec<f64> = basis.lift(39..40).unwrap();
     assert!(stored.iter().zip(vectors.column(39)).all(|(a, b)| (a - b).abs() < 1e-9));
@@ -123,7 +123,7 @@ fn the_best_functions_of_the_space_are_taken() {
 fn without_a_hierarchy_all_functions_are_the_space() {
     let (mut pairs, mass) = solved(MassKind::Barycentric, 5);
     pairs.space = None;
-    let basis = exact(StorageKind::Compact, Precision::F32).basis(pairs, mass.clone(), &Unwatched).unwrap();
+    let basis = exact(StorageKind::Compact).basis(pairs, mass.clone(), Precision::F64, &Unwatched).unwrap();
     assert_eq!(basis.dimension(), Some(mass.size()));
     assert!(basis.certificate.largest_projection_error < Some(1e-10));
     assert!(all_functions(6000).is_none());

@@ -2,7 +2,7 @@
 
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
-use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions};
+use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Precision};
 use chladni_spectral::field::{FieldSurface, HarmonicError, PoissonError, harmonic_fields};
 use chladni_spectral::operator::hodge::FieldBoundary;
 use chladni_spectral::operator::{Boundary, MassKind, MassMatrix, OperatorError, OperatorParameters};
@@ -43,7 +43,8 @@ pub fn memory_bytes(exact: &Exact, vertices: u64, faces: u64) -> u64 {
         ..exact.clone()
     };
     let graph = faces * 400;
-    let results = 2 * faces * fields * (8 + exact.precision.bytes() as u64) + 8 * (vertices + edges) * half;
+    let results = 2 * faces * fields * (8 + exact.precision.unwrap_or(Precision::F64).bytes() as u64)
+        + 8 * (vertices + edges) * half;
     graph + results + scalar.memory_bytes(edges) + edges * 160
 }
 
@@ -84,7 +85,10 @@ pub fn run(exact: &Exact, mesh: &TriangleMesh, seed: u64, monitor: &dyn Monitor)
     // Where rounding left no room for what was asked for, the certificate says what was met.
     let met = found.residuals.iter().copied().fold(exact.solver.tolerance, f64::max);
     Ok(Basis {
-        functions: Functions::Dense(DenseFunctions::from_panels(found.fields, exact.precision)),
+        functions: Functions::Dense(DenseFunctions::from_panels(
+            found.fields,
+            exact.precision.unwrap_or(Precision::F64),
+        )),
         eigenvalues: found.values,
         mass: MassMatrix::Diagonal(frames.areas().iter().flat_map(|a| [a * area; 2]).collect()),
         certificate: Certificate {

@@ -138,7 +138,8 @@ pub struct Request {
     /// How eigenfunctions are stored; `dense`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub storage: Option<StorageKind>,
-    /// The type of the numbers of a dense basis; `f32`, and `f64` for tolerances below 1e-4, unless it is given.
+    /// The type of the numbers of a dense basis. Unless it is given, `f32` where columns in single precision keep the tolerance, and `f64` where they do not, as below 1e-4 and on
+    /// large meshes; eigenfields of `hodge` are stored in `f64`, and what inverse iteration refined in `f32`. With `f32` given, the certificate says what tolerance is kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub precision: Option<Precision>,
     /// Seeds everything that is drawn at random; 0, unless it is given.
