@@ -18,7 +18,7 @@ from runs import Runs
 COMMANDS = {
     name: getattr(module, name)
     for module, names in (
-        (tables, ("table2", "table3", "table4", "table5", "table6", "table4a1", "table4a3")),
+        (tables, ("check", "table2", "table3", "table4", "table5", "table6", "table4a1", "table4a3")),
         (figures, ("figure5", "figure6", "figure7", "figure10", "figure11")),
     )
     for name in names

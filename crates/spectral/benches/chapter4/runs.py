@@ -5,6 +5,7 @@ import json
 import os
 import pathlib
 import resource
+import signal
 import subprocess
 import sys
 import time
@@ -90,7 +91,7 @@ class Runs:
         cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         answer = {"cpu": cpu, "wall": time.perf_counter() - start, "load": os.getloadavg()[0]}
         lines = done.stdout.strip().splitlines()
-        if done.returncode != 0 and cpu > 0.98 * limit:
+        if done.returncode in (-signal.SIGKILL, -signal.SIGXCPU) and cpu > 0.9 * limit:
             answer["error"] = f"not done in {limit} s"
         elif done.returncode != 0:
             answer["error"] = (done.stderr.strip().splitlines() or [f"ended by {done.returncode}"])[-1]
@@ -118,9 +119,11 @@ def read_peer(result, answer):
 
 
 def iterations(answer):
-    """As the thesis writes them: F for the coarsest level, then passes."""
+    """As the thesis writes them: F for the coarsest level, then passes; passes alone where there is one level."""
     if "error" in answer:
         return "–"
+    if len(answer["iterations"]) == 1:
+        return str(answer["iterations"][0])
     return " ".join(["F"] + [str(passes) for passes in answer["iterations"][1:]])
 
 
@@ -135,6 +138,8 @@ def seconds(answer):
         text += f" (residual {answer['residual']:.0e})"
     if answer.get("missed"):
         text += f" ({answer['missed']} missed)"
+    for own, missed, cpu in answer.get("passed_before", ()):
+        text += f" (at its {own:.0e} {short(cpu)}, {missed} missed)"
     return text
 
 
