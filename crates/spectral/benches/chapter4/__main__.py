@@ -28,7 +28,9 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=[*COMMANDS, "all"], nargs="+")
     parser.add_argument("--program", default="target/release/chladni")
-    parser.add_argument("--meshes", required=True, help="a folder with armadillo.obj, igea.ply, rocker-arm.off, rolling-stage.obj, face.obj and bumpy-cube.obj")
+    parser.add_argument(
+        "--meshes", required=True, help="a folder with armadillo.obj, igea.ply, rocker-arm.off, rolling-stage.obj, face.obj and bumpy-cube.obj"
+    )
     parser.add_argument("--record", help="a file of JSON lines that runs are added to, and taken from")
     parser.add_argument("--limit", type=float, default=900, help="processor seconds of one run")
     parser.add_argument("--repeat", type=int, default=1, help="runs of each, of which the quickest counts")

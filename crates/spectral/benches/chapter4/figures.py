@@ -17,8 +17,12 @@ def figure5(runs, large, pictures=None):
     subdivide = 2 if large else 1
     # How far each solver is taken, since the others' seconds grow too fast.
     solvers = {
-        "ours": (runs.ours, "hsim", 5000), "published": (runs.ours, "published", 1000), "SIM": (runs.ours, "sim", 250),
-        "Lanczos": (runs.peer, "lanczos", 250), "Manifold Harmonics": (runs.peer, "manifold_harmonics", 1000), "LOBPCG": (runs.peer, "lobpcg", 250),
+        "ours": (runs.ours, "hsim", 5000),
+        "published": (runs.ours, "published", 1000),
+        "SIM": (runs.ours, "sim", 250),
+        "Lanczos": (runs.peer, "lanczos", 250),
+        "Manifold Harmonics": (runs.peer, "manifold_harmonics", 1000),
+        "LOBPCG": (runs.peer, "lobpcg", 250),
     }
     counts = (50, 100, 250, 500, 1000, 2500, 5000) if large else (50, 100, 250, 500)
     rows, curves = [], {name: [] for name in solvers}
@@ -51,8 +55,15 @@ def figure6(runs, large, pictures=None):
             off = np.abs(values - exact[1:]) / exact[1:]
             reference = values if reference is None else reference
             moved = np.abs(values - reference) / reference
-            rows.append([answer["vertices"], EXPONENT[tolerance], f"{np.median(off):.2e}, {off.max():.2e}",
-                         f"{np.median(moved):.1e}, {moved.max():.1e}", seconds(answer)])
+            rows.append(
+                [
+                    answer["vertices"],
+                    EXPONENT[tolerance],
+                    f"{np.median(off):.2e}, {off.max():.2e}",
+                    f"{np.median(moved):.1e}, {moved.max():.1e}",
+                    seconds(answer),
+                ]
+            )
             curves[EXPONENT[tolerance]] = list(zip(range(2, 101), off))
         panels.append(dict(title=f"sphere, {answer.get('vertices', size)} vertices", curves=curves, x="index", y="relative difference to l (l + 1)"))
     mesh = sphere(runs, 10000)
@@ -64,8 +75,15 @@ def figure6(runs, large, pictures=None):
             continue
         values = np.array(answer["values"])[1:]
         off, moved = (np.abs(values - true) / true for true in (exact[1:], reference))
-        rows.append([f"{answer['vertices']}, pair by pair", EXPONENT[tolerance], f"{np.median(off):.2e}, {off.max():.2e}",
-                     f"{np.median(moved):.1e}, {moved.max():.1e}", seconds(answer)])
+        rows.append(
+            [
+                f"{answer['vertices']}, pair by pair",
+                EXPONENT[tolerance],
+                f"{np.median(off):.2e}, {off.max():.2e}",
+                f"{np.median(moved):.1e}, {moved.max():.1e}",
+                seconds(answer),
+            ]
+        )
     markdown(["vertices", "tolerance", "from l (l + 1)", "from those of 1e-6", "seconds"], rows)
     draw(pictures, 6, panels, logarithmic_x=False)
 
@@ -100,11 +118,19 @@ def figure7(runs, large, pictures=None):
             sign = np.sign((mass * one * two).sum(axis=0))
             functions = np.sqrt((mass * (one - sign * two) ** 2).sum(axis=0))
             off[kind] = values, functions
-            rows.append([f"{name.partition('.')[0]} {len(vertices) / 1000:.0f}k", kind, f"{np.median(values):.1e}, {values.max():.1e}",
-                         f"{np.median(functions):.1e}, {functions.max():.1e}"])
+            rows.append(
+                [
+                    f"{name.partition('.')[0]} {len(vertices) / 1000:.0f}k",
+                    kind,
+                    f"{np.median(values):.1e}, {values.max():.1e}",
+                    f"{np.median(functions):.1e}, {functions.max():.1e}",
+                ]
+            )
         print(f"{name}: {made} of {len(faces) * 3 // 2} edges flipped.\n")
         for at, what in enumerate(("eigenvalues", "eigenfunctions, norm in L²")):
-            panels.append(dict(title=what, curves={kind: list(zip(range(2, 101), pair[at])) for kind, pair in off.items()}, x="index", y="difference"))
+            panels.append(
+                dict(title=what, curves={kind: list(zip(range(2, 101), pair[at])) for kind, pair in off.items()}, x="index", y="difference")
+            )
     markdown(["mesh", "beside 1e-8 on the mesh", "eigenvalues, relative: median, largest", "eigenfunctions, L²: median, largest"], rows)
     draw(pictures, 7, panels, logarithmic_x=False)
 

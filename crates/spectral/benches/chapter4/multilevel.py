@@ -38,7 +38,8 @@ def prolongation(problem, distance, dimension):
         output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
         with open(told, "w") as file:
             file.write(output)
-    stages = json.load(open(told))["seconds"]["stages"]
+    with open(told) as file:
+        stages = json.load(file)["seconds"]["stages"]
     file = np.load(kept)
     U = sparse.csr_matrix((file["data"].astype(float), file["indices"], file["indptr"]), shape=tuple(file["shape"]))
     return U, stages["sampling"] + stages["basis"]
@@ -121,7 +122,7 @@ def correction(levels, spaces, count):
         image = down.T @ (M @ X)
         X = X - down @ np.linalg.solve(coarse[1], image)
         X = X / np.sqrt(np.einsum("ij,ij->j", X, M @ X))
-        inside, beside = [], []
+        inside = []
         for A, small in zip((S, M), coarse):
             mixed = down.T @ (A @ X)
             inside.append(np.block([[small, mixed], [mixed.T, X.T @ (A @ X)]]))
@@ -143,9 +144,17 @@ def run(problem):
     processor, wall = time.process_time() - processor, time.perf_counter() - wall
     found = residuals(S, M, values, X)
     answer = {
-        "vertices": S.shape[0], "dimensions": [level[0].shape[0] for level in levels[::-1]], "cpu": processor, "wall": wall,
-        "spaces": built, "restricted": restricted, "iterations": [0, *passes], "values": (values / area).tolist(),
-        "residuals": found.tolist(), "residual": float(found.max()), "converged": bool(found.max() <= problem["tolerance"]),
+        "vertices": S.shape[0],
+        "dimensions": [level[0].shape[0] for level in levels[::-1]],
+        "cpu": processor,
+        "wall": wall,
+        "spaces": built,
+        "restricted": restricted,
+        "iterations": [0, *passes],
+        "values": (values / area).tolist(),
+        "residuals": found.tolist(),
+        "residual": float(found.max()),
+        "converged": bool(found.max() <= problem["tolerance"]),
     }
     print(json.dumps(answer))
 

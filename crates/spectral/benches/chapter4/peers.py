@@ -16,7 +16,6 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sparse
 import scipy.sparse.linalg as sparse_linalg
 
 try:
@@ -38,9 +37,7 @@ def factor(matrix, definite):
 
 
 def symmetric_lu(matrix):
-    return sparse_linalg.splu(
-        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
+    return sparse_linalg.splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 def count_below(S, M, shift):
@@ -198,9 +195,17 @@ def run(problem):
         values, vectors = values[order], vectors[:, order]
         found = residuals(S, M, values, vectors)
         answer = {
-            "vertices": S.shape[0], "cpu": processor, "wall": wall, "iterations": iterations, "own_tolerance": own,
-            "residual": float(found.max()), "residuals": found.tolist(), "converged": bool(found.max() <= problem["tolerance"]),
-            "values": (values / area).tolist(), "missed": missed(S, M, values), "factor": "CHOLMOD" if cholesky else "SuperLU",
+            "vertices": S.shape[0],
+            "cpu": processor,
+            "wall": wall,
+            "iterations": iterations,
+            "own_tolerance": own,
+            "residual": float(found.max()),
+            "residuals": found.tolist(),
+            "converged": bool(found.max() <= problem["tolerance"]),
+            "values": (values / area).tolist(),
+            "missed": missed(S, M, values),
+            "factor": "CHOLMOD" if cholesky else "SuperLU",
         }
         answer["passed_before"] = list(passed)
         print(json.dumps(answer), flush=True)

@@ -30,9 +30,10 @@ class Runs:
         self.program, self.meshes, self.record, self.limit, self.python = program, pathlib.Path(meshes), record, limit, python
         self.repeat, self.known = repeat, {}
         if record and os.path.exists(record):
-            for line in open(record):
-                key, answer = json.loads(line)
-                self.known[json.dumps(key, sort_keys=True)] = answer
+            with open(record) as file:
+                for line in file:
+                    key, answer = json.loads(line)
+                    self.known[json.dumps(key, sort_keys=True)] = answer
 
     def path(self, mesh):
         here = self.meshes / mesh
@@ -84,7 +85,10 @@ class Runs:
         limit = int(self.limit)
         start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run(
-            command, capture_output=True, text=True, check=False,
+            command,
+            capture_output=True,
+            text=True,
+            check=False,
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (limit, limit)),
         )
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -106,11 +110,16 @@ def read_ours(result, answer):
     rate = answer["cpu"] / sum(stages.values())
     levels = result["certificate"]["levels"]
     return {
-        "vertices": result["vertices"], "stages": {name: seconds * rate for name, seconds in stages.items()},
-        "iterations": [level["iterations"] for level in levels], "dimensions": [level["dimension"] for level in levels],
+        "vertices": result["vertices"],
+        "stages": {name: seconds * rate for name, seconds in stages.items()},
+        "iterations": [level["iterations"] for level in levels],
+        "dimensions": [level["dimension"] for level in levels],
         "shifts": [level["shifts"] for level in levels],
-        "values": result["eigenvalues"], "residuals": result["residuals"], "residual": max(result["residuals"]),
-        "complete": result["certificate"]["complete"], "memory": result["peak_rss_bytes"],
+        "values": result["eigenvalues"],
+        "residuals": result["residuals"],
+        "residual": max(result["residuals"]),
+        "complete": result["certificate"]["complete"],
+        "memory": result["peak_rss_bytes"],
     }
 
 

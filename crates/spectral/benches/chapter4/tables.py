@@ -1,5 +1,9 @@
 """The tables of chapter 4, ours beside the thesis'."""
 
+import os
+import subprocess
+import tempfile
+
 from runs import Problem, iterations, markdown, ratio, seconds, short
 from thesis import RATIOS, SIGMAS, TABLE2, TABLE3, TABLE4, TABLE4A1, TABLE4A3, TABLE5, TABLE6
 
@@ -18,7 +22,11 @@ def called(problem, answer):
 def check(runs, large):
     """Whether all solvers have the same problem: largest relative difference of their values from ours, 40 pairs at 1e-8."""
     rows = []
-    for mesh, operator, boundary in (("rocker-arm.off", "laplace", "neumann"), ("rocker-arm.off", "hamiltonian:0.1", "neumann"), ("face.obj", "laplace", "dirichlet")):
+    for mesh, operator, boundary in (
+        ("rocker-arm.off", "laplace", "neumann"),
+        ("rocker-arm.off", "hamiltonian:0.1", "neumann"),
+        ("face.obj", "laplace", "dirichlet"),
+    ):
         problem = Problem(mesh, 40, 1e-8, operator=operator, boundary=boundary)
         ours = runs.ours(problem)
         row = [called(problem, ours), operator, boundary]
@@ -52,7 +60,9 @@ def table2(runs, large):
             row += [f"{len(ours['iterations'])} levels: {seconds(ours)}"]
             rows.append(row)
             best = min(seconds for _, seconds in thesis.values())
-            rows.append([f"*thesis, {model}*", count, EXPONENT[problem.tolerance]] + [f"{i}: {t:g}" for i, t in thesis.values()] + [f"least {best:g}"])
+            rows.append(
+                [f"*thesis, {model}*", count, EXPONENT[problem.tolerance]] + [f"{i}: {t:g}" for i, t in thesis.values()] + [f"least {best:g}"]
+            )
     markdown(["mesh", "pairs", "tolerance", "2 levels", "3 levels", "4 levels", "5 levels", "ours"], rows)
 
 
@@ -105,7 +115,9 @@ def table5(runs, large):
             rows.append([f"{called(problem, answer)}, {boundary}", count, name, *split(answer)])
         for peer in PEERS if large or count == 50 else ():
             answer = runs.peer(problem, peer)
-            rows.append([f"{called(problem, answer)}, {boundary}", count, peer.replace("_", " "), answer.get("iterations") or "–", "–", "–", seconds(answer)])
+            rows.append(
+                [f"{called(problem, answer)}, {boundary}", count, peer.replace("_", " "), answer.get("iterations") or "–", "–", "–", seconds(answer)]
+            )
     markdown(["mesh, boundary", "pairs", "solver", "iterations", "hierarchy", "solve", "total"], rows)
 
 
@@ -127,11 +139,20 @@ def table6(runs, large, counts=(50, 250)):
                 + [f"{seconds(answer)} · {ratio(answer, ours)} ×" for answer in (published, sim, *others)]
             )
             rows.append(
-                [f"*thesis, {model}*", count, "–", f"{hsim:g}", f"{slow:g} · {slow / hsim:.1f} ×", f"{min(matlab, spectra):g} · {min(matlab, spectra) / hsim:.1f} ×"]
+                [
+                    f"*thesis, {model}*",
+                    count,
+                    "–",
+                    f"{hsim:g}",
+                    f"{slow:g} · {slow / hsim:.1f} ×",
+                    f"{min(matlab, spectra):g} · {min(matlab, spectra) / hsim:.1f} ×",
+                ]
                 + [f"{bands:g} · {bands / hsim:.1f} ×", f"{block:g} · {block / hsim:.1f} ×" if block else "out of memory"]
             )
-            print(f"{called(problem, ours)}, {count} pairs: iterations on the mesh: ours {ours['iterations'][-1:]}, published "
-                  f"{iterations(published)} (thesis {levels}), SIM {sim.get('iterations')} (thesis {passes}), LOBPCG {others[2].get('iterations')}\n")
+            print(
+                f"{called(problem, ours)}, {count} pairs: iterations on the mesh: ours {ours['iterations'][-1:]}, published "
+                f"{iterations(published)} (thesis {levels}), SIM {sim.get('iterations')} (thesis {passes}), LOBPCG {others[2].get('iterations')}\n"
+            )
     markdown(["mesh", "pairs", "ours", "published", "SIM", "Lanczos", "Manifold Harmonics", "LOBPCG"], rows)
 
 
@@ -154,7 +175,17 @@ def table4a1(runs, large):
                     rows.append([called(problem, answer), f"{name}, NumPy", EXPONENT[tolerance], "–", "–", "–", seconds(answer)])
                     continue
                 built, solved = answer["spaces"] + answer["restricted"], answer["cpu"] - answer["restricted"]
-                rows.append([called(problem, answer), f"{name}, NumPy", EXPONENT[tolerance], iterations(answer), short(built), short(solved), short(built + solved)])
+                rows.append(
+                    [
+                        called(problem, answer),
+                        f"{name}, NumPy",
+                        EXPONENT[tolerance],
+                        iterations(answer),
+                        short(built),
+                        short(solved),
+                        short(built + solved),
+                    ]
+                )
             for name in ("Dijkstra", "STVD", "heat"):
                 passes, hierarchy, solve = TABLE4A1[model][name, tolerance]
                 rows.append([f"*thesis, {model}*", name, EXPONENT[tolerance], passes, hierarchy, solve, f"{hierarchy + solve:.1f}"])
@@ -165,7 +196,11 @@ def table4a3(runs, large):
     """Hamiltonians t (κ₁² + κ₂²) beside the Laplacian."""
     cases = [("Cube 25k", "bumpy-cube.obj", 0, (50, 250)), ("Blade 200k", "igea.ply", 0, (50,))]
     if large:
-        cases = [("Cube 25k", "bumpy-cube.obj", 0, (50, 250, 1000)), ("Blade 200k", "igea.ply", 0, (50, 250, 1000)), ("Bimba 500k", "igea.ply", 1, (50, 250, 1000))]
+        cases = [
+            ("Cube 25k", "bumpy-cube.obj", 0, (50, 250, 1000)),
+            ("Blade 200k", "igea.ply", 0, (50, 250, 1000)),
+            ("Bimba 500k", "igea.ply", 1, (50, 250, 1000)),
+        ]
     rows = []
     for model, mesh, subdivide, counts in cases:
         for count in counts:
@@ -184,11 +219,7 @@ def table4a3(runs, large):
 
 
 def sphere(runs, vertices):
-    """A regular unit sphere, written once beside the record."""
-    import os
-    import subprocess
-    import tempfile
-
+    """A regular unit sphere, written once to the folder for temporary files."""
     path = os.path.join(tempfile.gettempdir(), f"chapter4-sphere-{vertices}.ply")
     if not os.path.exists(path):
         subprocess.run([runs.program, "sample", "sphere", "-n", str(vertices), "-o", path], check=True, stdout=subprocess.DEVNULL)
