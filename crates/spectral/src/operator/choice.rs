@@ -310,7 +310,7 @@ pub(super) fn assemble_on(
 
     let (laplacian, reason) = match triangles {
         Triangles::Surface => choose(&parameters.operator, mesh, &measured, &topology),
-        Triangles::Local => (Laplacian::Robust, Reason::Points),
+        Triangles::Local => choose_local(&parameters.operator, mesh, &measured),
     };
     let mut report = OperatorReport {
         laplacian,
@@ -326,7 +326,7 @@ pub(super) fn assemble_on(
     let (laplacian, faces, shapes) = match laplacian {
         // The other two act on no triangles, and were made or refused above.
         Laplacian::Cotangent | Laplacian::Volume | Laplacian::Graph => {
-            let (problem, massless) = laplace::cotangent(mesh, &measured, parameters.mass);
+            let (problem, massless) = laplace::cotangent(mesh, &measured, covers, parameters.mass);
             report.massless_vertices = massless;
             (problem, &mesh.faces[..], &measured.shapes[..])
         }
@@ -394,6 +394,15 @@ pub(super) fn assemble_on(
     report.removed_vertices = held.len();
     let problem = boundary::without(whole.as_ref().unwrap_or(&laplacian), &held)?;
     Ok(MeshOperator { problem, base: Some(laplacian), floor, report })
+}
+
+/// Which Laplacian to take on local triangulations: cotangents, unless the robust one is asked for or some triangles are thin.
+fn choose_local(wanted: &OperatorKind, mesh: &TriangleMesh, measured: &laplace::Measured) -> (Laplacian, Reason) {
+    if *wanted == OperatorKind::Robust {
+        return (Laplacian::Robust, Reason::Requested);
+    }
+    let thin = 1000 * measured.thin_faces > THIN_PER_MILLE * mesh.faces.len() || measured.needles > 0;
+    (if thin { Laplacian::Robust } else { Laplacian::Cotangent }, Reason::Points)
 }
 
 /// Which Laplacian to take.
