@@ -70,6 +70,9 @@ fn page(report: &MeshReport, refusal: Option<&MeshError>) -> String {
     ] {
         counts.row([name.to_owned(), value]);
     }
+    if report.points {
+        counts.row(["points".to_owned(), "no faces; area and components by triangles around each".to_owned()]);
+    }
     if let Some(solid) = &report.solid {
         counts.row(["vertices of the solid".to_owned(), grouped(solid.vertices)]);
         counts.row(["tetrahedra".to_owned(), grouped(solid.tetrahedra)]);

@@ -13,11 +13,11 @@ use std::sync::Arc;
 /// A mesh file and how it is read.
 #[derive(Debug, Clone, clap::Args)]
 pub struct MeshInput {
-    /// Mesh file: OBJ, PLY, OFF, STL, MEDIT, VTK (legacy), Gmsh MSH, FreeSurfer, or arrays as NPZ or JSON, as it is or compressed by gzip
+    /// Mesh file: OBJ, PLY, OFF, STL, MEDIT, VTK (legacy), Gmsh MSH, FreeSurfer, glTF, GIFTI, or arrays as NPZ or JSON, as it is or compressed by gzip
     #[arg(value_name = "MESH")]
     pub mesh: PathBuf,
 
-    /// Format of the file, where its name does not tell: obj, ply, off, stl, medit, vtk, gmsh, freesurfer, npz, json
+    /// Format of the file, where its name does not tell: obj, ply, off, stl, medit, vtk, gmsh, freesurfer, gltf, gifti, npz, json
     #[arg(long, value_name = "FORMAT", value_parser = format, help_heading = "Input")]
     pub format: Option<MeshFormat>,
 

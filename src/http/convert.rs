@@ -82,6 +82,7 @@ impl From<ParameterError> for Problem {
         let text = sentence(&error);
         match error {
             ParameterError::UnknownKind { .. } => Self::within(&problem::INVALID_PARAMETER, "kind", text),
+            ParameterError::NoFaces { .. } => Self::within(&problem::INVALID_PARAMETER, "no-faces", text),
             ParameterError::Form { .. } => Self::within(&problem::INVALID_PARAMETER, "form", text),
             ParameterError::Value { name, .. } => {
                 Self::within(&problem::INVALID_PARAMETER, name, text).with("parameter", name)

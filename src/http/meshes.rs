@@ -48,7 +48,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct UploadQuery {
-    /// The format: `obj`, `ply`, `off`, `stl`, `medit`, `vtk`, `gmsh`, `freesurfer`, `npz` or `json`. Takes the place of `Content-Type`.
+    /// The format: `obj`, `ply`, `off`, `stl`, `medit`, `vtk`, `gmsh`, `freesurfer`, `gltf`, `gifti`, `npz` or `json`. Takes the place of `Content-Type`.
     #[param(example = "ply")]
     format: Option<String>,
     /// Whether vertices at exactly equal positions become one: `auto` (where the format repeats positions by design, as STL
@@ -122,6 +122,9 @@ problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKN
 /// A file with tetrahedra is a solid: the mesh is then the surface of its tetrahedra, unless `surface=given`, the report has the member `solid`, and
 /// the vertices of the surface are the first of the solid, both in the order of the file.
 ///
+/// A file without faces has points: bases are then computed from triangles around each of them, the report has `points: true`, and what needs a surface with faces
+/// is refused. Points at equal positions become one, unless `merge=never`.
+///
 /// Where repairs renumber vertices or faces, the report has the member `file`, and all other routes take and give the numbering of the file unless
 /// they are asked for `numbering=kept`; so two files with the same surface and other numbers are two meshes.
 ///
@@ -131,7 +134,7 @@ problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKN
     post, path = "/v1/meshes", tag = "meshes", operation_id = "uploadMesh", params(UploadQuery),
     request_body(description = "The mesh", content(
         (super::docs::Binary = "model/obj", example = json!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")),
-        (super::docs::Binary = "model/ply"), (super::docs::Binary = "model/off"), (super::docs::Binary = "model/stl"), (super::docs::Binary = "model/x-medit"), (super::docs::Binary = "model/x-vtk"), (super::docs::Binary = "model/x-gmsh"), (super::docs::Binary = "model/x-freesurfer"),
+        (super::docs::Binary = "model/ply"), (super::docs::Binary = "model/off"), (super::docs::Binary = "model/stl"), (super::docs::Binary = "model/x-medit"), (super::docs::Binary = "model/x-vtk"), (super::docs::Binary = "model/x-gmsh"), (super::docs::Binary = "model/x-freesurfer"), (super::docs::Binary = "model/gltf-binary"), (super::docs::Binary = "model/x-gifti"),
         (super::docs::Binary = "application/x-npz"), (ArraysSchema = "application/json"),
         (super::docs::Binary = "application/octet-stream"), (PartsSchema = "multipart/form-data"))),
     responses(

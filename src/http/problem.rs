@@ -153,7 +153,7 @@ kinds! {
     INVALID_PENCIL = "invalid-pencil", 422, "The matrices are no pencil",
         "The type goes on with what is wrong: invalid-pencil/not-square, /not-finite, /not-symmetric, /not-definite (the mass), /empty or /structure. The members `matrix`, `row` and `column`, counted from 0, have the first place where it shows.";
     UNKNOWN_FORMAT = "unknown-mesh-format", 415, "The format of the mesh is unknown",
-        "Name the format by Content-Type or ?format=: obj, ply, off, stl, medit, vtk, gmsh or freesurfer.";
+        "Name the format by Content-Type or ?format=: obj, ply, off, stl, medit, vtk, gmsh, freesurfer, gltf or gifti.";
 }
 
 /// An error on its way to a client.

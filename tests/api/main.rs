@@ -26,6 +26,7 @@ mod journeys;
 mod meshes;
 mod numbering;
 mod pencils;
+mod points;
 mod samples;
 mod schemas;
 mod system;

@@ -37,7 +37,7 @@ async fn the_format_is_found_by_name_by_type_by_file_name_or_by_the_first_bytes(
     let send = |query: &'static str, media_type: &'static str, body: &'static str| {
         app.post(&format!("/v1/meshes{query}")).header("content-type", media_type).body(body).send()
     };
-    problem(send("?format=gltf", "text/plain", OBJ).await.unwrap(), 415, "unknown-mesh-format").await;
+    problem(send("?format=step", "text/plain", OBJ).await.unwrap(), 415, "unknown-mesh-format").await;
     problem(send("", "image/png", OBJ).await.unwrap(), 415, "unknown-mesh-format").await;
     problem(send("", "text/plain", "<html>").await.unwrap(), 415, "unknown-mesh-format").await;
     problem(send("?merge=perhaps", "model/obj", OBJ).await.unwrap(), 400, "invalid-query").await;
@@ -111,7 +111,8 @@ async fn what_cannot_be_read_or_used_is_named() {
             "unreadable-mesh/",
         ),
         ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 99\n", "unreadable-mesh/"),
-        ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "unusable-mesh/no-faces"),
+        ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "unusable-mesh/too-few-points"),
+        ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 2\n", "unusable-mesh/no-faces"),
         ("obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n", "unusable-mesh/non-finite-coordinate"),
         ("obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "unusable-mesh/no-area"),
     ] {

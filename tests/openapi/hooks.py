@@ -13,7 +13,7 @@ with open(os.environ["CHLADNI_OBJECTS"], encoding="utf-8") as _file:
 OWN = {"spectrum": "operator_family", "simulate": "vibration_basis", "design": "field_basis", "fur": "field_basis", "hatching": "field_basis", "eigenfields": "field_basis"}
 
 
-for _media_type in ("model/obj", "model/ply", "model/off", "model/stl", "model/x-medit", "model/x-vtk", "model/x-gmsh", "model/x-freesurfer", "application/x-npz"):
+for _media_type in ("model/obj", "model/ply", "model/off", "model/stl", "model/x-medit", "model/x-vtk", "model/x-gmsh", "model/x-freesurfer", "model/gltf-binary", "model/x-gifti", "application/x-npz"):
 
     @schemathesis.serializer(_media_type)
     def as_it_is(context, value):

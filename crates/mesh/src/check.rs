@@ -174,6 +174,44 @@ pub enum MeshError {
         /// Tetrahedra in the input.
         tetrahedra: usize,
     },
+    /// Points without faces have nothing to divide.
+    #[error("points without faces cannot be subdivided ({points} points)")]
+    SubdividedPoints {
+        /// Points in the input.
+        points: usize,
+    },
+    /// Of points without faces, one is NaN or infinite.
+    #[error("point {point} has a coordinate that is not finite")]
+    NonFinitePoint {
+        /// The first such point.
+        point: u32,
+    },
+    /// Of points without faces, one is too far out.
+    #[error("point {point} has a coordinate of {coordinate:e}, beyond {largest:e}")]
+    FarPoint {
+        /// The first such point.
+        point: u32,
+        /// Its coordinate.
+        coordinate: f64,
+        /// The largest magnitude allowed.
+        largest: f64,
+    },
+    /// Points without faces are too few for a surface.
+    #[error("{points} points without faces are at {distinct} different positions; a surface needs 4")]
+    FewPoints {
+        /// Points in the input.
+        points: usize,
+        /// Of different positions.
+        distinct: usize,
+    },
+    /// Points without faces have no triangles.
+    #[error(
+        "the {points} points have no faces, and no triangles can be made of them: they lie on a line, or next to one"
+    )]
+    PointsOnLine {
+        /// Points in the input.
+        points: usize,
+    },
     /// The mesh is so small that areas underflow.
     #[error("the mesh measures {extent:e} along its longest side, less than {smallest:e}")]
     TooSmall {
@@ -199,6 +237,11 @@ impl MeshError {
             Self::NoVolume { .. } => "no-volume",
             Self::NoArea { .. } => "no-area",
             Self::SubdividedSolid { .. } => "subdivided-solid",
+            Self::SubdividedPoints { .. } => "subdivided-points",
+            Self::NonFinitePoint { .. } => "non-finite-coordinate",
+            Self::FarPoint { .. } => "coordinate-out-of-range",
+            Self::FewPoints { .. } => "too-few-points",
+            Self::PointsOnLine { .. } => "no-area",
             Self::TooSmall { .. } => "mesh-too-small",
         }
     }
@@ -529,6 +572,8 @@ fn bounding_box(positions: &[[f64; 3]]) -> [[f64; 3]; 2] {
     }
     if corners[0][0] > corners[1][0] { [[0.0; 3]; 2] } else { corners }
 }
+
+pub(super) mod points;
 
 #[cfg(test)]
 mod naive;

@@ -10,6 +10,7 @@ pub mod measure;
 pub mod nearest;
 pub mod npy;
 pub mod numbering;
+pub mod points;
 pub mod read;
 mod repair;
 mod report;

@@ -42,6 +42,9 @@ pub struct MeshReport {
     pub manifold: bool,
     /// Whether the faces can be turned so that the two faces of every manifold edge run along it in opposite directions.
     pub orientable: bool,
+    /// Whether the file has points without faces. Area and components are then those of the triangles that are made around each point.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub points: bool,
     /// What is inside, where the mesh is the surface of a solid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub solid: Option<super::solid::SolidReport>,
@@ -62,6 +65,10 @@ pub struct MeshReport {
 
 fn is_zero(count: &u8) -> bool {
     *count == 0
+}
+
+fn is_false(flag: &bool) -> bool {
+    !flag
 }
 
 /// What a file has, and what became of its vertices.

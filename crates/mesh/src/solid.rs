@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::check::points::{check_points, has_points_alone, inspect_points};
 use super::check::{
     CheckOptions, CheckedMesh, DROPPED, Defect, DefectKind, EXAMPLES, FileSize, Merge, MeshError, MeshReport, Repair,
     RepairKind, SurfaceOf, check, inspect,
@@ -45,7 +46,7 @@ pub struct CheckedBody {
 const FLAT: f64 = 1e-9;
 
 /// Checks a mesh; where it has tetrahedra, as a solid: the surface is where they have no neighbour, or, by [`SurfaceOf::Given`], the triangles of
-/// the file, without an inside. Vertices are numbered as in the file, faces of a boundary by the mesh itself.
+/// the file, without an inside; where it has no faces at all, as points ([`points`](super::points)). Vertices are numbered as in the file, faces of a boundary by the mesh itself.
 ///
 /// Tetrahedra that repeat a vertex or equal an earlier one are dropped, those given inside out are turned. Linear in the size of the
 /// mesh up to sorting.
@@ -53,6 +54,9 @@ const FLAT: f64 = 1e-9;
 /// # Errors
 /// [`MeshError`], as [`check`]; a solid none of whose tetrahedra has a volume, or with a vertex that is not finite.
 pub fn check_body(raw: RawMesh, options: &CheckOptions) -> Result<CheckedBody, MeshError> {
+    if has_points_alone(&raw) {
+        return Ok(CheckedBody { surface: check_points(raw, options)?, solid: None });
+    }
     if raw.tetrahedra.is_empty() {
         return Ok(CheckedBody { surface: check(raw, options)?, solid: None });
     }
@@ -118,6 +122,9 @@ pub fn check_body(raw: RawMesh, options: &CheckOptions) -> Result<CheckedBody, M
 
 /// The report of any mesh, with its solid where it has one, usable or not, and why it would be refused.
 pub fn inspect_body(raw: RawMesh, options: &CheckOptions) -> (MeshReport, Option<MeshError>) {
+    if has_points_alone(&raw) {
+        return inspect_points(raw, options);
+    }
     if raw.tetrahedra.is_empty() {
         return inspect(raw, options);
     }

@@ -339,12 +339,12 @@ fn boundary_loops(faces: &[[u32; 3]], twins: &[u32], boundary_edges: usize) -> u
 }
 
 /// Sets that are joined until components remain (union by least member, with path halving).
-struct Components {
+pub(super) struct Components {
     parents: Vec<u32>,
 }
 
 impl Components {
-    fn new(members: usize) -> Self {
+    pub(super) fn new(members: usize) -> Self {
         Self { parents: (0..members as u32).collect() }
     }
 
@@ -357,12 +357,12 @@ impl Components {
         member
     }
 
-    fn join(&mut self, a: u32, b: u32) {
+    pub(super) fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         self.parents[a.max(b) as usize] = a.min(b);
     }
 
-    fn roots(&self) -> impl Iterator<Item = usize> + '_ {
+    pub(super) fn roots(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.parents.len()).filter(|&v| self.parents[v] as usize == v)
     }
 

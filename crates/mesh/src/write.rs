@@ -34,7 +34,7 @@ pub fn write_ply(mesh: &TriangleMesh, colours: Option<&[[u8; 3]]>, out: &mut dyn
 }
 
 /// Writes a little-endian binary PLY file: `x`, `y`, `z`, then `red`, `green`, `blue` of each vertex if `colours` are given,
-/// and `vertex_indices` with a one-byte length.
+/// and `vertex_indices` with a one-byte length if there are faces.
 ///
 /// Fails with `InvalidInput` unless there is one colour for each vertex.
 pub fn write_ply_with(
@@ -63,7 +63,11 @@ pub fn write_ply_with(
             writeln!(out, "property uchar {name}")?;
         }
     }
-    writeln!(out, "element face {}\nproperty list uchar int vertex_indices\nend_header", mesh.faces.len())?;
+    // Points have no element of faces, not even an empty one.
+    if !mesh.faces.is_empty() {
+        writeln!(out, "element face {}\nproperty list uchar int vertex_indices", mesh.faces.len())?;
+    }
+    writeln!(out, "end_header")?;
     let mut record = Vec::with_capacity(32);
     for (vertex, position) in mesh.positions.iter().enumerate() {
         record.clear();

@@ -143,6 +143,10 @@ fn seeds() -> Vec<(MeshFormat, Vec<u8>)> {
         (MeshFormat::Gmsh, gmsh.into()),
         (MeshFormat::Gmsh, gmsh_of_blocks.into()),
         (MeshFormat::FreeSurfer, freesurfer()),
+        (MeshFormat::Gltf, include_bytes!("../src/read/data/scene.glb").to_vec()),
+        (MeshFormat::Gltf, include_bytes!("../src/read/data/strip-and-fan.gltf").to_vec()),
+        (MeshFormat::Gifti, include_bytes!("../src/read/data/ascii.surf.gii").to_vec()),
+        (MeshFormat::Gifti, include_bytes!("../src/read/data/gzip.surf.gii").to_vec()),
         (MeshFormat::Npz, arrays()),
     ];
     let mut binary = b"solid but binary".to_vec();

@@ -4,6 +4,7 @@ use chladni_algebra::DenseMatrix;
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::distance::ExactGeodesics;
+use chladni_mesh::points::are_points;
 use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::analysis::distance::{SpectralDistance, nearest};
 use chladni_spectral::analysis::geodesic::geodesic;
@@ -122,6 +123,9 @@ impl MeshDistances {
         time: Option<f64>,
         monitor: &dyn Monitor,
     ) -> Result<Option<Self>, AnalysisError> {
+        if are_points(mesh) {
+            return Err(AnalysisError::NoFaces);
+        }
         Ok(match method {
             GeodesicMethod::Heat => Some(Self::Heat(HeatGeodesics::new(mesh, time, monitor)?.into())),
             GeodesicMethod::Exact => Some(Self::Exact(ExactGeodesics::new(mesh))),

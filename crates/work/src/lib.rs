@@ -73,6 +73,12 @@ pub enum ParameterError {
         /// What does not fit, and where.
         reason: String,
     },
+    /// The job needs faces, and the mesh has none.
+    #[error("jobs of the kind \"{kind}\" need a surface with faces, and the mesh has points alone")]
+    NoFaces {
+        /// The kind asked for.
+        kind: &'static str,
+    },
     /// A parameter has a value outside its range.
     #[error("parameter \"{name}\": {reason}")]
     Value {
@@ -175,12 +181,19 @@ pub struct Outcome {
 pub struct MeshSize {
     /// Vertices.
     pub vertices: usize,
-    /// Triangles.
+    /// Triangles; 0 where there are points alone.
     pub faces: usize,
     /// Vertices of a solid, those of its surface included; 0 where there is none.
     pub solid_vertices: usize,
     /// Tetrahedra.
     pub tetrahedra: usize,
+}
+
+impl MeshSize {
+    /// Whether the mesh has points without faces.
+    pub fn are_points(&self) -> bool {
+        self.faces == 0 && self.tetrahedra == 0 && self.vertices > 0
+    }
 }
 
 impl From<&TriangleMesh> for MeshSize {
@@ -306,8 +319,11 @@ impl JobParameters {
     /// Checks the parameters against the size of a mesh.
     ///
     /// # Errors
-    /// [`ParameterError::Value`] where they ask for more than the mesh has.
+    /// [`ParameterError::Value`] where they ask for more than the mesh has, [`ParameterError::NoFaces`] where it has points alone and they need more.
     pub fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
+        if mesh.are_points() && !matches!(self, Self::Eigenbasis(_) | Self::PencilBasis(_)) {
+            return Err(ParameterError::NoFaces { kind: self.kind() });
+        }
         self.work().check_mesh(mesh)
     }
 

@@ -2,6 +2,7 @@
 //! of the cover has two sides, and it has no boundary (Sharp and Crane 2020, section 3).
 
 use rayon::prelude::*;
+use std::cmp::Ordering;
 
 use super::{CoverError, IntrinsicTriangulation, Rim, TriangleShape, distance, proper_faces};
 use crate::TriangleMesh;
@@ -55,7 +56,9 @@ impl IntrinsicTriangulation {
                     let apexes = records.iter().map(|&r| mesh.positions[apex(&faces, half_edge(r)) as usize]);
                     let angles = angles(mesh.positions[low as usize], mesh.positions[high as usize], apexes);
                     around.iter_mut().zip(angles).for_each(|(entry, angle)| entry.0 = angle);
-                    around.sort_by(|a: &(f64, u64), b| a.0.total_cmp(&b.0));
+                    around.sort_by(|a: &(f64, u64), b| {
+                        a.0.total_cmp(&b.0).then_with(|| stacked(&faces, low, high, a.1, b.1))
+                    });
                 }
                 for (k, &(_, record)) in around.iter().enumerate() {
                     glue(ahead(record), behind(around[(k + 1) % around.len()].1));
@@ -74,6 +77,16 @@ impl IntrinsicTriangulation {
         let shapes = lengths.par_iter().map(|&l| TriangleShape::of_lengths(l)).collect();
         Ok(Self { faces, lengths, twins, shapes, fixed, sheets, mollification })
     }
+}
+
+/// The order in which triangles at one angle lie on each other around the edge from `low` to `high`: by their numbers, seen from the side on
+/// which the three vertices turn counter-clockwise by theirs. So equal triangles lie in one order at all three edges, and each but the outer two sides of the stack
+/// is glued to the next by all of them; in different orders they would be tangled, and the triangulation depend on the order of the faces.
+fn stacked(faces: &[[u32; 3]], low: u32, high: u32, a: u64, b: u64) -> Ordering {
+    let [p, q] = [a, b].map(|record| apex(faces, half_edge(record)));
+    let order = p.cmp(&q).then(half_edge(a).cmp(&half_edge(b)));
+    // With an apex between its ends in number, the edge runs against the turn.
+    if p == q && low < p && p < high { order.reverse() } else { order }
 }
 
 fn lengths(mesh: &TriangleMesh, faces: &[[u32; 3]], scale: f64) -> Vec<[f64; 3]> {

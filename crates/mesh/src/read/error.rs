@@ -48,7 +48,7 @@ pub enum ReadError {
         /// The kind, as the file writes it.
         encoding: String,
     },
-    /// Arrays, as NPZ or JSON, that are no mesh.
+    /// Arrays, as NPZ, JSON, glTF or GIFTI, that are no mesh.
     #[error("{format}: {reason}")]
     Arrays {
         /// The format that was asked for.

@@ -10,6 +10,8 @@
 //! | VTK legacy | `vtk` | ASCII and binary; polygonal data and unstructured grids |
 //! | Gmsh MSH | `gmsh` | ASCII, versions 2 and 4.1; triangles, quadrilaterals, tetrahedra |
 //! | FreeSurfer | `freesurfer` | triangle surfaces |
+//! | glTF 2.0 | `gltf` | GLB, or JSON with its buffers inside; all nodes |
+//! | GIFTI | `gifti` | surfaces in all encodings but other files |
 //! | arrays | `arrays` | `vertices`, `faces`, `tetrahedra` as NPZ without compression or as JSON |
 //!
 //! Every reader takes a byte slice, is linear in its length, allocates in proportion to the bytes that are really there
@@ -19,6 +21,9 @@ mod arrays;
 mod builder;
 mod error;
 mod freesurfer;
+mod gifti;
+mod gltf;
+mod gltf_nodes;
 mod gmsh;
 mod medit;
 mod obj;
@@ -49,7 +54,7 @@ pub struct RawMesh {
     pub polygons_triangulated: usize,
     /// Faces of no, one or two corners. They have no area, so they were left out.
     pub short_faces_dropped: usize,
-    /// Whether the format repeats positions by design (STL), so that equal positions have to be merged.
+    /// Whether the format repeats positions by design (STL, glTF), so that equal positions have to be merged.
     pub splits_vertices: bool,
 }
 
@@ -83,6 +88,10 @@ pub enum MeshFormat {
     /// A triangle surface of FreeSurfer.
     #[serde(rename = "freesurfer")]
     FreeSurfer,
+    /// glTF 2.0, binary or JSON.
+    Gltf,
+    /// A GIFTI surface.
+    Gifti,
     /// Arrays `vertices`, `faces` and `tetrahedra` in an NPZ file, as `numpy.savez` writes them.
     Npz,
     /// The same as a JSON object.
@@ -91,7 +100,7 @@ pub enum MeshFormat {
 
 impl MeshFormat {
     /// Every format, in the order in which documentation lists them.
-    pub const ALL: [MeshFormat; 10] = [
+    pub const ALL: [MeshFormat; 12] = [
         MeshFormat::Obj,
         MeshFormat::Ply,
         MeshFormat::Off,
@@ -100,6 +109,8 @@ impl MeshFormat {
         MeshFormat::Vtk,
         MeshFormat::Gmsh,
         MeshFormat::FreeSurfer,
+        MeshFormat::Gltf,
+        MeshFormat::Gifti,
         MeshFormat::Npz,
         MeshFormat::Json,
     ];
@@ -115,12 +126,14 @@ impl MeshFormat {
             MeshFormat::Vtk => "vtk",
             MeshFormat::Gmsh => "gmsh",
             MeshFormat::FreeSurfer => "freesurfer",
+            MeshFormat::Gltf => "gltf",
+            MeshFormat::Gifti => "gifti",
             MeshFormat::Npz => "npz",
             MeshFormat::Json => "json",
         }
     }
 
-    /// The media type to answer with. Only `model/obj` and `model/stl` are registered with IANA.
+    /// The media type to answer with. Only `model/obj`, `model/stl` and `model/gltf-binary` are registered with IANA.
     pub fn media_type(self) -> &'static str {
         match self {
             MeshFormat::Obj => "model/obj",
@@ -131,6 +144,8 @@ impl MeshFormat {
             MeshFormat::Vtk => "model/x-vtk",
             MeshFormat::Gmsh => "model/x-gmsh",
             MeshFormat::FreeSurfer => "model/x-freesurfer",
+            MeshFormat::Gltf => "model/gltf-binary",
+            MeshFormat::Gifti => "model/x-gifti",
             MeshFormat::Npz => "application/x-npz",
             MeshFormat::Json => "application/json",
         }
@@ -150,6 +165,8 @@ impl MeshFormat {
             "freesurfer" | "fsurf" | "surf" | "pial" | "white" | "orig" | "smoothwm" | "inflated" | "sphere" => {
                 Some(MeshFormat::FreeSurfer)
             }
+            "gltf" | "glb" => Some(MeshFormat::Gltf),
+            "gifti" | "gii" => Some(MeshFormat::Gifti),
             "npz" => Some(MeshFormat::Npz),
             "json" => Some(MeshFormat::Json),
             _ => None,
@@ -178,6 +195,8 @@ impl MeshFormat {
             "model/vtk" | "model/x-vtk" | "application/x-vtk" => Some(MeshFormat::Vtk),
             "model/gmsh" | "model/x-gmsh" | "application/x-gmsh" => Some(MeshFormat::Gmsh),
             "model/x-freesurfer" | "application/x-freesurfer" => Some(MeshFormat::FreeSurfer),
+            "model/gltf-binary" | "model/gltf+json" => Some(MeshFormat::Gltf),
+            "model/x-gifti" | "application/x-gifti" => Some(MeshFormat::Gifti),
             "application/x-npz" => Some(MeshFormat::Npz),
             "application/json" => Some(MeshFormat::Json),
             _ => None,
@@ -191,6 +210,9 @@ impl MeshFormat {
         }
         if bytes.starts_with(b"PK\x03\x04") {
             return Some(MeshFormat::Npz);
+        }
+        if bytes.starts_with(gltf::MAGIC) {
+            return Some(MeshFormat::Gltf);
         }
         if bytes.starts_with(freesurfer::MAGIC) {
             return Some(MeshFormat::FreeSurfer);
@@ -206,6 +228,8 @@ impl MeshFormat {
             return None;
         }
         match text.token() {
+            word if word.starts_with(b"{") && gltf::is_json(bytes) => Some(MeshFormat::Gltf),
+            word if word.starts_with(b"<") && gifti::is_xml(bytes) => Some(MeshFormat::Gifti),
             word if word.starts_with(b"{") => Some(MeshFormat::Json),
             b"solid" => Some(MeshFormat::Stl),
             b"$MeshFormat" => Some(MeshFormat::Gmsh),
@@ -228,6 +252,8 @@ impl std::fmt::Display for MeshFormat {
             MeshFormat::Vtk => "VTK",
             MeshFormat::Gmsh => "Gmsh",
             MeshFormat::FreeSurfer => "FreeSurfer",
+            MeshFormat::Gltf => "glTF",
+            MeshFormat::Gifti => "GIFTI",
             MeshFormat::Npz => "NPZ",
             MeshFormat::Json => "JSON",
         })
@@ -277,6 +303,8 @@ pub fn read(bytes: &[u8], format: MeshFormat, limits: &ReadLimits) -> Result<Raw
         MeshFormat::Vtk => vtk::read(bytes, limits),
         MeshFormat::Gmsh => gmsh::read(bytes, limits),
         MeshFormat::FreeSurfer => freesurfer::read(bytes, limits),
+        MeshFormat::Gltf => gltf::read(bytes, limits),
+        MeshFormat::Gifti => gifti::read(bytes, limits),
         MeshFormat::Npz => arrays::read_npz(bytes, limits),
         MeshFormat::Json => arrays::read_json(bytes, limits),
     }?;
@@ -284,6 +312,13 @@ pub fn read(bytes: &[u8], format: MeshFormat, limits: &ReadLimits) -> Result<Raw
         return Err(ReadError::NoVertices);
     }
     Ok(mesh)
+}
+
+/// The bytes that a text in base64 stands for, blanks passed over; `None` where it is none.
+fn base64(text: &[u8]) -> Option<Vec<u8>> {
+    use base64::Engine;
+    let text: Vec<u8> = text.iter().copied().filter(|byte| !byte.is_ascii_whitespace()).collect();
+    base64::engine::general_purpose::STANDARD.decode(text).ok()
 }
 
 #[cfg(test)]
@@ -303,12 +338,14 @@ mod tests {
         assert_eq!(MeshFormat::from_extension(".MESH"), Some(MeshFormat::Medit));
         assert_eq!(MeshFormat::from_media_type(" Model/PLY ; charset=utf-8"), Some(MeshFormat::Ply));
         assert_eq!(MeshFormat::from_media_type("text/plain"), None);
-        assert_eq!(MeshFormat::from_extension("gltf"), None);
+        assert_eq!(MeshFormat::from_extension("glb"), Some(MeshFormat::Gltf));
+        assert_eq!(MeshFormat::from_extension(".gii"), Some(MeshFormat::Gifti));
+        assert_eq!(MeshFormat::from_extension("step"), None);
     }
 
     #[test]
     fn the_first_words_tell_the_format() {
-        let cases: [(&[u8], Option<MeshFormat>); 13] = [
+        let cases: [(&[u8], Option<MeshFormat>); 16] = [
             (b"PK\x03\x04\x14\0", Some(MeshFormat::Npz)),
             (b" {\"vertices\": []}", Some(MeshFormat::Json)),
             (b"ply\r\nformat ascii 1.0\r\n", Some(MeshFormat::Ply)),
@@ -318,6 +355,9 @@ mod tests {
             (b"STCN4OFF 3 1 0\n", Some(MeshFormat::Off)),
             (b"solid cube\nfacet normal 0 0 1\n", Some(MeshFormat::Stl)),
             (b"MeshVersionFormatted 2\n", Some(MeshFormat::Medit)),
+            (b"glTF\x02\0\0\0", Some(MeshFormat::Gltf)),
+            (b"{\"asset\": {\"version\": \"2.0\"}}", Some(MeshFormat::Gltf)),
+            (b"<?xml version=\"1.0\"?>\n<GIFTI>", Some(MeshFormat::Gifti)),
             (b"<html>", None),
             (b"plywood", None),
             (b"", None),

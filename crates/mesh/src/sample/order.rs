@@ -1,11 +1,33 @@
 //! An order of samples in which neighbours follow each other.
 
+use std::cmp::Ordering;
+
+use rayon::prelude::*;
+
 use crate::TriangleMesh;
 
 /// Sorts samples along a Z-order curve through their positions (Morton 1966). Work that goes from sample to sample then finds
 /// what it needs in the cache, and the matrices of a subspace gather near their diagonals. Samples that are no vertices go last.
 pub fn sort_spatially(mesh: &TriangleMesh, samples: &mut [u32]) {
-    let position = |v: u32| mesh.positions.get(v as usize);
+    let code = codes(&mesh.positions, samples);
+    samples.sort_by_cached_key(|&v| (code(v), v));
+}
+
+/// Sorts points in the same way; those on one place of the curve by their coordinates, so that the order follows from the positions alone as long as they differ.
+pub fn spatial_order(positions: &[[f64; 3]], points: &mut [u32]) {
+    let code = codes(positions, points);
+    let mut keyed: Vec<(u64, u32)> = points.par_iter().map(|&point| (code(point), point)).collect();
+    keyed.par_sort_unstable_by(|a, b| {
+        let place = |&(_, point): &(u64, u32)| positions.get(point as usize).copied().unwrap_or([f64::NAN; 3]);
+        let by_place = |a, b| (0..3).fold(Ordering::Equal, |o, i| o.then(f64::total_cmp(&place(a)[i], &place(b)[i])));
+        a.0.cmp(&b.0).then_with(|| by_place(a, b)).then(a.1.cmp(&b.1))
+    });
+    points.iter_mut().zip(keyed).for_each(|(point, (_, sorted))| *point = sorted);
+}
+
+/// The place of a sample on a Z-order curve through all of them.
+fn codes<'p>(positions: &'p [[f64; 3]], samples: &[u32]) -> impl Fn(u32) -> u64 + use<'p> {
+    let position = |v: u32| positions.get(v as usize);
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for p in samples.iter().filter_map(|&v| position(v)) {
         for k in 0..3 {
@@ -15,13 +37,12 @@ pub fn sort_spatially(mesh: &TriangleMesh, samples: &mut [u32]) {
     }
     let extent = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
     let scale = if extent > 0.0 { f64::from((1u32 << 21) - 1) / extent } else { 0.0 };
-    samples.sort_by_cached_key(|&v| {
-        let code = position(v).map_or(u64::MAX, |p| {
+    move |v| {
+        position(v).map_or(u64::MAX, |p| {
             // A cast of what is not a number or out of range saturates.
             (0..3).map(|k| spread(((p[k] - low[k]) * scale) as u64) << k).fold(0, |a, b| a | b)
-        });
-        (code, v)
-    });
+        })
+    }
 }
 
 /// Puts two zero bits after each of the lowest 21.

@@ -72,6 +72,9 @@ pub enum AnalysisError {
         /// Vertices of the mesh.
         mesh: usize,
     },
+    /// The mesh has points without faces.
+    #[error("geodesic distances need a surface with faces, and the mesh has points alone")]
+    NoFaces,
     /// Bytes are no compressed functions, or not those of this basis.
     #[error("byte {at} of the compressed functions: {reason}")]
     Stream {

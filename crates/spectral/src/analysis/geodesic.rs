@@ -10,6 +10,7 @@
 
 use chladni_algebra::{DenseMatrix, vectorized};
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::points::are_points;
 use rayon::prelude::*;
 
 use super::distance::nearest;
@@ -70,6 +71,9 @@ pub fn geodesic(
 ) -> Result<DenseMatrix, AnalysisError> {
     if mesh.positions.len() != basis.vertices() {
         return Err(AnalysisError::Mesh { basis: basis.vertices(), mesh: mesh.positions.len() });
+    }
+    if are_points(mesh) {
+        return Err(AnalysisError::NoFaces);
     }
     error::count("sources", sources.len(), 1, MOST_COLUMNS)?;
     let first = kernel_size(&basis.eigenvalues)?;

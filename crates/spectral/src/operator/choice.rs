@@ -3,10 +3,12 @@
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::intrinsic::Rim;
+use chladni_mesh::points::{COVERS, are_points};
 use serde::{Deserialize, Serialize};
 
 use super::curvature::Surface;
 use super::manifold::Topology;
+use super::points::{assemble_local, local_triangles};
 use super::weighted::{self, Parts};
 use super::{EigenProblem, MassKind, OperatorError, boundary, extrinsic, graph, hamiltonian, laplace, robust};
 
@@ -163,6 +165,8 @@ pub enum Reason {
     NonManifold,
     /// More than one face in a thousand is thin.
     ThinFaces,
+    /// The mesh has points alone: the triangles are those of local Delaunay triangulations.
+    Points,
     /// Some face is so thin that by cotangents it would spoil the result by itself: its longest edge is over a million times its height.
     Needle,
 }
@@ -252,12 +256,35 @@ impl MeshOperator {
 /// From this many faces in a thousand on, thin ones call for the robust Laplacian.
 const THIN_PER_MILLE: usize = 1;
 
-/// Makes the operator that is asked for. Announces the stage `operator`.
+/// Makes the operator that is asked for; that of points without faces by [`assemble_local`](super::points::assemble_local). Announces the stage `operator`.
 ///
 /// # Errors
-/// [`OperatorError`]: parameters out of range, a mesh without area or unknowns, cancellation.
+/// [`OperatorError`]: parameters out of range, a mesh without area or unknowns, an operator that needs faces where there are none, cancellation.
 pub fn assemble(
     mesh: &TriangleMesh,
+    parameters: &OperatorParameters,
+    monitor: &dyn Monitor,
+) -> Result<MeshOperator, OperatorError> {
+    if are_points(mesh) {
+        parameters.check_points()?;
+        return assemble_local(&local_triangles(mesh, monitor)?, parameters, monitor);
+    }
+    assemble_on(mesh, Triangles::Surface, parameters, monitor)
+}
+
+/// What the triangles of a mesh are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Triangles {
+    /// A surface.
+    Surface,
+    /// Those around each of some points, which cover a surface [`COVERS`] times.
+    Local,
+}
+
+/// As [`assemble`], on given triangles.
+pub(super) fn assemble_on(
+    mesh: &TriangleMesh,
+    triangles: Triangles,
     parameters: &OperatorParameters,
     monitor: &dyn Monitor,
 ) -> Result<MeshOperator, OperatorError> {
@@ -280,10 +307,16 @@ pub fn assemble(
         _ => {}
     }
     let measured = laplace::measure(mesh)?;
-    let topology = Topology::new(mesh.positions.len(), &mesh.faces, &measured.corners);
+    let (topology, covers) = match triangles {
+        Triangles::Surface => (Topology::new(mesh.positions.len(), &mesh.faces, &measured.corners), 1.0),
+        Triangles::Local => (Topology::default(), COVERS),
+    };
     monitor.checkpoint()?;
 
-    let (laplacian, reason) = choose(&parameters.operator, mesh, &measured, &topology);
+    let (laplacian, reason) = match triangles {
+        Triangles::Surface => choose(&parameters.operator, mesh, &measured, &topology),
+        Triangles::Local => choose_local(&parameters.operator, mesh, &measured),
+    };
     let mut report = OperatorReport {
         laplacian,
         reason,
@@ -298,7 +331,7 @@ pub fn assemble(
     let (laplacian, faces, shapes) = match laplacian {
         // The other two act on no triangles, and were made or refused above.
         Laplacian::Cotangent | Laplacian::Volume | Laplacian::Graph => {
-            let (problem, massless) = laplace::cotangent(mesh, &measured, parameters.mass);
+            let (problem, massless) = laplace::cotangent(mesh, &measured, covers, parameters.mass);
             report.massless_vertices = massless;
             (problem, &mesh.faces[..], &measured.shapes[..])
         }
@@ -306,7 +339,8 @@ pub fn assemble(
             let rim = if dirichlet { Rim::Fixed } else { Rim::Free };
             let found;
             (triangulation, found) = robust::triangulate(mesh, &measured, rim, monitor)?;
-            let (problem, found) = robust::of_triangulation(mesh, &measured, &triangulation, found, parameters.mass)?;
+            let (problem, found) =
+                robust::of_triangulation(mesh, &measured, &triangulation, covers, found, parameters.mass)?;
             report.mollification = found.mollification;
             report.flips = found.flips;
             report.delaunay = found.delaunay;
@@ -365,6 +399,15 @@ pub fn assemble(
     report.removed_vertices = held.len();
     let problem = boundary::without(whole.as_ref().unwrap_or(&laplacian), &held)?;
     Ok(MeshOperator { problem, base: Some(laplacian), floor, report })
+}
+
+/// Which Laplacian to take on local triangulations: cotangents, unless the robust one is asked for or some triangles are thin.
+fn choose_local(wanted: &OperatorKind, mesh: &TriangleMesh, measured: &laplace::Measured) -> (Laplacian, Reason) {
+    if *wanted == OperatorKind::Robust {
+        return (Laplacian::Robust, Reason::Requested);
+    }
+    let thin = 1000 * measured.thin_faces > THIN_PER_MILLE * mesh.faces.len() || measured.needles > 0;
+    (if thin { Laplacian::Robust } else { Laplacian::Cotangent }, Reason::Points)
 }
 
 /// Which Laplacian to take.

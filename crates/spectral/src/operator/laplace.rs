@@ -54,7 +54,7 @@ pub fn assemble_with_report(
     mass: MassKind,
 ) -> Result<(EigenProblem, AssemblyReport), OperatorError> {
     let measured = measure(mesh)?;
-    let (problem, massless_vertices) = cotangent(mesh, &measured, mass);
+    let (problem, massless_vertices) = cotangent(mesh, &measured, 1.0, mass);
     Ok((problem, AssemblyReport { zero_area_faces: measured.zero_area_faces, massless_vertices }))
 }
 
@@ -89,15 +89,20 @@ pub(super) fn measure(mesh: &TriangleMesh) -> Result<Measured, OperatorError> {
     Ok(Measured { scale, corners, shapes, area, zero_area_faces, thin_faces, needles })
 }
 
-/// The problem that follows from the cotangents of the faces as they are, and the number of vertices without mass.
-pub(super) fn cotangent(mesh: &TriangleMesh, measured: &Measured, mass: MassKind) -> (EigenProblem, usize) {
+/// The problem that follows from the cotangents of the faces as they are, which cover the surface `covers` times, and the number of vertices without mass.
+pub(super) fn cotangent(
+    mesh: &TriangleMesh,
+    measured: &Measured,
+    covers: f64,
+    mass: MassKind,
+) -> (EigenProblem, usize) {
     let Measured { scale, corners, shapes, area, .. } = measured;
-    let triangles = Triangles { vertices: mesh.positions.len(), faces: &mesh.faces, shapes, sheets: 1.0 };
+    let triangles = Triangles { vertices: mesh.positions.len(), faces: &mesh.faces, shapes, sheets: covers };
     let assembled = shapes::assemble(&triangles, corners, *area, mass);
     let problem = EigenProblem {
         stiffness: assembled.stiffness,
         mass: assembled.mass,
-        area: area / scale / scale,
+        area: area / covers / scale / scale,
         unknowns: None,
     };
     (problem, assembled.massless_vertices)

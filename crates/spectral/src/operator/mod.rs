@@ -14,6 +14,7 @@ pub mod hamiltonian;
 pub mod hodge;
 pub mod laplace;
 mod manifold;
+pub mod points;
 pub mod robust;
 mod shapes;
 pub mod tangential;

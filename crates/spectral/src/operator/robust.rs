@@ -45,7 +45,7 @@ pub fn assemble(
 ) -> Result<(EigenProblem, RobustReport), OperatorError> {
     let measured = super::laplace::measure(mesh)?;
     let (triangulation, report) = triangulate(mesh, &measured, rim, monitor)?;
-    of_triangulation(mesh, &measured, &triangulation, report, mass)
+    of_triangulation(mesh, &measured, &triangulation, 1.0, report, mass)
 }
 
 /// The robust Laplacian with barycentric masses, and the triangulation that it was made of, in a unit of length of its own.
@@ -58,7 +58,7 @@ pub fn triangulated(
 ) -> Result<(EigenProblem, IntrinsicTriangulation), OperatorError> {
     let measured = super::laplace::measure(mesh)?;
     let (triangulation, report) = triangulate(mesh, &measured, Rim::Free, monitor)?;
-    let (problem, _) = of_triangulation(mesh, &measured, &triangulation, report, MassKind::Barycentric)?;
+    let (problem, _) = of_triangulation(mesh, &measured, &triangulation, 1.0, report, MassKind::Barycentric)?;
     Ok((problem, triangulation))
 }
 
@@ -85,17 +85,18 @@ pub(super) fn triangulate(
     Ok((triangulation, report))
 }
 
-/// The problem on a triangulation in the scaled units of `measured`.
+/// The problem on a triangulation in the scaled units of `measured`, of triangles that cover the surface `covers` times.
 pub(super) fn of_triangulation(
     mesh: &TriangleMesh,
     measured: &Measured,
     triangulation: &IntrinsicTriangulation,
+    covers: f64,
     mut report: RobustReport,
     mass: MassKind,
 ) -> Result<(EigenProblem, RobustReport), OperatorError> {
     let vertices = mesh.positions.len();
     let corners = Corners::new(vertices, triangulation.faces())?;
-    let sheets = triangulation.sheets() as f64;
+    let sheets = triangulation.sheets() as f64 * covers;
     let area: f64 = triangulation.shapes().iter().map(|shape| shape.area).sum();
     let triangles = Triangles { vertices, faces: triangulation.faces(), shapes: triangulation.shapes(), sheets };
     let assembled = shapes::assemble(&triangles, &corners, area, mass);

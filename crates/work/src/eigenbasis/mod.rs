@@ -10,9 +10,12 @@ mod nested;
 mod request;
 
 use chladni_base::Monitor;
+use chladni_mesh::points::{are_points, once_each};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::{Basis, Product};
-use chladni_spectral::operator::{self, MeshOperator, OperatorError, OperatorKind, OperatorParameters, Potential};
+use chladni_spectral::operator::{
+    self, MeshOperator, OperatorError, OperatorKind, OperatorParameters, Potential, points,
+};
 use serde_json::Value;
 
 pub use approximation::{Accuracy, Approximate, Construction};
@@ -64,6 +67,9 @@ pub enum Method {
     /// Subspace iteration to a tolerance, on a hierarchy or plain.
     Exact(Exact),
 }
+
+/// Bytes that the local triangulation of a point takes while the operator is made.
+const POINT_BYTES: u64 = 2500;
 
 fn value(name: &'static str, reason: String) -> ParameterError {
     ParameterError::Value { name, reason }
@@ -239,7 +245,9 @@ impl EigenbasisParameters {
             // The problem is kept a second time, renumbered.
             Method::Exact(exact) => operator + exact.memory_bytes(n),
         };
-        mesh + operator + method + (64 << 20)
+        // The triangles around every point, thrice as many as the surface has, each with a second sheet.
+        let local = if f == 0 { n * POINT_BYTES } else { 0 };
+        mesh + operator + local + method + (64 << 20)
     }
 
     /// About how many seconds of one core the job takes, where that is known: for a number of pairs of a surface, by the methods but `sim`.
@@ -286,6 +294,9 @@ impl EigenbasisParameters {
     }
 
     fn basis(&self, mesh: &TriangleMesh, solid: Option<&TetMesh>, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+        if are_points(mesh) {
+            self.operator.check_points()?;
+        }
         if let (true, Method::Exact(exact)) = (self.is_hodge(), &self.method) {
             let mut basis = hodge::run(exact, mesh, self.seed, monitor)?;
             if solid.is_some() {
@@ -293,7 +304,16 @@ impl EigenbasisParameters {
             }
             return Ok(basis);
         }
-        let operator = self.assemble(mesh, solid, monitor)?;
+        let local;
+        let (operator, mesh) = if are_points(mesh) {
+            let triangles = points::local_triangles(mesh, monitor)?;
+            let operator = points::assemble_local(&triangles, &self.operator, monitor)?;
+            // The spaces of a solver ask who is beside whom.
+            local = once_each(&triangles);
+            (operator, &local)
+        } else {
+            (self.assemble(mesh, solid, monitor)?, mesh)
+        };
         let (mut basis, method) = match &self.method {
             Method::Auto(auto) => auto.run(mesh, &operator, self.seed, monitor)?,
             Method::Approximate(approximate) => {
@@ -331,6 +351,9 @@ impl Work for EigenbasisParameters {
     }
 
     fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
+        if mesh.are_points() {
+            self.operator.check_points()?;
+        }
         if self.is_nested() {
             return self.check_mesh(nested::vertices(&self.operator.operator, mesh)?);
         }
@@ -371,6 +394,8 @@ impl Work for EigenbasisParameters {
     }
 }
 
+#[cfg(test)]
+mod points_tests;
 #[cfg(test)]
 mod tests {
     use super::*;

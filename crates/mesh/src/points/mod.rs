@@ -1,0 +1,81 @@
+//! Points without faces: a surface as scanners and Gaussian splats give it.
+//!
+//! Each point gets the triangles around it of the Delaunay triangulation of its neighbours, in the plane that fits them best. All of these
+//! together cover the surface three times, where neighbours agree, and are what a Laplacian on the points is made of (Sharp and Crane 2020,
+//! *A Laplacian for Nonmanifold Triangle Meshes*, section 5.7). A [`TriangleMesh`] of points has positions alone.
+
+mod plane;
+mod star;
+mod tree;
+
+use chladni_base::{Cancelled, Monitor};
+use rayon::prelude::*;
+
+use super::TriangleMesh;
+
+pub use tree::PointTree;
+
+/// How many neighbours a point is triangulated with.
+pub const NEIGHBOURS: usize = 30;
+
+/// How often the triangles around all points cover the surface: a triangle belongs to each of its corners.
+pub const COVERS: f64 = 3.0;
+
+/// Points that are triangulated between two checkpoints, and by one task.
+const AT_ONCE: usize = 1 << 16;
+const PER_TASK: usize = 1 << 10;
+
+/// Whether a mesh is a set of points.
+pub fn are_points(mesh: &TriangleMesh) -> bool {
+    mesh.faces.is_empty() && !mesh.positions.is_empty()
+}
+
+/// The points with the triangles around each of them, those of point 0 first; the first corner of a triangle is the point that it is around.
+/// Most triangles occur three times, in any orientation.
+///
+/// Neighbours are the [`NEIGHBOURS`] nearest, of equally distant ones those of the lowest number. The result does not depend on the number of
+/// threads. All coordinates must be finite.
+///
+/// # Errors
+/// [`Cancelled`] when the monitor asks for it.
+pub fn with_local_triangles(positions: &[[f64; 3]], monitor: &dyn Monitor) -> Result<TriangleMesh, Cancelled> {
+    let n = positions.len();
+    let tree = PointTree::new(positions);
+    monitor.checkpoint()?;
+    let mut faces = Vec::with_capacity(6 * n);
+    for first in (0..n).step_by(AT_ONCE) {
+        let block: Vec<u32> = (first as u32..n.min(first + AT_ONCE) as u32).collect();
+        let parts: Vec<Vec<[u32; 3]>> = block
+            .par_chunks(PER_TASK)
+            .map(|points| {
+                let mut scratch = star::Scratch::default();
+                let mut found = Vec::with_capacity(6 * points.len());
+                points.iter().for_each(|&point| scratch.triangulate(positions, &tree, point, &mut found));
+                found
+            })
+            .collect();
+        faces.extend(parts.into_iter().flatten());
+        monitor.checkpoint()?;
+        monitor.progress((first + block.len()) as f64 / n as f64);
+    }
+    Ok(TriangleMesh { positions: positions.to_vec(), faces })
+}
+
+/// The same triangles, each of them once: whom a point has beside it.
+pub fn once_each(local: &TriangleMesh) -> TriangleMesh {
+    let mut faces: Vec<[u32; 3]> = local
+        .faces
+        .par_iter()
+        .map(|&face| {
+            let mut sorted = face;
+            sorted.sort_unstable();
+            sorted
+        })
+        .collect();
+    faces.par_sort_unstable();
+    faces.dedup();
+    TriangleMesh { positions: local.positions.clone(), faces }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,228 @@
+//! The triangles around a point in the Delaunay triangulation of its neighbours, in the plane that fits them.
+//!
+//! As in the programs of Sharp and Crane: neighbours are walked around by angle, and a triangle is taken where the circle through its corners
+//! holds no other neighbour, or hardly: where four lie on one circle, a triangle too many does less harm than one too few.
+
+use super::tree::{Nearest, PointTree};
+use super::{NEIGHBOURS, plane};
+
+/// Neighbours nearer than this share of the distance of the farthest stand on the point, in the plane, and are moved away from it.
+const TOO_NEAR: f64 = 1e-7;
+
+/// Neighbours whose directions differ by less than this angle in radians make no triangle.
+const SAME_DIRECTION: f64 = 1e-5;
+
+/// So deep, as a share of the distance of the farthest neighbour, another neighbour may lie inside the circle of a triangle.
+const INSIDE: f64 = 1e-4;
+
+/// A neighbour in the plane, seen from the point.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    point: u32,
+    at: [f64; 2],
+    angle: f64,
+}
+
+/// What is needed for a point, kept for the next one.
+#[derive(Default)]
+pub(super) struct Scratch {
+    nearest: Nearest,
+    vectors: Vec<[f64; 3]>,
+    seen: Vec<Seen>,
+}
+
+impl Scratch {
+    /// Adds the triangles around a point to `found`, each with the point first.
+    pub fn triangulate(&mut self, positions: &[[f64; 3]], tree: &PointTree, point: u32, found: &mut Vec<[u32; 3]>) {
+        let origin = positions[point as usize];
+        tree.nearest(origin, Some(point), NEIGHBOURS, &mut self.nearest);
+        self.vectors.clear();
+        let away = |&(_, other): &(f64, u32)| std::array::from_fn(|i| positions[other as usize][i] - origin[i]);
+        self.vectors.extend(self.nearest.found().iter().map(away));
+        let [x, y] = plane::fitted(&self.vectors);
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        self.seen.clear();
+        let numbers = self.nearest.found().iter().map(|&(_, other)| other);
+        self.seen.extend(numbers.zip(&self.vectors).map(|(point, &v)| Seen {
+            point,
+            at: [dot(x, v), dot(y, v)],
+            angle: 0.0,
+        }));
+        walk(point, &mut self.seen, found);
+    }
+}
+
+/// The triangles around a point; `seen` has its neighbours by distance, and is sorted by angle.
+fn walk(point: u32, seen: &mut [Seen], found: &mut Vec<[u32; 3]>) {
+    let Some(extent) = seen.last().map(|last| last.at[0].hypot(last.at[1])) else { return };
+    if !(extent > 0.0 && extent.is_finite()) {
+        return;
+    }
+    move_away(seen, extent);
+    seen.iter_mut().for_each(|s| s.angle = s.at[1].atan2(s.at[0]));
+    seen.sort_by(|a, b| a.angle.total_cmp(&b.angle));
+    let count = seen.len();
+    let (first, open) = begin(seen);
+    seen.rotate_left(first);
+    // Around an inner point the walk ends where it began.
+    let last = if open { count } else { count + 1 };
+    let mut from = 0;
+    while from < count {
+        let a = seen[from];
+        let next = (from + 1..last).find(|&to| {
+            let b = seen[to % count];
+            is_empty(seen, a.at, b.at, extent)
+        });
+        match next {
+            Some(to) => {
+                found.push([point, a.point, seen[to % count].point]);
+                from = to;
+            }
+            None => from += 1,
+        }
+    }
+}
+
+/// Moves neighbours away that stand on the point, in their direction if they have one, each a bit farther than the one before.
+fn move_away(seen: &mut [Seen], extent: f64) {
+    let count = seen.len() as f64;
+    for (k, s) in seen.iter_mut().enumerate() {
+        let distance = s.at[0].hypot(s.at[1]);
+        if distance >= TOO_NEAR * extent {
+            continue;
+        }
+        let share = k as f64 / count;
+        let direction = if distance > 0.0 {
+            s.at.map(|x| x / distance)
+        } else {
+            let angle = std::f64::consts::TAU * share;
+            [angle.cos(), angle.sin()]
+        };
+        s.at = direction.map(|x| x * (1.0 + share) * extent * TOO_NEAR * 10.0);
+    }
+}
+
+/// Where the walk begins among neighbours by angle, and whether it is open: behind a gap of 180 degrees, if there is one, for the point is then
+/// at the rim; else at the nearest neighbour, which is certainly beside the point.
+fn begin(seen: &[Seen]) -> (usize, bool) {
+    let count = seen.len();
+    let gap = |k: usize| match k {
+        0 => seen[0].angle + std::f64::consts::TAU - seen[count - 1].angle,
+        _ => seen[k].angle - seen[k - 1].angle,
+    };
+    let widest = (0..count).max_by(|&a, &b| gap(a).total_cmp(&gap(b))).unwrap_or(0);
+    if gap(widest) > std::f64::consts::PI - SAME_DIRECTION {
+        return (widest, true);
+    }
+    let square = |s: &Seen| s.at[0] * s.at[0] + s.at[1] * s.at[1];
+    let nearest = (0..count).min_by(|&a, &b| square(&seen[a]).total_cmp(&square(&seen[b]))).unwrap_or(0);
+    (nearest, false)
+}
+
+/// Whether the circle through the point and two neighbours, the second counter-clockwise of the first, holds no other neighbour, or hardly.
+fn is_empty(seen: &[Seen], a: [f64; 2], b: [f64; 2], extent: f64) -> bool {
+    let (aa, bb) = (a[0] * a[0] + a[1] * a[1], b[0] * b[0] + b[1] * b[1]);
+    let cross = a[0] * b[1] - a[1] * b[0];
+    if !(cross > SAME_DIRECTION * (aa * bb).sqrt()) {
+        return false;
+    }
+    let centre = [(aa * b[1] - bb * a[1]) / (2.0 * cross), (bb * a[0] - aa * b[0]) / (2.0 * cross)];
+    let radius = centre[0].hypot(centre[1]);
+    let inner = radius - INSIDE * extent;
+    if !(inner > 0.0) {
+        return true;
+    }
+    // The two themselves are farther from the centre than that.
+    let inner = inner * inner;
+    seen.iter().all(|s| {
+        let d = [s.at[0] - centre[0], s.at[1] - centre[1]];
+        d[0] * d[0] + d[1] * d[1] > inner
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chladni_base::SplitMix64;
+
+    fn triangles(points: &[[f64; 2]]) -> Vec<[u32; 3]> {
+        let mut by_distance: Vec<u32> = (0..points.len() as u32).collect();
+        let square = |p: [f64; 2]| p[0] * p[0] + p[1] * p[1];
+        by_distance.sort_by(|&a, &b| square(points[a as usize]).total_cmp(&square(points[b as usize])));
+        let mut seen: Vec<Seen> =
+            by_distance.iter().map(|&k| Seen { point: k, at: points[k as usize], angle: 0.0 }).collect();
+        let mut found = Vec::new();
+        walk(99, &mut seen, &mut found);
+        found.iter_mut().for_each(|face| face[1..].sort_unstable());
+        found.sort_unstable();
+        found
+    }
+
+    /// All triangles at the origin whose circle is empty, by trying all pairs.
+    fn by_definition(points: &[[f64; 2]]) -> Vec<[u32; 3]> {
+        let mut found = Vec::new();
+        for a in 0..points.len() {
+            for b in a + 1..points.len() {
+                let ([ax, ay], [bx, by]) = (points[a], points[b]);
+                let det = ax * by - ay * bx;
+                // Positive inside of the circle (the determinant of Guibas and Stolfi).
+                let inside = |[x, y]: [f64; 2]| {
+                    let (aa, bb, cc) = (ax * ax + ay * ay, bx * bx + by * by, x * x + y * y);
+                    -(aa * (bx * y - by * x) - bb * (ax * y - ay * x) + cc * (ax * by - ay * bx)) * det.signum()
+                };
+                if (0..points.len()).all(|c| c == a || c == b || inside(points[c]) <= 0.0) {
+                    found.push([99, a as u32, b as u32]);
+                }
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn the_star_is_that_of_the_definition_inside_and_at_the_rim() {
+        let mut random = SplitMix64::new(12);
+        for round in 0..300 {
+            // Around the point, or on one side of it in any direction.
+            let turn = random.unit() * std::f64::consts::TAU;
+            let width = if round % 2 == 0 { 1.0 } else { 0.45 };
+            let points: Vec<[f64; 2]> = (0..12)
+                .map(|_| {
+                    let (angle, radius) = (turn + random.unit() * width * std::f64::consts::TAU, 0.1 + random.unit());
+                    [radius * angle.cos(), radius * angle.sin()]
+                })
+                .collect();
+            assert_eq!(triangles(&points), by_definition(&points), "round {round}");
+        }
+    }
+
+    #[test]
+    fn neighbours_on_a_line_or_on_the_point_make_no_triangle_and_no_trouble() {
+        assert!(triangles(&[[1.0, 1.0], [2.0, 2.0], [-1.0, -1.0], [3.0, 3.0]]).is_empty());
+        assert!(triangles(&[[0.0, 0.0]; 5]).is_empty());
+        assert!(triangles(&[]).is_empty());
+        assert!(triangles(&[[f64::NAN, 0.0], [1.0, f64::INFINITY]]).is_empty());
+        assert!(!triangles(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]]).is_empty());
+    }
+
+    #[test]
+    fn a_square_around_the_point_gives_four_triangles_or_more_but_no_hole() {
+        let mut points = Vec::new();
+        for x in -1..=1 {
+            for y in -1..=1 {
+                if (x, y) != (0, 0) {
+                    points.push([f64::from(x), f64::from(y)]);
+                }
+            }
+        }
+        let found = triangles(&points);
+        let angle = |k: u32| points[k as usize][1].atan2(points[k as usize][0]);
+        let total: f64 = found
+            .iter()
+            .map(|f| {
+                let difference = (angle(f[1]) - angle(f[2])).abs();
+                difference.min(std::f64::consts::TAU - difference)
+            })
+            .sum();
+        assert!((total - std::f64::consts::TAU).abs() < 1e-12, "{found:?}");
+    }
+}

@@ -1,0 +1,185 @@
+//! The nearest points: a tree of halves.
+
+use rayon::prelude::*;
+
+/// Points of a leaf, at most.
+const LEAF: usize = 16;
+
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    at: [f64; 3],
+    point: u32,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Split {
+    axis: u8,
+    at: f64,
+}
+
+/// A balanced k-d tree (Bentley 1975): each node halves its points along the longest side of their box. Takes about 36 bytes a point.
+#[derive(Debug, Clone)]
+pub struct PointTree {
+    /// The points, leaf by leaf.
+    entries: Vec<Entry>,
+    /// For each level the splits of its nodes; the halves of node `k` are `2k` and `2k + 1` of the next.
+    levels: Vec<Vec<Split>>,
+}
+
+/// The nearest points so far.
+#[derive(Debug, Clone, Default)]
+pub struct Nearest {
+    most: usize,
+    found: Vec<(f64, u32)>,
+}
+
+impl Nearest {
+    /// Squared distances and points, nearest first; of equally distant ones the lowest first.
+    pub fn found(&self) -> &[(f64, u32)] {
+        &self.found
+    }
+
+    /// What is farther than this does not count.
+    fn farthest(&self) -> f64 {
+        if self.found.len() < self.most { f64::INFINITY } else { self.found.last().map_or(0.0, |last| last.0) }
+    }
+
+    fn offer(&mut self, square: f64, point: u32) {
+        if self.found.len() == self.most {
+            match self.found.last() {
+                Some(&last) if (square, point) < last => self.found.pop(),
+                _ => return,
+            };
+        }
+        self.found.push((square, point));
+        let mut k = self.found.len() - 1;
+        while k > 0 && self.found[k] < self.found[k - 1] {
+            self.found.swap(k, k - 1);
+            k -= 1;
+        }
+    }
+}
+
+impl PointTree {
+    /// Builds the tree in `O(n log n)`. Coordinates must be finite.
+    pub fn new(positions: &[[f64; 3]]) -> Self {
+        let mut entries: Vec<Entry> =
+            positions.iter().enumerate().map(|(point, &at)| Entry { at, point: point as u32 }).collect();
+        let mut levels = Vec::new();
+        let mut ranges = vec![0..entries.len()];
+        while ranges.iter().any(|range| range.len() > LEAF) {
+            let mut parts = Vec::with_capacity(ranges.len());
+            let mut rest = &mut entries[..];
+            for range in &ranges {
+                let (part, later) = rest.split_at_mut(range.len());
+                parts.push(part);
+                rest = later;
+            }
+            levels.push(parts.into_par_iter().map(halve).collect());
+            ranges = ranges.into_iter().flat_map(|range| halves(range.start, range.end)).collect();
+        }
+        Self { entries, levels }
+    }
+
+    /// The `most` points nearest to a place, without `except`.
+    pub fn nearest(&self, place: [f64; 3], except: Option<u32>, most: usize, nearest: &mut Nearest) {
+        nearest.most = most;
+        nearest.found.clear();
+        if most > 0 {
+            self.descend((0, 0), (0, self.entries.len()), place, except, [0.0; 3], nearest);
+        }
+    }
+
+    /// Looks through a node whose box is `beyond` away from the place along each axis.
+    fn descend(
+        &self,
+        (level, node): (usize, usize),
+        (start, end): (usize, usize),
+        place: [f64; 3],
+        except: Option<u32>,
+        beyond: [f64; 3],
+        nearest: &mut Nearest,
+    ) {
+        let Some(splits) = self.levels.get(level) else {
+            for entry in &self.entries[start..end] {
+                let square = (0..3).map(|i| (entry.at[i] - place[i]).powi(2)).sum();
+                if square <= nearest.farthest() && Some(entry.point) != except {
+                    nearest.offer(square, entry.point);
+                }
+            }
+            return;
+        };
+        let Split { axis, at } = splits[node];
+        let axis = usize::from(axis);
+        let [low, high] = halves(start, end);
+        let below = place[axis] < at;
+        let (near, far) = if below { (low, high) } else { (high, low) };
+        let (near_node, far_node) = if below { (2 * node, 2 * node + 1) } else { (2 * node + 1, 2 * node) };
+        self.descend((level + 1, near_node), (near.start, near.end), place, except, beyond, nearest);
+        let mut beyond = beyond;
+        beyond[axis] = place[axis] - at;
+        // Equally distant ones of lower numbers may be there.
+        if beyond.iter().map(|d| d * d).sum::<f64>() <= nearest.farthest() {
+            self.descend((level + 1, far_node), (far.start, far.end), place, except, beyond, nearest);
+        }
+    }
+}
+
+fn halves(start: usize, end: usize) -> [std::ops::Range<usize>; 2] {
+    let middle = start + (end - start) / 2;
+    [start..middle, middle..end]
+}
+
+/// Puts the lower half along the longest side of the box before the upper one.
+fn halve(entries: &mut [Entry]) -> Split {
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for entry in entries.iter() {
+        for i in 0..3 {
+            low[i] = low[i].min(entry.at[i]);
+            high[i] = high[i].max(entry.at[i]);
+        }
+    }
+    let side = |i: &usize| high[*i] - low[*i];
+    let axis = (0..3).max_by(|a, b| side(a).total_cmp(&side(b))).unwrap_or(0);
+    let middle = entries.len() / 2;
+    if middle == entries.len() {
+        return Split { axis: 0, at: 0.0 };
+    }
+    let key = |entry: &Entry| (entry.at[axis], entry.point);
+    let (_, median, _) = entries.select_nth_unstable_by(middle, |a, b| {
+        let ((p, i), (q, j)) = (key(a), key(b));
+        p.total_cmp(&q).then(i.cmp(&j))
+    });
+    Split { axis: axis as u8, at: median.at[axis] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chladni_base::SplitMix64;
+
+    #[test]
+    fn the_nearest_are_those_of_an_exhaustive_search_ties_included() {
+        let mut random = SplitMix64::new(8);
+        for n in [0, 1, 5, 17, 100, 1000] {
+            // On a coarse grid, so that many distances are equal and some points stand on each other.
+            let positions: Vec<[f64; 3]> =
+                (0..n).map(|_| std::array::from_fn(|_| (random.unit() * 7.0).floor())).collect();
+            let tree = PointTree::new(&positions);
+            let mut nearest = Nearest::default();
+            for point in 0..n as u32 {
+                tree.nearest(positions[point as usize], Some(point), 12, &mut nearest);
+                let mut all: Vec<(f64, u32)> = (0..n as u32)
+                    .filter(|&other| other != point)
+                    .map(|other| {
+                        let (p, q) = (positions[point as usize], positions[other as usize]);
+                        ((0..3).map(|i| (p[i] - q[i]).powi(2)).sum(), other)
+                    })
+                    .collect();
+                all.sort_by(|a, b| a.partial_cmp(b).unwrap());
+                all.truncate(12);
+                assert_eq!(nearest.found(), all);
+            }
+        }
+    }
+}

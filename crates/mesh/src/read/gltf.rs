@@ -1,0 +1,365 @@
+//! glTF 2.0: binary (GLB), or JSON with its buffers inside.
+//!
+//! All triangles of all nodes, in the coordinates of the scene, whichever scene they belong to. Points are read as points; lines, skins, morph
+//! targets and animations are passed over, and so is whatever a surface is coloured with.
+
+use std::borrow::Cow;
+
+use serde::Deserialize;
+
+use super::builder::Builder;
+use super::error::{ReadError, shorten};
+use super::gltf_nodes::{Matrix, placed_meshes};
+use super::{MeshFormat, RawMesh, ReadLimits};
+
+/// The first bytes of a binary file.
+pub(super) const MAGIC: &[u8] = b"glTF";
+
+/// A mesh may stand at many nodes, and accessors may share bytes; so many vertices and triangles may come of a file beside those that its size lets expect.
+const SHARED: usize = 1 << 16;
+
+pub(super) fn refuse(reason: impl Into<String>) -> ReadError {
+    ReadError::Arrays { format: MeshFormat::Gltf, reason: reason.into() }
+}
+
+/// Whether a JSON text is glTF: it has the one member that all of them have.
+pub(super) fn is_json(bytes: &[u8]) -> bool {
+    bytes.windows(7).any(|window| window == b"\"asset\"")
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Document {
+    extensions_required: Vec<String>,
+    pub nodes: Vec<Node>,
+    pub meshes: Vec<Mesh>,
+    accessors: Vec<Accessor>,
+    buffer_views: Vec<View>,
+    buffers: Vec<Buffer>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(super) struct Node {
+    pub mesh: Option<usize>,
+    pub children: Vec<usize>,
+    pub matrix: Option<Box<[f64; 16]>>,
+    pub translation: Option<[f64; 3]>,
+    pub rotation: Option<[f64; 4]>,
+    pub scale: Option<[f64; 3]>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(super) struct Mesh {
+    primitives: Vec<Primitive>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Primitive {
+    attributes: Attributes,
+    indices: Option<usize>,
+    mode: Option<u32>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Attributes {
+    #[serde(rename = "POSITION")]
+    position: Option<usize>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default, rename_all = "camelCase")]
+struct Accessor {
+    buffer_view: Option<usize>,
+    byte_offset: usize,
+    component_type: u32,
+    count: usize,
+    #[serde(rename = "type")]
+    shape: String,
+    sparse: Option<serde::de::IgnoredAny>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default, rename_all = "camelCase")]
+struct View {
+    buffer: usize,
+    byte_offset: usize,
+    byte_length: usize,
+    byte_stride: Option<usize>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Buffer {
+    uri: Option<String>,
+}
+
+/// Extensions that change nothing about where triangles are; files that require others are refused.
+const HARMLESS: [&str; 3] = ["KHR_materials_", "KHR_texture_", "KHR_lights_"];
+
+/// Reads the triangles of all nodes. Vertices of different primitives are different ones, as the format has it.
+pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
+    let (json, binary) = if bytes.starts_with(MAGIC) { chunks(bytes)? } else { (bytes, None) };
+    let document: Document = serde_json::from_slice(json).map_err(|error| refuse(shorten_text(&error.to_string())))?;
+    if let Some(needed) = document.extensions_required.iter().find(|name| !HARMLESS.iter().any(|h| name.starts_with(h)))
+    {
+        return Err(ReadError::UnsupportedEncoding { format: MeshFormat::Gltf, encoding: shorten(needed.as_bytes()) });
+    }
+    let buffers: Vec<Cow<'_, [u8]>> = document
+        .buffers
+        .iter()
+        .enumerate()
+        .map(|(number, buffer)| bytes_of(number, buffer, binary))
+        .collect::<Result<_, _>>()?;
+    let limits = ReadLimits {
+        vertices: limits.vertices.min(bytes.len() / 4 + SHARED),
+        faces: limits.faces.min(bytes.len() + SHARED),
+        ..*limits
+    };
+    let mut reader = Reader { document: &document, buffers, builder: Builder::new(&limits), seen: Vec::new() };
+    for (mesh, place) in placed_meshes(&document)? {
+        reader.mesh(mesh, &place)?;
+    }
+    let mut mesh = reader.builder.finish()?;
+    // Corners that differ in a normal or a texture coordinate are different vertices.
+    mesh.splits_vertices = true;
+    Ok(mesh)
+}
+
+fn shorten_text(text: &str) -> String {
+    text.chars().take(200).collect()
+}
+
+/// The JSON of a binary file, and its other chunk.
+fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), ReadError> {
+    let word = |at: usize| bytes.get(at..at + 4).map(|four| u32::from_le_bytes([four[0], four[1], four[2], four[3]]));
+    if word(4) != Some(2) {
+        return Err(refuse("a binary file of another version than 2"));
+    }
+    let mut rest = bytes.get(12..).unwrap_or_default();
+    let mut next = |kind: &[u8; 4]| {
+        let length = u32::from_le_bytes(*rest.first_chunk::<4>()?) as usize;
+        let chunk = rest.get(8..)?.get(..length)?;
+        if rest.get(4..8)? != kind {
+            return None;
+        }
+        rest = rest.get(8 + length..).unwrap_or_default();
+        Some(chunk)
+    };
+    let json = next(b"JSON").ok_or_else(|| refuse("the chunk of JSON is missing or cut short"))?;
+    Ok((json, next(b"BIN\0")))
+}
+
+/// The bytes of a buffer. Other files are never opened.
+fn bytes_of<'a>(number: usize, buffer: &Buffer, binary: Option<&'a [u8]>) -> Result<Cow<'a, [u8]>, ReadError> {
+    let Some(uri) = &buffer.uri else {
+        let binary = binary.filter(|_| number == 0);
+        return Ok(Cow::Borrowed(binary.ok_or_else(|| refuse(format!("buffer {number} is missing or cut short")))?));
+    };
+    let Some(data) = uri.strip_prefix("data:").and_then(|data| data.split_once(";base64,")) else {
+        let text = format!("buffer {number} is in another file, `{}`; send a GLB", shorten(uri.as_bytes()));
+        return Err(refuse(text));
+    };
+    super::base64(data.1.as_bytes()).map(Cow::Owned).ok_or_else(|| refuse(format!("buffer {number} is not base64")))
+}
+
+struct Reader<'d, 'b, 'l> {
+    document: &'d Document,
+    buffers: Vec<Cow<'b, [u8]>>,
+    builder: Builder<'l>,
+    /// The accessors of positions of the current mesh, and the first vertex of each.
+    seen: Vec<(usize, u32)>,
+}
+
+impl Reader<'_, '_, '_> {
+    fn mesh(&mut self, number: usize, place: &Matrix) -> Result<(), ReadError> {
+        let mesh = self.document.meshes.get(number);
+        let mesh = mesh.ok_or_else(|| refuse(format!("a node has mesh {number} of {}", self.document.meshes.len())))?;
+        self.seen.clear();
+        for (k, primitive) in mesh.primitives.iter().enumerate() {
+            self.primitive(primitive, place).map_err(|error| match error {
+                ReadError::Arrays { format, reason } => {
+                    ReadError::Arrays { format, reason: format!("mesh {number}, primitive {k}: {reason}") }
+                }
+                other => other,
+            })?;
+        }
+        Ok(())
+    }
+
+    fn primitive(&mut self, primitive: &Primitive, place: &Matrix) -> Result<(), ReadError> {
+        let mode = primitive.mode.unwrap_or(4);
+        if (1..=3).contains(&mode) {
+            return Ok(());
+        }
+        if mode > 6 {
+            return Err(refuse(format!("there is no mode {mode}")));
+        }
+        let Some(accessor) = primitive.attributes.position else { return Ok(()) };
+        let (first, count) = self.vertices(accessor, place)?;
+        if mode == 0 {
+            return Ok(());
+        }
+        let corners = match primitive.indices {
+            Some(indices) => self.indices(indices, count)?,
+            None => (0..count as u32).collect(),
+        };
+        let flip = place.mirrors();
+        let mut add = |a: u32, b: u32, c: u32| {
+            let [b, c] = if flip { [c, b] } else { [b, c] };
+            self.builder.triangle([a, b, c].map(|v| first + v))
+        };
+        match mode {
+            4 => corners.as_chunks::<3>().0.iter().try_for_each(|&[a, b, c]| add(a, b, c)),
+            // Every other triangle of a strip is turned.
+            5 => corners.windows(3).enumerate().try_for_each(|(k, w)| match k % 2 {
+                0 => add(w[0], w[1], w[2]),
+                _ => add(w[1], w[0], w[2]),
+            }),
+            _ => corners.windows(2).skip(1).try_for_each(|w| add(corners[0], w[0], w[1])),
+        }
+    }
+
+    /// Adds the vertices of an accessor, unless the mesh has them already; gives the first, and how many there are.
+    fn vertices(&mut self, number: usize, place: &Matrix) -> Result<(u32, usize), ReadError> {
+        let (accessor, elements) = elements(self.document, &self.buffers, number, "VEC3", &[5126])?;
+        let count = accessor.count;
+        if let Some(&(_, first)) = self.seen.iter().find(|(seen, _)| *seen == number) {
+            return Ok((first, count));
+        }
+        let first = self.builder.mesh.positions.len() as u32;
+        for element in elements {
+            let number = |k: usize| f32::from_le_bytes([element[k], element[k + 1], element[k + 2], element[k + 3]]);
+            self.builder.vertex(place.applied([0, 4, 8].map(|k| f64::from(number(k)))))?;
+        }
+        self.seen.push((number, first));
+        Ok((first, count))
+    }
+
+    fn indices(&self, number: usize, vertices: usize) -> Result<Vec<u32>, ReadError> {
+        let (_, elements) = elements(self.document, &self.buffers, number, "SCALAR", &[5121, 5123, 5125])?;
+        let value = |bytes: &[u8]| bytes.iter().rev().fold(0u32, |value, &byte| value << 8 | u32::from(byte));
+        let inside = |(place, bytes)| match value(bytes) {
+            vertex if (vertex as usize) < vertices => Ok(vertex),
+            vertex => Err(refuse(format!("index {place} is vertex {vertex} of {vertices}"))),
+        };
+        elements.enumerate().map(inside).collect()
+    }
+}
+
+/// An accessor of a shape and one of some types, and the bytes of each of its elements.
+fn elements<'a>(
+    document: &'a Document,
+    buffers: &'a [Cow<'_, [u8]>],
+    number: usize,
+    shape: &str,
+    types: &[u32],
+) -> Result<(&'a Accessor, impl Iterator<Item = &'a [u8]>), ReadError> {
+    let wrong = |what: &str| refuse(format!("accessor {number} {what}"));
+    let accessor = document.accessors.get(number).ok_or_else(|| wrong("does not exist"))?;
+    if accessor.shape != shape || !types.contains(&accessor.component_type) {
+        let (shape, kind) = (shorten(accessor.shape.as_bytes()), accessor.component_type);
+        return Err(wrong(&format!("is a {shape} of the type {kind}, which is not read here")));
+    }
+    if accessor.sparse.is_some() {
+        return Err(wrong("is sparse, which is not read"));
+    }
+    let view = accessor.buffer_view.and_then(|view| document.buffer_views.get(view));
+    let view = view.ok_or_else(|| wrong("has no bytes"))?;
+    let width = match accessor.component_type {
+        5121 => 1,
+        5123 => 2,
+        _ => 4,
+    } * if shape == "VEC3" { 3 } else { 1 };
+    let stride = view.byte_stride.unwrap_or(width);
+    if stride < width {
+        return Err(wrong(&format!("has elements that overlap, {stride} bytes apart")));
+    }
+    let range = || {
+        let buffer = buffers.get(view.buffer)?;
+        let all = buffer.get(view.byte_offset..view.byte_offset.checked_add(view.byte_length)?)?;
+        let own = all.get(accessor.byte_offset..)?;
+        let needed = match accessor.count {
+            0 => 0,
+            count => (count - 1).checked_mul(stride)?.checked_add(width)?,
+        };
+        own.get(..needed)
+    };
+    let bytes = range().ok_or_else(|| wrong("reaches beyond its bytes"))?;
+    Ok((accessor, bytes.chunks(stride).map(move |element| &element[..width])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::TriangleMesh;
+    use crate::measure::surface_area;
+
+    fn mesh(bytes: &[u8]) -> RawMesh {
+        read(bytes, &ReadLimits::default()).unwrap()
+    }
+
+    fn area(mesh: &RawMesh) -> f64 {
+        surface_area(&TriangleMesh { positions: mesh.positions.clone(), faces: mesh.faces.clone() })
+    }
+
+    #[test]
+    fn a_scene_of_another_library_has_its_nodes_where_they_stand() {
+        let scene = mesh(include_bytes!("data/scene.glb"));
+        // An icosahedron divided once, and a cube of twice the size around (10, 0, 0).
+        assert_eq!((scene.positions.len(), scene.faces.len(), scene.splits_vertices), (42 + 8, 80 + 12, true));
+        let cube: Vec<[f64; 3]> = scene.positions.iter().copied().filter(|p| p[0] > 5.0).collect();
+        assert_eq!(cube.len(), 8);
+        assert!(cube.iter().all(|p| (p[0] - 10.0).abs() == 1.0 && p[1].abs() == 1.0 && p[2].abs() == 1.0));
+        let sphere: f64 =
+            scene.positions.iter().filter(|p| p[0] < 5.0).map(|p| p.iter().map(|x| x * x).sum::<f64>()).sum();
+        assert!((sphere / 42.0 - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn strips_and_fans_and_mirrored_nodes_keep_the_side_of_their_triangles() {
+        let raw = mesh(include_bytes!("data/strip-and-fan.gltf"));
+        // A strip of five vertices, and a fan over four of them, mirrored and moved by (5, 0, 0).
+        assert_eq!(raw.faces[..3], [[0, 1, 2], [2, 1, 3], [2, 3, 4]]);
+        assert_eq!(raw.faces[3..], [[5, 8, 6], [5, 7, 8]]);
+        assert_eq!(raw.positions[6], [4.0, 0.0, 0.0]);
+        let up = |f: &[u32; 3]| {
+            let [p, q, r] = f.map(|v| raw.positions[v as usize]);
+            (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+        };
+        assert!(raw.faces.iter().all(|face| up(face) > 0.0));
+        assert_eq!(area(&raw), 2.5);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named() {
+        let text = include_str!("data/strip-and-fan.gltf").split_whitespace().collect::<String>();
+        let changed = |from: &str, to: &str| {
+            assert!(text.contains(from), "{from}");
+            read(text.replacen(from, to, 1).as_bytes(), &ReadLimits::default()).unwrap_err().to_string()
+        };
+        for (from, to, expected) in [
+            ("\"children\":[2]", "\"children\":[2,2]", "node 2 is a child twice"),
+            ("\"children\":[2]", "\"children\":[1]", "node 1 is a child of itself"),
+            ("\"children\":[2]", "\"children\":[9]", "child 9 of 3"),
+            ("\"count\":5", "\"count\":6", "accessor 0 reaches beyond its bytes"),
+            ("\"count\":5", "\"count\":3", "index 2 is vertex 3 of 3"),
+            ("\"VEC3\"", "\"VEC4\"", "is a VEC4"),
+            ("\"mode\":5", "\"mode\":7", "mesh 0, primitive 0: there is no mode 7"),
+            ("data:application/octet-stream;base64,", "mesh.bin#", "in another file"),
+            ("base64,", "base64,!", "not base64"),
+            ("\"asset\"", "\"extensionsRequired\":[\"KHR_draco_mesh_compression\"],\"asset\"", "KHR_draco"),
+        ] {
+            let refused = changed(from, to);
+            assert!(refused.contains(expected), "{refused}");
+        }
+        let glb = include_bytes!("data/scene.glb");
+        let cut = read(&glb[..glb.len() - 8], &ReadLimits::default()).unwrap_err().to_string();
+        assert!(cut.contains("cut short"), "{cut}");
+        let most = ReadLimits { vertices: 45, ..ReadLimits::default() };
+        assert_eq!(read(glb, &most).unwrap_err().kind(), "too-many-vertices");
+    }
+}
