@@ -51,8 +51,8 @@ problems!(TransportVectorsProblems: BODY JSON [INVALID_QUERY, UNKNOWN_MESH, DAMA
 
 /// Carries vectors over a surface
 ///
-/// The vector heat method (Sharp, Soliman and Crane 2019): each face gets the vector of the nearest source, carried there in parallel along the shortest path, to first order in the size of
-/// faces. Both heat steps are factored at the first request about a mesh, and kept. JSON, or with `Accept: application/octet-stream` raw little-endian numbers.
+/// The vector heat method (Sharp, Soliman and Crane 2019): each face gets the vector of the nearest source, carried there in parallel along a path that is about the
+/// shortest: on spheres within half a degree on average, however small the faces are, as heat on faces does not know quite which way is shortest. Both heat steps are factored at the first request about a mesh, and kept. JSON, or with `Accept: application/octet-stream` raw little-endian numbers.
 #[utoipa::path(
     post, path = "/v1/meshes/{id}/vector-transport", tag = "fields", operation_id = "transportVectors",
     params(MeshId, NumberingQuery, TransportQuery),

@@ -269,15 +269,60 @@ struct Pulls<'a, const B: usize> {
     response: &'a Response<'a, B>,
     compliance: Compliance,
     precondition: DefiniteFactor,
-    /// The kernel at the constrained numbers, `k × m`, and the factor of what holds it.
-    idle: DenseMatrix,
-    held: Option<DefiniteFactor>,
+    /// What of the kernel the constraints hold.
+    idle: Vec<Idle>,
     force: Option<Vec<f64>>,
     tolerance: f64,
     monitor: &'a dyn Monitor,
     /// `K⁻¹ (f + Cᵀ y)`, and the rest in the end.
     field: Vec<f64>,
     responses: usize,
+}
+
+/// A field without energy at the constrained numbers: those of several, orthonormal in the norm of the inverse of the preconditioner.
+struct Idle {
+    values: Vec<f64>,
+    /// The pulls that answer them.
+    pulls: Vec<f64>,
+    /// How much of each field it has.
+    mixture: Vec<f64>,
+}
+
+fn small_dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn solved(factor: &DefiniteFactor, right: &[f64]) -> Result<Vec<f64>, RefineError> {
+    let mut x = DenseMatrix::zeros(right.len(), 1);
+    x.column_mut(0).copy_from_slice(right);
+    factor.solve(&mut x).map_err(DesignError::Factor)?;
+    Ok(x.column(0).to_vec())
+}
+
+/// Gram–Schmidt, each twice. Mixtures that constraints hardly hold are left out: of those there is to be as little as possible.
+fn orthonormal(fields: Vec<Vec<f64>>, precondition: &DefiniteFactor) -> Result<Vec<Idle>, RefineError> {
+    let (mut found, mut largest): (Vec<Idle>, f64) = (Vec::new(), 0.0);
+    let count = fields.len();
+    for (at, mut values) in fields.into_iter().enumerate() {
+        let mut mixture: Vec<f64> = (0..count).map(|k| f64::from(u8::from(k == at))).collect();
+        let mut pulls = solved(precondition, &values)?;
+        largest = largest.max(small_dot(&values, &pulls));
+        for _ in 0..2 {
+            for other in &found {
+                let share = small_dot(&other.values, &pulls);
+                values.iter_mut().zip(&other.values).for_each(|(v, o)| *v -= share * o);
+                pulls.iter_mut().zip(&other.pulls).for_each(|(p, o)| *p -= share * o);
+                mixture.iter_mut().zip(&other.mixture).for_each(|(t, o)| *t -= share * o);
+            }
+        }
+        let square = small_dot(&values, &pulls);
+        if square > LOOSE * largest {
+            let size = square.sqrt();
+            [&mut values, &mut pulls, &mut mixture].into_iter().flatten().for_each(|x| *x /= size);
+            found.push(Idle { values, pulls, mixture });
+        }
+    }
+    Ok(found)
 }
 
 fn factored(matrix: DenseMatrix, faces: &[u32], b: usize) -> Result<DefiniteFactor, RefineError> {
@@ -306,24 +351,13 @@ impl<'a, const B: usize> Pulls<'a, B> {
         let precondition = factored(matrix, &compliance.faces, B)?;
         let k = compliance.gives.len();
         let kernel = response.kernel();
-        let mut idle = DenseMatrix::zeros(k, kernel.len());
-        for (j, field) in kernel.iter().enumerate() {
-            let column = idle.column_mut(j);
-            for (at, &face) in compliance.faces.iter().enumerate() {
-                column[B * at..B * (at + 1)].copy_from_slice(&field[B * face as usize..B * (face as usize + 1)]);
-            }
-        }
-        let mut held = None;
-        if !kernel.is_empty() && k > 0 {
-            let mut solved = idle.clone();
-            precondition.solve(&mut solved).map_err(DesignError::Factor)?;
-            let Some(mut square) = idle.transposed_times(&solved) else { panic!("{k} rows of either") };
-            let largest = (0..kernel.len()).map(|j| square.column(j)[j]).fold(0.0, f64::max);
-            (0..kernel.len()).for_each(|j| square.column_mut(j)[j] += LOOSE * largest + f64::MIN_POSITIVE);
-            held = Some(DefiniteFactor::new(square).map_err(DesignError::Factor)?);
-        }
+        let at_faces = |field: &Vec<f64>| -> Vec<f64> {
+            let own = |&face: &u32| &field[B * face as usize..B * (face as usize + 1)];
+            compliance.faces.iter().flat_map(own).copied().collect()
+        };
+        let idle = if k > 0 { orthonormal(kernel.iter().map(at_faces).collect(), &precondition)? } else { Vec::new() };
         let field = vec![0.0; B * whole.mass.len()];
-        Ok(Self { response, compliance, precondition, idle, held, force, tolerance, monitor, field, responses: 0 })
+        Ok(Self { response, compliance, precondition, idle, force, tolerance, monitor, field, responses: 0 })
     }
 
     /// `C u`.
@@ -342,27 +376,16 @@ impl<'a, const B: usize> Pulls<'a, B> {
         self.response.apply(&force, tolerance, self.monitor)
     }
 
-    /// The pulls that the reduced space would answer a miss with, and how much of each field without energy goes with them.
-    fn answer(&self, miss: &[f64]) -> Result<(Vec<f64>, Vec<f64>), RefineError> {
-        let solve = |rhs: &[f64]| -> Result<Vec<f64>, RefineError> {
-            let mut x = DenseMatrix::zeros(rhs.len(), 1);
-            x.column_mut(0).copy_from_slice(rhs);
-            self.precondition.solve(&mut x).map_err(DesignError::Factor)?;
-            Ok(x.column(0).to_vec())
-        };
-        let y = solve(miss)?;
-        let Some(held) = &self.held else { return Ok((y, Vec::new())) };
-        let m = self.idle.columns();
-        let mut amounts = DenseMatrix::zeros(m, 1);
-        for j in 0..m {
-            amounts.column_mut(0)[j] = self.idle.column(j).iter().zip(&y).map(|(b, y)| b * y).sum();
+    /// The pulls that the reduced space would answer a miss with. What fields without energy meet of it is taken out, and added to their amounts.
+    fn answer(&self, miss: &mut [f64], amounts: &mut [f64]) -> Result<Vec<f64>, RefineError> {
+        let mut y = solved(&self.precondition, miss)?;
+        for idle in &self.idle {
+            let share = small_dot(&idle.values, &y);
+            miss.iter_mut().zip(&idle.values).for_each(|(m, b)| *m -= share * b);
+            y.iter_mut().zip(&idle.pulls).for_each(|(y, p)| *y -= share * p);
+            amounts.iter_mut().zip(&idle.mixture).for_each(|(a, t)| *a += share * t);
         }
-        held.solve(&mut amounts).map_err(DesignError::Factor)?;
-        let mut rest = miss.to_vec();
-        for (j, amount) in amounts.column(0).iter().enumerate() {
-            rest.iter_mut().zip(self.idle.column(j)).for_each(|(r, b)| *r -= amount * b);
-        }
-        Ok((solve(&rest)?, amounts.column(0).to_vec()))
+        Ok(y)
     }
 
     fn run(&mut self) -> Result<(), RefineError> {
@@ -374,10 +397,11 @@ impl<'a, const B: usize> Pulls<'a, B> {
         if self.compliance.faces.is_empty() {
             return Ok(());
         }
-        let product = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+        let product = small_dot;
+        let mut amounts = vec![0.0; self.response.kernel().len()];
         let reached = self.at_faces(&self.field);
         let mut miss: Vec<f64> = self.compliance.values.iter().zip(&reached).map(|(v, u)| v - u).collect();
-        let (mut scaled, mut amounts) = self.answer(&miss)?;
+        let mut scaled = self.answer(&mut miss, &mut amounts)?;
         let mut size = product(&miss, &scaled);
         let (first, goal) = (size, size * self.tolerance * self.tolerance);
         let mut direction = scaled.clone();
@@ -399,7 +423,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
             let step = size / curvature;
             add(&mut self.field, &moved, step);
             miss.iter_mut().zip(&image).for_each(|(m, q)| *m -= step * q);
-            (scaled, amounts) = self.answer(&miss)?;
+            scaled = self.answer(&mut miss, &mut amounts)?;
             let next = product(&miss, &scaled);
             let shared = next + step * product(&image, &scaled);
             let keep = (next - shared) / size;

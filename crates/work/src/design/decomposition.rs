@@ -25,7 +25,7 @@ pub struct DecompositionRequest {
 /// The parts of a field: they add up to it, and are orthogonal to each other.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[cfg_attr(feature = "schema", schema(example = serde_json::json!({
+#[cfg_attr(feature = "schema", schema(example = json!({
     "columns": 3, "gradient": [0.4, 0.0, 0.0], "cogradient": [0.0, 0.3, 0.0], "harmonic": [0.0, 0.0, 0.0], "potential": [0.1, -0.1, 0.0],
     "shares": [0.64, 0.36, 0.0]
 })))]
