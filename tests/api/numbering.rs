@@ -530,12 +530,10 @@ async fn faces_are_those_of_the_file() {
         let picked = [&all[3 * q.0..3 * q.0 + 3], &all[3 * p.0..3 * p.0 + 3]].concat();
         assert_close(&numbers(&part["field"]["values"]), &picked, "some faces of a design");
 
-        let carried = |mesh: &str, face: usize| {
-            let body = json!({"sources": [{"face": face, "direction": [0.1, 0.7, 0.3]}]});
-            ask(&app, &format!("/v1/meshes/{mesh}/vector-transport"), &body)
-        };
-        let on_dirty = carried(&case.dirty, p.0).await;
-        let on_clean = carried(&case.clean, p.1).await;
+        let source = |face: usize| json!({"sources": [{"face": face, "direction": [0.1, 0.7, 0.3]}]});
+        let url = |mesh: &str| format!("/v1/meshes/{mesh}/vector-transport");
+        let on_dirty = ask(&app, &url(&case.dirty), &source(p.0)).await;
+        let on_clean = ask(&app, &url(&case.clean), &source(p.1)).await;
         let expected = told(&numbers(&on_clean["values"]), 3, &case.faces);
         assert_close(&numbers(&on_dirty["values"]), &expected, "transport");
 
