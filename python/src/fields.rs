@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use chladni_spectral::basis::{Product, StoredFields};
-use chladni_work::design::{DesignFault, DesignRequest, Form, Setting, Surface, written};
+use chladni_work::design::{DesignFault, DesignRequest, Form, Setting, Surface, written, written_at};
 use numpy::PyArrayMethods;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -83,18 +83,24 @@ impl NativeFields {
             };
             request.translate(&to, setting.kind(), self.body.mesh().positions.len())?;
             let designed = setting.design(&request, monitor)?;
-            let field = setting.lifted(&designed)?;
-            let kind = setting.kind();
-            let numbers = written(setting.surface.surface.frames(), kind, form, field);
+            let (kind, frames) = (setting.kind(), setting.surface.surface.frames());
+            let columns = form.columns(kind);
+            let numbers = match &request.faces {
+                None => to.push_faces(&written(frames, kind, form, setting.lifted(&designed)?), columns),
+                Some(wanted) => {
+                    let faces = setting.faces(wanted, monitor)?;
+                    written_at(frames, kind, form, &faces, setting.lifted_at(&designed, &faces)?)
+                }
+            };
             let about = json!({
                 "harmonic_energy": designed.design.harmonic_energy,
                 "biharmonic_energy": designed.design.biharmonic_energy,
                 "alignment_energy": designed.design.alignment_energy,
                 "faces": designed.constraints.iter().map(|constraint| to.told_face(constraint.face)).collect::<Vec<_>>(),
                 "residuals": designed.design.residuals,
+                "error": designed.error,
             });
-            let columns = form.columns(kind);
-            Ok((to.push_faces(&numbers, columns), columns, about))
+            Ok((numbers, columns, about))
         })?;
         let rows = numbers.len() / columns.max(1);
         (arrays::vector(py, numbers).reshape([rows, columns])?, text(&about)?).into_pyobject(py)

@@ -14,7 +14,7 @@ use chladni_mesh::write::{PlyPrecision, write_ply_with};
 use chladni_spectral::analysis::filter::{Transfer, filter};
 use chladni_spectral::basis::{Basis, StoredFields};
 use chladni_spectral::formats::npz;
-use chladni_work::design::{DesignRequest, Form, Setting, Surface, written};
+use chladni_work::design::{DesignRequest, Form, Setting, Surface, written, written_at};
 use chladni_work::distances::DistanceRequest;
 use serde::de::DeserializeOwned;
 use serde_json::json;
@@ -180,14 +180,25 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
             "alignment_energy": design.alignment_energy,
             "faces": designed.constraints.iter().map(|constraint| to.told_face(constraint.face)).collect::<Vec<_>>(),
             "residuals": design.residuals,
+            "error": designed.error,
         }));
     };
-    let field = setting.lifted(&designed).map_err(refused)?;
     let (kind, surface) = (setting.kind(), &setting.surface.surface);
-    let numbers = written(surface.frames(), kind, arguments.form, field);
-    let numbers = to.push_faces(&numbers, arguments.form.columns(kind));
+    let (form, columns) = (arguments.form, arguments.form.columns(kind));
+    let (numbers, rows) = match &request.faces {
+        None => {
+            let field = setting.lifted(&designed).map_err(refused)?;
+            let numbers = written(surface.frames(), kind, form, field);
+            (to.push_faces(&numbers, columns), to.faces(surface.faces()))
+        }
+        Some(wanted) => {
+            let faces = setting.faces(wanted, &Unwatched).map_err(refused)?;
+            let part = setting.lifted_at(&designed, &faces).map_err(refused)?;
+            (written_at(surface.frames(), kind, form, &faces, part), faces.len())
+        }
+    };
     let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
-    let whole = npz::npy("<f4", false, &[to.faces(surface.faces()), arguments.form.columns(kind)], &bytes);
+    let whole = npz::npy("<f4", false, &[rows, columns], &bytes);
     file.write(|out| Ok(out.write_all(&whole)?))?;
     Ok(ExitCode::SUCCESS)
 }

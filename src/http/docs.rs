@@ -57,7 +57,7 @@ pub struct Binary(Vec<u8>);
         (name = "jobs", description = "Eigenproblems, worked on in the background."),
         (name = "bases", description = "Bases of eigenfunctions, compact or dense, and what can be computed with them at once."),
         (name = "analysis", description = "Distances, signatures, comparisons, compression and maps: uses of a basis, computed at once."),
-        (name = "fields", description = "Tangential fields on the faces: frames, eigenfields, design by strokes and constraints, fur and hatchings. They live in bases of the kind `field_basis`."),
+        (name = "fields", description = "Tangential fields on the faces: frames, eigenfields, design by strokes and constraints, fur and hatchings, the Hodge decomposition, vectors carried in parallel. Designs live in bases of the kind `field_basis`."),
         (name = "system", description = "Health, metrics, documentation."),
     ),
     servers((url = "/", description = "This server")),

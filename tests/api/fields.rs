@@ -243,6 +243,197 @@ async fn the_literal_biharmonic_energy_can_be_asked_for_and_is_larger() {
 }
 
 #[tokio::test]
+async fn designs_tell_how_far_they_are_from_the_whole_surface_and_are_refined() {
+    let app = builder().start();
+    let mesh = shape(&app, Shape::Torus, 800).await;
+    let basis = made(&app, &mesh, json!({"field": "n_vector", "n": 4, "dimension": 120})).await;
+    let stroke = |face: u32| json!({"face": face, "frame_direction": [1.0, 0.0]});
+    let request = |more: Value| {
+        let mut request = json!({"strokes": [stroke(3), stroke(700), stroke(1200)]});
+        request.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        request
+    };
+    let plain = designed(&app, &basis, "form=frames", request(json!({}))).await;
+    assert_eq!(plain["error"], Value::Null);
+    let judged = designed(&app, &basis, "form=frames", request(json!({"error": true}))).await;
+    assert_eq!(judged["field"], plain["field"]);
+    let refined = designed(&app, &basis, "form=frames", request(json!({"refine": 1e-8}))).await;
+    assert_eq!(refined["coefficients"], plain["coefficients"]);
+    let (reduced, whole) = (numbers(&plain["field"]["values"]), numbers(&refined["field"]["values"]));
+    // Norms by area, as the faces of a torus are not alike: within a few percent by number.
+    let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
+    let by_number = norm(&mut reduced.iter().zip(&whole).map(|(a, b)| a - b)) / norm(&mut whole.iter().copied());
+    let [estimate, exact] = [&judged, &refined].map(|answer| answer["error"].as_f64().unwrap());
+    assert!((estimate / exact - 1.0).abs() < 0.1, "{estimate} {exact}");
+    assert!((by_number / exact - 1.0).abs() < 0.5 && exact < 0.3, "{by_number} {exact}");
+    // The whole surface has less of the energies and misses together; refined twice, nothing changes.
+    let again = designed(&app, &basis, "form=frames", request(json!({"refine": 1e-9}))).await;
+    let same = numbers(&again["field"]["values"]);
+    assert!(same.iter().zip(&whole).all(|(a, b)| (a - b).abs() < 1e-5));
+    let url = format!("{}/design", text(&basis["links"]["self"]));
+    let raw = app.post(&url).header("accept", "application/octet-stream").json(&request(json!({"error": true})));
+    let told = raw.send().await.unwrap();
+    assert_eq!(told.headers()["chladni-error"].to_str().unwrap().parse::<f64>().unwrap(), estimate);
+    for (body, place) in [
+        (request(json!({"refine": 0.0})), "the tolerance is 0"),
+        (request(json!({"refine": 2.0})), "the tolerance is 2"),
+        (json!({"strokes": [stroke(3)], "refine": 1e-6, "singularities": {"at": []}}), "refine: a design with"),
+    ] {
+        let (status, problem) = post(&app, &basis, "design", &body).await;
+        assert_eq!((status.as_u16(), &problem["type"]), (422, &json!("/problems/invalid-design/refine")), "{problem}");
+        assert!(text(&problem["detail"]).to_lowercase().contains(place), "{problem}");
+    }
+    let body = json!({"field": {"design": request(json!({"error": true}))}, "length": 0.1});
+    let (status, problem) = post(&app, &basis, "fur", &body).await;
+    assert_eq!((status.as_u16(), &problem["type"]), (422, &json!("/problems/invalid-design/error")), "{problem}");
+}
+
+#[tokio::test]
+async fn frames_of_a_drag_are_of_a_sample_of_faces_or_of_a_list() {
+    let app = builder().start();
+    let mesh = shape(&app, Shape::Sphere, 2562).await;
+    let faces = mesh["faces"].as_u64().unwrap() as usize;
+    for parameters in [json!({"dimension": 120}), json!({"field": "tensor", "dimension": 120})] {
+        let basis = made(&app, &mesh, parameters).await;
+        let strokes = json!([{"face": 17, "direction": [0.0, 0.0, 1.0], "values": [1.0, 0.5]}]);
+        let strokes = if basis["details"]["field"]["kind"] == "tensor" {
+            strokes
+        } else {
+            json!([{"face": 17, "direction": [0.0, 0.0, 1.0]}])
+        };
+        let request = |faces: Value| json!({"strokes": strokes, "faces": faces});
+        for form in ["world", "axes", "frames", "roots"] {
+            let (all, [_, columns]) =
+                raw(&app, &basis, &format!("design?form={form}"), &json!({"strokes": strokes})).await;
+            let told = designed(&app, &basis, &format!("form={form}"), request(json!({"sample": 300}))).await;
+            let sample: Vec<usize> = numbers(&told["field"]["faces"]).into_iter().map(|f| f as usize).collect();
+            let mut distinct = sample.clone();
+            distinct.sort_unstable();
+            distinct.dedup();
+            assert!(distinct.len() == 300 && distinct.iter().all(|&f| f < faces));
+            let (some, shape) =
+                raw(&app, &basis, &format!("design?form={form}"), &request(json!({"sample": 300}))).await;
+            assert_eq!(shape, [300, columns]);
+            for (own, &face) in some.chunks_exact(columns).zip(&sample) {
+                let there = &all[columns * face..columns * (face + 1)];
+                assert!(own.iter().zip(there).all(|(a, b)| (a - b).abs() < 1e-5), "{form} {own:?} {there:?}");
+            }
+            let (listed, shape) = raw(&app, &basis, &format!("design?form={form}"), &request(json!([5, 2, 5]))).await;
+            assert_eq!(shape, [3, columns]);
+            for (own, face) in listed.chunks_exact(columns).zip([5, 2, 5]) {
+                let there = &all[columns * face..columns * (face + 1)];
+                assert!(own.iter().zip(there).all(|(a, b)| (a - b).abs() < 1e-5), "{form}");
+            }
+        }
+        // The first of a larger sample are the smaller one; more than all is all.
+        let few = designed(&app, &basis, "form=world", request(json!({"sample": 100}))).await;
+        let many = designed(&app, &basis, "form=world", request(json!({"sample": 300}))).await;
+        assert_eq!(numbers(&few["field"]["faces"]), numbers(&many["field"]["faces"])[..100]);
+        let whole = designed(&app, &basis, "form=world", request(json!({"sample": 100_000}))).await;
+        assert_eq!(numbers(&whole["field"]["faces"]).len(), faces);
+        // Half precision: two bytes for a number, three digits of it.
+        let url = format!("{}/design?encoding=f16", text(&basis["links"]["self"]));
+        let (single, _) = raw(&app, &basis, "design", &request(json!({"sample": 300}))).await;
+        let half = app.post(&url).header("accept", "application/octet-stream").json(&request(json!({"sample": 300})));
+        let half = half.send().await.unwrap();
+        assert_eq!(half.headers()["chladni-dtype"], "f16");
+        let bytes = half.bytes().await.unwrap();
+        assert_eq!(bytes.len(), 2 * single.len());
+        for (bytes, exact) in bytes.chunks_exact(2).zip(single) {
+            let value = half::f16::from_le_bytes([bytes[0], bytes[1]]).to_f32();
+            assert!((value - exact).abs() <= 1e-3 * exact.abs() + 1e-7, "{value} {exact}");
+        }
+        for (wanted, place) in [
+            (json!({"sample": 0}), "faces.sample: must be from 1"),
+            (json!({"sample": 1_000_000}), "faces.sample: must be from 1"),
+            (json!([0, faces]), "faces[1]: "),
+        ] {
+            let (status, problem) = post(&app, &basis, "design?form=world", &request(wanted)).await;
+            assert_eq!(
+                (status.as_u16(), &problem["type"]),
+                (422, &json!("/problems/invalid-design/faces")),
+                "{problem}"
+            );
+            assert!(text(&problem["detail"]).contains(place), "{problem}");
+        }
+        let (status, problem) = post(&app, &basis, "design", &request(json!("all"))).await;
+        assert_eq!((status.as_u16(), &problem["type"]), (422, &json!("/problems/invalid-request")), "{problem}");
+        assert!(text(&problem["detail"]).contains("array of faces"), "{problem}");
+    }
+}
+
+#[tokio::test]
+async fn vectors_are_carried_over_a_surface() {
+    let app = builder().start();
+    let mesh = shape(&app, Shape::Rectangle, 400).await;
+    let faces = mesh["faces"].as_u64().unwrap() as usize;
+    let url = format!("/v1/meshes/{}/vector-transport", text(&mesh["id"]));
+    let body = json!({"sources": [{"face": 7, "direction": [0.6, -1.1, 0.0]}]});
+    let answer: Value = app.post(&url).json(&body).send().await.unwrap().json().await.unwrap();
+    let values = numbers(&answer["values"]);
+    assert_eq!((values.len(), &answer["columns"]), (3 * faces, &json!(3)));
+    assert!(
+        values.chunks_exact(3).all(|v| (v[0] - 0.6).abs() < 1e-5 && (v[1] + 1.1).abs() < 1e-5 && v[2].abs() < 1e-5)
+    );
+    let half = app.post(&format!("{url}?form=axes&encoding=f16")).header("accept", "application/octet-stream");
+    let half = half.json(&body).send().await.unwrap();
+    assert_eq!(
+        (&half.headers()["chladni-dtype"], &half.headers()["chladni-columns"]),
+        (&"f16".parse().unwrap(), &"4".parse().unwrap())
+    );
+    assert_eq!(half.bytes().await.unwrap().len(), 2 * 4 * faces);
+    for (body, within, words) in [
+        (json!({"sources": []}), "no-data", "no vector"),
+        (json!({"sources": [{"face": 7}]}), "value", "sources[0]"),
+        (json!({"sources": [{"face": faces, "direction": [1.0, 0.0, 0.0]}]}), "face", "sources[0]"),
+        (json!({"sources": [{"face": 7, "direction": [0.0, 0.0, 1.0]}]}), "direction", "sources[0]"),
+    ] {
+        let refused = app.post(&url).json(&body).send().await.unwrap();
+        let refused = problem(refused, 422, &format!("invalid-design/{within}")).await;
+        assert!(text(&refused["detail"]).contains(words), "{refused}");
+    }
+}
+
+#[tokio::test]
+async fn a_field_is_decomposed_into_orthogonal_parts() {
+    let app = builder().start();
+    let mesh = shape(&app, Shape::Torus, 600).await;
+    let faces = mesh["faces"].as_u64().unwrap() as usize;
+    let url = format!("/v1/meshes/{}/hodge-decomposition", text(&mesh["id"]));
+    for columns in [2, 3] {
+        let values: Vec<f64> = (0..columns * faces).map(|i| (i as f64 * 0.37).sin()).collect();
+        let body = json!({"field": {"columns": columns, "values": values}});
+        let answer: Value = app.post(&url).json(&body).send().await.unwrap().json().await.unwrap();
+        let shares = numbers(&answer["shares"]);
+        // Vectors in space have a part across the faces, which is in none.
+        let sum: f64 = shares.iter().sum();
+        assert!((sum - 1.0).abs() < 1e-9 && shares.iter().all(|share| *share > 1e-6), "{shares:?}");
+        let parts = ["gradient", "cogradient", "harmonic"].map(|part| numbers(&answer[part]));
+        assert!(parts.iter().all(|part| part.len() == columns * faces));
+        if columns == 2 {
+            for (i, x) in values.iter().enumerate() {
+                assert!((parts.iter().map(|part| part[i]).sum::<f64>() - x).abs() < 1e-9);
+            }
+        }
+        // A part of a part is that part.
+        let again = json!({"field": {"columns": columns, "values": parts[0]}});
+        let again: Value = app.post(&url).json(&again).send().await.unwrap().json().await.unwrap();
+        assert!((numbers(&again["shares"])[0] - 1.0).abs() < 1e-9);
+        let potential = (numbers(&answer["potential"]), numbers(&again["potential"]));
+        assert!(potential.0.iter().zip(&potential.1).all(|(a, b)| (a - b).abs() < 1e-8));
+    }
+    for (field, words) in [
+        (json!({"columns": 2, "values": [1.0, 2.0]}), "rows, one for each face"),
+        (json!({"columns": 4, "values": vec![1.0; 4 * faces]}), "4 columns"),
+        (json!({"columns": 2, "values": vec![Value::Null; 2 * faces]}), "row 0"),
+    ] {
+        let refused = app.post(&url).json(&json!({"field": field})).send().await.unwrap();
+        let refused = problem(refused, 422, "invalid-design/field").await;
+        assert!(text(&refused["detail"]).contains(words), "{refused}");
+    }
+}
+
+#[tokio::test]
 async fn what_cannot_be_designed_is_a_problem_that_names_it() {
     let app = builder().start();
     let mesh = shape(&app, Shape::Sphere, 162).await;

@@ -203,6 +203,8 @@ const COVERED: &[&str] = &[
     "combFur",
     "drawHatching",
     "getFrames",
+    "decomposeField",
+    "transportVectors",
 ];
 
 /// Operations that name vertices or faces, or give functions, and convert nothing, and why.
@@ -519,6 +521,35 @@ async fn faces_are_those_of_the_file() {
         let expected = told(&numbers(&b["field"]["values"]), 3, &case.faces);
         assert_close(&numbers(&a["field"]["values"]), &expected, "design");
         assert_eq!(a["faces"], json!([p.0, q.0]));
+
+        let mut some = on_file.clone();
+        some["faces"] = json!([q.0, p.0]);
+        let part = ask(&app, &format!("{dirty}/design?form=world"), &some).await;
+        assert_eq!(part["field"]["faces"], json!([q.0, p.0]));
+        let all = numbers(&a["field"]["values"]);
+        let picked = [&all[3 * q.0..3 * q.0 + 3], &all[3 * p.0..3 * p.0 + 3]].concat();
+        assert_close(&numbers(&part["field"]["values"]), &picked, "some faces of a design");
+
+        let source = |face: usize| json!({"sources": [{"face": face, "direction": [0.1, 0.7, 0.3]}]});
+        let url = |mesh: &str| format!("/v1/meshes/{mesh}/vector-transport");
+        let on_dirty = ask(&app, &url(&case.dirty), &source(p.0)).await;
+        let on_clean = ask(&app, &url(&case.clean), &source(p.1)).await;
+        let expected = told(&numbers(&on_clean["values"]), 3, &case.faces);
+        assert_close(&numbers(&on_dirty["values"]), &expected, "transport");
+
+        let parts = |values: Vec<f64>| json!({"field": {"columns": 3, "values": values}});
+        let url = |mesh: &str| format!("/v1/meshes/{mesh}/hodge-decomposition");
+        let vectors: Vec<f64> = (0..3 * case.mesh.faces.len()).map(|_| random.signed_unit()).collect();
+        let on_dirty = ask(&app, &url(&case.dirty), &parts(told(&vectors, 3, &case.faces))).await;
+        let on_clean = ask(&app, &url(&case.clean), &parts(vectors)).await;
+        for part in ["gradient", "cogradient", "harmonic"] {
+            assert_close(&numbers(&on_dirty[part]), &told(&numbers(&on_clean[part]), 3, &case.faces), part);
+        }
+        assert_close(
+            &numbers(&on_dirty["potential"]),
+            &told(&numbers(&on_clean["potential"]), 1, &case.vertices),
+            "potential",
+        );
 
         let lengths =
             |factors: Vec<f64>, design: &Value| json!({"field": {"design": design}, "length": 0.1, "lengths": factors});

@@ -2,7 +2,7 @@
 //!
 //! Requests are brought into the numbering of the kept mesh before anything else is done with them; answers are brought back last.
 
-use crate::design::{DesignFault, DesignRequest, FieldSource, FurRequest, PerFace, Target};
+use crate::design::{DesignFault, DesignRequest, FacesRequest, FieldSource, FurRequest, PerFace, Target};
 use crate::distances::DistanceRequest;
 use crate::packed::Packed;
 use crate::simulate::{InitialRequest, LoadRequest, SimulateAnswer, SimulateRequest};
@@ -259,6 +259,11 @@ impl DesignRequest {
             let place = || format!("singularities.at[{at}]");
             let kept = to.vertex(singular.vertex.into(), rows);
             singular.vertex = kept.map_err(|error| misnumbered(place(), "singularities", error))?;
+        }
+        if let Some(FacesRequest::List(faces)) = &mut self.faces {
+            for (at, face) in faces.iter_mut().enumerate() {
+                *face = to.face(*face).map_err(|error| misnumbered(format!("faces[{at}]"), "faces", error))?;
+            }
         }
         let Some(alignment) = &mut self.alignment else { return Ok(()) };
         if let Target::Field(table) = &mut alignment.to {

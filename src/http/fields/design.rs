@@ -6,13 +6,13 @@ use axum::body::Body;
 use axum::http::HeaderMap;
 use bytes::Bytes;
 use chladni_spectral::field::{Singularity, matched_singularities};
-use chladni_work::design::{DesignRequest, Form, SingularVertex, written as written_as};
+use chladni_work::design::{DesignRequest, Form, SingularVertex, written as written_as, written_at};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::octets;
+use super::octets::Encoding;
 use super::solve::{self, Ready};
 use crate::http::body;
 use crate::http::client::ClientState;
@@ -41,6 +41,10 @@ struct DesignQuery {
     /// Whether to tell the singular vertices. Takes a pass over all vertices.
     #[serde(default)]
     singularities: bool,
+    /// How the numbers of a raw answer are written; JSON has them in single precision.
+    #[serde(default)]
+    #[param(inline, default = "f32")]
+    encoding: Encoding,
 }
 
 /// A lifted field.
@@ -51,6 +55,8 @@ pub struct LiftedField {
     pub form: &'static str,
     /// Numbers per face.
     pub columns: usize,
+    /// The faces, where the request has `faces`; otherwise all, in their order.
+    pub faces: Option<Vec<u32>>,
     /// Values, face after face.
     pub values: Vec<f32>,
 }
@@ -59,7 +65,7 @@ pub struct LiftedField {
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(example = json!({
     "coefficients": [0.31, -0.02], "harmonic_energy": 4.81, "biharmonic_energy": 122.4, "alignment_energy": null,
-    "faces": [17, 4031], "residuals": [0.013, 0.0], "field": null,
+    "faces": [17, 4031], "residuals": [0.013, 0.0], "error": 0.011, "field": null,
     "singularities": [{"vertex": 88, "index": 1.0}, {"vertex": 2101, "index": 1.0}], "index_sum": 2.0, "euler_characteristic": 2, "matching": null
 }))]
 struct DesignAnswer {
@@ -75,6 +81,9 @@ struct DesignAnswer {
     faces: Vec<u32>,
     /// For each constraint the length of what is missing, in stored numbers.
     residuals: Vec<f64>,
+    /// How far the field of the coefficients is from that of least energy among all fields of the surface, as a share of its length (norms by area). With `refine`
+    /// that field is the answer, and this is the distance; with `error` it is an estimate of it; else null.
+    error: Option<f64>,
     /// The field on the faces, where `form` asks for it.
     field: Option<LiftedField>,
     /// The singular vertices inside the surface with their indices, where they are asked for.
@@ -106,9 +115,13 @@ problems!(DesignFieldProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE
 /// in ℝ³ or in the frame of the face (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each
 /// request: what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept connection.
 ///
-/// With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, face after face, with its shape in
-/// `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment) and the largest residual of a
-/// constraint in `Chladni-Residual`.
+/// A field of the space of the basis stands for one of all fields of the surface under the same constraints. With `error` the answer says how far it is from that
+/// one, with `refine` that one is the answer, to a tolerance: coefficients stay those of the basis, energies, residuals and the field are those of the refined one.
+///
+/// With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32 or f16 (`encoding`), face after face, with its shape in
+/// `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment), the largest residual of a
+/// constraint in `Chladni-Residual`, and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000 bytes, half of that in f16, whatever the
+/// surface. Which faces a sample has is in `field.faces` of a JSON answer, and stays the same.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/design", tag = "fields", operation_id = "designField",
     params(BasisId, NumberingQuery, DesignQuery),
@@ -116,11 +129,13 @@ problems!(DesignFieldProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE
         ("strokes" = (summary = "Two strokes, one of them a line", value = json!({"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}, {"points": [[0.1, 0.2, 0.9], [0.2, 0.2, 0.9], [0.3, 0.1, 0.9]], "strength": 0.5}]}))),
         ("interpolation" = (summary = "Directions that are met exactly, aligned to curvature elsewhere", value = json!({"constraints": [{"face": 17, "direction": [0.0, 0.0, 1.0]}, {"point": [0.4, 0.0, 0.8], "direction": [1.0, 0.0, 0.0]}], "alignment": {"to": "curvature", "weight": 2.0, "per_face": "anisotropy"}}))),
         ("smoothing" = (summary = "Smoothed curvature tensors: the weights steer how smooth", value = json!({"weights": {"harmonic": 0.01, "biharmonic": 0.0001}, "alignment": {"to": "curvature", "weight": 1.0}}))),
+        ("sample" = (summary = "A sample of faces, and how far the design is from that of the whole surface", value = json!({"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}], "faces": {"sample": 3000}, "error": true}))),
+        ("refined" = (summary = "The field of the whole surface", value = json!({"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}], "refine": 1e-8}))),
         ("singularities" = (summary = "Singular vertices at will", value = json!({"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}], "singularities": {"at": [{"vertex": 88, "index": 1.0}, {"vertex": 2101, "index": 1.0}], "exact": true}}))),
     )),
     responses(
         (status = 200, description = "The field", content((DesignAnswer = "application/json"), (Binary = "application/octet-stream")),
-            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Energies" = String), ("Chladni-Residual" = f64), ("Server-Timing" = String))),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Energies" = String), ("Chladni-Residual" = f64), ("Chladni-Error" = f64), ("Server-Timing" = String))),
         DesignFieldProblems,
     ),
     security(("bearer" = ["read"]))
@@ -141,30 +156,42 @@ async fn design(
     request.translate(&to, ready.kind(), ready.vertices())?;
     let designed = solve::design(&state, &ready, &request).await?;
     let form = query.form.or(raw.then_some(Form::World));
+    let some = match request.faces.as_ref().filter(|_| form.is_some()) {
+        None => None,
+        Some(wanted) => Some(solve::faces(&state, &ready, wanted).await?),
+    };
     state
         .solve("lift", move |_| {
-            let design = designed.design;
             let (kind, surface) = (ready.kind(), &ready.surface.surface);
-            let matching = designed.exact.as_ref().map(|exact| exact.matching.clone());
-            let field = match (designed.exact, form.is_some() || query.singularities) {
-                (_, false) => Vec::new(),
-                (Some(exact), true) => exact.field,
-                (None, true) => ready.lift(&design.coefficients)?,
+            let sought = query.singularities && !raw;
+            let field = match (sought, form, &some) {
+                (true, ..) | (false, Some(_), None) => ready.lifted(&designed)?,
+                (false, ..) => Vec::new(),
             };
-            let found = match query.singularities && !raw {
+            let part = some.as_deref().map(|faces| ready.lifted_at(&designed, faces)).transpose()?;
+            let design = designed.design;
+            let matching = designed.exact.map(|exact| exact.matching);
+            let found = match sought {
                 false => None,
                 true => matched_singularities(surface, kind, &field, matching.as_deref().unwrap_or_default()),
             };
-            let written =
-                |form: Form| to.push_faces(&written_as(surface.frames(), kind, form, field), form.columns(kind));
+            let rows = some.as_deref().map_or(to.faces(surface.faces()), Vec::len);
+            let written = |form: Form| match (&some, part) {
+                (Some(faces), Some(part)) => written_at(surface.frames(), kind, form, faces, part),
+                _ => to.push_faces(&written_as(surface.frames(), kind, form, field), form.columns(kind)),
+            };
             if let (true, Some(form)) = (raw, form) {
                 let energies = [Some(design.harmonic_energy), Some(design.biharmonic_energy), design.alignment_energy];
                 let energies: Vec<String> = energies.iter().flatten().map(f64::to_string).collect();
                 let residual = design.residuals.iter().copied().fold(0.0, f64::max);
-                let bytes = octets::to_bytes(written(form));
-                return Ok(described(bytes, to.faces(surface.faces()), form, kind, begin)
+                let bytes = query.encoding.bytes(written(form));
+                let answer = described(bytes, rows, (form, query.encoding), kind, begin)
                     .with("chladni-energies", energies.join(", "))
-                    .with("chladni-residual", residual));
+                    .with("chladni-residual", residual);
+                return Ok(match designed.error {
+                    Some(error) => answer.with("chladni-error", error),
+                    None => answer,
+                });
             }
             Answer::json(
                 &DesignAnswer {
@@ -173,10 +200,12 @@ async fn design(
                     alignment_energy: design.alignment_energy,
                     faces: designed.constraints.iter().map(|constraint| to.told_face(constraint.face)).collect(),
                     residuals: design.residuals,
+                    error: designed.error,
                     coefficients: design.coefficients,
                     field: form.map(|form| LiftedField {
                         form: form.name(),
                         columns: form.columns(kind),
+                        faces: some.as_ref().map(|faces| faces.iter().map(|&face| to.told_face(face)).collect()),
                         values: written(form),
                     }),
                     // A sum of whole numbers: without singular vertices it is 0, not -0.
@@ -206,14 +235,14 @@ async fn design(
 pub fn described(
     bytes: impl Into<Bytes>,
     faces: usize,
-    form: Form,
+    (form, encoding): (Form, Encoding),
     kind: chladni_spectral::operator::transport::FieldKind,
     begin: Instant,
 ) -> Answer {
     Answer::new(bytes, OCTETS, begin)
         .with("chladni-rows", faces)
         .with("chladni-columns", form.columns(kind))
-        .with("chladni-dtype", "f32")
+        .with("chladni-dtype", encoding.name())
         .with("chladni-form", form.name())
 }
 

@@ -7,19 +7,21 @@
 //! | `cache` | surfaces, alignments and models that outlive a request |
 //! | `solve` | from a request to coefficients |
 //! | `octets` | numbers as bytes |
-//! | `design`, `eigenfields`, `frames`, `applications` | the routes |
+//! | `design`, `eigenfields`, `frames`, `applications`, `decomposition`, `transport` | the routes |
 
 mod applications;
 mod cache;
+mod decomposition;
 mod design;
 mod eigenfields;
 mod frames;
 mod octets;
 mod solve;
+mod transport;
 
 pub use cache::{FieldCache, kept};
 
-use chladni_spectral::field::{DesignError, FieldError, PrescribedError, StreamlineError};
+use chladni_spectral::field::{DesignError, FieldError, PrescribedError, RefineError, StreamlineError};
 use chladni_work::design::DesignFault;
 use utoipa_axum::router::OpenApiRouter;
 
@@ -33,6 +35,8 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .merge(eigenfields::routes())
         .merge(design::routes())
         .merge(applications::routes())
+        .merge(decomposition::routes())
+        .merge(transport::routes())
 }
 
 impl From<FieldError> for Problem {
@@ -82,9 +86,25 @@ impl From<DesignFault> for Problem {
             DesignFault::Curvature(_) => Self::new(&problem::NO_FIELD_SURFACE, text),
             DesignFault::Field(error) => error.into(),
             DesignFault::Design(error) => error.into(),
+            DesignFault::Refine(error) => error.into(),
+            DesignFault::Transport(error) => error.into(),
             DesignFault::Singularities(error) => error.into(),
             DesignFault::Lines(error) => error.into(),
             DesignFault::Cancelled(cancelled) => cancelled.into(),
+        }
+    }
+}
+
+impl From<RefineError> for Problem {
+    fn from(error: RefineError) -> Self {
+        let text = super::convert::sentence(&error);
+        match error {
+            RefineError::Operator(_) => Self::new(&problem::NO_FIELD_SURFACE, text),
+            RefineError::Design(error) => error.into(),
+            RefineError::Cancelled(cancelled) => cancelled.into(),
+            RefineError::Tolerance { .. } | RefineError::Prescribed | RefineError::NotConverged { .. } => {
+                Self::within(&problem::INVALID_DESIGN, "refine", text)
+            }
         }
     }
 }

@@ -3,13 +3,13 @@
 use std::ops::Deref;
 use std::sync::Arc;
 
-use chladni_base::Monitor;
+use chladni_base::{Monitor, Unwatched};
 use chladni_spectral::basis::ProductKind;
-use chladni_spectral::field::DesignModel;
+use chladni_spectral::field::{DesignModel, FullSpace};
 use chladni_work::Provenance;
 use chladni_work::design::{
-    AlignmentRequest, DesignRequest, Designed, FieldSource, Goal, NamedTarget, NamedWeights, PerFace, Setting, Target,
-    numerators,
+    AlignmentRequest, DesignRequest, Designed, FacesRequest, FieldSource, Goal, NamedTarget, NamedWeights, PerFace,
+    Setting, Target, numerators,
 };
 use uuid::Uuid;
 
@@ -90,12 +90,38 @@ pub async fn design(state: &ClientState, ready: &Ready, request: &DesignRequest)
         // Without weights per face everything is diagonal: nothing is worth keeping.
         Arc::new(ready.weighted(&model, weights, goal)?)
     };
-    let ready = ready.clone();
-    let solve = move |_: &dyn Monitor| {
-        let designed = ready.solve(&weighted, constraints)?;
+    let full: Option<Arc<FullSpace>> = match request.needs_full_space() {
+        false => None,
+        true => {
+            let own = ready.clone();
+            let make = move |monitor: &dyn Monitor| Ok(own.full_space(monitor)?);
+            Some(cache::kept(state, "full-space", &ready.id, make).await?)
+        }
+    };
+    let (ready, request) = (ready.clone(), request.clone());
+    let solve = move |monitor: &dyn Monitor| {
+        let mut designed = ready.solve(&weighted, constraints)?;
+        if let Some(full) = full {
+            ready.judge(&full, &weighted, &request, &mut designed, monitor)?;
+        }
         Ok(ready.exactly(exact, designed))
     };
     state.solve("design", solve).await
+}
+
+/// The faces that an answer is about; a sample is drawn once.
+///
+/// # Errors
+/// `invalid-design/faces` names the face.
+pub async fn faces(state: &ClientState, ready: &Ready, wanted: &FacesRequest) -> Result<Arc<Vec<u32>>, Problem> {
+    let (own, wanted) = (ready.clone(), wanted.clone());
+    let FacesRequest::Sample(sample) = wanted else { return Ok(Arc::new(own.faces(&wanted, &Unwatched)?)) };
+    let make = move |monitor: &dyn Monitor| {
+        let faces = own.faces(&FacesRequest::Sample(sample), monitor)?;
+        let bytes = 4 * faces.len() as u64;
+        Ok((faces, bytes))
+    };
+    cache::kept(state, "face-sample", &format!("{} {}", ready.id, sample.sample), make).await
 }
 
 /// The stored numbers of all faces of the field that a request names.
@@ -105,6 +131,7 @@ pub async fn design(state: &ClientState, ready: &Ready, request: &DesignRequest)
 pub async fn lifted(state: &ClientState, ready: &Ready, source: &FieldSource) -> Result<Vec<f32>, Problem> {
     let own = ready.clone();
     if let FieldSource::Design(request) = source {
+        request.of_all_faces()?;
         let designed = design(state, ready, request).await?;
         return state.solve("lift", move |_| Ok(own.lifted(&designed)?)).await;
     }

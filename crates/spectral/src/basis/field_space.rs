@@ -194,6 +194,23 @@ impl FieldSpace {
         Some(field)
     }
 
+    /// The rows of some faces of `U x`: `block` numbers for each, in their order. `None` unless `x` has `d` numbers and all faces are there.
+    pub fn lift_faces(&self, x: &[f32], faces: &[u32]) -> Option<Vec<f32>> {
+        if x.len() != self.dimension() || faces.iter().any(|&face| face as usize >= self.faces()) {
+            return None;
+        }
+        let b = self.block;
+        let mut field = vec![0f32; b * faces.len()];
+        field.par_chunks_mut(b).with_min_len(256).zip(faces).for_each(|(own, &face)| {
+            let mut sum = [0.0; 3];
+            self.row_entries(face as usize, |column, u| {
+                sum.iter_mut().zip(u).for_each(|(sum, u)| *sum += u * f64::from(x[column]));
+            });
+            own.iter_mut().zip(sum).for_each(|(own, sum)| *own = sum as f32);
+        });
+        Some(field)
+    }
+
     /// `BB` is `B²`.
     fn lift_blocks<const B: usize, const BB: usize>(&self, x: &[f32], field: &mut [f32]) {
         // The coefficients of a group, repeated for each row of its block.

@@ -29,6 +29,10 @@ pub struct Alignment {
     pub(super) pencil: Option<Arc<Pencil>>,
     /// `targetᵀ M W target`.
     pub(super) constant: f64,
+    /// `M W target` on the faces.
+    pub(super) force: Arc<Vec<f64>>,
+    /// The diagonal of `M W`, where there are weights per face.
+    pub(super) masses: Option<Arc<Vec<f64>>>,
 }
 
 impl Alignment {
@@ -36,7 +40,8 @@ impl Alignment {
     pub fn bytes(&self) -> u64 {
         let matrices = |m: &SparseMatrix| 12 * m.entries() as u64;
         let pencil = self.pencil.as_ref().map_or(0, |p| matrices(&p.stiffness) + matrices(&p.mass));
-        8 * (self.reduced.len() + self.projected.len()) as u64 + self.gram.as_ref().map_or(0, matrices) + pencil
+        let faces = self.force.len() + self.masses.as_ref().map_or(0, |m| m.len());
+        8 * (self.reduced.len() + self.projected.len() + faces) as u64 + self.gram.as_ref().map_or(0, matrices) + pencil
     }
 }
 
@@ -71,20 +76,18 @@ impl DesignModel {
         let weighted: Vec<f64> = target.iter().enumerate().map(|(i, v)| weight(i / b) * v).collect();
         let constant = weighted.iter().zip(target).map(|(a, b)| a * b).sum();
         let reduced = basis.space.transposed_times(&weighted).unwrap_or_default();
-        let gram = match weights {
-            Some(_) => {
-                let masses: Vec<f64> = (0..faces).map(weight).collect();
-                Some(restricted(&basis.space, &masses, &Unwatched).map_err(|error| match error {
-                    GalerkinError::Cancelled(cancelled) => DesignError::Cancelled(cancelled),
-                    other => DesignError::Products(other),
-                })?)
-            }
+        let masses = weights.map(|_| Arc::new((0..faces).map(weight).collect::<Vec<f64>>()));
+        let gram = match &masses {
+            Some(masses) => Some(restricted(&basis.space, masses, &Unwatched).map_err(|error| match error {
+                GalerkinError::Cancelled(cancelled) => DesignError::Cancelled(cancelled),
+                other => DesignError::Products(other),
+            })?),
             None => None,
         };
         let new = || Arc::new(Pencil::new(basis));
         let pencil = gram.is_some().then(|| self.pencil.clone().unwrap_or_else(new));
         let projected = if self.has_ritz() { self.project(&reduced) } else { Vec::new() };
-        Ok(Alignment { reduced, projected, gram, pencil, constant })
+        Ok(Alignment { reduced, projected, gram, pencil, constant, force: Arc::new(weighted), masses })
     }
 
     /// A field with prescribed singularities, to be designed with.

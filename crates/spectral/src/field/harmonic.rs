@@ -84,7 +84,7 @@ fn field_of(surface: &FieldSurface, form: &Form) -> Vec<f64> {
 }
 
 /// Which vertices lie on the boundary.
-fn rim(surface: &FieldSurface) -> Vec<bool> {
+pub(super) fn rim(surface: &FieldSurface) -> Vec<bool> {
     let mut rim = vec![false; surface.mesh().positions.len()];
     for (edge, faces) in surface.dual().edge_faces().iter().enumerate() {
         if faces[1] == NO_FACE {

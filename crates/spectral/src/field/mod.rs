@@ -4,6 +4,8 @@ mod adaptive;
 mod alignment;
 mod basis;
 mod constraints;
+mod cycle;
+mod decomposition;
 mod design;
 mod drawing;
 mod harmonic;
@@ -22,10 +24,15 @@ mod principal;
 mod reading;
 #[cfg(test)]
 mod real_meshes;
+mod refine;
+mod refine_response;
+#[cfg(test)]
+mod refine_tests;
 mod singularity;
 mod smooth;
 mod space;
 mod streamline;
+mod transport;
 mod unity;
 mod weighted;
 mod whole;
@@ -33,6 +40,7 @@ mod whole;
 pub use adaptive::adaptive_weights;
 pub use alignment::{Alignment, Prescription};
 pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis, literal_biharmonic};
+pub use decomposition::{HodgeDecomposition, HodgeParts};
 pub use design::{BENDING, Constraint, Design, DesignError, DesignModel, EnergyWeights, Hold, MOST_DIMENSIONS};
 pub use drawing::{Camera, MOST_PIXELS, svg};
 pub use harmonic::{HarmonicError, MOST_HARMONIC, harmonic_fields};
@@ -44,8 +52,10 @@ pub use principal::{DirectionField, Strand, curvature_tensors, fur, principal_di
 pub use reading::{
     TensorAxes, direction_in_frame, representation, roots, tensor_axes, tensor_deviator, tensor_in_frame, to_world,
 };
+pub use refine::{FullSpace, RefineError, Refined};
 pub use singularity::{Matching, Singularity, matched_singularities, singularities};
 pub use streamline::{HatchingParameters, Streamline, StreamlineError, streamlines};
+pub use transport::{TransportError, VectorHeat, VectorSource};
 pub use weighted::WeightedModel;
 pub use whole::whole_space;
 

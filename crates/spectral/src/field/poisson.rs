@@ -54,11 +54,15 @@ pub(super) fn ground(surface: &FieldSurface, fixed: impl Fn(u32) -> bool, entrie
     entries.extend(tied.chain(lone).map(|v| (v, v, 1.0)));
 }
 
+/// The order to factor so many unknowns in.
+pub(super) fn ordering(unknowns: usize) -> Ordering {
+    if unknowns > LARGE { Ordering::NestedDissection } else { Ordering::Amd }
+}
+
 /// `X ← A⁻¹ X` for a symmetric positive definite matrix: what is singular has to be grounded before.
 pub(super) fn solve(matrix: &SparseMatrix, x: &mut PanelMatrix, monitor: &dyn Monitor) -> Result<(), PoissonError> {
     let n = matrix.rows();
-    let ordering = if n > LARGE { Ordering::NestedDissection } else { Ordering::Amd };
-    let order = fill_reducing_order(matrix, ordering)?;
+    let order = fill_reducing_order(matrix, ordering(n))?;
     monitor.checkpoint()?;
     let sorted = matrix.reordered(&order);
     let mass = MassMatrix::Diagonal(vec![0.0; n]);

@@ -7,7 +7,7 @@ use chladni_mesh::read::{MeshFormat, read};
 use super::*;
 use crate::operator::transport::FieldKind;
 
-fn surface(name: &str) -> Option<FieldSurface> {
+pub(super) fn surface(name: &str) -> Option<FieldSurface> {
     let Some(folder) = std::env::var_os("CHLADNI_MESHES") else {
         println!("skipped: CHLADNI_MESHES is not set");
         return None;

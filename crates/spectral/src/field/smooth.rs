@@ -445,7 +445,7 @@ impl<const B: usize> CycleLevel<B> {
 }
 
 /// What a Chebyshev step keeps of the last change and adds of the scaled residual; the spectrum ends at 2, its part above `least` is damped.
-fn chebyshev(degree: usize, least: f32) -> impl Iterator<Item = (f32, f32)> {
+pub(super) fn chebyshev(degree: usize, least: f32) -> impl Iterator<Item = (f32, f32)> {
     let (middle, half) = (0.5 * (2.0 + least), 0.5 * (2.0 - least));
     let mut ratio = half / middle;
     (0..degree).map(move |step| {

@@ -59,6 +59,10 @@ mod tests {
         let single: Vec<f32> = x.iter().map(|&v| v as f32).collect();
         let lifted = space.lift(&single).unwrap();
         assert!(lifted.iter().zip(&expected).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-5));
+        let some = space.lift_faces(&single, &[3, 0, 3]).unwrap();
+        let picked = [&lifted[3 * B..4 * B], &lifted[..B], &lifted[3 * B..4 * B]].concat();
+        assert!(some.iter().zip(&picked).all(|(a, b)| (a - b).abs() < 1e-6));
+        assert!(space.lift_faces(&single, &[4]).is_none() && space.lift_faces(&single[1..], &[0]).is_none());
         let y: Vec<f64> = (0..4 * B).map(|i| (i as f64).sin()).collect();
         let back = space.transposed_times(&y).unwrap();
         let (left, right): (f64, f64) =

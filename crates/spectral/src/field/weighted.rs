@@ -13,6 +13,7 @@ use super::design::{Constraint, Design, DesignError, DesignModel, EnergyWeights,
 use super::idle::{self, Idle, Kernel};
 use super::many::{Many, Setting};
 use super::pencil::{Pencil, SparseInverse, Sum, floor};
+use super::refine_response as whole;
 
 /// Ritz values below this share of the largest count as zero.
 const KERNEL: f64 = 1e-10;
@@ -389,19 +390,9 @@ impl WeightedModel {
                 rows.transposed_times(solved).ok_or_else(misfit)?
             }
         };
-        let mean = (0..k).map(|i| system.column(i)[i]).sum::<f64>() / k as f64;
-        for (at, condition) in conditions.iter().enumerate() {
-            let own = b * at..b * (at + 1);
-            let give = match condition.give {
-                Give::Weight(give) => give,
-                Give::Share(share) => share * mean,
-                Give::Own(share) => {
-                    let moved = own.clone().map(|i| system.column(i)[i]);
-                    // A pull moves everything somewhere; if not, the mean does.
-                    share * (moved.sum::<f64>() / b as f64).max(1e-6 * mean)
-                }
-            };
-            own.for_each(|i| system.column_mut(i)[i] += give);
+        let mean = mean_of_diagonal(&system);
+        for (i, give) in gives(&system, conditions, b).into_iter().enumerate() {
+            system.column_mut(i)[i] += give;
         }
         // Right-hand sides: what is missing, and the rows of the kernel.
         let mut rhs = DenseMatrix::zeros(k, 1 + free);
@@ -454,6 +445,90 @@ impl WeightedModel {
             }
         }
         Ok(y)
+    }
+
+    /// Whether designs stay close to prescribed singularities.
+    pub(super) fn is_prescribed(&self) -> bool {
+        self.prescription.is_some()
+    }
+
+    /// Fields of next to no energy, as they are stored; `None` where alignments hold them and the model does not know them.
+    pub(super) fn idle_fields(&self, basis: &FieldBasis) -> Option<Vec<Vec<f64>>> {
+        let model = &self.model;
+        let coefficients: Vec<Vec<f32>> = match (&self.inverse, &self.pencil) {
+            _ if model.has_ritz() => {
+                let least = KERNEL * model.values().last().copied().unwrap_or(0.0);
+                let count = model.values().iter().take_while(|v| **v <= least).count();
+                (0..count).map(|k| model.eigenfield(k)).collect()
+            }
+            (Inverse::Sparse(inverse), Some(pencil)) if self.alignments.is_empty() => {
+                let floor = floor(self.weights.harmonic, self.weights.biharmonic);
+                let idle = self.idle.get_or_init(|| idle::find(|x| inverse.apply(x), &pencil.mass, floor));
+                idle.iter().map(|one| one.field.iter().map(|&x| x as f32).collect()).collect()
+            }
+            _ => return None,
+        };
+        let wide = |field: Vec<f32>| field.into_iter().map(f64::from).collect();
+        coefficients.iter().map(|own| basis.space.lift(own).map(wide)).collect()
+    }
+
+    /// What the energies add up to on the faces, and what alignments pull with there.
+    pub(super) fn whole_sum(&self, numbers: usize) -> (whole::Sum, Option<Vec<f64>>) {
+        let mut sum = whole::Sum {
+            harmonic: self.weights.harmonic,
+            biharmonic: self.weights.biharmonic,
+            uniform: 0.0,
+            masses: None,
+        };
+        let mut force = None;
+        for (field, weight) in &self.alignments {
+            let force = force.get_or_insert_with(|| vec![0.0; numbers]);
+            whole::add(force, &field.force, *weight);
+            match &field.masses {
+                Some(masses) => whole::add(sum.masses.get_or_insert_with(|| vec![0.0; masses.len()]), masses, *weight),
+                None => sum.uniform += weight,
+            }
+        }
+        (sum, force)
+    }
+
+    /// How far a field on the faces is from those that it is to stay close to.
+    pub(super) fn whole_deviation(&self, field: &[f64], areas: &[f64]) -> Option<f64> {
+        let b = field.len() / areas.len().max(1);
+        let one = |alignment: &Alignment| {
+            let masses = alignment.masses.as_ref().map_or(areas, |masses| masses.as_slice());
+            let square: f64 = field.iter().enumerate().map(|(i, u)| masses[i / b] * u * u).sum();
+            (square - 2.0 * whole::dot(field, &alignment.force) + alignment.constant).max(0.0)
+        };
+        let all = self.alignments.iter().map(|(alignment, _)| one(alignment));
+        (!self.alignments.is_empty()).then(|| all.sum())
+    }
+
+    /// The constraints with what the space has them move by.
+    pub(super) fn compliance(&self, basis: &FieldBasis, constraints: &[Constraint]) -> Result<Compliance, DesignError> {
+        let b = basis.space.block();
+        check(basis, self.model.kind, constraints)?;
+        let kept = without_repetitions(constraints);
+        let condition = |&c: &usize| {
+            let Constraint { face, value, hold } = constraints[c];
+            Condition { face, value, give: hold.into() }
+        };
+        let conditions: Vec<Condition> = kept.iter().map(condition).collect();
+        let rows = self.rows(basis, &conditions);
+        let mut solved = rows.clone();
+        if let (Inverse::Sparse(_), Kernel::Fields(idle)) = (&self.inverse, self.free(&conditions)) {
+            idle::without(idle, solved.values_mut(), |x| self.inverse.apply(x));
+        } else {
+            self.inverse.apply(solved.values_mut());
+        }
+        let misfit = || DesignError::Length { what: "constraints", got: rows.columns(), wanted: rows.rows() };
+        let moved = rows.transposed_times(&solved).ok_or_else(misfit)?;
+        let gives = gives(&moved, &conditions, b);
+        let faces = conditions.iter().map(|c| c.face).collect();
+        let values = conditions.iter().flat_map(|c| c.value.into_iter().take(b)).collect();
+        let hard = |c: &Condition| matches!(c.give, Give::Share(_));
+        let gives = gives.into_iter().enumerate().map(|(i, give)| if hard(&conditions[i / b]) { 0.0 } else { give });
+        Ok(Compliance { faces, values, gives: gives.collect(), moved })
     }
 
     /// The design of a field in the coordinates of the inverse; `coefficients` where they are known.
@@ -537,6 +612,37 @@ impl WeightedModel {
     pub fn weights(&self) -> EnergyWeights {
         self.weights
     }
+}
+
+/// Constraints without repetitions, and what a reduced space has them move by.
+pub(super) struct Compliance {
+    pub faces: Vec<u32>,
+    /// The numbers that are wanted, `block` for each face.
+    pub values: Vec<f64>,
+    /// The inverses of the weights, 0 of those that are met exactly.
+    pub gives: Vec<f64>,
+    /// What unit pulls at the numbers move them by, without what has no energy.
+    pub moved: DenseMatrix,
+}
+
+fn mean_of_diagonal(moved: &DenseMatrix) -> f64 {
+    let k = moved.columns();
+    (0..k).map(|i| moved.column(i)[i]).sum::<f64>() / k.max(1) as f64
+}
+
+/// By how much each number of conditions gives way to a unit pull, where pulls move them by `moved`.
+fn gives(moved: &DenseMatrix, conditions: &[Condition], b: usize) -> Vec<f64> {
+    let mean = mean_of_diagonal(moved);
+    let give = |(at, condition): (usize, &Condition)| match condition.give {
+        Give::Weight(give) => give,
+        Give::Share(share) => share * mean,
+        Give::Own(share) => {
+            let own = (b * at..b * (at + 1)).map(|i| moved.column(i)[i]);
+            // A pull moves everything somewhere; if not, the mean does.
+            share * (own.sum::<f64>() / b as f64).max(1e-6 * mean)
+        }
+    };
+    conditions.iter().enumerate().flat_map(|one| std::iter::repeat_n(give(one), b)).collect()
 }
 
 /// For each constraint the length of what is missing; `number` tells the numbers of the field at those without repetitions.

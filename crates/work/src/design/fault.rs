@@ -1,7 +1,7 @@
 //! Why a field cannot be designed, or something made of one.
 
 use chladni_base::Cancelled;
-use chladni_spectral::field::{DesignError, FieldError, PrescribedError, StreamlineError};
+use chladni_spectral::field::{DesignError, FieldError, PrescribedError, RefineError, StreamlineError, TransportError};
 
 /// Why a request about a field cannot be answered.
 #[derive(Debug, thiserror::Error)]
@@ -38,6 +38,12 @@ pub enum DesignFault {
     /// The singularities cannot be had.
     #[error(transparent)]
     Singularities(#[from] PrescribedError),
+    /// The design was not refined.
+    #[error(transparent)]
+    Refine(RefineError),
+    /// Vectors could not be carried.
+    #[error(transparent)]
+    Transport(#[from] TransportError),
     /// No lines could be laid.
     #[error(transparent)]
     Lines(StreamlineError),
@@ -46,4 +52,4 @@ pub enum DesignFault {
     Cancelled(#[from] Cancelled),
 }
 
-stopped!(DesignFault: FieldError => Field, DesignError => Design, StreamlineError => Lines);
+stopped!(DesignFault: FieldError => Field, DesignError => Design, RefineError => Refine, StreamlineError => Lines);

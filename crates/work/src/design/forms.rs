@@ -50,18 +50,34 @@ impl Form {
 
 /// The numbers of all faces in a form.
 pub fn written(frames: &FaceFrames, kind: FieldKind, form: Form, field: Vec<f32>) -> Vec<f32> {
+    put_all(frames, kind, form, field, |at| at)
+}
+
+/// The numbers of some faces in a form, from those that are stored there.
+pub fn written_at(frames: &FaceFrames, kind: FieldKind, form: Form, faces: &[u32], field: Vec<f32>) -> Vec<f32> {
+    put_all(frames, kind, form, field, |at| faces.get(at).map_or(0, |&face| face as usize))
+}
+
+/// The same; `face` tells the faces in their order.
+fn put_all(
+    frames: &FaceFrames,
+    kind: FieldKind,
+    form: Form,
+    field: Vec<f32>,
+    face: impl Fn(usize) -> usize + Sync,
+) -> Vec<f32> {
     if form == Form::Frames {
         return field;
     }
     let (columns, block) = (form.columns(kind), kind.block());
     let mut out = vec![0f32; columns * (field.len() / block)];
     out.par_chunks_exact_mut(columns).with_min_len(4096).zip(field.par_chunks_exact(block)).enumerate().for_each(
-        |(face, (out, own))| match kind {
-            FieldKind::Tensor {} => tensor(frames, face, form, [own[0], own[1], own[2]].map(f64::from), out),
-            FieldKind::Vector {} | FieldKind::NVector { n: 1 } => {
+        |(at, (out, own))| match (kind, face(at)) {
+            (FieldKind::Tensor {}, face) => tensor(frames, face, form, [own[0], own[1], own[2]].map(f64::from), out),
+            (FieldKind::Vector {} | FieldKind::NVector { n: 1 }, face) => {
                 vector(frames, face, form, [own[0], own[1]].map(f64::from), out);
             }
-            FieldKind::NVector { n } => {
+            (FieldKind::NVector { n }, face) => {
                 let representation = [own[0], own[1]].map(f64::from);
                 if form == Form::Roots {
                     for (out, root) in out.chunks_exact_mut(3).zip(roots(representation, n)) {

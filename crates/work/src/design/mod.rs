@@ -7,21 +7,27 @@
 //! | `setting` | from a request to coefficients, in steps |
 //! | `forms` | stored numbers as a user reads them |
 //! | `drawing` | fur and hatchings |
+//! | `transport` | vectors that are carried over a surface |
+//! | `decomposition` | the Hodge decomposition of a field that is given |
 //! | `fault` | why not |
 
+mod decomposition;
 mod drawing;
 mod fault;
 mod forms;
 mod request;
 mod setting;
 mod target;
+mod transport;
 
+pub use decomposition::{DecompositionAnswer, DecompositionRequest};
 pub use drawing::{CameraRequest, FieldSource, FurRequest, HatchingAnswer, HatchingRequest, Line};
 pub use fault::DesignFault;
-pub use forms::{Form, written};
+pub use forms::{Form, written, written_at};
 pub(crate) use request::refused;
 pub use request::{
-    AlignmentRequest, BiharmonicEnergy, DesignRequest, MOST_CONSTRAINTS, NamedTarget, NamedWeights, PerFace, Pin,
-    SingularVertex, SingularitiesRequest, Stroke, Target, Weights,
+    AlignmentRequest, BiharmonicEnergy, DesignRequest, FaceSample, FacesRequest, MOST_CONSTRAINTS, MOST_SAMPLED,
+    NamedTarget, NamedWeights, PerFace, Pin, SingularVertex, SingularitiesRequest, Stroke, Target, Weights,
 };
 pub use setting::{Designed, ExactField, Goal, Setting, Surface, numerators};
+pub use transport::{TransportRequest, carried};

@@ -30,6 +30,62 @@ pub struct DesignRequest {
     pub alignment: Option<AlignmentRequest>,
     /// Where the field is to be singular, and how strongly that is wanted.
     pub singularities: Option<SingularitiesRequest>,
+    /// Whether to estimate how far the field is from that of least energy among all fields of the surface, as a share of its length.
+    #[serde(default)]
+    pub error: bool,
+    /// Asks for the field of least energy among all fields of the surface itself, in place of that in the space of the basis: to this relative tolerance, from
+    /// 1e-10 to below 1.
+    #[cfg_attr(feature = "schema", schema(minimum = 1e-10, maximum = 1.0))]
+    pub refine: Option<f64>,
+    /// The faces that the field is told of; without it, all.
+    pub faces: Option<FacesRequest>,
+}
+
+/// Faces that an answer is about.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", serde(untagged))]
+pub enum FacesRequest {
+    /// So many, spread evenly.
+    Sample(FaceSample),
+    /// These, in this order.
+    List(Vec<u32>),
+}
+
+/// Faces that are spread evenly over a surface, the same in every request: each as far as possible from those before it, so that the first of many are the sample
+/// of few.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct FaceSample {
+    /// How many; all faces where there are fewer.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 100_000))]
+    pub sample: usize,
+}
+
+/// The most faces of a sample.
+pub const MOST_SAMPLED: usize = 100_000;
+
+impl<'de> Deserialize<'de> for FacesRequest {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Visitor;
+        impl<'de> serde::de::Visitor<'de> for Visitor {
+            type Value = FacesRequest;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("an object {\"sample\": n} or an array of faces")
+            }
+
+            fn visit_map<A: serde::de::MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                Deserialize::deserialize(serde::de::value::MapAccessDeserializer::new(map)).map(FacesRequest::Sample)
+            }
+
+            fn visit_seq<A: serde::de::SeqAccess<'de>>(self, list: A) -> Result<Self::Value, A::Error> {
+                Deserialize::deserialize(serde::de::value::SeqAccessDeserializer::new(list)).map(FacesRequest::List)
+            }
+        }
+        deserializer.deserialize_any(Visitor)
+    }
 }
 
 /// Weights of the energies, on the surface of unit area.
@@ -290,6 +346,27 @@ struct Value {
 }
 
 impl DesignRequest {
+    /// Whether all fields of the surface are needed to answer it.
+    pub fn needs_full_space(&self) -> bool {
+        self.error || self.refine.is_some()
+    }
+
+    /// Refuses what an answer that is made of the whole field has no place for.
+    ///
+    /// # Errors
+    /// [`DesignFault`] names the member.
+    pub fn of_all_faces(&self) -> Result<(), DesignFault> {
+        let given = [("faces", self.faces.is_some()), ("error", self.error)];
+        match given.into_iter().find(|one| one.1) {
+            Some((name, _)) => Err(refused(
+                name,
+                &format!("field.design.{name}"),
+                "is a matter of designs that are answered themselves",
+            )),
+            None => Ok(()),
+        }
+    }
+
     /// Checks what no surface is needed for.
     ///
     /// # Errors
@@ -303,6 +380,18 @@ impl DesignRequest {
             let reason =
                 "a field of length 1 that is turned as a whole meets no direction exactly: give strokes in their place";
             return Err(refused("singularities", "constraints", reason));
+        }
+        if self.singularities.is_some() && (self.error || self.refine.is_some()) {
+            let place = if self.error { "error" } else { "refine" };
+            let reason =
+                "a design with prescribed singularities is no field of least energy that another could be closer to";
+            return Err(refused("refine", place, reason));
+        }
+        if let Some(FacesRequest::Sample(FaceSample { sample })) = self.faces
+            && !(1..=MOST_SAMPLED).contains(&sample)
+        {
+            let reason = format!("must be from 1 to {MOST_SAMPLED}, not {sample}");
+            return Err(refused("faces", "faces.sample", reason));
         }
         self.alignment.iter().try_for_each(|wanted| weight_fits(wanted.weight, "alignment.weight"))?;
         self.singularities.iter().try_for_each(|wanted| weight_fits(wanted.weight, "singularities.weight"))

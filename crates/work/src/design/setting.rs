@@ -5,14 +5,17 @@ use std::sync::Arc;
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::nearest::FaceTree;
+use chladni_mesh::sample::farthest_points;
 use chladni_spectral::basis::StoredFields;
 use chladni_spectral::field::{
-    Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, FieldSurface, Hold, Matching, Prescribed,
-    PrescribedField, Prescription, WeightedModel, literal_biharmonic,
+    Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, FieldSurface, FullSpace, Hold, Matching,
+    Prescribed, PrescribedField, Prescription, WeightedModel, literal_biharmonic,
 };
 use chladni_spectral::operator::transport::FieldKind;
 
-use super::request::{AlignmentRequest, DesignRequest, SingularVertex, SingularitiesRequest, Weights, refused};
+use super::request::{
+    AlignmentRequest, DesignRequest, FacesRequest, SingularVertex, SingularitiesRequest, Weights, refused,
+};
 use super::{DesignFault, target};
 use crate::Provenance;
 
@@ -73,6 +76,10 @@ pub struct Designed {
     pub constraints: Vec<Constraint>,
     /// The field of exactly the prescribed singularities, where it is wanted; residuals are then its own.
     pub exact: Option<ExactField>,
+    /// The field of least energy among all fields of the surface, where it is wanted; energies and residuals of the design are then its own.
+    pub refined: Option<Vec<f32>>,
+    /// How far the field of the coefficients is from that one, as a share of its length; an estimate where it is not wanted itself.
+    pub error: Option<f64>,
 }
 
 /// A field of length 1, as it is stored, with the matching of faces by which its singularities are those prescribed.
@@ -194,7 +201,7 @@ impl Setting {
         let worst = constraints.iter().zip(&design.residuals).map(share).max_by(|a, b| a.0.total_cmp(&b.0));
         match worst.filter(|(missed, _)| !(*missed <= MISSED)) {
             Some((_, face)) => Err(DesignError::Dependent { face }.into()),
-            None => Ok(Designed { design, constraints, exact: None }),
+            None => Ok(Designed { design, constraints, exact: None, refined: None, error: None }),
         }
     }
 
@@ -232,8 +239,95 @@ impl Setting {
         }
         monitor.checkpoint()?;
         let exact = goal.exact(request);
-        let designed = self.solve(&self.weighted(&model, request.weights, goal)?, constraints)?;
+        let weighted = self.weighted(&model, request.weights, goal)?;
+        let mut designed = self.solve(&weighted, constraints)?;
+        if request.needs_full_space() {
+            self.judge(&self.full_space(monitor)?.0, &weighted, request, &mut designed, monitor)?;
+        }
         Ok(self.exactly(exact, designed))
+    }
+
+    /// All fields of the surface, with about the bytes that they take.
+    ///
+    /// # Errors
+    /// [`DesignFault::Request`] where the basis does not say which boundary condition it was made with.
+    pub fn full_space(&self, monitor: &dyn Monitor) -> Result<(FullSpace, u64), DesignFault> {
+        let boundary = Provenance::read(&self.fields.metadata)
+            .and_then(|provenance| provenance.field_boundary(self.kind()))
+            .map_err(|error| refused("refine", "refine", error))?;
+        let full = FullSpace::new(&self.surface.surface, self.kind(), boundary, monitor)?;
+        let bytes = full.bytes();
+        Ok((full, bytes))
+    }
+
+    /// How far a design is from the field of least energy among all fields, and that field where it is wanted.
+    ///
+    /// # Errors
+    /// [`DesignFault::Refine`].
+    pub fn judge(
+        &self,
+        full: &FullSpace,
+        weighted: &WeightedModel,
+        request: &DesignRequest,
+        designed: &mut Designed,
+        monitor: &dyn Monitor,
+    ) -> Result<(), DesignFault> {
+        let Designed { design, constraints, .. } = &*designed;
+        let basis = &self.fields.basis;
+        let Some(tolerance) = request.refine else {
+            designed.error = Some(full.distance(weighted, basis, constraints, design, monitor)?);
+            return Ok(());
+        };
+        let refined = full.refine(weighted, basis, constraints, design, tolerance, monitor)?;
+        designed.design.harmonic_energy = refined.harmonic_energy;
+        designed.design.biharmonic_energy = refined.biharmonic_energy;
+        designed.design.alignment_energy = refined.alignment_energy;
+        designed.design.residuals = refined.residuals;
+        designed.error = Some(refined.distance);
+        designed.refined = Some(refined.field.into_iter().map(|x| x as f32).collect());
+        Ok(())
+    }
+
+    /// The faces that an answer is to be about.
+    ///
+    /// # Errors
+    /// [`DesignFault::Request`] names a face that is not there.
+    pub fn faces(&self, wanted: &FacesRequest, monitor: &dyn Monitor) -> Result<Vec<u32>, DesignFault> {
+        let (surface, faces) = (&self.surface.surface, self.surface.surface.faces());
+        match wanted {
+            FacesRequest::Sample(wanted) => {
+                Ok(farthest_points(&surface.dual().connectivity(), wanted.sample, 0, monitor)?)
+            }
+            FacesRequest::List(list) => match list.iter().position(|&face| face as usize >= faces) {
+                Some(at) => Err(DesignFault::Request {
+                    within: "faces",
+                    place: format!("faces[{at}]"),
+                    reason: format!("refers to face {} of {faces}", list[at]),
+                    face: Some(list[at]),
+                }),
+                None => Ok(list.clone()),
+            },
+        }
+    }
+
+    /// The stored numbers of some faces of what was designed.
+    ///
+    /// # Errors
+    /// As for [`lift`](Self::lift).
+    pub fn lifted_at(&self, designed: &Designed, faces: &[u32]) -> Result<Vec<f32>, DesignFault> {
+        let b = self.kind().block();
+        let pick = |field: &[f32]| {
+            let own = |&face: &u32| field[b * face as usize..b * (face as usize + 1)].iter().copied();
+            faces.iter().flat_map(own).collect()
+        };
+        match (&designed.exact, &designed.refined) {
+            (Some(exact), _) => Ok(pick(&exact.field)),
+            (None, Some(refined)) => Ok(pick(refined)),
+            (None, None) => {
+                let lifted = self.fields.basis.space.lift_faces(&designed.design.coefficients, faces);
+                lifted.ok_or_else(|| self.misfit(designed.design.coefficients.len()))
+            }
+        }
     }
 
     /// What was designed with the field of exactly the prescribed singularities, where [`Goal::exact`] says that it is wanted.
@@ -256,9 +350,10 @@ impl Setting {
     /// # Errors
     /// As for [`lift`](Self::lift).
     pub fn lifted(&self, designed: &Designed) -> Result<Vec<f32>, DesignFault> {
-        match &designed.exact {
-            Some(exact) => Ok(exact.field.clone()),
-            None => self.lift(&designed.design.coefficients),
+        match (&designed.exact, &designed.refined) {
+            (Some(exact), _) => Ok(exact.field.clone()),
+            (None, Some(refined)) => Ok(refined.clone()),
+            (None, None) => self.lift(&designed.design.coefficients),
         }
     }
 
@@ -267,10 +362,12 @@ impl Setting {
     /// # Errors
     /// [`DesignFault::Request`] where they are not as many as the space has dimensions.
     pub fn lift(&self, coefficients: &[f32]) -> Result<Vec<f32>, DesignFault> {
-        self.fields.basis.space.lift(coefficients).ok_or_else(|| {
-            let (found, dimension) = (coefficients.len(), self.fields.dimension());
-            refused("coefficients", "coefficients", format!("{found} numbers are given for {dimension} dimensions"))
-        })
+        self.fields.basis.space.lift(coefficients).ok_or_else(|| self.misfit(coefficients.len()))
+    }
+
+    fn misfit(&self, found: usize) -> DesignFault {
+        let dimension = self.fields.dimension();
+        refused("coefficients", "coefficients", format!("{found} numbers are given for {dimension} dimensions"))
     }
 }
 

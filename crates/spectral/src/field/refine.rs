@@ -1,0 +1,438 @@
+//! Designs in the space of all fields: how far a reduced design is from the field that it stands for, and that field itself.
+//!
+//! With the numbers `C u` of the constrained faces and what holds them, `W`, the field of least energy is `u = K⁻¹(f + Cᵀ y) + Z c` with
+//! `(W⁻¹ + C K⁻¹ Cᵀ) y + C Z c = v − C K⁻¹ f` and `ZᵀCᵀ y = 0`, where `Z` has no energy. Conjugate gradients on the pulls `y` are preconditioned by the compliance
+//! that the reduced space has at those faces, as it misses only what is finer than its columns; `K⁻¹` is applied by [`super::refine_response`].
+
+use std::sync::OnceLock;
+
+use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix};
+use chladni_base::{Cancelled, Monitor};
+
+use super::basis::FieldSurface;
+use super::cycle::Cycles;
+use super::design::{Constraint, Design, DesignError, length};
+use super::hierarchy::hierarchy;
+use super::refine_response::{Response, Whole, add, dot};
+use super::weighted::{Compliance, WeightedModel};
+use crate::basis::FieldBasis;
+use crate::operator::OperatorError;
+use crate::operator::hodge::FieldBoundary;
+use crate::operator::tangential::FieldOperator;
+use crate::operator::transport::FieldKind;
+
+/// Nodes of the coarsest level.
+const COARSEST: usize = 60;
+
+/// Steps on the pulls at most.
+const MOST_STEPS: usize = 200;
+
+/// How much closer a response is computed than the pulls are wanted, and how coarsely at most.
+const CLOSER: f64 = 0.1;
+const COARSEST_RESPONSE: f64 = 1e-2;
+
+/// What the compliance of a face lacks in a reduced space, as a share of it.
+const MISSING: f64 = 0.02;
+
+/// Fields without energy that constraints hardly hold: as little of them as possible.
+const LOOSE: f64 = 1e-9;
+
+/// Tolerances of [`FullSpace::refine`]: those below are lost to rounding.
+const LEAST_TOLERANCE: f64 = 1e-10;
+
+/// The tolerance with which [`FullSpace::distance`] judges: a share of the distances that small spaces have.
+const JUDGE: f64 = 2e-3;
+
+/// Why a design was not refined.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RefineError {
+    /// The surface has no such operator.
+    #[error(transparent)]
+    Operator(#[from] OperatorError),
+    /// The design itself does not fit.
+    #[error(transparent)]
+    Design(#[from] DesignError),
+    /// The tolerance is out of range.
+    #[error("the tolerance is {tolerance}; it must be from {LEAST_TOLERANCE:e} to below 1")]
+    Tolerance {
+        /// What was given.
+        tolerance: f64,
+    },
+    /// Designs that stay close to prescribed singularities are not the minimisers of one energy.
+    #[error("a design with prescribed singularities has no field of the whole surface that it stands for")]
+    Prescribed,
+    /// The iteration ended before its goal.
+    #[error("the field of the whole surface was not found to a tolerance of {tolerance:e}")]
+    NotConverged {
+        /// The goal.
+        tolerance: f64,
+    },
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// All fields of a surface, with what solves for designs among them. Independent of the weights.
+pub struct FullSpace {
+    kind: FieldKind,
+    inner: Inner,
+    /// Fields without energy.
+    kernel: OnceLock<Vec<Vec<f64>>>,
+}
+
+enum Inner {
+    Two(Whole<2>),
+    Three(Whole<3>),
+}
+
+/// The field of the whole surface that a design stands for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refined {
+    /// `block` numbers for each face.
+    pub field: Vec<f64>,
+    /// `uᵀ S u`, on the surface of unit area.
+    pub harmonic_energy: f64,
+    /// `uᵀ S M⁻¹ S u`, on the surface of unit area.
+    pub biharmonic_energy: f64,
+    /// The deviation from the fields to stay close to, where there are any.
+    pub alignment_energy: Option<f64>,
+    /// For each constraint the length of `u − value`.
+    pub residuals: Vec<f64>,
+    /// How far the reduced design is from it: `‖U x − u‖ / ‖u‖`, norms by area.
+    pub distance: f64,
+    /// Responses of the whole surface that were computed.
+    pub responses: usize,
+}
+
+impl FullSpace {
+    /// Assembles the operator and its levels.
+    ///
+    /// # Errors
+    /// [`RefineError::Operator`]: the kind is out of range; cancellation.
+    pub fn new(
+        surface: &FieldSurface,
+        kind: FieldKind,
+        boundary: FieldBoundary,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, RefineError> {
+        monitor.stage("levels");
+        let inner = match kind.block() {
+            2 => Inner::Two(Whole::new(surface, kind, boundary, monitor)?),
+            _ => Inner::Three(Whole::new(surface, kind, boundary, monitor)?),
+        };
+        Ok(Self { kind, inner, kernel: OnceLock::new() })
+    }
+
+    /// About the bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        match &self.inner {
+            Inner::Two(whole) => whole.bytes(),
+            Inner::Three(whole) => whole.bytes(),
+        }
+    }
+
+    /// The field of least energy among all fields under the constraints of a design of the same model: constraints and alignments have the weights that the design has
+    /// given them, and both biharmonic energies are `uᵀ S M⁻¹ S u`.
+    ///
+    /// `tolerance` is relative: 1e-8 leaves about that share of the field.
+    ///
+    /// # Errors
+    /// [`RefineError`].
+    pub fn refine(
+        &self,
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+        design: &Design,
+        tolerance: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Refined, RefineError> {
+        if !(tolerance >= LEAST_TOLERANCE && tolerance < 1.0) {
+            return Err(RefineError::Tolerance { tolerance });
+        }
+        length("the space", basis.space.faces(), self.faces())?;
+        if weighted.is_prescribed() || basis.kind != self.kind {
+            return Err(if basis.kind == self.kind { RefineError::Prescribed } else { DesignError::Kind.into() });
+        }
+        match &self.inner {
+            Inner::Two(whole) => self.refine_in(whole, weighted, basis, constraints, design, tolerance, monitor),
+            Inner::Three(whole) => self.refine_in(whole, weighted, basis, constraints, design, tolerance, monitor),
+        }
+    }
+
+    /// An estimate of [`Refined::distance`], at a fraction of the cost.
+    ///
+    /// # Errors
+    /// [`RefineError`].
+    pub fn distance(
+        &self,
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+        design: &Design,
+        monitor: &dyn Monitor,
+    ) -> Result<f64, RefineError> {
+        Ok(self.refine(weighted, basis, constraints, design, JUDGE, monitor)?.distance)
+    }
+
+    fn faces(&self) -> usize {
+        match &self.inner {
+            Inner::Two(whole) => whole.mass.len(),
+            Inner::Three(whole) => whole.mass.len(),
+        }
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn refine_in<const B: usize>(
+        &self,
+        whole: &Whole<B>,
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+        design: &Design,
+        tolerance: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Refined, RefineError> {
+        let compliance = weighted.compliance(basis, constraints)?;
+        let kernel = self.kernel(whole, weighted, basis, monitor)?;
+        let (sum, force) = weighted.whole_sum(B * whole.mass.len());
+        let response = Response::new(whole, sum, kernel);
+        let mut solve = Pulls::new(whole, &response, compliance, force, tolerance, monitor)?;
+        solve.run()?;
+        let field = solve.field;
+        let reduced = basis.space.lift(&design.coefficients);
+        let reduced =
+            reduced.ok_or(DesignError::Length { what: "coefficients", got: 0, wanted: basis.space.dimension() })?;
+        let mut off: Vec<f64> = reduced.iter().map(|&x| f64::from(x)).collect();
+        add(&mut off, &field, -1.0);
+        let norm = |x: &[f64]| whole.product(x, x).sqrt();
+        let distance = norm(&off) / norm(&field).max(f64::MIN_POSITIVE);
+        let image = whole.stiff(&field);
+        let harmonic_energy = dot(&image, &field);
+        let mut curved = image.clone();
+        whole.weigh(&mut curved, -1);
+        let biharmonic_energy = dot(&image, &curved);
+        let missing = |c: &Constraint| {
+            let own = &field[B * c.face as usize..B * (c.face as usize + 1)];
+            own.iter().zip(c.value).map(|(u, v)| (u - v).powi(2)).sum::<f64>().sqrt()
+        };
+        Ok(Refined {
+            residuals: constraints.iter().map(missing).collect(),
+            alignment_energy: weighted.whole_deviation(&field, &whole.mass),
+            field,
+            harmonic_energy,
+            biharmonic_energy,
+            distance,
+            responses: solve.responses,
+        })
+    }
+
+    /// The fields without energy that the reduced space knows about, exactly.
+    fn kernel<const B: usize>(
+        &self,
+        whole: &Whole<B>,
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        monitor: &dyn Monitor,
+    ) -> Result<&[Vec<f64>], RefineError> {
+        if let Some(known) = self.kernel.get() {
+            return Ok(known);
+        }
+        let Some(about) = weighted.idle_fields(basis) else { return Ok(&[]) };
+        let exact = whole.polished(about, monitor)?;
+        Ok(self.kernel.get_or_init(|| exact))
+    }
+}
+
+impl<const B: usize> Whole<B> {
+    fn new(
+        surface: &FieldSurface,
+        kind: FieldKind,
+        boundary: FieldBoundary,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, RefineError> {
+        let operator = FieldOperator::<B>::assemble(kind, surface.mesh(), surface.dual(), surface.frames(), boundary)?;
+        let levels = hierarchy(&operator, surface.dual(), surface.frames(), COARSEST, monitor)?;
+        let cycles = Cycles::new(&levels);
+        Ok(Self { stiffness: operator.stiffness, mass: operator.mass, cycles })
+    }
+
+    fn bytes(&self) -> u64 {
+        (size_of::<[[f64; B]; B]>() + 4) as u64 * self.stiffness.entries() as u64
+            + 16 * self.mass.len() as u64
+            + self.cycles.bytes()
+    }
+}
+
+/// Conjugate gradients on the pulls.
+struct Pulls<'a, const B: usize> {
+    response: &'a Response<'a, B>,
+    compliance: Compliance,
+    precondition: DefiniteFactor,
+    /// What of the kernel the constraints hold.
+    idle: Vec<Idle>,
+    force: Option<Vec<f64>>,
+    tolerance: f64,
+    monitor: &'a dyn Monitor,
+    /// `K⁻¹ (f + Cᵀ y)`, and the rest in the end.
+    field: Vec<f64>,
+    responses: usize,
+}
+
+/// A field without energy at the constrained numbers: those of several, orthonormal in the norm of the inverse of the preconditioner.
+struct Idle {
+    values: Vec<f64>,
+    /// The pulls that answer them.
+    pulls: Vec<f64>,
+    /// How much of each field it has.
+    mixture: Vec<f64>,
+}
+
+fn small_dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn solved(factor: &DefiniteFactor, right: &[f64]) -> Result<Vec<f64>, RefineError> {
+    let mut x = DenseMatrix::zeros(right.len(), 1);
+    x.column_mut(0).copy_from_slice(right);
+    factor.solve(&mut x).map_err(DesignError::Factor)?;
+    Ok(x.column(0).to_vec())
+}
+
+/// Gram–Schmidt, each twice. Mixtures that constraints hardly hold are left out: of those there is to be as little as possible.
+fn orthonormal(fields: Vec<Vec<f64>>, precondition: &DefiniteFactor) -> Result<Vec<Idle>, RefineError> {
+    let (mut found, mut largest): (Vec<Idle>, f64) = (Vec::new(), 0.0);
+    let count = fields.len();
+    for (at, mut values) in fields.into_iter().enumerate() {
+        let mut mixture: Vec<f64> = (0..count).map(|k| f64::from(u8::from(k == at))).collect();
+        let mut pulls = solved(precondition, &values)?;
+        largest = largest.max(small_dot(&values, &pulls));
+        for _ in 0..2 {
+            for other in &found {
+                let share = small_dot(&other.values, &pulls);
+                values.iter_mut().zip(&other.values).for_each(|(v, o)| *v -= share * o);
+                pulls.iter_mut().zip(&other.pulls).for_each(|(p, o)| *p -= share * o);
+                mixture.iter_mut().zip(&other.mixture).for_each(|(t, o)| *t -= share * o);
+            }
+        }
+        let square = small_dot(&values, &pulls);
+        if square > LOOSE * largest {
+            let size = square.sqrt();
+            [&mut values, &mut pulls, &mut mixture].into_iter().flatten().for_each(|x| *x /= size);
+            found.push(Idle { values, pulls, mixture });
+        }
+    }
+    Ok(found)
+}
+
+fn factored(matrix: DenseMatrix, faces: &[u32], b: usize) -> Result<DefiniteFactor, RefineError> {
+    DefiniteFactor::new(matrix).map_err(|error| match error {
+        DefiniteError::NotPositiveDefinite { pivot } => {
+            DesignError::Dependent { face: faces[(pivot / b).min(faces.len().max(1) - 1)] }.into()
+        }
+        other => DesignError::Factor(other).into(),
+    })
+}
+
+impl<'a, const B: usize> Pulls<'a, B> {
+    fn new(
+        whole: &'a Whole<B>,
+        response: &'a Response<'a, B>,
+        compliance: Compliance,
+        force: Option<Vec<f64>>,
+        tolerance: f64,
+        monitor: &'a dyn Monitor,
+    ) -> Result<Self, RefineError> {
+        let mut matrix = compliance.moved.clone();
+        for (i, give) in compliance.gives.iter().enumerate() {
+            let own = matrix.column(i)[i];
+            matrix.column_mut(i)[i] += give + MISSING * own;
+        }
+        let precondition = factored(matrix, &compliance.faces, B)?;
+        let k = compliance.gives.len();
+        let kernel = response.kernel();
+        let at_faces = |field: &Vec<f64>| -> Vec<f64> {
+            let own = |&face: &u32| &field[B * face as usize..B * (face as usize + 1)];
+            compliance.faces.iter().flat_map(own).copied().collect()
+        };
+        let idle = if k > 0 { orthonormal(kernel.iter().map(at_faces).collect(), &precondition)? } else { Vec::new() };
+        let field = vec![0.0; B * whole.mass.len()];
+        Ok(Self { response, compliance, precondition, idle, force, tolerance, monitor, field, responses: 0 })
+    }
+
+    /// `C u`.
+    fn at_faces(&self, field: &[f64]) -> Vec<f64> {
+        let own = |&face: &u32| &field[B * face as usize..B * (face as usize + 1)];
+        self.compliance.faces.iter().flat_map(own).copied().collect()
+    }
+
+    /// `K⁻¹ Cᵀ y`.
+    fn respond(&mut self, y: &[f64], tolerance: f64) -> Result<Vec<f64>, RefineError> {
+        let mut force = vec![0.0; self.field.len()];
+        for (&face, y) in self.compliance.faces.iter().zip(y.chunks_exact(B)) {
+            force[B * face as usize..B * (face as usize + 1)].iter_mut().zip(y).for_each(|(f, y)| *f += y);
+        }
+        self.responses += 1;
+        self.response.apply(&force, tolerance, self.monitor)
+    }
+
+    /// The pulls that the reduced space would answer a miss with. What fields without energy meet of it is taken out, and added to their amounts.
+    fn answer(&self, miss: &mut [f64], amounts: &mut [f64]) -> Result<Vec<f64>, RefineError> {
+        let mut y = solved(&self.precondition, miss)?;
+        for idle in &self.idle {
+            let share = small_dot(&idle.values, &y);
+            miss.iter_mut().zip(&idle.values).for_each(|(m, b)| *m -= share * b);
+            y.iter_mut().zip(&idle.pulls).for_each(|(y, p)| *y -= share * p);
+            amounts.iter_mut().zip(&idle.mixture).for_each(|(a, t)| *a += share * t);
+        }
+        Ok(y)
+    }
+
+    fn run(&mut self) -> Result<(), RefineError> {
+        let least = CLOSER * self.tolerance;
+        if let Some(force) = self.force.take() {
+            self.responses += 1;
+            self.field = self.response.apply(&force, least, self.monitor)?;
+        }
+        if self.compliance.faces.is_empty() {
+            return Ok(());
+        }
+        let product = small_dot;
+        let mut amounts = vec![0.0; self.response.kernel().len()];
+        let reached = self.at_faces(&self.field);
+        let mut miss: Vec<f64> = self.compliance.values.iter().zip(&reached).map(|(v, u)| v - u).collect();
+        let mut scaled = self.answer(&mut miss, &mut amounts)?;
+        let mut size = product(&miss, &scaled);
+        let (first, goal) = (size, size * self.tolerance * self.tolerance);
+        let mut direction = scaled.clone();
+        let mut steps = 0;
+        while size > goal {
+            if steps == MOST_STEPS {
+                return Err(RefineError::NotConverged { tolerance: self.tolerance });
+            }
+            steps += 1;
+            // The less there is left to do, the fewer digits of it matter.
+            let close = (least * (first / size).sqrt()).clamp(least, COARSEST_RESPONSE);
+            let moved = self.respond(&direction, close)?;
+            let mut image = self.at_faces(&moved);
+            image.iter_mut().zip(&self.compliance.gives).zip(&direction).for_each(|((q, give), y)| *q += give * y);
+            let curvature = product(&direction, &image);
+            if !(curvature > 0.0) {
+                return Err(RefineError::NotConverged { tolerance: self.tolerance });
+            }
+            let step = size / curvature;
+            add(&mut self.field, &moved, step);
+            miss.iter_mut().zip(&image).for_each(|(m, q)| *m -= step * q);
+            scaled = self.answer(&mut miss, &mut amounts)?;
+            let next = product(&miss, &scaled);
+            let shared = next + step * product(&image, &scaled);
+            let keep = (next - shared) / size;
+            size = next;
+            direction.iter_mut().zip(&scaled).for_each(|(d, z)| *d = z + keep * *d);
+        }
+        for (field, amount) in self.response.kernel().iter().zip(amounts) {
+            add(&mut self.field, field, amount);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,296 @@
+//! What forces move in the space of all fields of a surface: `K⁻¹ f` for `K = h S + μ S M⁻¹ S + A`, by conjugate gradients with multigrid cycles.
+//!
+//! With `A = a M` and `(h / μ)² ≥ 4 a / μ` the biharmonic sum is a product, `K = μ (S + αM) M⁻¹ (S + βM)` with `α + β = h / μ` and `αβ = a / μ`, so that it takes two
+//! solves of second order, whose condition is the root of that of `K`. Any other `K` is solved with the nearest product as preconditioner.
+
+use chladni_algebra::BlockMatrix;
+use chladni_base::Monitor;
+use rayon::prelude::*;
+
+use super::cycle::{Cycles, Shifted};
+use super::refine::RefineError;
+
+/// Cycles are for `S + γM` with `γ` at least this, far below the lowest positive eigenvalue of most surfaces of unit area: `S` alone may be singular.
+const LEAST_SHIFT: f64 = 0.05;
+
+/// Steps of conjugate gradients at most.
+const MOST_STEPS: usize = 400;
+
+/// How well the product is solved that preconditions another sum.
+const PRECONDITION: f64 = 1e-2;
+
+/// Numbers that one task handles. Sums are formed in pieces that do not depend on the number of threads.
+const PIECE: usize = 1 << 14;
+
+/// The operator of all fields with its levels.
+pub(super) struct Whole<const B: usize> {
+    pub stiffness: BlockMatrix<B>,
+    /// The area of each face.
+    pub mass: Vec<f64>,
+    pub cycles: Cycles<B>,
+}
+
+/// The weights of the energies, and of the squared deviation from a field.
+#[derive(Clone)]
+pub(super) struct Sum {
+    pub harmonic: f64,
+    pub biharmonic: f64,
+    /// The weight of all faces.
+    pub uniform: f64,
+    /// What is added for each face, its area included.
+    pub masses: Option<Vec<f64>>,
+}
+
+/// `K⁻¹` without what has no energy.
+pub(super) struct Response<'a, const B: usize> {
+    whole: &'a Whole<B>,
+    sum: Sum,
+    product: Product<'a, B>,
+    /// Whether the product is `K` itself.
+    exact: bool,
+    /// Fields without energy, orthonormal.
+    kernel: &'a [Vec<f64>],
+}
+
+/// The product, or what is left of it without a biharmonic energy, or without any.
+enum Product<'a, const B: usize> {
+    Two(Factor<'a, B>, Factor<'a, B>),
+    One(Factor<'a, B>),
+    Mass(f64),
+}
+
+/// `S + γM`.
+struct Factor<'a, const B: usize> {
+    gamma: f64,
+    cycles: Shifted<'a, B>,
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let sums: Vec<f64> =
+        a.par_chunks(PIECE).zip(b.par_chunks(PIECE)).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a * b).sum()).collect();
+    sums.iter().sum()
+}
+
+/// `a += factor · b`.
+pub(super) fn add(a: &mut [f64], b: &[f64], factor: f64) {
+    a.par_chunks_mut(PIECE).zip(b.par_chunks(PIECE)).for_each(|(a, b)| {
+        a.iter_mut().zip(b).for_each(|(a, b)| *a += factor * b);
+    });
+}
+
+impl<const B: usize> Whole<B> {
+    /// `S x`.
+    pub fn stiff(&self, x: &[f64]) -> Vec<f64> {
+        let Some(image) = self.stiffness.multiply(x) else {
+            panic!("{} numbers on {} faces", x.len(), self.mass.len())
+        };
+        image
+    }
+
+    /// `x ← M x`, or `M⁻¹ x` with `power` −1.
+    pub fn weigh(&self, x: &mut [f64], power: i32) {
+        x.par_chunks_mut(B * PIECE).zip(self.mass.par_chunks(PIECE)).for_each(|(x, mass)| {
+            for (x, &m) in x.as_chunks_mut::<B>().0.iter_mut().zip(mass) {
+                let factor = if power < 0 { 1.0 / m } else { m };
+                x.iter_mut().for_each(|x| *x *= factor);
+            }
+        });
+    }
+
+    /// `aᵀ M b`.
+    pub fn product(&self, a: &[f64], b: &[f64]) -> f64 {
+        let pieces = a.par_chunks(B * PIECE).zip(b.par_chunks(B * PIECE)).zip(self.mass.par_chunks(PIECE));
+        let sums: Vec<f64> = pieces
+            .map(|((a, b), mass)| {
+                let faces = a.as_chunks::<B>().0.iter().zip(b.as_chunks::<B>().0).zip(mass);
+                faces.map(|((a, b), m)| m * (0..B).map(|i| a[i] * b[i]).sum::<f64>()).sum()
+            })
+            .collect();
+        sums.iter().sum()
+    }
+
+    /// Fields without energy from approximations of them: by inverse iteration, orthonormal. Those that have energy after all are left out.
+    pub fn polished(&self, mut fields: Vec<Vec<f64>>, monitor: &dyn Monitor) -> Result<Vec<Vec<f64>>, RefineError> {
+        let factor = Factor { gamma: 1.0, cycles: self.cycles.shifted(1.0) };
+        for _ in 0..2 {
+            for field in &mut fields {
+                self.weigh(field, 1);
+                *field = factor.solve(self, field, 1e-12, &[], monitor)?;
+            }
+            self.orthonormalise(&mut fields);
+        }
+        fields.retain(|field| dot(field, &self.stiff(field)) < IDLE);
+        Ok(fields)
+    }
+
+    fn orthonormalise(&self, fields: &mut [Vec<f64>]) {
+        for at in 0..fields.len() {
+            let (before, rest) = fields.split_at_mut(at);
+            let own = &mut rest[0];
+            for _ in 0..2 {
+                for other in before.iter() {
+                    let share = self.product(other, own);
+                    add(own, other, -share);
+                }
+            }
+            let size = self.product(own, own).sqrt().max(f64::MIN_POSITIVE);
+            own.iter_mut().for_each(|x| *x /= size);
+        }
+    }
+}
+
+/// Fields of norm 1 with less harmonic energy have none.
+const IDLE: f64 = 1e-7;
+
+impl<const B: usize> Factor<'_, B> {
+    /// `(S + γM)⁻¹ f`, `f` without what `kernel` holds where γ is 0.
+    fn solve(
+        &self,
+        whole: &Whole<B>,
+        f: &[f64],
+        tolerance: f64,
+        kernel: &[Vec<f64>],
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<f64>, RefineError> {
+        let kernel = if self.gamma == 0.0 { kernel } else { &[] };
+        let apply = |x: &[f64]| {
+            let mut image = whole.stiff(x);
+            if self.gamma > 0.0 {
+                let mut mass = x.to_vec();
+                whole.weigh(&mut mass, 1);
+                add(&mut image, &mass, self.gamma);
+            }
+            image
+        };
+        let precondition = |r: &[f64]| {
+            let mut z = self.cycles.cycle(r);
+            for idle in kernel {
+                let share = whole.product(idle, &z);
+                add(&mut z, idle, -share);
+            }
+            Ok(z)
+        };
+        conjugate_gradients(apply, precondition, f, tolerance, monitor)
+    }
+}
+
+impl<'a, const B: usize> Response<'a, B> {
+    pub fn new(whole: &'a Whole<B>, sum: Sum, kernel: &'a [Vec<f64>]) -> Self {
+        let area: f64 = whole.mass.iter().sum();
+        let mean = sum.uniform + sum.masses.as_ref().map_or(0.0, |m| m.iter().sum::<f64>() / area);
+        let factor = |gamma: f64| Factor { gamma, cycles: whole.cycles.shifted(gamma.max(LEAST_SHIFT)) };
+        let mut exact = sum.masses.is_none();
+        let product = if sum.biharmonic > 0.0 {
+            let (half, held) = (0.5 * sum.harmonic / sum.biharmonic, mean / sum.biharmonic);
+            let square = half * half - held;
+            exact &= square >= 0.0;
+            // Of complex roots the size: where the product is not the sum, it is at most twice as much.
+            let large = if square >= 0.0 { half + square.sqrt() } else { held.sqrt() };
+            let small = if large > 0.0 { held / large } else { 0.0 };
+            Product::Two(factor(small), factor(large))
+        } else if sum.harmonic > 0.0 {
+            Product::One(factor(mean / sum.harmonic))
+        } else {
+            Product::Mass(mean)
+        };
+        Self { whole, sum, product, exact, kernel: if mean > 0.0 { &[] } else { kernel } }
+    }
+
+    /// Fields without energy, which are no part of what is moved.
+    pub fn kernel(&self) -> &'a [Vec<f64>] {
+        self.kernel
+    }
+
+    /// `K⁻¹ f`, to a tolerance relative to its size in the norm of the energy.
+    pub fn apply(&self, f: &[f64], tolerance: f64, monitor: &dyn Monitor) -> Result<Vec<f64>, RefineError> {
+        let mut force = f.to_vec();
+        for idle in self.kernel {
+            let mut image = idle.clone();
+            self.whole.weigh(&mut image, 1);
+            add(&mut force, &image, -dot(idle, f));
+        }
+        if self.exact {
+            return self.by_product(&force, tolerance, monitor);
+        }
+        let precondition = |r: &[f64]| self.by_product(r, PRECONDITION, monitor);
+        conjugate_gradients(|x| self.times(x), precondition, &force, tolerance, monitor)
+    }
+
+    fn by_product(&self, f: &[f64], tolerance: f64, monitor: &dyn Monitor) -> Result<Vec<f64>, RefineError> {
+        let whole = self.whole;
+        let (mut x, scale) = match &self.product {
+            Product::Two(small, large) => {
+                let mut first = small.solve(whole, f, tolerance, self.kernel, monitor)?;
+                whole.weigh(&mut first, 1);
+                (large.solve(whole, &first, tolerance, self.kernel, monitor)?, self.sum.biharmonic)
+            }
+            Product::One(one) => (one.solve(whole, f, tolerance, self.kernel, monitor)?, self.sum.harmonic),
+            Product::Mass(weight) => {
+                let mut x = f.to_vec();
+                whole.weigh(&mut x, -1);
+                (x, *weight)
+            }
+        };
+        x.iter_mut().for_each(|x| *x /= scale);
+        Ok(x)
+    }
+
+    /// `K x`.
+    fn times(&self, x: &[f64]) -> Vec<f64> {
+        let (whole, sum) = (self.whole, &self.sum);
+        let image = whole.stiff(x);
+        let mut total = image.clone();
+        total.iter_mut().for_each(|t| *t *= sum.harmonic);
+        if sum.biharmonic > 0.0 {
+            let mut curved = image;
+            whole.weigh(&mut curved, -1);
+            add(&mut total, &whole.stiff(&curved), sum.biharmonic);
+        }
+        let held = |face: usize| sum.uniform * whole.mass[face] + sum.masses.as_ref().map_or(0.0, |m| m[face]);
+        total.iter_mut().zip(x).enumerate().for_each(|(i, (t, x))| *t += held(i / B) * x);
+        total
+    }
+}
+
+/// Conjugate gradients from zero, until the residual is that much smaller in the norm of the preconditioner, which may differ a little from step to step.
+pub(super) fn conjugate_gradients(
+    apply: impl Fn(&[f64]) -> Vec<f64>,
+    precondition: impl Fn(&[f64]) -> Result<Vec<f64>, RefineError>,
+    f: &[f64],
+    tolerance: f64,
+    monitor: &dyn Monitor,
+) -> Result<Vec<f64>, RefineError> {
+    let mut x = vec![0.0; f.len()];
+    let mut residual = f.to_vec();
+    let mut scaled = precondition(&residual)?;
+    let mut rz = dot(&residual, &scaled);
+    let goal = rz * tolerance * tolerance;
+    let mut direction = scaled.clone();
+    for _ in 0..MOST_STEPS {
+        if !(rz > 0.0) {
+            return Ok(x);
+        }
+        monitor.checkpoint()?;
+        let product = apply(&direction);
+        let curvature = dot(&direction, &product);
+        if !(curvature > 0.0) {
+            break;
+        }
+        let step = rz / curvature;
+        add(&mut x, &direction, step);
+        add(&mut residual, &product, -step);
+        scaled = precondition(&residual)?;
+        let next = dot(&residual, &scaled);
+        if next <= goal {
+            return Ok(x);
+        }
+        // What the new residual shares with the last, which is nothing where the preconditioner stays the same, is taken out of the direction.
+        let shared = next + step * dot(&product, &scaled);
+        let keep = (next - shared) / rz;
+        rz = next;
+        direction.par_chunks_mut(PIECE).zip(scaled.par_chunks(PIECE)).for_each(|(d, z)| {
+            d.iter_mut().zip(z).for_each(|(d, z)| *d = z + keep * *d);
+        });
+    }
+    Err(RefineError::NotConverged { tolerance })
+}

@@ -1,0 +1,84 @@
+//! `POST /meshes/{id}/hodge-decomposition`: the parts of a field.
+
+use std::time::Instant;
+
+use axum::body::Body;
+use axum::http::HeaderMap;
+use chladni_base::Monitor;
+use chladni_spectral::field::{HodgeDecomposition, PoissonError};
+use chladni_work::design::{DecompositionAnswer, DecompositionRequest};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::cache;
+use super::design::read;
+use crate::http::client::ClientState;
+use crate::http::exchange::{Answer, JSON};
+use crate::http::extract;
+use crate::http::ids::MeshId;
+use crate::http::numbering::{Numbered, NumberingQuery};
+use crate::http::problem::Problem;
+use crate::http::problems::problems;
+use crate::http::state::AppState;
+
+/// The route of decompositions.
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(decompose))
+}
+
+problems!(DecomposeFieldProblems: BODY JSON [INVALID_QUERY, UNKNOWN_MESH, DAMAGED_CONTENT, NOT_ACCEPTABLE, NO_FIELD_SURFACE, INVALID_DESIGN]);
+
+/// Decomposes a vector field
+///
+/// The Hodge decomposition of a field that is given on the faces: a gradient, a co-gradient and a harmonic field, orthogonal to each other, by area, to rounding. Gradients are those of
+/// functions that are linear on faces, co-gradients those of functions on edges that are not conforming, turned by 90°. Both Laplacians are factored at the first request about a mesh,
+/// and kept.
+#[utoipa::path(
+    post, path = "/v1/meshes/{id}/hodge-decomposition", tag = "fields", operation_id = "decomposeField",
+    params(MeshId, NumberingQuery),
+    request_body(content = DecompositionRequest, examples(
+        ("world" = (summary = "A vector in ℝ³ for each of two faces", value = json!({"field": {"columns": 3, "values": [0.4, 0.3, 0.0, 0.4, 0.3, 0.0]}}))),
+    )),
+    responses(
+        (status = 200, description = "The parts", content((DecompositionAnswer = "application/json")), headers(("Server-Timing" = String))),
+        DecomposeFieldProblems,
+    ),
+    security(("bearer" = ["read"]))
+)]
+async fn decompose(
+    state: ClientState,
+    MeshId(id): MeshId,
+    numbered: Numbered,
+    headers: HeaderMap,
+    content: Body,
+) -> Result<Answer, Problem> {
+    let begin = Instant::now();
+    extract::negotiated(&headers, &[JSON])?;
+    let mut request: DecompositionRequest = read(&state, &headers, content).await?;
+    let surface = cache::surface(&state, &id).await?;
+    let to = numbered.on_mesh(&state, &id).await?;
+    request.translate(&to)?;
+    let own = surface.clone();
+    let boundary = request.boundary;
+    let make = move |monitor: &dyn Monitor| {
+        let made = HodgeDecomposition::new(&own.surface, boundary, monitor)?;
+        let bytes = made.bytes();
+        Ok((made, bytes))
+    };
+    let decomposition = cache::kept(&state, "hodge", &format!("{id} {boundary:?}"), make).await?;
+    state
+        .solve("decompose", move |_| {
+            let answer = request.decompose(&surface.surface, &decomposition)?;
+            Answer::json(&answer.told(&to), begin)
+        })
+        .await
+}
+
+impl From<PoissonError> for Problem {
+    fn from(error: PoissonError) -> Self {
+        match error {
+            PoissonError::Cancelled(cancelled) => cancelled.into(),
+            PoissonError::Factor(_) => Self::internal(error),
+        }
+    }
+}
