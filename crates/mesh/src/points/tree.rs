@@ -66,7 +66,7 @@ impl PointTree {
         let mut entries: Vec<Entry> =
             positions.iter().enumerate().map(|(point, &at)| Entry { at, point: point as u32 }).collect();
         let mut levels = Vec::new();
-        let mut ranges = vec![0..entries.len()];
+        let mut ranges: Vec<std::ops::Range<usize>> = std::iter::once(0..entries.len()).collect();
         while ranges.iter().any(|range| range.len() > LEAF) {
             let mut parts = Vec::with_capacity(ranges.len());
             let mut rest = &mut entries[..];

@@ -147,7 +147,7 @@ impl FullSpace {
         tolerance: f64,
         monitor: &dyn Monitor,
     ) -> Result<Refined, RefineError> {
-        if !(tolerance >= LEAST_TOLERANCE && tolerance < 1.0) {
+        if !(LEAST_TOLERANCE..1.0).contains(&tolerance) {
             return Err(RefineError::Tolerance { tolerance });
         }
         length("the space", basis.space.faces(), self.faces())?;
