@@ -1,6 +1,5 @@
 //! Request bodies as a server takes them: every operation that has one, in this process, on a mesh, a problem and a basis of each kind.
 
-use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
@@ -14,8 +13,9 @@ use chladni::store::{Store, StoreOptions};
 use chladni::telemetry::Metrics;
 use chladni_mesh::shape::{Shape, generate};
 use chladni_mesh::write::write_ply;
+use hyper::service::Service;
+use hyper_util::service::TowerToHyperService;
 use serde_json::{Map, Value, json};
-use tower::ServiceExt;
 
 /// A small server without a socket.
 struct Server {
@@ -76,7 +76,8 @@ fn operations() -> Vec<Operation> {
             let mut examples = Vec::new();
             for media in content.values() {
                 let name = media["schema"]["$ref"].as_str().and_then(|path| path.rsplit('/').next());
-                examples.extend(media["examples"].as_object().into_iter().flatten().map(|(_, one)| one["value"].clone()));
+                examples
+                    .extend(media["examples"].as_object().into_iter().flatten().map(|(_, one)| one["value"].clone()));
                 examples.push(media["example"].clone());
                 examples.push(schemas[name.unwrap_or_default()]["example"].clone());
             }
@@ -97,11 +98,20 @@ fn fitting(example: &Value) -> Value {
     match example {
         Value::String(text) if text.len() == 36 && text.matches('-').count() == 4 => "@0".into(),
         Value::Array(items) => items.iter().map(fitting).collect(),
-        Value::Object(members) => members.iter().map(|(name, value)| (name.clone(), match name.as_str() {
-            "mesh" => "@mesh".into(),
-            "pencil" => "@pencil".into(),
-            _ => fitting(value),
-        })).collect::<Map<_, _>>().into(),
+        Value::Object(members) => members
+            .iter()
+            .map(|(name, value)| {
+                (
+                    name.clone(),
+                    match name.as_str() {
+                        "mesh" => "@mesh".into(),
+                        "pencil" => "@pencil".into(),
+                        _ => fitting(value),
+                    },
+                )
+            })
+            .collect::<Map<_, _>>()
+            .into(),
         Value::Number(number) if number.as_u64().is_some_and(|number| number > 20) => {
             (number.as_u64().unwrap_or(0) % 20).into()
         }
@@ -109,20 +119,19 @@ fn fitting(example: &Value) -> Value {
     }
 }
 
-/// Writes an input for each example of the document, and a few for what has none, into a folder.
-pub fn write_seeds(folder: PathBuf) {
-    std::fs::create_dir_all(&folder).expect("the folder of seeds can be made");
-    let mut write = |operation: usize, media: usize, basis: usize, body: &[u8], number: usize| {
-        let head = [operation as u8, media as u8, basis as u8];
-        let input = [&head[..], b"\0", body].concat();
-        std::fs::write(folder.join(format!("{operation}-{media}-{basis}-{number}")), input).expect("a seed can be written");
+/// An input for each example of the document and each kind of basis, and a few for what has none, with names.
+pub fn seeds() -> Vec<(String, Vec<u8>)> {
+    let mut seeds = Vec::new();
+    let mut add = |operation: usize, media: usize, basis: usize, body: &[u8], number: usize| {
+        let head = [operation as u8, media as u8, basis as u8, 0];
+        seeds.push((format!("{operation}-{media}-{basis}-{number}"), [&head[..], body].concat()));
     };
     for (at, operation) in operations().iter().enumerate() {
         let json = operation.media_types.iter().position(|one| one == "application/json");
         for (number, example) in operation.examples.iter().enumerate() {
             let body = fitting(example).to_string();
             for basis in 0..BASES.len() {
-                write(at, json.unwrap_or(0), basis, body.as_bytes(), number);
+                add(at, json.unwrap_or(0), basis, body.as_bytes(), number);
             }
         }
         for (media, name) in operation.media_types.iter().enumerate() {
@@ -133,9 +142,10 @@ pub fn write_seeds(folder: PathBuf) {
                 "application/json" => b"{}",
                 _ => b"?",
             };
-            write(at, media, 0, body, 99);
+            add(at, media, 0, body, 99);
         }
     }
+    seeds
 }
 
 const OCTAHEDRON: &str = "OFF\n6 8 0\n1 0 0\n-1 0 0\n0 1 0\n0 -1 0\n0 0 1\n0 0 -1\n\
@@ -154,10 +164,16 @@ const BASES: [(&str, &str); 7] = [
     ("pencil_basis", r#"{"count": 3}"#),
 ];
 
-async fn send(router: &Router, method: &str, path: &str, media: &str, body: Vec<u8>) -> (StatusCode, Option<String>, Vec<u8>) {
+async fn send(
+    router: &Router,
+    method: &str,
+    path: &str,
+    media: &str,
+    body: Vec<u8>,
+) -> (StatusCode, Option<String>, Vec<u8>) {
     let request = Request::builder().method(method).uri(path).header(header::HOST, "localhost");
     let request = request.header(header::CONTENT_TYPE, media).body(Body::from(body)).expect("a request");
-    let answer = router.clone().oneshot(request).await.expect("a router does not fail");
+    let answer = TowerToHyperService::new(router.clone()).call(request).await.expect("a router does not fail");
     let (status, headers) = (answer.status(), answer.headers().clone());
     let media = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).map(str::to_owned);
     let bytes = to_bytes(answer.into_body(), usize::MAX).await.expect("answers come whole");
@@ -200,7 +216,8 @@ async fn start() -> (Router, Names) {
 fn server() -> &'static Server {
     static SERVER: OnceLock<Server> = OnceLock::new();
     SERVER.get_or_init(|| {
-        let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().expect("a runtime");
+        let runtime =
+            tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().expect("a runtime");
         let (router, names) = runtime.block_on(start());
         Server { runtime, router, operations: operations(), names }
     })
@@ -223,7 +240,9 @@ pub fn send_body(bytes: &[u8]) {
     let query = server.names.fill(&rest[..end]);
     if !query.is_empty() {
         let escaped = query.iter().map(|&byte| match byte {
-            b'0'..=b'9' | b'a'..=b'z' | b'A'..=b'Z' | b'=' | b'&' | b'-' | b'.' | b'_' | b'%' => (byte as char).to_string(),
+            b'0'..=b'9' | b'a'..=b'z' | b'A'..=b'Z' | b'=' | b'&' | b'-' | b'.' | b'_' | b'%' => {
+                (byte as char).to_string()
+            }
             other => format!("%{other:02X}"),
         });
         path = format!("{path}?{}", escaped.collect::<String>());
@@ -241,7 +260,11 @@ pub fn send_body(bytes: &[u8]) {
         }
         // What was stored goes again, so that there is always room for more.
         let made: Value = serde_json::from_slice(&answer).unwrap_or_default();
-        let Some(made) = made["id"].as_str().filter(|_| status == StatusCode::ACCEPTED || status == StatusCode::CREATED) else { return };
+        let Some(made) =
+            made["id"].as_str().filter(|_| status == StatusCode::ACCEPTED || status == StatusCode::CREATED)
+        else {
+            return;
+        };
         if ["/v1/jobs", "/v1/meshes", "/v1/problems"].contains(&operation.path.as_str()) {
             let path = format!("{}/{made}", operation.path);
             if operation.path == "/v1/jobs" {

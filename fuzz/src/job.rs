@@ -1,7 +1,7 @@
 //! Small jobs of every kind, on meshes and with parameters that nobody would choose.
 
-use chladni_mesh::read::{MeshFormat, ReadLimits, read};
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::read::{MeshFormat, ReadLimits, read};
 use chladni_work::{JobError, JobParameters, KINDS, MeshSize};
 
 use crate::patience::Patience;

@@ -7,7 +7,7 @@ mod patience;
 mod problem;
 
 #[cfg(feature = "server")]
-pub use bodies::{send_body, write_seeds};
+pub use bodies::{seeds, send_body};
 pub use job::run_job;
 pub use problem::{matrices, run_problem};
 
