@@ -4,6 +4,7 @@
 #[path = "../fuzz/src/bodies.rs"]
 mod sender;
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use chladni_base::SplitMix64;
@@ -35,6 +36,10 @@ const ODD: [&str; 24] = [
     "\"coordinates\"",
     "\"hsim\"",
 ];
+
+/// Operations without an input that is answered: decompression reads what another one gives, and the others want more than the small mesh has.
+const REFUSED: [&str; 3] =
+    ["POST /v1/bases/{id}/decompress", "POST /v1/bases/{id}/hatching", "POST /v1/bases/{id}/similar-points"];
 
 /// Where the words of a JSON text begin and end.
 fn words(text: &[u8]) -> Vec<(usize, usize)> {
@@ -98,7 +103,13 @@ fn change(input: &mut Vec<u8>, others: &[(String, Vec<u8>)], random: &mut SplitM
 /// Sends so many requests, or for so long; the number sent.
 fn send(seed: u64, most: usize, time: Duration) -> usize {
     let seeds = sender::seeds();
-    seeds.iter().for_each(|(_, input)| sender::send_body(input));
+    // Inputs that were refused for another reason before would show nothing.
+    let mut answered: BTreeMap<String, bool> = BTreeMap::new();
+    for (operation, status) in seeds.iter().filter_map(|(_, input)| sender::send_body(input)) {
+        *answered.entry(operation).or_default() |= status.is_success();
+    }
+    let refused: Vec<&str> = answered.iter().filter(|(_, done)| !**done).map(|(name, _)| name.as_str()).collect();
+    assert_eq!(refused, REFUSED, "no input for them is answered");
     let (mut random, begun, mut sent) = (SplitMix64::new(seed), Instant::now(), seeds.len());
     while sent < most && begun.elapsed() < time {
         let mut input = seeds[random.below(seeds.len())].1.clone();
@@ -107,7 +118,7 @@ fn send(seed: u64, most: usize, time: Duration) -> usize {
         }
         let sending = Instant::now();
         let text = String::from_utf8_lossy(&input).into_owned();
-        if let Err(panic) = std::panic::catch_unwind(|| sender::send_body(&input)) {
+        if let Err(panic) = std::panic::catch_unwind(|| drop(sender::send_body(&input))) {
             eprintln!("the input was {text:?}");
             std::panic::resume_unwind(panic);
         }

@@ -10,5 +10,7 @@ libfuzzer_sys::fuzz_target!(
             std::process::exit(0);
         }
     },
-    |bytes: &[u8]| chladni_fuzz::send_body(bytes)
+    |bytes: &[u8]| {
+        chladni_fuzz::send_body(bytes);
+    }
 );

@@ -67,7 +67,7 @@ impl Names {
 
 /// The operations of the document that take a body, and those that take a query in its place.
 fn operations() -> Vec<Operation> {
-    let document = serde_json::to_value(http::openapi()).expect("the document is JSON");
+    let document: Value = serde_json::from_str(&http::openapi().expect("there is a document")).expect("it is JSON");
     let schemas = &document["components"]["schemas"];
     let mut operations = Vec::new();
     for (path, item) in document["paths"].as_object().into_iter().flatten() {
@@ -96,7 +96,10 @@ fn operations() -> Vec<Operation> {
 /// Replaces the identifiers of an example by those of what there is, and numbers of vertices by small ones.
 fn fitting(example: &Value) -> Value {
     match example {
-        Value::String(text) if text.len() == 36 && text.matches('-').count() == 4 => "@0".into(),
+        Value::String(text) if text.len() == 36 && text.matches('-').count() == 4 => {
+            // The examples' two bases are two.
+            if text.ends_with("33") { "@1".into() } else { "@0".into() }
+        }
         Value::Array(items) => items.iter().map(fitting).collect(),
         Value::Object(members) => members
             .iter()
@@ -113,7 +116,7 @@ fn fitting(example: &Value) -> Value {
             .collect::<Map<_, _>>()
             .into(),
         Value::Number(number) if number.as_u64().is_some_and(|number| number > 20) => {
-            (number.as_u64().unwrap_or(0) % 20).into()
+            (3 + number.as_u64().unwrap_or(0) % 7).into()
         }
         other => other.clone(),
     }
@@ -134,6 +137,11 @@ pub fn seeds() -> Vec<(String, Vec<u8>)> {
                 add(at, json.unwrap_or(0), basis, body.as_bytes(), number);
             }
         }
+        for (number, (_, body)) in MORE.iter().enumerate().filter(|(_, (name, _))| operation.path.ends_with(name)) {
+            for basis in 0..BASES.len() {
+                add(at, json.unwrap_or(0), basis, body.as_bytes(), 50 + number);
+            }
+        }
         for (media, name) in operation.media_types.iter().enumerate() {
             let body: &[u8] = match name.as_str() {
                 "application/x-matrix-market" => PATH.as_bytes(),
@@ -147,6 +155,25 @@ pub fn seeds() -> Vec<(String, Vec<u8>)> {
     }
     seeds
 }
+
+/// Bodies for what the document shows none of that fits.
+const MORE: [(&str, &str); 9] = [
+    ("project", r#"{"functions": "coordinates", "reconstruct": true}"#),
+    ("reconstruct", r#"{"columns": 1, "values": [1, 0, 0, 0, 0, 0, 0, 0, 0, 0.5]}"#),
+    ("design", r#"{"constraints": [{"face": 3, "direction": [0, 0, 1]}], "strokes": []}"#),
+    (
+        "hatching",
+        r#"{"field": {"design": {}}, "spacing": 0.2, "camera": {"eye": [0, 0, 5], "target": [0, 0, 0], "width": 50, "height": 50}}"#,
+    ),
+    (
+        "hatching",
+        r#"{"field": {"coefficients": {"columns": 1, "values": [1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]}}, "spacing": 0.2, "camera": {"eye": [0, 0, 5], "target": [0, 0, 0], "width": 50, "height": 50}}"#,
+    ),
+    ("meshes/{id}/distances", r#"{"distance": {"kind": "geodesic"}, "sources": [3, 20]}"#),
+    ("similar-points", r#"{"count": 5, "signature": {"kind": "wave_kernel", "count": 8}, "vertex": 3}"#),
+    ("fur", r#"{"field": {"design": {}}, "length": 0.1, "tilt": 1.0}"#),
+    ("shape-comparisons", r#"{"bases": ["@0", "@1"], "count": 5, "dimensions": 1}"#),
+];
 
 const OCTAHEDRON: &str = "OFF\n6 8 0\n1 0 0\n-1 0 0\n0 1 0\n0 -1 0\n0 0 1\n0 0 -1\n\
     3 0 2 4\n3 2 1 4\n3 1 3 4\n3 3 0 4\n3 2 0 5\n3 1 2 5\n3 3 1 5\n3 0 3 5\n";
@@ -224,10 +251,10 @@ fn server() -> &'static Server {
 }
 
 /// Sends a request: bytes for the operation, the media type and the basis, a query, a zero, a body. The answer is no fault of the server's, and what is refused
-/// is so in a problem's form.
-pub fn send_body(bytes: &[u8]) {
-    let [operation, media, basis, rest @ ..] = bytes else { return };
-    let Some(end) = rest.iter().position(|&byte| byte == 0) else { return };
+/// is so in a problem's form. Gives the operation and its status, where a request was made of the bytes.
+pub fn send_body(bytes: &[u8]) -> Option<(String, StatusCode)> {
+    let [operation, media, basis, rest @ ..] = bytes else { return None };
+    let end = rest.iter().position(|&byte| byte == 0)?;
     let server = server();
     let operation = &server.operations[usize::from(*operation) % server.operations.len()];
     let media = &operation.media_types[usize::from(*media) % operation.media_types.len()];
@@ -252,7 +279,7 @@ pub fn send_body(bytes: &[u8]) {
         other => other,
     };
     let body = server.names.fill(&rest[end + 1..]);
-    server.runtime.block_on(async {
+    let status = server.runtime.block_on(async {
         let (status, kind, answer) = send(&server.router, &operation.method, &path, media, body).await;
         assert!(!status.is_server_error(), "{path}: {status} {}", String::from_utf8_lossy(&answer));
         if !status.is_success() {
@@ -263,7 +290,7 @@ pub fn send_body(bytes: &[u8]) {
         let Some(made) =
             made["id"].as_str().filter(|_| status == StatusCode::ACCEPTED || status == StatusCode::CREATED)
         else {
-            return;
+            return status;
         };
         if ["/v1/jobs", "/v1/meshes", "/v1/problems"].contains(&operation.path.as_str()) {
             let path = format!("{}/{made}", operation.path);
@@ -272,5 +299,7 @@ pub fn send_body(bytes: &[u8]) {
             }
             ask(&server.router, "DELETE", &path, "application/json", Vec::new()).await;
         }
+        status
     });
+    Some((format!("{} {}", operation.method, operation.path), status))
 }
