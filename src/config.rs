@@ -378,7 +378,8 @@ impl Default for LogSettings {
     }
 }
 
-fn cores() -> usize {
+/// Cores of the machine, as far as this process may use them.
+pub(crate) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
 }
 

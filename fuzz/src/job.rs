@@ -1,31 +1,10 @@
 //! Small jobs of every kind, on meshes and with parameters that nobody would choose.
 
-use std::sync::atomic::{AtomicU32, Ordering};
-
-use chladni_base::{Cancelled, Monitor};
-use chladni_mesh::read::{MeshFormat, ReadLimits, read};
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::read::{MeshFormat, ReadLimits, read};
 use chladni_work::{JobError, JobParameters, KINDS, MeshSize};
 
-/// Cancels after so many checkpoints, so that every input ends soon, and holds the job to its promise.
-struct Patience {
-    left: AtomicU32,
-    promised: u64,
-}
-
-impl Monitor for Patience {
-    fn stage(&self, _name: &'static str) {}
-    fn progress(&self, fraction: f64) {
-        assert!(!fraction.is_nan());
-    }
-    fn checkpoint(&self) -> Result<(), Cancelled> {
-        let left = self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1));
-        left.map(|_| ()).map_err(|_| Cancelled)
-    }
-    fn promised_bytes(&self) -> Option<u64> {
-        Some(self.promised)
-    }
-}
+use crate::patience::Patience;
 
 /// Runs a job: a byte for its kind, parameters as JSON, a zero, a mesh as OFF. It gives a product or a typed error.
 pub fn run_job(bytes: &[u8]) {
@@ -42,7 +21,7 @@ pub fn run_job(bytes: &[u8]) {
     if promised > 1 << 30 {
         return;
     }
-    match job.run(&mesh, &Patience { left: AtomicU32::new(20_000), promised }) {
+    match job.run(&mesh, &Patience::new(20_000, promised)) {
         Ok(outcome) => assert!(outcome.product.summary().eigenvalues.iter().all(|value| value.is_finite())),
         Err(JobError::Cancelled(_)) => {}
         Err(error) => assert!(!error.kind().is_empty() && !error.to_string().is_empty()),

@@ -1,8 +1,15 @@
 //! What every reader, every request and every job promises about every input.
 
+#[cfg(feature = "server")]
+mod bodies;
 mod job;
+mod patience;
+mod problem;
 
+#[cfg(feature = "server")]
+pub use bodies::{seeds, send_body};
 pub use job::run_job;
+pub use problem::{matrices, run_problem};
 
 use chladni_spectral::basis::{Product, ProductKind};
 use chladni_work::design::{DesignRequest, FurRequest, HatchingRequest};
@@ -46,6 +53,7 @@ pub fn products(bytes: &[u8]) {
 pub fn parameters(bytes: &[u8]) {
     let Ok(value) = serde_json::from_slice(bytes) else { return };
     let packed = serde_json::from_slice::<chladni_work::packed::Packed>(bytes);
+    let problem = chladni_work::ProblemSize { rows: 1000, entries: 5000, ..Default::default() };
     for kind in KINDS {
         // As a server reads them: it accepts what the tree is accepted for, unless it holds too much that is no list of numbers.
         if let Ok(packed) = &packed {
@@ -58,7 +66,11 @@ pub fn parameters(bytes: &[u8]) {
                 let again = JobParameters::parse(kind, &canonical).expect("canonical parameters are parameters");
                 assert_eq!(again.canonical(), canonical);
                 let size = chladni_work::MeshSize { vertices: 1000, faces: 2000, ..Default::default() };
-                assert!(parameters.memory_bytes(size) > 0);
+                let promised = match &parameters {
+                    JobParameters::PencilBasis(parameters) => parameters.problem_memory_bytes(problem),
+                    other => other.memory_bytes(size),
+                };
+                assert!(promised > 0);
                 let _fits = parameters.check_mesh(size);
                 chladni_work::abbreviate(&mut canonical.clone());
             }

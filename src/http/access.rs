@@ -15,7 +15,9 @@ use utoipa::openapi::path::Operation;
 use utoipa::openapi::{OpenApi, PathItem};
 
 use super::auth::{self, Scope};
+use super::client::client_name;
 use super::problem::{self, Problem};
+use super::slots::Turn;
 use super::state::AppState;
 
 /// How long the answer to a wrong key is held back, so that guessing is slow.
@@ -93,8 +95,18 @@ pub async fn authorise(
     let need = access.need(path, request.method());
     match admit(&state, request.headers(), need) {
         Ok(principal) => {
+            let turn = match need {
+                // What writes waits for other writes, and must not keep readers waiting meanwhile.
+                Need::Scope(Scope::Read) => {
+                    let client = client_name(&state, request.extensions(), &principal.0);
+                    Turn::of(&state.slots, &client).await
+                }
+                _ => Turn::default(),
+            };
             request.extensions_mut().insert(principal.clone());
+            request.extensions_mut().insert(turn.clone());
             let mut response = next.run(request).await;
+            turn.step_aside();
             response.extensions_mut().insert(principal);
             response
         }

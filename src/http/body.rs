@@ -6,7 +6,9 @@ use std::time::Duration;
 use axum::body::Body;
 use axum::http::{HeaderMap, HeaderValue, header};
 use bytes::Bytes;
+use futures_util::FutureExt;
 use http_body_util::BodyExt;
+use hyper::body::Frame;
 use tokio::time::{Instant, timeout_at};
 
 use super::client::ClientState;
@@ -148,7 +150,7 @@ async fn collect(state: &ClientState, mut body: Body, limit: u64) -> Result<(Byt
     loop {
         let pace = begin + pause + Duration::from_secs_f64(length as f64 / LEAST_RATE);
         let deadline = pace.min(Instant::now() + pause);
-        let frame = match timeout_at(deadline, body.frame()).await {
+        let frame = match timeout_at(deadline, next_frame(state, &mut body)).await {
             Ok(Some(Ok(frame))) => frame,
             Ok(None) => break,
             Ok(Some(Err(error))) => {
@@ -185,7 +187,22 @@ async fn collect(state: &ClientState, mut body: Body, limit: u64) -> Result<(Byt
             None => rest.extend_from_slice(&data),
         }
     }
+    state.turn.go_on().await;
     Ok((first.unwrap_or_else(|| rest.into()), share))
+}
+
+/// The next piece of a body. While the client keeps it waiting, the request does not keep others waiting.
+async fn next_frame(state: &ClientState, body: &mut Body) -> Option<Result<Frame<Bytes>, axum::Error>> {
+    if let Some(frame) = body.frame().now_or_never() {
+        return frame;
+    }
+    // What has come with the headers is there once the connection was asked for it.
+    tokio::task::yield_now().await;
+    if let Some(frame) = body.frame().now_or_never() {
+        return frame;
+    }
+    state.turn.step_aside();
+    body.frame().await
 }
 
 /// Decompresses the whole of `packed`, all members or frames of it, into at most `limit` bytes.

@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use axum::extract::FromRequestParts;
+use axum::http::Extensions;
 use axum::http::request::Parts;
 use chladni_base::{Cancelled, Monitor};
 use tokio::sync::oneshot;
@@ -16,6 +17,7 @@ use super::access::Principal;
 use super::problem::{self, Problem};
 use super::serve::Peer;
 use super::shares::{Refused, Share};
+use super::slots::Turn;
 use super::state::AppState;
 
 /// What a handler works with: the shared state, and on whose behalf.
@@ -28,6 +30,8 @@ pub struct ClientState {
     name: Arc<str>,
     /// What the request holds as long as it, or work of it, goes on.
     held: Arc<Mutex<Vec<Share>>>,
+    /// Where the request stands among those that only read.
+    pub(super) turn: Turn,
 }
 
 impl Deref for ClientState {
@@ -42,12 +46,17 @@ impl FromRequestParts<AppState> for ClientState {
 
     async fn from_request_parts(parts: &mut Parts, state: &AppState) -> Result<Self, Self::Rejection> {
         let Principal(principal) = parts.extensions.get::<Principal>().cloned().unwrap_or_default();
-        let address = parts.extensions.get::<Peer>().map(|peer| peer.address);
-        let name = match address {
-            Some(address) if state.keys().is_empty() => address_name(address),
-            _ => principal.clone(),
-        };
-        Ok(Self { state: state.clone(), principal, name, held: Arc::default() })
+        let name = client_name(state, &parts.extensions, &principal);
+        let turn = parts.extensions.get::<Turn>().cloned().unwrap_or_default();
+        Ok(Self { state: state.clone(), principal, name, held: Arc::default(), turn })
+    }
+}
+
+/// Whose part of what is shared a request takes from: the key's or, where the server has none, the address's.
+pub fn client_name(state: &AppState, extensions: &Extensions, principal: &Arc<str>) -> Arc<str> {
+    match extensions.get::<Peer>() {
+        Some(peer) if state.keys().is_empty() => address_name(peer.address),
+        _ => principal.clone(),
     }
 }
 
@@ -104,6 +113,7 @@ impl ClientState {
     /// # Errors
     /// `busy` where too many are open.
     pub fn watch(&self) -> Result<Share, Problem> {
+        self.turn.step_aside();
         self.watchers.take(&self.name, 1).map_err(|refused| {
             let detail = match refused {
                 Refused::Everyone => "Too many requests are waiting for jobs.",
@@ -113,7 +123,7 @@ impl ClientState {
         })
     }
 
-    /// Runs a synchronous solve on its own small pool, so that neither jobs nor uploads starve it. Where the client goes away the work is
+    /// Runs a synchronous solve on its own small pool, so that neither jobs nor uploads starve it; clients take turns at it. Where the client goes away the work is
     /// skipped, or cancelled at its next checkpoint; its place is held until it has ended.
     ///
     /// # Errors
@@ -130,12 +140,14 @@ impl ClientState {
             };
             Problem::new(&problem::BUSY, detail).retry_after(1)
         })?;
+        // Solves have a line of their own.
+        self.turn.step_aside();
         let begin = Instant::now();
         let left = Arc::new(AtomicBool::new(false));
         let mut attendance = Attendance { left: left.clone(), ended: false };
         let (sender, receiver) = oneshot::channel();
         let (held, metrics) = (self.held.clone(), self.metrics.clone());
-        self.solves.spawn(move || {
+        self.solve_turns.spawn(&self.solves, &self.name, move || {
             let result = match left.load(Ordering::Relaxed) {
                 true => Err(Cancelled.into()),
                 // A panic that left the closure would end the process.
@@ -168,7 +180,7 @@ mod tests {
         let store = Store::open(StoreOptions::new(folder)).await.unwrap();
         let config = Config { solve_threads: 1, ..Config::default() };
         let state = AppState::new(store, config, Arc::new(Metrics::new().unwrap()), || true).unwrap();
-        ClientState { state, principal: "a".into(), name: "a".into(), held: Arc::default() }
+        ClientState { state, principal: "a".into(), name: "a".into(), held: Arc::default(), turn: Turn::default() }
     }
 
     #[tokio::test(flavor = "multi_thread")]

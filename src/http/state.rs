@@ -12,12 +12,18 @@ use super::auth::{ApiKey, KeyError};
 use super::fields::FieldCache;
 use super::problem::Problem;
 use super::shares::Shares;
-use crate::config::{Config, ConfigError};
+use super::slots::Slots;
+use super::turns::Turns;
+use crate::config::{Config, ConfigError, cores};
 use crate::store::{Store, StoreError, StoreHealth};
 use crate::telemetry::Metrics;
 
 /// Solves that may wait for each thread of the solve pool; further ones are told to come back.
 const SOLVES_PER_THREAD: usize = 64;
+
+/// Requests that are worked on at once for each core: enough that none is idle while some wait for the store, and so few that whoever comes next waits for a
+/// millisecond or two.
+const SLOTS_PER_CORE: usize = 4;
 
 /// The memory for requests beside two bodies of the largest size, in bytes.
 const SMALL_REQUESTS: u64 = 64 << 20;
@@ -73,6 +79,10 @@ pub struct Shared {
     /// Surfaces, alignments and models that outlive a request.
     pub(super) fields: FieldCache,
     pub(super) solves: rayon::ThreadPool,
+    /// Requests that are worked on at once, of those that only read.
+    pub(super) slots: Slots,
+    /// Whose solve is next.
+    pub(super) solve_turns: Turns,
     /// Synchronous solves that wait or run.
     pub(super) solve_places: Shares,
     intake: rayon::ThreadPool,
@@ -131,6 +141,8 @@ impl AppState {
             closing: CancellationToken::new(),
             fields: FieldCache::new(config.cache_bytes / 2),
             solves: pool("synchronous solves", "solve")?,
+            solve_turns: Turns::default(),
+            slots: Slots::new(SLOTS_PER_CORE * cores()),
             solve_places: Shares::new((threads * SOLVES_PER_THREAD) as u64),
             intake: pool("reading meshes", "intake")?,
             workers_alive: Box::new(workers_alive),

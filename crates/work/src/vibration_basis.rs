@@ -8,6 +8,7 @@ use chladni_spectral::spectrum::vibration::{Iterations, VibrationMethod, Vibrati
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::eigenbasis::repair_bytes;
 use super::{JobError, MeshSize, ParameterError, Work};
 use crate::packed::Packed;
 
@@ -272,7 +273,12 @@ impl Work for VibrationBasisParameters {
             VibrationMethodName::Hsim => {
                 let unknowns = 3 * n;
                 // The problem twice more, two factors, three blocks of columns with guards, dense problems of the start.
-                2 * operator + 16 * self.fill(n) + 24 * unknowns * (m + 64) + 4 * unknowns * m + (96 << 20)
+                2 * operator
+                    + 16 * self.fill(n)
+                    + 24 * unknowns * (m + 64)
+                    + 4 * unknowns * m
+                    + repair_bytes(unknowns)
+                    + (96 << 20)
             }
         };
         input + operator + method.max(assembly) + (80 << 20)

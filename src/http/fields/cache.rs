@@ -71,6 +71,8 @@ pub async fn kept<T: Any + Send + Sync>(
     key: &str,
     make: impl FnOnce(&dyn Monitor) -> Result<(T, u64), Problem> + Send + 'static,
 ) -> Result<Arc<T>, Problem> {
+    // Whoever asks for what another one makes waits until it is made.
+    state.turn.step_aside();
     state.fields.get(format!("{stage} {key}"), state.solve(stage, make)).await
 }
 
@@ -88,5 +90,6 @@ pub async fn surface(state: &ClientState, mesh: &str) -> Result<Arc<Surface>, Pr
         });
         made.await
     };
+    state.turn.step_aside();
     state.fields.get(format!("surface {mesh}"), make).await
 }

@@ -16,6 +16,18 @@ use super::request::{HsimVariant, MethodName, Request};
 use super::{LARGEST_COUNT, value};
 use crate::{JobError, ParameterError};
 
+/// The rows of the largest block that is repaired by a dense solve, those of the largest problem that has such blocks, and the bytes that this takes for each
+/// of a block's entries: ten matrices were measured.
+const REPAIRED: u64 = 1500;
+const REPAIRED_IN_ALL: u64 = 12_000;
+const REPAIR_BYTES: u64 = 80;
+
+/// The memory that a dense solve takes, in bytes, of what an iteration on so many rows did not settle.
+pub(crate) fn repair_bytes(rows: u64) -> u64 {
+    let repaired = if rows <= REPAIRED_IN_ALL { rows.min(REPAIRED) } else { 0 };
+    REPAIR_BYTES * repaired * repaired
+}
+
 /// How eigenfunctions are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
@@ -148,7 +160,8 @@ impl Exact {
     ///
     /// The factor of a mesh of `n` vertices has about `4.7 n log₂ n` nonzeros (2.5 million at 41 thousand, 9.7 at 134, 60 at 655), of
     /// which two are held, with their indices, where two threads work at two shifts. Of the `q` columns that are iterated on, in double
-    /// precision, two and a half copies were measured, beside a few `q × q` matrices, the finest space of the hierarchy, and the result.
+    /// precision, two and a half copies were measured, beside a few `q × q` matrices, the finest space of the hierarchy, and the result. What an iteration
+    /// does not settle is left to a dense solve, where that is small.
     pub fn memory_bytes(&self, vertices: u64) -> u64 {
         let n = vertices.max(2);
         let p = (self.most_pairs() as u64).min(n);
@@ -169,7 +182,7 @@ impl Exact {
                 8 * (2 * d * d + 2 * d * p)
             }
         };
-        factors + columns + space + result
+        factors + columns + space + result + repair_bytes(n)
     }
 
     /// Solves and stores.
