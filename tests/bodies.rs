@@ -68,7 +68,7 @@ fn change(input: &mut Vec<u8>, others: &[(String, Vec<u8>)], random: &mut SplitM
     match random.below(8) {
         // One that was made for another kind of basis, or operation.
         0 => input[random.below(3)] = random.below(25) as u8,
-        1 | 2 | 3 if !words.is_empty() => {
+        1..=3 if !words.is_empty() => {
             let (from, to) = words[random.below(words.len())];
             out.splice(from..to, ODD[random.below(ODD.len())].bytes());
         }

@@ -125,7 +125,7 @@ fn refined_designs_are_those_of_a_dense_factor_of_the_whole_space() {
             for (harmonic, biharmonic) in [(1.0, 0.05), (0.0, 1.0), (1.0, 0.0)] {
                 let weights = EnergyWeights { harmonic, biharmonic };
                 let weighted = p.model.weighted(weights, None).unwrap();
-                let hold = |i: usize| if i % 3 == 0 { Hold::Exact } else { Hold::Strength(0.5 + i as f64) };
+                let hold = |i: usize| if i.is_multiple_of(3) { Hold::Exact } else { Hold::Strength(0.5 + i as f64) };
                 let constraints = spread(faces, 9, hold);
                 let design = weighted.solve(&p.basis, &constraints).unwrap();
                 let refined = p.full.refine(&weighted, &p.basis, &constraints, &design, 1e-9, &Unwatched).unwrap();

@@ -14,7 +14,7 @@ use super::{DesignFault, Setting};
 #[serde(rename_all = "snake_case", try_from = "Sources")]
 pub enum FieldSource {
     /// A field that is designed now.
-    Design(DesignRequest),
+    Design(Box<DesignRequest>),
     /// Coefficients that a design gave.
     Coefficients(Vec<f32>),
     /// An approximate eigenfield, counted from 0.
@@ -35,7 +35,7 @@ impl TryFrom<Sources> for FieldSource {
 
     fn try_from(sources: Sources) -> Result<Self, Self::Error> {
         match (sources.design, sources.coefficients, sources.eigenfield) {
-            (Some(design), None, None) => Ok(Self::Design(design)),
+            (Some(design), None, None) => Ok(Self::Design(Box::new(design))),
             (None, Some(coefficients), None) => Ok(Self::Coefficients(coefficients)),
             (None, None, Some(eigenfield)) => Ok(Self::Eigenfield(eigenfield)),
             (None, None, None) => Err("a field is given by one of design, coefficients and eigenfield"),
