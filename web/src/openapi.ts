@@ -279,9 +279,13 @@ export interface paths {
          *     in ℝ³ or in the frame of the face (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each
          *     request: what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept connection.
          *
-         *     With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, face after face, with its shape in
-         *     `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment) and the largest residual of a
-         *     constraint in `Chladni-Residual`.
+         *     A field of the space of the basis stands for one of all fields of the surface under the same constraints. With `error` the answer says how far it is from that
+         *     one, with `refine` that one is the answer, to a tolerance: coefficients stay those of the basis, energies, residuals and the field are those of the refined one.
+         *
+         *     With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32 or f16 (`encoding`), face after face, with its shape in
+         *     `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment), the largest residual of a
+         *     constraint in `Chladni-Residual`, and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000 bytes, half of that in f16, whatever the
+         *     surface. Which faces a sample has is in `field.faces` of a JSON answer, and stays the same.
          */
         post: operations["designField"];
         delete?: never;
@@ -582,9 +586,10 @@ export interface paths {
         put?: never;
         /**
          * Judges a basis again
-         * @description Nothing of a solver takes part: the operator is assembled anew, or the matrices of the problem are read again, residuals and inner products are summed from the functions as they are stored, and where the
-         *     basis claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as `chladni verify --receipt` writes it.
-         *     Bases of eigenfields, and of operators whose potential, weights or fixed vertices came with the job, cannot be judged here.
+         * @description Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem are read again, residuals and inner products are summed from
+         *     the functions as they are stored, and where the basis claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as
+         *     `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts are squared angular frequencies, in 1/time².
+         *     Bases of fields for design and families of operators have no certificate, and nothing to be judged.
          */
         post: operations["verifyBasis"];
         delete?: never;
@@ -801,6 +806,9 @@ export interface paths {
          *     A file with tetrahedra is a solid: the mesh is then the surface of its tetrahedra, unless `surface=given`, the report has the member `solid`, and
          *     the vertices of the surface are the first of the solid, both in the order of the file.
          *
+         *     A file without faces has points: bases are then computed from triangles around each of them, the report has `points: true`, and what needs a surface with faces
+         *     is refused. Points at equal positions become one, unless `merge=never`.
+         *
          *     Where repairs renumber vertices or faces, the report has the member `file`, and all other routes take and give the numbering of the file unless
          *     they are asked for `numbering=kept`; so two files with the same surface and other numbers are two meshes.
          *
@@ -921,6 +929,49 @@ export interface paths {
         get: operations["getFrames"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/meshes/{id}/hodge-decomposition": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Decomposes a vector field
+         * @description The Hodge decomposition of a field that is given on the faces: a gradient, a co-gradient and a harmonic field, orthogonal to each other, by area, to rounding. Gradients are those of
+         *     functions that are linear on faces, co-gradients those of functions on edges that are not conforming, turned by 90°. Both Laplacians are factored at the first request about a mesh,
+         *     and kept.
+         */
+        post: operations["decomposeField"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/meshes/{id}/vector-transport": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Carries vectors over a surface
+         * @description The vector heat method (Sharp, Soliman and Crane 2019): each face gets the vector of the nearest source, carried there in parallel along a path that is about the
+         *     shortest: on spheres within half a degree on average, however small the faces are, as heat on faces does not know quite which way is shortest. Both heat steps are factored at the first request about a mesh, and kept. JSON, or with `Accept: application/octet-stream` raw little-endian numbers.
+         */
+        post: operations["transportVectors"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1423,7 +1474,7 @@ export interface components {
          *       },
          *       "precision": "f32",
          *       "rows": 2930,
-         *       "solver_version": "0.1.0+4",
+         *       "solver_version": "0.1.0+5",
          *       "stage_seconds": [
          *         {
          *           "seconds": 0.001,
@@ -1727,6 +1778,64 @@ export interface components {
              */
             beta?: number;
         };
+        /**
+         * @description The parts of a field: they add up to it, and are orthogonal to each other.
+         * @example {
+         *       "cogradient": [
+         *         0,
+         *         0.3,
+         *         0
+         *       ],
+         *       "columns": 3,
+         *       "gradient": [
+         *         0.4,
+         *         0,
+         *         0
+         *       ],
+         *       "harmonic": [
+         *         0,
+         *         0,
+         *         0
+         *       ],
+         *       "potential": [
+         *         0.1,
+         *         -0.1,
+         *         0
+         *       ],
+         *       "shares": [
+         *         0.64,
+         *         0.36,
+         *         0
+         *       ]
+         *     }
+         */
+        DecompositionAnswer: {
+            /** @description A gradient turned by 90°: without divergence. */
+            cogradient: number[];
+            /** @description Numbers of each face, as the field was given. */
+            columns: number;
+            /** @description The gradient of `potential`: without curl. */
+            gradient: number[];
+            /** @description What is left, without either: of the harmonic fields of handles and holes. */
+            harmonic: number[];
+            /**
+             * @description The function on the vertices whose gradient is `gradient`, in the units of the field times those of the mesh; its mean on each component is 0 where no boundary
+             *     holds it.
+             */
+            potential: number[];
+            /** @description The squared length of gradient, co-gradient and harmonic part, as shares of that of the field (norms by area). */
+            shares: number[];
+        };
+        /** @description A vector field to be decomposed. */
+        DecompositionRequest: {
+            /**
+             * @description Which potentials vanish at a boundary: those of co-gradients (`tangential`: co-gradients and harmonic fields run along it), or those of gradients (`normal`:
+             *     gradients and harmonic fields run across it).
+             */
+            boundary?: components["schemas"]["FieldBoundary"];
+            /** @description The field, a row for each face: two columns are numbers in the frame of the face, three a vector in ℝ³, whose part across the face is left out. */
+            field: components["schemas"]["Table"];
+        };
         /** @description One kind of defect, how often it occurs, and the first offenders. */
         Defect: {
             /** @description How often. */
@@ -1759,6 +1868,7 @@ export interface components {
          *         0.31,
          *         -0.02
          *       ],
+         *       "error": 0.011,
          *       "euler_characteristic": 2,
          *       "faces": [
          *         17,
@@ -1798,6 +1908,12 @@ export interface components {
             /** @description Coefficients in the space. */
             coefficients: number[];
             /**
+             * Format: double
+             * @description How far the field of the coefficients is from that of least energy among all fields of the surface, as a share of its length (norms by area). With `refine`
+             *     that field is the answer, and this is the distance; with `error` it is an estimate of it; else null.
+             */
+            error: number | null;
+            /**
              * Format: int64
              * @description The Euler characteristic of the surface.
              */
@@ -1827,6 +1943,15 @@ export interface components {
             alignment?: components["schemas"]["AlignmentRequest"] | null;
             /** @description What the field has to be. */
             constraints?: components["schemas"]["Pin"][];
+            /** @description Whether to estimate how far the field is from that of least energy among all fields of the surface, as a share of its length. */
+            error?: boolean;
+            faces?: components["schemas"]["FacesRequest"] | null;
+            /**
+             * Format: double
+             * @description Asks for the field of least energy among all fields of the surface itself, in place of that in the space of the basis: to this relative tolerance, from
+             *     1e-10 to below 1.
+             */
+            refine?: number | null;
             singularities?: components["schemas"]["SingularitiesRequest"] | null;
             /** @description Where the field should go along, softly. */
             strokes?: components["schemas"]["Stroke"][];
@@ -2522,6 +2647,16 @@ export interface components {
              */
             inverse_iterations: number;
         };
+        /**
+         * @description Faces that are spread evenly over a surface, the same in every request: each as far as possible from those before it, so that the first of many are the sample
+         *     of few.
+         */
+        FaceSample: {
+            /** @description How many; all faces where there are fewer. */
+            sample: number;
+        };
+        /** @description Faces that an answer is about. */
+        FacesRequest: components["schemas"]["FaceSample"] | number[];
         /**
          * @description How far the heat construction of fields goes.
          * @enum {string}
@@ -3375,7 +3510,7 @@ export interface components {
          *       "problem": null,
          *       "progress": 0.4,
          *       "revision": 7,
-         *       "solver_version": "0.1.0+4",
+         *       "solver_version": "0.1.0+5",
          *       "stage": "basis",
          *       "stage_seconds": [
          *         {
@@ -3410,6 +3545,8 @@ export interface components {
         LiftedField: {
             /** @description Numbers per face. */
             columns: number;
+            /** @description The faces, where the request has `faces`; otherwise all, in their order. */
+            faces: number[] | null;
             /**
              * @description How it is written.
              * @example world
@@ -3687,6 +3824,8 @@ export interface components {
             manifold: boolean;
             /** @description Whether the faces can be turned so that the two faces of every manifold edge run along it in opposite directions. */
             orientable: boolean;
+            /** @description Whether the file has points without faces. Area and components are then those of the triangles that are made around each point. */
+            points?: boolean;
             /** @description What was done about it; none of it loses anything, but for `LeftOutTetrahedra`, which is done on request alone. */
             repairs: components["schemas"]["Repair"][];
             solid?: components["schemas"]["SolidReport"] | null;
@@ -4581,7 +4720,7 @@ export interface components {
          * @description Why the Laplacian is made so.
          * @enum {string}
          */
-        Reason: "requested" | "fair_mesh" | "non_manifold" | "thin_faces" | "needle";
+        Reason: "requested" | "fair_mesh" | "non_manifold" | "thin_faces" | "points" | "needle";
         /** @description What was judged. */
         ReceiptHashes: {
             /** @description BLAKE3 of the content of the basis, 64 hexadecimal digits. */
@@ -5219,6 +5358,11 @@ export interface components {
              */
             strength: number;
         };
+        /** @description Vectors to be carried. */
+        TransportRequest: {
+            /** @description The vectors: each with a `face` or a `point`, and a `direction` or a `frame_direction` whose length is carried as well. */
+            sources: components["schemas"]["Pin"][];
+        };
         /**
          * @description What was judged and what was found, as the answer has it.
          * @example {
@@ -5273,7 +5417,7 @@ export interface components {
          *     }
          */
         VerificationReceipt: {
-            /** @description Its boundary condition; of a problem `dirichlet` where rows are fixed, else `none`. */
+            /** @description Its boundary condition; of vibration modes `free` or `clamped`, of a problem `dirichlet` where rows are fixed, else `none`. */
             boundary: string;
             /** @description Their bounds. */
             bounds: number[];
@@ -5294,9 +5438,9 @@ export interface components {
             hash: string;
             /** @description BLAKE3 of the content of the basis, and the id of the mesh or of the problem. */
             hashes: components["schemas"]["ReceiptHashes"];
-            /** @description Its mass matrix; of a problem `identity`, `diagonal` or `sparse`. */
+            /** @description Its mass matrix; `lumped` of vibration modes, of a problem `identity`, `diagonal` or `sparse`. */
             mass: string;
-            /** @description The operator that was assembled anew; `pencil` where the matrices came as they are. */
+            /** @description The operator that was assembled anew; `{"elastic": …}` of vibration modes, `pencil` where the matrices came as they are. */
             operator: unknown;
             /**
              * Format: double
@@ -6370,6 +6514,8 @@ export interface operations {
     designField: {
         parameters: {
             query?: {
+                /** @description How the numbers of a raw answer are written; JSON has them in single precision. */
+                encoding?: "f32" | "f16";
                 /**
                  * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
                  *     nearest.
@@ -6407,6 +6553,7 @@ export interface operations {
                     "Chladni-Columns"?: number;
                     "Chladni-Dtype"?: string;
                     "Chladni-Energies"?: string;
+                    "Chladni-Error"?: number;
                     "Chladni-Residual"?: number;
                     "Chladni-Rows"?: number;
                     "Server-Timing"?: string;
@@ -9143,7 +9290,7 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description The format: `obj`, `ply`, `off`, `stl`, `medit`, `vtk`, `gmsh`, `freesurfer`, `npz` or `json`. Takes the place of `Content-Type`.
+                 * @description The format: `obj`, `ply`, `off`, `stl`, `medit`, `vtk`, `gmsh`, `freesurfer`, `gltf`, `gifti`, `npz` or `json`. Takes the place of `Content-Type`.
                  * @example ply
                  */
                 format?: string;
@@ -9180,6 +9327,7 @@ export interface operations {
                 "application/json": components["schemas"]["MeshArrays"];
                 "application/octet-stream": Blob;
                 "application/x-npz": Blob;
+                "model/gltf-binary": Blob;
                 /**
                  * @example v 0 0 0
                  *     v 1 0 0
@@ -9191,6 +9339,7 @@ export interface operations {
                 "model/ply": Blob;
                 "model/stl": Blob;
                 "model/x-freesurfer": Blob;
+                "model/x-gifti": Blob;
                 "model/x-gmsh": Blob;
                 "model/x-medit": Blob;
                 "model/x-vtk": Blob;
@@ -9896,6 +10045,258 @@ export interface operations {
                 };
             };
             /** @description A problem: no-field-surface */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    decomposeField: {
+        parameters: {
+            query?: {
+                /**
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
+                 *     nearest.
+                 */
+                extend?: "none" | "nearest";
+                /**
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
+                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 */
+                numbering?: "file" | "kept";
+            };
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the mesh
+                 * @example 0f6d2c4ab1e84cf29be2e3f0b5d1a7c3
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["DecompositionRequest"];
+            };
+        };
+        responses: {
+            /** @description The parts */
+            200: {
+                headers: {
+                    "Server-Timing"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DecompositionAnswer"];
+                };
+            };
+            /** @description A problem: damaged-content-encoding, body-incomplete, invalid-json or invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-mesh */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: not-acceptable */
+            406: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-slow */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unsupported-content-encoding or unsupported-media-type */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: invalid-request, no-field-surface or invalid-design */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    transportVectors: {
+        parameters: {
+            query?: {
+                /** @description How the numbers of a raw answer are written; JSON has them in single precision. */
+                encoding?: "f32" | "f16";
+                /**
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
+                 *     nearest.
+                 */
+                extend?: "none" | "nearest";
+                /** @description How the numbers of a face are written. */
+                form?: "world" | "frames" | "roots" | "axes";
+                /**
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
+                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 */
+                numbering?: "file" | "kept";
+            };
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the mesh
+                 * @example 0f6d2c4ab1e84cf29be2e3f0b5d1a7c3
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["TransportRequest"];
+            };
+        };
+        responses: {
+            /** @description The vectors: a row for each face */
+            200: {
+                headers: {
+                    "Chladni-Columns"?: number;
+                    "Chladni-Dtype"?: string;
+                    "Chladni-Rows"?: number;
+                    "Server-Timing"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "columns": 3,
+                     *       "values": [
+                     *         0,
+                     *         0.1,
+                     *         0.99
+                     *       ]
+                     *     }
+                     */
+                    "application/json": components["schemas"]["Table"];
+                    "application/octet-stream": Blob;
+                };
+            };
+            /** @description A problem: damaged-content-encoding, body-incomplete, invalid-json or invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-mesh */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: not-acceptable */
+            406: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-slow */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unsupported-content-encoding or unsupported-media-type */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: invalid-request, no-field-surface or invalid-design */
             422: {
                 headers: {
                     [name: string]: unknown;
