@@ -317,7 +317,7 @@ async fn storm_of_cancels() {
     took.sort_unstable();
     let at = |share: f64| took[((took.len() - 1) as f64 * share) as usize].as_secs_f64();
     println!(
-        "{} cancelled in {:.0} s, {ended} had ended; after {:.3} s in the middle, {:.3} of a hundredth, {:.3} at most",
+        "{} cancelled in {:.0} s, {ended} had ended; after {:.3} s (median), 99th percentile {:.3} s, {:.3} s at most",
         took.len(),
         begun.elapsed().as_secs_f64(),
         at(0.5),
@@ -414,7 +414,7 @@ async fn flood() {
     flood.join().unwrap();
     let at = |took: &[f64], share: f64| took[((took.len() - 1) as f64 * share) as usize];
     println!(
-        "idle: {:.2} ms in the middle, p99 {:.2}; the server does {capacity:.0} a second; beside {} requests, {:.1} times that in {seconds:.0} s: {:.2} ms, p99 {:.2}, {refused} refused",
+        "idle: {:.2} ms (median), p99 {:.2}; the server does {capacity:.0} a second; beside {} requests, {:.1} times that in {seconds:.0} s: {:.2} ms, p99 {:.2}, {refused} refused",
         at(&idle, 0.5),
         at(&idle, 0.99),
         sent.load(Ordering::Relaxed),

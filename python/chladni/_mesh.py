@@ -282,6 +282,8 @@ class Mesh:
 
     def __repr__(self) -> str:
         report = self.report
+        if report.get("points"):
+            return f"<chladni.Mesh: {len(self.vertices)} points>"
         genus = f", genus {report['genus']}" if report.get("genus") is not None else ", not manifold or not orientable"
         closed = ", closed" if report["closed"] else f", {report['boundary_loops']} boundary loops"
         return f"<chladni.Mesh: {len(self.vertices)} vertices, {len(self.faces)} faces{genus}{closed}>"

@@ -226,6 +226,8 @@ def operators(
 
     _arrays.flag(operator, "operator", ("auto", "laplace", "robust"))
     mesh = as_mesh(vertices, faces)
+    if mesh.report.get("points"):
+        raise _arrays.parameter_error("operators need a surface with faces, and the mesh has only points")
     size = len(mesh.vertices)
     if int(mesh.report.get("subdivisions", 0)) or any(repair["kind"] == "merged_vertices" for repair in mesh.report["repairs"]):
         raise _arrays.parameter_error(

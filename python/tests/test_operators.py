@@ -96,3 +96,12 @@ def test_vertices_without_faces_stay_in_place(knot):
     assert few.evecs.shape == (4, 4)
     with pytest.raises(chladni.ParameterError, match="kept_vertices"):
         chladni.operators(chladni.Mesh(knot.vertices, knot.faces, subdivide=1))
+
+
+def test_points_without_faces_are_refused_by_name(tmp_path):
+    path = tmp_path / "points.obj"
+    path.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in chladni.Mesh.sample("sphere", 300).vertices))
+    points = chladni.Mesh.read(path)
+    assert repr(points) == f"<chladni.Mesh: {len(points.vertices)} points>"
+    with pytest.raises(chladni.ParameterError, match="only points"):
+        chladni.operators(points, k=5)

@@ -93,7 +93,7 @@ pub struct FilterArguments {
     #[arg(long, value_name = "JSON")]
     transfer: String,
 
-    /// Write the filtered mesh to this PLY file
+    /// Write the filtered mesh to this PLY file; it has the kept vertices, and points without faces in the order in which they are kept
     #[arg(long, short = 'o', value_name = "FILE")]
     output: PathBuf,
 }

@@ -116,11 +116,16 @@ fn page(report: &MeshReport, refusal: Option<&MeshError>) -> String {
         text += &format!("\n{repairs}");
     }
     let left_out = report.repaired(RepairKind::LeftOutTetrahedra);
+    let dropped = report.repaired(RepairKind::DroppedUnreferencedVertices);
     text += &match refusal {
         Some(error) => format!("\n  The mesh cannot be used: {error}.\n"),
         None if left_out > 0 => format!(
             "\n  The triangles of the file can be used as a surface. Its {} tetrahedra and what is inside are left out.\n",
             grouped(left_out)
+        ),
+        None if report.points && dropped > 0 => format!(
+            "\n  The points can be used after these repairs. {} of them are left out: no triangle can be made at them.\n",
+            grouped(dropped)
         ),
         None if report.repairs.is_empty() => "\n  The mesh can be used as it is.\n".to_owned(),
         None => "\n  The mesh can be used after these repairs, which lose nothing.\n".to_owned(),

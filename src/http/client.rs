@@ -123,6 +123,18 @@ impl ClientState {
         })
     }
 
+    /// Runs the reading and checking of an upload, or the writing of a file, on the pool for these, which has a line of its own: whatever waits in it keeps nobody from reading.
+    ///
+    /// # Errors
+    /// Whatever `work` answers.
+    pub async fn take_in<T: Send + 'static>(
+        &self,
+        work: impl FnOnce() -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        self.turn.step_aside();
+        self.state.take_in(work).await
+    }
+
     /// Runs a synchronous solve on its own small pool, so that neither jobs nor uploads starve it; clients take turns at it. Where the client goes away the work is
     /// skipped, or cancelled at its next checkpoint; its place is held until it has ended.
     ///
@@ -172,8 +184,10 @@ impl ClientState {
 mod tests {
     use super::*;
     use crate::config::Config;
+    use crate::http::slots::Slots;
     use crate::store::{Store, StoreOptions};
     use crate::telemetry::Metrics;
+    use futures_util::FutureExt;
     use std::sync::mpsc;
 
     async fn client(folder: &std::path::Path) -> ClientState {
@@ -219,6 +233,34 @@ mod tests {
         // On a pool of one thread this one comes after both.
         client.solve("third", |_| Ok(())).await.unwrap();
         assert_eq!((client.metrics.solves_abandoned.get(), client.solve_places.held()), (2, 0));
+        client.store.close().await;
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn what_waits_for_the_pool_of_uploads_keeps_nobody_from_reading() {
+        let folder = tempfile::tempdir().unwrap();
+        let slots = Slots::new(2);
+        let mut client = client(folder.path()).await;
+        client.turn = Turn::of(&slots, &client.name).await;
+        let name = client.name.clone();
+        assert!(Turn::of(&slots, &name).now_or_never().is_none(), "one client has one of two slots");
+        let (begun, running) = mpsc::channel();
+        let (go_on, gate) = mpsc::channel();
+        let written = {
+            let client = client.clone();
+            tokio::spawn(async move {
+                let work = move || {
+                    begun.send(()).unwrap();
+                    gate.recv().unwrap();
+                    Ok(())
+                };
+                client.take_in(work).await
+            })
+        };
+        tokio::task::spawn_blocking(move || running.recv().unwrap()).await.unwrap();
+        assert!(Turn::of(&slots, &name).now_or_never().is_some(), "the slot is free while the work goes on");
+        go_on.send(()).unwrap();
+        written.await.unwrap().unwrap();
         client.store.close().await;
     }
 

@@ -9,6 +9,7 @@ use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use bytes::Bytes;
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::check::points::has_points_alone;
 use chladni_mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge, SurfaceOf};
 use chladni_mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
 use chladni_mesh::solid::check_body;
@@ -30,6 +31,9 @@ use super::upload::{Sent, check_name};
 use super::wire::{MeshResource, PageOf};
 use super::{body, exchange};
 use crate::store::NewMesh;
+
+/// About the bytes that the triangles around a point take while points without faces are checked.
+const POINT_BYTES: u64 = 300;
 
 /// The media type of positions and indices for web clients.
 const BUFFERS: &str = "application/vnd.chladni.mesh";
@@ -123,7 +127,8 @@ problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKN
 /// the vertices of the surface are the first of the solid, both in the order of the file.
 ///
 /// A file without faces has points: bases are then computed from triangles around each of them, the report has `points: true`, and what needs a surface with faces
-/// is refused. Points at equal positions become one, unless `merge=never`.
+/// is refused. Points at equal positions become one, unless `merge=never`, and points at which no triangle can be made are left out. The points are kept in the order of a curve
+/// through space: meshes that are answered (the content of the mesh, PLY of filtered functions and of modes) have them in this order, and `GET /v1/meshes/{id}/vertex-map` tells which they are.
 ///
 /// Where repairs renumber vertices or faces, the report has the member `file`, and all other routes take and give the numbering of the file unless
 /// they are asked for `numbering=kept`; so two files with the same surface and other numbers are two meshes.
@@ -202,6 +207,9 @@ async fn upload(
             drop(body);
             if subdivisions > 0 {
                 body::reserve(&mut memory, made)?;
+            } else if has_points_alone(&raw) {
+                // However many they are, a client may send them; beyond its part they are checked one upload after the other.
+                body::reserve(&mut memory, (POINT_BYTES * raw.positions.len() as u64).min(most_bytes))?;
             }
             let body = check_body(raw, &options)?;
             let report = serde_json::to_value(&body.surface.report).map_err(Problem::internal)?;

@@ -81,7 +81,7 @@ problems!(GetModesProblems: [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE, RANGE
 ///
 /// By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`;
 /// `application/octet-stream`, the same little-endian numbers, mode after mode, without a header; `model/ply`, the mesh with the
-/// values of one mode as colours, from blue over white at zero to red. Numbers are f32 unless `dtype` says f64. Answers are streamed:
+/// values of one mode as colours, from blue over white at zero to red; it has the kept vertices in their order, which for points without faces is not that of the file. Numbers are f32 unless `dtype` says f64. Answers are streamed:
 /// nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these modes are read.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/modes", tag = "bases", operation_id = "getModes",

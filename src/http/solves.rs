@@ -244,7 +244,8 @@ problems!(FilterProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_TRANSFER]);
 ///
 /// JSON, or raw numbers for speed: with `Content-Type: application/octet-stream` the body is little-endian values, vertex after
 /// vertex and, within a vertex, function after function, of the type `dtype`; the transfer function stands in the query. The answer
-/// is of the same kind unless `Accept` says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`.
+/// is of the same kind unless `Accept` says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`. The mesh of `model/ply` has the kept
+/// vertices in their order, which for points without faces is not that of the file.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/filter", tag = "bases", operation_id = "filter",
     params(BasisId, NumberingQuery, RawQuery),

@@ -164,7 +164,8 @@ async fn verify_eigenbasis(state: ClientState, id: Uuid) -> Result<Answer, Probl
         _ => problem_of(&basis, None)
             .map_err(|error| refused(&error, "Download it and its mesh, and use `chladni verify --operator`."))?,
     };
-    let bytes = judging_bytes(basis.vertices(), basis.count(), &parameters);
+    let faces = state.store.mesh(&record.mesh).await?.faces as usize;
+    let bytes = judging_bytes(basis.vertices(), faces, basis.count(), &parameters);
     body::reserve(&mut memory, bytes)?;
     let (mesh, solid) = state.store.load_body(&record.mesh).await?;
     state

@@ -66,7 +66,7 @@ async fn what_needs_faces_is_refused_by_name() {
         let request = json!({"distance": {"geodesic": {"method": method}}, "sources": [0]});
         let response = app.post(&format!("/v1/meshes/{id}/distances")).json(&request).send().await.unwrap();
         let refused = problem(response, 422, "invalid-analysis").await;
-        assert!(text(&refused["detail"]).contains("points alone"), "{refused}");
+        assert!(text(&refused["detail"]).contains("only points"), "{refused}");
     }
     for (body, refused) in [
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", "too-few-points"),

@@ -212,6 +212,18 @@ pub enum MeshError {
         /// Points in the input.
         points: usize,
     },
+    /// Of points without faces, some have no triangle however often those are left out.
+    #[error(
+        "the {points} points have no faces; those at which no triangle can be made were left out {rounds} times, and of the {left} that are left some have none either"
+    )]
+    UnsettledPoints {
+        /// Points in the input.
+        points: usize,
+        /// How often points were left out.
+        rounds: usize,
+        /// Points that are left.
+        left: usize,
+    },
     /// The mesh is so small that areas underflow.
     #[error("the mesh measures {extent:e} along its longest side, less than {smallest:e}")]
     TooSmall {
@@ -242,6 +254,7 @@ impl MeshError {
             Self::FarPoint { .. } => "coordinate-out-of-range",
             Self::FewPoints { .. } => "too-few-points",
             Self::PointsOnLine { .. } => "no-area",
+            Self::UnsettledPoints { .. } => "unsettled-points",
             Self::TooSmall { .. } => "mesh-too-small",
         }
     }
@@ -573,7 +586,7 @@ fn bounding_box(positions: &[[f64; 3]]) -> [[f64; 3]; 2] {
     if corners[0][0] > corners[1][0] { [[0.0; 3]; 2] } else { corners }
 }
 
-pub(super) mod points;
+pub mod points;
 
 #[cfg(test)]
 mod naive;

@@ -1,16 +1,20 @@
 //! The short way: a mesh file in, eigenpairs out.
 
+use std::borrow::Cow;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use chladni_base::{Monitor, Unwatched};
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::check::points::{check_points, has_points_alone};
 use chladni_mesh::check::{CheckOptions, MeshError, MeshReport, check};
 use chladni_mesh::numbering::Numbering;
+use chladni_mesh::points::{are_points, once_each};
 use chladni_mesh::read::{MeshFormat, RawMesh, ReadError, ReadLimits, read};
 
 use crate::basis::Basis;
-use crate::operator::{OperatorError, OperatorParameters, assemble};
+use crate::operator::points::{assemble_local, local_triangles};
+use crate::operator::{MeshOperator, OperatorError, OperatorParameters, assemble};
 use crate::spectrum::heat::HeatParameters;
 use crate::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Wanted};
 use crate::spectrum::{
@@ -88,7 +92,7 @@ impl Mesh {
         Self::checked(read(&bytes, format, &ReadLimits::default())?)
     }
 
-    /// A mesh of positions and faces, which name them from 0 on.
+    /// A mesh of positions and faces, which name them from 0 on; without faces, a set of points, which are numbered anew: see [`numbering`](Self::numbering).
     ///
     /// # Errors
     /// [`MeshSolveError::Mesh`] names the first element that makes the mesh unusable.
@@ -97,7 +101,8 @@ impl Mesh {
     }
 
     fn checked(raw: RawMesh) -> Result<Self, MeshSolveError> {
-        let checked = check(raw, &CheckOptions::default())?;
+        let options = CheckOptions::default();
+        let checked = if has_points_alone(&raw) { check_points(raw, &options)? } else { check(raw, &options)? };
         Ok(Self { surface: checked.mesh, report: checked.report, numbering: checked.numbering })
     }
 
@@ -151,16 +156,27 @@ impl<'a> Eigen<'a> {
         self
     }
 
+    /// The operator, and the triangles that a solver's spaces are made of: of points those around each.
+    fn operator_on(&self) -> Result<(MeshOperator, Cow<'a, TriangleMesh>), MeshSolveError> {
+        let surface = &self.mesh.surface;
+        if !are_points(surface) {
+            return Ok((assemble(surface, &self.operator, self.monitor)?, Cow::Borrowed(surface)));
+        }
+        self.operator.check_points()?;
+        let triangles = local_triangles(surface, self.monitor)?;
+        let operator = assemble_local(&triangles, &self.operator, self.monitor)?;
+        Ok((operator, Cow::Owned(once_each(&triangles))))
+    }
+
     /// The pairs to a relative residual of `tolerance`, 1e-10 to 0.5, proven complete: [`hsim::solve`].
     ///
     /// # Errors
     /// [`MeshSolveError`]: an operator that the mesh does not allow, or pairs that do not converge.
     pub fn exact(self, tolerance: f64) -> Result<Eigenpairs, MeshSolveError> {
-        let surface = &self.mesh.surface;
-        let operator = assemble(surface, &self.operator, self.monitor)?;
+        let (operator, surface) = self.operator_on()?;
         let wanted = Wanted::Count(self.count);
         let parameters = HsimParameters { wanted, tolerance, seed: self.seed, ..HsimParameters::default() };
-        Ok(hsim::solve(surface, &operator.problem, &parameters, false, self.monitor)?)
+        Ok(hsim::solve(&surface, &operator.problem, &parameters, false, self.monitor)?)
     }
 
     /// The pairs in a space of locally supported functions, each with an estimate of its error, which is to be at most `goal` of the value: [`approximate`].
@@ -168,8 +184,7 @@ impl<'a> Eigen<'a> {
     /// # Errors
     /// [`MeshSolveError`]: an operator that the mesh does not allow, or a space that does not hold so many pairs.
     pub fn approximate(self, goal: f64) -> Result<Basis, MeshSolveError> {
-        let surface = &self.mesh.surface;
-        let operator = assemble(surface, &self.operator, self.monitor)?;
+        let (operator, surface) = self.operator_on()?;
         let parameters = ApproximationParameters {
             count: self.count,
             dimension: dimension_for(self.count, 2),
@@ -178,7 +193,7 @@ impl<'a> Eigen<'a> {
             certify: false,
             seed: self.seed,
         };
-        Ok(approximate(surface, &operator, &parameters, self.monitor)?)
+        Ok(approximate(&surface, &operator, &parameters, self.monitor)?)
     }
 }
 
@@ -204,6 +219,20 @@ mod tests {
         for (k, l) in [0.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0].into_iter().enumerate() {
             let analytic: f64 = l * (l + 1.0);
             assert!((exact.values[k] - analytic).abs() <= 0.01 * analytic + 1e-9);
+            assert!((approximate.eigenvalues[k] - exact.values[k]).abs() <= 0.02 * analytic + 1e-6);
+        }
+    }
+
+    #[test]
+    fn points_without_faces_are_solved_too() {
+        let sphere = generate(Shape::Sphere, 3000).unwrap();
+        let points = Mesh::new(sphere.positions, Vec::new()).unwrap();
+        assert!(points.report().points);
+        let exact = points.eigen(9).exact(1e-6).unwrap();
+        let approximate = points.eigen(9).approximate(0.01).unwrap();
+        for (k, l) in [0.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0].into_iter().enumerate() {
+            let analytic: f64 = l * (l + 1.0);
+            assert!((exact.values[k] - analytic).abs() <= 0.02 * analytic + 1e-9);
             assert!((approximate.eigenvalues[k] - exact.values[k]).abs() <= 0.02 * analytic + 1e-6);
         }
     }

@@ -74,7 +74,7 @@ pub enum ParameterError {
         reason: String,
     },
     /// The job needs faces, and the mesh has none.
-    #[error("jobs of the kind \"{kind}\" need a surface with faces, and the mesh has points alone")]
+    #[error("jobs of the kind \"{kind}\" need a surface with faces, and the mesh has only points")]
     NoFaces {
         /// The kind asked for.
         kind: &'static str,
@@ -181,7 +181,7 @@ pub struct Outcome {
 pub struct MeshSize {
     /// Vertices.
     pub vertices: usize,
-    /// Triangles; 0 where there are points alone.
+    /// Triangles; 0 where there are only points.
     pub faces: usize,
     /// Vertices of a solid, those of its surface included; 0 where there is none.
     pub solid_vertices: usize,
@@ -319,7 +319,7 @@ impl JobParameters {
     /// Checks the parameters against the size of a mesh.
     ///
     /// # Errors
-    /// [`ParameterError::Value`] where they ask for more than the mesh has, [`ParameterError::NoFaces`] where it has points alone and they need more.
+    /// [`ParameterError::Value`] where they ask for more than the mesh has, [`ParameterError::NoFaces`] where it has only points and they need more.
     pub fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
         if mesh.are_points() && !matches!(self, Self::Eigenbasis(_) | Self::PencilBasis(_)) {
             return Err(ParameterError::NoFaces { kind: self.kind() });

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::{JobError, MeshSize, Outcome, ParameterError, SOLVER_VERSION, Work, abbreviate, add_notes};
-use crate::eigenbasis::{AT_MOST, LARGEST_COUNT, within};
+use crate::eigenbasis::{AT_MOST, LARGEST_COUNT, repair_bytes, within};
 use crate::packed::Packed;
 
 /// The pairs of a job that does not say how many.
@@ -228,14 +228,14 @@ impl PencilBasisParameters {
     ///
     /// The matrices are held four times, as they are kept, ordered and moved, with one index for each entry. Two factors are held at once, of the entries that were
     /// counted when the problem came, ten bytes each; where they were not, those of a solid. Of the `q` columns that are iterated on, the start holds three
-    /// halves, and three copies were measured; the result is there twice while it is turned.
+    /// halves, and three copies were measured; the result is there twice while it is turned. What the iteration did not settle is solved densely where that is small.
     pub fn problem_memory_bytes(&self, size: ProblemSize) -> u64 {
         let n = size.rows.max(2) as u64;
         let p = (self.most_pairs() as u64).min(n);
         let q = (p + p * 15 / 100 + 64).min(n);
         let columns = 8 * n * (3 * q + q / 2) + 64 * q * q;
         let result = n * p * (8 + self.precision().bytes() as u64);
-        4 * size.matrices() + 20 * size.factor() + columns + result + (64 << 20)
+        4 * size.matrices() + 20 * size.factor() + columns + result + repair_bytes(n) + (64 << 20)
     }
 
     /// Solves the problem of the id `problem`, on the rayon pool of the calling thread.

@@ -11,6 +11,7 @@ use chladni_spectral::spectrum::pencil::{Mass, Matrices};
 use chladni_spectral::verify::{Verification, VerifyError, verify, verify_fields, verify_modes};
 use serde_json::{Value, json};
 
+use crate::eigenbasis::POINT_BYTES;
 use crate::{EigenbasisParameters, JobError, ParameterError, VibrationBasisParameters};
 
 /// Why a basis was not judged.
@@ -102,7 +103,9 @@ pub fn judge_modes(
 
 /// The memory that judging `count` functions of `rows` numbers takes, in bytes: the functions, once more where a boundary is held, some of their products, the
 /// operator and a factor, which fills in more in a solid.
-pub fn judging_bytes(rows: usize, count: usize, parameters: &EigenbasisParameters) -> u64 {
+///
+/// Without `faces` they are functions on points, whose triangles are made.
+pub fn judging_bytes(rows: usize, faces: usize, count: usize, parameters: &EigenbasisParameters) -> u64 {
     let n = rows as u64;
     let planar = |per_row: f64| per_row * n as f64 * (n.max(2) as f64).log2();
     let fill = match (parameters.is_of_volume(), parameters.is_hodge()) {
@@ -113,7 +116,8 @@ pub fn judging_bytes(rows: usize, count: usize, parameters: &EigenbasisParameter
     };
     // The rows of the Hodge–Laplacian and its pattern.
     let assembly = if parameters.is_hodge() { 1200 } else { 300 };
-    16 * n * count as u64 + 16 * n * count.min(64) as u64 + assembly * n + 10 * fill as u64
+    let local = if faces == 0 { POINT_BYTES } else { 0 };
+    16 * n * count as u64 + 16 * n * count.min(64) as u64 + (assembly + local) * n + 10 * fill as u64
 }
 
 /// Work that was promised so many bytes.

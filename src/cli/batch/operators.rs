@@ -6,6 +6,7 @@ use std::path::Path;
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::Unwatched;
+use chladni_mesh::check::points::has_points_alone;
 use chladni_mesh::read::RawMesh;
 use chladni_mesh::solid::check_body;
 use chladni_spectral::basis::Product;
@@ -39,6 +40,9 @@ pub fn one(arguments: &BatchArguments, mesh: &Path, pairs: usize, shared: &Share
     let options = input.options();
     let refused = |error: &dyn std::fmt::Display| CliError::mesh(mesh, error);
     let mut raw = input.read()?;
+    if has_points_alone(&raw) {
+        return Err(refused(&"operators need a surface with faces, and the file has only points"));
+    }
     // A solid is meant by its surface; a mesh whose format splits vertices, as the one of merged ones.
     if !raw.tetrahedra.is_empty() || raw.splits_vertices || options.merge == chladni_mesh::check::Merge::Always {
         let kept = check_body(raw, &options).map_err(|error| refused(&error))?.surface.mesh;

@@ -17,9 +17,10 @@ use crate::topology::Components;
 const FEWEST: usize = 4;
 
 /// How often points without a triangle are left out: the others may have had them for neighbours.
-const ROUNDS: usize = 16;
+/// Surfaces are settled after one or two rounds; each takes as long as the first.
+const ROUNDS: usize = 3;
 
-/// Whether a file has points alone: it names no face, not even one that was left out.
+/// Whether a file has only points: it names no face, not even one that was left out.
 pub fn has_points_alone(raw: &RawMesh) -> bool {
     !raw.positions.is_empty()
         && raw.faces.is_empty()
@@ -152,10 +153,10 @@ fn triangulated(positions: &[[f64; 3]], order: &mut Vec<u32>) -> Result<Triangle
         let mut used = used.into_iter();
         order.retain(|_| used.next().unwrap_or_default());
         if order.len() < FEWEST {
-            break;
+            return Err(MeshError::PointsOnLine { points: positions.len() });
         }
     }
-    Err(MeshError::PointsOnLine { points: positions.len() })
+    Err(MeshError::UnsettledPoints { points: positions.len(), rounds: ROUNDS, left: order.len() })
 }
 
 /// Counts points that are not finite or too far out, and refuses the first.

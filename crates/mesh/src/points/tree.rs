@@ -31,12 +31,21 @@ pub struct PointTree {
 pub struct Nearest {
     most: usize,
     found: Vec<(f64, u32)>,
+    /// Nodes that were looked through.
+    #[cfg(test)]
+    visited: usize,
 }
 
 impl Nearest {
-    /// Squared distances and points, nearest first; of equally distant ones the lowest first.
+    /// Squared distances and points, nearest first; of equally distant ones the lowest first. Where more points than are wanted stand on the place itself, they are any
+    /// of those, always the same ones.
     pub fn found(&self) -> &[(f64, u32)] {
         &self.found
+    }
+
+    /// Whether nothing nearer can be found.
+    fn is_settled(&self) -> bool {
+        self.found.len() == self.most && self.farthest() == 0.0
     }
 
     /// What is farther than this does not count.
@@ -85,6 +94,10 @@ impl PointTree {
     pub fn nearest(&self, place: [f64; 3], except: Option<u32>, most: usize, nearest: &mut Nearest) {
         nearest.most = most;
         nearest.found.clear();
+        #[cfg(test)]
+        {
+            nearest.visited = 0;
+        }
         if most > 0 {
             self.descend((0, 0), (0, self.entries.len()), place, except, [0.0; 3], nearest);
         }
@@ -100,6 +113,14 @@ impl PointTree {
         beyond: [f64; 3],
         nearest: &mut Nearest,
     ) {
+        // Among many copies of a point nothing would end the search, as no part of the tree is farther away than those found.
+        if nearest.is_settled() {
+            return;
+        }
+        #[cfg(test)]
+        {
+            nearest.visited += 1;
+        }
         let Some(splits) = self.levels.get(level) else {
             for entry in &self.entries[start..end] {
                 let square = (0..3).map(|i| (entry.at[i] - place[i]).powi(2)).sum();
@@ -157,6 +178,22 @@ fn halve(entries: &mut [Entry]) -> Split {
 mod tests {
     use super::*;
     use chladni_base::SplitMix64;
+
+    #[test]
+    fn among_many_copies_of_a_point_the_search_ends_with_the_first_ones() {
+        // Equal points, and points whose distances vanish in double precision.
+        for step in [0.0, 1e-200] {
+            let positions: Vec<[f64; 3]> = (0..100_000).map(|k| [step * f64::from(k), 2.0 * step, 0.0]).collect();
+            let tree = PointTree::new(&positions);
+            let mut nearest = Nearest::default();
+            for point in (0..100_000u32).step_by(997) {
+                tree.nearest(positions[point as usize], Some(point), 30, &mut nearest);
+                assert_eq!(nearest.found().len(), 30);
+                assert!(nearest.found().iter().all(|&(square, other)| square == 0.0 && other != point));
+                assert!(nearest.visited < 100, "{}", nearest.visited);
+            }
+        }
+    }
 
     #[test]
     fn the_nearest_are_those_of_an_exhaustive_search_ties_included() {

@@ -273,6 +273,12 @@ impl ReadError {
     }
 }
 
+/// The words of a parser for an error message: at most 200 bytes of them.
+pub(super) fn cut(text: &str) -> String {
+    const LONGEST: usize = 200;
+    text.char_indices().take_while(|(at, letter)| at + letter.len_utf8() <= LONGEST).map(|(_, letter)| letter).collect()
+}
+
 /// A token for an error message: at most 40 bytes of it, whatever it is.
 pub(super) fn shorten(token: &[u8]) -> String {
     const LONGEST: usize = 40;

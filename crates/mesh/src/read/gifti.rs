@@ -8,11 +8,16 @@ use flate2::read::{GzDecoder, ZlibDecoder};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::builder::{Builder, zero_based_index};
-use super::error::{Place, ReadError, shorten};
+use super::error::{Place, ReadError, cut, shorten};
 use super::{MeshFormat, RawMesh, ReadLimits};
 
 /// Compressed arrays unfold to at most so many times the bytes of their text; real ones do to less than ten times.
 const UNFOLDED: usize = 24;
+
+/// The most elements, comments and the like of a text, and the most attributes: the parser makes room for as many as there are `<` and `=` before it looks at any,
+/// and compares each attribute with all others of its element. A surface has some hundreds.
+const MOST_TAGS: usize = 1 << 16;
+const MOST_ATTRIBUTES: usize = 1 << 14;
 
 fn refuse(reason: impl Into<String>) -> ReadError {
     ReadError::Arrays { format: MeshFormat::Gifti, reason: reason.into() }
@@ -27,10 +32,10 @@ pub(super) fn is_xml(bytes: &[u8]) -> bool {
 /// Reads points, and triangles if there are any.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let text = std::str::from_utf8(bytes).map_err(|_| refuse("the text is not UTF-8"))?;
+    bounded(text)?;
     // All GIFTI files name their DTD; nothing is fetched.
-    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
-    let document = Document::parse_with_options(text, options)
-        .map_err(|error| refuse(error.to_string().chars().take(200).collect::<String>()))?;
+    let options = ParsingOptions { allow_dtd: true, nodes_limit: 2 * MOST_TAGS as u32, ..ParsingOptions::default() };
+    let document = Document::parse_with_options(text, options).map_err(|error| refuse(cut(&error.to_string())))?;
     let array = |intent: &str| {
         let wanted = |node: &Node<'_, '_>| node.has_tag_name("DataArray") && node.attribute("Intent") == Some(intent);
         document.root_element().children().find(wanted)
@@ -49,14 +54,32 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
         triangles.each_row(|number, row| {
             let mut face = [0; 3];
             for (corner, index) in face.iter_mut().zip(row) {
-                // What is not whole is no vertex either.
-                let index = if index.fract() == 0.0 { index as i64 } else { -1 };
-                *corner = zero_based_index(index, vertices, "face", number, triangles.place)?;
+                // Nor is the fraction of an infinite or missing number zero.
+                if index.fract() != 0.0 {
+                    return Err(refuse(format!("face {number}: {index} is not a whole number")));
+                }
+                *corner = zero_based_index(index as i64, vertices, "face", number, triangles.place)?;
             }
             builder.triangle(face)
         })?;
     }
     builder.finish()
+}
+
+/// Refuses what a parser would take far more memory or time for than its length tells.
+fn bounded(text: &str) -> Result<(), ReadError> {
+    // What an entity stands for is copied, or parsed, wherever it is referred to. Files of this format name a DTD elsewhere and declare none of their own.
+    if text.contains("<!ENTITY") {
+        return Err(refuse("it declares entities, which are not read"));
+    }
+    let count = |sign: u8| text.bytes().filter(|&byte| byte == sign).count();
+    for (sign, most) in [(b'<', MOST_TAGS), (b'=', MOST_ATTRIBUTES)] {
+        let found = count(sign);
+        if found > most {
+            return Err(refuse(format!("it has {found} signs `{}`; at most {most} are read", char::from(sign))));
+        }
+    }
+    Ok(())
 }
 
 /// An array of `rows × 3` numbers.
@@ -268,6 +291,7 @@ mod tests {
             ("Encoding=\"ASCII\"", "Encoding=\"ExternalFileBinary\"", "ExternalFileBinary"),
             ("Encoding=\"ASCII\"", "Encoding=\"Base64Binary\"", "points"),
             ("</GIFTI>", "", "GIFTI"),
+            ("<GIFTI", "<!DOCTYPE a [<!ENTITY b \"c\">]><GIFTI", "entities"),
         ] {
             assert!(ASCII.contains(from), "{from}");
             let refused = read(ASCII.replacen(from, to, 1).as_bytes(), &ReadLimits::default()).unwrap_err().to_string();
@@ -280,5 +304,40 @@ mod tests {
         let mut laughs = String::from("<!DOCTYPE GIFTI [<!ENTITY a0 \"ha\">");
         (1..20).for_each(|k| laughs += &format!("<!ENTITY a{k} \"{}\">", format!("&a{};", k - 1).repeat(10)));
         assert!(read((laughs + "]><GIFTI>&a19;</GIFTI>").as_bytes(), &ReadLimits::default()).is_err());
+    }
+
+    #[test]
+    fn a_text_that_would_take_far_more_than_its_length_is_refused_before_it_is_parsed() {
+        let refused = |text: String| read(text.as_bytes(), &ReadLimits::default()).unwrap_err().to_string();
+        // 100 MB of text in 60 kB: no reference is inside of an entity.
+        let entity = "x".repeat(10_000);
+        let flat = format!("<!DOCTYPE GIFTI [<!ENTITY a \"{entity}\">]><GIFTI>{}</GIFTI>", "&a;".repeat(10_000));
+        assert!(refused(flat).contains("entities"));
+        let tags = refused(format!("<GIFTI>{}</GIFTI>", "<a/>".repeat(MOST_TAGS)));
+        assert!(tags.contains("65538 signs `<`"), "{tags}");
+        let attributes: String = (0..=MOST_ATTRIBUTES).map(|k| format!(" a{k}=''")).collect();
+        let attributes = refused(format!("<GIFTI{attributes}/>"));
+        assert!(attributes.contains("16385 signs `=`"), "{attributes}");
+        // As many as are read are parsed.
+        let most: String = (0..MOST_ATTRIBUTES).map(|k| format!(" a{k}=''")).collect();
+        assert!(refused(format!("<GIFTI{most}/>")).contains("NIFTI_INTENT_POINTSET"));
+        let most = refused(format!("<GIFTI>{}</GIFTI>", "<a/>".repeat(MOST_TAGS - 2)));
+        assert!(most.contains("NIFTI_INTENT_POINTSET"), "{most}");
+    }
+
+    #[test]
+    fn an_index_that_is_no_whole_number_is_told() {
+        let array = |intent: &str, kind: &str, data: &str| {
+            format!(
+                "<DataArray Intent=\"NIFTI_INTENT_{intent}\" DataType=\"NIFTI_TYPE_{kind}\" Dimensionality=\"2\" Dim0=\"3\" Dim1=\"3\" Encoding=\"ASCII\"><Data>{data}</Data></DataArray>"
+            )
+        };
+        let points = array("POINTSET", "FLOAT32", "0 0 0 1 0 0 0 1 0");
+        for (index, told) in [("1.5", "face 1: 1.5 is"), ("nan", "face 1: NaN is"), ("inf", "face 1: inf is")] {
+            let triangles = array("TRIANGLE", "FLOAT32", &format!("0 1 2 0 {index} 2 0 1 2"));
+            let text = format!("<GIFTI>{points}{triangles}</GIFTI>");
+            let refused = read(text.as_bytes(), &ReadLimits::default()).unwrap_err().to_string();
+            assert!(refused.contains(told), "{refused}");
+        }
     }
 }

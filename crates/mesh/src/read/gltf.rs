@@ -4,11 +4,12 @@
 //! targets and animations are passed over, and so is whatever a surface is coloured with.
 
 use std::borrow::Cow;
+use std::collections::HashMap;
 
 use serde::Deserialize;
 
 use super::builder::Builder;
-use super::error::{ReadError, shorten};
+use super::error::{ReadError, cut, shorten};
 use super::gltf_nodes::{Matrix, placed_meshes};
 use super::{MeshFormat, RawMesh, ReadLimits};
 
@@ -17,6 +18,9 @@ pub(super) const MAGIC: &[u8] = b"glTF";
 
 /// A mesh may stand at many nodes, and accessors may share bytes; so many vertices and triangles may come of a file beside those that its size lets expect.
 const SHARED: usize = 1 << 16;
+
+/// The most objects of the JSON: each takes up to fifty times as much memory as text.
+const MOST_OBJECTS: usize = 1 << 20;
 
 pub(super) fn refuse(reason: impl Into<String>) -> ReadError {
     ReadError::Arrays { format: MeshFormat::Gltf, reason: reason.into() }
@@ -103,7 +107,11 @@ const HARMLESS: [&str; 3] = ["KHR_materials_", "KHR_texture_", "KHR_lights_"];
 /// Reads the triangles of all nodes. Vertices of different primitives are different ones, as the format has it.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let (json, binary) = if bytes.starts_with(MAGIC) { chunks(bytes)? } else { (bytes, None) };
-    let document: Document = serde_json::from_slice(json).map_err(|error| refuse(shorten_text(&error.to_string())))?;
+    let objects = json.iter().filter(|&&byte| byte == b'{').count();
+    if objects > MOST_OBJECTS {
+        return Err(refuse(format!("it has {objects} objects; at most {MOST_OBJECTS} are read")));
+    }
+    let document: Document = serde_json::from_slice(json).map_err(|error| refuse(cut(&error.to_string())))?;
     if let Some(needed) = document.extensions_required.iter().find(|name| !HARMLESS.iter().any(|h| name.starts_with(h)))
     {
         return Err(ReadError::UnsupportedEncoding { format: MeshFormat::Gltf, encoding: shorten(needed.as_bytes()) });
@@ -114,14 +122,21 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
         .enumerate()
         .map(|(number, buffer)| bytes_of(number, buffer, binary))
         .collect::<Result<_, _>>()?;
-    let limits = ReadLimits {
+    let own = ReadLimits {
         vertices: limits.vertices.min(bytes.len() / 4 + SHARED),
         faces: limits.faces.min(bytes.len() + SHARED),
         ..*limits
     };
-    let mut reader = Reader { document: &document, buffers, builder: Builder::new(&limits), seen: Vec::new() };
+    let (builder, primitives) = (Builder::new(&own), bytes.len() / 4 + SHARED);
+    let mut reader = Reader { document: &document, buffers, builder, seen: HashMap::new(), primitives };
     for (mesh, place) in placed_meshes(&document)? {
-        reader.mesh(mesh, &place)?;
+        reader.mesh(mesh, &place).map_err(|error| match error {
+            ReadError::TooManyVertices { limit } if limit < limits.vertices => {
+                placed_too_many(bytes, limit, "vertices")
+            }
+            ReadError::TooManyFaces { limit } if limit < limits.faces => placed_too_many(bytes, limit, "triangles"),
+            other => other,
+        })?;
     }
     let mut mesh = reader.builder.finish()?;
     // Corners that differ in a normal or a texture coordinate are different vertices.
@@ -129,8 +144,9 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     Ok(mesh)
 }
 
-fn shorten_text(text: &str) -> String {
-    text.chars().take(200).collect()
+/// Meshes stand at many nodes, or share their bytes, more often than real ones do.
+fn placed_too_many(bytes: &[u8], most: usize, what: &str) -> ReadError {
+    refuse(format!("its nodes place more than {most} {what}; a file of {} bytes may place no more", bytes.len()))
 }
 
 /// The JSON of a binary file, and its other chunk.
@@ -171,7 +187,9 @@ struct Reader<'d, 'b, 'l> {
     buffers: Vec<Cow<'b, [u8]>>,
     builder: Builder<'l>,
     /// The accessors of positions of the current mesh, and the first vertex of each.
-    seen: Vec<(usize, u32)>,
+    seen: HashMap<usize, u32>,
+    /// How many more primitives may be placed: those that add nothing take time as well.
+    primitives: usize,
 }
 
 impl Reader<'_, '_, '_> {
@@ -179,6 +197,10 @@ impl Reader<'_, '_, '_> {
         let mesh = self.document.meshes.get(number);
         let mesh = mesh.ok_or_else(|| refuse(format!("a node has mesh {number} of {}", self.document.meshes.len())))?;
         self.seen.clear();
+        self.primitives = self
+            .primitives
+            .checked_sub(mesh.primitives.len())
+            .ok_or_else(|| refuse("its nodes place meshes of more primitives than a file of this size may place"))?;
         for (k, primitive) in mesh.primitives.iter().enumerate() {
             self.primitive(primitive, place).map_err(|error| match error {
                 ReadError::Arrays { format, reason } => {
@@ -227,7 +249,7 @@ impl Reader<'_, '_, '_> {
     fn vertices(&mut self, number: usize, place: &Matrix) -> Result<(u32, usize), ReadError> {
         let (accessor, elements) = elements(self.document, &self.buffers, number, "VEC3", &[5126])?;
         let count = accessor.count;
-        if let Some(&(_, first)) = self.seen.iter().find(|(seen, _)| *seen == number) {
+        if let Some(&first) = self.seen.get(&number) {
             return Ok((first, count));
         }
         let first = self.builder.mesh.positions.len() as u32;
@@ -235,7 +257,7 @@ impl Reader<'_, '_, '_> {
             let number = |k: usize| f32::from_le_bytes([element[k], element[k + 1], element[k + 2], element[k + 3]]);
             self.builder.vertex(place.applied([0, 4, 8].map(|k| f64::from(number(k)))))?;
         }
-        self.seen.push((number, first));
+        self.seen.insert(number, first);
         Ok((first, count))
     }
 
@@ -361,5 +383,25 @@ mod tests {
         assert!(cut.contains("cut short"), "{cut}");
         let most = ReadLimits { vertices: 45, ..ReadLimits::default() };
         assert_eq!(read(glb, &most).unwrap_err().kind(), "too-many-vertices");
+    }
+
+    #[test]
+    fn what_a_small_file_may_place_is_bounded() {
+        let refused = |text: &str| read(text.as_bytes(), &ReadLimits::default()).unwrap_err().to_string();
+        // Many primitives that add nothing, at many nodes.
+        let (primitives, nodes) = (vec!["{}"; 20_000].join(","), vec!["{\"mesh\":0}"; 20_000].join(","));
+        let text = format!("{{\"asset\":{{}},\"meshes\":[{{\"primitives\":[{primitives}]}}],\"nodes\":[{nodes}]}}");
+        let told = refused(&text);
+        assert!(told.contains("more primitives"), "{told}");
+        // A mesh of five vertices at many nodes.
+        let text = include_str!("data/strip-and-fan.gltf").split_whitespace().collect::<String>();
+        let nodes = vec!["{\"mesh\":0}"; 50_000].join(",");
+        let many = text.replacen("\"nodes\":[", &format!("\"nodes\":[{nodes},"), 1);
+        assert_ne!(many, text);
+        let told = refused(&many);
+        assert!(told.contains("vertices; a file of"), "{told}");
+        let objects = format!("{{\"asset\":{{}},\"nodes\":[{}]}}", vec!["{}"; MOST_OBJECTS].join(","));
+        let told = refused(&objects);
+        assert!(told.contains("1048578 objects"), "{told}");
     }
 }

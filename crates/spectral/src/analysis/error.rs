@@ -73,7 +73,7 @@ pub enum AnalysisError {
         mesh: usize,
     },
     /// The mesh has points without faces.
-    #[error("geodesic distances need a surface with faces, and the mesh has points alone")]
+    #[error("geodesic distances need a surface with faces, and the mesh has only points")]
     NoFaces,
     /// Bytes are no compressed functions, or not those of this basis.
     #[error("byte {at} of the compressed functions: {reason}")]

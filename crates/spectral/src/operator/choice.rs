@@ -165,7 +165,7 @@ pub enum Reason {
     NonManifold,
     /// More than one face in a thousand is thin.
     ThinFaces,
-    /// The mesh has points alone: the triangles are those of local Delaunay triangulations.
+    /// The mesh has only points: the triangles are those of local Delaunay triangulations, and fair.
     Points,
     /// Some face is so thin that by cotangents it would spoil the result by itself: its longest edge is over a million times its height.
     Needle,
@@ -406,8 +406,13 @@ fn choose_local(wanted: &OperatorKind, mesh: &TriangleMesh, measured: &laplace::
     if *wanted == OperatorKind::Robust {
         return (Laplacian::Robust, Reason::Requested);
     }
-    let thin = 1000 * measured.thin_faces > THIN_PER_MILLE * mesh.faces.len() || measured.needles > 0;
-    (if thin { Laplacian::Robust } else { Laplacian::Cotangent }, Reason::Points)
+    if 1000 * measured.thin_faces > THIN_PER_MILLE * mesh.faces.len() {
+        (Laplacian::Robust, Reason::ThinFaces)
+    } else if measured.needles > 0 {
+        (Laplacian::Robust, Reason::Needle)
+    } else {
+        (Laplacian::Cotangent, Reason::Points)
+    }
 }
 
 /// Which Laplacian to take.

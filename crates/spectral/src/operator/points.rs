@@ -42,7 +42,7 @@ impl OperatorParameters {
             OperatorKind::Weighted(_) => Some("\"weighted\" has weights of faces"),
         };
         if let Some(needs) = needs {
-            let reason = format!("{needs}, and the mesh has points alone; they have \"auto\" and potentials of values");
+            let reason = format!("{needs}, and the mesh has only points; they have \"auto\" and potentials of values");
             return Err(OperatorError::Parameter { name: "operator", reason });
         }
         if self.boundary == Boundary::Dirichlet {

@@ -69,7 +69,7 @@ pub enum Method {
 }
 
 /// Bytes that the local triangulation of a point takes while the operator is made.
-const POINT_BYTES: u64 = 2500;
+pub(crate) const POINT_BYTES: u64 = 2500;
 
 fn value(name: &'static str, reason: String) -> ParameterError {
     ParameterError::Value { name, reason }
