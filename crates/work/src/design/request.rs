@@ -1,6 +1,6 @@
 //! What a design is asked for with, and the constraints that it means.
 
-use chladni_spectral::field::{BENDING, Constraint, Hold, direction_in_frame};
+use chladni_spectral::field::{BENDING, Constraint, FullSpace, Hold, direction_in_frame};
 use chladni_spectral::operator::frames::power;
 use chladni_spectral::operator::transport::FieldKind;
 use serde::Deserialize;
@@ -48,7 +48,7 @@ pub struct DesignRequest {
 pub enum FacesRequest {
     /// So many, spread evenly.
     Sample(FaceSample),
-    /// These, in this order.
+    /// These, in this order; at most 100,000.
     List(Vec<u32>),
 }
 
@@ -65,6 +65,23 @@ pub struct FaceSample {
 
 /// The most faces of a sample.
 pub const MOST_SAMPLED: usize = 100_000;
+
+impl FacesRequest {
+    /// Checks a list against the number of faces.
+    ///
+    /// # Errors
+    /// [`DesignFault::Request`] names a face that is not there.
+    pub fn check(&self, faces: usize) -> Result<(), DesignFault> {
+        let Self::List(list) = self else { return Ok(()) };
+        match list.iter().position(|&face| face as usize >= faces) {
+            Some(at) => {
+                let reason = format!("refers to face {} of {faces}", list[at]);
+                Err(refused_at(list[at], "faces", &format!("faces[{at}]"), reason))
+            }
+            None => Ok(()),
+        }
+    }
+}
 
 impl<'de> Deserialize<'de> for FacesRequest {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -361,7 +378,7 @@ impl DesignRequest {
             Some((name, _)) => Err(refused(
                 name,
                 &format!("field.design.{name}"),
-                "is a matter of designs that are answered themselves",
+                "can be given only where the designed field itself is the answer",
             )),
             None => Ok(()),
         }
@@ -393,6 +410,13 @@ impl DesignRequest {
             let reason = format!("must be from 1 to {MOST_SAMPLED}, not {sample}");
             return Err(refused("faces", "faces.sample", reason));
         }
+        if let Some(FacesRequest::List(faces)) = &self.faces
+            && faces.len() > MOST_SAMPLED
+        {
+            let reason = format!("must be at most {MOST_SAMPLED} faces, not {}", faces.len());
+            return Err(refused("faces", "faces", reason));
+        }
+        self.refine.map_or(Ok(()), FullSpace::check_tolerance)?;
         self.alignment.iter().try_for_each(|wanted| weight_fits(wanted.weight, "alignment.weight"))?;
         self.singularities.iter().try_for_each(|wanted| weight_fits(wanted.weight, "singularities.weight"))
     }
@@ -402,6 +426,7 @@ impl DesignRequest {
     /// # Errors
     /// [`DesignFault`] names the stroke or constraint that does not fit.
     pub fn resolve(&self, surface: &Surface, kind: FieldKind) -> Result<Vec<Constraint>, DesignFault> {
+        self.faces.iter().try_for_each(|wanted| wanted.check(surface.surface.faces()))?;
         let mut found = Vec::new();
         for (at, stroke) in self.strokes.iter().enumerate() {
             let place = format!("strokes[{at}]");
