@@ -347,19 +347,31 @@ fn held(fields: &[Vec<f64>], precondition: &DefiniteFactor) -> Result<Vec<Idle>,
     }
     let pairs = lowest_symmetric(square, count, &Unwatched).map_err(DesignError::Eigen)?;
     let largest = pairs.values.last().copied().unwrap_or(0.0);
-    let mixed = |vectors: &[Vec<f64>], mixture: &[f64]| {
-        let mut sum = vec![0.0; vectors.first().map_or(0, Vec::len)];
-        for (vector, share) in vectors.iter().zip(mixture) {
-            sum.iter_mut().zip(vector).for_each(|(s, v)| *s += share * v);
+    let mut found: Vec<Idle> = Vec::new();
+    let kept = pairs.values.iter().enumerate().rev().take_while(|(_, value)| **value > LOOSE * largest);
+    for (k, _) in kept {
+        let mut mixture = pairs.vectors.column(k).to_vec();
+        let mut values = vec![0.0; fields.first().map_or(0, Vec::len)];
+        for (field, share) in fields.iter().zip(&mixture) {
+            values.iter_mut().zip(field).for_each(|(v, f)| *v += share * f);
         }
-        sum
-    };
-    let kept = pairs.values.iter().enumerate().filter(|(_, value)| **value > LOOSE * largest);
-    let idle = kept.map(|(k, value)| {
-        let mixture: Vec<f64> = pairs.vectors.column(k).iter().map(|x| x / value.sqrt()).collect();
-        Idle { values: mixed(fields, &mixture), pulls: mixed(&pulls, &mixture), mixture }
-    });
-    Ok(idle.collect())
+        let mut pulls = solved(precondition, &values)?;
+        // What is held loosely is orthogonal to what is held firmly only as far as digits go: Gram–Schmidt, twice.
+        for _ in 0..2 {
+            for other in &found {
+                let share = small_dot(&other.values, &pulls);
+                values.iter_mut().zip(&other.values).for_each(|(v, o)| *v -= share * o);
+                pulls.iter_mut().zip(&other.pulls).for_each(|(p, o)| *p -= share * o);
+                mixture.iter_mut().zip(&other.mixture).for_each(|(t, o)| *t -= share * o);
+            }
+        }
+        let size = small_dot(&values, &pulls).sqrt();
+        if size > 0.0 {
+            [&mut values, &mut pulls, &mut mixture].into_iter().flatten().for_each(|x| *x /= size);
+            found.push(Idle { values, pulls, mixture });
+        }
+    }
+    Ok(found)
 }
 
 fn factored(matrix: DenseMatrix, faces: &[u32], b: usize) -> Result<DefiniteFactor, RefineError> {

@@ -244,7 +244,7 @@ fn what_is_no_residual_is_no_convergence() {
 }
 
 #[test]
-fn what_cannot_be_refined_is_refused() {
+fn tolerances_weights_and_singularities_that_refinement_cannot_have_are_refused() {
     let p = problem(FieldSurface::new(generate(Shape::Sphere, 260).unwrap()).unwrap(), FieldKind::Vector {}, 120);
     let weighted = p.model.weighted(EnergyWeights::default(), None).unwrap();
     let constraints = spread(p.surface.faces(), 3, |_| Hold::Strength(1.0));

@@ -5,6 +5,7 @@ use chladni_spectral::operator::frames::power;
 use chladni_spectral::operator::transport::FieldKind;
 use serde::Deserialize;
 
+use super::faces::FacesRequest;
 use super::{DesignFault, Surface};
 use crate::table::Table;
 use crate::word_or;
@@ -39,70 +40,6 @@ pub struct DesignRequest {
     pub refine: Option<f64>,
     /// The faces that the field is told of; without it, all.
     pub faces: Option<FacesRequest>,
-}
-
-/// Faces that an answer is about.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[cfg_attr(feature = "schema", serde(untagged))]
-pub enum FacesRequest {
-    /// So many, spread evenly.
-    Sample(FaceSample),
-    /// These, in this order; at most 100,000.
-    List(Vec<u32>),
-}
-
-/// Faces that are spread evenly over a surface, the same in every request: each as far as possible from those before it, so that the first of many are the sample
-/// of few.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(deny_unknown_fields)]
-pub struct FaceSample {
-    /// How many; all faces where there are fewer.
-    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 100_000))]
-    pub sample: usize,
-}
-
-/// The most faces of a sample.
-pub const MOST_SAMPLED: usize = 100_000;
-
-impl FacesRequest {
-    /// Checks a list against the number of faces.
-    ///
-    /// # Errors
-    /// [`DesignFault::Request`] names a face that is not there.
-    pub fn check(&self, faces: usize) -> Result<(), DesignFault> {
-        let Self::List(list) = self else { return Ok(()) };
-        match list.iter().position(|&face| face as usize >= faces) {
-            Some(at) => {
-                let reason = format!("refers to face {} of {faces}", list[at]);
-                Err(refused_at(list[at], "faces", &format!("faces[{at}]"), reason))
-            }
-            None => Ok(()),
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for FacesRequest {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Visitor;
-        impl<'de> serde::de::Visitor<'de> for Visitor {
-            type Value = FacesRequest;
-
-            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                f.write_str("an object {\"sample\": n} or an array of faces")
-            }
-
-            fn visit_map<A: serde::de::MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-                Deserialize::deserialize(serde::de::value::MapAccessDeserializer::new(map)).map(FacesRequest::Sample)
-            }
-
-            fn visit_seq<A: serde::de::SeqAccess<'de>>(self, list: A) -> Result<Self::Value, A::Error> {
-                Deserialize::deserialize(serde::de::value::SeqAccessDeserializer::new(list)).map(FacesRequest::List)
-            }
-        }
-        deserializer.deserialize_any(Visitor)
-    }
 }
 
 /// Weights of the energies, on the surface of unit area.
@@ -342,7 +279,7 @@ pub fn refused(within: &'static str, place: &str, reason: impl std::fmt::Display
 }
 
 /// The same, about a face.
-fn refused_at(face: u32, within: &'static str, place: &str, reason: impl std::fmt::Display) -> DesignFault {
+pub(super) fn refused_at(face: u32, within: &'static str, place: &str, reason: impl std::fmt::Display) -> DesignFault {
     DesignFault::Request { within, place: place.to_owned(), reason: reason.to_string(), face: Some(face) }
 }
 
@@ -404,18 +341,7 @@ impl DesignRequest {
                 "a design with prescribed singularities is no field of least energy that another could be closer to";
             return Err(refused("refine", place, reason));
         }
-        if let Some(FacesRequest::Sample(FaceSample { sample })) = self.faces
-            && !(1..=MOST_SAMPLED).contains(&sample)
-        {
-            let reason = format!("must be from 1 to {MOST_SAMPLED}, not {sample}");
-            return Err(refused("faces", "faces.sample", reason));
-        }
-        if let Some(FacesRequest::List(faces)) = &self.faces
-            && faces.len() > MOST_SAMPLED
-        {
-            let reason = format!("must be at most {MOST_SAMPLED} faces, not {}", faces.len());
-            return Err(refused("faces", "faces", reason));
-        }
+        self.faces.iter().try_for_each(FacesRequest::check_count)?;
         self.refine.map_or(Ok(()), FullSpace::check_tolerance)?;
         self.alignment.iter().try_for_each(|wanted| weight_fits(wanted.weight, "alignment.weight"))?;
         self.singularities.iter().try_for_each(|wanted| weight_fits(wanted.weight, "singularities.weight"))
@@ -426,7 +352,7 @@ impl DesignRequest {
     /// # Errors
     /// [`DesignFault`] names the stroke or constraint that does not fit.
     pub fn resolve(&self, surface: &Surface, kind: FieldKind) -> Result<Vec<Constraint>, DesignFault> {
-        self.faces.iter().try_for_each(|wanted| wanted.check(surface.surface.faces()))?;
+        self.faces.iter().try_for_each(|wanted| wanted.check_faces(surface.surface.faces()))?;
         let mut found = Vec::new();
         for (at, stroke) in self.strokes.iter().enumerate() {
             let place = format!("strokes[{at}]");

@@ -13,9 +13,8 @@ use chladni_spectral::field::{
 };
 use chladni_spectral::operator::transport::FieldKind;
 
-use super::request::{
-    AlignmentRequest, DesignRequest, FacesRequest, SingularVertex, SingularitiesRequest, Weights, refused,
-};
+use super::faces::FacesRequest;
+use super::request::{AlignmentRequest, DesignRequest, SingularVertex, SingularitiesRequest, Weights, refused};
 use super::{DesignFault, target};
 use crate::Provenance;
 
@@ -299,7 +298,7 @@ impl Setting {
                 Ok(farthest_points(&surface.dual().connectivity(), sample.sample, 0, monitor)?)
             }
             FacesRequest::List(list) => {
-                wanted.check(surface.faces())?;
+                wanted.check_faces(surface.faces())?;
                 Ok(list.clone())
             }
         }
