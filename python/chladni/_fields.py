@@ -60,14 +60,17 @@ class Fields:
         form : {"world", "frames", "roots", "axes"}
             How the numbers of a face are written; ``"world"``: in ℝ³.
         **request
-            Further members of the request of the API: ``weights``, ``alignment``, ``singularities``.
+            Further members of the request of the API: ``weights``, ``alignment``, ``singularities``; ``faces``, a list of faces or ``{"sample": 3000}``, to get
+            the field there alone; ``error=True`` to estimate how far the field is from the best one of the whole surface, as a share of its length;
+            ``refine=1e-8`` to get that one, to this relative tolerance.
 
         Returns
         -------
         field : numpy.ndarray of float32, (f, 3) for vectors in the world
-            A row for each face.
+            A row for each face, or for each of ``faces``.
         about : dict
-            Energies, and the residual of each constraint.
+            Energies; ``faces`` and ``residuals``, the face and the residual of each constraint; ``error``, with ``error`` or ``refine``; ``field_faces``, with
+            ``faces``: the face of each row.
 
         Examples
         --------

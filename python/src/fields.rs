@@ -67,7 +67,8 @@ impl NativeFields {
         self.seconds.clone()
     }
 
-    /// Designs a field: `(numbers, about)`, numbers (f, columns) in f32, a row for each face of the arrays, `about` as JSON. The request is that of the API.
+    /// Designs a field: `(numbers, about)`, numbers (f, columns) in f32, a row for each face of the arrays, or of those that the request asks
+    /// for, `about` as JSON with `field_faces` in the latter case. The request is that of the API.
     fn design<'py>(&self, py: Python<'py>, request: &str, form: &str) -> PyResult<Bound<'py, PyTuple>> {
         let mut request: DesignRequest = parsed("design", request)?;
         let form: Form = serde_json::from_value(json!(form))
@@ -85,11 +86,12 @@ impl NativeFields {
             let designed = setting.design(&request, monitor)?;
             let (kind, frames) = (setting.kind(), setting.surface.surface.frames());
             let columns = form.columns(kind);
-            let numbers = match &request.faces {
-                None => to.push_faces(&written(frames, kind, form, setting.lifted(&designed)?), columns),
+            let (numbers, field_faces) = match &request.faces {
+                None => (to.push_faces(&written(frames, kind, form, setting.lifted(&designed)?), columns), None),
                 Some(wanted) => {
                     let faces = setting.faces(wanted, monitor)?;
-                    written_at(frames, kind, form, &faces, setting.lifted_at(&designed, &faces)?)
+                    let numbers = written_at(frames, kind, form, &faces, setting.lifted_at(&designed, &faces)?);
+                    (numbers, Some(faces.iter().map(|&face| to.told_face(face)).collect::<Vec<_>>()))
                 }
             };
             let about = json!({
@@ -99,6 +101,7 @@ impl NativeFields {
                 "faces": designed.constraints.iter().map(|constraint| to.told_face(constraint.face)).collect::<Vec<_>>(),
                 "residuals": designed.design.residuals,
                 "error": designed.error,
+                "field_faces": field_faces,
             });
             Ok((numbers, columns, about))
         })?;

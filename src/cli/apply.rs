@@ -115,7 +115,8 @@ pub struct DesignArguments {
     #[arg(long, value_name = "FORM", default_value = "world", value_parser = form)]
     form: Form,
 
-    /// Write the field, a row for each face, to this .npy file; without it the coefficients and energies are printed as JSON
+    /// Write the field, a row for each face, to this .npy file; without it the coefficients and energies are printed as JSON. With "faces" in the request, the
+    /// face of each row is printed as JSON
     #[arg(long, short = 'o', value_name = "FILE")]
     output: Option<PathBuf>,
 }
@@ -171,6 +172,10 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
     let setting = Setting::new(Arc::new(fields), Arc::new(surface)).map_err(refused)?;
     request.translate(&to, setting.kind(), checked.mesh.positions.len()).map_err(refused)?;
     let designed = setting.design(&request, &Unwatched).map_err(refused)?;
+    let sampled =
+        request.faces.as_ref().map(|wanted| setting.faces(wanted, &Unwatched)).transpose().map_err(refused)?;
+    let told = |faces: &Vec<u32>| faces.iter().map(|&face| to.told_face(face)).collect::<Vec<_>>();
+    let field_faces = sampled.as_ref().map(told);
     let Some(file) = output else {
         let design = designed.design;
         return print(&json!({
@@ -181,26 +186,29 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
             "faces": designed.constraints.iter().map(|constraint| to.told_face(constraint.face)).collect::<Vec<_>>(),
             "residuals": design.residuals,
             "error": designed.error,
+            "field_faces": field_faces,
         }));
     };
     let (kind, surface) = (setting.kind(), &setting.surface.surface);
     let (form, columns) = (arguments.form, arguments.form.columns(kind));
-    let (numbers, rows) = match &request.faces {
+    let (numbers, rows) = match &sampled {
         None => {
             let field = setting.lifted(&designed).map_err(refused)?;
             let numbers = written(surface.frames(), kind, form, field);
             (to.push_faces(&numbers, columns), to.faces(surface.faces()))
         }
-        Some(wanted) => {
-            let faces = setting.faces(wanted, &Unwatched).map_err(refused)?;
-            let part = setting.lifted_at(&designed, &faces).map_err(refused)?;
-            (written_at(surface.frames(), kind, form, &faces, part), faces.len())
+        Some(faces) => {
+            let part = setting.lifted_at(&designed, faces).map_err(refused)?;
+            (written_at(surface.frames(), kind, form, faces, part), faces.len())
         }
     };
     let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
     let whole = npz::npy("<f4", false, &[rows, columns], &bytes);
     file.write(|out| Ok(out.write_all(&whole)?))?;
-    Ok(ExitCode::SUCCESS)
+    match field_faces {
+        Some(faces) => print(&json!({ "field_faces": faces })),
+        None => Ok(ExitCode::SUCCESS),
+    }
 }
 
 /// A typed request from the command line.

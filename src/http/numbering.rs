@@ -99,6 +99,15 @@ impl Numbered {
         })
     }
 
+    /// The same for numbers in the frames of faces, which faces that the check turned over have others of than in the file.
+    ///
+    /// # Errors
+    /// Those of loading a mesh.
+    pub async fn on_frames(self, state: &ClientState, mesh: &str) -> Result<Translation, Problem> {
+        let to = self.on_mesh(state, mesh).await?;
+        Ok(to.turning(state.store.mesh(mesh).await?.turned_faces()))
+    }
+
     /// The same of the mesh that a product lives on: its metadata name the mesh, else its record does.
     ///
     /// # Errors

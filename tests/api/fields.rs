@@ -331,6 +331,9 @@ async fn frames_of_a_drag_are_of_a_sample_of_faces_or_of_a_list() {
         assert_eq!(numbers(&few["field"]["faces"]), numbers(&many["field"]["faces"])[..100]);
         let whole = designed(&app, &basis, "form=world", request(json!({"sample": 100_000}))).await;
         assert_eq!(numbers(&whole["field"]["faces"]).len(), faces);
+        // Who asks for faces wants the field there.
+        let (status, unformed) = post(&app, &basis, "design", &request(json!({"sample": 100}))).await;
+        assert_eq!((status.as_u16(), &unformed["field"]), (200, &few["field"]));
         // Half precision: two bytes for a number, three digits of it.
         let url = format!("{}/design?encoding=f16", text(&basis["links"]["self"]));
         let (single, _) = raw(&app, &basis, "design", &request(json!({"sample": 300}))).await;
@@ -347,6 +350,7 @@ async fn frames_of_a_drag_are_of_a_sample_of_faces_or_of_a_list() {
             (json!({"sample": 0}), "faces.sample: must be from 1"),
             (json!({"sample": 1_000_000}), "faces.sample: must be from 1"),
             (json!([0, faces]), "faces[1]: "),
+            (json!(vec![0; 100_001]), "faces: must be at most 100000 faces"),
         ] {
             let (status, problem) = post(&app, &basis, "design?form=world", &request(wanted)).await;
             assert_eq!(
@@ -382,8 +386,14 @@ async fn vectors_are_carried_over_a_surface() {
         (&"f16".parse().unwrap(), &"4".parse().unwrap())
     );
     assert_eq!(half.bytes().await.unwrap().len(), 2 * 4 * faces);
+    let long = json!({"sources": [{"face": 7, "direction": [0.6e6, -1.1e6, 0.0]}]});
+    let half = app.post(&format!("{url}?encoding=f16")).header("accept", "application/octet-stream").json(&long);
+    let refused = problem(half.send().await.unwrap(), 422, "invalid-design/encoding").await;
+    assert_eq!(refused["face"], json!(0), "{refused}");
+    let both = json!([{"face": 7, "direction": [1.0, 0.0, 0.0]}, {"face": 7, "direction": [-1.0, 0.0, 0.0]}]);
     for (body, within, words) in [
         (json!({"sources": []}), "no-data", "no vector"),
+        (json!({"sources": both}), "sources", "cancel each other"),
         (json!({"sources": [{"face": 7}]}), "value", "sources[0]"),
         (json!({"sources": [{"face": faces, "direction": [1.0, 0.0, 0.0]}]}), "face", "sources[0]"),
         (json!({"sources": [{"face": 7, "direction": [0.0, 0.0, 1.0]}]}), "direction", "sources[0]"),
@@ -425,6 +435,7 @@ async fn a_field_is_decomposed_into_orthogonal_parts() {
     for (field, words) in [
         (json!({"columns": 2, "values": [1.0, 2.0]}), "rows, one for each face"),
         (json!({"columns": 4, "values": vec![1.0; 4 * faces]}), "4 columns"),
+        (json!({"columns": 1u64 << 63, "values": []}), "columns are given; 2 or 3"),
         (json!({"columns": 2, "values": vec![Value::Null; 2 * faces]}), "row 0"),
     ] {
         let refused = app.post(&url).json(&json!({"field": field})).send().await.unwrap();

@@ -6521,7 +6521,10 @@ export interface operations {
                  *     nearest.
                  */
                 extend?: "none" | "nearest";
-                /** @description Lifts the field to the faces and says how it is written. Without it JSON has the coefficients alone; raw answers are in `world` form. */
+                /**
+                 * @description Lifts the field to the faces and says how it is written. Without it JSON has the coefficients alone; raw answers, and those to requests with `faces`, are in
+                 *     `world` form.
+                 */
                 form?: "world" | "frames" | "roots" | "axes";
                 /**
                  * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it

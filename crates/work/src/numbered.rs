@@ -315,6 +315,7 @@ impl FurRequest {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::design::DecompositionRequest;
     use chladni_mesh::check::{CheckOptions, RepairKind, check};
     use chladni_mesh::numbering::Extension;
     use chladni_mesh::read::{MeshFormat, ReadLimits, read};
@@ -372,8 +373,24 @@ mod tests {
         assert!(refused.contains("operator.weighted.tensors") && refused.contains("(1 in all)"), "{refused}");
         // What is not in frames is as good as before, and so are tensors in the numbering of the kept mesh, or where no face was turned over.
         translate_parameters(&mut weighted(json!({"scalars": [1.0, 2.0, 3.0, 4.0], "fixed": [0]})), &to, mesh).unwrap();
-        for other in [Translation::default().turning(turned), to.turning(0)] {
+        for other in [Translation::default().turning(turned), to.clone().turning(0)] {
             translate_parameters(&mut tensors.clone(), &other, mesh).unwrap();
+        }
+        let field = |columns: usize| DecompositionRequest {
+            field: Table { columns, values: vec![1.0; 4 * columns] },
+            boundary: Default::default(),
+        };
+        let refused = field(2).translate(&to).unwrap_err().to_string();
+        assert!(refused.starts_with("field: ") && refused.contains("(1 in all)"), "{refused}");
+        field(3).translate(&to).unwrap();
+        field(2).translate(&to.turning(0)).unwrap();
+    }
+
+    #[test]
+    fn tables_whose_size_is_beyond_all_numbers_are_refused() {
+        let (to, _) = translation();
+        for width in [usize::MAX, 1 << 63, usize::MAX / 3 + 1] {
+            assert!(matches!(to.pull_faces(&[], width), Err(NumberingError::Length { .. })), "{width}");
         }
     }
 

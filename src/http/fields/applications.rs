@@ -4,7 +4,6 @@ use std::time::{Duration, Instant};
 
 use axum::body::Body;
 use axum::http::HeaderMap;
-use chladni_base::{Cancelled, Monitor};
 use chladni_work::design::{DesignFault, FurRequest, HatchingAnswer, HatchingRequest, Line};
 use chladni_work::table::Table;
 use utoipa_axum::router::OpenApiRouter;
@@ -12,6 +11,7 @@ use utoipa_axum::routes;
 
 use super::design::read;
 use super::octets;
+use super::patience::Patience;
 use super::solve::{self, Ready};
 use crate::http::client::ClientState;
 use crate::http::docs::Binary;
@@ -84,17 +84,6 @@ async fn comb(
         .await
 }
 
-/// Ends work after a while, or when nobody waits for it.
-struct Patience<'a>(Instant, &'a dyn Monitor);
-
-impl Monitor for Patience<'_> {
-    fn stage(&self, _name: &'static str) {}
-    fn progress(&self, _fraction: f64) {}
-    fn checkpoint(&self) -> Result<(), Cancelled> {
-        if self.0.elapsed() < PATIENCE { self.1.checkpoint() } else { Err(Cancelled) }
-    }
-}
-
 problems!(DrawHatchingProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE]);
 
 /// Draws a hatching
@@ -132,7 +121,7 @@ async fn hatch(
     let field = solve::lifted(&state, &ready, &request.field).await?;
     state
         .solve("hatching", move |monitor| {
-            let lines = request.lines(&ready, field, &Patience(begin, monitor)).map_err(too_long)?;
+            let lines = request.lines(&ready, field, &Patience::new(begin, PATIENCE, monitor)).map_err(too_long)?;
             if !drawn {
                 let mut lines: Vec<Line> = lines.into_iter().map(Line::from).collect();
                 lines.iter_mut().flat_map(|line| &mut line.faces).for_each(|face| *face = to.told_face(*face));

@@ -12,6 +12,7 @@ use utoipa_axum::routes;
 
 use super::cache;
 use super::design::read;
+use crate::http::body;
 use crate::http::client::ClientState;
 use crate::http::exchange::{Answer, JSON};
 use crate::http::extract;
@@ -25,6 +26,9 @@ use crate::http::state::AppState;
 pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new().routes(routes!(decompose))
 }
+
+/// About the bytes of an answer for each number of the field: its parts in frames, as they are written and as they are told, and their text.
+const BYTES_PER_NUMBER: u64 = 160;
 
 problems!(DecomposeFieldProblems: BODY JSON [INVALID_QUERY, UNKNOWN_MESH, DAMAGED_CONTENT, NOT_ACCEPTABLE, NO_FIELD_SURFACE, INVALID_DESIGN]);
 
@@ -56,8 +60,10 @@ async fn decompose(
     extract::negotiated(&headers, &[JSON])?;
     let mut request: DecompositionRequest = read(&state, &headers, content).await?;
     let surface = cache::surface(&state, &id).await?;
-    let to = numbered.on_mesh(&state, &id).await?;
+    let to = numbered.on_frames(&state, &id).await?;
     request.translate(&to)?;
+    let mut memory = state.memory();
+    body::reserve(&mut memory, BYTES_PER_NUMBER * (request.field.columns * surface.surface.faces()) as u64)?;
     let own = surface.clone();
     let boundary = request.boundary;
     let make = move |monitor: &dyn Monitor| {
@@ -67,8 +73,10 @@ async fn decompose(
     };
     let decomposition = cache::kept(&state, "hodge", &format!("{id} {boundary:?}"), make).await?;
     state
-        .solve("decompose", move |_| {
+        .solve("decompose", move |monitor| {
+            let _memory = memory;
             let answer = request.decompose(&surface.surface, &decomposition)?;
+            monitor.checkpoint()?;
             Answer::json(&answer.told(&to), begin)
         })
         .await

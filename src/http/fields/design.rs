@@ -35,7 +35,8 @@ pub fn routes() -> OpenApiRouter<AppState> {
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct DesignQuery {
-    /// Lifts the field to the faces and says how it is written. Without it JSON has the coefficients alone; raw answers are in `world` form.
+    /// Lifts the field to the faces and says how it is written. Without it JSON has the coefficients alone; raw answers, and those to requests with `faces`, are in
+    /// `world` form.
     #[param(inline)]
     form: Option<Form>,
     /// Whether to tell the singular vertices. Takes a pass over all vertices.
@@ -155,7 +156,7 @@ async fn design(
     let to = numbered.on_basis(&state, id, &ready.fields.metadata).await?;
     request.translate(&to, ready.kind(), ready.vertices())?;
     let designed = solve::design(&state, &ready, &request).await?;
-    let form = query.form.or(raw.then_some(Form::World));
+    let form = query.form.or((raw || request.faces.is_some()).then_some(Form::World));
     let some = match request.faces.as_ref().filter(|_| form.is_some()) {
         None => None,
         Some(wanted) => Some(solve::faces(&state, &ready, wanted).await?),
@@ -184,7 +185,8 @@ async fn design(
                 let energies = [Some(design.harmonic_energy), Some(design.biharmonic_energy), design.alignment_energy];
                 let energies: Vec<String> = energies.iter().flatten().map(f64::to_string).collect();
                 let residual = design.residuals.iter().copied().fold(0.0, f64::max);
-                let bytes = query.encoding.bytes(written(form));
+                let named = |row: usize| some.as_deref().map_or(row as u32, |faces| to.told_face(faces[row]));
+                let bytes = query.encoding.bytes(written(form), form.columns(kind), named)?;
                 let answer = described(bytes, rows, (form, query.encoding), kind, begin)
                     .with("chladni-energies", energies.join(", "))
                     .with("chladni-residual", residual);

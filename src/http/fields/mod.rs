@@ -16,6 +16,7 @@ mod design;
 mod eigenfields;
 mod frames;
 mod octets;
+mod patience;
 mod solve;
 mod transport;
 
@@ -102,9 +103,11 @@ impl From<RefineError> for Problem {
             RefineError::Operator(_) => Self::new(&problem::NO_FIELD_SURFACE, text),
             RefineError::Design(error) => error.into(),
             RefineError::Cancelled(cancelled) => cancelled.into(),
-            RefineError::Tolerance { .. } | RefineError::Prescribed | RefineError::NotConverged { .. } => {
-                Self::within(&problem::INVALID_DESIGN, "refine", text)
-            }
+            RefineError::Tolerance { .. }
+            | RefineError::Prescribed
+            | RefineError::Weights { .. }
+            | RefineError::Incomplete
+            | RefineError::NotConverged { .. } => Self::within(&problem::INVALID_DESIGN, "refine", text),
         }
     }
 }

@@ -4,6 +4,8 @@ use bytes::Bytes;
 use half::f16;
 use serde::Deserialize;
 
+use crate::http::problem::{self, Problem};
+
 /// How raw numbers are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -24,12 +26,23 @@ impl Encoding {
         }
     }
 
-    /// Numbers as little-endian bytes.
-    pub fn bytes(self, numbers: Vec<f32>) -> Bytes {
-        match self {
-            Self::F32 => to_bytes(numbers),
-            Self::F16 => numbers.into_iter().flat_map(|x| f16::from_f32(x).to_le_bytes()).collect(),
+    /// Numbers as little-endian bytes, `columns` for each of the faces that `face` names by their rows.
+    ///
+    /// # Errors
+    /// `invalid-design/encoding` names the face whose number is beyond half precision.
+    pub fn bytes(self, numbers: Vec<f32>, columns: usize, face: impl Fn(usize) -> u32) -> Result<Bytes, Problem> {
+        if self == Self::F32 {
+            return Ok(to_bytes(numbers));
         }
+        if let Some(at) = numbers.iter().position(|&x| x.is_finite() && !f16::from_f32(x).is_finite()) {
+            let (face, most) = (face(at / columns.max(1)), f16::MAX);
+            let detail = format!(
+                "The number {:e} on face {face} is beyond f16, which ends at {most}; ask for f32.",
+                numbers[at]
+            );
+            return Err(Problem::within(&problem::INVALID_DESIGN, "encoding", detail).with("face", face));
+        }
+        Ok(numbers.into_iter().flat_map(|x| f16::from_f32(x).to_le_bytes()).collect())
     }
 }
 

@@ -2,21 +2,33 @@
 
 use std::ops::Deref;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use chladni_base::{Monitor, Unwatched};
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::field::{DesignModel, FullSpace};
 use chladni_work::Provenance;
 use chladni_work::design::{
-    AlignmentRequest, DesignRequest, Designed, FacesRequest, FieldSource, Goal, NamedTarget, NamedWeights, PerFace,
-    Setting, Target, numerators,
+    AlignmentRequest, DesignFault, DesignRequest, Designed, FacesRequest, FieldSource, Goal, NamedTarget, NamedWeights,
+    PerFace, Setting, Target, numerators,
 };
 use uuid::Uuid;
 
 use super::cache;
+use super::patience::Patience;
 use crate::http::bases::find_kind;
+use crate::http::body;
 use crate::http::client::ClientState;
-use crate::http::problem::Problem;
+use crate::http::problem::{self, Problem};
+
+/// How long a design is refined within a request.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// About the bytes of all levels for each face and number of a block of them.
+const LEVEL_BYTES: u64 = 150;
+
+/// Vectors of the whole surface that a refinement holds at once.
+const VECTORS: u64 = 16;
 
 /// A field basis at hand, with the surface it lives on.
 #[derive(Clone)]
@@ -90,23 +102,46 @@ pub async fn design(state: &ClientState, ready: &Ready, request: &DesignRequest)
         // Without weights per face everything is diagonal: nothing is worth keeping.
         Arc::new(ready.weighted(&model, weights, goal)?)
     };
+    let (block, faces) = (ready.kind().block() as u64, ready.surface.surface.faces() as u64);
     let full: Option<Arc<FullSpace>> = match request.needs_full_space() {
         false => None,
         true => {
             let own = ready.clone();
-            let make = move |monitor: &dyn Monitor| Ok(own.full_space(monitor)?);
+            let (mut memory, levels) = (state.memory(), LEVEL_BYTES * block * block * faces);
+            let make = move |monitor: &dyn Monitor| {
+                body::reserve(&mut memory, levels)?;
+                Ok(own.full_space(monitor)?)
+            };
             Some(cache::kept(state, "full-space", &ready.id, make).await?)
         }
     };
+    let mut memory = state.memory();
+    if full.is_some() {
+        body::reserve(&mut memory, 8 * VECTORS * block * faces)?;
+    }
     let (ready, request) = (ready.clone(), request.clone());
     let solve = move |monitor: &dyn Monitor| {
+        let _memory = memory;
         let mut designed = ready.solve(&weighted, constraints)?;
         if let Some(full) = full {
-            ready.judge(&full, &weighted, &request, &mut designed, monitor)?;
+            let patience = Patience::new(Instant::now(), PATIENCE, monitor);
+            ready.judge(&full, &weighted, &request, &mut designed, &patience).map_err(too_long)?;
         }
         Ok(ready.exactly(exact, designed))
     };
     state.solve("design", solve).await
+}
+
+/// A design that is not refined in time.
+fn too_long(fault: DesignFault) -> Problem {
+    match fault {
+        DesignFault::Cancelled(_) => Problem::within(
+            &problem::INVALID_DESIGN,
+            "refine",
+            "The design was not compared with the whole surface within the time of a request; ask for a larger tolerance, or leave out refine and error.",
+        ),
+        other => other.into(),
+    }
 }
 
 /// The faces that an answer is about; a sample is drawn once.

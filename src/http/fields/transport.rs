@@ -17,6 +17,7 @@ use utoipa_axum::routes;
 use super::cache;
 use super::design::{described, read};
 use super::octets::Encoding;
+use crate::http::body;
 use crate::http::client::ClientState;
 use crate::http::docs::Binary;
 use crate::http::exchange::{Answer, JSON, OCTETS};
@@ -47,12 +48,16 @@ struct TransportQuery {
     encoding: Encoding,
 }
 
+/// About the bytes of an answer for each face: panels of both heat steps, and the numbers as they are written, told and put into text.
+const BYTES_PER_FACE: u64 = 512;
+
 problems!(TransportVectorsProblems: BODY JSON [INVALID_QUERY, UNKNOWN_MESH, DAMAGED_CONTENT, NOT_ACCEPTABLE, NO_FIELD_SURFACE, INVALID_DESIGN]);
 
 /// Carries vectors over a surface
 ///
 /// The vector heat method (Sharp, Soliman and Crane 2019): each face gets the vector of the nearest source, carried there in parallel along a path that is about the
-/// shortest: on spheres within half a degree on average, however small the faces are, as heat on faces does not know quite which way is shortest. Both heat steps are factored at the first request about a mesh, and kept. JSON, or with `Accept: application/octet-stream` raw little-endian numbers.
+/// shortest: on spheres, away from the point opposite to the source, it is off by about half a degree on average, which falls only slowly as faces shrink, because the
+/// directions in which heat crosses edges are not consistent. Both heat steps are factored at the first request about a mesh, and kept. JSON, or with `Accept: application/octet-stream` raw little-endian numbers.
 #[utoipa::path(
     post, path = "/v1/meshes/{id}/vector-transport", tag = "fields", operation_id = "transportVectors",
     params(MeshId, NumberingQuery, TransportQuery),
@@ -87,14 +92,18 @@ async fn transport(
         Ok((made, bytes))
     };
     let heat = cache::kept(&state, "vector-heat", &id, make).await?;
+    let mut memory = state.memory();
+    body::reserve(&mut memory, BYTES_PER_FACE * surface.surface.faces() as u64)?;
     state
         .solve("transport", move |_| {
+            let _memory = memory;
             let (kind, form, frames) = (FieldKind::Vector {}, query.form, surface.surface.frames());
-            let numbers = written(frames, kind, form, carried(&heat, &sources)?);
+            let numbers = written(frames, kind, form, carried(&heat, &sources, &to)?);
             let numbers = to.push_faces(&numbers, form.columns(kind));
             if raw {
                 let rows = to.faces(frames.faces());
-                return Ok(described(query.encoding.bytes(numbers), rows, (form, query.encoding), kind, begin));
+                let bytes = query.encoding.bytes(numbers, form.columns(kind), |row| row as u32)?;
+                return Ok(described(bytes, rows, (form, query.encoding), kind, begin));
             }
             let values = numbers.into_iter().map(f64::from).collect();
             Answer::json(&Table { columns: form.columns(kind), values }, begin)
@@ -111,6 +120,9 @@ impl From<TransportError> for Problem {
             TransportError::NoSource => Self::within(&problem::INVALID_DESIGN, "no-data", text),
             TransportError::OutOfReach { face } => {
                 Self::within(&problem::INVALID_DESIGN, "reach", text).with("face", face)
+            }
+            TransportError::Cancelling { face } => {
+                Self::within(&problem::INVALID_DESIGN, "sources", text).with("face", face)
             }
         }
     }

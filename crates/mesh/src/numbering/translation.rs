@@ -329,7 +329,7 @@ impl Translation {
     pub fn pull_faces(&self, values: &[f64], width: usize) -> Result<Vec<f64>, NumberingError> {
         let Some(numbering) = self.of_faces() else { return Ok(values.to_vec()) };
         let needed = numbering.file_faces();
-        if values.len() != width * needed {
+        if width.checked_mul(needed) != Some(values.len()) {
             return Err(NumberingError::Length { elements: "faces", found: values.len() / width.max(1), needed });
         }
         let mut pulled = Vec::with_capacity(width * numbering.kept_faces());

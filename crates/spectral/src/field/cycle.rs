@@ -4,6 +4,7 @@
 //! polynomial, the same before and after the coarse correction: a cycle is symmetric and positive definite.
 
 use chladni_algebra::{BlockMatrix, DefiniteFactor, DenseMatrix};
+use chladni_base::{Cancelled, Monitor};
 use rayon::prelude::*;
 
 use super::hierarchy::{Level, row_scales};
@@ -104,16 +105,20 @@ pub(super) struct Shifted<'a, const B: usize> {
 
 impl<const B: usize> Cycles<B> {
     /// From one level or more.
-    pub fn new(levels: &[Level<B>]) -> Self {
+    ///
+    /// # Errors
+    /// Cancellation, between levels.
+    pub fn new(levels: &[Level<B>], monitor: &dyn Monitor) -> Result<Self, Cancelled> {
         let grids = levels.iter().enumerate().map(|(at, level)| {
+            monitor.checkpoint()?;
             let interpolation = levels.get(at + 1).and_then(|coarser| coarser.interpolation.as_ref());
             let transfer = interpolation.map(|to| (Rows::of(&to.matrix.transpose()), Rows::of(&to.matrix)));
-            Grid::new(level, at == 0, transfer)
+            Ok(Grid::new(level, at == 0, transfer))
         });
-        let grids: Vec<Grid<B>> = grids.collect();
+        let grids = grids.collect::<Result<Vec<Grid<B>>, Cancelled>>()?;
         let coarsest = levels.last().filter(|last| B * last.roots.len() <= MOST_FACTORED);
         let coarsest = coarsest.map(|last| (last.stiffness.to_sparse().to_dense(), last.mass.to_sparse().to_dense()));
-        Self { grids, coarsest }
+        Ok(Self { grids, coarsest })
     }
 
     /// About the bytes that they take.
@@ -124,7 +129,9 @@ impl<const B: usize> Cycles<B> {
                 + transfer
                 + (size_of::<Small<B>>() * grid.mass.len() + 12 * grid.masses.len()) as u64
         };
-        self.grids.iter().map(grid).sum()
+        let coarsest =
+            self.coarsest.as_ref().map_or(0, |(stiffness, _)| 16 * (stiffness.rows() * stiffness.rows()) as u64);
+        self.grids.iter().map(grid).sum::<u64>() + coarsest
     }
 
     /// Cycles for `S + γM`, `γ > 0`.

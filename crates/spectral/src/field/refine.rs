@@ -6,8 +6,8 @@
 
 use std::sync::OnceLock;
 
-use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix};
-use chladni_base::{Cancelled, Monitor};
+use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, lowest_symmetric};
+use chladni_base::{Cancelled, Monitor, Unwatched};
 
 use super::basis::FieldSurface;
 use super::cycle::Cycles;
@@ -40,6 +40,12 @@ const LOOSE: f64 = 1e-9;
 /// Tolerances of [`FullSpace::refine`]: those below are lost to rounding.
 const LEAST_TOLERANCE: f64 = 1e-10;
 
+/// What is left of the pulls is rounding below this share of what all constraints ask for.
+const ROUNDING: f64 = 1e-12;
+
+/// As many fields without energy as most surfaces have at most: room is counted for them before they are known.
+const EXPECTED_IDLE: usize = 8;
+
 /// The tolerance with which [`FullSpace::distance`] judges: a share of the distances that small spaces have.
 const JUDGE: f64 = 2e-3;
 
@@ -67,6 +73,19 @@ pub enum RefineError {
         /// The goal.
         tolerance: f64,
     },
+    /// One energy outweighs another by more than single precision has room for.
+    #[error(
+        "the weights of the energies and of the alignment are too far apart to refine a design: their ratio is beyond {most:e}"
+    )]
+    Weights {
+        /// The largest ratio.
+        most: f64,
+    },
+    /// The reduced space does not have all fields without energy.
+    #[error(
+        "the space of this basis lacks fields without energy that the surface has: designs in it cannot be compared with the whole surface"
+    )]
+    Incomplete,
     /// The work was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -123,12 +142,25 @@ impl FullSpace {
         Ok(Self { kind, inner, kernel: OnceLock::new() })
     }
 
-    /// About the bytes that it takes.
-    pub fn bytes(&self) -> u64 {
-        match &self.inner {
-            Inner::Two(whole) => whole.bytes(),
-            Inner::Three(whole) => whole.bytes(),
+    /// Checks a tolerance of [`refine`](Self::refine).
+    ///
+    /// # Errors
+    /// [`RefineError::Tolerance`] where it is out of range.
+    pub fn check_tolerance(tolerance: f64) -> Result<(), RefineError> {
+        match (LEAST_TOLERANCE..1.0).contains(&tolerance) {
+            true => Ok(()),
+            false => Err(RefineError::Tolerance { tolerance }),
         }
+    }
+
+    /// About the bytes that it takes, with the fields without energy that are found later.
+    pub fn bytes(&self) -> u64 {
+        let (own, block) = match &self.inner {
+            Inner::Two(whole) => (whole.bytes(), 2),
+            Inner::Three(whole) => (whole.bytes(), 3),
+        };
+        let known = self.kernel.get().map_or(EXPECTED_IDLE, Vec::len);
+        own + (8 * block * self.faces() * known.max(EXPECTED_IDLE)) as u64
     }
 
     /// The field of least energy among all fields under the constraints of a design of the same model: constraints and alignments have the weights that the design has
@@ -147,9 +179,7 @@ impl FullSpace {
         tolerance: f64,
         monitor: &dyn Monitor,
     ) -> Result<Refined, RefineError> {
-        if !(LEAST_TOLERANCE..1.0).contains(&tolerance) {
-            return Err(RefineError::Tolerance { tolerance });
-        }
+        Self::check_tolerance(tolerance)?;
         length("the space", basis.space.faces(), self.faces())?;
         if weighted.is_prescribed() || basis.kind != self.kind {
             return Err(if basis.kind == self.kind { RefineError::Prescribed } else { DesignError::Kind.into() });
@@ -196,9 +226,16 @@ impl FullSpace {
         let compliance = weighted.compliance(basis, constraints)?;
         let kernel = self.kernel(whole, weighted, basis, monitor)?;
         let (sum, force) = weighted.whole_sum(B * whole.mass.len());
-        let response = Response::new(whole, sum, kernel);
+        let response = Response::new(whole, sum, kernel)?;
         let mut solve = Pulls::new(whole, &response, compliance, force, tolerance, monitor)?;
-        solve.run()?;
+        match solve.run() {
+            // Whichever solve it was, what was asked for was not reached.
+            Err(RefineError::NotConverged { .. }) if response.lacks_idle_fields(monitor)? => {
+                return Err(RefineError::Incomplete);
+            }
+            Err(RefineError::NotConverged { .. }) => return Err(RefineError::NotConverged { tolerance }),
+            other => other?,
+        }
         let field = solve.field;
         let reduced = basis.space.lift(&design.coefficients);
         let reduced =
@@ -253,7 +290,7 @@ impl<const B: usize> Whole<B> {
     ) -> Result<Self, RefineError> {
         let operator = FieldOperator::<B>::assemble(kind, surface.mesh(), surface.dual(), surface.frames(), boundary)?;
         let levels = hierarchy(&operator, surface.dual(), surface.frames(), COARSEST, monitor)?;
-        let cycles = Cycles::new(&levels);
+        let cycles = Cycles::new(&levels, monitor)?;
         Ok(Self { stiffness: operator.stiffness, mass: operator.mass, cycles })
     }
 
@@ -299,14 +336,27 @@ fn solved(factor: &DefiniteFactor, right: &[f64]) -> Result<Vec<f64>, RefineErro
     Ok(x.column(0).to_vec())
 }
 
-/// Gram–Schmidt, each twice. Mixtures that constraints hardly hold are left out: of those there is to be as little as possible.
-fn orthonormal(fields: Vec<Vec<f64>>, precondition: &DefiniteFactor) -> Result<Vec<Idle>, RefineError> {
-    let (mut found, mut largest): (Vec<Idle>, f64) = (Vec::new(), 0.0);
+/// The mixtures that constraints hold, by the eigenpairs of `(CZ)ᵀ P⁻¹ CZ`. Those that they hardly hold are left out: as `Z` is orthonormal by area, the field then has as
+/// little of them as possible.
+fn held(fields: &[Vec<f64>], precondition: &DefiniteFactor) -> Result<Vec<Idle>, RefineError> {
     let count = fields.len();
-    for (at, mut values) in fields.into_iter().enumerate() {
-        let mut mixture: Vec<f64> = (0..count).map(|k| f64::from(u8::from(k == at))).collect();
+    let pulls = fields.iter().map(|field| solved(precondition, field)).collect::<Result<Vec<_>, _>>()?;
+    let mut square = DenseMatrix::zeros(count, count);
+    for (j, own) in pulls.iter().enumerate() {
+        square.column_mut(j).iter_mut().zip(fields).for_each(|(s, field)| *s = small_dot(field, own));
+    }
+    let pairs = lowest_symmetric(square, count, &Unwatched).map_err(DesignError::Eigen)?;
+    let largest = pairs.values.last().copied().unwrap_or(0.0);
+    let mut found: Vec<Idle> = Vec::new();
+    let kept = pairs.values.iter().enumerate().rev().take_while(|(_, value)| **value > LOOSE * largest);
+    for (k, _) in kept {
+        let mut mixture = pairs.vectors.column(k).to_vec();
+        let mut values = vec![0.0; fields.first().map_or(0, Vec::len)];
+        for (field, share) in fields.iter().zip(&mixture) {
+            values.iter_mut().zip(field).for_each(|(v, f)| *v += share * f);
+        }
         let mut pulls = solved(precondition, &values)?;
-        largest = largest.max(small_dot(&values, &pulls));
+        // What is held loosely is orthogonal to what is held firmly only as far as digits go: Gram–Schmidt, twice.
         for _ in 0..2 {
             for other in &found {
                 let share = small_dot(&other.values, &pulls);
@@ -315,9 +365,8 @@ fn orthonormal(fields: Vec<Vec<f64>>, precondition: &DefiniteFactor) -> Result<V
                 mixture.iter_mut().zip(&other.mixture).for_each(|(t, o)| *t -= share * o);
             }
         }
-        let square = small_dot(&values, &pulls);
-        if square > LOOSE * largest {
-            let size = square.sqrt();
+        let size = small_dot(&values, &pulls).sqrt();
+        if size > 0.0 {
             [&mut values, &mut pulls, &mut mixture].into_iter().flatten().for_each(|x| *x /= size);
             found.push(Idle { values, pulls, mixture });
         }
@@ -355,7 +404,8 @@ impl<'a, const B: usize> Pulls<'a, B> {
             let own = |&face: &u32| &field[B * face as usize..B * (face as usize + 1)];
             compliance.faces.iter().flat_map(own).copied().collect()
         };
-        let idle = if k > 0 { orthonormal(kernel.iter().map(at_faces).collect(), &precondition)? } else { Vec::new() };
+        let at_faces: Vec<Vec<f64>> = kernel.iter().map(at_faces).collect();
+        let idle = if k > 0 { held(&at_faces, &precondition)? } else { Vec::new() };
         let field = vec![0.0; B * whole.mass.len()];
         Ok(Self { response, compliance, precondition, idle, force, tolerance, monitor, field, responses: 0 })
     }
@@ -401,13 +451,15 @@ impl<'a, const B: usize> Pulls<'a, B> {
         let mut amounts = vec![0.0; self.response.kernel().len()];
         let reached = self.at_faces(&self.field);
         let mut miss: Vec<f64> = self.compliance.values.iter().zip(&reached).map(|(v, u)| v - u).collect();
+        let asked = product(&miss, &solved(&self.precondition, &miss)?);
         let mut scaled = self.answer(&mut miss, &mut amounts)?;
         let mut size = product(&miss, &scaled);
-        let (first, goal) = (size, size * self.tolerance * self.tolerance);
+        // Where fields without energy meet all constraints nothing but rounding is left, of either sign.
+        let (first, goal) = (size, (size * self.tolerance * self.tolerance).max(asked * ROUNDING * ROUNDING));
         let mut direction = scaled.clone();
         let mut steps = 0;
-        while size > goal {
-            if steps == MOST_STEPS {
+        while !(size.abs() <= goal) {
+            if steps == MOST_STEPS || !(size > 0.0 && size.is_finite()) {
                 return Err(RefineError::NotConverged { tolerance: self.tolerance });
             }
             steps += 1;

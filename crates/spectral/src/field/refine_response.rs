@@ -13,6 +13,12 @@ use super::refine::RefineError;
 /// Cycles are for `S + γM` with `γ` at least this, far below the lowest positive eigenvalue of most surfaces of unit area: `S` alone may be singular.
 const LEAST_SHIFT: f64 = 0.05;
 
+/// Cycles are in single precision, which has no room for larger shifts.
+const MOST_SHIFT: f64 = 1e30;
+
+/// Steps of inverse iteration that look for a field without energy.
+const INVERSE_STEPS: usize = 12;
+
 /// Steps of conjugate gradients at most.
 const MOST_STEPS: usize = 400;
 
@@ -175,10 +181,13 @@ impl<const B: usize> Factor<'_, B> {
 }
 
 impl<'a, const B: usize> Response<'a, B> {
-    pub fn new(whole: &'a Whole<B>, sum: Sum, kernel: &'a [Vec<f64>]) -> Self {
+    pub fn new(whole: &'a Whole<B>, sum: Sum, kernel: &'a [Vec<f64>]) -> Result<Self, RefineError> {
         let area: f64 = whole.mass.iter().sum();
         let mean = sum.uniform + sum.masses.as_ref().map_or(0.0, |m| m.iter().sum::<f64>() / area);
-        let factor = |gamma: f64| Factor { gamma, cycles: whole.cycles.shifted(gamma.max(LEAST_SHIFT)) };
+        let factor = |gamma: f64| match gamma <= MOST_SHIFT {
+            true => Ok(Factor { gamma, cycles: whole.cycles.shifted(gamma.max(LEAST_SHIFT)) }),
+            false => Err(RefineError::Weights { most: MOST_SHIFT }),
+        };
         let mut exact = sum.masses.is_none();
         let product = if sum.biharmonic > 0.0 {
             let (half, held) = (0.5 * sum.harmonic / sum.biharmonic, mean / sum.biharmonic);
@@ -187,13 +196,39 @@ impl<'a, const B: usize> Response<'a, B> {
             // Of complex roots the size: where the product is not the sum, it is at most twice as much.
             let large = if square >= 0.0 { half + square.sqrt() } else { held.sqrt() };
             let small = if large > 0.0 { held / large } else { 0.0 };
-            Product::Two(factor(small), factor(large))
+            Product::Two(factor(small)?, factor(large)?)
         } else if sum.harmonic > 0.0 {
-            Product::One(factor(mean / sum.harmonic))
+            Product::One(factor(mean / sum.harmonic)?)
         } else {
             Product::Mass(mean)
         };
-        Self { whole, sum, product, exact, kernel: if mean > 0.0 { &[] } else { kernel } }
+        Ok(Self { whole, sum, product, exact, kernel: if mean > 0.0 { &[] } else { kernel } })
+    }
+
+    /// Whether the surface has fields without energy that are not known, where these would have to be kept apart: inverse iteration finds one.
+    pub fn lacks_idle_fields(&self, monitor: &dyn Monitor) -> Result<bool, RefineError> {
+        let needed = match &self.product {
+            Product::Two(small, _) => small.gamma == 0.0,
+            Product::One(one) => one.gamma == 0.0,
+            Product::Mass(_) => false,
+        };
+        if !needed {
+            return Ok(false);
+        }
+        let whole = self.whole;
+        let factor = Factor { gamma: 1.0, cycles: whole.cycles.shifted(1.0) };
+        let mut field: Vec<f64> = (0..B * whole.mass.len()).map(|i| (i as f64 * i as f64 * 0.37).sin()).collect();
+        for _ in 0..INVERSE_STEPS {
+            whole.weigh(&mut field, 1);
+            field = factor.solve(whole, &field, 1e-10, &[], monitor)?;
+            for idle in self.kernel {
+                let share = whole.product(idle, &field);
+                add(&mut field, idle, -share);
+            }
+            let size = whole.product(&field, &field).sqrt().max(f64::MIN_POSITIVE);
+            field.iter_mut().for_each(|x| *x /= size);
+        }
+        Ok(dot(&field, &whole.stiff(&field)) < IDLE)
     }
 
     /// Fields without energy, which are no part of what is moved.
@@ -266,11 +301,14 @@ pub(super) fn conjugate_gradients(
     let mut rz = dot(&residual, &scaled);
     let goal = rz * tolerance * tolerance;
     let mut direction = scaled.clone();
+    if rz == 0.0 {
+        return Ok(x);
+    }
     for _ in 0..MOST_STEPS {
-        if !(rz > 0.0) {
-            return Ok(x);
-        }
         monitor.checkpoint()?;
+        if !(rz > 0.0 && rz.is_finite()) {
+            break;
+        }
         let product = apply(&direction);
         let curvature = dot(&direction, &product);
         if !(curvature > 0.0) {
@@ -281,7 +319,8 @@ pub(super) fn conjugate_gradients(
         add(&mut residual, &product, -step);
         scaled = precondition(&residual)?;
         let next = dot(&residual, &scaled);
-        if next <= goal {
+        // Rounding has either sign; what is negative beyond it is no residual.
+        if next.abs() <= goal {
             return Ok(x);
         }
         // What the new residual shares with the last, which is nothing where the preconditioner stays the same, is taken out of the direction.

@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use chladni_algebra::{DefiniteFactor, DenseMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix};
 use chladni_base::Unwatched;
+use chladni_mesh::fixtures::union;
 use chladni_mesh::shape::{Shape, generate};
 
+use super::refine_response::conjugate_gradients;
 use super::weighted::Compliance;
 use super::*;
 use crate::operator::hodge::FieldBoundary;
@@ -209,8 +211,40 @@ fn refined_designs_on_real_surfaces_are_those_of_a_sparse_factor() {
     }
 }
 
+/// One stroke fixes two of the four numbers of fields without energy on two plates. The least field that meets it is zero on the other plate.
 #[test]
-fn what_cannot_be_refined_is_refused() {
+fn fields_without_energy_that_no_constraint_holds_are_as_small_as_possible() {
+    let plates = [260, 300].map(|vertices| generate(Shape::Rectangle, vertices).unwrap());
+    let first = plates[0].faces.len();
+    let p = problem(FieldSurface::new(union(&plates)).unwrap(), FieldKind::NVector { n: 4 }, 120);
+    let weighted = p.model.weighted(EnergyWeights::default(), None).unwrap();
+    for face in [17, first as u32 + 40] {
+        let constraints = [Constraint { face, value: [0.6, -1.1, 0.0], hold: Hold::Strength(1.0) }];
+        let design = weighted.solve(&p.basis, &constraints).unwrap();
+        let refined = p.full.refine(&weighted, &p.basis, &constraints, &design, 1e-9, &Unwatched).unwrap();
+        for (at, u) in refined.field.as_chunks::<2>().0.iter().enumerate() {
+            let wanted = if (at < first) == ((face as usize) < first) { 0.6f64.hypot(1.1) } else { 0.0 };
+            assert!((u[0].hypot(u[1]) - wanted).abs() < 1e-6, "stroke on face {face}, face {at}: {u:?}");
+        }
+        assert!(refined.distance < 1e-3, "{}", refined.distance);
+    }
+}
+
+#[test]
+fn what_is_no_residual_is_no_convergence() {
+    let solve = |factor: f64, f: &[f64]| {
+        let precondition = |r: &[f64]| Ok(r.iter().map(|x| factor * x).collect());
+        conjugate_gradients(<[f64]>::to_vec, precondition, f, 1e-6, &Unwatched)
+    };
+    assert_eq!(solve(1.0, &[1.0, 2.0]), Ok(vec![1.0, 2.0]));
+    assert_eq!(solve(1.0, &[0.0, 0.0]), Ok(vec![0.0, 0.0]));
+    for (factor, f) in [(f64::NAN, [1.0, 2.0]), (-1.0, [1.0, 2.0]), (1.0, [f64::NAN, 0.0]), (1.0, [1e200, 0.0])] {
+        assert_eq!(solve(factor, &f), Err(RefineError::NotConverged { tolerance: 1e-6 }), "{factor} {f:?}");
+    }
+}
+
+#[test]
+fn tolerances_weights_and_singularities_that_refinement_cannot_have_are_refused() {
     let p = problem(FieldSurface::new(generate(Shape::Sphere, 260).unwrap()).unwrap(), FieldKind::Vector {}, 120);
     let weighted = p.model.weighted(EnergyWeights::default(), None).unwrap();
     let constraints = spread(p.surface.faces(), 3, |_| Hold::Strength(1.0));
@@ -219,6 +253,9 @@ fn what_cannot_be_refined_is_refused() {
         let refused = p.full.refine(&weighted, &p.basis, &constraints, &design, tolerance, &Unwatched);
         assert!(matches!(refused, Err(RefineError::Tolerance { .. })), "{tolerance}");
     }
+    let uneven = p.model.weighted(EnergyWeights { harmonic: 1.0, biharmonic: 1e-40 }, None).unwrap();
+    let refused = p.full.refine(&uneven, &p.basis, &constraints, &design, 1e-6, &Unwatched);
+    assert!(matches!(refused, Err(RefineError::Weights { .. })), "{refused:?}");
     let at = [0, 40].map(|vertex| Prescribed { vertex, numerator: 1 });
     let field = PrescribedField::new(&p.surface, p.basis.kind, &at, &Unwatched).unwrap();
     let prescription = Arc::new(p.model.prescription(&p.basis, &p.surface, field).unwrap());

@@ -60,7 +60,16 @@ pub enum TransportError {
         /// The face.
         face: usize,
     },
+    /// Heat arrives, but that of the vectors adds up to zero.
+    #[error("the vectors of the sources cancel each other on face {face}: none of them is nearest there")]
+    Cancelling {
+        /// The face.
+        face: usize,
+    },
 }
+
+/// Less heat than this is as good as none: what it carries may be lost already.
+const LEAST_HEAT: f64 = 1e-290;
 
 impl VectorHeat {
     /// Factors both heat steps, of a time in proportion to the mean length of edges; longer where the surface is so large that no heat would arrive.
@@ -110,7 +119,7 @@ impl VectorHeat {
     /// A vector for each face, in its frame: those of the sources, carried there.
     ///
     /// # Errors
-    /// [`TransportError::OutOfReach`] names the first face where no heat arrives.
+    /// [`TransportError`] names the first face where no heat arrives, or where the vectors cancel each other.
     ///
     /// # Panics
     /// Where a source is on no face.
@@ -135,7 +144,12 @@ impl VectorHeat {
         for (face, v) in y.as_chunks_mut::<2>().0.iter_mut().enumerate() {
             let (own, length) = (v[0].hypot(v[1]), lengths[0][face] / lengths[1][face]);
             if !(own > f64::MIN_POSITIVE && length.is_finite()) {
-                return Err(TransportError::OutOfReach { face });
+                let arrives = length.is_finite() && lengths.iter().all(|heat| heat[face] > LEAST_HEAT);
+                return Err(if arrives && own.is_finite() {
+                    TransportError::Cancelling { face }
+                } else {
+                    TransportError::OutOfReach { face }
+                });
             }
             *v = v.map(|x| x / own * length);
         }
@@ -262,5 +276,9 @@ mod tests {
         let refused = heat.carried(&[VectorSource { face: 0, vector: [1.0, 0.0] }]);
         assert_eq!(refused, Err(TransportError::OutOfReach { face: first }));
         assert_eq!(heat.carried(&[]), Err(TransportError::NoSource));
+        // Both vectors of each pair on one face: not even the right-hand side is left of them.
+        let pair = |face: u32| [[1.0, 0.0], [-1.0, 0.0]].map(|vector| VectorSource { face, vector });
+        let refused = heat.carried(&[pair(0), pair(first as u32)].concat());
+        assert_eq!(refused, Err(TransportError::Cancelling { face: 0 }));
     }
 }

@@ -1,6 +1,6 @@
 //! The Hodge decomposition of a field that is given on the faces.
 
-use chladni_mesh::numbering::Translation;
+use chladni_mesh::numbering::{NumberingError, Translation};
 use chladni_spectral::field::{FieldSurface, HodgeDecomposition};
 use chladni_spectral::operator::hodge::FieldBoundary;
 use serde::{Deserialize, Serialize};
@@ -51,15 +51,28 @@ impl DecompositionRequest {
     /// # Errors
     /// [`DesignFault::Request`] names the face.
     pub fn translate(&mut self, to: &Translation) -> Result<(), DesignFault> {
+        self.check_columns()?;
+        // A face that was turned over has another frame, even where no number differs from the file's.
+        let faces = to.turned_faces();
+        if faces > 0 && self.field.columns == 2 {
+            return Err(refused("field", "field", NumberingError::Turned { faces }));
+        }
         if to.is_identity() {
             return Ok(());
         }
         if to.divides_faces() && self.field.columns == 2 {
-            return Err(refused("field", "field", chladni_mesh::numbering::NumberingError::Frames));
+            return Err(refused("field", "field", NumberingError::Frames));
         }
         let pulled = to.pull_faces(&self.field.values, self.field.columns);
         self.field.values = pulled.map_err(|error| refused("field", "field", error))?;
         Ok(())
+    }
+
+    fn check_columns(&self) -> Result<(), DesignFault> {
+        match self.field.columns {
+            2 | 3 => Ok(()),
+            columns => Err(refused("field", "field", format!("{columns} columns are given; 2 or 3 are needed"))),
+        }
     }
 
     /// Decomposes the field.
@@ -72,9 +85,7 @@ impl DecompositionRequest {
         decomposition: &HodgeDecomposition,
     ) -> Result<DecompositionAnswer, DesignFault> {
         let (columns, faces, frames) = (self.field.columns, surface.faces(), surface.frames());
-        if !(columns == 2 || columns == 3) {
-            return Err(refused("field", "field", format!("{columns} columns are given; 2 or 3 are needed")));
-        }
+        self.check_columns()?;
         if self.field.values.len() != columns * faces {
             let reason = format!("must be a table of {faces} rows, one for each face");
             return Err(refused("field", "field", reason));

@@ -3,6 +3,7 @@
 //! | file | what |
 //! |---|---|
 //! | `request` | what a design is asked for with, and the constraints that it means |
+//! | `faces` | the faces that its answer is about |
 //! | `target` | the field that an alignment draws it to |
 //! | `setting` | from a request to coefficients, in steps |
 //! | `forms` | stored numbers as a user reads them |
@@ -13,6 +14,7 @@
 
 mod decomposition;
 mod drawing;
+mod faces;
 mod fault;
 mod forms;
 mod request;
@@ -22,12 +24,13 @@ mod transport;
 
 pub use decomposition::{DecompositionAnswer, DecompositionRequest};
 pub use drawing::{CameraRequest, FieldSource, FurRequest, HatchingAnswer, HatchingRequest, Line};
+pub use faces::{FaceSample, FacesRequest, MOST_SAMPLED};
 pub use fault::DesignFault;
 pub use forms::{Form, written, written_at};
 pub(crate) use request::refused;
 pub use request::{
-    AlignmentRequest, BiharmonicEnergy, DesignRequest, FaceSample, FacesRequest, MOST_CONSTRAINTS, MOST_SAMPLED,
-    NamedTarget, NamedWeights, PerFace, Pin, SingularVertex, SingularitiesRequest, Stroke, Target, Weights,
+    AlignmentRequest, BiharmonicEnergy, DesignRequest, MOST_CONSTRAINTS, NamedTarget, NamedWeights, PerFace, Pin,
+    SingularVertex, SingularitiesRequest, Stroke, Target, Weights,
 };
 pub use setting::{Designed, ExactField, Goal, Setting, Surface, numerators};
 pub use transport::{TransportRequest, carried};

@@ -1,10 +1,11 @@
 //! What a design is asked for with, and the constraints that it means.
 
-use chladni_spectral::field::{BENDING, Constraint, Hold, direction_in_frame};
+use chladni_spectral::field::{BENDING, Constraint, FullSpace, Hold, direction_in_frame};
 use chladni_spectral::operator::frames::power;
 use chladni_spectral::operator::transport::FieldKind;
 use serde::Deserialize;
 
+use super::faces::FacesRequest;
 use super::{DesignFault, Surface};
 use crate::table::Table;
 use crate::word_or;
@@ -39,53 +40,6 @@ pub struct DesignRequest {
     pub refine: Option<f64>,
     /// The faces that the field is told of; without it, all.
     pub faces: Option<FacesRequest>,
-}
-
-/// Faces that an answer is about.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[cfg_attr(feature = "schema", serde(untagged))]
-pub enum FacesRequest {
-    /// So many, spread evenly.
-    Sample(FaceSample),
-    /// These, in this order.
-    List(Vec<u32>),
-}
-
-/// Faces that are spread evenly over a surface, the same in every request: each as far as possible from those before it, so that the first of many are the sample
-/// of few.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(deny_unknown_fields)]
-pub struct FaceSample {
-    /// How many; all faces where there are fewer.
-    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 100_000))]
-    pub sample: usize,
-}
-
-/// The most faces of a sample.
-pub const MOST_SAMPLED: usize = 100_000;
-
-impl<'de> Deserialize<'de> for FacesRequest {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Visitor;
-        impl<'de> serde::de::Visitor<'de> for Visitor {
-            type Value = FacesRequest;
-
-            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                f.write_str("an object {\"sample\": n} or an array of faces")
-            }
-
-            fn visit_map<A: serde::de::MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-                Deserialize::deserialize(serde::de::value::MapAccessDeserializer::new(map)).map(FacesRequest::Sample)
-            }
-
-            fn visit_seq<A: serde::de::SeqAccess<'de>>(self, list: A) -> Result<Self::Value, A::Error> {
-                Deserialize::deserialize(serde::de::value::SeqAccessDeserializer::new(list)).map(FacesRequest::List)
-            }
-        }
-        deserializer.deserialize_any(Visitor)
-    }
 }
 
 /// Weights of the energies, on the surface of unit area.
@@ -325,7 +279,7 @@ pub fn refused(within: &'static str, place: &str, reason: impl std::fmt::Display
 }
 
 /// The same, about a face.
-fn refused_at(face: u32, within: &'static str, place: &str, reason: impl std::fmt::Display) -> DesignFault {
+pub(super) fn refused_at(face: u32, within: &'static str, place: &str, reason: impl std::fmt::Display) -> DesignFault {
     DesignFault::Request { within, place: place.to_owned(), reason: reason.to_string(), face: Some(face) }
 }
 
@@ -361,7 +315,7 @@ impl DesignRequest {
             Some((name, _)) => Err(refused(
                 name,
                 &format!("field.design.{name}"),
-                "is a matter of designs that are answered themselves",
+                "can be given only where the designed field itself is the answer",
             )),
             None => Ok(()),
         }
@@ -387,12 +341,8 @@ impl DesignRequest {
                 "a design with prescribed singularities is no field of least energy that another could be closer to";
             return Err(refused("refine", place, reason));
         }
-        if let Some(FacesRequest::Sample(FaceSample { sample })) = self.faces
-            && !(1..=MOST_SAMPLED).contains(&sample)
-        {
-            let reason = format!("must be from 1 to {MOST_SAMPLED}, not {sample}");
-            return Err(refused("faces", "faces.sample", reason));
-        }
+        self.faces.iter().try_for_each(FacesRequest::check_count)?;
+        self.refine.map_or(Ok(()), FullSpace::check_tolerance)?;
         self.alignment.iter().try_for_each(|wanted| weight_fits(wanted.weight, "alignment.weight"))?;
         self.singularities.iter().try_for_each(|wanted| weight_fits(wanted.weight, "singularities.weight"))
     }
@@ -402,6 +352,7 @@ impl DesignRequest {
     /// # Errors
     /// [`DesignFault`] names the stroke or constraint that does not fit.
     pub fn resolve(&self, surface: &Surface, kind: FieldKind) -> Result<Vec<Constraint>, DesignFault> {
+        self.faces.iter().try_for_each(|wanted| wanted.check_faces(surface.surface.faces()))?;
         let mut found = Vec::new();
         for (at, stroke) in self.strokes.iter().enumerate() {
             let place = format!("strokes[{at}]");

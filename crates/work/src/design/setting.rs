@@ -13,9 +13,8 @@ use chladni_spectral::field::{
 };
 use chladni_spectral::operator::transport::FieldKind;
 
-use super::request::{
-    AlignmentRequest, DesignRequest, FacesRequest, SingularVertex, SingularitiesRequest, Weights, refused,
-};
+use super::faces::FacesRequest;
+use super::request::{AlignmentRequest, DesignRequest, SingularVertex, SingularitiesRequest, Weights, refused};
 use super::{DesignFault, target};
 use crate::Provenance;
 
@@ -293,20 +292,15 @@ impl Setting {
     /// # Errors
     /// [`DesignFault::Request`] names a face that is not there.
     pub fn faces(&self, wanted: &FacesRequest, monitor: &dyn Monitor) -> Result<Vec<u32>, DesignFault> {
-        let (surface, faces) = (&self.surface.surface, self.surface.surface.faces());
+        let surface = &self.surface.surface;
         match wanted {
-            FacesRequest::Sample(wanted) => {
-                Ok(farthest_points(&surface.dual().connectivity(), wanted.sample, 0, monitor)?)
+            FacesRequest::Sample(sample) => {
+                Ok(farthest_points(&surface.dual().connectivity(), sample.sample, 0, monitor)?)
             }
-            FacesRequest::List(list) => match list.iter().position(|&face| face as usize >= faces) {
-                Some(at) => Err(DesignFault::Request {
-                    within: "faces",
-                    place: format!("faces[{at}]"),
-                    reason: format!("refers to face {} of {faces}", list[at]),
-                    face: Some(list[at]),
-                }),
-                None => Ok(list.clone()),
-            },
+            FacesRequest::List(list) => {
+                wanted.check_faces(surface.faces())?;
+                Ok(list.clone())
+            }
         }
     }
 

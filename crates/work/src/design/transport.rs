@@ -1,7 +1,7 @@
 //! Vectors that are given on a few faces, carried over the whole surface.
 
 use chladni_mesh::numbering::Translation;
-use chladni_spectral::field::{VectorHeat, VectorSource};
+use chladni_spectral::field::{TransportError, VectorHeat, VectorSource};
 use chladni_spectral::operator::transport::FieldKind;
 use serde::Deserialize;
 
@@ -41,7 +41,13 @@ impl TransportRequest {
 /// A vector in the frame of each face.
 ///
 /// # Errors
-/// [`DesignFault::Transport`] names the face that is out of reach.
-pub fn carried(heat: &VectorHeat, sources: &[VectorSource]) -> Result<Vec<f32>, DesignFault> {
-    Ok(heat.carried(sources)?.into_iter().map(|x| x as f32).collect())
+/// [`DesignFault::Transport`] names the face that no vector reaches, in the numbering of the request.
+pub fn carried(heat: &VectorHeat, sources: &[VectorSource], to: &Translation) -> Result<Vec<f32>, DesignFault> {
+    let told = |face: usize| u32::try_from(face).map_or(face, |kept| to.told_face(kept) as usize);
+    let field = heat.carried(sources).map_err(|error| match error {
+        TransportError::OutOfReach { face } => TransportError::OutOfReach { face: told(face) },
+        TransportError::Cancelling { face } => TransportError::Cancelling { face: told(face) },
+        other => other,
+    })?;
+    Ok(field.into_iter().map(|x| x as f32).collect())
 }
