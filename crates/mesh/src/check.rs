@@ -212,9 +212,9 @@ pub enum MeshError {
         /// Points in the input.
         points: usize,
     },
-    /// Of points without faces, some have no triangle however often those are left out.
+    /// Of points without faces, some had no triangle however often those were left out.
     #[error(
-        "the {points} points have no faces; those at which no triangle can be made were left out {rounds} times, and of the {left} that are left some have none either"
+        "the {points} points have no faces, and no surface settles on them: {rounds} times some at which no triangle can be made were left out, and {left} are left"
     )]
     UnsettledPoints {
         /// Points in the input.

@@ -16,7 +16,7 @@ use crate::topology::Components;
 /// Fewer points have no more than one triangle.
 const FEWEST: usize = 4;
 
-/// How often points without a triangle are left out: the others may have had them for neighbours.
+/// How often triangles are made, since points without any are left out, and the others may have had them for neighbours.
 /// Surfaces are settled after one or two rounds; each takes as long as the first.
 const ROUNDS: usize = 3;
 
