@@ -18,7 +18,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("analysis", &["operator", "basis"]),
     ("formats", &["basis"]),
     // Whoever judges what a solver made uses nothing of it.
-    ("verify", &["operator", "basis"]),
+    ("verify", &["operator", "basis", "field"]),
     // The short way from a file to eigenpairs.
     ("facade", &["operator", "basis", "spectrum"]),
     // src

@@ -38,8 +38,12 @@ const ODD: [&str; 24] = [
 ];
 
 /// Operations without an input that is answered: decompression reads what another one gives, and the others want more than the small mesh has.
-const REFUSED: [&str; 3] =
-    ["POST /v1/bases/{id}/decompress", "POST /v1/bases/{id}/hatching", "POST /v1/bases/{id}/similar-points"];
+const REFUSED: [&str; 4] = [
+    "POST /v1/bases/{id}/decompress",
+    "POST /v1/bases/{id}/hatching",
+    "POST /v1/bases/{id}/similar-points",
+    "POST /v1/meshes/{id}/hodge-decomposition",
+];
 
 /// Where the words of a JSON text begin and end.
 fn words(text: &[u8]) -> Vec<(usize, usize)> {

@@ -125,6 +125,10 @@ pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
 impl VerifyArguments {
     fn judge(&self, bars: &StageBars) -> Result<Judged, CliError> {
         let bytes = read(&self.basis)?;
+        if let Some(path) = &self.against {
+            // A file that is not the one of the receipt need not be readable.
+            compare(path, &json!({ "basis": hash(&bytes) }))?;
+        }
         let stored = self.stored(&bytes)?;
         let is_pencil = matches!(stored, Stored::Pencil(_));
         self.refuse_misfits(&stored)?;

@@ -284,7 +284,8 @@ async fn designs_tell_how_far_they_are_from_the_whole_surface_and_are_refined() 
         assert!(text(&problem["detail"]).to_lowercase().contains(place), "{problem}");
     }
     let body = json!({"field": {"design": request(json!({"error": true}))}, "length": 0.1});
-    let (status, problem) = post(&app, &basis, "fur", &body).await;
+    let vectors = made(&app, &mesh, json!({"dimension": 60})).await;
+    let (status, problem) = post(&app, &vectors, "fur", &body).await;
     assert_eq!((status.as_u16(), &problem["type"]), (422, &json!("/problems/invalid-design/error")), "{problem}");
 }
 
@@ -314,15 +315,17 @@ async fn frames_of_a_drag_are_of_a_sample_of_faces_or_of_a_list() {
             let (some, shape) =
                 raw(&app, &basis, &format!("design?form={form}"), &request(json!({"sample": 300}))).await;
             assert_eq!(shape, [300, columns]);
+            // The axes of a tensor that is nearly a multiple of the identity turn far for a rounding error.
+            let most = if form == "axes" { 1e-3 } else { 1e-5 };
             for (own, &face) in some.chunks_exact(columns).zip(&sample) {
                 let there = &all[columns * face..columns * (face + 1)];
-                assert!(own.iter().zip(there).all(|(a, b)| (a - b).abs() < 1e-5), "{form} {own:?} {there:?}");
+                assert!(own.iter().zip(there).all(|(a, b)| (a - b).abs() < most), "{form} {own:?} {there:?}");
             }
             let (listed, shape) = raw(&app, &basis, &format!("design?form={form}"), &request(json!([5, 2, 5]))).await;
             assert_eq!(shape, [3, columns]);
             for (own, face) in listed.chunks_exact(columns).zip([5, 2, 5]) {
                 let there = &all[columns * face..columns * (face + 1)];
-                assert!(own.iter().zip(there).all(|(a, b)| (a - b).abs() < 1e-5), "{form}");
+                assert!(own.iter().zip(there).all(|(a, b)| (a - b).abs() < most), "{form}");
             }
         }
         // The first of a larger sample are the smaller one; more than all is all.

@@ -359,7 +359,8 @@ export interface paths {
          *
          *     JSON, or raw numbers for speed: with `Content-Type: application/octet-stream` the body is little-endian values, vertex after
          *     vertex and, within a vertex, function after function, of the type `dtype`; the transfer function stands in the query. The answer
-         *     is of the same kind unless `Accept` says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`.
+         *     is of the same kind unless `Accept` says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`. The mesh of `model/ply` has the kept
+         *     vertices in their order, which for points without faces is not that of the file.
          */
         post: operations["filter"];
         delete?: never;
@@ -423,7 +424,7 @@ export interface paths {
          *
          *     By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`;
          *     `application/octet-stream`, the same little-endian numbers, mode after mode, without a header; `model/ply`, the mesh with the
-         *     values of one mode as colours, from blue over white at zero to red. Numbers are f32 unless `dtype` says f64. Answers are streamed:
+         *     values of one mode as colours, from blue over white at zero to red; it has the kept vertices in their order, which for points without faces is not that of the file. Numbers are f32 unless `dtype` says f64. Answers are streamed:
          *     nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these modes are read.
          */
         get: operations["getModes"];
@@ -807,7 +808,8 @@ export interface paths {
          *     the vertices of the surface are the first of the solid, both in the order of the file.
          *
          *     A file without faces has points: bases are then computed from triangles around each of them, the report has `points: true`, and what needs a surface with faces
-         *     is refused. Points at equal positions become one, unless `merge=never`.
+         *     is refused. Points at equal positions become one, unless `merge=never`, and points at which no triangle can be made are left out. The points are kept in the order of a curve
+         *     through space: meshes that are answered (the content of the mesh, PLY of filtered functions and of modes) have them in this order, and `GET /v1/meshes/{id}/vertex-map` tells which they are.
          *
          *     Where repairs renumber vertices or faces, the report has the member `file`, and all other routes take and give the numbering of the file unless
          *     they are asked for `numbering=kept`; so two files with the same surface and other numbers are two meshes.
@@ -969,7 +971,8 @@ export interface paths {
         /**
          * Carries vectors over a surface
          * @description The vector heat method (Sharp, Soliman and Crane 2019): each face gets the vector of the nearest source, carried there in parallel along a path that is about the
-         *     shortest: on spheres within half a degree on average, however small the faces are, as heat on faces does not know quite which way is shortest. Both heat steps are factored at the first request about a mesh, and kept. JSON, or with `Accept: application/octet-stream` raw little-endian numbers.
+         *     shortest: on spheres, away from the point opposite to the source, it is off by about half a degree on average, which falls only slowly as faces shrink, because the
+         *     directions in which heat crosses edges are not consistent. Both heat steps are factored at the first request about a mesh, and kept. JSON, or with `Accept: application/octet-stream` raw little-endian numbers.
          */
         post: operations["transportVectors"];
         delete?: never;

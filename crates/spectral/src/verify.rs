@@ -116,13 +116,15 @@ struct Claims {
     residuals: bool,
     /// Whether its certificate has counts, where it claims to be complete.
     counts: bool,
+    /// Whether values are Rayleigh quotients of the functions, to rounding.
+    quotients: bool,
     /// Half a unit in the last place of what is stored.
     unit: f64,
 }
 
 impl Claims {
     fn of(basis: &Basis) -> Self {
-        Self { residuals: true, counts: true, unit: storage_unit(basis) }
+        Self { residuals: true, counts: true, quotients: true, unit: storage_unit(basis) }
     }
 }
 
@@ -330,7 +332,7 @@ impl Subject<'_> {
         // What storing the function changes of its quotient, to first and to second order.
         let stored = 4.0 * self.claims.unit * length(&r) * length(x) / mass + 4.0 * self.claims.unit.powi(2) * terms;
         let allowed = 1e-9 * theta.abs() + stored + 64.0 * f64::EPSILON * terms;
-        let projected = !certificate.projection_errors.is_empty();
+        let projected = !certificate.projection_errors.is_empty() || !self.claims.quotients;
         if !(projected || (quotient - theta).abs() <= allowed.min(distance)) {
             findings.push(Finding::Quotient { pair, value, quotient: quotient / area });
         }
