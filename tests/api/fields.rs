@@ -315,8 +315,8 @@ async fn frames_of_a_drag_are_of_a_sample_of_faces_or_of_a_list() {
             let (some, shape) =
                 raw(&app, &basis, &format!("design?form={form}"), &request(json!({"sample": 300}))).await;
             assert_eq!(shape, [300, columns]);
-            // The axes of a tensor that is nearly a multiple of the identity turn far for a rounding error.
-            let most = if form == "axes" { 1e-3 } else { 1e-5 };
+            // The axes of a tensor that is nearly a multiple of the identity turn far for a rounding error, and its roots with them.
+            let most = if ["axes", "roots"].contains(&form) { 1e-3 } else { 1e-5 };
             for (own, &face) in some.chunks_exact(columns).zip(&sample) {
                 let there = &all[columns * face..columns * (face + 1)];
                 assert!(own.iter().zip(there).all(|(a, b)| (a - b).abs() < most), "{form} {own:?} {there:?}");
