@@ -49,11 +49,7 @@ impl Body {
     }
 
     fn size(&self) -> MeshSize {
-        let mut size = MeshSize::from(self.mesh());
-        if let Some(solid) = &self.checked.solid {
-            (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
-        }
-        size
+        MeshSize::of_body(self.mesh(), self.checked.solid.as_ref())
     }
 
     /// How requests and answers in the numbering of the arrays are brought into that of the mesh, and back.

@@ -1,6 +1,7 @@
 //! `verify`: a basis judged again, from its mesh or its matrices alone.
 
-use chladni_mesh::check::RepairKind;
+use chladni_mesh::TetMesh;
+use chladni_mesh::check::{CheckedMesh, RepairKind};
 use chladni_mesh::numbering::{Extension, Translation};
 use chladni_mesh::solid::CheckedBody;
 use chladni_spectral::basis::modal::ModalBasis;
@@ -125,15 +126,16 @@ pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
 impl VerifyArguments {
     fn judge(&self, bars: &StageBars) -> Result<Judged, CliError> {
         let bytes = read(&self.basis)?;
+        let basis_hash = hash(&bytes);
         if let Some(path) = &self.against {
             // A file that is not the one of the receipt need not be readable.
-            compare(path, &json!({ "basis": hash(&bytes) }))?;
+            compare(path, &json!({ "basis": basis_hash }))?;
         }
         let stored = self.stored(&bytes)?;
         let is_pencil = matches!(stored, Stored::Pencil(_));
         self.refuse_misfits(&stored)?;
         let other = if is_pencil { "stiffness" } else { "mesh" };
-        let mut hashes = json!({ "basis": hash(&bytes), other: hash(&read(&self.input.mesh)?) });
+        let mut hashes = json!({ "basis": basis_hash, other: hash(&read(&self.input.mesh)?) });
         if let Some(path) = &self.mass {
             hashes["mass"] = json!(hash(&read(path)?));
         }
@@ -196,12 +198,9 @@ impl VerifyArguments {
     fn judge_eigenbasis(&self, basis: &Basis, hashes: (&Value, &str), bars: &StageBars) -> Result<Judged, CliError> {
         let mut parameters = parameters(basis, self.operator.as_deref())?;
         let CheckedBody { surface, solid } = self.input.load_body()?;
-        let turned = surface.report.repaired(RepairKind::FlippedFaces);
-        let file = Translation::of_file(Arc::new(surface.numbering), Extension::None).turning(turned);
         if self.operator.is_some() {
             // A potential that is given here is given as the file numbers its vertices.
-            let mut own = Packed::from(&parameters.canonical());
-            translate_parameters(&mut own, &file, MeshSize::from(&surface.mesh))?;
+            let own = of_the_file(&parameters, &surface, solid.as_ref())?;
             parameters = EigenbasisParameters::read(&own)?;
         }
         let outcome = judge(basis, &surface.mesh, solid.as_ref(), &parameters, bars);
@@ -219,8 +218,10 @@ impl VerifyArguments {
         let stiffness = matrix(&self.input.mesh)?.into_matrix();
         let matrices = Matrices::new(stiffness, mass(self.mass.as_deref())?)
             .map_err(|error| CliError::mesh(&self.input.mesh, error))?;
-        let listed = serde_json::from_value(basis.metadata["parameters"]["fixed"].clone()).unwrap_or_default();
-        let fixed: Vec<u32> = self.fixed.as_deref().map_or(Ok(listed), rows)?;
+        let fixed = match &self.fixed {
+            Some(path) => rows(path)?,
+            None => self.listed(basis)?,
+        };
         let outcome = judge_pencil(basis, &matrices, &fixed, bars).map_err(|error| self.unjudged(error))?;
         Ok(Judged {
             receipt: pencil_receipt(basis, &matrices, !fixed.is_empty(), &outcome, hashes, 0.0),
@@ -231,20 +232,30 @@ impl VerifyArguments {
         })
     }
 
+    /// The rows that are held, where the basis lists them.
+    fn listed(&self, basis: &Basis) -> Result<Vec<u32>, CliError> {
+        let listed = serde_json::from_value(basis.metadata["parameters"]["fixed"].clone());
+        match (listed, basis.metadata["fixed_rows"].as_u64()) {
+            (Ok(listed), _) => Ok(listed),
+            (Err(_), Some(held @ 1..)) => {
+                let reason = format!(
+                    "{} was solved with {} rows held, and does not say which; list them with --fixed",
+                    self.basis.display(),
+                    grouped(held as usize)
+                );
+                Err(CliError::Usage(reason))
+            }
+            (Err(_), _) => Ok(Vec::new()),
+        }
+    }
+
     fn judge_modes(&self, modes: &ModalBasis, hashes: (&Value, &str), bars: &StageBars) -> Result<Judged, CliError> {
         let clamped = self.fixed.as_deref().map(rows).transpose()?;
         let mut parameters = vibration_of(modes, clamped)
             .map_err(|error| CliError::Usage(format!("{error}; list the clamped vertices with --fixed")))?;
         let CheckedBody { surface, solid } = self.input.load_body()?;
         if self.fixed.is_some() {
-            let mut size = MeshSize::from(&surface.mesh);
-            if let Some(solid) = &solid {
-                (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
-            }
-            let turned = surface.report.repaired(RepairKind::FlippedFaces);
-            let file = Translation::of_file(Arc::new(surface.numbering), Extension::None).turning(turned);
-            let mut own = Packed::from(&parameters.canonical());
-            translate_parameters(&mut own, &file, size)?;
+            let own = of_the_file(&parameters, &surface, solid.as_ref())?;
             parameters = VibrationBasisParameters::read(&own)?;
         }
         let outcome = judge_modes(modes, &surface.mesh, solid.as_ref(), &parameters, bars);
@@ -257,6 +268,15 @@ impl VerifyArguments {
             approximate: false,
         })
     }
+}
+
+/// Parameters that name vertices as the file does, as they are in the mesh that is kept of it.
+fn of_the_file(parameters: &impl Work, surface: &CheckedMesh, solid: Option<&TetMesh>) -> Result<Packed, CliError> {
+    let turned = surface.report.repaired(RepairKind::FlippedFaces);
+    let file = Translation::of_file(Arc::new(surface.numbering.clone()), Extension::None).turning(turned);
+    let mut own = Packed::from(&parameters.canonical());
+    translate_parameters(&mut own, &file, MeshSize::of_body(&surface.mesh, solid))?;
+    Ok(own)
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, CliError> {

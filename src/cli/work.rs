@@ -203,10 +203,7 @@ pub fn prepared(
     job: &JobParameters,
     numbered: &NumberingArguments,
 ) -> Result<(JobParameters, MeshSize, Arc<Numbering>), CliError> {
-    let mut size = MeshSize::from(&body.surface.mesh);
-    if let Some(solid) = &body.solid {
-        (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
-    }
+    let size = MeshSize::of_body(&body.surface.mesh, body.solid.as_ref());
     let numbering = Arc::new(body.surface.numbering.clone());
     let mut parameters = Packed::from(&job.canonical());
     let turned = body.surface.report.repaired(RepairKind::FlippedFaces);

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use axum::http::HeaderMap;
+use chladni_base::Monitor;
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::verify::VerifyError;
 use chladni_work::verification::{
@@ -24,6 +25,7 @@ use super::extract;
 use super::ids::BasisId;
 use super::problem::{self, Problem};
 use super::problems::problems;
+use super::shares::Share;
 use super::state::AppState;
 use crate::store::{BasisRecord, StoreError};
 
@@ -148,11 +150,11 @@ async fn parameters_of(state: &ClientState, record: &BasisRecord) -> Result<Opti
     }
 }
 
-fn refused(error: &ParameterError, command: &str) -> Problem {
-    Problem::new(
-        &problem::INVALID_ANALYSIS,
-        format!("This basis cannot be judged here, since its job was deleted: {error}. {command}"),
-    )
+fn refused(error: &ParameterError, option: &str) -> Problem {
+    let detail = format!(
+        "This basis cannot be judged here, since its job was deleted: {error}. Download it and its mesh, and use `chladni verify {option}`."
+    );
+    Problem::new(&problem::INVALID_ANALYSIS, detail)
 }
 
 async fn verify_eigenbasis(state: ClientState, id: Uuid) -> Result<Answer, Problem> {
@@ -161,24 +163,18 @@ async fn verify_eigenbasis(state: ClientState, id: Uuid) -> Result<Answer, Probl
     let basis = state.store.load_basis(id).await?;
     let parameters = match parameters_of(&state, &record).await? {
         Some(JobParameters::Eigenbasis(parameters)) => parameters,
-        _ => problem_of(&basis, None)
-            .map_err(|error| refused(&error, "Download it and its mesh, and use `chladni verify --operator`."))?,
+        _ => problem_of(&basis, None).map_err(|error| refused(&error, "--operator"))?,
     };
     let faces = state.store.mesh(&record.mesh).await?.faces as usize;
     let bytes = judging_bytes(basis.vertices(), faces, basis.count(), &parameters);
     body::reserve(&mut memory, bytes)?;
     let (mesh, solid) = state.store.load_body(&record.mesh).await?;
-    state
-        .solve("verify", move |monitor| {
-            let (begin, _memory) = (Instant::now(), memory);
-            // A factor that fills in more is not computed, and the count stays unconfirmed.
-            let monitor = &Promised { inner: monitor, bytes };
-            let outcome = judge(&basis, &mesh, solid.as_deref(), &parameters, monitor).map_err(unjudged)?;
-            let hashes = json!({"basis": record.content_hash, "mesh": record.mesh});
-            let receipt = receipt(&basis, &parameters, &outcome, (&hashes, HASH), begin.elapsed().as_secs_f64());
-            Answer::json(&receipt, begin)
-        })
-        .await
+    let hashes = json!({"basis": record.content_hash, "mesh": record.mesh});
+    judged(state, memory, bytes, move |begin, monitor| {
+        let outcome = judge(&basis, &mesh, solid.as_deref(), &parameters, monitor)?;
+        Ok(receipt(&basis, &parameters, &outcome, (&hashes, HASH), begin.elapsed().as_secs_f64()))
+    })
+    .await
 }
 
 /// The same for the modes of a vibration.
@@ -188,24 +184,31 @@ async fn verify_vibration(state: ClientState, id: Uuid) -> Result<Answer, Proble
     let modes = state.store.load_modes(id).await?;
     let parameters = match parameters_of(&state, &record).await? {
         Some(JobParameters::VibrationBasis(parameters)) => parameters,
-        _ => vibration_of(&modes, None)
-            .map_err(|error| refused(&error, "Download it and its mesh, and use `chladni verify --clamped`."))?,
+        _ => vibration_of(&modes, None).map_err(|error| refused(&error, "--fixed"))?,
     };
     let (mesh, solid) = state.store.load_body(&record.mesh).await?;
-    let mut size = MeshSize::from(&*mesh);
-    if let Some(solid) = &solid {
-        (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
-    }
-    let bytes = parameters.judging_bytes(size, modes.count());
+    let bytes = parameters.judging_bytes(MeshSize::of_body(&mesh, solid.as_deref()), modes.count());
     body::reserve(&mut memory, bytes)?;
+    let hashes = json!({"basis": record.content_hash, "mesh": record.mesh});
+    judged(state, memory, bytes, move |begin, monitor| {
+        let outcome = judge_modes(&modes, &mesh, solid.as_deref(), &parameters, monitor)?;
+        Ok(modes_receipt(&modes, &parameters, &outcome, (&hashes, HASH), begin.elapsed().as_secs_f64()))
+    })
+    .await
+}
+
+/// Judges in a solve of its own, with so many bytes: a factor that fills in more is not computed, and the count stays unconfirmed.
+async fn judged(
+    state: ClientState,
+    memory: Share,
+    bytes: u64,
+    judge: impl FnOnce(Instant, &dyn Monitor) -> Result<serde_json::Value, JudgeError> + Send + 'static,
+) -> Result<Answer, Problem> {
     state
         .solve("verify", move |monitor| {
             let (begin, _memory) = (Instant::now(), memory);
-            let monitor = &Promised { inner: monitor, bytes };
-            let outcome = judge_modes(&modes, &mesh, solid.as_deref(), &parameters, monitor).map_err(unjudged)?;
-            let hashes = json!({"basis": record.content_hash, "mesh": record.mesh});
-            let seconds = begin.elapsed().as_secs_f64();
-            Answer::json(&modes_receipt(&modes, &parameters, &outcome, (&hashes, HASH), seconds), begin)
+            let receipt = judge(begin, &Promised { inner: monitor, bytes }).map_err(unjudged)?;
+            Answer::json(&receipt, begin)
         })
         .await
 }
@@ -233,22 +236,12 @@ async fn verify_pencil(state: ClientState, id: Uuid) -> Result<Answer, Problem> 
     body::reserve(&mut memory, bytes)?;
     let basis = state.store.load_eigenvectors(id).await?;
     let matrices = state.store.load_problem(&source.id).await?;
-    state
-        .solve("verify", move |monitor| {
-            let (begin, _memory) = (Instant::now(), memory);
-            let monitor = &Promised { inner: monitor, bytes };
-            let outcome = judge_pencil(&basis, &matrices, &parameters.fixed, monitor).map_err(unjudged)?;
-            let hashes = json!({"basis": record.content_hash, "problem": source.id});
-            let hash = (&hashes, "BLAKE3 of the content of the basis, the id of the problem");
-            let receipt = pencil_receipt(
-                &basis,
-                &matrices,
-                !parameters.fixed.is_empty(),
-                &outcome,
-                hash,
-                begin.elapsed().as_secs_f64(),
-            );
-            Answer::json(&receipt, begin)
-        })
-        .await
+    let hashes = json!({"basis": record.content_hash, "problem": source.id});
+    judged(state, memory, bytes, move |begin, monitor| {
+        let outcome = judge_pencil(&basis, &matrices, &parameters.fixed, monitor)?;
+        let hash = (&hashes, "BLAKE3 of the content of the basis, the id of the problem");
+        let (fixed, seconds) = (!parameters.fixed.is_empty(), begin.elapsed().as_secs_f64());
+        Ok(pencil_receipt(&basis, &matrices, fixed, &outcome, hash, seconds))
+    })
+    .await
 }

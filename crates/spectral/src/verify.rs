@@ -116,15 +116,15 @@ struct Claims {
     residuals: bool,
     /// Whether its certificate has counts, where it claims to be complete.
     counts: bool,
-    /// Whether values are Rayleigh quotients of the functions, to rounding.
-    quotients: bool,
+    /// Where the functions are gradients, and the values the Rayleigh quotients of what they are the gradients of: the lowest value above zero, on unit area.
+    gradients_of: Option<f64>,
     /// Half a unit in the last place of what is stored.
     unit: f64,
 }
 
 impl Claims {
     fn of(basis: &Basis) -> Self {
-        Self { residuals: true, counts: true, quotients: true, unit: storage_unit(basis) }
+        Self { residuals: true, counts: true, gradients_of: None, unit: storage_unit(basis) }
     }
 }
 
@@ -332,12 +332,19 @@ impl Subject<'_> {
         // What storing the function changes of its quotient, to first and to second order.
         let stored = 4.0 * self.claims.unit * length(&r) * length(x) / mass + 4.0 * self.claims.unit.powi(2) * terms;
         let allowed = 1e-9 * theta.abs() + stored + 64.0 * f64::EPSILON * terms;
-        let projected = !certificate.projection_errors.is_empty() || !self.claims.quotients;
-        if !(projected || (quotient - theta).abs() <= allowed.min(distance)) {
+        let projected = !certificate.projection_errors.is_empty();
+        let excess = quotient - theta;
+        let is_quotient = match self.claims.gradients_of {
+            None => excess.abs() <= allowed.min(distance),
+            // The quotient of the gradient of a function is above that of the function, by less than this.
+            Some(lowest) => (-allowed..=allowed + 2.0 * distance.powi(2) / lowest).contains(&excess),
+        };
+        if !(projected || is_quotient) {
             findings.push(Finding::Quotient { pair, value, quotient: quotient / area });
         }
         let bound = certificate.bounds[pair];
-        if !(bound >= 0.0) || (!projected && (quotient - theta).abs() > bound * area + allowed) {
+        let is_judged = !projected && self.claims.gradients_of.is_none();
+        if !(bound >= 0.0) || (is_judged && excess.abs() > bound * area + allowed) {
             findings.push(Finding::Bound { pair, claimed: bound });
         }
         Judged { residual, distance: distance / area, findings }

@@ -202,6 +202,15 @@ impl From<&TriangleMesh> for MeshSize {
     }
 }
 
+impl MeshSize {
+    /// The size of a mesh that may be the surface of a solid.
+    pub fn of_body(mesh: &TriangleMesh, solid: Option<&TetMesh>) -> Self {
+        let (solid_vertices, tetrahedra) =
+            solid.map_or((0, 0), |solid| (solid.positions.len(), solid.tetrahedra.len()));
+        Self { solid_vertices, tetrahedra, ..Self::from(mesh) }
+    }
+}
+
 /// What the parameters of every kind of job can do.
 pub trait Work {
     /// The parameters as JSON with every default filled in: equal work has equal canonical parameters. Parsing gives them back.
@@ -355,11 +364,7 @@ impl JobParameters {
         solid: Option<&TetMesh>,
         monitor: &dyn Monitor,
     ) -> Result<Outcome, JobError> {
-        let mut size = MeshSize::from(mesh);
-        if let Some(solid) = solid {
-            (size.solid_vertices, size.tetrahedra) = (solid.positions.len(), solid.tetrahedra.len());
-        }
-        self.check_mesh(size)?;
+        self.check_mesh(MeshSize::of_body(mesh, solid))?;
         let clock = StageClock::new(monitor);
         let mut product = self.work().run_body(mesh, solid, &clock)?;
         let notes = clock.notes();

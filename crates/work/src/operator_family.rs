@@ -5,10 +5,10 @@ use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::Product;
 use chladni_spectral::operator::family::family;
 use chladni_spectral::spectrum::family::{ANCHORS, restrict_family};
+use chladni_spectral::spectrum::hsim;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::eigenbasis::repair_bytes;
 use super::{JobError, MeshSize, ParameterError, Work};
 use crate::packed::Packed;
 
@@ -74,7 +74,7 @@ impl Work for OperatorFamilyParameters {
         // Mesh and operators; the columns of all anchors beside those of one solve with its factors, or their selection; dense matrices.
         let solve = 24 * n * pairs + 16 * 60 * n * (n.max(2).ilog2() as u64);
         let columns = 8 * n * stacked + solve.max(8 * n * stacked).max(4 * n * d);
-        24 * n + 12 * mesh.faces as u64 + 700 * n + columns + 56 * d * d + repair_bytes(n) + (64 << 20)
+        24 * n + 12 * mesh.faces as u64 + 700 * n + columns + 56 * d * d + hsim::repair_bytes(n) + (64 << 20)
     }
 
     fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {

@@ -3,12 +3,13 @@
 use chladni_base::{Monitor, StageClock};
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{PENCIL, Precision, Product};
+use chladni_spectral::spectrum::hsim;
 use chladni_spectral::spectrum::pencil::{Matrices, Parameters, PencilError, Wanted, solve};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::{JobError, MeshSize, Outcome, ParameterError, SOLVER_VERSION, Work, abbreviate, add_notes};
-use crate::eigenbasis::{AT_MOST, LARGEST_COUNT, repair_bytes, within};
+use crate::eigenbasis::{AT_MOST, LARGEST_COUNT, within};
 use crate::packed::Packed;
 
 /// The pairs of a job that does not say how many.
@@ -235,7 +236,7 @@ impl PencilBasisParameters {
         let q = (p + p * 15 / 100 + 64).min(n);
         let columns = 8 * n * (3 * q + q / 2) + 64 * q * q;
         let result = n * p * (8 + self.precision().bytes() as u64);
-        4 * size.matrices() + 20 * size.factor() + columns + result + repair_bytes(n) + (64 << 20)
+        4 * size.matrices() + 20 * size.factor() + columns + result + hsim::repair_bytes(n) + (64 << 20)
     }
 
     /// Solves the problem of the id `problem`, on the rayon pool of the calling thread.

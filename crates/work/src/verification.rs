@@ -270,6 +270,7 @@ mod tests {
     use chladni_base::Unwatched;
     use chladni_mesh::shape::{Shape, generate};
     use chladni_spectral::basis::{DenseFunctions, Functions, Precision, Product};
+    use chladni_spectral::verify::Finding;
 
     #[test]
     fn a_basis_and_an_interval_are_confirmed_and_what_was_altered_is_refuted() {
@@ -341,6 +342,15 @@ mod tests {
         // A torus has two harmonic fields, a disk has none.
         for (shape, harmonic) in [(Shape::Torus, 2), (Shape::Disk, 0)] {
             let mesh = generate(shape, 400).unwrap();
+            // In single precision as well, of which the certificate says what it keeps; and where values are not those of the fields to rounding.
+            for (tolerance, precision) in [(1e-6, "f32"), (1e-2, "f64")] {
+                let parameters = json!({"operator": "hodge", "method": "hsim", "count": 24, "tolerance": tolerance, "precision": precision});
+                let parameters = EigenbasisParameters::parse(&parameters).unwrap();
+                let mut basis = parameters.run(&mesh, &Unwatched).unwrap();
+                basis.metadata = json!({"parameters": parameters.canonical()});
+                let outcome = judge(&basis, &mesh, None, &parameters, &Unwatched).unwrap();
+                assert!(outcome.findings.is_empty(), "{shape} {precision}: {:?}", outcome.findings);
+            }
             let parameters =
                 json!({"operator": "hodge", "method": "hsim", "count": 24, "tolerance": 1e-6, "precision": "f64"});
             let parameters = EigenbasisParameters::parse(&parameters).unwrap();
@@ -352,6 +362,14 @@ mod tests {
             assert!(outcome.findings.is_empty(), "{shape}: {:?}", outcome.findings);
             assert!(outcome.proven.is_some_and(|proven| proven + 6 >= basis.count()), "{shape}: {outcome:?}");
             assert_eq!(basis.eigenvalues.iter().filter(|value| **value == 0.0).count(), harmonic);
+            // A value a bit too high, or too low, is none of its field.
+            for factor in [1.001, 0.999] {
+                let mut altered = basis.clone();
+                altered.eigenvalues[8..].iter_mut().for_each(|value| *value *= factor);
+                let outcome = judge(&altered, &mesh, None, &problem, &Unwatched).unwrap();
+                let wrong = outcome.findings.iter().any(|finding| matches!(finding, Finding::Quotient { .. }));
+                assert!(wrong, "{shape}: {:?}", outcome.findings);
+            }
             // A field less, and nothing else altered: the count finds it missing.
             let columns = basis.lift::<f64>(0..24).unwrap();
             basis.eigenvalues.remove(5);

@@ -4,11 +4,11 @@ use chladni_base::Monitor;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
 use chladni_spectral::operator::elastic::{ElasticBody, Material};
+use chladni_spectral::spectrum::hsim;
 use chladni_spectral::spectrum::vibration::{Iterations, VibrationMethod, VibrationParameters, vibration_modes};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::eigenbasis::repair_bytes;
 use super::{JobError, MeshSize, ParameterError, Work};
 use crate::packed::Packed;
 
@@ -277,7 +277,7 @@ impl Work for VibrationBasisParameters {
                     + 16 * self.fill(n)
                     + 24 * unknowns * (m + 64)
                     + 4 * unknowns * m
-                    + repair_bytes(unknowns)
+                    + hsim::repair_bytes(unknowns)
                     + (96 << 20)
             }
         };

@@ -217,6 +217,18 @@ fn boundary_of(mesh: &TriangleMesh, dual: &DualGraph) -> (Vec<bool>, Vec<bool>) 
     (vertices, edges)
 }
 
+/// The eigenproblem of the Hodge–Laplacian on unit area: two rows for each face, in its frame, with the area of the face as the mass of both.
+pub fn hodge_problem(
+    mesh: &TriangleMesh,
+    dual: &DualGraph,
+    frames: &FaceFrames,
+    boundary: FieldBoundary,
+) -> EigenProblem {
+    let mass = MassMatrix::Diagonal(frames.areas().iter().flat_map(|&area| [area; 2]).collect());
+    let stiffness = hodge_stiffness(mesh, dual, frames, boundary).to_sparse();
+    EigenProblem { stiffness, mass, area: frames.area(), unknowns: None }
+}
+
 /// The stiffness of the Hodge–Laplacian, `F × F` blocks: about thirteen a row, the faces that share a vertex.
 pub fn hodge_stiffness(
     mesh: &TriangleMesh,

@@ -1,15 +1,15 @@
 //! Eigenfields of the Hodge–Laplacian and vibration modes, as pencils that are judged like any other.
 
-use chladni_algebra::{DenseMatrix, MassMatrix};
+use chladni_algebra::DenseMatrix;
 use chladni_base::{Cancelled, Monitor};
 
 use super::{Claims, Finding, Verification, VerifyError, verify_claims};
 use crate::basis::modal::{FIXED, ModalBasis};
 use crate::basis::{Basis, Certificate, DenseFunctions, Functions, InertiaCount, Precision};
 use crate::field::FieldSurface;
+use crate::operator::MeshOperator;
 use crate::operator::elastic::ElasticProblem;
-use crate::operator::hodge::{FieldBoundary, hodge_stiffness};
-use crate::operator::{EigenProblem, MeshOperator};
+use crate::operator::hodge::{FieldBoundary, hodge_problem};
 
 /// Judges eigenfields by the Hodge–Laplacian on the faces, two numbers each in the frame of the face, with the areas of the faces as its mass: that of both divergence and
 /// curl, from which eigenfields are not computed. Fields run along the boundary. Counts of the certificate are of two problems of functions; one is made here of that
@@ -24,12 +24,11 @@ pub fn verify_fields(
 ) -> Result<Verification, VerifyError> {
     monitor.stage("operator");
     let (dual, frames) = (surface.dual(), surface.frames());
-    let stiffness = hodge_stiffness(surface.mesh(), dual, frames, FieldBoundary::Tangential).to_sparse();
+    let problem = hodge_problem(surface.mesh(), dual, frames, FieldBoundary::Tangential);
     monitor.checkpoint()?;
-    let mass = MassMatrix::Diagonal(frames.areas().iter().flat_map(|&area| [area; 2]).collect());
-    let problem = EigenProblem { stiffness, mass, area: frames.area(), unknowns: None };
-    // Values are those of functions, whose gradients have another quotient as long as they are no eigenfunctions.
-    let claims = Claims { counts: false, quotients: false, ..Claims::of(basis) };
+    let lowest =
+        basis.eigenvalues.iter().find(|value| **value > 0.0).map_or(f64::INFINITY, |value| value * problem.area);
+    let claims = Claims { counts: false, gradients_of: Some(lowest), ..Claims::of(basis) };
     verify_claims(basis, &MeshOperator::whole(problem), claims, monitor)
 }
 
@@ -53,7 +52,7 @@ pub fn verify_modes(
     }
     let there = on_coordinates(modes, elastic, monitor)?;
     let operator = MeshOperator::whole(elastic.problem.clone());
-    let claims = Claims { residuals: false, counts: true, quotients: true, unit: f64::from(f32::EPSILON) / 2.0 };
+    let claims = Claims { residuals: false, counts: true, gradients_of: None, unit: f64::from(f32::EPSILON) / 2.0 };
     let mut found = verify_claims(&there, &operator, claims, monitor)?;
     found.distances.iter_mut().for_each(|distance| *distance *= unit);
     found.counts.iter_mut().for_each(|count| count.shift *= unit);

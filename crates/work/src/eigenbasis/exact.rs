@@ -16,18 +16,6 @@ use super::request::{HsimVariant, MethodName, Request};
 use super::{LARGEST_COUNT, value};
 use crate::{JobError, ParameterError};
 
-/// The rows of the largest block that is repaired by a dense solve, those of the largest problem that has such blocks, and the bytes that this takes for each
-/// of a block's entries: ten matrices were measured.
-const REPAIRED: u64 = 1500;
-const REPAIRED_IN_ALL: u64 = 12_000;
-const REPAIR_BYTES: u64 = 80;
-
-/// The memory that a dense solve takes, in bytes, of what an iteration on so many rows did not settle.
-pub(crate) fn repair_bytes(rows: u64) -> u64 {
-    let repaired = if rows <= REPAIRED_IN_ALL { rows.min(REPAIRED) } else { 0 };
-    REPAIR_BYTES * repaired * repaired
-}
-
 /// How eigenfunctions are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
@@ -176,13 +164,13 @@ impl Exact {
         let columns = 20 * n * q + 48 * q * q;
         let space = n * 25 * 2 * 8;
         let result = match self.storage {
-            StorageKind::Dense => n * p * self.precision.unwrap_or_default().bytes() as u64,
+            StorageKind::Dense => n * p * self.precision.unwrap_or(Precision::F64).bytes() as u64,
             StorageKind::Compact => {
                 let d = (6 * p).min(n);
                 8 * (2 * d * d + 2 * d * p)
             }
         };
-        factors + columns + space + result + repair_bytes(n)
+        factors + columns + space + result + hsim::repair_bytes(n)
     }
 
     /// Solves and stores.
@@ -242,7 +230,7 @@ impl Exact {
         let single = match (self.storage, self.precision) {
             (StorageKind::Compact, _) | (_, Some(Precision::F64)) => None,
             (_, None) if tolerance < SINGLE => None,
-            _ => Some(residuals_as_stored(&pairs, problem, monitor)?),
+            _ => Some(residuals_as_stored((&pairs.vectors, &pairs.values, &pairs.residuals), problem, monitor)?),
         };
         let met = single.as_ref().map_or(0.0, |residuals| residuals.iter().copied().fold(0.0, f64::max));
         let single = single.filter(|_| self.precision.is_some() || met <= tolerance);
@@ -288,18 +276,18 @@ impl Exact {
     }
 }
 
-/// The residuals (4.6) of columns that are rounded to single precision; those of a kernel remain what they are in double precision.
-fn residuals_as_stored(
-    pairs: &Eigenpairs,
+/// The residuals (4.6) of columns that are rounded to single precision; those of a kernel remain what they are in double precision. Values are in the units of the input.
+pub(super) fn residuals_as_stored(
+    (vectors, values, residuals): (&PanelMatrix, &[f64], &[f64]),
     problem: &EigenProblem,
     monitor: &dyn Monitor,
 ) -> Result<Vec<f64>, JobError> {
-    let m = pairs.values.len();
-    let mut residuals = pairs.residuals.clone();
-    let values: Vec<f64> = pairs.values.iter().map(|value| value * problem.area).collect();
+    let m = values.len();
+    let mut residuals = residuals.to_vec();
+    let values: Vec<f64> = values.iter().map(|value| value * problem.area).collect();
     for start in (0..m).step_by(PANEL_WIDTH) {
         let width = PANEL_WIDTH.min(m - start);
-        let Some(panel) = pairs.vectors.panels().get(start / PANEL_WIDTH) else { break };
+        let Some(panel) = vectors.panels().get(start / PANEL_WIDTH) else { break };
         let rounded =
             |row: usize| panel[row * PANEL_WIDTH..(row + 1) * PANEL_WIDTH].iter().map(|&x| f64::from(x as f32));
         let mut block = PanelMatrix::zeros(problem.size(), width);

@@ -4,11 +4,12 @@ use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Precision};
 use chladni_spectral::field::{FieldSurface, HarmonicError, PoissonError, harmonic_fields};
-use chladni_spectral::operator::hodge::FieldBoundary;
+use chladni_spectral::operator::hodge::{FieldBoundary, hodge_problem};
 use chladni_spectral::operator::{Boundary, MassKind, MassMatrix, OperatorError, OperatorParameters};
 use chladni_spectral::spectrum::hodge::{FieldPart, hodge_spectrum};
 use chladni_spectral::spectrum::hsim::{HsimError, HsimParameters, Variant, Wanted};
 
+use super::exact::residuals_as_stored;
 use super::{Exact, Method, StorageKind, value};
 use crate::{JobError, ParameterError};
 
@@ -62,7 +63,7 @@ pub fn run(exact: &Exact, mesh: &TriangleMesh, seed: u64, monitor: &dyn Monitor)
     let (dual, frames) = (surface.dual(), surface.frames());
     let count = exact.most_pairs();
     let parameters = HsimParameters { seed, ..exact.solver };
-    let found = hodge_spectrum(mesh, (dual, frames), &harmonic, count, &parameters, monitor)?;
+    let mut found = hodge_spectrum(mesh, (dual, frames), &harmonic, count, &parameters, monitor)?;
     if found.values.len() < count {
         return Err(HsimError::Count { wanted: count, most: found.values.len() }.into());
     }
@@ -81,14 +82,16 @@ pub fn run(exact: &Exact, mesh: &TriangleMesh, seed: u64, monitor: &dyn Monitor)
         },
         "zero_area_faces": frames.degenerate_faces(),
     }});
+    let precision = exact.precision.unwrap_or(Precision::F64);
+    if precision == Precision::F32 {
+        let problem = hodge_problem(mesh, dual, frames, FieldBoundary::Tangential);
+        found.residuals = residuals_as_stored((&found.fields, &found.values, &found.residuals), &problem, monitor)?;
+    }
     let area = frames.area();
     // Where rounding left no room for what was asked for, the certificate says what was met.
     let met = found.residuals.iter().copied().fold(exact.solver.tolerance, f64::max);
     Ok(Basis {
-        functions: Functions::Dense(DenseFunctions::from_panels(
-            found.fields,
-            exact.precision.unwrap_or(Precision::F64),
-        )),
+        functions: Functions::Dense(DenseFunctions::from_panels(found.fields, precision)),
         eigenvalues: found.values,
         mass: MassMatrix::Diagonal(frames.areas().iter().flat_map(|a| [a * area; 2]).collect()),
         certificate: Certificate {

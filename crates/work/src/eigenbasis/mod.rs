@@ -20,7 +20,7 @@ use serde_json::Value;
 
 pub use approximation::{Accuracy, Approximate, Construction};
 pub use auto::Auto;
-pub(crate) use exact::{AT_MOST, repair_bytes, within};
+pub(crate) use exact::{AT_MOST, within};
 pub use exact::{Exact, Start, StorageKind};
 pub use request::{HsimVariant, MethodName};
 

@@ -97,6 +97,15 @@ const REPAIRED: usize = 1500;
 /// The most rows of all blocks together: the columns of such a repair are as long.
 const REPAIRED_IN_ALL: usize = 12_000;
 
+/// The bytes that such a solve takes for each entry of its largest block: ten matrices were measured.
+const REPAIR_BYTES: u64 = 80;
+
+/// The memory that the dense solve takes at most, in bytes, that what an iteration on so many rows did not settle is left to.
+pub fn repair_bytes(rows: u64) -> u64 {
+    let repaired = if rows <= REPAIRED_IN_ALL as u64 { rows.min(REPAIRED as u64) } else { 0 };
+    REPAIR_BYTES * repaired * repaired
+}
+
 /// The pairs beside the kernel that a dense solve gives where an iteration from `columns` columns failed, as [`densely`]: all there are, or as many as the
 /// largest problem of one block that is repaired has rows. `None` where that would take too long.
 pub(super) fn instead(

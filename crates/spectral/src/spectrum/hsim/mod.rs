@@ -203,6 +203,7 @@ impl HsimError {
 }
 
 pub(in crate::spectrum) use bare::{ordering as bare_ordering, plus_mass, solve as solve_bare};
+pub use densely::repair_bytes;
 pub(in crate::spectrum) use solve::{columns, is_dense, is_dense_by_blocks, solve_from};
 pub use solve::{solve, solve_with_space};
 

@@ -379,6 +379,7 @@ impl Pairs {
             self.certificate.residuals = single::residuals(&self, pencil, monitor)?;
         }
         about.insert("moved".to_owned(), self.moved.into());
+        about.insert("fixed_rows".to_owned(), (pencil.rows() - pencil.unknowns()).into());
         Ok(Basis {
             functions: Functions::Dense(DenseFunctions::from_columns(&self.vectors, precision)),
             eigenvalues: self.values,
