@@ -2,6 +2,7 @@
 """Inputs for fuzz targets to begin with: a small valid one of each kind. seeds.py FOLDER makes FOLDER/TARGET/… for every target but `bodies`, which writes its
 own. Needs NumPy; with CHLADNI_BINARY also products are made."""
 
+import base64
 import io
 import json
 import os
@@ -67,6 +68,20 @@ def meshes():
     yield "npz", npz(vertices=v.astype("<f4"), faces=f.astype("<i8"), tetrahedra=t.astype("<i4"))
     yield "json", json.dumps({"vertices": VERTICES, "faces": FACES})
     yield "json", json.dumps({"vertices": VERTICES, "tetrahedra": TETRAHEDRA})
+    positions, corners = v.astype("<f4").tobytes(), f.astype("<u2").tobytes()
+    yield "gltf", json.dumps({
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": 120, "uri": "data:application/octet-stream;base64," + base64.b64encode(positions + corners).decode()}],
+        "bufferViews": [{"buffer": 0, "byteLength": 72}, {"buffer": 0, "byteOffset": 72, "byteLength": 48}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 6, "type": "VEC3", "min": [-1, -1, -1], "max": [1, 1, 1]},
+                      {"bufferView": 1, "componentType": 5123, "count": 24, "type": "SCALAR"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "nodes": [{"mesh": 0, "translation": [1, 0, 0]}],
+        "scenes": [{"nodes": [0]}],
+    })
+    array = '<DataArray Intent="NIFTI_INTENT_{}" DataType="NIFTI_TYPE_{}" ArrayIndexingOrder="RowMajorOrder" Dimensionality="2" Encoding="ASCII" Dim0="{}" Dim1="3"><Data>{}</Data></DataArray>'
+    arrays = array.format("POINTSET", "FLOAT32", 6, lines(VERTICES)) + array.format("TRIANGLE", "INT32", 8, lines(FACES))
+    yield "gifti", f'<?xml version="1.0"?><GIFTI Version="1.0" NumberOfDataArrays="2">{arrays}</GIFTI>'
 
 
 # In the order of KINDS.

@@ -474,7 +474,10 @@ fn verify_judges_modes_eigenfields_and_pairs_of_matrices() {
     assert_eq!(code(&made), 0, "{}", stderr(&made));
     let line = confirmed(&[&pairs, &s, "--mass", &mass, "--fixed", &held]);
     assert_eq!((&line["operator"], &line["boundary"]), (&"pencil".into(), &"dirichlet".into()));
-    // Another mass is another problem; and what does not belong is named.
+    // Another mass is another problem; and what does not belong, or is missing, is named.
+    let refused = chladni(&["verify", &pairs, &s, "--mass", &mass]);
+    assert_eq!(code(&refused), 2, "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("with some rows held (1), and does not list them"), "{}", stderr(&refused));
     assert_eq!(code(&chladni(&["verify", &pairs, &s, "--fixed", &held])), 1);
     let refused = chladni(&["verify", &modes, mesh, "--mass", &mass]);
     assert_eq!(code(&refused), 2, "{}", stderr(&refused));

@@ -266,8 +266,8 @@ async fn storm_client(url: String, round: usize, client: usize, told: Arc<std::s
     }
 }
 
-/// `STORM=1000 cargo test --release --test crash -- --ignored --nocapture storm`: so many kills at random points, 100 unless told otherwise, with six
-/// clients.
+/// `STORM=1000 cargo test --release --test crash -- --ignored --nocapture --exact storm_of_kills`: so many kills at random points, 100 unless told otherwise,
+/// with six clients.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes minutes: the figures of docs/reliability.md"]
 async fn storm_of_kills() {

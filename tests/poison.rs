@@ -235,7 +235,7 @@ fn poison_is_refused_where_jobs_run_on_threads() {
     assert_eq!(refused.status.code(), Some(2), "{refused:?}");
 }
 
-/// `cargo test --release --test poison -- --ignored --nocapture storm`, with `STORM` jobs, 1,000 unless told otherwise.
+/// `cargo test --release --test poison -- --ignored --nocapture --exact storm`, with `STORM` jobs, 1,000 unless told otherwise.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes minutes: the figures of docs/reliability.md"]
 async fn storm() {

@@ -11,6 +11,7 @@ use chladni::http::{self, AppState};
 use chladni::queue::{Solver, Unobserved, WorkerOptions, WorkerPool};
 use chladni::store::{Store, StoreOptions};
 use chladni::telemetry::Metrics;
+use chladni_mesh::TriangleMesh;
 use chladni_mesh::shape::{Shape, generate};
 use chladni_mesh::write::write_ply;
 use hyper::service::Service;
@@ -142,6 +143,11 @@ pub fn seeds() -> Vec<(String, Vec<u8>)> {
                 add(at, json.unwrap_or(0), basis, body.as_bytes(), 50 + number);
             }
         }
+        if operation.path.ends_with("hodge-decomposition") {
+            let values: Vec<_> = (0..2 * sphere().faces.len()).map(|at| at % 7).collect();
+            let body = json!({"field": {"columns": 2, "values": values}}).to_string();
+            add(at, json.unwrap_or(0), 0, body.as_bytes(), 98);
+        }
         for (media, name) in operation.media_types.iter().enumerate() {
             let body: &[u8] = match name.as_str() {
                 "application/x-matrix-market" => PATH.as_bytes(),
@@ -156,21 +162,19 @@ pub fn seeds() -> Vec<(String, Vec<u8>)> {
     seeds
 }
 
+/// The mesh on the server: 42 vertices, 80 faces.
+fn sphere() -> TriangleMesh {
+    generate(Shape::Sphere, 60).expect("a sphere")
+}
+
 /// Bodies for what the document shows none of that fits.
-const MORE: [(&str, &str); 9] = [
+const MORE: [(&str, &str); 8] = [
     ("project", r#"{"functions": "coordinates", "reconstruct": true}"#),
     ("reconstruct", r#"{"columns": 1, "values": [1, 0, 0, 0, 0, 0, 0, 0, 0, 0.5]}"#),
     ("design", r#"{"constraints": [{"face": 3, "direction": [0, 0, 1]}], "strokes": []}"#),
-    (
-        "hatching",
-        r#"{"field": {"design": {}}, "spacing": 0.2, "camera": {"eye": [0, 0, 5], "target": [0, 0, 0], "width": 50, "height": 50}}"#,
-    ),
-    (
-        "hatching",
-        r#"{"field": {"coefficients": {"columns": 1, "values": [1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]}}, "spacing": 0.2, "camera": {"eye": [0, 0, 5], "target": [0, 0, 0], "width": 50, "height": 50}}"#,
-    ),
+    ("hatching", r#"{"field": {"eigenfield": 0}, "spacing": 0.2}"#),
     ("meshes/{id}/distances", r#"{"distance": {"kind": "geodesic"}, "sources": [3, 20]}"#),
-    ("similar-points", r#"{"count": 5, "signature": {"kind": "wave_kernel", "count": 8}, "vertex": 3}"#),
+    ("similar-points", r#"{"count": 5, "signature": {"kind": "wave_kernel", "count": 40}, "vertex": 3}"#),
     ("fur", r#"{"field": {"design": {}}, "length": 0.1, "tilt": 1.0}"#),
     ("shape-comparisons", r#"{"bases": ["@0", "@1"], "count": 5, "dimensions": 1}"#),
 ];
@@ -221,7 +225,7 @@ async fn start() -> (Router, Names) {
     let metrics = Arc::new(Metrics::new().expect("metrics"));
     let router = http::router(AppState::new(store, config, metrics, || true).expect("a state"));
     let mut ply = Vec::new();
-    write_ply(&generate(Shape::Sphere, 60).expect("a sphere"), None, &mut ply).expect("memory takes all");
+    write_ply(&sphere(), None, &mut ply).expect("memory takes all");
     let id = |value: &Value| value["id"].as_str().expect("an identifier").to_owned();
     let mesh = id(&ask(&router, "POST", "/v1/meshes?format=ply", "model/ply", ply).await);
     let pencil = id(&ask(&router, "POST", "/v1/problems", "application/x-matrix-market", PATH.into()).await);

@@ -8,7 +8,7 @@ use chladni_spectral::basis::modal::ModalBasis;
 use chladni_spectral::basis::{Basis, PENCIL};
 use chladni_spectral::formats::npz;
 use chladni_spectral::spectrum::pencil::Matrices;
-use chladni_spectral::verify::Verification;
+use chladni_spectral::verify::{Finding, Verification};
 use chladni_work::numbered::translate_parameters;
 use chladni_work::packed::Packed;
 use chladni_work::verification::{
@@ -29,7 +29,7 @@ use std::time::Instant;
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct VerifyArguments {
-    /// What was solved, as solve, run, eigsh or a server writes it: an eigenbasis, also of fields, vibration modes, or pairs of matrices. Of those, MESH is the matrix S
+    /// What was solved, as solve, run, eigsh or a server writes it: an eigenbasis (of fields as well), vibration modes, or pairs of matrices, for which MESH is the matrix S
     #[arg(value_name = "BASIS.npz")]
     basis: PathBuf,
 
@@ -239,7 +239,7 @@ impl VerifyArguments {
             (Ok(listed), _) => Ok(listed),
             (Err(_), Some(held @ 1..)) => {
                 let reason = format!(
-                    "{} was solved with {} rows held, and does not say which; list them with --fixed",
+                    "{} was solved with some rows held ({}), and does not list them; give them with --fixed",
                     self.basis.display(),
                     grouped(held as usize)
                 );
@@ -356,7 +356,8 @@ fn page(judged: &Judged, total: f64) -> String {
         text += "everything is as the basis says\n";
     }
     for finding in outcome.findings.iter().take(MOST_LISTED) {
-        text += &format!("wrong: {finding}\n");
+        let kind = if matches!(finding, Finding::Unconfirmed { .. }) { "unconfirmed" } else { "wrong" };
+        text += &format!("{kind}: {finding}\n");
     }
     if let Some(more @ 1..) = outcome.findings.len().checked_sub(MOST_LISTED) {
         text += &format!("and {} more; --json lists all\n", grouped(more));

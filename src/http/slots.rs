@@ -38,7 +38,7 @@ impl Slots {
     /// So many slots, two at least.
     pub fn new(count: usize) -> Self {
         let free = count.max(2);
-        let most_of_one = (free * PART.0 / PART.1).max(1);
+        let most_of_one = free * PART.0 / PART.1;
         Self(Arc::new(Inner { most_of_one, state: Mutex::new(State { free, ..State::default() }) }))
     }
 

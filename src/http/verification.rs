@@ -7,15 +7,16 @@ use chladni_base::Monitor;
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::verify::VerifyError;
 use chladni_work::verification::{
-    JudgeError, Promised, judge, judge_modes, judge_pencil, judging_bytes, modes_receipt, pencil_receipt, problem_of,
-    receipt, vibration_of,
+    JudgeError, Promised, judge, judge_modes, judge_pencil, judging_bytes, modes_receipt, pencil_receipt, receipt,
 };
-use chladni_work::{JobError, JobParameters, MeshSize, ParameterError, ProblemSize};
+use chladni_work::{
+    EigenbasisParameters, JobError, JobParameters, MeshSize, PencilBasisParameters, ProblemSize,
+    VibrationBasisParameters,
+};
 use serde_json::json;
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
-use uuid::Uuid;
 
 use super::bases::find_kind;
 use super::body;
@@ -27,7 +28,7 @@ use super::problem::{self, Problem};
 use super::problems::problems;
 use super::shares::Share;
 use super::state::AppState;
-use crate::store::{BasisRecord, StoreError};
+use crate::store::BasisRecord;
 
 /// The route of verification.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -134,40 +135,32 @@ problems!(VerifyBasisProblems: SOLVE [BODY_TOO_LARGE, INVALID_ANALYSIS]);
 )]
 async fn verify_basis(state: ClientState, BasisId(id): BasisId, headers: HeaderMap) -> Result<Answer, Problem> {
     extract::negotiated(&headers, &["application/json"])?;
-    match ProductKind::of_name(&state.store.basis(id).await?.kind) {
-        Some(ProductKind::PencilBasis) => verify_pencil(state, id).await,
-        Some(ProductKind::VibrationBasis) => verify_vibration(state, id).await,
-        _ => verify_eigenbasis(state, id).await,
+    let record = state.store.basis(id).await?;
+    let parameters = JobParameters::parse(&record.kind, &state.store.job_parameters(record.job).await?)?;
+    match parameters {
+        JobParameters::Eigenbasis(parameters) => verify_eigenbasis(state, record, parameters).await,
+        JobParameters::VibrationBasis(parameters) => verify_vibration(state, record, parameters).await,
+        JobParameters::PencilBasis(parameters) => verify_pencil(state, record, parameters).await,
+        JobParameters::FieldBasis(_) | JobParameters::OperatorFamily(_) => {
+            // It is of another kind, and this says so.
+            Err(find_kind(&state, id, ProductKind::Eigenbasis)
+                .await
+                .err()
+                .unwrap_or_else(|| Problem::internal("a basis has the parameters of another kind")))
+        }
     }
 }
 
-/// The parameters of the job that made a basis, which have what the basis abbreviates; `None` where the job was deleted.
-async fn parameters_of(state: &ClientState, record: &BasisRecord) -> Result<Option<JobParameters>, Problem> {
-    match state.store.job_parameters(record.job).await {
-        Ok(parameters) => Ok(Some(JobParameters::parse(&record.kind, &parameters)?)),
-        Err(StoreError::NotFound { .. }) => Ok(None),
-        Err(error) => Err(error.into()),
-    }
-}
-
-fn refused(error: &ParameterError, option: &str) -> Problem {
-    let detail = format!(
-        "This basis cannot be judged here, since its job was deleted: {error}. Download it and its mesh, and use `chladni verify {option}`."
-    );
-    Problem::new(&problem::INVALID_ANALYSIS, detail)
-}
-
-async fn verify_eigenbasis(state: ClientState, id: Uuid) -> Result<Answer, Problem> {
-    let record = find_kind(&state, id, ProductKind::Eigenbasis).await?;
-    let mut memory = state.memory();
-    let basis = state.store.load_basis(id).await?;
-    let parameters = match parameters_of(&state, &record).await? {
-        Some(JobParameters::Eigenbasis(parameters)) => parameters,
-        _ => problem_of(&basis, None).map_err(|error| refused(&error, "--operator"))?,
-    };
+async fn verify_eigenbasis(
+    state: ClientState,
+    record: BasisRecord,
+    parameters: EigenbasisParameters,
+) -> Result<Answer, Problem> {
     let faces = state.store.mesh(&record.mesh).await?.faces as usize;
-    let bytes = judging_bytes(basis.vertices(), faces, basis.count(), &parameters);
+    let bytes = judging_bytes(record.rows as usize, faces, record.count as usize, &parameters);
+    let mut memory = state.memory();
     body::reserve(&mut memory, bytes)?;
+    let basis = state.store.load_basis(record.id).await?;
     let (mesh, solid) = state.store.load_body(&record.mesh).await?;
     let hashes = json!({"basis": record.content_hash, "mesh": record.mesh});
     judged(state, memory, bytes, move |begin, monitor| {
@@ -178,17 +171,16 @@ async fn verify_eigenbasis(state: ClientState, id: Uuid) -> Result<Answer, Probl
 }
 
 /// The same for the modes of a vibration.
-async fn verify_vibration(state: ClientState, id: Uuid) -> Result<Answer, Problem> {
-    let record = find_kind(&state, id, ProductKind::VibrationBasis).await?;
-    let mut memory = state.memory();
-    let modes = state.store.load_modes(id).await?;
-    let parameters = match parameters_of(&state, &record).await? {
-        Some(JobParameters::VibrationBasis(parameters)) => parameters,
-        _ => vibration_of(&modes, None).map_err(|error| refused(&error, "--fixed"))?,
-    };
+async fn verify_vibration(
+    state: ClientState,
+    record: BasisRecord,
+    parameters: VibrationBasisParameters,
+) -> Result<Answer, Problem> {
     let (mesh, solid) = state.store.load_body(&record.mesh).await?;
-    let bytes = parameters.judging_bytes(MeshSize::of_body(&mesh, solid.as_deref()), modes.count());
+    let bytes = parameters.judging_bytes(MeshSize::of_body(&mesh, solid.as_deref()), record.count as usize);
+    let mut memory = state.memory();
     body::reserve(&mut memory, bytes)?;
+    let modes = state.store.load_modes(record.id).await?;
     let hashes = json!({"basis": record.content_hash, "mesh": record.mesh});
     judged(state, memory, bytes, move |begin, monitor| {
         let outcome = judge_modes(&modes, &mesh, solid.as_deref(), &parameters, monitor)?;
@@ -223,18 +215,17 @@ fn unjudged(error: JudgeError) -> Problem {
 }
 
 /// The same for a basis of a problem.
-async fn verify_pencil(state: ClientState, id: Uuid) -> Result<Answer, Problem> {
-    let record = state.store.basis(id).await?;
+async fn verify_pencil(
+    state: ClientState,
+    record: BasisRecord,
+    parameters: PencilBasisParameters,
+) -> Result<Answer, Problem> {
     let source = state.store.problem(&record.mesh).await?;
-    let parameters = JobParameters::parse(&record.kind, &state.store.job_parameters(record.job).await?)?;
-    let JobParameters::PencilBasis(parameters) = parameters else {
-        return Err(Problem::internal("a basis of a problem has the parameters of another kind"));
-    };
     let size = ProblemSize::of_report(source.rows as usize, &source.report);
     let bytes = size.judging_bytes(record.count as usize);
     let mut memory = state.memory();
     body::reserve(&mut memory, bytes)?;
-    let basis = state.store.load_eigenvectors(id).await?;
+    let basis = state.store.load_eigenvectors(record.id).await?;
     let matrices = state.store.load_problem(&source.id).await?;
     let hashes = json!({"basis": record.content_hash, "problem": source.id});
     judged(state, memory, bytes, move |begin, monitor| {

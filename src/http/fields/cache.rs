@@ -11,6 +11,7 @@ use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
 
 use crate::http::client::ClientState;
 use crate::http::problem::Problem;
+use crate::http::slots::Turn;
 
 type Kept = Arc<dyn Any + Send + Sync>;
 
@@ -42,6 +43,7 @@ impl FieldCache {
     /// What lies at a key, or what is made now, with the bytes that it takes. One key, one type.
     async fn get<T: Any + Send + Sync>(
         &self,
+        turn: &Turn,
         key: String,
         make: impl Future<Output = Result<(T, u64), Problem>>,
     ) -> Result<Arc<T>, Problem> {
@@ -49,12 +51,16 @@ impl FieldCache {
             let (value, bytes) = make.await?;
             Ok::<_, Problem>((Arc::new(value) as Kept, bytes))
         };
-        let found = match &self.0 {
-            None => made.await?.0,
-            Some(cache) => match cache.get(&key) {
-                Some((found, _)) => found,
-                None => cache.get_or_insert_async(&key, made).await?.0,
-            },
+        let found = match self.0.as_ref().map(|cache| (cache, cache.get(&key))) {
+            Some((_, Some((found, _)))) => found,
+            absent => {
+                // Whoever makes it, and whoever waits for what another one makes.
+                turn.step_aside();
+                match absent {
+                    Some((cache, _)) => cache.get_or_insert_async(&key, made).await?.0,
+                    None => made.await?.0,
+                }
+            }
         };
         found.downcast().map_err(|_| Problem::internal(format!("the cache holds something else as {key}")))
     }
@@ -71,9 +77,7 @@ pub async fn kept<T: Any + Send + Sync>(
     key: &str,
     make: impl FnOnce(&dyn Monitor) -> Result<(T, u64), Problem> + Send + 'static,
 ) -> Result<Arc<T>, Problem> {
-    // Whoever asks for what another one makes waits until it is made.
-    state.turn.step_aside();
-    state.fields.get(format!("{stage} {key}"), state.solve(stage, make)).await
+    state.fields.get(&state.turn, format!("{stage} {key}"), state.solve(stage, make)).await
 }
 
 /// The surface of a mesh.
@@ -90,6 +94,5 @@ pub async fn surface(state: &ClientState, mesh: &str) -> Result<Arc<Surface>, Pr
         });
         made.await
     };
-    state.turn.step_aside();
-    state.fields.get(format!("surface {mesh}"), make).await
+    state.fields.get(&state.turn, format!("surface {mesh}"), make).await
 }

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use axum::body::Body;
 use axum::http::HeaderMap;
+use chladni_algebra::FactorError;
 use chladni_base::Monitor;
 use chladni_spectral::field::{HodgeDecomposition, PoissonError};
 use chladni_work::design::{DecompositionAnswer, DecompositionRequest};
@@ -14,11 +15,12 @@ use super::cache;
 use super::design::read;
 use crate::http::body;
 use crate::http::client::ClientState;
+use crate::http::convert::sentence;
 use crate::http::exchange::{Answer, JSON};
 use crate::http::extract;
 use crate::http::ids::MeshId;
 use crate::http::numbering::{Numbered, NumberingQuery};
-use crate::http::problem::Problem;
+use crate::http::problem::{self, Problem};
 use crate::http::problems::problems;
 use crate::http::state::AppState;
 
@@ -86,6 +88,9 @@ impl From<PoissonError> for Problem {
     fn from(error: PoissonError) -> Self {
         match error {
             PoissonError::Cancelled(cancelled) => cancelled.into(),
+            PoissonError::Factor(FactorError::Promise { .. }) => {
+                Self::within(&problem::INVALID_DESIGN, "memory", sentence(&error))
+            }
             PoissonError::Factor(_) => Self::internal(error),
         }
     }

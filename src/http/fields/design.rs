@@ -157,7 +157,7 @@ async fn design(
     request.translate(&to, ready.kind(), ready.vertices())?;
     let designed = solve::design(&state, &ready, &request).await?;
     let form = query.form.or((raw || request.faces.is_some()).then_some(Form::World));
-    let some = match request.faces.as_ref().filter(|_| form.is_some()) {
+    let some = match &request.faces {
         None => None,
         Some(wanted) => Some(solve::faces(&state, &ready, wanted).await?),
     };
@@ -165,10 +165,8 @@ async fn design(
         .solve("lift", move |_| {
             let (kind, surface) = (ready.kind(), &ready.surface.surface);
             let sought = query.singularities && !raw;
-            let field = match (sought, form, &some) {
-                (true, ..) | (false, Some(_), None) => ready.lifted(&designed)?,
-                (false, ..) => Vec::new(),
-            };
+            let is_whole = sought || (form.is_some() && some.is_none());
+            let field = if is_whole { ready.lifted(&designed)? } else { Vec::new() };
             let part = some.as_deref().map(|faces| ready.lifted_at(&designed, faces)).transpose()?;
             let design = designed.design;
             let matching = designed.exact.map(|exact| exact.matching);

@@ -163,9 +163,6 @@ fn halve(entries: &mut [Entry]) -> Split {
     let side = |i: &usize| high[*i] - low[*i];
     let axis = (0..3).max_by(|a, b| side(a).total_cmp(&side(b))).unwrap_or(0);
     let middle = entries.len() / 2;
-    if middle == entries.len() {
-        return Split { axis: 0, at: 0.0 };
-    }
     let key = |entry: &Entry| (entry.at[axis], entry.point);
     let (_, median, _) = entries.select_nth_unstable_by(middle, |a, b| {
         let ((p, i), (q, j)) = (key(a), key(b));

@@ -31,7 +31,7 @@ if __name__ == "__main__":
     parser.add_argument(
         "--meshes", required=True, help="a folder with armadillo.obj, igea.ply, rocker-arm.off, rolling-stage.obj, face.obj and bumpy-cube.obj"
     )
-    parser.add_argument("--record", help="a file of JSON lines that runs are added to, and taken from")
+    parser.add_argument("--record", help="a file of JSON lines that runs of one version of the program are added to, and taken from")
     parser.add_argument("--limit", type=float, default=900, help="processor seconds of one run")
     parser.add_argument("--repeat", type=int, default=1, help="runs of each, of which the quickest counts")
     parser.add_argument("--pictures", help="a folder for SVG pictures of the figures")

@@ -8,6 +8,7 @@ import numpy as np
 from flipped import flipped
 from runs import Problem, markdown, seconds, short
 from tables import EXPONENT, called, sphere
+from thesis import TABLE6
 
 INK = {"ours": "#1f4e79", "published": "#5b9bd5", "SIM": "#7f7f7f", "Lanczos": "#c55a11", "Manifold Harmonics": "#548235", "LOBPCG": "#7030a0"}
 
@@ -25,6 +26,7 @@ def figure5(runs, large, pictures=None):
         "LOBPCG": (runs.peer, "lobpcg", 250),
     }
     counts = (50, 100, 250, 500, 1000, 2500, 5000) if large else (50, 100, 250, 500)
+    thesis = {count: row[4] for count, row in TABLE6["Rocker Arm 270k"].items()}
     rows, curves = [], {name: [] for name in solvers}
     for count in counts:
         problem, row = Problem("rocker-arm.off", count, subdivide=subdivide), [count]
@@ -33,7 +35,6 @@ def figure5(runs, large, pictures=None):
             row.append("–" if answer is None else f"{seconds(answer)}" + ("" if "error" in answer else f" ({short(1000 * answer['cpu'] / count)})"))
             if answer and "error" not in answer:
                 curves[name].append((count, answer["cpu"]))
-        thesis = {50: 14.6, 250: 79.6, 1000: 342.1, 2500: 1108.1}
         row.append(f"{thesis[count]:g} ({short(1000 * thesis[count] / count)})" if count in thesis else "–")
         rows.append(row)
     markdown(["pairs", *solvers, "*thesis' HSIM, 270k*"], rows)
@@ -53,14 +54,14 @@ def figure6(runs, large, pictures=None):
                 continue
             values = np.array(answer["values"])[1:]
             off = np.abs(values - exact[1:]) / exact[1:]
-            reference = values if reference is None else reference
-            moved = np.abs(values - reference) / reference
+            reference = values if tolerance == 1e-6 else reference
+            moved = None if reference is None else np.abs(values - reference) / reference
             rows.append(
                 [
                     answer["vertices"],
                     EXPONENT[tolerance],
                     f"{np.median(off):.2e}, {off.max():.2e}",
-                    f"{np.median(moved):.1e}, {moved.max():.1e}",
+                    "–" if moved is None else f"{np.median(moved):.1e}, {moved.max():.1e}",
                     seconds(answer),
                 ]
             )
@@ -183,7 +184,7 @@ def figure11(runs, large, pictures=None):
                     rows.append([mesh, count, label, "–", "–", seconds(answer)])
                     continue
                 found = np.array(answer["residuals"])[1:]
-                rows.append([called(problem, answer), count, label, f"{np.median(found):.1e}", f"{found.max():.1e}", short(answer["cpu"])])
+                rows.append([called(problem, answer), count, label, f"{np.median(found):.1e}", f"{found.max():.1e}", short(answer["cpu"] + answer.get("spaces", 0))])
                 if name in ("multilevel correction", "HSIM in NumPy", "ours"):
                     curves[label] = list(zip(range(2, count + 1), found))
         panels.append(dict(title=f"{called(problem, answer)}, {count} pairs", curves=curves, x="index", y="residual"))

@@ -85,6 +85,15 @@ impl From<Hold> for Give {
     }
 }
 
+/// The conditions that the constraints in `kept` become.
+pub(super) fn conditions(kept: &[usize], constraints: &[Constraint]) -> Vec<Condition> {
+    let condition = |&c: &usize| {
+        let Constraint { face, value, hold } = constraints[c];
+        Condition { face, value, give: hold.into() }
+    };
+    kept.iter().map(condition).collect()
+}
+
 impl Condition {
     /// Lets a share give way less.
     pub fn harden(&mut self) {
@@ -104,4 +113,22 @@ pub(super) fn near(rows: &DenseMatrix, condition: &Condition, columns: std::ops:
         wanted += value * value;
     }
     product > NEAR * (own * wanted).sqrt()
+}
+
+/// For each constraint the length of what is missing; `number` tells the numbers of the field at those without repetitions.
+pub(super) fn residuals(
+    kept: &[usize],
+    constraints: &[Constraint],
+    b: usize,
+    number: impl Fn(usize, usize) -> f64,
+) -> Vec<f64> {
+    let mut places = vec![None; constraints.len()];
+    kept.iter().enumerate().for_each(|(at, &c)| places[c] = Some(at));
+    let residual = |c: usize| {
+        // Repeated hard constraints share the numbers of the first.
+        let at = places[c].or_else(|| kept.iter().position(|&k| same(&constraints[k], &constraints[c])));
+        let deviation = |at: usize, i: usize| number(at, i) - constraints[c].value[i];
+        at.map_or(0.0, |at| (0..b).map(|i| deviation(at, i).powi(2)).sum::<f64>().sqrt())
+    };
+    (0..constraints.len()).map(residual).collect()
 }

@@ -8,13 +8,9 @@ use chladni_base::{Cancelled, Monitor};
 use rayon::prelude::*;
 
 use super::hierarchy::{Level, row_scales};
-use super::smooth::chebyshev;
+use super::smooth::{CYCLE_DEGREE, CYCLE_LEAST, Rows, Small, chebyshev};
 
-/// Degree of the smoother before and after a coarse correction, and the lower end of what it damps, where the spectrum ends at 2.
-const DEGREE: usize = 2;
-const LEAST: f32 = 0.2;
-
-/// The same on the coarsest level where it is too large to be factored.
+/// Degree of the smoother and the lower end of what it damps on the coarsest level, where that is too large to be factored.
 const LAST_DEGREE: usize = 16;
 const LAST_LEAST: f32 = 0.005;
 
@@ -25,7 +21,6 @@ const MOST_FACTORED: usize = 1500;
 const ROWS: usize = 2048;
 
 type Vector<const B: usize> = Vec<[f32; B]>;
-type Small<const B: usize> = [[f32; B]; B];
 
 /// The levels of an operator, the finest first.
 pub(super) struct Cycles<const B: usize> {
@@ -46,38 +41,14 @@ struct Grid<const B: usize> {
     transfer: Option<(Rows<B>, Rows<B>)>,
 }
 
-struct Rows<const B: usize> {
-    offsets: Vec<u32>,
-    indices: Vec<u32>,
-    blocks: Vec<Small<B>>,
-}
-
-impl<const B: usize> Rows<B> {
-    fn of(matrix: &BlockMatrix<B>) -> Self {
-        Self {
-            offsets: matrix.offsets().iter().map(|&o| o as u32).collect(),
-            indices: matrix.indices().to_vec(),
-            blocks: matrix.blocks().par_iter().map(|block| block.map(|row| row.map(|x| x as f32))).collect(),
+/// `y = A x`.
+fn multiply<const B: usize>(rows: &Rows<B>, x: &[[f32; B]], y: &mut [[f32; B]]) {
+    each(y, |row, y| {
+        *y = [0.0; B];
+        for at in rows.range(row) {
+            add(y, &rows.blocks[at], &x[rows.indices[at] as usize]);
         }
-    }
-
-    fn range(&self, row: usize) -> std::ops::Range<usize> {
-        self.offsets[row] as usize..self.offsets[row + 1] as usize
-    }
-
-    fn bytes(&self) -> u64 {
-        (4 * (self.offsets.len() + self.indices.len()) + size_of::<Small<B>>() * self.blocks.len()) as u64
-    }
-
-    /// `y = A x`.
-    fn multiply(&self, x: &[[f32; B]], y: &mut [[f32; B]]) {
-        each(y, |row, y| {
-            *y = [0.0; B];
-            for at in self.range(row) {
-                add(y, &self.blocks[at], &x[self.indices[at] as usize]);
-            }
-        });
-    }
+    });
 }
 
 /// For each number of a vector, in parallel.
@@ -228,24 +199,25 @@ impl<const B: usize> Shifted<'_, B> {
                 Some(factor) => {
                     let mut dense = DenseMatrix::zeros(B * r.len(), 1);
                     dense.column_mut(0).iter_mut().zip(r.as_flattened()).for_each(|(d, &r)| *d = f64::from(r));
-                    if factor.solve(&mut dense).is_ok() {
-                        z.as_flattened_mut().iter_mut().zip(dense.column(0)).for_each(|(z, &d)| *z = d as f32);
+                    if let Err(misfit) = factor.solve(&mut dense) {
+                        panic!("{} nodes on the coarsest level: {misfit}", r.len());
                     }
+                    z.as_flattened_mut().iter_mut().zip(dense.column(0)).for_each(|(z, &d)| *z = d as f32);
                 }
                 None => grid.smooth(self.gamma, &mut z, r, true, (LAST_DEGREE, LAST_LEAST)),
             }
             return z;
         };
-        grid.smooth(self.gamma, &mut z, r, true, (DEGREE, LEAST));
+        grid.smooth(self.gamma, &mut z, r, true, (CYCLE_DEGREE, CYCLE_LEAST));
         let mut residual = vec![[0f32; B]; r.len()];
         grid.multiply(self.gamma, &z, &mut residual);
         each(&mut residual, |row, residual| residual.iter_mut().zip(&r[row]).for_each(|(own, r)| *own = r - *own));
         let mut coarse = vec![[0f32; B]; down.offsets.len() - 1];
-        down.multiply(&residual, &mut coarse);
+        multiply(down, &residual, &mut coarse);
         let correction = self.descend(at + 1, &coarse);
-        up.multiply(&correction, &mut residual);
+        multiply(up, &correction, &mut residual);
         each(&mut z, |row, z| z.iter_mut().zip(&residual[row]).for_each(|(z, c)| *z += c));
-        grid.smooth(self.gamma, &mut z, r, false, (DEGREE, LEAST));
+        grid.smooth(self.gamma, &mut z, r, false, (CYCLE_DEGREE, CYCLE_LEAST));
         z
     }
 }

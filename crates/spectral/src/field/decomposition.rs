@@ -3,13 +3,12 @@
 //! `X = G u + J G* v + H` with the conforming gradient `G` of hat functions and the non-conforming gradient `G*` of Crouzeix–Raviart functions (Polthier and Preuß
 //! 2003; thesis, section 3.1). At a boundary one of the two has no functions, or the parts would not be orthogonal: see [`FieldBoundary`].
 
-use chladni_algebra::{FactorNumbers, MassMatrix, PANEL_WIDTH, SymbolicFactor, fill_reducing_order};
 use chladni_base::Monitor;
 use chladni_mesh::dual::NO_FACE;
 
 use super::basis::FieldSurface;
 use super::harmonic::rim;
-use super::poisson::{self, PoissonError};
+use super::poisson::{self, Factor, PoissonError};
 use crate::operator::hodge::FieldBoundary;
 
 /// Projects fields to gradients and co-gradients, each by a sparse factor that is made once.
@@ -37,9 +36,8 @@ struct Potentials {
     functions: Vec<[u32; 3]>,
     /// The gradient of function `k` on a face is `scale · J e_k / A`.
     scale: f64,
-    order: Vec<u32>,
-    symbolic: SymbolicFactor,
-    numbers: FactorNumbers,
+    /// Of their Laplacian, made definite.
+    factor: Factor,
 }
 
 /// Of a face's three functions, one that is held at zero.
@@ -67,16 +65,18 @@ impl HodgeDecomposition {
     /// About the bytes that it takes.
     pub fn bytes(&self) -> u64 {
         [&self.gradients, &self.cogradients]
-            .map(|own| (12 * own.functions.len() + 4 * own.order.len() + 10 * own.symbolic.entries()) as u64)
+            .map(|own| 12 * own.functions.len() as u64 + own.factor.bytes())
             .iter()
             .sum()
     }
 
-    /// The parts of a field, `2 F` numbers; `None` where it has another length.
-    pub fn parts(&self, surface: &FieldSurface, field: &[f64]) -> Option<HodgeParts> {
-        if field.len() != 2 * surface.faces() || self.gradients.functions.len() != surface.faces() {
-            return None;
-        }
+    /// The parts of a field, `2 F` numbers.
+    ///
+    /// # Panics
+    /// Where the field has another length, or the surface is another than that of the decomposition.
+    pub fn parts(&self, surface: &FieldSurface, field: &[f64]) -> HodgeParts {
+        let faces = self.gradients.functions.len();
+        assert_eq!((surface.faces(), field.len()), (faces, 2 * faces), "faces, and two numbers for each");
         let mut harmonic = field.to_vec();
         let (mut gradient, mut cogradient) = (vec![0.0; field.len()], vec![0.0; field.len()]);
         let mut potential = vec![0.0; surface.mesh().positions.len()];
@@ -99,7 +99,7 @@ impl HodgeDecomposition {
         self.centre(surface, &mut potential);
         let length = surface.frames().area().sqrt();
         potential.iter_mut().for_each(|u| *u *= length);
-        Some(HodgeParts { gradient, cogradient, harmonic, potential })
+        HodgeParts { gradient, cogradient, harmonic, potential }
     }
 
     /// Takes its mean out of a potential on each component where nothing holds it.
@@ -147,15 +147,8 @@ impl Potentials {
             }
         }
         Self::ground(surface, &functions, size, &mut entries);
-        let matrix = poisson::assemble(size, entries);
-        let order = fill_reducing_order(&matrix, poisson::ordering(size))?;
-        monitor.checkpoint()?;
-        let sorted = matrix.reordered(&order);
-        let none = MassMatrix::Diagonal(vec![0.0; size]);
-        let symbolic = SymbolicFactor::new(&sorted, &none)?.within(1, monitor)?;
-        monitor.checkpoint()?;
-        let numbers = symbolic.factor(&sorted, &none, 0.0)?.into_numbers();
-        Ok(Self { functions, scale, order, symbolic, numbers })
+        let factor = Factor::new(&poisson::assemble(size, entries), monitor)?;
+        Ok(Self { functions, scale, factor })
     }
 
     /// Makes the matrix definite: one function of each component is tied to zero where none is held, as are those of no face.
@@ -182,21 +175,16 @@ impl Potentials {
     /// The function whose gradient is nearest to a field.
     fn project(&self, surface: &FieldSurface, field: &[f64]) -> Vec<f64> {
         let frames = surface.frames();
-        let mut right = vec![0.0; self.order.len()];
+        let mut right = vec![0.0; self.factor.size()];
         for (f, (own, x)) in self.functions.iter().zip(field.as_chunks::<2>().0).enumerate() {
             for (k, e) in frames.edges(f).into_iter().enumerate().filter(|&(k, _)| own[k] != HELD) {
                 right[own[k] as usize] += self.scale * (e[0] * x[1] - e[1] * x[0]);
             }
         }
-        let mut panel = vec![0.0; self.order.len() * PANEL_WIDTH];
-        for (row, &at) in panel.chunks_exact_mut(PANEL_WIDTH).zip(&self.order) {
-            row[0] = right[at as usize];
-        }
-        self.symbolic.solve_panel(&self.numbers, &mut panel);
-        for (row, &at) in panel.chunks_exact(PANEL_WIDTH).zip(&self.order) {
-            right[at as usize] = row[0];
-        }
-        right
+        let mut columns = [right];
+        self.factor.solve(&mut columns);
+        let [potential] = columns;
+        potential
     }
 
     /// Changes a field by the gradient of a function.
@@ -252,7 +240,7 @@ mod tests {
                 let surface = FieldSurface::new(mesh.clone()).unwrap();
                 let field = random(&surface);
                 let decomposition = HodgeDecomposition::new(&surface, boundary, &Unwatched).unwrap();
-                let parts = decomposition.parts(&surface, &field).unwrap();
+                let parts = decomposition.parts(&surface, &field);
                 let norm = product(&surface, &field, &field);
                 for (i, x) in field.iter().enumerate() {
                     let sum = parts.gradient[i] + parts.cogradient[i] + parts.harmonic[i];
@@ -290,7 +278,7 @@ mod tests {
         let field: Vec<f64> =
             (0..surface.faces()).flat_map(|f| surface.frames().from_world(f, [0.5, -2.0, 0.0])).collect();
         let decomposition = HodgeDecomposition::new(&surface, FieldBoundary::Tangential, &Unwatched).unwrap();
-        let parts = decomposition.parts(&surface, &field).unwrap();
+        let parts = decomposition.parts(&surface, &field);
         assert!(parts.cogradient.iter().chain(&parts.harmonic).all(|x| x.abs() < 1e-10));
         let linear = |p: &[f64; 3]| 0.5 * p[0] - 2.0 * p[1];
         let shift = parts.potential[0] - linear(&surface.mesh().positions[0]);

@@ -3,6 +3,7 @@
 mod adaptive;
 mod alignment;
 mod basis;
+mod compliance;
 mod constraints;
 mod cycle;
 mod decomposition;

@@ -31,7 +31,7 @@ const SMALL_FACTOR: usize = 1 << 23;
 
 /// Whether a factor fills in as those of surfaces do, which nested dissection keeps to `O(n log n)` entries. Designs are promised no memory
 /// beforehand: this is theirs, and the numbers of the factor are not computed beyond it.
-fn within_surfaces(entries: usize, nonzeros: usize, nodes: usize) -> Result<(), FactorError> {
+pub(super) fn within_surfaces(entries: usize, nonzeros: usize, nodes: usize) -> Result<(), FactorError> {
     let most = (FILL * nonzeros as f64 * (nodes.max(2) as f64).log2()) as usize;
     let most = most.max(SMALL_FACTOR);
     // Eight bytes for the entry, two for its place in the pattern.

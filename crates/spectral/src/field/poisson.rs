@@ -1,12 +1,14 @@
 //! Poisson problems on the vertices of a surface, by a sparse factor.
 
 use chladni_algebra::{
-    FactorError, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SparseMatrix, SymbolicFactor, fill_reducing_order,
+    FactorError, FactorNumbers, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SparseMatrix, SymbolicFactor,
+    fill_reducing_order,
 };
 use chladni_base::{Cancelled, Monitor};
 use rayon::prelude::*;
 
 use super::basis::FieldSurface;
+use super::pencil::within_surfaces;
 
 /// From so many unknowns on, an order by nested dissection saves more than it costs.
 const LARGE: usize = 60_000;
@@ -55,29 +57,87 @@ pub(super) fn ground(surface: &FieldSurface, fixed: impl Fn(u32) -> bool, entrie
 }
 
 /// The order to factor so many unknowns in.
-pub(super) fn ordering(unknowns: usize) -> Ordering {
+fn ordering(unknowns: usize) -> Ordering {
     if unknowns > LARGE { Ordering::NestedDissection } else { Ordering::Amd }
 }
 
 /// `X ← A⁻¹ X` for a symmetric positive definite matrix: what is singular has to be grounded before.
 pub(super) fn solve(matrix: &SparseMatrix, x: &mut PanelMatrix, monitor: &dyn Monitor) -> Result<(), PoissonError> {
-    let n = matrix.rows();
-    let order = fill_reducing_order(matrix, ordering(n))?;
-    monitor.checkpoint()?;
-    let sorted = matrix.reordered(&order);
-    let mass = MassMatrix::Diagonal(vec![0.0; n]);
-    let symbolic = SymbolicFactor::new(&sorted, &mass)?.within(1, monitor)?;
-    monitor.checkpoint()?;
-    let factor = symbolic.factor(&sorted, &mass, 0.0)?;
+    let factor = Factor::admitted(matrix, |symbolic| symbolic.within(1, monitor), monitor)?;
     x.panels_mut().par_iter_mut().try_for_each(|panel| {
         monitor.checkpoint()?;
-        let rows =
-            |panel: &[f64], row: usize| -> [f64; PANEL_WIDTH] { std::array::from_fn(|k| panel[row * PANEL_WIDTH + k]) };
-        let mut sorted: Vec<f64> = order.iter().flat_map(|&row| rows(panel, row as usize)).collect();
-        factor.solve_panel(&mut sorted);
-        for (row, &to) in sorted.chunks_exact(PANEL_WIDTH).zip(&order) {
-            panel[to as usize * PANEL_WIDTH..(to as usize + 1) * PANEL_WIDTH].copy_from_slice(row);
-        }
+        factor.solve_panel(panel);
         Ok(())
     })
+}
+
+/// A symmetric positive definite matrix, factored to be kept.
+pub(super) struct Factor {
+    order: Vec<u32>,
+    symbolic: SymbolicFactor,
+    numbers: FactorNumbers,
+}
+
+impl Factor {
+    /// Factors a matrix on a surface; its numbers are not computed where it fills in more than those do.
+    ///
+    /// # Errors
+    /// [`PoissonError`].
+    pub fn new(matrix: &SparseMatrix, monitor: &dyn Monitor) -> Result<Self, PoissonError> {
+        let admit = |symbolic: SymbolicFactor| {
+            within_surfaces(symbolic.entries(), matrix.entries(), matrix.rows())?;
+            Ok(symbolic)
+        };
+        Self::admitted(matrix, admit, monitor)
+    }
+
+    /// The same where `admit` lets the pattern of the factor pass.
+    fn admitted(
+        matrix: &SparseMatrix,
+        admit: impl FnOnce(SymbolicFactor) -> Result<SymbolicFactor, FactorError>,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, PoissonError> {
+        let n = matrix.rows();
+        let order = fill_reducing_order(matrix, ordering(n))?;
+        monitor.checkpoint()?;
+        let sorted = matrix.reordered(&order);
+        let none = MassMatrix::Diagonal(vec![0.0; n]);
+        let symbolic = admit(SymbolicFactor::new(&sorted, &none)?)?;
+        monitor.checkpoint()?;
+        let numbers = symbolic.factor(&sorted, &none, 0.0)?.into_numbers();
+        Ok(Self { order, symbolic, numbers })
+    }
+
+    /// The unknowns.
+    pub fn size(&self) -> usize {
+        self.order.len()
+    }
+
+    /// About the bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        (4 * self.order.len() + 10 * self.symbolic.entries()) as u64
+    }
+
+    /// `x ← A⁻¹ x`, of at most [`PANEL_WIDTH`] vectors.
+    pub fn solve<const K: usize>(&self, columns: &mut [Vec<f64>; K]) {
+        let mut panel = vec![0.0; self.size() * PANEL_WIDTH];
+        for (row, &at) in panel.chunks_exact_mut(PANEL_WIDTH).zip(&self.order) {
+            row.iter_mut().zip(columns.iter()).for_each(|(to, column)| *to = column[at as usize]);
+        }
+        self.symbolic.solve_panel(&self.numbers, &mut panel);
+        for (row, &at) in panel.chunks_exact(PANEL_WIDTH).zip(&self.order) {
+            row.iter().zip(columns.iter_mut()).for_each(|(from, column)| column[at as usize] = *from);
+        }
+    }
+
+    /// `X ← A⁻¹ X` for a panel of [`PANEL_WIDTH`] columns, row after row.
+    fn solve_panel(&self, panel: &mut [f64]) {
+        let rows =
+            |panel: &[f64], row: usize| -> [f64; PANEL_WIDTH] { std::array::from_fn(|k| panel[row * PANEL_WIDTH + k]) };
+        let mut sorted: Vec<f64> = self.order.iter().flat_map(|&row| rows(panel, row as usize)).collect();
+        self.symbolic.solve_panel(&self.numbers, &mut sorted);
+        for (row, &to) in sorted.chunks_exact(PANEL_WIDTH).zip(&self.order) {
+            panel[to as usize * PANEL_WIDTH..(to as usize + 1) * PANEL_WIDTH].copy_from_slice(row);
+        }
+    }
 }

@@ -10,11 +10,13 @@ use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, lowest_symmetr
 use chladni_base::{Cancelled, Monitor, Unwatched};
 
 use super::basis::FieldSurface;
+use super::compliance::Compliance;
 use super::cycle::Cycles;
 use super::design::{Constraint, Design, DesignError, length};
 use super::hierarchy::hierarchy;
-use super::refine_response::{Response, Whole, add, dot};
-use super::weighted::{Compliance, WeightedModel};
+use super::idle::dot as small_dot;
+use super::refine_response::{Response, Sum, Whole, add, dot};
+use super::weighted::WeightedModel;
 use crate::basis::FieldBasis;
 use crate::operator::OperatorError;
 use crate::operator::hodge::FieldBoundary;
@@ -95,8 +97,6 @@ pub enum RefineError {
 pub struct FullSpace {
     kind: FieldKind,
     inner: Inner,
-    /// Fields without energy.
-    kernel: OnceLock<Vec<Vec<f64>>>,
 }
 
 enum Inner {
@@ -139,7 +139,7 @@ impl FullSpace {
             2 => Inner::Two(Whole::new(surface, kind, boundary, monitor)?),
             _ => Inner::Three(Whole::new(surface, kind, boundary, monitor)?),
         };
-        Ok(Self { kind, inner, kernel: OnceLock::new() })
+        Ok(Self { kind, inner })
     }
 
     /// Checks a tolerance of [`refine`](Self::refine).
@@ -155,12 +155,10 @@ impl FullSpace {
 
     /// About the bytes that it takes, with the fields without energy that are found later.
     pub fn bytes(&self) -> u64 {
-        let (own, block) = match &self.inner {
-            Inner::Two(whole) => (whole.bytes(), 2),
-            Inner::Three(whole) => (whole.bytes(), 3),
-        };
-        let known = self.kernel.get().map_or(EXPECTED_IDLE, Vec::len);
-        own + (8 * block * self.faces() * known.max(EXPECTED_IDLE)) as u64
+        match &self.inner {
+            Inner::Two(whole) => whole.bytes(),
+            Inner::Three(whole) => whole.bytes(),
+        }
     }
 
     /// The field of least energy among all fields under the constraints of a design of the same model: constraints and alignments have the weights that the design has
@@ -181,12 +179,15 @@ impl FullSpace {
     ) -> Result<Refined, RefineError> {
         Self::check_tolerance(tolerance)?;
         length("the space", basis.space.faces(), self.faces())?;
-        if weighted.is_prescribed() || basis.kind != self.kind {
-            return Err(if basis.kind == self.kind { RefineError::Prescribed } else { DesignError::Kind.into() });
+        if basis.kind != self.kind {
+            return Err(DesignError::Kind.into());
+        }
+        if weighted.is_prescribed() {
+            return Err(RefineError::Prescribed);
         }
         match &self.inner {
-            Inner::Two(whole) => self.refine_in(whole, weighted, basis, constraints, design, tolerance, monitor),
-            Inner::Three(whole) => self.refine_in(whole, weighted, basis, constraints, design, tolerance, monitor),
+            Inner::Two(whole) => whole.refine(weighted, basis, constraints, design, tolerance, monitor),
+            Inner::Three(whole) => whole.refine(weighted, basis, constraints, design, tolerance, monitor),
         }
     }
 
@@ -211,11 +212,31 @@ impl FullSpace {
             Inner::Three(whole) => whole.mass.len(),
         }
     }
+}
 
-    #[allow(clippy::too_many_arguments)]
-    fn refine_in<const B: usize>(
+impl<const B: usize> Whole<B> {
+    fn new(
+        surface: &FieldSurface,
+        kind: FieldKind,
+        boundary: FieldBoundary,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, RefineError> {
+        let operator = FieldOperator::<B>::assemble(kind, surface.mesh(), surface.dual(), surface.frames(), boundary)?;
+        let levels = hierarchy(&operator, surface.dual(), surface.frames(), COARSEST, monitor)?;
+        let cycles = Cycles::new(&levels, monitor)?;
+        Ok(Self { stiffness: operator.stiffness, mass: operator.mass, cycles, kernel: OnceLock::new() })
+    }
+
+    fn bytes(&self) -> u64 {
+        let known = self.kernel.get().map_or(EXPECTED_IDLE, Vec::len).max(EXPECTED_IDLE);
+        (size_of::<[[f64; B]; B]>() + 4) as u64 * self.stiffness.entries() as u64
+            + 16 * self.mass.len() as u64
+            + self.cycles.bytes()
+            + (8 * B * self.mass.len() * known) as u64
+    }
+
+    fn refine(
         &self,
-        whole: &Whole<B>,
         weighted: &WeightedModel,
         basis: &FieldBasis,
         constraints: &[Constraint],
@@ -224,10 +245,10 @@ impl FullSpace {
         monitor: &dyn Monitor,
     ) -> Result<Refined, RefineError> {
         let compliance = weighted.compliance(basis, constraints)?;
-        let kernel = self.kernel(whole, weighted, basis, monitor)?;
-        let (sum, force) = weighted.whole_sum(B * whole.mass.len());
-        let response = Response::new(whole, sum, kernel)?;
-        let mut solve = Pulls::new(whole, &response, compliance, force, tolerance, monitor)?;
+        let (sum, force) = weighted.whole_sum(B * self.mass.len());
+        let kernel = self.kernel(&sum, weighted, basis, monitor)?;
+        let response = Response::new(self, sum, kernel)?;
+        let mut solve = Pulls::new(self, &response, compliance, force, tolerance, monitor)?;
         match solve.run() {
             // Whichever solve it was, what was asked for was not reached.
             Err(RefineError::NotConverged { .. }) if response.lacks_idle_fields(monitor)? => {
@@ -242,12 +263,12 @@ impl FullSpace {
             reduced.ok_or(DesignError::Length { what: "coefficients", got: 0, wanted: basis.space.dimension() })?;
         let mut off: Vec<f64> = reduced.iter().map(|&x| f64::from(x)).collect();
         add(&mut off, &field, -1.0);
-        let norm = |x: &[f64]| whole.product(x, x).sqrt();
+        let norm = |x: &[f64]| self.product(x, x).sqrt();
         let distance = norm(&off) / norm(&field).max(f64::MIN_POSITIVE);
-        let image = whole.stiff(&field);
+        let image = self.stiff(&field);
         let harmonic_energy = dot(&image, &field);
         let mut curved = image.clone();
-        whole.weigh(&mut curved, -1);
+        self.unweigh(&mut curved);
         let biharmonic_energy = dot(&image, &curved);
         let missing = |c: &Constraint| {
             let own = &field[B * c.face as usize..B * (c.face as usize + 1)];
@@ -255,7 +276,7 @@ impl FullSpace {
         };
         Ok(Refined {
             residuals: constraints.iter().map(missing).collect(),
-            alignment_energy: weighted.whole_deviation(&field, &whole.mass),
+            alignment_energy: weighted.whole_deviation(&field, &self.mass),
             field,
             harmonic_energy,
             biharmonic_energy,
@@ -264,40 +285,23 @@ impl FullSpace {
         })
     }
 
-    /// The fields without energy that the reduced space knows about, exactly.
-    fn kernel<const B: usize>(
+    /// The fields without energy that the reduced space knows about, exactly; none where the sum holds them.
+    fn kernel(
         &self,
-        whole: &Whole<B>,
+        sum: &Sum,
         weighted: &WeightedModel,
         basis: &FieldBasis,
         monitor: &dyn Monitor,
     ) -> Result<&[Vec<f64>], RefineError> {
+        if self.mean_weight(sum) > 0.0 {
+            return Ok(&[]);
+        }
         if let Some(known) = self.kernel.get() {
             return Ok(known);
         }
         let Some(about) = weighted.idle_fields(basis) else { return Ok(&[]) };
-        let exact = whole.polished(about, monitor)?;
+        let exact = self.polished(about, monitor)?;
         Ok(self.kernel.get_or_init(|| exact))
-    }
-}
-
-impl<const B: usize> Whole<B> {
-    fn new(
-        surface: &FieldSurface,
-        kind: FieldKind,
-        boundary: FieldBoundary,
-        monitor: &dyn Monitor,
-    ) -> Result<Self, RefineError> {
-        let operator = FieldOperator::<B>::assemble(kind, surface.mesh(), surface.dual(), surface.frames(), boundary)?;
-        let levels = hierarchy(&operator, surface.dual(), surface.frames(), COARSEST, monitor)?;
-        let cycles = Cycles::new(&levels, monitor)?;
-        Ok(Self { stiffness: operator.stiffness, mass: operator.mass, cycles })
-    }
-
-    fn bytes(&self) -> u64 {
-        (size_of::<[[f64; B]; B]>() + 4) as u64 * self.stiffness.entries() as u64
-            + 16 * self.mass.len() as u64
-            + self.cycles.bytes()
     }
 }
 
@@ -323,10 +327,6 @@ struct Idle {
     pulls: Vec<f64>,
     /// How much of each field it has.
     mixture: Vec<f64>,
-}
-
-fn small_dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn solved(factor: &DefiniteFactor, right: &[f64]) -> Result<Vec<f64>, RefineError> {
@@ -383,6 +383,12 @@ fn factored(matrix: DenseMatrix, faces: &[u32], b: usize) -> Result<DefiniteFact
     })
 }
 
+/// `C u`: what a field has on faces.
+fn at_faces<const B: usize>(faces: &[u32], field: &[f64]) -> Vec<f64> {
+    let own = |&face: &u32| &field[B * face as usize..B * (face as usize + 1)];
+    faces.iter().flat_map(own).copied().collect()
+}
+
 impl<'a, const B: usize> Pulls<'a, B> {
     fn new(
         whole: &'a Whole<B>,
@@ -400,20 +406,10 @@ impl<'a, const B: usize> Pulls<'a, B> {
         let precondition = factored(matrix, &compliance.faces, B)?;
         let k = compliance.gives.len();
         let kernel = response.kernel();
-        let at_faces = |field: &Vec<f64>| -> Vec<f64> {
-            let own = |&face: &u32| &field[B * face as usize..B * (face as usize + 1)];
-            compliance.faces.iter().flat_map(own).copied().collect()
-        };
-        let at_faces: Vec<Vec<f64>> = kernel.iter().map(at_faces).collect();
+        let at_faces: Vec<Vec<f64>> = kernel.iter().map(|field| at_faces::<B>(&compliance.faces, field)).collect();
         let idle = if k > 0 { held(&at_faces, &precondition)? } else { Vec::new() };
         let field = vec![0.0; B * whole.mass.len()];
         Ok(Self { response, compliance, precondition, idle, force, tolerance, monitor, field, responses: 0 })
-    }
-
-    /// `C u`.
-    fn at_faces(&self, field: &[f64]) -> Vec<f64> {
-        let own = |&face: &u32| &field[B * face as usize..B * (face as usize + 1)];
-        self.compliance.faces.iter().flat_map(own).copied().collect()
     }
 
     /// `K⁻¹ Cᵀ y`.
@@ -449,7 +445,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
         }
         let product = small_dot;
         let mut amounts = vec![0.0; self.response.kernel().len()];
-        let reached = self.at_faces(&self.field);
+        let reached = at_faces::<B>(&self.compliance.faces, &self.field);
         let mut miss: Vec<f64> = self.compliance.values.iter().zip(&reached).map(|(v, u)| v - u).collect();
         let asked = product(&miss, &solved(&self.precondition, &miss)?);
         let mut scaled = self.answer(&mut miss, &mut amounts)?;
@@ -466,7 +462,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
             // The less there is left to do, the fewer digits of it matter.
             let close = (least * (first / size).sqrt()).clamp(least, COARSEST_RESPONSE);
             let moved = self.respond(&direction, close)?;
-            let mut image = self.at_faces(&moved);
+            let mut image = at_faces::<B>(&self.compliance.faces, &moved);
             image.iter_mut().zip(&self.compliance.gives).zip(&direction).for_each(|((q, give), y)| *q += give * y);
             let curvature = product(&direction, &image);
             if !(curvature > 0.0) {

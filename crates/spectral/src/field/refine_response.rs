@@ -3,6 +3,8 @@
 //! With `A = a M` and `(h / μ)² ≥ 4 a / μ` the biharmonic sum is a product, `K = μ (S + αM) M⁻¹ (S + βM)` with `α + β = h / μ` and `αβ = a / μ`, so that it takes two
 //! solves of second order, whose condition is the root of that of `K`. Any other `K` is solved with the nearest product as preconditioner.
 
+use std::sync::OnceLock;
+
 use chladni_algebra::BlockMatrix;
 use chladni_base::Monitor;
 use rayon::prelude::*;
@@ -34,6 +36,8 @@ pub(super) struct Whole<const B: usize> {
     /// The area of each face.
     pub mass: Vec<f64>,
     pub cycles: Cycles<B>,
+    /// Fields without energy, once they were needed.
+    pub kernel: OnceLock<Vec<Vec<f64>>>,
 }
 
 /// The weights of the energies, and of the squared deviation from a field.
@@ -93,14 +97,29 @@ impl<const B: usize> Whole<B> {
         image
     }
 
-    /// `x ← M x`, or `M⁻¹ x` with `power` −1.
-    pub fn weigh(&self, x: &mut [f64], power: i32) {
+    /// `x ← M x`.
+    pub fn weigh(&self, x: &mut [f64]) {
+        self.scale(x, |m| m);
+    }
+
+    /// `x ← M⁻¹ x`.
+    pub fn unweigh(&self, x: &mut [f64]) {
+        self.scale(x, |m| 1.0 / m);
+    }
+
+    fn scale(&self, x: &mut [f64], factor: impl Fn(f64) -> f64 + Sync) {
         x.par_chunks_mut(B * PIECE).zip(self.mass.par_chunks(PIECE)).for_each(|(x, mass)| {
             for (x, &m) in x.as_chunks_mut::<B>().0.iter_mut().zip(mass) {
-                let factor = if power < 0 { 1.0 / m } else { m };
+                let factor = factor(m);
                 x.iter_mut().for_each(|x| *x *= factor);
             }
         });
+    }
+
+    /// The mean weight that holds all fields, those without energy too.
+    pub fn mean_weight(&self, sum: &Sum) -> f64 {
+        let area: f64 = self.mass.iter().sum();
+        sum.uniform + sum.masses.as_ref().map_or(0.0, |m| m.iter().sum::<f64>() / area)
     }
 
     /// `aᵀ M b`.
@@ -120,7 +139,7 @@ impl<const B: usize> Whole<B> {
         let factor = Factor { gamma: 1.0, cycles: self.cycles.shifted(1.0) };
         for _ in 0..2 {
             for field in &mut fields {
-                self.weigh(field, 1);
+                self.weigh(field);
                 *field = factor.solve(self, field, 1e-12, &[], monitor)?;
             }
             self.orthonormalise(&mut fields);
@@ -163,7 +182,7 @@ impl<const B: usize> Factor<'_, B> {
             let mut image = whole.stiff(x);
             if self.gamma > 0.0 {
                 let mut mass = x.to_vec();
-                whole.weigh(&mut mass, 1);
+                whole.weigh(&mut mass);
                 add(&mut image, &mass, self.gamma);
             }
             image
@@ -181,9 +200,9 @@ impl<const B: usize> Factor<'_, B> {
 }
 
 impl<'a, const B: usize> Response<'a, B> {
+    /// The inverse for a sum; `kernel` are the fields without energy that nothing in it holds.
     pub fn new(whole: &'a Whole<B>, sum: Sum, kernel: &'a [Vec<f64>]) -> Result<Self, RefineError> {
-        let area: f64 = whole.mass.iter().sum();
-        let mean = sum.uniform + sum.masses.as_ref().map_or(0.0, |m| m.iter().sum::<f64>() / area);
+        let mean = whole.mean_weight(&sum);
         let factor = |gamma: f64| match gamma <= MOST_SHIFT {
             true => Ok(Factor { gamma, cycles: whole.cycles.shifted(gamma.max(LEAST_SHIFT)) }),
             false => Err(RefineError::Weights { most: MOST_SHIFT }),
@@ -202,7 +221,7 @@ impl<'a, const B: usize> Response<'a, B> {
         } else {
             Product::Mass(mean)
         };
-        Ok(Self { whole, sum, product, exact, kernel: if mean > 0.0 { &[] } else { kernel } })
+        Ok(Self { whole, sum, product, exact, kernel })
     }
 
     /// Whether the surface has fields without energy that are not known, where these would have to be kept apart: inverse iteration finds one.
@@ -219,7 +238,7 @@ impl<'a, const B: usize> Response<'a, B> {
         let factor = Factor { gamma: 1.0, cycles: whole.cycles.shifted(1.0) };
         let mut field: Vec<f64> = (0..B * whole.mass.len()).map(|i| (i as f64 * i as f64 * 0.37).sin()).collect();
         for _ in 0..INVERSE_STEPS {
-            whole.weigh(&mut field, 1);
+            whole.weigh(&mut field);
             field = factor.solve(whole, &field, 1e-10, &[], monitor)?;
             for idle in self.kernel {
                 let share = whole.product(idle, &field);
@@ -241,7 +260,7 @@ impl<'a, const B: usize> Response<'a, B> {
         let mut force = f.to_vec();
         for idle in self.kernel {
             let mut image = idle.clone();
-            self.whole.weigh(&mut image, 1);
+            self.whole.weigh(&mut image);
             add(&mut force, &image, -dot(idle, f));
         }
         if self.exact {
@@ -256,13 +275,13 @@ impl<'a, const B: usize> Response<'a, B> {
         let (mut x, scale) = match &self.product {
             Product::Two(small, large) => {
                 let mut first = small.solve(whole, f, tolerance, self.kernel, monitor)?;
-                whole.weigh(&mut first, 1);
+                whole.weigh(&mut first);
                 (large.solve(whole, &first, tolerance, self.kernel, monitor)?, self.sum.biharmonic)
             }
             Product::One(one) => (one.solve(whole, f, tolerance, self.kernel, monitor)?, self.sum.harmonic),
             Product::Mass(weight) => {
                 let mut x = f.to_vec();
-                whole.weigh(&mut x, -1);
+                whole.unweigh(&mut x);
                 (x, *weight)
             }
         };
@@ -278,7 +297,7 @@ impl<'a, const B: usize> Response<'a, B> {
         total.iter_mut().for_each(|t| *t *= sum.harmonic);
         if sum.biharmonic > 0.0 {
             let mut curved = image;
-            whole.weigh(&mut curved, -1);
+            whole.unweigh(&mut curved);
             add(&mut total, &whole.stiff(&curved), sum.biharmonic);
         }
         let held = |face: usize| sum.uniform * whole.mass[face] + sum.masses.as_ref().map_or(0.0, |m| m[face]);

@@ -7,8 +7,8 @@ use chladni_base::Unwatched;
 use chladni_mesh::fixtures::union;
 use chladni_mesh::shape::{Shape, generate};
 
+use super::compliance::Compliance;
 use super::refine_response::conjugate_gradients;
-use super::weighted::Compliance;
 use super::*;
 use crate::operator::hodge::FieldBoundary;
 use crate::operator::transport::FieldKind;

@@ -13,9 +13,9 @@ const MOST_ITERATIONS: usize = 1000;
 /// Multigrid cycles of a heat step at most.
 const MOST_CYCLES: usize = 30;
 
-/// Degree of the smoother before and after a coarse correction, and the lower end of what it damps.
-const CYCLE_DEGREE: usize = 2;
-const CYCLE_LEAST: f32 = 0.2;
+/// Degree of the smoother before and after a coarse correction, and the lower end of what it damps, where the spectrum ends at 2.
+pub(super) const CYCLE_DEGREE: usize = 2;
+pub(super) const CYCLE_LEAST: f32 = 0.2;
 
 /// Relative residual of the solve on the coarsest level.
 const COARSE_TOLERANCE: f64 = 0.05;
@@ -23,10 +23,10 @@ const COARSE_TOLERANCE: f64 = 0.05;
 pub(super) type Small<const B: usize> = [[f32; B]; B];
 
 /// A matrix of single-precision blocks.
-struct Rows<const B: usize> {
-    offsets: Vec<u32>,
-    indices: Vec<u32>,
-    blocks: Vec<Small<B>>,
+pub(super) struct Rows<const B: usize> {
+    pub offsets: Vec<u32>,
+    pub indices: Vec<u32>,
+    pub blocks: Vec<Small<B>>,
 }
 
 impl<const B: usize> Rows<B> {
@@ -38,8 +38,19 @@ impl<const B: usize> Rows<B> {
         }
     }
 
-    fn of(matrix: &BlockMatrix<B>) -> Self {
+    pub fn of(matrix: &BlockMatrix<B>) -> Self {
         Self::new(matrix, |e| matrix.blocks()[e].map(|row| row.map(|x| x as f32)))
+    }
+
+    /// Where the entries of a row are.
+    #[inline(always)]
+    pub fn range(&self, row: usize) -> std::ops::Range<usize> {
+        self.offsets[row] as usize..self.offsets[row + 1] as usize
+    }
+
+    /// The bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        (4 * (self.offsets.len() + self.indices.len()) + size_of::<Small<B>>() * self.blocks.len()) as u64
     }
 
     /// Numbers by which rows are to be divided so that the spectrum ends at 2.
@@ -48,8 +59,7 @@ impl<const B: usize> Rows<B> {
             .into_par_iter()
             .with_min_len(1 << 12)
             .map(|row| {
-                let range = self.offsets[row] as usize..self.offsets[row + 1] as usize;
-                let norms = self.blocks[range].iter().map(|block| norm(&block.map(|row| row.map(f64::from))));
+                let norms = self.blocks[self.range(row)].iter().map(|block| norm(&block.map(|row| row.map(f64::from))));
                 (0.5 * norms.sum::<f64>()) as f32
             })
             .collect()
@@ -70,7 +80,7 @@ impl<const B: usize> Rows<B> {
 
     #[inline(always)]
     fn row(&self, row: u32, x: &[Small<B>]) -> Small<B> {
-        let range = self.offsets[row as usize] as usize..self.offsets[row as usize + 1] as usize;
+        let range = self.range(row as usize);
         let mut sum = [[0f32; B]; B];
         for (&column, block) in self.indices[range.clone()].iter().zip(&self.blocks[range]) {
             if let Some(x) = x.get(column as usize) {

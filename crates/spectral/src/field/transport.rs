@@ -4,11 +4,11 @@
 //! same weights, has the lengths: `Y / |Y| · u / φ` with right-hand sides `|x_i|` and 1. Where sources compete, the nearest wins. On planes it is exact; on a sphere the mean angle to what great circles carry is .011, .007 and .006
 //! with 1,280, 5,120 and 20,480 faces: it does not vanish with their size, as differences across edges are not consistent and heat takes ways that are a little longer than the shortest.
 
-use chladni_algebra::{FactorNumbers, MassMatrix, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order};
+use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
 
 use super::basis::{FieldError, FieldSurface};
-use super::poisson::{self, PoissonError};
+use super::poisson::{self, Factor, PoissonError};
 use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::FieldKind;
@@ -23,12 +23,6 @@ const SPREAD: f64 = 0.1;
 pub struct VectorHeat {
     vectors: Factor,
     numbers: Factor,
-}
-
-struct Factor {
-    order: Vec<u32>,
-    symbolic: SymbolicFactor,
-    values: FactorNumbers,
 }
 
 /// A vector in the frame of a face.
@@ -110,10 +104,7 @@ impl VectorHeat {
 
     /// About the bytes that it takes.
     pub fn bytes(&self) -> u64 {
-        [&self.vectors, &self.numbers]
-            .map(|own| (4 * own.order.len() + 10 * own.symbolic.entries()) as u64)
-            .iter()
-            .sum()
+        self.vectors.bytes() + self.numbers.bytes()
     }
 
     /// A vector for each face, in its frame: those of the sources, carried there.
@@ -127,7 +118,7 @@ impl VectorHeat {
         if sources.is_empty() {
             return Err(TransportError::NoSource);
         }
-        let (mut y, mut u) = (vec![0.0; self.vectors.order.len()], vec![0.0; self.numbers.order.len()]);
+        let (mut y, mut u) = (vec![0.0; self.vectors.size()], vec![0.0; self.numbers.size()]);
         let mut phi = u.clone();
         for source in sources {
             let face = source.face as usize;
@@ -166,31 +157,6 @@ fn heated(matrix: &SparseMatrix, mass: impl Fn(usize) -> f64, time: f64) -> Spar
         entries.push((row as u32, row as u32, mass(row)));
     }
     poisson::assemble(matrix.rows(), entries)
-}
-
-impl Factor {
-    fn new(matrix: &SparseMatrix, monitor: &dyn Monitor) -> Result<Self, PoissonError> {
-        let n = matrix.rows();
-        let order = fill_reducing_order(matrix, poisson::ordering(n))?;
-        monitor.checkpoint()?;
-        let sorted = matrix.reordered(&order);
-        let none = MassMatrix::Diagonal(vec![0.0; n]);
-        let symbolic = SymbolicFactor::new(&sorted, &none)?.within(2, monitor)?;
-        let values = symbolic.factor(&sorted, &none, 0.0)?.into_numbers();
-        Ok(Self { order, symbolic, values })
-    }
-
-    /// `x ← A⁻¹ x`, of at most [`PANEL_WIDTH`] vectors.
-    fn solve<const K: usize>(&self, columns: &mut [Vec<f64>; K]) {
-        let mut panel = vec![0.0; self.order.len() * PANEL_WIDTH];
-        for (row, &at) in panel.chunks_exact_mut(PANEL_WIDTH).zip(&self.order) {
-            row.iter_mut().zip(columns.iter()).for_each(|(to, column)| *to = column[at as usize]);
-        }
-        self.symbolic.solve_panel(&self.values, &mut panel);
-        for (row, &at) in panel.chunks_exact(PANEL_WIDTH).zip(&self.order) {
-            row.iter().zip(columns.iter_mut()).for_each(|(from, column)| column[at as usize] = *from);
-        }
-    }
 }
 
 #[cfg(test)]

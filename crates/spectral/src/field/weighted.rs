@@ -8,7 +8,8 @@ use crate::basis::FieldBasis;
 use crate::operator::frames::Planar;
 
 use super::alignment::{Alignment, Prescription};
-use super::constraints::{Condition, Give, HARD, check, near, same, without_repetitions};
+use super::compliance::{Compliance, gives, mean_of_diagonal};
+use super::constraints::{Condition, Give, HARD, check, conditions, near, residuals, without_repetitions};
 use super::design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, add_row, length};
 use super::idle::{self, Idle, Kernel};
 use super::many::{Many, Setting};
@@ -191,14 +192,7 @@ impl WeightedModel {
         if let Some(design) = self.solve_many(basis, &kept, constraints)? {
             return Ok(design);
         }
-        let mut conditions: Vec<Condition> = kept
-            .iter()
-            .map(|&c| Condition {
-                face: constraints[c].face,
-                value: constraints[c].value,
-                give: constraints[c].hold.into(),
-            })
-            .collect();
+        let mut conditions = conditions(&kept, constraints);
         let turn = self.prescription.as_ref().map(|(p, _)| p.turn(constraints));
         let start = match (turn, &self.turned) {
             (Some(turn), Some([along, across])) => {
@@ -337,12 +331,8 @@ impl WeightedModel {
         if conditions.is_empty() {
             return Ok(());
         }
-        let mut solved = rows.clone();
         let kernel = self.free(conditions);
-        match kernel {
-            Kernel::Fields(idle) => idle::without(idle, solved.values_mut(), |x| self.inverse.apply(x)),
-            Kernel::Coordinates(_) => self.inverse.apply(solved.values_mut()),
-        }
+        let solved = self.moved_by(rows, kernel);
         let y = self.multipliers(rows, &solved, conditions, (b, kernel), &mut found.field)?;
         for (column, &y) in y.iter().enumerate() {
             found.field.iter_mut().zip(solved.column(column)).for_each(|(z, s)| *z += y * s);
@@ -351,18 +341,34 @@ impl WeightedModel {
         Ok(())
     }
 
+    /// What unit pulls at rows move, without what has no energy.
+    fn moved_by(&self, rows: &DenseMatrix, kernel: Kernel<'_>) -> DenseMatrix {
+        let mut moved = rows.clone();
+        match kernel {
+            Kernel::Fields(idle) => idle::without(idle, moved.values_mut(), |x| self.inverse.apply(x)),
+            Kernel::Coordinates(_) => self.inverse.apply(moved.values_mut()),
+        }
+        moved
+    }
+
     /// What has no energy and is to be told apart from what yields: strengths are measured by the latter. Ritz coordinates know it; with a sparse factor it is
     /// looked for once.
     fn free(&self, conditions: &[Condition]) -> Kernel<'_> {
-        let (Inverse::Sparse(inverse), Some(pencil)) = (&self.inverse, &self.pencil) else {
+        if let Inverse::Ritz(_) = self.inverse {
             return Kernel::Coordinates(&self.kernel);
-        };
+        }
         let held = self.prescription.is_some() || !self.alignments.is_empty();
         if held || !conditions.iter().any(|c| matches!(c.give, Give::Own(_))) {
             return Kernel::Coordinates(&[]);
         }
+        self.idle().map_or(Kernel::Coordinates(&[]), Kernel::Fields)
+    }
+
+    /// Fields of next to no energy, where the inverse is a sparse factor.
+    fn idle(&self) -> Option<&[Idle]> {
+        let (Inverse::Sparse(inverse), Some(pencil)) = (&self.inverse, &self.pencil) else { return None };
         let floor = floor(self.weights.harmonic, self.weights.biharmonic);
-        Kernel::Fields(self.idle.get_or_init(|| idle::find(|x| inverse.apply(x), &pencil.mass, floor)))
+        Some(self.idle.get_or_init(|| idle::find(|x| inverse.apply(x), &pencil.mass, floor)))
     }
 
     /// What pulls at each constrained number; puts the part of the solution that has no energy into `z`.
@@ -455,18 +461,14 @@ impl WeightedModel {
     /// Fields of next to no energy, as they are stored; `None` where alignments hold them and the model does not know them.
     pub(super) fn idle_fields(&self, basis: &FieldBasis) -> Option<Vec<Vec<f64>>> {
         let model = &self.model;
-        let coefficients: Vec<Vec<f32>> = match (&self.inverse, &self.pencil) {
-            _ if model.has_ritz() => {
-                let least = KERNEL * model.values().last().copied().unwrap_or(0.0);
-                let count = model.values().iter().take_while(|v| **v <= least).count();
-                (0..count).map(|k| model.eigenfield(k)).collect()
-            }
-            (Inverse::Sparse(inverse), Some(pencil)) if self.alignments.is_empty() => {
-                let floor = floor(self.weights.harmonic, self.weights.biharmonic);
-                let idle = self.idle.get_or_init(|| idle::find(|x| inverse.apply(x), &pencil.mass, floor));
-                idle.iter().map(|one| one.field.iter().map(|&x| x as f32).collect()).collect()
-            }
-            _ => return None,
+        let coefficients: Vec<Vec<f32>> = if model.has_ritz() {
+            let least = KERNEL * model.values().last().copied().unwrap_or(0.0);
+            let count = model.values().iter().take_while(|v| **v <= least).count();
+            (0..count).map(|k| model.eigenfield(k)).collect()
+        } else if self.alignments.is_empty() {
+            self.idle()?.iter().map(|one| one.field.iter().map(|&x| x as f32).collect()).collect()
+        } else {
+            return None;
         };
         let wide = |field: Vec<f32>| field.into_iter().map(f64::from).collect();
         coefficients.iter().map(|own| basis.space.lift(own).map(wide)).collect()
@@ -509,26 +511,12 @@ impl WeightedModel {
         let b = basis.space.block();
         check(basis, self.model.kind, constraints)?;
         let kept = without_repetitions(constraints);
-        let condition = |&c: &usize| {
-            let Constraint { face, value, hold } = constraints[c];
-            Condition { face, value, give: hold.into() }
-        };
-        let conditions: Vec<Condition> = kept.iter().map(condition).collect();
+        let conditions = conditions(&kept, constraints);
         let rows = self.rows(basis, &conditions);
-        let mut solved = rows.clone();
-        if let (Inverse::Sparse(_), Kernel::Fields(idle)) = (&self.inverse, self.free(&conditions)) {
-            idle::without(idle, solved.values_mut(), |x| self.inverse.apply(x));
-        } else {
-            self.inverse.apply(solved.values_mut());
-        }
+        let solved = self.moved_by(&rows, self.free(&conditions));
         let misfit = || DesignError::Length { what: "constraints", got: rows.columns(), wanted: rows.rows() };
         let moved = rows.transposed_times(&solved).ok_or_else(misfit)?;
-        let gives = gives(&moved, &conditions, b);
-        let faces = conditions.iter().map(|c| c.face).collect();
-        let values = conditions.iter().flat_map(|c| c.value.into_iter().take(b)).collect();
-        let hard = |c: &Condition| matches!(c.give, Give::Share(_));
-        let gives = gives.into_iter().enumerate().map(|(i, give)| if hard(&conditions[i / b]) { 0.0 } else { give });
-        Ok(Compliance { faces, values, gives: gives.collect(), moved })
+        Ok(Compliance::new(&conditions, moved, b))
     }
 
     /// The design of a field in the coordinates of the inverse; `coefficients` where they are known.
@@ -612,48 +600,4 @@ impl WeightedModel {
     pub fn weights(&self) -> EnergyWeights {
         self.weights
     }
-}
-
-/// Constraints without repetitions, and what a reduced space has them move by.
-pub(super) struct Compliance {
-    pub faces: Vec<u32>,
-    /// The numbers that are wanted, `block` for each face.
-    pub values: Vec<f64>,
-    /// The inverses of the weights, 0 of those that are met exactly.
-    pub gives: Vec<f64>,
-    /// What unit pulls at the numbers move them by, without what has no energy.
-    pub moved: DenseMatrix,
-}
-
-fn mean_of_diagonal(moved: &DenseMatrix) -> f64 {
-    let k = moved.columns();
-    (0..k).map(|i| moved.column(i)[i]).sum::<f64>() / k.max(1) as f64
-}
-
-/// By how much each number of conditions gives way to a unit pull, where pulls move them by `moved`.
-fn gives(moved: &DenseMatrix, conditions: &[Condition], b: usize) -> Vec<f64> {
-    let mean = mean_of_diagonal(moved);
-    let give = |(at, condition): (usize, &Condition)| match condition.give {
-        Give::Weight(give) => give,
-        Give::Share(share) => share * mean,
-        Give::Own(share) => {
-            let own = (b * at..b * (at + 1)).map(|i| moved.column(i)[i]);
-            // A pull moves everything somewhere; if not, the mean does.
-            share * (own.sum::<f64>() / b as f64).max(1e-6 * mean)
-        }
-    };
-    conditions.iter().enumerate().flat_map(|one| std::iter::repeat_n(give(one), b)).collect()
-}
-
-/// For each constraint the length of what is missing; `number` tells the numbers of the field at those without repetitions.
-fn residuals(kept: &[usize], constraints: &[Constraint], b: usize, number: impl Fn(usize, usize) -> f64) -> Vec<f64> {
-    let mut places = vec![None; constraints.len()];
-    kept.iter().enumerate().for_each(|(at, &c)| places[c] = Some(at));
-    let residual = |c: usize| {
-        // Repeated hard constraints share the numbers of the first.
-        let at = places[c].or_else(|| kept.iter().position(|&k| same(&constraints[k], &constraints[c])));
-        let deviation = |at: usize, i: usize| number(at, i) - constraints[c].value[i];
-        at.map_or(0.0, |at| (0..b).map(|i| deviation(at, i).powi(2)).sum::<f64>().sqrt())
-    };
-    (0..constraints.len()).map(residual).collect()
 }

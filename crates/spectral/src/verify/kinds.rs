@@ -42,16 +42,16 @@ const ORTHONORMALITY: f64 = 1e-6;
 /// [`VerifyError`]: cancellation. Whatever is wrong with the modes is a [`Finding`].
 pub fn verify_modes(
     modes: &ModalBasis,
-    elastic: &ElasticProblem,
+    elastic: ElasticProblem,
     monitor: &dyn Monitor,
 ) -> Result<Verification, VerifyError> {
     let unit = elastic.eigenvalue_scale;
-    let outside = place_findings(modes, elastic);
+    let outside = place_findings(modes, &elastic);
     if let Some(finding) = outside {
         return Ok(Verification { findings: vec![finding], ..Verification::unmeasured() });
     }
-    let there = on_coordinates(modes, elastic, monitor)?;
-    let operator = MeshOperator::whole(elastic.problem.clone());
+    let there = on_coordinates(modes, &elastic, monitor)?;
+    let operator = MeshOperator::whole(elastic.problem);
     let claims = Claims { residuals: false, counts: true, gradients_of: None, unit: f64::from(f32::EPSILON) / 2.0 };
     let mut found = verify_claims(&there, &operator, claims, monitor)?;
     found.distances.iter_mut().for_each(|distance| *distance *= unit);

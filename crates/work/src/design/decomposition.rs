@@ -79,6 +79,9 @@ impl DecompositionRequest {
     ///
     /// # Errors
     /// [`DesignFault::Request`] names what does not fit.
+    ///
+    /// # Panics
+    /// Where the decomposition is of another surface.
     pub fn decompose(
         &self,
         surface: &FieldSurface,
@@ -104,9 +107,7 @@ impl DecompositionRequest {
                 rows.flat_map(|(face, v)| frames.from_world(face, *v)).collect()
             }
         };
-        let Some(parts) = decomposition.parts(surface, &stored) else {
-            return Err(refused("field", "field", format!("{} numbers are no field on {faces} faces", stored.len())));
-        };
+        let parts = decomposition.parts(surface, &stored);
         let square = |field: &[f64]| -> f64 {
             let faces = field.as_chunks::<2>().0.iter().zip(frames.areas());
             faces.map(|(v, area)| area * (v[0] * v[0] + v[1] * v[1])).sum()

@@ -1,0 +1,49 @@
+//! By how much constraints give way to pulls.
+
+use chladni_algebra::DenseMatrix;
+
+use super::constraints::{Condition, Give};
+
+/// Constraints without repetitions, and what a reduced space has them move by.
+pub(super) struct Compliance {
+    pub faces: Vec<u32>,
+    /// The numbers that are wanted, `block` for each face.
+    pub values: Vec<f64>,
+    /// The inverses of the weights, 0 of those that are met exactly.
+    pub gives: Vec<f64>,
+    /// What unit pulls at the numbers move them by, without what has no energy.
+    pub moved: DenseMatrix,
+}
+
+impl Compliance {
+    /// Of conditions whose numbers unit pulls move by `moved`.
+    pub fn new(conditions: &[Condition], moved: DenseMatrix, b: usize) -> Self {
+        let hard = |c: &Condition| matches!(c.give, Give::Share(_));
+        let gives = gives(&moved, conditions, b).into_iter().enumerate();
+        let gives = gives.map(|(i, give)| if hard(&conditions[i / b]) { 0.0 } else { give }).collect();
+        let faces = conditions.iter().map(|c| c.face).collect();
+        let values = conditions.iter().flat_map(|c| c.value.into_iter().take(b)).collect();
+        Self { faces, values, gives, moved }
+    }
+}
+
+/// What a unit pull moves a number by on average.
+pub(super) fn mean_of_diagonal(moved: &DenseMatrix) -> f64 {
+    let k = moved.columns();
+    (0..k).map(|i| moved.column(i)[i]).sum::<f64>() / k.max(1) as f64
+}
+
+/// By how much each number of conditions gives way to a unit pull, where pulls move them by `moved`.
+pub(super) fn gives(moved: &DenseMatrix, conditions: &[Condition], b: usize) -> Vec<f64> {
+    let mean = mean_of_diagonal(moved);
+    let give = |(at, condition): (usize, &Condition)| match condition.give {
+        Give::Weight(give) => give,
+        Give::Share(share) => share * mean,
+        Give::Own(share) => {
+            let own = (b * at..b * (at + 1)).map(|i| moved.column(i)[i]);
+            // A pull moves everything somewhere; if not, the mean does.
+            share * (own.sum::<f64>() / b as f64).max(1e-6 * mean)
+        }
+    };
+    conditions.iter().enumerate().flat_map(|one| std::iter::repeat_n(give(one), b)).collect()
+}
