@@ -203,7 +203,8 @@ class Mesh:
         S : scipy.sparse.csr_matrix, (n, n)
             Positive semi-definite, rows sum to zero; without unit.
         M : scipy.sparse.csr_matrix, (n, n)
-            In squared units of the positions; its entries sum to the area. Rows of vertices that were dropped are zero in both.
+            In squared units of the positions; its entries sum to the area. Rows of vertices that were dropped are zero in both. Of a mesh that was subdivided both
+            are those of the kept mesh, (n', n'), whose vertices are `kept_vertices`.
 
         Examples
         --------
@@ -222,7 +223,8 @@ class Mesh:
             M = scipy.sparse.csr_matrix(weights, shape=(size, size))
         else:
             M = scipy.sparse.diags(weights, format="csr")
-        spread = spreading(self.vertex_map, size)
+        # Vertices that subdivision made have no place among the given ones, and without them neither matrix is that of the surface.
+        spread = None if self.report.get("subdivisions") else spreading(self.vertex_map, size)
         if spread is None:
             return S, M
         return (spread @ S @ spread.T).tocsr(), (spread @ M @ spread.T).tocsr()

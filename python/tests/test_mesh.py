@@ -167,3 +167,10 @@ def test_meshes_are_pickled_and_told(knot):
     assert repr(knot) == "<chladni.Mesh: 2996 vertices, 5992 faces, genus 1, closed>"
     assert knot.report["genus"] == 1 and np.isclose(knot.area, knot.report["area"])
     assert len(chladni.Mesh(SQUARE, TWO, subdivide=2).kept_faces) == 32
+    finer = chladni.Mesh(SQUARE, TWO, subdivide=2)
+    S, M = finer.laplacian()
+    n = len(finer.kept_vertices)
+    assert S.shape == M.shape == (n, n) and n > len(SQUARE)
+    assert abs(S.sum(axis=1)).max() < 1e-12 and abs(M.sum() - finer.area) < 1e-12
+    linear = finer.kept_vertices[:, 0]
+    assert abs(linear @ S @ linear - finer.area) < 1e-12

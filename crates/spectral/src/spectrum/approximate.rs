@@ -19,6 +19,7 @@ use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 
 use attempt::Attempt;
+pub use attempt::most_columns;
 pub use error::ApproximationError;
 use reduce::reduce;
 pub(super) use reduce::{Ritz, ritz};
@@ -103,7 +104,8 @@ pub fn approximate(
         guards = guards.max(lehmann::guards(count));
     }
     let columns = (count + guards).min(parameters.dimension.max(count)).min(problem.size()).max(count);
-    let mut attempt = Attempt::new(ritz(mesh, operator, &parameters, columns, monitor)?, count);
+    let most = most_columns(problem.size(), parameters.dimension.max(count));
+    let mut attempt = Attempt::new(ritz(mesh, operator, &parameters, columns, monitor)?, count, most);
     monitor.stage("bounds");
     let energy = Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?;
     attempt.judge(&energy, problem, goal, monitor)?;
@@ -121,7 +123,7 @@ pub fn approximate(
         rounds += 1;
         let columns = columns.min(space.columns());
         let mut next = match reduce(problem, space, columns, monitor) {
-            Ok(ritz) => Attempt::new(ritz, count),
+            Ok(ritz) => Attempt::new(ritz, count, most),
             // What was found before is good enough to be judged, and says how good.
             Err(ApproximationError::Eigen(EigenError::NotPositiveDefinite { .. })) => break,
             Err(error) => return Err(error),

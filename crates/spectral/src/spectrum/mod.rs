@@ -20,7 +20,8 @@ mod shifted;
 pub mod vibration;
 
 pub use approximate::{
-    ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Space, approximate, dimension_for, subspace,
+    ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Space, approximate, dimension_for, most_columns,
+    subspace,
 };
 pub use energy::MOST_FACTORED;
 pub use refine::{Refinement, approximate_refined};

@@ -164,12 +164,35 @@ const SHRINK_ROUNDS: usize = 4;
 /// A sample is crowded when its share of its own vertex is less than this divided by σ. Evenly spread samples have about 3.3/σ.
 const CROWDED: f64 = 1.2;
 
+/// Vertices outside all supports are few where they are at most this part of the samples.
+const FEW_OUTSIDE: usize = 4;
+
+/// A wide function holds the nearest vertices: so many times the vertices outside over the samples, and at least so many.
+const WIDE: usize = 8;
+const LEAST_WIDE: usize = 12;
+
+/// The radius around a vertex, as a share of the common one, within which so many vertices lie, or all that can be reached.
+fn nearest(geometry: &DistanceGeometry, workspace: &mut DistanceWorkspace, vertex: u32, vertices: usize) -> f32 {
+    let mut share = 1.0;
+    // 2¹⁰⁰ times the common radius is beyond every mesh.
+    for _ in 0..100 {
+        let disk = workspace.local_distances(geometry, vertex, share);
+        if disk.len() > vertices {
+            let mut distances: Vec<f32> = disk.iter().map(|&(_, distance)| distance).collect();
+            let (_, &mut radius, _) = distances.select_nth_unstable_by(vertices, f32::total_cmp);
+            return radius.max(f32::MIN_POSITIVE);
+        }
+        share *= 2.0;
+    }
+    share
+}
+
 /// The columns of `U` around `samples`: `n × d`, each row non-negative with sum 1, and no row empty.
 ///
 /// Column `j` is the profile of the distance from sample `j`, over the support radius that follows from `sigma` and the area of the
 /// mesh; where samples crowd, their supports are shrunk until each keeps a fair share of its own vertex, so that columns stay
-/// independent. A vertex that lies in no support becomes a sample itself, in ascending order after the given ones, so
-/// `d ≥ samples.len()`.
+/// independent. Vertices that lie in no support become samples themselves, in ascending order after the given ones, so `d ≥ samples.len()`; where they are many, each of
+/// their functions holds several of them.
 ///
 /// # Errors
 /// [`RadialError`] for samples that are not vertices, for a mesh without vertices, samples or area, and when cancelled.
@@ -294,14 +317,37 @@ impl Supports<'_> {
         self.grow(which, monitor)
     }
 
-    /// Gives each vertex outside all supports a function of its own, until there is none.
+    /// Gives vertices outside all supports functions, until there is none.
+    ///
+    /// Where few are outside, as at the end of a limb, each becomes a sample. Where many are, area says nothing of how far apart vertices lie: a surface squashed to a line has
+    /// none, and each of its vertices would be a column. There a function holds so many of the nearest vertices that not many more than the given samples are needed.
     fn cover(&mut self, monitor: &dyn Monitor) -> Result<(), Cancelled> {
+        let samples = self.centres.len();
+        let outside = self.covered.iter().filter(|covered| !covered.load(Ordering::Relaxed)).count();
+        if outside == 0 {
+            return Ok(());
+        }
+        let wide = (outside > samples / FEW_OUTSIDE).then(|| (WIDE * outside / samples).max(LEAST_WIDE));
+        let mut workspace = DistanceWorkspace::new(&self.geometry);
         for v in 0..self.covered.len() as u32 {
-            if !self.covered[v as usize].load(Ordering::Relaxed) {
-                self.centres.push((v, 1.0));
-                self.columns.push(Vec::new());
-                self.grow(&[self.centres.len() as u32 - 1], monitor)?;
+            if self.covered[v as usize].load(Ordering::Relaxed) {
+                continue;
             }
+            monitor.checkpoint()?;
+            let share = wide.map_or(1.0, |vertices| nearest(&self.geometry, &mut workspace, v, vertices));
+            let disk = workspace.local_distances(&self.geometry, v, share);
+            let column: Column = disk
+                .iter()
+                .map(|&(v, distance)| (v, self.profile.weight(distance / share)))
+                .filter(|&(_, weight)| weight > 0.0)
+                .collect();
+            // Wide functions overlap: what lies near the rim of one needs another.
+            let least = if wide.is_some() { self.profile.weight(0.5) } else { 0.0 };
+            for &(v, _) in column.iter().filter(|(_, weight)| *weight >= least) {
+                self.covered[v as usize].store(true, Ordering::Relaxed);
+            }
+            self.centres.push((v, share));
+            self.columns.push(column);
         }
         Ok(())
     }

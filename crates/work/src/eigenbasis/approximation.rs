@@ -10,7 +10,7 @@ use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use chladni_spectral::spectrum::{
     ApproximationError, ApproximationParameters, Goal, MOST_FACTORED, MOST_ROUNDS, Refinement, Space, approximate,
-    approximate_refined, dimension_for,
+    approximate_refined, dimension_for, most_columns,
 };
 use serde::{Deserialize, Serialize};
 
@@ -175,9 +175,15 @@ impl Approximate {
     }
 
     /// An estimate of the memory that the work needs beside mesh and operator, in bytes: the basis per vertex, the dense problem per
-    /// dimension.
+    /// dimension, as far as that may grow.
     pub fn memory_bytes(&self, vertices: u64) -> u64 {
         let (d, m) = ((self.dimension as u64).min(vertices), self.count as u64);
+        // Vertices may be columns of their own from the beginning, as many as there are others; and columns are added where a goal is missed.
+        let most = match self.goal().rounds {
+            0 => d,
+            _ => most_columns(vertices as usize, d as usize) as u64,
+        };
+        let d = most.max((2 * d).min(vertices));
         let compact = vertices * 25 * 2 * 8 + vertices * 22 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
         // Bounds: the pencil once more and its hierarchy, and on each thread a panel of 32 pairs with what a cycle needs.
         let panels = (m / 32 + 1).min(rayon::current_num_threads() as u64);

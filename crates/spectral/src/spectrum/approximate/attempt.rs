@@ -25,6 +25,12 @@ const GROWTH: f64 = 1.6;
 /// A space grows to no more than this share of the unknowns: beyond it columns have too few vertices to be smooth.
 const LARGEST_SHARE: f64 = 0.25;
 
+/// The columns that the space of a mesh of `n` vertices may grow to from a dimension, by hat functions or by a larger dimension: dense problems grow with it, and whoever
+/// promises memory has to know how far.
+pub fn most_columns(n: usize, dimension: usize) -> usize {
+    (dimension + dimension.max(MANY_HATS)).min(n / 2).max(dimension)
+}
+
 /// Eigenfunctions on the mesh that are farther from orthonormal than this come from a dense problem that rounding has decided.
 const LARGEST_DEFECT: f64 = 1e-3;
 
@@ -33,6 +39,8 @@ pub(super) struct Attempt {
     pub(super) ritz: Ritz,
     /// The pairs without guards.
     pub(super) count: usize,
+    /// The columns that a space may grow to.
+    most: usize,
     pub(super) certificate: Certificate,
     /// The largest estimated relative error, the kernel apart; of a guard only where its exact value may lie among those of the pairs.
     pub(super) largest_estimate: f64,
@@ -45,10 +53,11 @@ pub(super) struct Attempt {
 }
 
 impl Attempt {
-    pub(super) fn new(ritz: Ritz, count: usize) -> Self {
+    pub(super) fn new(ritz: Ritz, count: usize, most: usize) -> Self {
         Self {
             ritz,
             count,
+            most,
             certificate: Certificate::default(),
             largest_estimate: 0.0,
             mean_estimate: 0.0,
@@ -151,7 +160,7 @@ impl Attempt {
         }
         // Errors add up over what is left, here and at other pairs: aim at half of the goal.
         let left = (0.5 / self.excess(goal)).clamp(0.02, 0.3);
-        let room = space.columns().max(MANY_HATS.min(n / 4)).min(n / 2);
+        let room = space.columns().max(MANY_HATS.min(n / 4)).min(n / 2).min(self.most.saturating_sub(space.columns()));
         if hats_help
             && let Some(density) = &self.density
             && let Some(rows) = hats::where_it_sits(density, &problem.stiffness, left, room)
@@ -159,7 +168,7 @@ impl Attempt {
             return Ok(Some(hats::with_hats(space, &rows)));
         }
         let wanted = (GROWTH * parameters.dimension.max(parameters.count) as f64).ceil();
-        if wanted > LARGEST_SHARE * n as f64 {
+        if wanted > (LARGEST_SHARE * n as f64).min(self.most as f64) {
             return Ok(None);
         }
         parameters.dimension = wanted as usize;

@@ -70,9 +70,54 @@ pub(super) fn space(
     monitor: &dyn Monitor,
 ) -> Result<(SparseMatrix<f32>, Vec<u32>), Cancelled> {
     let area: f64 = level.mass.lumped().iter().sum();
-    let centres = local::centres(level, SPACING * (area / target as f64).sqrt(), seed, monitor)?;
+    let spacing = SPACING * (area / target as f64).sqrt();
+    let centres = local::centres(level, spacing, seed, monitor)?;
     let radius = (sigma * area / (std::f64::consts::PI * centres.len().max(1) as f64)).sqrt();
+    let (centres, radius) = match centres.len() > MOST_EXCESS * target {
+        true => farther_apart(level, target, spacing, centres, (radius, sigma), seed, monitor)?,
+        false => (centres, radius),
+    };
     Ok((local::functions(level, &centres, radius, monitor)?, centres))
+}
+
+/// Areas tell how far apart samples lie where a surface is as wide as it is long. Where there are more samples than this many times the wanted ones, the spacing is searched for.
+const MOST_EXCESS: usize = 2;
+
+/// At most so many spacings are tried.
+const SPACINGS: usize = 40;
+
+/// Fewer centres than `centres`, about `target` of them, and the radius of their functions.
+fn farther_apart(
+    level: &Level,
+    target: usize,
+    spacing: f64,
+    centres: Vec<u32>,
+    (radius, sigma): (f64, f64),
+    seed: u64,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<u32>, f64), Cancelled> {
+    // As many as there are components stay, whatever the spacing.
+    let least = target.max(local::centres(level, f64::INFINITY, seed, monitor)?.len());
+    let enough = least..=least + least / 4;
+    let (mut low, mut high) = (spacing, None);
+    let mut best = (centres, spacing);
+    for _ in 0..SPACINGS {
+        let middle: f64 = high.map_or(2.0 * low, |high: f64| (low * high).sqrt());
+        let found = local::centres(level, middle, seed, monitor)?;
+        if found.len() < *enough.start() {
+            high = Some(middle);
+            continue;
+        }
+        let done = enough.contains(&found.len());
+        low = middle;
+        best = (found, middle);
+        if done {
+            break;
+        }
+    }
+    // The ratio of both where area tells.
+    let wide = best.1 / SPACING * (sigma / std::f64::consts::PI).sqrt();
+    Ok((best.0, radius.max(wide)))
 }
 
 impl Places for Level {

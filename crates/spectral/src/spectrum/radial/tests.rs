@@ -163,3 +163,17 @@ fn parameters_are_written_in_snake_case_and_complete_themselves() {
     assert_eq!(parameters.sigma, 10.0);
     assert!(serde_json::from_str::<RadialParameters>(r#"{"sigmma":3}"#).is_err());
 }
+
+#[test]
+fn a_surface_squashed_to_a_line_takes_few_more_columns_than_asked_for() {
+    // Its area says that vertices lie next to each other; along the line they are far apart.
+    let mut mesh = sphere(12);
+    let (n, dimension) = (mesh.positions.len(), 60);
+    mesh.positions.iter_mut().for_each(|p| *p = [p[0], 1e-4 * p[1], 1e-7 * p[2]]);
+    for distance in DISTANCES {
+        let u = space_of(&mesh, dimension, &RadialParameters { distance, ..RadialParameters::default() });
+        assert_partition_of_unity(&u);
+        assert!(u.columns() <= 3 * dimension, "{distance:?}: {} columns of {n} vertices", u.columns());
+        assert!(u.entries() <= 80 * n, "{distance:?}: {} entries", u.entries());
+    }
+}
