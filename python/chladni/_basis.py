@@ -297,6 +297,43 @@ class Basis:
         answer: np.ndarray = table[..., 0] if times is not None and not several else table
         return answer
 
+    def value_gradient(self, weights: Any) -> np.ndarray:
+        """The gradient of a weighted sum of eigenvalues by the positions of the vertices.
+
+        With the derivatives of a loss by the eigenvalues as weights it is the gradient of the loss. Exact for simple eigenvalues; those that coincide have no derivatives of their own, but
+        their sum has, and every loss in which they count alike.
+
+        Parameters
+        ----------
+        weights : array_like, (m,)
+            What each eigenvalue counts, from the first on; those beyond the last do not.
+
+        Returns
+        -------
+        numpy.ndarray, (n, 3)
+            In 1/length³ of the positions. Vertices that were merged share what the kept one has; dropped ones have zero.
+
+        Raises
+        ------
+        ParameterError
+            For other operators than ``"laplace"`` (or ``"auto"`` where it chose that) and ``"volume"``, for Voronoi masses, and for a basis that was loaded without its mesh.
+
+        Examples
+        --------
+        Eigenvalues fall with the square of the size:
+
+        >>> import chladni, numpy as np
+        >>> mesh = chladni.Mesh.sample("knot", 1500)
+        >>> basis = chladni.eigs(mesh, k=5, method="hsim", tol=1e-8)
+        >>> gradient = basis.value_gradient([0, 1])
+        >>> bool(np.isclose((gradient * mesh.vertices).sum(), -2 * basis.eigenvalues[1]))
+        True
+        """
+        listed = np.atleast_1d(_arrays.numeric(weights, "weights"))
+        if listed.ndim != 1:
+            raise _arrays.parameter_error(f"weights have the shape {listed.shape}, where (m,) is due")
+        return self._core.value_gradient([float(weight) for weight in listed])
+
     def filter(
         self,
         functions: Any,

@@ -13,6 +13,7 @@ use chladni_spectral::basis::Basis;
 use chladni_spectral::formats::npz;
 use chladni_work::distances::DistanceRequest;
 use chladni_work::numbered::{pull, push};
+use chladni_work::value_gradient::gradient;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
@@ -240,6 +241,18 @@ impl NativeBasis {
         request.translate(&to, basis.vertices()).map_err(Failure::from)?;
         let mesh = self.mesh.as_ref().map(|body| body.mesh());
         let found = watch::run(py, None, |monitor| Ok(request.told(&to, request.distances(basis, mesh, monitor)?)))?;
+        arrays::table(py, found)
+    }
+
+    /// The gradient of a weighted sum of eigenvalues by positions, (n, 3).
+    fn value_gradient<'py>(&self, py: Python<'py>, weights: Vec<f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.of_functions()?;
+        let Some(body) = &self.mesh else {
+            return Err(Failure::parameter("a gradient needs the mesh, beside a basis that was loaded").into());
+        };
+        let (basis, to) = (&self.basis, self.translation(false));
+        let solid = body.checked.solid.as_ref();
+        let found = watch::run(py, None, |monitor| Ok(gradient(basis, (body.mesh(), solid), &weights, &to, monitor)?))?;
         arrays::table(py, found)
     }
 

@@ -9,6 +9,7 @@ use chladni_spectral::basis::BasisError;
 use chladni_spectral::formats::FormatError;
 use chladni_spectral::operator::OperatorError;
 use chladni_work::distances::DistanceFault;
+use chladni_work::value_gradient::GradientFault;
 use chladni_work::{JobError, ParameterError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -146,6 +147,15 @@ impl From<OperatorError> for Failure {
 impl From<NumberingError> for Failure {
     fn from(error: NumberingError) -> Self {
         Self::new(Kind::Parameter, "invalid-vertex", error.to_string())
+    }
+}
+
+impl From<GradientFault> for Failure {
+    fn from(fault: GradientFault) -> Self {
+        match fault {
+            GradientFault::Analysis(error) => error.into(),
+            GradientFault::Provenance(error) => Self::parameter(error.to_string()),
+        }
     }
 }
 

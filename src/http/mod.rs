@@ -15,7 +15,7 @@
 //! | `numbering` | whose numbering of vertices and faces they are in |
 //! | `wire`, `pencil_wire`, `details` | what goes over the wire |
 //! | `document`, `kinds`, `variants` | the OpenAPI document, made of what the types say |
-//! | `meshes`, `mesh_maps`, `upload`, `pencils`, `pencil_upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `verification`, `subspaces`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
+//! | `meshes`, `mesh_maps`, `upload`, `pencils`, `pencil_upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `verification`, `subspaces`, `value_gradients`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
 //! | `page`, `guide`, `embedded` | the web page and the manual, embedded |
 
 mod access;
@@ -72,6 +72,7 @@ mod subspaces;
 mod system;
 mod turns;
 mod upload;
+mod value_gradients;
 mod variants;
 mod verification;
 mod vibration;
@@ -120,6 +121,7 @@ fn routes() -> OpenApiRouter<AppState> {
         .merge(comparisons::routes())
         .merge(verification::routes())
         .merge(subspaces::routes())
+        .merge(value_gradients::routes())
         .merge(maps::routes())
         .merge(fields::routes())
         .merge(family::routes())

@@ -194,6 +194,7 @@ const COVERED: &[&str] = &[
     "meshDistances",
     "signatures",
     "similarPoints",
+    "valueGradient",
     "functionalMap",
     "getModes",
     "familySpectrum",
@@ -326,6 +327,52 @@ async fn functions_on_vertices_are_those_of_the_file() {
         assert_close(&a, &expected, "modes");
         assert_close(&raw(app.get(&format!("{dirty}/modes?from=3&to=6&numbering=kept"))).await, &b, "kept modes");
     }
+}
+
+#[tokio::test]
+async fn gradients_say_what_moving_the_vertices_of_the_file_does() {
+    let app = app();
+    let weights = [0.0, 1.0, -0.5, 0.25];
+    let request = json!({"weights": weights});
+    for seed in 6..8 {
+        let case = Case::new(&app, seed).await;
+        let parameters = json!({"method": EXACT, "operator": "laplace", "count": 6, "tolerance": 1e-8, "precision": "f64"});
+        let [dirty, clean] = bases(&app, &case, "eigenbasis", [&parameters, &parameters]).await;
+        let own = numbers(&ask(&app, &format!("{clean}/value-gradient"), &request).await["values"]);
+        let found = ask(&app, &format!("{dirty}/value-gradient"), &request).await;
+        assert_eq!((&found["columns"], own.len()), (&json!(3), 3 * case.mesh.positions.len()));
+        let mut copies = vec![0.0; case.mesh.positions.len()];
+        case.vertices.iter().flatten().for_each(|&kept| copies[kept] += 1.0);
+        let shares: Vec<f64> = own.iter().enumerate().map(|(at, g)| g / copies[at / 3]).collect();
+        let expected = told(&shares, 3, &case.vertices).into_iter().map(|x| if x.is_nan() { 0.0 } else { x });
+        assert_close(&numbers(&found["values"]), &expected.collect::<Vec<_>>(), "gradient");
+        let kept = ask(&app, &format!("{dirty}/value-gradient?numbering=kept"), &request).await;
+        assert_close(&numbers(&kept["values"]), &own, "kept gradient");
+
+        // Eigenvalues fall with the square of the size.
+        let basis: Value = app.get(&clean).send().await.unwrap().json().await.unwrap();
+        let grown: f64 = case.mesh.positions.as_flattened().iter().zip(&own).map(|(p, g)| p * g).sum();
+        let values = numbers(&basis["eigenvalues"]);
+        let expected: f64 = values.iter().zip(weights).map(|(value, weight)| -2.0 * value * weight).sum();
+        assert!((grown - expected).abs() < 1e-6 * expected.abs(), "{grown} instead of {expected}");
+
+        let bytes: Vec<u8> = weights.iter().flat_map(|weight: &f64| weight.to_le_bytes()).collect();
+        let request = app.post(&format!("{clean}/value-gradient")).header("content-type", OCTETS).body(bytes);
+        assert_close(&raw(request).await, &own, "raw gradient");
+        for (body, word) in [(json!({}), "weights: must be between 1 and 6, not 0"), (json!({"weights": vec![1.0; 7]}), "not 7")] {
+            let refused = app.post(&format!("{dirty}/value-gradient")).json(&body).send().await.unwrap();
+            let refused = problem(refused, 422, "invalid-analysis").await;
+            assert!(refused["detail"].as_str().unwrap().to_lowercase().contains(word), "{refused}");
+        }
+        let odd = app.post(&format!("{clean}/value-gradient")).header("content-type", OCTETS).body(vec![0u8; 7]);
+        problem(odd.send().await.unwrap(), 422, "invalid-function").await;
+    }
+    let case = Case::new(&app, 8).await;
+    let parameters = json!({"method": EXACT, "mass": "voronoi", "count": 6});
+    let [dirty, _] = bases(&app, &case, "eigenbasis", [&parameters, &parameters]).await;
+    let refused = app.post(&format!("{dirty}/value-gradient")).json(&request).send().await.unwrap();
+    let refused = problem(refused, 422, "invalid-analysis").await;
+    assert!(refused["detail"].as_str().unwrap().contains("Voronoi"), "{refused}");
 }
 
 #[tokio::test]

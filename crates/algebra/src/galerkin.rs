@@ -32,9 +32,10 @@ pub enum GalerkinError {
 /// A cell with more rows than this is worked on in parts.
 const ROWS_PER_PART: usize = 256;
 
-/// Numbers of small products that may be held at once, as a multiple of what the entries of `U` explain. A space whose functions are not
+/// Numbers of small products that may be held at once, as a multiple of what the entries of `U` explain, up to so many a row. A space whose functions are not
 /// local exceeds it and takes the row-wise way.
 const PRODUCTS_PER_ENTRY: usize = 24;
+const MOST_ENTRIES_A_ROW: usize = 24;
 
 /// `S̄ = UᵀSU` and `M̄ = UᵀMU`, `d × d`, both triangles stored and symmetric to the last bit.
 ///
@@ -205,7 +206,8 @@ fn cell_products(
     cells: &Cells,
     monitor: &dyn Monitor,
 ) -> Result<Option<Vec<Product>>, Cancelled> {
-    let budget = PRODUCTS_PER_ENTRY.saturating_mul(space.entries()) + (1 << 22);
+    let entries = space.entries().min(MOST_ENTRIES_A_ROW * space.rows());
+    let budget = PRODUCTS_PER_ENTRY * entries + (1 << 22);
     let held = std::sync::atomic::AtomicUsize::new(0);
     let products: Result<Vec<Option<Product>>, Cancelled> = cells
         .parts

@@ -20,6 +20,7 @@ mod provenance;
 pub mod schema;
 pub mod simulate;
 pub mod table;
+pub mod value_gradient;
 pub mod verification;
 mod vibration_basis;
 

@@ -66,6 +66,17 @@ proptest! {
             prop_assert!(x == y || (x.is_nan() && y.is_nan()));
         }
 
+        // The adjoint gives the same inner products, and nothing to what was dropped.
+        let weights: Vec<f64> = (0..rows).map(|kept| (kept as f64).sin()).collect();
+        let adjoint = to.pull_adjoint(&weights, 1);
+        let there: f64 = pulled.iter().zip(&weights).map(|(x, w)| x * w).sum();
+        let here: f64 = given.iter().zip(&adjoint).filter(|(x, _)| !x.is_nan()).map(|(x, w)| x * w).sum();
+        prop_assert!((there - here).abs() < 1e-10 * rows as f64);
+        prop_assert!(order.iter().zip(&adjoint).all(|(vertex, w)| vertex.is_some() || *w == 0.0));
+        let twice: Vec<f64> = weights.iter().flat_map(|&w| [w, -w]).collect();
+        let twice = to.pull_adjoint(&twice, 2);
+        prop_assert!(twice.as_chunks::<2>().0.iter().zip(&adjoint).all(|(own, w)| *own == [*w, -*w]));
+
         for (file, vertex) in order.iter().enumerate() {
             let found = to.vertex(file as u64, rows);
             match vertex {

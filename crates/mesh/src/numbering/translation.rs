@@ -298,6 +298,36 @@ impl Translation {
         Ok(pulled)
     }
 
+    /// The adjoint of [`pull`](Self::pull): what a linear function of the numbers at kept vertices, `width` of each, is of those at the vertices of the file. Merged vertices have equal shares of
+    /// what the kept one has, dropped ones nothing, and the ends of an edge half each of what the vertex has that subdivision made of it. So a gradient by kept positions becomes one by those of the file.
+    pub fn pull_adjoint(&self, values: &[f64], width: usize) -> Vec<f64> {
+        let Some(numbering) = self.of_vertices() else { return values.to_vec() };
+        let mut kept = values.to_vec();
+        let first = numbering.kept[0] - numbering.midpoints.len();
+        for (middle, ends) in numbering.midpoints.iter().enumerate().rev() {
+            for k in 0..width {
+                let half = 0.5 * kept[(first + middle) * width + k];
+                ends.iter().for_each(|&end| kept[end as usize * width + k] += half);
+            }
+        }
+        let mut copies = vec![0u32; kept.len().checked_div(width).unwrap_or(0)];
+        for at in numbering.vertex_map().flatten() {
+            if let Some(copies) = copies.get_mut(at as usize) {
+                *copies += 1;
+            }
+        }
+        let share = |at: u32, k: usize| match copies.get(at as usize) {
+            Some(&copies) => kept[at as usize * width + k] / f64::from(copies),
+            // A vertex inside a solid is none of the surface.
+            None => 0.0,
+        };
+        numbering
+            .vertex_map()
+            .flat_map(|at| (0..width).map(move |k| (at, k)))
+            .map(|(at, k)| at.map_or(0.0, |at| share(at, k)))
+            .collect()
+    }
+
     /// A function on kept vertices, `width` numbers each, as one on the vertices of the file: merged ones have their common value, dropped ones
     /// what [`Extension`] says.
     pub fn push<T: Missing>(&self, values: &[T], width: usize) -> Vec<T> {

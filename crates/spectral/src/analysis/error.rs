@@ -72,6 +72,14 @@ pub enum AnalysisError {
         /// Vertices of the mesh.
         mesh: usize,
     },
+    /// Something does not change with the positions of vertices in a way that is known here.
+    #[error(
+        "there is no gradient of {of} by positions; solve with the operator \"laplace\" and the mass \"barycentric\" or \"consistent\""
+    )]
+    NoDerivative {
+        /// Of what.
+        of: &'static str,
+    },
     /// The mesh has points without faces.
     #[error("geodesic distances need a surface with faces, and the mesh has only points")]
     NoFaces,

@@ -1,4 +1,4 @@
-//! What a basis is good for: shape comparisons, distances, signatures, filters, projections, compression, functional maps.
+//! What a basis is good for: shape comparisons, distances, signatures, filters, projections, compression, functional maps, gradients of eigenvalues.
 
 pub mod compression;
 pub mod distance;
@@ -16,6 +16,7 @@ pub mod signature;
 pub mod sound;
 pub mod spectrum;
 pub mod subspace;
+pub mod value_gradient;
 pub mod vibration;
 
 pub use error::AnalysisError;

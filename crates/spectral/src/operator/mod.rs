@@ -5,6 +5,7 @@ pub(crate) mod boundary;
 mod choice;
 mod corners;
 pub mod curvature;
+pub mod derivative;
 pub mod elastic;
 pub mod extrinsic;
 pub mod family;

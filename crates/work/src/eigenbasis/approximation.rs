@@ -184,7 +184,9 @@ impl Approximate {
             _ => most_columns(vertices as usize, d as usize) as u64,
         };
         let d = most.max((2 * d).min(vertices));
-        let compact = vertices * 25 * 2 * 8 + vertices * 22 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
+        // Products of the cells of a space, of which few meshes hold more at once than a fixed number.
+        let products = 8 << 22;
+        let compact = products + vertices * 25 * 2 * 8 + vertices * 22 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
         // Bounds: the pencil once more and its hierarchy, and on each thread a panel of 32 pairs with what a cycle needs.
         let panels = (m / 32 + 1).min(rayon::current_num_threads() as u64);
         let compact = compact + vertices * (260 + 720 * panels);

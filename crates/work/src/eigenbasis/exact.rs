@@ -46,6 +46,9 @@ pub(crate) const AT_MOST: usize = 1000;
 /// To a smaller tolerance than this single precision is not tried: on no mesh worth the name would it keep it.
 const SINGLE: f64 = 1e-4;
 
+/// The most rows whose functions may all reach so far that the products of their cells fill what they are allowed.
+const FAR_REACHING: u64 = 20_000;
+
 /// What is solved, how well, and how it is stored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Exact {
@@ -162,7 +165,8 @@ impl Exact {
         };
         let q = q.min(n);
         let columns = 20 * n * q + 48 * q * q;
-        let space = n * 25 * 2 * 8;
+        // With products of its cells, which are a fixed number at least, and more where functions reach far.
+        let space = n * 25 * 2 * 8 + (8 << 22) + n.min(FAR_REACHING) * 24 * 24 * 8;
         let result = match self.storage {
             StorageKind::Dense => n * p * self.precision.unwrap_or(Precision::F64).bytes() as u64,
             StorageKind::Compact => {

@@ -143,6 +143,13 @@ impl Attempt {
         if self.hidden > 0 { estimated.max(1.0 + self.hidden as f64) } else { estimated }
     }
 
+    /// The columns that a space may grow to. Five dense matrices are promised memory; where functions reach far, the sparse ones of this space and the next are not much smaller.
+    fn most_beside_entries(&self) -> usize {
+        let d = self.ritz.space.columns().max(1) as f64;
+        let filled = self.ritz.mass.entries() as f64 / (d * d);
+        (self.most as f64 * (40.0 / (40.0 + 48.0 * filled)).sqrt()) as usize
+    }
+
     /// A space that holds what this one misses; `None` where the mesh has no room for one.
     pub(super) fn finer_space(
         &self,
@@ -160,15 +167,23 @@ impl Attempt {
         }
         // Errors add up over what is left, here and at other pairs: aim at half of the goal.
         let left = (0.5 / self.excess(goal)).clamp(0.02, 0.3);
-        let room = space.columns().max(MANY_HATS.min(n / 4)).min(n / 2).min(self.most.saturating_sub(space.columns()));
-        if hats_help
-            && let Some(density) = &self.density
-            && let Some(rows) = hats::where_it_sits(density, &problem.stiffness, left, room)
-        {
-            return Ok(Some(hats::with_hats(space, &rows)));
+        let most = self.most_beside_entries();
+        let room = space.columns().max(MANY_HATS.min(n / 4)).min(n / 2);
+        let mut room = room.min(most.saturating_sub(space.columns()));
+        if hats_help && let Some(density) = &self.density {
+            // What hats leave of other columns may ask for more of them.
+            while room > 0
+                && let Some(rows) = hats::where_it_sits(density, &problem.stiffness, left, room)
+            {
+                let finer = hats::with_hats(space, &rows);
+                if finer.columns() <= most {
+                    return Ok(Some(finer));
+                }
+                room = room * 3 / 4;
+            }
         }
         let wanted = (GROWTH * parameters.dimension.max(parameters.count) as f64).ceil();
-        if wanted > (LARGEST_SHARE * n as f64).min(self.most as f64) {
+        if wanted > (LARGEST_SHARE * n as f64).min(most as f64) {
             return Ok(None);
         }
         parameters.dimension = wanted as usize;
