@@ -336,7 +336,8 @@ async fn gradients_say_what_moving_the_vertices_of_the_file_does() {
     let request = json!({"weights": weights});
     for seed in 6..8 {
         let case = Case::new(&app, seed).await;
-        let parameters = json!({"method": EXACT, "operator": "laplace", "count": 6, "tolerance": 1e-8, "precision": "f64"});
+        let parameters =
+            json!({"method": EXACT, "operator": "laplace", "count": 6, "tolerance": 1e-8, "precision": "f64"});
         let [dirty, clean] = bases(&app, &case, "eigenbasis", [&parameters, &parameters]).await;
         let own = numbers(&ask(&app, &format!("{clean}/value-gradient"), &request).await["values"]);
         let found = ask(&app, &format!("{dirty}/value-gradient"), &request).await;
@@ -359,7 +360,9 @@ async fn gradients_say_what_moving_the_vertices_of_the_file_does() {
         let bytes: Vec<u8> = weights.iter().flat_map(|weight: &f64| weight.to_le_bytes()).collect();
         let request = app.post(&format!("{clean}/value-gradient")).header("content-type", OCTETS).body(bytes);
         assert_close(&raw(request).await, &own, "raw gradient");
-        for (body, word) in [(json!({}), "weights: must be between 1 and 6, not 0"), (json!({"weights": vec![1.0; 7]}), "not 7")] {
+        for (body, word) in
+            [(json!({}), "weights: must be between 1 and 6, not 0"), (json!({"weights": vec![1.0; 7]}), "not 7")]
+        {
             let refused = app.post(&format!("{dirty}/value-gradient")).json(&body).send().await.unwrap();
             let refused = problem(refused, 422, "invalid-analysis").await;
             assert!(refused["detail"].as_str().unwrap().to_lowercase().contains(word), "{refused}");

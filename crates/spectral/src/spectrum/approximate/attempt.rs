@@ -187,6 +187,8 @@ impl Attempt {
             return Ok(None);
         }
         parameters.dimension = wanted as usize;
-        Ok(Some(initial_space(mesh, operator, parameters, monitor)?))
+        let finer = initial_space(mesh, operator, parameters, monitor)?;
+        // Vertices that no function reaches, and those of long edges, are columns beyond the dimension.
+        Ok(Some(finer).filter(|finer| finer.columns() <= self.most))
     }
 }
