@@ -51,7 +51,7 @@ RUN cargo install --locked cargo-cyclonedx \
 
 FROM debian:trixie-slim
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends curl libvulkan1 \
+    && apt-get install -y --no-install-recommends ca-certificates curl libvulkan1 \
     && rm -rf /var/lib/apt/lists/* \
     && useradd --uid 10001 --user-group --no-create-home --home-dir /data --shell /usr/sbin/nologin chladni \
     && install -d -o chladni -g chladni /data

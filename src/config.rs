@@ -76,6 +76,21 @@ pub struct Config {
     #[arg(long, value_name = "FOLDER", env = "CHLADNI_DATA", default_value = "chladni-data", help_heading = "Storage")]
     pub data: PathBuf,
 
+    /// Records in a PostgreSQL that servers and workers share, as postgres://USER:PASSWORD@HOST/DATABASE; goes with --objects
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        env = "CHLADNI_DATABASE",
+        requires = "objects",
+        hide_env_values = true,
+        help_heading = "Storage"
+    )]
+    pub database: Option<Secret>,
+
+    /// Content in an object store that servers and workers share, as s3://BUCKET/PREFIX, or file:///FOLDER that all of them see; goes with --database
+    #[arg(long, value_name = "ADDRESS", env = "CHLADNI_OBJECTS", requires = "database", help_heading = "Storage")]
+    pub objects: Option<String>,
+
     /// Bytes of decoded bases kept in memory for synchronous solves
     #[arg(long, value_name = "BYTES", env = "CHLADNI_CACHE_BYTES", default_value = "1GiB", value_parser = bytes, help_heading = "Storage")]
     pub cache_bytes: u64,
@@ -88,9 +103,13 @@ pub struct Config {
     #[command(flatten)]
     pub keep: Keep,
 
-    /// Jobs that run at once
-    #[arg(long, value_name = "N", env = "CHLADNI_WORKERS", default_value_t = 1, value_parser = at_least_one, help_heading = "Work")]
+    /// Jobs that run at once; 0 with --database, to leave them to other processes
+    #[arg(long, value_name = "N", env = "CHLADNI_WORKERS", default_value_t = 1, help_heading = "Work")]
     pub workers: usize,
+
+    /// Kinds of job that are taken, separated by commas; every kind without it
+    #[arg(long, value_name = "KINDS", env = "CHLADNI_KINDS", value_delimiter = ',', help_heading = "Work")]
+    pub kinds: Vec<String>,
 
     /// Where jobs run: processes of their own, or threads of the server
     ///
@@ -274,6 +293,30 @@ impl std::fmt::Debug for Keys {
     }
 }
 
+/// A setting that may hold a password. It never shows in debug output or in a help text.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Secret(String);
+
+impl Secret {
+    /// What it says.
+    pub fn reveal(&self) -> &str {
+        &self.0
+    }
+}
+
+impl std::str::FromStr for Secret {
+    type Err = std::convert::Infallible;
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Ok(Self(text.to_owned()))
+    }
+}
+
+impl std::fmt::Debug for Secret {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Secret(hidden)")
+    }
+}
+
 /// A setting that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
@@ -315,6 +358,11 @@ impl Config {
 
     /// Refuses settings that contradict each other, in a sentence.
     pub fn validate(&self) -> Result<(), ConfigError> {
+        if self.workers == 0 && self.database.is_none() {
+            return Err(ConfigError::Contradiction(
+                "nobody would run jobs: --workers 0 is for servers that share their records with workers, by --database and --objects".into(),
+            ));
+        }
         if self.heartbeat_seconds * 2 > self.lease_seconds {
             return Err(ConfigError::Contradiction(format!(
                 "a heartbeat every {} s cannot hold a lease of {} s: make the lease at least twice as long",
@@ -339,10 +387,13 @@ impl Default for Config {
             header_seconds: Duration::from_secs(10),
             body_seconds: Duration::from_secs(30),
             data: PathBuf::from("chladni-data"),
+            database: None,
+            objects: None,
             cache_bytes: GIB,
             least_free_bytes: 256 * MIB,
             keep: Keep::default(),
             workers: 1,
+            kinds: Vec::new(),
             jobs_in: JobsIn::Processes,
             threads: 0,
             solve_threads: 0,
@@ -483,7 +534,18 @@ mod tests {
         assert_eq!(config.cors_origins.len(), 2);
         assert_eq!(config.lease_seconds, Duration::from_secs(2));
         assert_eq!(config.logs.log_format, LogFormat::Json);
-        assert!(parsed(&["--workers", "0"]).is_err());
+    }
+
+    #[test]
+    fn a_server_without_workers_shares_its_records_with_some() {
+        let alone = parsed(&["--workers", "0"]).unwrap();
+        assert!(alone.validate().unwrap_err().to_string().contains("nobody"));
+        let shared = ["--workers", "0", "--database", "postgres://u:topsecret@h/d", "--objects", "s3://b/p"];
+        let shared = parsed(&shared).unwrap();
+        assert!(shared.validate().is_ok());
+        assert!(!format!("{shared:?}").contains("topsecret"));
+        // Records and content are shared together.
+        assert!(parsed(&["--database", "postgres://h/d"]).is_err() && parsed(&["--objects", "s3://b"]).is_err());
     }
 
     #[test]

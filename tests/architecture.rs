@@ -50,6 +50,8 @@ const GUARDED: &[(&str, &[&str])] = &[
     ("numpy", &["python"]),
     ("pyo3", &["python"]),
     ("sqlx", &["store"]),
+    ("object_store", &["store"]),
+    ("rustls", &["store"]),
     ("axum", &["http"]),
     ("headers", &["http"]),
     ("http_range_header", &["http"]),

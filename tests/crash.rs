@@ -245,7 +245,7 @@ struct Acknowledged {
 
 /// A client that uploads meshes that are like no others and submits jobs on them, until the server is gone.
 async fn storm_client(url: String, round: usize, client: usize, told: Arc<std::sync::Mutex<Acknowledged>>) {
-    let http = reqwest::Client::new();
+    let http = process::cryptography::client();
     for k in 0.. {
         let mesh = process::torus().replacen("2.7 0 0", &format!("2.7 {round}.{client} 0.{k}"), 1);
         let Ok(answer) = http.post(format!("{url}/v1/meshes?format=off")).body(mesh).send().await else { return };

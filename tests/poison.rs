@@ -356,8 +356,9 @@ async fn flood() {
     let job = server.submit(&mesh, 100).await.unwrap();
     let basis = server.finished(&job).await["basis"].as_str().unwrap().to_owned();
     let url = format!("{}/v1/bases/{basis}/filter", server.url);
-    let of =
-        |address: [u8; 4]| reqwest::Client::builder().local_address(std::net::IpAddr::from(address)).build().unwrap();
+    let of = |address: [u8; 4]| {
+        process::cryptography::builder().local_address(std::net::IpAddr::from(address)).build().unwrap()
+    };
     let good = of([127, 0, 0, 2]);
     let time = Duration::from_secs(5);
     let (idle, _) = solves(&url, &good, time).await;
@@ -382,8 +383,10 @@ async fn flood() {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         move || {
             runtime.block_on(async {
-                let client =
-                    reqwest::Client::builder().local_address(std::net::IpAddr::from([127, 0, 0, 4])).build().unwrap();
+                let client = process::cryptography::builder()
+                    .local_address(std::net::IpAddr::from([127, 0, 0, 4]))
+                    .build()
+                    .unwrap();
                 let (begun, open) = (Instant::now(), Arc::new(tokio::sync::Semaphore::new(1000)));
                 while !stop.load(Ordering::Relaxed) {
                     let due = (10.0 * capacity * begun.elapsed().as_secs_f64()) as usize;

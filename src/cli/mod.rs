@@ -84,7 +84,10 @@ enum Command {
     Doctor(doctor::DoctorArguments),
     Compact(compact::CompactArguments),
     Sample(sample::SampleArguments),
-    Worker(worker::WorkerArguments),
+    /// Run jobs of servers that share their records: the settings of `serve`, without an API
+    #[command(after_help = WORKER_HELP)]
+    Worker(Box<Config>),
+    WorkerProcess(worker::WorkerArguments),
     /// Print the OpenAPI document of the API
     Openapi,
 }
@@ -98,6 +101,14 @@ Examples:
 A server that others can reach does not start without API keys unless told --insecure. The first SIGTERM
 or Ctrl-C drains: running jobs get --drain-seconds, then they return to the queue. A second one ends the
 process at once.";
+
+const WORKER_HELP: &str = "\
+Examples:
+  chladni worker --database postgres://chladni@db/chladni --objects s3://spectra/lab
+  chladni worker --database ... --objects ... --workers 4 --memory-bytes 64GiB --kinds eigenbasis,field_basis
+
+A worker takes what fits its memory and its kinds, of the versions that it knows. The first SIGTERM drains, a
+second one ends it at once; the job of one that is killed goes to another when its lease runs out.";
 
 /// Parses the command line and runs the chosen command.
 pub fn main() -> ExitCode {
@@ -119,7 +130,8 @@ pub fn main() -> ExitCode {
         Command::Doctor(arguments) => doctor::doctor(arguments),
         Command::Compact(arguments) => compact::compact(arguments),
         Command::Sample(arguments) => sample::sample(arguments),
-        Command::Worker(arguments) => worker::worker(arguments),
+        Command::Worker(config) => serve::work(*config),
+        Command::WorkerProcess(arguments) => worker::worker(arguments),
         Command::Openapi => openapi(),
     };
     result.unwrap_or_else(|error| {

@@ -1,12 +1,13 @@
 //! `serve`: the store, the workers and the API, wired together, and their end in order.
 
 use chladni_algebra::gpu;
+use chladni_spectral::basis::ProductKind;
 
 use super::{CliError, memory, private, worker};
 use crate::config::{Config, JobsIn};
 use crate::http::{self, AppState};
 use crate::queue::{QueueObserver, WorkerOptions, WorkerPool};
-use crate::store::{JobStatus, Retention, Store, StoreOptions, fault::Faults};
+use crate::store::{JobStatus, Retention, SharedPlaces, Store, StoreOptions, fault::Faults};
 use crate::telemetry::{Metrics, start_logs};
 use std::io::{self, Write};
 use std::net::SocketAddr;
@@ -26,9 +27,11 @@ pub fn serve(config: Config) -> Result<ExitCode, CliError> {
     runtime()?.block_on(async {
         let signals = Signals::install()?;
         let running = start(config).await?;
-        // From here on a crash may be the doing of a job.
+        // From here on a crash may be the doing of a job. Where others share the records, its lease runs out instead.
         #[cfg(unix)]
-        if let Err(error) = super::crash_mark::install(&running.store.crash_mark()) {
+        if !running.store.is_shared()
+            && let Err(error) = super::crash_mark::install(&running.store.crash_mark())
+        {
             tracing::warn!(%error, "a crash would not be told from a kill");
         }
         // One line for scripts, which may have asked for a free port; everything else goes to the log.
@@ -86,7 +89,7 @@ pub(super) async fn bind(address: SocketAddr) -> Result<TcpListener, CliError> {
 /// As [`start`].
 pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Running, CliError> {
     let service = |error: &dyn std::fmt::Display| CliError::Service(error.to_string());
-    config.validate()?;
+    check(&config)?;
     if let Some(path) = &config.keys_file {
         private::keys_file(path)?;
     }
@@ -104,61 +107,21 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
         .map_err(|error| CliError::Usage(error.to_string()))?;
     http::require_keys(address, &keys, config.insecure).map_err(|error| CliError::Usage(error.to_string()))?;
 
-    let memory = match config.memory_bytes {
-        0 => memory::available().map_or(u64::MAX, |free| free / 4 * 3),
-        bytes => bytes,
-    };
-    // What would never fit is refused at once.
-    config.limits.max_job_bytes = config.limits.max_job_bytes.min(memory);
     let accelerator = accelerator(&config.gpu).await?;
     let metrics = Arc::new(Metrics::new()?);
-    private::data_folder(&config.data)?;
-    let mut options = StoreOptions::new(&config.data);
-    options.cache_bytes = config.cache_bytes;
-    options.least_free_bytes = config.least_free_bytes;
-    options.retention = Retention {
-        job_age: config.keep.keep_job_seconds,
-        jobs: config.keep.keep_jobs,
-        basis_age: config.keep.keep_basis_seconds,
-        bases: config.keep.keep_bases,
-        mesh_age: config.keep.keep_mesh_seconds,
-        meshes: config.keep.keep_meshes,
-        bytes: config.keep.keep_bytes,
-    };
-    options.queued_jobs_limit = Some(config.limits.max_queued_jobs as u64);
-    match config.fault.as_deref() {
-        Some("gpu-lost") => accelerator.lose_once(),
-        // Of jobs, in their processes.
-        Some("poison") if config.jobs_in == JobsIn::Processes => {}
-        Some(fault) => options.faults = Faults::parse(fault).map_err(|error| CliError::Usage(error.to_string()))?,
-        None => {}
+    let memory = memory_for_jobs(&config);
+    // What would never fit is refused at once; where others run jobs as well, they may have more.
+    if config.database.is_none() {
+        config.limits.max_job_bytes = config.limits.max_job_bytes.min(memory);
     }
-    let store = Store::open(options).await.map_err(|error| service(&error))?;
-    let observer: Arc<dyn QueueObserver> = Arc::new(Counting(metrics.clone()));
-    let runner = {
-        let (config, observer) = (config.clone(), observer.clone());
-        tokio::task::spawn_blocking(move || worker::runner(&config, observer))
-            .await
-            .map_err(|error| service(&error))??
-    };
-    let workers = Arc::new(WorkerPool::start(
-        store.clone(),
-        WorkerOptions {
-            workers: config.workers,
-            threads: config.job_threads(),
-            lease: config.lease_seconds,
-            heartbeat: config.heartbeat_seconds,
-            stall: config.stall_seconds,
-            kinds: Vec::new(),
-            memory,
-            isolated: config.jobs_in == JobsIn::Processes,
-        },
-        runner,
-        observer,
-    ));
+    let store = open_store(&config, &accelerator).await?;
+    let workers = start_workers(&config, &store, &metrics, memory).await?;
     let drain = config.drain_seconds;
     let (solve_threads, threads, jobs_at_once) = (config.reduced_solve_threads(), config.job_threads(), config.workers);
-    let data = config.data.display().to_string();
+    let data = match &config.objects {
+        Some(objects) => objects.clone(),
+        None => config.data.display().to_string(),
+    };
     let most_job_bytes = config.limits.max_job_bytes;
     let alive = workers.clone();
     let state = AppState::new(store.clone(), config, metrics.clone(), move || alive.alive())
@@ -179,6 +142,128 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
         "listening"
     );
     Ok(Running { address, store, metrics, state, workers, stop, server, drain })
+}
+
+/// Refuses settings that contradict each other, or name what there is not.
+fn check(config: &Config) -> Result<(), CliError> {
+    config.validate()?;
+    match config.kinds.iter().find(|kind| ProductKind::of_name(kind).is_none()) {
+        Some(kind) => Err(CliError::Usage(format!("--kinds: {kind:?} is no kind of job"))),
+        None => Ok(()),
+    }
+}
+
+/// Bytes of memory that jobs of this process may need together.
+fn memory_for_jobs(config: &Config) -> u64 {
+    match config.memory_bytes {
+        0 => memory::available().map_or(u64::MAX, |free| free / 4 * 3),
+        bytes => bytes,
+    }
+}
+
+/// Opens the store that is configured.
+async fn open_store(config: &Config, accelerator: &gpu::Accelerator) -> Result<Store, CliError> {
+    if config.database.is_none() {
+        private::data_folder(&config.data)?;
+    }
+    let mut options = StoreOptions::new(&config.data);
+    options.shared = match (&config.database, &config.objects) {
+        (Some(database), Some(objects)) => {
+            Some(SharedPlaces { database: database.reveal().to_owned(), objects: objects.clone() })
+        }
+        _ => None,
+    };
+    options.cache_bytes = config.cache_bytes;
+    options.least_free_bytes = config.least_free_bytes;
+    options.retention = Retention {
+        job_age: config.keep.keep_job_seconds,
+        jobs: config.keep.keep_jobs,
+        basis_age: config.keep.keep_basis_seconds,
+        bases: config.keep.keep_bases,
+        mesh_age: config.keep.keep_mesh_seconds,
+        meshes: config.keep.keep_meshes,
+        bytes: config.keep.keep_bytes,
+    };
+    options.queued_jobs_limit = Some(config.limits.max_queued_jobs as u64);
+    match config.fault.as_deref() {
+        Some("gpu-lost") => accelerator.lose_once(),
+        // Of jobs, in their processes.
+        Some("poison") if config.jobs_in == JobsIn::Processes => {}
+        Some(fault) => options.faults = Faults::parse(fault).map_err(|error| CliError::Usage(error.to_string()))?,
+        None => {}
+    }
+    Store::open(options).await.map_err(|error| CliError::Service(error.to_string()))
+}
+
+/// Starts what runs the jobs.
+async fn start_workers(
+    config: &Config,
+    store: &Store,
+    metrics: &Arc<Metrics>,
+    memory: u64,
+) -> Result<Arc<WorkerPool>, CliError> {
+    let service = |error: &dyn std::fmt::Display| CliError::Service(error.to_string());
+    let observer: Arc<dyn QueueObserver> = Arc::new(Counting(Arc::clone(metrics)));
+    let runner = {
+        let (config, observer) = (config.clone(), observer.clone());
+        tokio::task::spawn_blocking(move || worker::runner(&config, observer))
+            .await
+            .map_err(|error| service(&error))??
+    };
+    Ok(Arc::new(WorkerPool::start(
+        store.clone(),
+        WorkerOptions {
+            workers: config.workers,
+            threads: config.job_threads(),
+            lease: config.lease_seconds,
+            heartbeat: config.heartbeat_seconds,
+            stall: config.stall_seconds,
+            kinds: config.kinds.clone(),
+            memory,
+            isolated: config.jobs_in == JobsIn::Processes,
+        },
+        runner,
+        observer,
+    )))
+}
+
+/// Runs `chladni worker` until SIGTERM or SIGINT.
+pub fn work(config: Config) -> Result<ExitCode, CliError> {
+    start_logs(&config.logs)?;
+    runtime()?.block_on(async {
+        let mut signals = Signals::install()?;
+        check(&config)?;
+        if config.database.is_none() || config.workers == 0 {
+            let needed = "a worker needs --database and --objects, and at least one of --workers";
+            return Err(CliError::Usage(needed.to_owned()));
+        }
+        let accelerator = accelerator(&config.gpu).await?;
+        let memory = memory_for_jobs(&config);
+        let store = open_store(&config, &accelerator).await?;
+        let workers = start_workers(&config, &store, &Arc::new(Metrics::new()?), memory).await?;
+        writeln!(io::stdout(), "working").map_err(CliError::stdout)?;
+        tracing::info!(
+            workers = config.workers,
+            threads = config.job_threads(),
+            memory_bytes = memory,
+            gpu = accelerator.adapter().unwrap_or_else(|| "none".into()),
+            version = env!("CARGO_PKG_VERSION"),
+            "working"
+        );
+        let signal = signals.next().await;
+        tracing::info!(signal, drain_seconds = config.drain_seconds.as_secs_f64(), "stopping");
+        tokio::select! {
+            () = workers.drain(config.drain_seconds) => {
+                store.close().await;
+                tracing::info!("stopped");
+                Ok(ExitCode::SUCCESS)
+            }
+            signal = signals.next() => {
+                tracing::warn!(signal, "ended without waiting; running jobs go to other workers when their leases end");
+                Ok(ExitCode::from(INTERRUPTED))
+            }
+        }
+    })
 }
 
 /// Opens the graphics card that is chosen, before jobs may ask for it.

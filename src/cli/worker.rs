@@ -1,4 +1,4 @@
-//! `worker`: a process that runs jobs for the server that started it.
+//! `worker-process`: a process that runs jobs for the server or the worker that started it.
 
 use super::{CliError, poison::Poison, serve};
 use crate::config::{Config, JobsIn, LogFormat, LogSettings};
@@ -36,7 +36,7 @@ pub struct WorkerArguments {
 /// With a graphics card to open and to test, a process takes a while until it is ready.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Runs `chladni worker` until its standard input ends.
+/// Runs `chladni worker-process` until its standard input ends.
 pub fn worker(arguments: WorkerArguments) -> Result<ExitCode, CliError> {
     let failed = |error: io::Error| CliError::Service(format!("the worker could not start: {error}"));
     let (input, output) = pipes().map_err(failed)?;
@@ -78,14 +78,14 @@ fn pipes() -> io::Result<(File, File)> {
 
 /// What runs the jobs of a server.
 pub(super) fn runner(config: &Config, observer: Arc<dyn QueueObserver>) -> Result<Arc<dyn Runner>, CliError> {
-    if config.jobs_in == JobsIn::Threads {
+    if config.jobs_in == JobsIn::Threads || config.workers == 0 {
         return Ok(Arc::new(Solver));
     }
     let format = match config.logs.log_format {
         LogFormat::Human => "human",
         LogFormat::Json => "json",
     };
-    let mut arguments = vec!["worker", "--gpu", &config.gpu, "--log-format", format];
+    let mut arguments = vec!["worker-process", "--gpu", &config.gpu, "--log-format", format];
     arguments.extend(["--log-level", &config.logs.log_level]);
     if let Some(fault @ ("poison" | "gpu-lost")) = config.fault.as_deref() {
         arguments.extend(["--fault", fault]);

@@ -61,7 +61,12 @@ impl Budget {
         }
         let taken = *self.taken.lock().unwrap_or_else(PoisonError::into_inner);
         let free = if taken == 0 { u64::MAX } else { self.total.saturating_sub(taken) };
-        let company = Company { others: running > 0, isolated: options.isolated };
+        let company = Company {
+            others: running > 0,
+            isolated: options.isolated,
+            total_bytes: self.total,
+            solver_version: Some(chladni_work::SOLVER_VERSION),
+        };
         let claim = self.store.claim_within(worker, &options.kinds, options.lease, free, company).await?;
         Ok(claim.map(|claim| {
             // One that is to run alone has all the memory that there is.

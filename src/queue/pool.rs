@@ -12,18 +12,19 @@ use std::{
 use futures_util::FutureExt;
 use tokio::{sync::watch, task::JoinHandle};
 use tracing::Instrument;
+use uuid::Uuid;
 
 use super::{
     QueueObserver, Runner,
     attempt::{self, Threads},
     memory::Budget,
 };
-use crate::store::{JobStatus, Store};
+use crate::store::{JobStatus, Store, Worker};
 
 /// How the worker pool runs.
 #[derive(Debug, Clone)]
 pub struct WorkerOptions {
-    /// Jobs that run at the same time, at least 1.
+    /// Jobs that run at the same time. With 0 none is claimed; leases that ran out are looked after all the same.
     pub workers: usize,
     /// Threads of all jobs together; 0 takes one for each core. Each worker gets its share, and one at least.
     pub threads: usize,
@@ -74,6 +75,8 @@ pub(super) struct Shared {
     pub budget: Arc<Budget>,
     /// True from when running jobs go back to the queue.
     pub give_back: watch::Sender<bool>,
+    /// What this process has for jobs, under a name that no other has.
+    own: Worker,
     stopping: watch::Sender<bool>,
 }
 
@@ -112,7 +115,21 @@ impl WorkerPool {
         runner: Arc<dyn Runner>,
         observer: Arc<dyn QueueObserver>,
     ) -> Self {
+        let threads = match options.threads {
+            0 => std::thread::available_parallelism().map_or(1, usize::from),
+            threads => threads,
+        };
+        let own = Worker {
+            // In containers every process may have the same number.
+            id: format!("{}-{}", std::process::id(), Uuid::now_v7().simple()),
+            solver_version: chladni_work::SOLVER_VERSION.to_owned(),
+            seats: options.workers as u64,
+            threads: threads as u64,
+            memory_bytes: options.memory,
+            kinds: options.kinds.clone(),
+        };
         let shared = Arc::new(Shared {
+            own,
             budget: Arc::new(Budget::new(options.memory, store.clone(), Arc::clone(&observer))),
             store,
             runner,
@@ -122,11 +139,7 @@ impl WorkerPool {
             stopping: watch::Sender::new(false),
             options,
         });
-        let workers = shared.options.workers.max(1);
-        let threads = match shared.options.threads {
-            0 => std::thread::available_parallelism().map_or(1, usize::from),
-            threads => threads,
-        };
+        let workers = shared.options.workers;
         let workers = (0..workers)
             .map(|worker| {
                 let share = (threads / workers + usize::from(worker < threads % workers)).max(1);
@@ -161,11 +174,14 @@ impl WorkerPool {
             ended.await;
         }
         self.reaper.abort();
+        if let Err(error) = self.shared.store.dismiss_worker(&self.shared.own.id).await {
+            tracing::debug!(%error, "this process counts as a worker for a minute more");
+        }
     }
 }
 
 async fn work(shared: Arc<Shared>, worker: usize, share: usize) {
-    let name = format!("{}-{worker}", std::process::id());
+    let name = format!("{}-{worker}", shared.own.id);
     let mut stopping = shared.stopping.subscribe();
     let mut threads: Option<rayon::ThreadPool> = None;
     while !shared.stopping() {
@@ -247,6 +263,11 @@ async fn reap(shared: Arc<Shared>) {
     every.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     loop {
         every.tick().await;
+        if shared.options.workers > 0
+            && let Err(error) = shared.store.announce_worker(&shared.own).await
+        {
+            tracing::debug!(%error, "the other processes do not hear of this one");
+        }
         match shared.store.reap().await {
             Ok(reaped) => {
                 for reaped in reaped {

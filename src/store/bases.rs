@@ -8,15 +8,15 @@ use chladni_spectral::basis::family::FamilyBasis;
 use chladni_spectral::basis::modal::ModalBasis;
 use chladni_spectral::basis::{Basis, Product, ProductKind, StoredFields, Summary};
 use chladni_spectral::formats::FormatError;
-use sqlx::{QueryBuilder, Row, sqlite::SqliteRow};
 use uuid::Uuid;
 
 use super::{
     BasisFilter, BasisRecord, BasisStorage, JobRecord, Page, PageRequest, Store, StoreError, Weighed, blobs,
-    database::WriteTransaction,
+    catalog::Transaction,
     detached, from_json,
     jobs::{job_from_row, uuid_column},
     meshes::push_filter,
+    sql::{self, QueryBuilder, Row},
     to_json,
 };
 
@@ -26,9 +26,9 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`].
     pub async fn basis(&self, id: Uuid) -> Result<BasisRecord, StoreError> {
-        sqlx::query("SELECT * FROM bases WHERE id = ?")
+        sql::query("SELECT * FROM bases WHERE id = ?")
             .bind(id.to_string())
-            .fetch_optional(self.inner.meta.reader())
+            .fetch_optional(self.inner.catalog.reader())
             .await?
             .map(|row| basis_from_row(&row))
             .unwrap_or_else(|| Err(unknown_basis(id)))
@@ -44,7 +44,7 @@ impl Store {
         push_filter(&mut query, "mesh", filter.mesh.as_deref());
         push_filter(&mut query, "kind", filter.kind.as_deref());
         query.push(" ORDER BY sequence DESC LIMIT ").push_bind(page.look_ahead());
-        let rows = query.build().fetch_all(self.inner.meta.reader()).await?;
+        let rows = query.build().fetch_all(self.inner.catalog.reader()).await?;
         let rows = rows.iter().map(|row| Ok((row.try_get("sequence")?, basis_from_row(row)?)));
         Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, page))
     }
@@ -66,12 +66,12 @@ impl Store {
 
     async fn delete_basis_now(&self, id: Uuid) -> Result<(), StoreError> {
         let _alone = self.inner.blob_use.write().await;
-        let mut transaction = self.inner.meta.write().await?;
-        let jobs = sqlx::query("UPDATE jobs SET basis = NULL, revision = revision + 1 WHERE basis = ? RETURNING *")
+        let mut transaction = self.inner.catalog.write().await?;
+        let jobs = sql::query("UPDATE jobs SET basis = NULL, revision = revision + 1 WHERE basis = ? RETURNING *")
             .bind(id.to_string())
             .fetch_all(transaction.on())
             .await?;
-        let hash: Option<String> = sqlx::query_scalar("DELETE FROM bases WHERE id = ? RETURNING content_hash")
+        let hash: Option<String> = sql::query_scalar("DELETE FROM bases WHERE id = ? RETURNING content_hash")
             .bind(id.to_string())
             .fetch_optional(transaction.on())
             .await?;
@@ -224,19 +224,19 @@ impl WrittenBasis {
     /// identifier.
     pub async fn insert(
         &self,
-        transaction: &mut WriteTransaction,
+        transaction: &mut Transaction,
         job: &JobRecord,
         stage_seconds: &[(String, f64)],
         now_ms: i64,
     ) -> Result<Uuid, StoreError> {
-        let before: Option<String> = sqlx::query_scalar("DELETE FROM bases WHERE job = ? RETURNING id")
+        let before: Option<String> = sql::query_scalar("DELETE FROM bases WHERE job = ? RETURNING id")
             .bind(job.id.to_string())
             .fetch_optional(transaction.on())
             .await?;
         let id = before.and_then(|id| Uuid::try_parse(&id).ok()).unwrap_or_else(Uuid::now_v7);
         let summary = &self.summary;
         let eigenvalues: Vec<u8> = summary.eigenvalues.iter().flat_map(|value| value.to_le_bytes()).collect();
-        sqlx::query(
+        sql::query(
             "INSERT INTO bases (id, mesh, job, kind, parameters, vertices, dimension, pairs, nonzeros, eigenvalues,
                 certificate, bytes, dense_bytes, content_hash, solver_version, stage_seconds, created_ms, storage, layout,
                 operator, row_count, details, used_ms)
@@ -288,7 +288,7 @@ fn unknown_basis(id: Uuid) -> StoreError {
     StoreError::NotFound { resource: "basis", id: id.to_string() }
 }
 
-fn basis_from_row(row: &SqliteRow) -> Result<BasisRecord, StoreError> {
+fn basis_from_row(row: &Row) -> Result<BasisRecord, StoreError> {
     let layout: Option<&str> = row.try_get("layout")?;
     let storage = match (row.try_get::<&str, _>("storage")?, layout) {
         ("compact", _) => BasisStorage::Compact,

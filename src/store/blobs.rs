@@ -1,4 +1,5 @@
-//! Content by hash, in chunks: pending while it is written, ready once every chunk is verified.
+//! Content by hash, in chunks: pending while it is written, ready once every chunk is verified. It lies in a database of SQLite in the data folder
+//! or, where many processes share it, in an object store.
 
 use std::ops::Range;
 
@@ -8,7 +9,14 @@ use sqlx::Row;
 use tokio::sync::mpsc;
 use uuid::Uuid;
 
-use super::{Store, StoreError, database::WriteTransaction, fault::FailPoint, pairing};
+#[cfg(feature = "cluster")]
+use super::objects::{Objects, Upload};
+use super::{
+    Store, StoreError,
+    database::{Database, WriteTransaction},
+    fault::FailPoint,
+    sql,
+};
 
 /// Measured on this page size: 49 ms to write 16 MiB, against 109 ms as one value with pages of 4 KiB.
 pub(super) const PAGE_BYTES: u32 = 8 << 10;
@@ -20,12 +28,43 @@ pub(super) const CHUNKS_PER_READ: i64 = 8;
 /// The hash of a pending blob whose content is being made.
 const UNKNOWN_HASH: &str = "";
 
+/// Where content is kept.
+#[derive(Debug)]
+pub(super) enum Blobs {
+    /// In chunks, as rows of a database of this process alone.
+    Chunks(Database),
+    /// In objects, with others.
+    #[cfg(feature = "cluster")]
+    Objects(Objects),
+}
+
+impl Blobs {
+    /// The database in the data folder, if that is where the content is.
+    pub fn sqlite(&self) -> Option<&Database> {
+        match self {
+            Self::Chunks(database) => Some(database),
+            #[cfg(feature = "cluster")]
+            Self::Objects(_) => None,
+        }
+    }
+}
+
+/// Content that is being written.
+enum Writing {
+    Chunks {
+        id: i64,
+        position: i64,
+    },
+    #[cfg(feature = "cluster")]
+    Objects(Upload),
+}
+
 /// Where a ready blob lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct BlobPlace {
     pub id: i64,
     pub bytes: u64,
-    chunk_bytes: u64,
+    pub chunk_bytes: u64,
 }
 
 impl Store {
@@ -109,8 +148,9 @@ impl Store {
     /// `blob_use` for reading until something refers to the blob.
     pub(super) async fn put_blob(&self, hash: &str, content: &Bytes) -> Result<(), StoreError> {
         match self.blob_place(hash).await {
-            Ok(_) => match self.verify_blob(hash).await {
-                Ok(()) => return Ok(()),
+            Ok(_) => match self.keep_blob(hash).await {
+                Ok(true) => return Ok(()),
+                Ok(false) => {}
                 // It is written anew.
                 Err(StoreError::Damaged { .. }) => {}
                 Err(error) => return Err(error),
@@ -118,12 +158,21 @@ impl Store {
             Err(StoreError::NotFound { .. } | StoreError::Damaged { .. }) => {}
             Err(error) => return Err(error),
         }
-        let id = self.begin_blob(hash, content.len() as u64).await?;
-        let written = self.fill_blob(id, hash, content).await;
+        let mut writing = self.begin_blob(hash, content.len() as u64).await?;
+        let written = self.fill_blob(&mut writing, hash, content).await;
         if written.is_err() {
-            self.abandon_blob(id).await;
+            self.abandon_blob(writing).await;
         }
         written
+    }
+
+    /// Keeps content that is there for whoever is about to refer to it. False where it has gone meanwhile.
+    async fn keep_blob(&self, hash: &str) -> Result<bool, StoreError> {
+        match &self.inner.blobs {
+            Blobs::Chunks(_) => self.verify_blob(hash).await.map(|()| true),
+            #[cfg(feature = "cluster")]
+            Blobs::Objects(objects) => Ok(objects.pardon(hash).await? && self.look_at_blob(hash).await.is_ok()),
+        }
     }
 
     /// Writes content as it is made, under a hash that is known only at the end. `make` runs on a thread that may block and gets a
@@ -136,17 +185,17 @@ impl Store {
         token: Uuid,
         make: impl FnOnce(&mut PieceWriter) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<Option<(T, String, u64)>, StoreError> {
-        let id = self.begin_blob(UNKNOWN_HASH, expected).await?;
-        let made = self.fill_made(id, token, make).await;
+        let mut writing = self.begin_blob(UNKNOWN_HASH, expected).await?;
+        let made = self.fill_made(&mut writing, token, make).await;
         if !matches!(made, Ok(Some(_))) {
-            self.abandon_blob(id).await;
+            self.abandon_blob(writing).await;
         }
         made
     }
 
     async fn fill_made<T: Send + 'static>(
         &self,
-        id: i64,
+        writing: &mut Writing,
         token: Uuid,
         make: impl FnOnce(&mut PieceWriter) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<Option<(T, String, u64)>, StoreError> {
@@ -157,13 +206,12 @@ impl Store {
             writer.end().map_err(|error| StoreError::Unavailable { detail: error.to_string() })?;
             Ok::<_, StoreError>((made, writer.hasher))
         });
-        let mut position = 0;
         let mut batch = Vec::with_capacity(CHUNKS_PER_TRANSACTION);
         while pieces.recv_many(&mut batch, CHUNKS_PER_TRANSACTION).await > 0 {
             if !self.is_wanted(token).await? {
                 return Ok(None);
             }
-            position = self.write_chunks(id, position, &batch).await?;
+            self.write_chunks(writing, &batch).await?;
             batch.clear();
         }
         // Where this ended early, the writer finds nobody to give pieces to and ends as well.
@@ -171,22 +219,19 @@ impl Store {
             .await
             .map_err(|error| StoreError::Unavailable { detail: format!("a thread ended early: {error}") })??;
         let (hash, bytes) = (hasher.finalize().to_hex().to_string(), hasher.count());
-        let mut transaction = self.inner.blobs.write().await?;
-        sqlx::query("UPDATE blobs SET hash = ?, bytes = ? WHERE id = ?")
-            .bind(&hash)
-            .bind(bytes as i64)
-            .bind(id)
-            .execute(transaction.on())
-            .await?;
-        transaction.commit().await?;
-        self.finish_blob(id, &hash, bytes).await?;
+        self.finish_blob(writing, &hash, bytes).await?;
         Ok(Some((made, hash, bytes)))
     }
 
     /// Begins a pending blob.
-    async fn begin_blob(&self, hash: &str, bytes: u64) -> Result<i64, StoreError> {
+    async fn begin_blob(&self, hash: &str, bytes: u64) -> Result<Writing, StoreError> {
         self.check_space(bytes)?;
-        let mut transaction = self.inner.blobs.write().await?;
+        let blobs = match &self.inner.blobs {
+            Blobs::Chunks(blobs) => blobs,
+            #[cfg(feature = "cluster")]
+            Blobs::Objects(objects) => return Ok(Writing::Objects(objects.begin(hash, bytes, self.now_ms()).await?)),
+        };
+        let mut transaction = blobs.write().await?;
         let id = sqlx::query_scalar(
             "INSERT INTO blobs (hash, bytes, chunk_bytes, state, created_ms) VALUES (?, ?, ?, 'pending', ?) RETURNING id",
         )
@@ -197,52 +242,92 @@ impl Store {
         .fetch_one(transaction.on())
         .await?;
         transaction.commit().await?;
-        Ok(id)
+        Ok(Writing::Chunks { id, position: 0 })
     }
 
     /// Deletes a pending blob. What cannot be cleared now is collected when the store is opened next.
-    async fn abandon_blob(&self, id: i64) {
-        if let Ok(mut transaction) = self.inner.blobs.write().await
-            && delete_blob(&mut transaction, id).await.is_ok()
-        {
-            let _ = transaction.commit().await;
-            let _ = self.count_reusable().await;
+    async fn abandon_blob(&self, writing: Writing) {
+        match (&self.inner.blobs, writing) {
+            (Blobs::Chunks(blobs), Writing::Chunks { id, .. }) => {
+                if let Ok(mut transaction) = blobs.write().await
+                    && delete_blob(&mut transaction, id).await.is_ok()
+                {
+                    let _ = transaction.commit().await;
+                    let _ = self.count_reusable().await;
+                }
+            }
+            #[cfg(feature = "cluster")]
+            (Blobs::Objects(objects), Writing::Objects(mut upload)) => objects.abandon(&mut upload).await,
+            #[cfg(feature = "cluster")]
+            _ => {}
         }
     }
 
-    async fn fill_blob(&self, id: i64, hash: &str, content: &Bytes) -> Result<(), StoreError> {
-        let mut position = 0;
+    async fn fill_blob(&self, writing: &mut Writing, hash: &str, content: &Bytes) -> Result<(), StoreError> {
         let mut rest = content.clone();
         while !rest.is_empty() {
             let pieces: Vec<Bytes> = (0..CHUNKS_PER_TRANSACTION)
                 .map(|_| rest.split_to(rest.len().min(CHUNK_BYTES)))
                 .take_while(|piece| !piece.is_empty())
                 .collect();
-            position = self.write_chunks(id, position, &pieces).await?;
+            self.write_chunks(writing, &pieces).await?;
         }
-        self.finish_blob(id, hash, content.len() as u64).await
+        self.finish_blob(writing, hash, content.len() as u64).await
     }
 
-    /// Writes chunks from a position on in one transaction, and gives the position after them.
-    async fn write_chunks(&self, id: i64, position: i64, chunks: &[Bytes]) -> Result<i64, StoreError> {
-        let mut transaction = self.inner.blobs.write().await?;
-        for (position, data) in (position..).zip(chunks) {
-            sqlx::query("INSERT INTO chunks (blob, position, hash, data) VALUES (?, ?, ?, ?)")
-                .bind(id)
-                .bind(position)
-                .bind(blake3::hash(data).as_bytes().to_vec())
-                .bind(data.to_vec())
-                .execute(transaction.on())
-                .await?;
+    /// Writes the next chunks, in one transaction where they are rows.
+    async fn write_chunks(&self, writing: &mut Writing, chunks: &[Bytes]) -> Result<(), StoreError> {
+        match (&self.inner.blobs, writing) {
+            (Blobs::Chunks(blobs), Writing::Chunks { id, position }) => {
+                let mut transaction = blobs.write().await?;
+                for (position, data) in (*position..).zip(chunks) {
+                    sqlx::query("INSERT INTO chunks (blob, position, hash, data) VALUES (?, ?, ?, ?)")
+                        .bind(*id)
+                        .bind(position)
+                        .bind(blake3::hash(data).as_bytes().to_vec())
+                        .bind(data.to_vec())
+                        .execute(transaction.on())
+                        .await?;
+                }
+                transaction.commit().await?;
+                *position += chunks.len() as i64;
+            }
+            #[cfg(feature = "cluster")]
+            (Blobs::Objects(objects), Writing::Objects(upload)) => {
+                objects.write(upload, chunks, self.now_ms()).await?;
+            }
+            #[cfg(feature = "cluster")]
+            _ => {}
         }
-        transaction.commit().await?;
         self.faults().meet(FailPoint::MidChunks);
-        Ok(position + chunks.len() as i64)
+        Ok(())
     }
 
-    /// Verifies what was written and makes the blob ready, in the place of a damaged one.
-    async fn finish_blob(&self, id: i64, hash: &str, bytes: u64) -> Result<(), StoreError> {
-        let (found, found_bytes, _) = self.hash_chunks(id).await?;
+    /// Makes a blob ready, in the place of a damaged one. Of chunks, what was written is read back before; an object store has verified each part.
+    async fn finish_blob(&self, writing: &mut Writing, hash: &str, bytes: u64) -> Result<(), StoreError> {
+        match (&self.inner.blobs, writing) {
+            (Blobs::Chunks(blobs), Writing::Chunks { id, .. }) => self.finish_chunks(blobs, *id, hash, bytes).await?,
+            #[cfg(feature = "cluster")]
+            (Blobs::Objects(objects), Writing::Objects(upload)) => {
+                self.faults().meet(FailPoint::BeforeBlobReady);
+                let damaged = match objects.place(hash).await? {
+                    Some(place) if self.look_at_blob(hash).await.is_err() => Some(place.id),
+                    _ => None,
+                };
+                objects.finish(upload, hash, bytes, damaged, self.now_ms()).await?;
+            }
+            #[cfg(feature = "cluster")]
+            _ => {}
+        }
+        self.inner.known.whole(hash);
+        self.count_reusable().await?;
+        self.faults().meet(FailPoint::AfterBlobReady);
+        Ok(())
+    }
+
+    /// Verifies the chunks that were written and makes their blob ready.
+    async fn finish_chunks(&self, blobs: &Database, id: i64, hash: &str, bytes: u64) -> Result<(), StoreError> {
+        let (found, found_bytes, _) = self.hash_chunks(blobs, id).await?;
         if found_bytes != bytes || found != hash {
             return Err(self.inner.known.damage(hash, "what was read back is not what was written"));
         }
@@ -251,8 +336,8 @@ impl Store {
             Ok(other) => Some((other.id, self.verify_blob(hash).await.is_ok())),
             Err(_) => None,
         };
-        let records = pairing::generation(&self.inner.meta).await?;
-        let mut transaction = self.inner.blobs.write().await?;
+        let records = self.record_generation().await?;
+        let mut transaction = blobs.write().await?;
         transaction.remember(records).await?;
         let present: Option<i64> = sqlx::query_scalar("SELECT id FROM blobs WHERE hash = ? AND state = 'ready'")
             .bind(hash)
@@ -267,26 +352,35 @@ impl Store {
                     delete_blob(&mut transaction, damaged).await?;
                     tracing::info!(content = hash, "damaged content is written anew");
                 }
-                sqlx::query("UPDATE blobs SET state = 'ready' WHERE id = ?").bind(id).execute(transaction.on()).await?;
+                // The hash and the bytes of content that was made are known only now.
+                sqlx::query("UPDATE blobs SET state = 'ready', hash = ?, bytes = ? WHERE id = ?")
+                    .bind(hash)
+                    .bind(bytes as i64)
+                    .bind(id)
+                    .execute(transaction.on())
+                    .await?;
             }
         }
-        transaction.commit().await?;
-        self.inner.known.whole(hash);
-        self.count_reusable().await?;
-        self.faults().meet(FailPoint::AfterBlobReady);
-        Ok(())
+        transaction.commit().await
     }
 
     pub(super) async fn blob_place(&self, hash: &str) -> Result<BlobPlace, StoreError> {
-        let row = sqlx::query("SELECT id, bytes, chunk_bytes FROM blobs WHERE hash = ? AND state = 'ready'")
-            .bind(hash)
-            .fetch_optional(self.inner.blobs.reader())
-            .await?
-            .ok_or_else(|| StoreError::NotFound { resource: "blob", id: hash.to_owned() })?;
-        let place = BlobPlace {
-            id: row.try_get("id")?,
-            bytes: row.try_get::<i64, _>("bytes")? as u64,
-            chunk_bytes: row.try_get::<i64, _>("chunk_bytes")? as u64,
+        let unknown = || StoreError::NotFound { resource: "blob", id: hash.to_owned() };
+        let place = match &self.inner.blobs {
+            Blobs::Chunks(blobs) => {
+                let row = sqlx::query("SELECT id, bytes, chunk_bytes FROM blobs WHERE hash = ? AND state = 'ready'")
+                    .bind(hash)
+                    .fetch_optional(blobs.reader())
+                    .await?
+                    .ok_or_else(unknown)?;
+                BlobPlace {
+                    id: row.try_get("id")?,
+                    bytes: row.try_get::<i64, _>("bytes")? as u64,
+                    chunk_bytes: row.try_get::<i64, _>("chunk_bytes")? as u64,
+                }
+            }
+            #[cfg(feature = "cluster")]
+            Blobs::Objects(objects) => objects.place(hash).await?.ok_or_else(unknown)?,
         };
         if place.chunk_bytes == 0 { Err(self.inner.known.damage(hash, "its chunks have no size")) } else { Ok(place) }
     }
@@ -301,23 +395,26 @@ impl Store {
     ) -> Result<Bytes, StoreError> {
         let position = at / place.chunk_bytes;
         let damage = |how: &str| self.inner.known.damage(hash, &format!("chunk {position} {how}"));
+        let blobs = match &self.inner.blobs {
+            Blobs::Chunks(blobs) => blobs,
+            #[cfg(feature = "cluster")]
+            Blobs::Objects(objects) => {
+                return match objects.piece(place, at, end).await? {
+                    Some(piece) => piece.map_err(|how| damage(&how)),
+                    None => Err(self.why_missing(hash, place, position).await),
+                };
+            }
+        };
         let row = sqlx::query("SELECT data, hash FROM chunks WHERE blob = ? AND position = ?")
             .bind(place.id)
             .bind(position as i64)
-            .fetch_optional(self.inner.blobs.reader())
+            .fetch_optional(blobs.reader())
             .await;
         let row = match row.map_err(StoreError::from) {
             Err(StoreError::Corrupt { detail }) => return Err(damage(&format!("cannot be read: {detail}"))),
             row => row?,
         };
-        let Some(row) = row else {
-            // A stream that goes on while its blob is deleted or written anew has met no damage.
-            return match self.blob_place(hash).await {
-                Ok(now) if now == place => Err(damage("is missing")),
-                Ok(_) => Err(StoreError::Unavailable { detail: format!("content {hash} was written anew meanwhile") }),
-                Err(error) => Err(error),
-            };
-        };
+        let Some(row) = row else { return Err(self.why_missing(hash, place, position).await) };
         let (data, expected): (Vec<u8>, Option<Vec<u8>>) = (row.try_get("data")?, row.try_get("hash")?);
         match expected {
             // A quarter of a megabyte takes a tenth of a millisecond.
@@ -336,25 +433,40 @@ impl Store {
         Ok(Bytes::from(data).slice((at - chunk_start) as usize..(end - chunk_start).min(length) as usize))
     }
 
+    /// A stream that goes on while its blob is deleted or written anew has met no damage.
+    async fn why_missing(&self, hash: &str, place: BlobPlace, position: u64) -> StoreError {
+        match self.blob_place(hash).await {
+            Ok(now) if now == place => self.inner.known.damage(hash, &format!("chunk {position} is missing")),
+            Ok(_) => StoreError::Unavailable { detail: format!("content {hash} was written anew meanwhile") },
+            Err(error) => error,
+        }
+    }
+
     /// Whether a mesh or a basis has this content.
     pub(super) async fn is_referenced(&self, hash: &str) -> Result<bool, StoreError> {
-        let references: i64 = sqlx::query_scalar(
+        let references: i64 = sql::query_scalar(
             "SELECT (SELECT COUNT(*) FROM meshes WHERE content_hash = ?1) + (SELECT COUNT(*) FROM bases WHERE content_hash = ?1)",
         )
         .bind(hash)
-        .fetch_one(self.inner.meta.reader())
+        .fetch_one(self.inner.catalog.reader())
         .await?;
         Ok(references > 0)
     }
 
-    /// Deletes blobs that nothing refers to, of those given. The caller holds `blob_use` for writing.
+    /// Deletes blobs that nothing refers to, of those given; where others may be about to refer to them, they are condemned and deleted later. The
+    /// caller holds `blob_use` for writing.
     pub(super) async fn delete_unreferenced(&self, hashes: &[String]) -> Result<(), StoreError> {
+        let blobs = match &self.inner.blobs {
+            Blobs::Chunks(blobs) => blobs,
+            #[cfg(feature = "cluster")]
+            Blobs::Objects(objects) => return objects.condemn(hashes, self.now_ms()).await,
+        };
         for hash in hashes {
             if self.is_referenced(hash).await? {
                 continue;
             }
-            let records = pairing::generation(&self.inner.meta).await?;
-            let mut transaction = self.inner.blobs.write().await?;
+            let records = self.record_generation().await?;
+            let mut transaction = blobs.write().await?;
             transaction.remember(records).await?;
             let ids: Vec<i64> = sqlx::query_scalar("SELECT id FROM blobs WHERE hash = ? AND state = 'ready'")
                 .bind(hash)
@@ -368,10 +480,15 @@ impl Store {
         self.count_reusable().await
     }
 
-    /// Bytes of all ready blobs.
+    /// Bytes of all ready blobs, but of those that many processes share and nothing refers to any more.
     pub(super) async fn all_blob_bytes(&self) -> Result<u64, StoreError> {
+        let blobs = match &self.inner.blobs {
+            Blobs::Chunks(blobs) => blobs,
+            #[cfg(feature = "cluster")]
+            Blobs::Objects(objects) => return objects.all_bytes().await,
+        };
         let bytes: i64 = sqlx::query_scalar("SELECT COALESCE(SUM(bytes), 0) FROM blobs WHERE state = 'ready'")
-            .fetch_one(self.inner.blobs.reader())
+            .fetch_one(blobs.reader())
             .await?;
         Ok(bytes as u64)
     }

@@ -84,7 +84,7 @@ async fn a_damaged_chunk_harms_its_own_columns_alone() {
     let BasisStorage::Dense(layout) = &record.storage else { panic!() };
     let place = layout.chunk_bytes(5000, 1);
     let middle = (place.start + place.end) / 2 / (256 << 10);
-    let mut transaction = first.inner.blobs.write().await.unwrap();
+    let mut transaction = first.chunks().write().await.unwrap();
     sqlx::query("UPDATE chunks SET data = zeroblob(length(data)) WHERE position = ? AND blob = (SELECT id FROM blobs WHERE hash = ?)")
         .bind(middle as i64)
         .bind(&record.content_hash)
@@ -114,7 +114,7 @@ async fn a_deleted_dense_basis_is_gone_for_who_still_holds_it() {
     let told = tokio::task::spawn_blocking(move || held.lift::<f32>(0..1)).await.unwrap().unwrap_err();
     assert_eq!(told.to_string(), "chunk 0 of the eigenfunctions cannot be read: they were deleted");
     let chunks: i64 =
-        sqlx::query_scalar("SELECT COUNT(*) FROM chunks").fetch_one(store.inner.blobs.reader()).await.unwrap();
+        sqlx::query_scalar("SELECT COUNT(*) FROM chunks").fetch_one(store.chunks().reader()).await.unwrap();
     assert_eq!(chunks, 1, "the mesh alone");
 }
 
@@ -129,7 +129,7 @@ async fn a_dense_basis_that_does_not_fit_leaves_nothing_behind() {
     let refused = store.complete(claim.token, dense(1.0, 10_000, 200, Precision::F64), vec![]).await;
     assert!(matches!(refused, Err(StoreError::StorageFull { .. })), "{refused:?}");
     let blobs: (i64, i64) = sqlx::query_as("SELECT (SELECT COUNT(*) FROM blobs), (SELECT COUNT(*) FROM chunks)")
-        .fetch_one(store.inner.blobs.reader())
+        .fetch_one(store.chunks().reader())
         .await
         .unwrap();
     assert_eq!(blobs, (1, 1), "the mesh alone");
@@ -151,8 +151,7 @@ async fn a_dense_basis_that_nobody_wants_any_more_is_not_written_out() {
     assert_eq!(store.complete(claim.token, large(), vec![]).await.unwrap(), CompleteAnswer::Canceled);
     assert_eq!(store.job(job).await.unwrap().status, JobStatus::Canceled);
     assert_eq!(store.complete(claim.token, large(), vec![]).await.unwrap(), CompleteAnswer::Lost);
-    let blobs: i64 =
-        sqlx::query_scalar("SELECT COUNT(*) FROM blobs").fetch_one(store.inner.blobs.reader()).await.unwrap();
+    let blobs: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM blobs").fetch_one(store.chunks().reader()).await.unwrap();
     assert_eq!(blobs, 1, "the mesh alone");
 }
 
@@ -178,7 +177,7 @@ async fn a_death_between_chunks_of_a_dense_basis_leaves_nothing_to_see() {
         let again = an_hour_later(&folder).await;
         assert_eq!(again.health().await.blob_bytes, before, "{}", point.name());
         let chunks: i64 =
-            sqlx::query_scalar("SELECT COUNT(*) FROM chunks").fetch_one(again.inner.blobs.reader()).await.unwrap();
+            sqlx::query_scalar("SELECT COUNT(*) FROM chunks").fetch_one(again.chunks().reader()).await.unwrap();
         assert_eq!(chunks, 1, "{}: the mesh alone", point.name());
         let job = again.jobs(&JobFilter::default(), &PageRequest::default()).await.unwrap().items.remove(0);
         assert_eq!(job.status, JobStatus::Enqueued, "{}", point.name());

@@ -6,15 +6,15 @@
 
 use std::path::PathBuf;
 
-use sqlx::Row;
 use uuid::Uuid;
 
 use super::{
     FailAnswer, JobProblem, JobRecord, JobStatus, Reaped, Store, StoreError, StoreOptions,
-    database::WriteTransaction,
+    catalog::Transaction,
     detached,
     jobs::job_from_row,
     leases::{expiry, finish, requeue},
+    sql,
 };
 
 /// A job that crashed its process so often is given up.
@@ -29,7 +29,7 @@ const MARK: &str = "crashed";
 impl Store {
     /// The file that a process writes the number of a fatal signal to while it crashes.
     pub fn crash_mark(&self) -> PathBuf {
-        self.inner.folder.file(MARK)
+        self.inner.options.folder.join(MARK)
     }
 
     /// Takes jobs from processes that are dead. The folder is ours alone, so whoever holds a lease is.
@@ -38,8 +38,8 @@ impl Store {
         let signal =
             std::fs::read_to_string(&mark).ok().map(|text| text.trim().to_owned()).filter(|text| !text.is_empty());
         let now_ms = self.now_ms();
-        let mut transaction = self.inner.meta.write().await?;
-        let rows = sqlx::query("SELECT * FROM jobs WHERE status = 'processing'").fetch_all(transaction.on()).await?;
+        let mut transaction = self.inner.catalog.write().await?;
+        let rows = sql::query("SELECT * FROM jobs WHERE status = 'processing'").fetch_all(transaction.on()).await?;
         let mut reaped = Vec::with_capacity(rows.len());
         for row in &rows {
             let job = job_from_row(row)?;
@@ -71,11 +71,9 @@ impl Store {
         let (store, how) = (self.clone(), how.to_owned());
         detached(async move {
             let now_ms = store.now_ms();
-            let mut transaction = store.inner.meta.write().await?;
-            let row = sqlx::query("SELECT * FROM jobs WHERE lease_token = ? AND status = 'processing'")
-                .bind(token.to_string())
-                .fetch_optional(transaction.on())
-                .await?;
+            let mut transaction = store.inner.catalog.write().await?;
+            let held = transaction.locking("SELECT * FROM jobs WHERE lease_token = ? AND status = 'processing'");
+            let row = sql::query(held).bind(token.to_string()).fetch_optional(transaction.on()).await?;
             let Some(row) = row else {
                 transaction.rollback().await?;
                 return Ok(FailAnswer::Lost);
@@ -91,7 +89,7 @@ impl Store {
 
     async fn end_alone(
         &self,
-        on: &mut WriteTransaction,
+        on: &mut Transaction,
         job: &JobRecord,
         how: &str,
         deaths: i64,
@@ -100,7 +98,7 @@ impl Store {
         if job.cancel_requested {
             return finish(on, job, JobStatus::Canceled, None, now_ms).await;
         }
-        sqlx::query("UPDATE jobs SET deaths = ? WHERE id = ?")
+        sql::query("UPDATE jobs SET deaths = ? WHERE id = ?")
             .bind(deaths)
             .bind(job.id.to_string())
             .execute(on.on())
@@ -120,7 +118,7 @@ impl Store {
 
     async fn end_with_its_process(
         &self,
-        on: &mut WriteTransaction,
+        on: &mut Transaction,
         job: &JobRecord,
         signal: Option<&str>,
         (deaths, interruptions): (i64, i64),
@@ -129,7 +127,7 @@ impl Store {
         if job.cancel_requested {
             return finish(on, job, JobStatus::Canceled, None, now_ms).await;
         }
-        sqlx::query("UPDATE jobs SET deaths = ?, interruptions = ? WHERE id = ?")
+        sql::query("UPDATE jobs SET deaths = ?, interruptions = ? WHERE id = ?")
             .bind(deaths)
             .bind(interruptions)
             .bind(job.id.to_string())

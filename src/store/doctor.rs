@@ -5,8 +5,11 @@ use std::collections::HashSet;
 use sqlx::Row;
 
 use super::{
-    BasisFilter, BasisStorage, JobFilter, JobStatus, PageRequest, Store, StoreError, blobs::delete_blob,
-    database::Database, sources::SourceKind,
+    BasisFilter, BasisStorage, JobFilter, JobStatus, PageRequest, Store, StoreError,
+    blobs::{Blobs, delete_blob},
+    database::Database,
+    sources::SourceKind,
+    sql,
 };
 
 /// What was looked at, and what was found.
@@ -47,7 +50,8 @@ impl Store {
     /// Where a database cannot be read at all.
     pub async fn examine(&self, repair: bool) -> Result<Examination, StoreError> {
         let mut found = Examination::default();
-        for (name, database) in [("meta.db", &self.inner.meta), ("blobs.db", &self.inner.blobs)] {
+        let databases = [("meta.db", self.inner.catalog.sqlite()), ("blobs.db", self.inner.blobs.sqlite())];
+        for (name, database) in databases.into_iter().filter_map(|(name, database)| Some((name, database?))) {
             for line in integrity(database).await? {
                 found.add(
                     format!("{name}: {line}"),
@@ -66,20 +70,16 @@ impl Store {
 
     /// Hashes every blob and gives the hashes of those that are damaged.
     async fn examine_blobs(&self, found: &mut Examination, repair: bool) -> Result<HashSet<String>, StoreError> {
-        let blobs = sqlx::query("SELECT id, hash, bytes FROM blobs WHERE state = 'ready' ORDER BY id")
-            .fetch_all(self.inner.blobs.reader())
-            .await?;
         let mut damaged = HashSet::new();
-        for row in blobs {
-            let (id, hash): (i64, String) = (row.try_get("id")?, row.try_get("hash")?);
+        for (id, hash, bytes) in self.all_blobs().await? {
             found.blobs += 1;
-            found.bytes += row.try_get::<i64, _>("bytes")? as u64;
+            found.bytes += bytes;
             let Err(error) = self.verify_blob(&hash).await else { continue };
             damaged.insert(hash.clone());
             // What is referred to is told of as the mesh or basis that it is of.
             if !self.is_referenced(&hash).await? {
-                if repair {
-                    let mut transaction = self.inner.blobs.write().await?;
+                if repair && let Some(blobs) = self.inner.blobs.sqlite() {
+                    let mut transaction = blobs.write().await?;
                     delete_blob(&mut transaction, id).await?;
                     transaction.commit().await?;
                 }
@@ -87,6 +87,21 @@ impl Store {
             }
         }
         Ok(damaged)
+    }
+
+    /// Every ready blob: its identifier, its hash and its bytes.
+    async fn all_blobs(&self) -> Result<Vec<(i64, String, u64)>, StoreError> {
+        let blobs = match &self.inner.blobs {
+            Blobs::Chunks(blobs) => blobs,
+            #[cfg(feature = "cluster")]
+            Blobs::Objects(objects) => return objects.all().await,
+        };
+        let rows = sqlx::query("SELECT id, hash, bytes FROM blobs WHERE state = 'ready' ORDER BY id")
+            .fetch_all(blobs.reader())
+            .await?;
+        rows.iter()
+            .map(|row| Ok((row.try_get("id")?, row.try_get("hash")?, row.try_get::<i64, _>("bytes")? as u64)))
+            .collect()
     }
 
     /// Whether the content of a record is missing or damaged.
@@ -182,8 +197,8 @@ impl Store {
                 let Some(basis) = job.basis else { continue };
                 if matches!(self.basis(basis).await, Err(StoreError::NotFound { .. })) {
                     if repair {
-                        let mut transaction = self.inner.meta.write().await?;
-                        sqlx::query("UPDATE jobs SET basis = NULL, revision = revision + 1 WHERE id = ?")
+                        let mut transaction = self.inner.catalog.write().await?;
+                        sql::query("UPDATE jobs SET basis = NULL, revision = revision + 1 WHERE id = ?")
                             .bind(job.id.to_string())
                             .execute(transaction.on())
                             .await?;

@@ -132,6 +132,14 @@ pub enum StoreError {
         /// The least version.
         needed: &'static str,
     },
+    /// The shared database is one that is not tested.
+    #[error("PostgreSQL {found} is too old: {needed} or newer is needed")]
+    DatabaseVersion {
+        /// The version found.
+        found: String,
+        /// The least version.
+        needed: &'static str,
+    },
     /// A file of a database is no longer the one that was opened: it was removed, or another was put in its place.
     #[error(
         "{path} was removed or replaced while it was in use; nothing is written any more. Stop the server, put both databases back, and start it"
@@ -180,18 +188,64 @@ impl From<sqlx::Error> for StoreError {
     fn from(error: sqlx::Error) -> Self {
         let detail = error.to_string();
         match &error {
-            sqlx::Error::Database(database) => {
-                // The extended code carries the primary one in its low byte.
-                match database.code().and_then(|code| code.parse::<i32>().ok()).map(|code| code & 0xff) {
-                    Some(BUSY | LOCKED) => Self::Busy { detail },
-                    Some(FULL) => Self::StorageFull { detail },
-                    Some(CORRUPT | NOT_A_DATABASE) => Self::Corrupt { detail },
-                    _ => Self::Unavailable { detail },
-                }
-            }
+            sqlx::Error::Database(database) => match database.code().as_deref().map_or(Trouble::Other, trouble) {
+                Trouble::Busy => Self::Busy { detail },
+                Trouble::Full => Self::StorageFull { detail },
+                Trouble::Corrupt => Self::Corrupt { detail },
+                Trouble::Other => Self::Unavailable { detail },
+            },
             sqlx::Error::PoolTimedOut => Self::Busy { detail },
             sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) => Self::Corrupt { detail },
             _ => Self::Unavailable { detail },
+        }
+    }
+}
+
+/// What a database means by a code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Trouble {
+    Busy,
+    Full,
+    Corrupt,
+    Other,
+}
+
+/// Codes of five characters are SQLSTATEs: <https://www.postgresql.org/docs/current/errcodes-appendix.html>. SQLite's have at most four digits.
+fn trouble(code: &str) -> Trouble {
+    if code.len() == 5 {
+        return match code {
+            // Serialization failure, deadlock, no lock in time, too many connections; and a row that another process was faster with.
+            "40001" | "40P01" | "55P03" | "53300" | "23505" => Trouble::Busy,
+            "53100" => Trouble::Full,
+            // Damaged data or index.
+            "XX001" | "XX002" => Trouble::Corrupt,
+            // Shutdowns (57P) and lost connections (08) among them: trying again later may work.
+            _ => Trouble::Other,
+        };
+    }
+    // The extended code carries the primary one in its low byte.
+    match code.parse::<i32>().map(|code| code & 0xff) {
+        Ok(BUSY | LOCKED) => Trouble::Busy,
+        Ok(FULL) => Trouble::Full,
+        Ok(CORRUPT | NOT_A_DATABASE) => Trouble::Corrupt,
+        _ => Trouble::Other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_of_both_databases_are_told_apart() {
+        // SQLITE_BUSY, SQLITE_BUSY_SNAPSHOT, SQLITE_LOCKED_SHAREDCACHE; serialization, deadlock and lock timeout.
+        for code in ["5", "517", "262", "40001", "40P01", "55P03", "23505"] {
+            assert_eq!(trouble(code), Trouble::Busy, "{code}");
+        }
+        assert_eq!([trouble("13"), trouble("53100")], [Trouble::Full; 2]);
+        assert_eq!([trouble("11"), trouble("26"), trouble("XX001")], [Trouble::Corrupt; 3]);
+        for code in ["1", "19", "57P01", "08006", "words"] {
+            assert_eq!(trouble(code), Trouble::Other, "{code}");
         }
     }
 }

@@ -14,7 +14,8 @@ use uuid::Uuid;
 
 use super::{
     Store, StoreError,
-    blobs::{BlobPlace, CHUNKS_PER_READ, blocking},
+    blobs::{BlobPlace, Blobs, CHUNKS_PER_READ, blocking},
+    database::Database,
 };
 
 /// A blob that was verified so recently is not read again before its job is answered with it.
@@ -75,7 +76,12 @@ impl Store {
             Err(StoreError::NotFound { .. }) => return Err(damage("it is missing")),
             Err(error) => return Err(error),
         };
-        let (found, bytes, hashes) = match self.hash_chunks(place.id).await {
+        let hashed = match &self.inner.blobs {
+            Blobs::Chunks(blobs) => self.hash_chunks(blobs, place.id).await,
+            #[cfg(feature = "cluster")]
+            Blobs::Objects(objects) => objects.hash(place.id).await.map(|(hash, bytes)| (hash, bytes, Vec::new())),
+        };
+        let (found, bytes, hashes) = match hashed {
             Ok(found) => found,
             Err(StoreError::Corrupt { detail }) => return Err(damage(&detail)),
             Err(error) => return Err(error),
@@ -88,8 +94,36 @@ impl Store {
         Ok(())
     }
 
+    /// Looks whether a blob is whole as far as that is quickly told: chunks are read and hashed, of objects it is enough that the store has them, unless
+    /// damage was met.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`], also where it is missing.
+    pub(super) async fn look_at_blob(&self, hash: &str) -> Result<(), StoreError> {
+        #[cfg(feature = "cluster")]
+        if let Blobs::Objects(objects) = &self.inner.blobs
+            && !self.inner.known.is_damaged(hash)
+        {
+            let there = match self.blob_place(hash).await {
+                Ok(place) => objects.is_there(place).await?,
+                Err(StoreError::NotFound { .. }) => false,
+                Err(error) => return Err(error),
+            };
+            if there {
+                self.inner.known.whole(hash);
+                return Ok(());
+            }
+            return Err(self.inner.known.damage(hash, "it is missing"));
+        }
+        self.verify_blob(hash).await
+    }
+
     /// Hashes the chunks of a blob: all together, how many bytes they are, and each alone.
-    pub(super) async fn hash_chunks(&self, id: i64) -> Result<(String, u64, Vec<blake3::Hash>), StoreError> {
+    pub(super) async fn hash_chunks(
+        &self,
+        blobs: &Database,
+        id: i64,
+    ) -> Result<(String, u64, Vec<blake3::Hash>), StoreError> {
         let (mut hasher, mut hashes) = (blake3::Hasher::new(), Vec::new());
         let mut position = 0i64;
         loop {
@@ -99,7 +133,7 @@ impl Store {
             .bind(id)
             .bind(position)
             .bind(position + CHUNKS_PER_READ)
-            .fetch_all(self.inner.blobs.reader())
+            .fetch_all(blobs.reader())
             .await?;
             if rows.is_empty() {
                 break;
@@ -118,15 +152,16 @@ impl Store {
     }
 
     async fn write_missing_hashes(&self, place: BlobPlace, hashes: &[blake3::Hash]) -> Result<(), StoreError> {
+        let Some(blobs) = self.inner.blobs.sqlite() else { return Ok(()) };
         let missing: Vec<i64> =
             sqlx::query_scalar("SELECT position FROM chunks WHERE blob = ? AND hash IS NULL ORDER BY position")
                 .bind(place.id)
-                .fetch_all(self.inner.blobs.reader())
+                .fetch_all(blobs.reader())
                 .await?;
         if missing.is_empty() {
             return Ok(());
         }
-        let mut transaction = self.inner.blobs.write().await?;
+        let mut transaction = blobs.write().await?;
         for position in missing {
             let Some(hash) = usize::try_from(position).ok().and_then(|position| hashes.get(position)) else { continue };
             sqlx::query("UPDATE chunks SET hash = ? WHERE blob = ? AND position = ?")
@@ -150,7 +185,7 @@ impl Store {
         if self.inner.known.is_fresh(&record.content_hash) {
             return Ok(true);
         }
-        match self.verify_blob(&record.content_hash).await {
+        match self.look_at_blob(&record.content_hash).await {
             Ok(()) => Ok(true),
             Err(StoreError::Damaged { .. }) => Ok(false),
             Err(error) => Err(error),

@@ -1,14 +1,21 @@
 //! Jobs as clients see them: enqueue, read, list, cancel, retry, delete.
 
-use sqlx::{QueryBuilder, Row, sqlite::SqliteRow};
 use uuid::Uuid;
 
 use super::{
     EnqueueOutcome, Enqueued, JobFilter, JobRecord, JobStatus, NewJob, Page, PageRequest, Store, StoreError,
-    database::WriteTransaction, detached, fault::FailPoint, from_json, meshes::push_filter, sources::SourceKind,
+    catalog::Transaction,
+    detached,
+    fault::FailPoint,
+    from_json,
+    meshes::push_filter,
+    sources::SourceKind,
+    sql::{self, QueryBuilder, Row},
     to_json,
 };
 
+/// So often a request that races with equal ones of other processes is looked at anew.
+const MOST_RACES: usize = 20;
 /// For so long a repeated request with the same idempotency key is answered with the job of the first.
 const KEY_LIFE_MS: i64 = 7 * 24 * 3600 * 1000;
 
@@ -34,29 +41,36 @@ impl Store {
     }
 
     async fn enqueue_now(&self, new: NewJob) -> Result<Enqueued, StoreError> {
-        let now_ms = self.now_ms();
-        let mut transaction = self.inner.meta.write().await?;
-        let decided = self.decide(&mut transaction, &new, now_ms).await;
-        let enqueued = match decided {
-            Ok(enqueued) => enqueued,
-            Err(refusal) => {
-                transaction.rollback().await?;
-                return Err(refusal);
+        for _ in 0..MOST_RACES {
+            let now_ms = self.now_ms();
+            let mut transaction = self.inner.catalog.write().await?;
+            let enqueued = match self.decide(&mut transaction, &new, now_ms).await {
+                Ok(Some(enqueued)) => enqueued,
+                Ok(None) => {
+                    transaction.rollback().await?;
+                    continue;
+                }
+                Err(refusal) => {
+                    transaction.rollback().await?;
+                    return Err(refusal);
+                }
+            };
+            transaction.commit().await?;
+            self.use_mesh(&new.mesh);
+            self.faults().meet(FailPoint::AfterEnqueue);
+            if enqueued.outcome == EnqueueOutcome::Created {
+                self.announce(&enqueued.record);
             }
-        };
-        transaction.commit().await?;
-        self.use_mesh(&new.mesh);
-        self.faults().meet(FailPoint::AfterEnqueue);
-        if enqueued.outcome == EnqueueOutcome::Created {
-            self.announce(&enqueued.record);
+            return Ok(enqueued);
         }
-        Ok(enqueued)
+        Err(StoreError::Busy { detail: "equal work comes and goes".to_owned() })
     }
 
-    /// Finds or makes the job of a request, within a transaction.
-    async fn decide(&self, on: &mut WriteTransaction, new: &NewJob, now_ms: i64) -> Result<Enqueued, StoreError> {
+    /// Finds or makes the job of a request, within a transaction. `None` where another process was faster with equal work or the same key: then what it
+    /// made is there to be found.
+    async fn decide(&self, on: &mut Transaction, new: &NewJob, now_ms: i64) -> Result<Option<Enqueued>, StoreError> {
         if let Some(key) = &new.idempotency {
-            let known = sqlx::query("SELECT request_hash, job FROM idempotency_keys WHERE idempotency_key = ?")
+            let known = sql::query("SELECT request_hash, job FROM idempotency_keys WHERE idempotency_key = ?")
                 .bind(&key.key)
                 .fetch_optional(on.on())
                 .await?;
@@ -65,18 +79,17 @@ impl Store {
                 if known.try_get::<&str, _>("request_hash")? != key.request_hash {
                     return Err(StoreError::IdempotencyConflict { key: key.key.clone(), job });
                 }
-                return Ok(Enqueued { record: read_job(on, job).await?, outcome: EnqueueOutcome::Replayed });
+                let record = match read_job(on, job).await {
+                    // It was deleted meanwhile, and its key with it.
+                    Err(StoreError::NotFound { .. }) => return Ok(None),
+                    read => read?,
+                };
+                return Ok(Some(Enqueued { record, outcome: EnqueueOutcome::Replayed }));
             }
         }
-        let mesh: Option<i64> = sqlx::query_scalar("SELECT sequence FROM meshes WHERE id = ?")
-            .bind(&new.mesh)
-            .fetch_optional(on.on())
-            .await?;
-        if mesh.is_none() {
-            return Err(SourceKind::of_job(&new.kind).unknown(&new.mesh));
-        }
+        require_source(on, &new.kind, &new.mesh).await?;
         // A job that is asked to stop will not do the work.
-        let same = sqlx::query(
+        let same = sql::query(
             "SELECT * FROM jobs WHERE work_key = ?
                AND ((status IN ('enqueued', 'processing') AND cancel_requested = 0) OR (status = 'succeeded' AND basis IS NOT NULL))
              ORDER BY sequence DESC LIMIT 1",
@@ -88,7 +101,7 @@ impl Store {
             Some(row) => {
                 // Whoever is in more of a hurry moves the work that both wait for.
                 let job = job_from_row(&row)?;
-                let raised = sqlx::query(
+                let raised = sql::query(
                     "UPDATE jobs SET priority = ?1, revision = revision + 1
                      WHERE id = ?2 AND status = 'enqueued' AND priority < ?1 RETURNING *",
                 )
@@ -98,11 +111,15 @@ impl Store {
                 .await?;
                 (raised.as_ref().map(job_from_row).transpose()?.unwrap_or(job), EnqueueOutcome::SameWork)
             }
-            None => (self.insert_job(on, new, now_ms).await?, EnqueueOutcome::Created),
+            None => match self.insert_job(on, new, now_ms).await? {
+                Some(job) => (job, EnqueueOutcome::Created),
+                None => return Ok(None),
+            },
         };
         if let Some(key) = &new.idempotency {
-            sqlx::query(
-                "INSERT INTO idempotency_keys (idempotency_key, request_hash, job, created_ms) VALUES (?, ?, ?, ?)",
+            let inserted = sql::query(
+                "INSERT INTO idempotency_keys (idempotency_key, request_hash, job, created_ms) VALUES (?, ?, ?, ?)
+                 ON CONFLICT (idempotency_key) DO NOTHING",
             )
             .bind(&key.key)
             .bind(&key.request_hash)
@@ -110,16 +127,26 @@ impl Store {
             .bind(now_ms)
             .execute(on.on())
             .await?;
+            if inserted == 0 {
+                return Ok(None);
+            }
         }
-        Ok(Enqueued { record, outcome })
+        Ok(Some(Enqueued { record, outcome }))
     }
 
-    async fn insert_job(&self, on: &mut WriteTransaction, new: &NewJob, now_ms: i64) -> Result<JobRecord, StoreError> {
+    /// Makes the job of a request; `None` where equal work has come to be under way.
+    async fn insert_job(
+        &self,
+        on: &mut Transaction,
+        new: &NewJob,
+        now_ms: i64,
+    ) -> Result<Option<JobRecord>, StoreError> {
         self.check_queue(on).await?;
-        let row = sqlx::query(
+        let row = sql::query(
             "INSERT INTO jobs (id, kind, mesh, parameters, priority, status, max_attempts, work_key, solver_version,
                 created_ms, enqueued_ms, not_before_ms, memory_bytes, brief)
-             VALUES (?1, ?2, ?3, ?4, ?5, 'enqueued', ?6, ?7, ?8, ?9, ?9, ?9, ?10, ?11) RETURNING *",
+             VALUES (?1, ?2, ?3, ?4, ?5, 'enqueued', ?6, ?7, ?8, ?9, ?9, ?9, ?10, ?11)
+             ON CONFLICT (work_key) WHERE status IN ('enqueued', 'processing') AND cancel_requested = 0 DO NOTHING RETURNING *",
         )
         .bind(Uuid::now_v7().to_string())
         .bind(&new.kind)
@@ -132,15 +159,15 @@ impl Store {
         .bind(now_ms)
         .bind(i64::try_from(new.memory_bytes).unwrap_or(i64::MAX))
         .bind(new.brief.as_ref().map(to_json).transpose()?)
-        .fetch_one(on.on())
+        .fetch_optional(on.on())
         .await?;
-        job_from_row(&row)
+        row.as_ref().map(job_from_row).transpose()
     }
 
-    async fn check_queue(&self, on: &mut WriteTransaction) -> Result<(), StoreError> {
+    async fn check_queue(&self, on: &mut Transaction) -> Result<(), StoreError> {
         let Some(limit) = self.inner.options.queued_jobs_limit else { return Ok(()) };
         let waiting: i64 =
-            sqlx::query_scalar("SELECT COUNT(*) FROM jobs WHERE status = 'enqueued'").fetch_one(on.on()).await?;
+            sql::query_scalar("SELECT COUNT(*) FROM jobs WHERE status = 'enqueued'").fetch_one(on.on()).await?;
         if waiting as u64 >= limit { Err(StoreError::QueueFull { waiting: waiting as u64, limit }) } else { Ok(()) }
     }
 
@@ -149,9 +176,9 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`].
     pub async fn job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
-        sqlx::query("SELECT * FROM jobs WHERE id = ?")
+        sql::query("SELECT * FROM jobs WHERE id = ?")
             .bind(id.to_string())
-            .fetch_optional(self.inner.meta.reader())
+            .fetch_optional(self.inner.catalog.reader())
             .await?
             .map(|row| job_from_row(&row))
             .unwrap_or_else(|| Err(unknown_job(id)))
@@ -162,9 +189,9 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`].
     pub async fn job_parameters(&self, id: Uuid) -> Result<serde_json::Value, StoreError> {
-        let text: Option<String> = sqlx::query_scalar("SELECT parameters FROM jobs WHERE id = ?")
+        let text: Option<String> = sql::query_scalar("SELECT parameters FROM jobs WHERE id = ?")
             .bind(id.to_string())
-            .fetch_optional(self.inner.meta.reader())
+            .fetch_optional(self.inner.catalog.reader())
             .await?;
         text.map_or_else(|| Err(unknown_job(id)), |text| from_json("parameters", &text))
     }
@@ -180,7 +207,7 @@ impl Store {
         push_filter(&mut query, "kind", filter.kind.as_deref());
         push_filter(&mut query, "mesh", filter.mesh.as_deref());
         query.push(" ORDER BY sequence DESC LIMIT ").push_bind(page.look_ahead());
-        let rows = query.build().fetch_all(self.inner.meta.reader()).await?;
+        let rows = query.build().fetch_all(self.inner.catalog.reader()).await?;
         let rows = rows.iter().map(|row| Ok((row.try_get("sequence")?, job_from_row(row)?)));
         Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, page))
     }
@@ -190,8 +217,8 @@ impl Store {
     /// # Errors
     /// [`StoreError::Unavailable`] and its kin.
     pub async fn job_counts(&self) -> Result<Vec<(String, JobStatus, u64)>, StoreError> {
-        let rows = sqlx::query("SELECT kind, status, COUNT(*) AS jobs FROM jobs GROUP BY kind, status")
-            .fetch_all(self.inner.meta.reader())
+        let rows = sql::query("SELECT kind, status, COUNT(*) AS jobs FROM jobs GROUP BY kind, status")
+            .fetch_all(self.inner.catalog.reader())
             .await?;
         rows.iter()
             .map(|row| Ok((row.try_get("kind")?, status_column(row)?, row.try_get::<i64, _>("jobs")? as u64)))
@@ -203,10 +230,11 @@ impl Store {
     /// # Errors
     /// [`StoreError::Unavailable`] and its kin.
     pub async fn oldest_waiting_ms(&self) -> Result<Option<i64>, StoreError> {
-        let since = sqlx::query_scalar(
-            "SELECT MIN(MAX(enqueued_ms, not_before_ms)) FROM jobs WHERE status = 'enqueued' AND not_before_ms <= ?",
+        let since = sql::query_scalar(
+            "SELECT MIN(CASE WHEN not_before_ms > enqueued_ms THEN not_before_ms ELSE enqueued_ms END) FROM jobs
+             WHERE status = 'enqueued' AND not_before_ms <= ?",
         );
-        Ok(since.bind(self.now_ms()).fetch_one(self.inner.meta.reader()).await?)
+        Ok(since.bind(self.now_ms()).fetch_one(self.inner.catalog.reader()).await?)
     }
 
     /// Cancels a job: an enqueued one at once, a running one at its next checkpoint. Asking twice changes nothing.
@@ -219,8 +247,8 @@ impl Store {
     }
 
     async fn cancel_job_now(&self, id: Uuid) -> Result<JobRecord, StoreError> {
-        let mut transaction = self.inner.meta.write().await?;
-        let changed = sqlx::query(
+        let mut transaction = self.inner.catalog.write().await?;
+        let changed = sql::query(
             "UPDATE jobs SET
                 status = CASE status WHEN 'enqueued' THEN 'canceled' ELSE status END,
                 finished_ms = CASE status WHEN 'enqueued' THEN ?1 ELSE finished_ms END,
@@ -275,7 +303,7 @@ impl Store {
     }
 
     async fn retry_job_now(&self, id: Uuid, redo: bool) -> Result<JobRecord, StoreError> {
-        let mut transaction = self.inner.meta.write().await?;
+        let mut transaction = self.inner.catalog.write().await?;
         match self.requeue(&mut transaction, id, redo).await {
             Ok((job, changed)) => {
                 transaction.commit().await?;
@@ -291,7 +319,7 @@ impl Store {
         }
     }
 
-    async fn requeue(&self, on: &mut WriteTransaction, id: Uuid, redo: bool) -> Result<(JobRecord, bool), StoreError> {
+    async fn requeue(&self, on: &mut Transaction, id: Uuid, redo: bool) -> Result<(JobRecord, bool), StoreError> {
         let job = read_job(on, id).await?;
         let refuse = |reason: String| Err(StoreError::JobState { job: id, status: job.status, reason });
         match job.status {
@@ -300,7 +328,7 @@ impl Store {
             JobStatus::Succeeded if job.basis.is_some() && !redo => return refuse("its result is stored".to_owned()),
             JobStatus::Succeeded | JobStatus::Failed | JobStatus::Canceled => {}
         }
-        let other = sqlx::query(
+        let other = sql::query(
             "SELECT id FROM jobs WHERE work_key = ? AND status IN ('enqueued', 'processing') AND cancel_requested = 0",
         )
         .bind(&job.work_key)
@@ -310,15 +338,9 @@ impl Store {
             let other = uuid_column(&other, "id")?;
             return refuse(format!("equal work is under way as job {other}"));
         }
-        let mesh: Option<i64> = sqlx::query_scalar("SELECT sequence FROM meshes WHERE id = ?")
-            .bind(&job.mesh)
-            .fetch_optional(on.on())
-            .await?;
-        if mesh.is_none() {
-            return Err(SourceKind::of_job(&job.kind).unknown(&job.mesh));
-        }
+        require_source(on, &job.kind, &job.mesh).await?;
         self.check_queue(on).await?;
-        let row = sqlx::query(
+        let row = sql::query(
             "UPDATE jobs SET status = 'enqueued', attempt = 0, cancel_requested = 0, problem = NULL, basis = NULL, deaths = 0,
                 interruptions = 0, stage = NULL,
                 progress = NULL, detail = NULL, stage_seconds = '[]', enqueued_ms = ?1, not_before_ms = ?1, started_ms = NULL,
@@ -343,7 +365,7 @@ impl Store {
 
     async fn delete_job_now(&self, id: Uuid, cascade: bool) -> Result<(), StoreError> {
         let _alone = self.inner.blob_use.write().await;
-        let mut transaction = self.inner.meta.write().await?;
+        let mut transaction = self.inner.catalog.write().await?;
         let basis = match self.take_job(&mut transaction, id, cascade).await {
             Ok(basis) => basis,
             Err(refusal) => {
@@ -360,7 +382,7 @@ impl Store {
     /// Deletes the rows of a job, and gives the basis that went with it.
     async fn take_job(
         &self,
-        on: &mut WriteTransaction,
+        on: &mut Transaction,
         id: Uuid,
         cascade: bool,
     ) -> Result<Option<(Uuid, String)>, StoreError> {
@@ -369,7 +391,7 @@ impl Store {
         if !job.status.is_finished() {
             return refuse("it has to be cancelled before it is deleted".to_owned());
         }
-        let basis = sqlx::query("SELECT id, content_hash FROM bases WHERE job = ?")
+        let basis = sql::query("SELECT id, content_hash FROM bases WHERE job = ?")
             .bind(id.to_string())
             .fetch_optional(on.on())
             .await?
@@ -385,15 +407,15 @@ impl Store {
             "DELETE FROM idempotency_keys WHERE job = ?",
             "DELETE FROM jobs WHERE id = ?",
         ] {
-            sqlx::query(sql).bind(id.to_string()).execute(on.on()).await?;
+            sql::query(sql).bind(id.to_string()).execute(on.on()).await?;
         }
         Ok(basis)
     }
 
     /// Forgets idempotency keys that are older than a week.
     pub(super) async fn forget_old_keys(&self) -> Result<(), StoreError> {
-        let mut transaction = self.inner.meta.write().await?;
-        sqlx::query("DELETE FROM idempotency_keys WHERE created_ms < ?")
+        let mut transaction = self.inner.catalog.write().await?;
+        sql::query("DELETE FROM idempotency_keys WHERE created_ms < ?")
             .bind(self.now_ms().saturating_sub(KEY_LIFE_MS))
             .execute(transaction.on())
             .await?;
@@ -401,9 +423,16 @@ impl Store {
     }
 }
 
-/// Reads a job within a transaction.
-pub(super) async fn read_job(on: &mut WriteTransaction, id: Uuid) -> Result<JobRecord, StoreError> {
-    sqlx::query("SELECT * FROM jobs WHERE id = ?")
+/// Refuses a job whose mesh or problem is not there; what is there stays until the transaction ends.
+async fn require_source(on: &mut Transaction, kind: &str, id: &str) -> Result<(), StoreError> {
+    let text = on.keeping("SELECT sequence FROM meshes WHERE id = ?");
+    let found: Option<i64> = sql::query_scalar(text).bind(id).fetch_optional(on.on()).await?;
+    found.map(|_| ()).ok_or_else(|| SourceKind::of_job(kind).unknown(id))
+}
+
+/// Reads a job within a transaction, in which nobody else changes it.
+pub(super) async fn read_job(on: &mut Transaction, id: Uuid) -> Result<JobRecord, StoreError> {
+    sql::query(on.locking("SELECT * FROM jobs WHERE id = ?"))
         .bind(id.to_string())
         .fetch_optional(on.on())
         .await?
@@ -415,17 +444,17 @@ fn unknown_job(id: Uuid) -> StoreError {
     StoreError::NotFound { resource: "job", id: id.to_string() }
 }
 
-pub(super) fn job_from_row(row: &SqliteRow) -> Result<JobRecord, StoreError> {
+pub(super) fn job_from_row(row: &Row) -> Result<JobRecord, StoreError> {
     let shown = if row.try_get::<Option<&str>, _>("brief")?.is_some() { "brief" } else { "parameters" };
     job_with(row, shown)
 }
 
 /// The same with its parameters in full.
-pub(super) fn whole_job_from_row(row: &SqliteRow) -> Result<JobRecord, StoreError> {
+pub(super) fn whole_job_from_row(row: &Row) -> Result<JobRecord, StoreError> {
     job_with(row, "parameters")
 }
 
-fn job_with(row: &SqliteRow, parameters: &str) -> Result<JobRecord, StoreError> {
+fn job_with(row: &Row, parameters: &str) -> Result<JobRecord, StoreError> {
     let basis: Option<&str> = row.try_get("basis")?;
     let problem: Option<&str> = row.try_get("problem")?;
     Ok(JobRecord {
@@ -457,7 +486,7 @@ fn job_with(row: &SqliteRow, parameters: &str) -> Result<JobRecord, StoreError> 
 }
 
 /// Reads a column that holds a UUID.
-pub(super) fn uuid_column(row: &SqliteRow, column: &str) -> Result<Uuid, StoreError> {
+pub(super) fn uuid_column(row: &Row, column: &str) -> Result<Uuid, StoreError> {
     uuid(row.try_get(column)?, column)
 }
 
@@ -465,7 +494,7 @@ fn uuid(text: &str, column: &str) -> Result<Uuid, StoreError> {
     Uuid::try_parse(text).map_err(|error| StoreError::Corrupt { detail: format!("column {column}: {error}") })
 }
 
-fn status_column(row: &SqliteRow) -> Result<JobStatus, StoreError> {
+pub(super) fn status_column(row: &Row) -> Result<JobStatus, StoreError> {
     row.try_get::<&str, _>("status")?
         .parse()
         .map_err(|error| StoreError::Corrupt { detail: format!("column status: {error}") })

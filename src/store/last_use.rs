@@ -5,7 +5,7 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-use super::{Store, StoreError};
+use super::{Store, StoreError, sql};
 
 /// Notes that were not written down yet.
 #[derive(Debug, Default)]
@@ -34,13 +34,13 @@ impl Store {
         if meshes.is_empty() && bases.is_empty() {
             return Ok(());
         }
-        let mut transaction = self.inner.meta.write().await?;
+        let mut transaction = self.inner.catalog.write().await?;
         for (sql, notes) in [
             ("UPDATE meshes SET used_ms = ? WHERE id = ?", meshes),
             ("UPDATE bases SET used_ms = ? WHERE id = ?", bases),
         ] {
             for (id, used_ms) in notes {
-                sqlx::query(sql).bind(used_ms).bind(id).execute(transaction.on()).await?;
+                sql::query(sql).bind(used_ms).bind(id).execute(transaction.on()).await?;
             }
         }
         transaction.commit().await

@@ -4,19 +4,26 @@
 use std::time::Duration;
 
 use chladni_spectral::basis::Product;
-use sqlx::{QueryBuilder, Row, Sqlite};
 use uuid::Uuid;
 
 use super::{
-    JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions,
+    JobEvent, JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions,
     bases::WrittenBasis,
-    database::WriteTransaction,
+    catalog::Transaction,
     deaths::SUSPICIOUS_INTERRUPTIONS,
     detached,
     fault::FailPoint,
-    jobs::{job_from_row, whole_job_from_row},
-    pairing, to_json,
+    jobs::{job_from_row, uuid_column, whole_job_from_row},
+    sql::{self, QueryBuilder},
+    to_json,
 };
+
+/// Pauses between tries to make a result visible where the records are shared: locks are held for a moment, and a database that restarts is back
+/// within seconds.
+const TRIES_MS: [u64; 6] = [20, 100, 500, 1000, 2000, 4000];
+
+/// The numbers of a version such as `0.1.0+5`, which PostgreSQL compares one after the other.
+const VERSION_NUMBERS: [&str; 2] = ["CAST(string_to_array(translate(", ", '+', '.'), '.') AS INTEGER[])"];
 
 /// A job and the lease on it.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,12 +37,23 @@ pub struct Claim {
 }
 
 /// What runs while a job is claimed, and where the job will.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Company {
     /// Other jobs run.
     pub others: bool,
     /// Each job has a process of its own, and takes no other with it when it crashes.
     pub isolated: bool,
+    /// The most memory that the worker has for jobs when nothing runs. Where workers share the records, a job that needs more is left to a larger one.
+    pub total_bytes: u64,
+    /// The version of the worker's solver. Where workers share the records, jobs of a newer one are left to others: a result is known by the version that
+    /// was asked for.
+    pub solver_version: Option<&'static str>,
+}
+
+impl Default for Company {
+    fn default() -> Self {
+        Self { others: false, isolated: false, total_bytes: u64::MAX, solver_version: None }
+    }
 }
 
 /// How far an attempt has come.
@@ -116,37 +134,9 @@ impl Store {
         most_bytes: u64,
         company: Company,
     ) -> Result<Option<Claim>, StoreError> {
-        let now_ms = self.now_ms();
         let token = Uuid::now_v7();
-        let mut query = QueryBuilder::<Sqlite>::new(
-            "UPDATE jobs SET status = 'processing', attempt = attempt + 1, stage = NULL, progress = NULL, detail = NULL,
-                stage_seconds = '[]', revision = revision + 1, started_ms = ",
-        );
-        query.push_bind(now_ms).push(", worker = ").push_bind(worker.to_owned());
-        query.push(", lease_token = ").push_bind(token.to_string());
-        query.push(", lease_expires_ms = ").push_bind(expiry(now_ms, lease));
-        query.push(" WHERE sequence = (SELECT sequence FROM jobs WHERE status = 'enqueued' AND (not_before_ms <= ");
-        query.push_bind(now_ms);
-        // Nothing waits longer than the longest pause: a clock that went back must not hold it.
-        query.push(" OR not_before_ms > ").push_bind(expiry(now_ms, StoreOptions::LONGEST_PAUSE)).push(")");
-        if !kinds.is_empty() {
-            query.push(" AND kind IN (");
-            let mut list = query.separated(", ");
-            for kind in kinds {
-                list.push_bind(kind.clone());
-            }
-            query.push(")");
-        }
-        query.push(" ORDER BY priority DESC, sequence LIMIT 1) AND memory_bytes <= ");
-        query.push_bind(i64::try_from(most_bytes).unwrap_or(i64::MAX));
-        if company.others {
-            query.push(" AND interruptions < ").push_bind(SUSPICIOUS_INTERRUPTIONS);
-            if !company.isolated {
-                query.push(" AND deaths = 0");
-            }
-        }
-        query.push(" RETURNING *");
-        let mut transaction = self.inner.meta.write().await?;
+        let query = self.claiming(worker, kinds, lease, most_bytes, company, token);
+        let mut transaction = self.inner.catalog.write().await?;
         let row = query.build().fetch_optional(transaction.on()).await?;
         transaction.commit().await?;
         let Some(row) = row else { return Ok(None) };
@@ -156,6 +146,50 @@ impl Store {
         self.announce(&job);
         self.faults().meet(FailPoint::AfterClaim);
         Ok(Some(Claim { job, token, alone }))
+    }
+
+    /// The statement that claims a job.
+    fn claiming(
+        &self,
+        worker: &str,
+        kinds: &[String],
+        lease: Duration,
+        most_bytes: u64,
+        company: Company,
+        token: Uuid,
+    ) -> QueryBuilder {
+        let now_ms = self.now_ms();
+        let shared = self.inner.catalog.is_shared();
+        // Rows that another claim holds are passed over, and the one that is chosen stays locked: of a choice in a plain subquery, two claims that wait
+        // for each other would both take the same row.
+        let mut query = QueryBuilder::new(if shared { "WITH next AS MATERIALIZED (" } else { "" });
+        if shared {
+            push_next(&mut query, kinds, now_ms, Some(company));
+            query.push(" FOR UPDATE SKIP LOCKED) ");
+        }
+        query.push(
+            "UPDATE jobs SET status = 'processing', attempt = attempt + 1, stage = NULL, progress = NULL, detail = NULL,
+                stage_seconds = '[]', revision = revision + 1, started_ms = ",
+        );
+        query.push_bind(now_ms).push(", worker = ").push_bind(worker);
+        query.push(", lease_token = ").push_bind(token.to_string());
+        query.push(", lease_expires_ms = ").push_bind(expiry(now_ms, lease));
+        if shared {
+            query.push(" FROM next WHERE jobs.sequence = next.sequence");
+        } else {
+            query.push(" WHERE sequence = (");
+            push_next(&mut query, kinds, now_ms, None);
+            query.push(")");
+        }
+        query.push(" AND memory_bytes <= ").push_bind(i64::try_from(most_bytes).unwrap_or(i64::MAX));
+        if company.others {
+            query.push(" AND interruptions < ").push_bind(SUSPICIOUS_INTERRUPTIONS);
+            if !company.isolated {
+                query.push(" AND deaths = 0");
+            }
+        }
+        query.push(if shared { " RETURNING jobs.*" } else { " RETURNING *" });
+        query
     }
 
     /// Prolongs a lease. With `progress`, listeners hear of it.
@@ -169,39 +203,38 @@ impl Store {
         lease: Duration,
     ) -> Result<HeartbeatAnswer, StoreError> {
         let expires_ms = expiry(self.now_ms(), lease);
-        let mut transaction = self.inner.meta.write().await?;
-        let row =
-            match progress {
-                None => sqlx::query(
-                    "UPDATE jobs SET lease_expires_ms = ? WHERE lease_token = ? AND status = 'processing' RETURNING *",
-                )
-                .bind(expires_ms)
-                .bind(token.to_string())
-                .fetch_optional(transaction.on())
-                .await?,
-                Some(progress) => {
-                    sqlx::query(
-                        "UPDATE jobs SET lease_expires_ms = ?, stage = ?, progress = ?, detail = ?, stage_seconds = ?,
-                        revision = revision + 1
-                     WHERE lease_token = ? AND status = 'processing' RETURNING *",
-                    )
-                    .bind(expires_ms)
-                    .bind(&progress.stage)
-                    .bind(progress.fraction)
-                    .bind(&progress.detail)
-                    .bind(to_json(&progress.stage_seconds)?)
-                    .bind(token.to_string())
-                    .fetch_optional(transaction.on())
-                    .await?
-                }
-            };
+        let mut transaction = self.inner.catalog.write().await?;
+        // The parameters of a job may be megabytes: only what is asked for comes back.
+        let beaten = match progress {
+            None => sql::query(
+                "UPDATE jobs SET lease_expires_ms = ? WHERE lease_token = ? AND status = 'processing'
+                 RETURNING id, revision, cancel_requested",
+            )
+            .bind(expires_ms),
+            Some(progress) => sql::query(
+                "UPDATE jobs SET lease_expires_ms = ?, stage = ?, progress = ?, detail = ?, stage_seconds = ?,
+                    revision = revision + 1
+                 WHERE lease_token = ? AND status = 'processing' RETURNING id, revision, cancel_requested",
+            )
+            .bind(expires_ms)
+            .bind(&progress.stage)
+            .bind(progress.fraction)
+            .bind(&progress.detail)
+            .bind(to_json(&progress.stage_seconds)?),
+        };
+        let row = beaten.bind(token.to_string()).fetch_optional(transaction.on()).await?;
         transaction.commit().await?;
         let Some(row) = row else { return Ok(HeartbeatAnswer::Lost) };
-        let job = job_from_row(&row)?;
+        let cancel_requested = row.try_get("cancel_requested")?;
         if progress.is_some() {
-            self.announce(&job);
+            self.announce_event(JobEvent {
+                job: uuid_column(&row, "id")?,
+                revision: row.try_get("revision")?,
+                status: JobStatus::Processing,
+                cancel_requested,
+            });
         }
-        Ok(HeartbeatAnswer::Held { cancel_requested: job.cancel_requested })
+        Ok(HeartbeatAnswer::Held { cancel_requested })
     }
 
     /// Stores the product of an attempt and marks its job succeeded, in one step that readers see whole or not at all.
@@ -230,7 +263,15 @@ impl Store {
         let (written, answer) = {
             let _in_use = self.inner.blob_use.read().await;
             let written = self.put_product(token, product, numbering).await?;
-            let answer = self.make_visible(token, written.as_ref(), &stage_seconds).await;
+            let mut answer = self.make_visible(token, written.as_ref(), &stage_seconds).await;
+            for pause_ms in TRIES_MS {
+                // Nothing is visible then. What was computed is worth some waiting.
+                if !answer.as_ref().is_err_and(|error| self.inner.catalog.is_shared() && error.is_retryable()) {
+                    break;
+                }
+                tokio::time::sleep(Duration::from_millis(pause_ms)).await;
+                answer = self.make_visible(token, written.as_ref(), &stage_seconds).await;
+            }
             (written, answer)
         };
         if let Some(written) = written
@@ -245,9 +286,9 @@ impl Store {
     /// Whether the attempt that holds a lease is still to be finished.
     pub(super) async fn is_wanted(&self, token: Uuid) -> Result<bool, StoreError> {
         let asked: Option<bool> =
-            sqlx::query_scalar("SELECT cancel_requested FROM jobs WHERE lease_token = ? AND status = 'processing'")
+            sql::query_scalar("SELECT cancel_requested FROM jobs WHERE lease_token = ? AND status = 'processing'")
                 .bind(token.to_string())
-                .fetch_optional(self.inner.meta.reader())
+                .fetch_optional(self.inner.catalog.reader())
                 .await?;
         Ok(asked == Some(false))
     }
@@ -259,8 +300,8 @@ impl Store {
         stage_seconds: &[(String, f64)],
     ) -> Result<CompleteAnswer, StoreError> {
         let now_ms = self.now_ms();
-        let reached = pairing::generation(&self.inner.blobs).await?;
-        let mut transaction = self.inner.meta.write().await?;
+        let reached = self.content_generation().await?;
+        let mut transaction = self.inner.catalog.write().await?;
         let Some(job) = leased_job(&mut transaction, token).await? else {
             transaction.rollback().await?;
             return Ok(CompleteAnswer::Lost);
@@ -278,7 +319,7 @@ impl Store {
             return Ok(CompleteAnswer::Lost);
         };
         let id = written.insert(&mut transaction, &job, stage_seconds, now_ms).await?;
-        let row = sqlx::query(
+        let row = sql::query(
             "UPDATE jobs SET status = 'succeeded', basis = ?, stage = NULL, progress = 1, detail = NULL, stage_seconds = ?, problem = NULL,
                 lease_token = NULL, lease_expires_ms = NULL, finished_ms = ?, revision = revision + 1
              WHERE id = ? RETURNING *",
@@ -306,7 +347,7 @@ impl Store {
         let (store, problem) = (self.clone(), problem.clone());
         detached(async move {
             let now_ms = store.now_ms();
-            let mut transaction = store.inner.meta.write().await?;
+            let mut transaction = store.inner.catalog.write().await?;
             let Some(job) = leased_job(&mut transaction, token).await? else {
                 transaction.rollback().await?;
                 return Ok(FailAnswer::Lost);
@@ -326,7 +367,7 @@ impl Store {
     pub async fn finish_canceled(&self, token: Uuid) -> Result<bool, StoreError> {
         let store = self.clone();
         detached(async move {
-            let mut transaction = store.inner.meta.write().await?;
+            let mut transaction = store.inner.catalog.write().await?;
             let Some(job) = leased_job(&mut transaction, token).await? else {
                 transaction.rollback().await?;
                 return Ok(false);
@@ -348,7 +389,7 @@ impl Store {
         let store = self.clone();
         detached(async move {
             let now_ms = store.now_ms();
-            let mut transaction = store.inner.meta.write().await?;
+            let mut transaction = store.inner.catalog.write().await?;
             let Some(job) = leased_job(&mut transaction, token).await? else {
                 transaction.rollback().await?;
                 return Ok(false);
@@ -383,11 +424,10 @@ impl Store {
     /// Reaps leases that ran out before `until_ms`.
     pub(super) async fn reap_leases(&self, until_ms: i64) -> Result<Vec<Reaped>, StoreError> {
         let now_ms = self.now_ms();
-        let mut transaction = self.inner.meta.write().await?;
-        let rows = sqlx::query("SELECT * FROM jobs WHERE status = 'processing' AND lease_expires_ms < ?")
-            .bind(until_ms)
-            .fetch_all(transaction.on())
-            .await?;
+        let mut transaction = self.inner.catalog.write().await?;
+        let expired =
+            transaction.locking_free("SELECT * FROM jobs WHERE status = 'processing' AND lease_expires_ms < ?");
+        let rows = sql::query(expired).bind(until_ms).fetch_all(transaction.on()).await?;
         let mut reaped = Vec::with_capacity(rows.len());
         for row in &rows {
             let job = job_from_row(row)?;
@@ -407,7 +447,7 @@ impl Store {
     /// Cancels, enqueues again or fails a job whose attempt came to nothing.
     async fn end_attempt(
         &self,
-        on: &mut WriteTransaction,
+        on: &mut Transaction,
         job: &JobRecord,
         problem: &JobProblem,
         retryable: bool,
@@ -425,12 +465,47 @@ impl Store {
     }
 }
 
+/// The job that is next, for a worker of these kinds. One who shares the records with others is given only what it can ever do, and takes over from
+/// workers whose leases ran out, as long as attempts are left; the rest of those is for the reaper.
+fn push_next(query: &mut QueryBuilder, kinds: &[String], now_ms: i64, shared: Option<Company>) {
+    query.push("SELECT sequence FROM jobs WHERE ");
+    let waits = |query: &mut QueryBuilder| {
+        query.push("status = 'enqueued' AND (not_before_ms <= ").push_bind(now_ms);
+        // Nothing waits longer than the longest pause: a clock that went back must not hold it.
+        query.push(" OR not_before_ms > ").push_bind(expiry(now_ms, StoreOptions::LONGEST_PAUSE)).push(")");
+    };
+    match shared {
+        None => waits(query),
+        Some(Company { total_bytes, solver_version, .. }) => {
+            query.push("status IN ('enqueued', 'processing') AND ((");
+            waits(query);
+            query.push(") OR (status = 'processing' AND cancel_requested = 0 AND attempt < max_attempts AND lease_expires_ms < ");
+            query.push_bind(now_ms).push(")) AND memory_bytes <= ");
+            query.push_bind(i64::try_from(total_bytes).unwrap_or(i64::MAX));
+            if let Some(version) = solver_version {
+                query.push(" AND CASE WHEN solver_version ~ '^[0-9]+([.+][0-9]+)*$' THEN ").push(VERSION_NUMBERS[0]);
+                query.push("solver_version").push(VERSION_NUMBERS[1]).push(" <= ").push(VERSION_NUMBERS[0]);
+                query.push_bind(version).push(VERSION_NUMBERS[1]).push(" ELSE solver_version = ");
+                query.push_bind(version).push(" END");
+            }
+        }
+    }
+    if !kinds.is_empty() {
+        query.push(" AND kind IN (");
+        for (place, kind) in kinds.iter().enumerate() {
+            query.push(if place == 0 { "" } else { ", " }).push_bind(kind);
+        }
+        query.push(")");
+    }
+    query.push(" ORDER BY priority DESC, sequence LIMIT 1");
+}
+
 pub(super) fn expiry(now_ms: i64, lease: Duration) -> i64 {
     now_ms.saturating_add(i64::try_from(lease.as_millis()).unwrap_or(i64::MAX))
 }
 
-async fn leased_job(on: &mut WriteTransaction, token: Uuid) -> Result<Option<JobRecord>, StoreError> {
-    sqlx::query("SELECT * FROM jobs WHERE lease_token = ? AND status = 'processing'")
+async fn leased_job(on: &mut Transaction, token: Uuid) -> Result<Option<JobRecord>, StoreError> {
+    sql::query(on.locking("SELECT * FROM jobs WHERE lease_token = ? AND status = 'processing'"))
         .bind(token.to_string())
         .fetch_optional(on.on())
         .await?
@@ -439,14 +514,14 @@ async fn leased_job(on: &mut WriteTransaction, token: Uuid) -> Result<Option<Job
 }
 
 pub(super) async fn requeue(
-    on: &mut WriteTransaction,
+    on: &mut Transaction,
     job: &JobRecord,
     attempt: u32,
     problem: Option<&JobProblem>,
     now_ms: i64,
     not_before_ms: i64,
 ) -> Result<JobRecord, StoreError> {
-    let row = sqlx::query(
+    let row = sql::query(
         "UPDATE jobs SET status = 'enqueued', attempt = ?, problem = ?, stage = NULL, progress = NULL, detail = NULL,
             enqueued_ms = ?, not_before_ms = ?, lease_token = NULL, lease_expires_ms = NULL, revision = revision + 1
          WHERE id = ? RETURNING *",
@@ -462,13 +537,13 @@ pub(super) async fn requeue(
 }
 
 pub(super) async fn finish(
-    on: &mut WriteTransaction,
+    on: &mut Transaction,
     job: &JobRecord,
     status: JobStatus,
     problem: Option<&JobProblem>,
     now_ms: i64,
 ) -> Result<JobRecord, StoreError> {
-    let row = sqlx::query(
+    let row = sql::query(
         "UPDATE jobs SET status = ?, problem = ?, cancel_requested = 0, lease_token = NULL, lease_expires_ms = NULL,
             finished_ms = ?, revision = revision + 1
          WHERE id = ? RETURNING *",

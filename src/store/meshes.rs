@@ -2,17 +2,16 @@
 
 use std::{io::Write, sync::Arc};
 
-use bytes::Bytes;
-use chladni_mesh::numbering::Numbering;
-use chladni_mesh::{TetMesh, TriangleMesh};
-use chladni_spectral::basis::Product;
-use sqlx::{QueryBuilder, Row, Sqlite, sqlite::SqliteRow};
-
 use super::sources::{NewSource, SourceKind};
 use super::{
     JobRecord, MeshRecord, NewMesh, Page, PageRequest, Store, StoreError, Stored, Weighed, blobs, detached, from_json,
     jobs::job_from_row,
+    sql::{self, QueryBuilder, Row},
 };
+use bytes::Bytes;
+use chladni_mesh::numbering::Numbering;
+use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::basis::Product;
 
 /// The head of a mesh's canonical content; the counts of vertices and faces follow, u64 little-endian, then positions as
 /// f64 and faces as u32, all little-endian.
@@ -68,9 +67,9 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`].
     pub async fn mesh(&self, id: &str) -> Result<MeshRecord, StoreError> {
-        sqlx::query("SELECT * FROM meshes WHERE id = ? AND kind = 'mesh'")
+        sql::query("SELECT * FROM meshes WHERE id = ? AND kind = 'mesh'")
             .bind(id)
-            .fetch_optional(self.inner.meta.reader())
+            .fetch_optional(self.inner.catalog.reader())
             .await?
             .map(|row| mesh_from_row(&row))
             .unwrap_or_else(|| Err(unknown_mesh(id)))
@@ -89,13 +88,14 @@ impl Store {
     /// # Errors
     /// [`StoreError::InvalidCursor`].
     pub async fn meshes_named(&self, part: Option<&str>, page: &PageRequest) -> Result<Page<MeshRecord>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("SELECT * FROM meshes WHERE kind = 'mesh' AND sequence < ");
+        let mut query = QueryBuilder::new("SELECT * FROM meshes WHERE kind = 'mesh' AND sequence < ");
         query.push_bind(page.below()?);
         if let Some(part) = part {
-            query.push(" AND instr(lower(name), lower(").push_bind(part.to_owned()).push(")) > 0");
+            let [before, after] = self.inner.catalog.contains("name");
+            query.push(" AND ").push(&before).push_bind(part).push(&after);
         }
         query.push(" ORDER BY sequence DESC LIMIT ").push_bind(page.look_ahead());
-        let rows = query.build().fetch_all(self.inner.meta.reader()).await?;
+        let rows = query.build().fetch_all(self.inner.catalog.reader()).await?;
         let rows = rows.iter().map(|row| Ok((row.try_get("sequence")?, mesh_from_row(row)?)));
         Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, page))
     }
@@ -105,8 +105,8 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`].
     pub async fn rename_mesh(&self, id: &str, name: Option<&str>) -> Result<MeshRecord, StoreError> {
-        let mut transaction = self.inner.meta.write().await?;
-        let row = sqlx::query("UPDATE meshes SET name = ? WHERE id = ? AND kind = 'mesh' RETURNING *")
+        let mut transaction = self.inner.catalog.write().await?;
+        let row = sql::query("UPDATE meshes SET name = ? WHERE id = ? AND kind = 'mesh' RETURNING *")
             .bind(name)
             .bind(id)
             .fetch_optional(transaction.on())
@@ -133,16 +133,14 @@ impl Store {
 
     async fn delete_source_now(&self, kind: SourceKind, id: &str, cascade: bool) -> Result<(), StoreError> {
         let _alone = self.inner.blob_use.write().await;
-        let mut transaction = self.inner.meta.write().await?;
-        let content: Option<String> = sqlx::query_scalar("SELECT content_hash FROM meshes WHERE id = ?")
-            .bind(id)
-            .fetch_optional(transaction.on())
-            .await?;
+        let mut transaction = self.inner.catalog.write().await?;
+        let known = transaction.locking("SELECT content_hash FROM meshes WHERE id = ?");
+        let content: Option<String> = sql::query_scalar(known).bind(id).fetch_optional(transaction.on()).await?;
         let Some(content) = content else {
             transaction.rollback().await?;
             return Err(kind.unknown(id));
         };
-        let counts = sqlx::query(
+        let counts = sql::query(
             "SELECT (SELECT COUNT(*) FROM jobs WHERE mesh = ?1 AND status IN ('enqueued', 'processing')) AS jobs,
                     (SELECT COUNT(*) FROM bases WHERE mesh = ?1) AS bases",
         )
@@ -158,7 +156,7 @@ impl Store {
                 bases: bases as u64,
             });
         }
-        let mut changed = sqlx::query(
+        let mut changed = sql::query(
             "UPDATE jobs SET status = 'canceled', finished_ms = ?, revision = revision + 1
              WHERE mesh = ? AND status = 'enqueued' RETURNING *",
         )
@@ -167,7 +165,7 @@ impl Store {
         .fetch_all(transaction.on())
         .await?;
         changed.extend(
-            sqlx::query(
+            sql::query(
                 "UPDATE jobs SET cancel_requested = 1, revision = revision + 1
                  WHERE mesh = ? AND status = 'processing' AND cancel_requested = 0 RETURNING *",
             )
@@ -176,7 +174,7 @@ impl Store {
             .await?,
         );
         changed.extend(
-            sqlx::query(
+            sql::query(
                 "UPDATE jobs SET basis = NULL, revision = revision + 1
                  WHERE basis IN (SELECT id FROM bases WHERE mesh = ?) RETURNING *",
             )
@@ -185,7 +183,7 @@ impl Store {
             .await?,
         );
         let mut hashes: Vec<String> = vec![content];
-        for row in sqlx::query("DELETE FROM bases WHERE mesh = ? RETURNING id, content_hash")
+        for row in sql::query("DELETE FROM bases WHERE mesh = ? RETURNING id, content_hash")
             .bind(id)
             .fetch_all(transaction.on())
             .await?
@@ -194,7 +192,7 @@ impl Store {
             self.forget_basis(super::jobs::uuid_column(&row, "id")?, &hash);
             hashes.push(hash);
         }
-        sqlx::query("DELETE FROM meshes WHERE id = ?").bind(id).execute(transaction.on()).await?;
+        sql::query("DELETE FROM meshes WHERE id = ?").bind(id).execute(transaction.on()).await?;
         let changed = changed.iter().map(job_from_row).collect::<Result<Vec<JobRecord>, StoreError>>()?;
         transaction.commit().await?;
         self.inner.meshes.remove(id);
@@ -295,7 +293,7 @@ fn unknown_mesh(id: &str) -> StoreError {
     SourceKind::Mesh.unknown(id)
 }
 
-fn mesh_from_row(row: &SqliteRow) -> Result<MeshRecord, StoreError> {
+fn mesh_from_row(row: &Row) -> Result<MeshRecord, StoreError> {
     Ok(MeshRecord {
         id: row.try_get("id")?,
         name: row.try_get("name")?,
@@ -311,9 +309,9 @@ fn mesh_from_row(row: &SqliteRow) -> Result<MeshRecord, StoreError> {
 }
 
 /// Adds `column = value` where there is a value to filter by.
-pub(super) fn push_filter(query: &mut QueryBuilder<Sqlite>, column: &'static str, value: Option<&str>) {
+pub(super) fn push_filter(query: &mut QueryBuilder, column: &'static str, value: Option<&str>) {
     if let Some(value) = value {
-        query.push(" AND ").push(column).push(" = ").push_bind(value.to_owned());
+        query.push(" AND ").push(column).push(" = ").push_bind(value);
     }
 }
 

@@ -2,7 +2,12 @@
 //! its checksum. They are listed by hand, since the macro of sqlx that lists them compiles SQLite and an async runtime a second time.
 
 use sqlx::SqlSafeStr;
+#[cfg(feature = "cluster")]
+use sqlx::migrate::MigrateError;
 use sqlx::migrate::{Migration, MigrationType, Migrator};
+
+#[cfg(feature = "cluster")]
+use super::StoreError;
 
 /// The steps of `meta.db`, by the names of their files.
 const META: &[(&str, &str)] = &[
@@ -23,6 +28,19 @@ const BLOBS: &[(&str, &str)] = &[
     ("0002_identity", include_str!("../../migrations/blobs/0002_identity.sql")),
     ("0003_chunk_hashes", include_str!("../../migrations/blobs/0003_chunk_hashes.sql")),
 ];
+
+/// The steps of a shared database.
+#[cfg(feature = "cluster")]
+const POSTGRES: &[(&str, &str)] = &[("0001_shared", include_str!("../../migrations/postgres/0001_shared.sql"))];
+
+/// Makes the tables of a shared database, one process after the other where several start at once.
+#[cfg(feature = "cluster")]
+pub(super) async fn run_postgres(pool: &sqlx::PgPool) -> Result<(), StoreError> {
+    migrator(POSTGRES).run(pool).await.map_err(|error| match error {
+        MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _) => StoreError::from(error),
+        other => StoreError::Unavailable { detail: format!("the tables of the database: {other}") },
+    })
+}
 
 /// What makes the tables of `meta.db`.
 pub(super) fn meta() -> Migrator {

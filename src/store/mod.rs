@@ -1,12 +1,17 @@
 //! Jobs, meshes, bases and blobs in SQL: the only room that names sqlx.
 //!
-//! Two SQLite databases lie in the data folder. `meta.db` knows what there is; `blobs.db` holds content by its BLAKE3 hash.
+//! For one process, two SQLite databases lie in the data folder. `meta.db` knows what there is; `blobs.db` holds content by its BLAKE3 hash.
 //! Content is written first (chunks pending → hash verified → ready), then one transaction in `meta.db` makes it visible, so
 //! what a crash leaves behind is content that nothing refers to; it is collected an hour later.
+//!
+//! Many processes share the records in a PostgreSQL and the content in an object store. All above `catalog.rs` and `blobs.rs` is the same for both.
 //!
 //! | file | what |
 //! |---|---|
 //! | `database.rs`, `folder.rs`, `in_place.rs` | connections, write transactions, the lock of the folder, free space, files that are replaced |
+//! | `catalog.rs`, `sql.rs` | where the records are, and statements for either database |
+//! | `postgres.rs`, `objects.rs` | records and content that many processes share |
+//! | `hearing.rs`, `fleet.rs` | what such processes tell each other: of jobs, and of what workers have |
 //! | `pairing.rs` | whether the two databases belong together |
 //! | `blobs.rs`, `orphans.rs` | content in chunks, and what becomes of it when nothing refers to it |
 //! | `backup.rs`, `restore.rs` | copies of a folder in use, and folders made of them |
@@ -21,6 +26,7 @@
 mod backup;
 mod bases;
 mod blobs;
+mod catalog;
 mod clock;
 mod columns;
 mod database;
@@ -28,7 +34,10 @@ mod deaths;
 mod doctor;
 mod error;
 pub mod fault;
+mod fleet;
 mod folder;
+#[cfg(feature = "cluster")]
+mod hearing;
 mod in_place;
 mod integrity;
 mod jobs;
@@ -36,15 +45,20 @@ mod last_use;
 mod leases;
 mod meshes;
 mod migrations;
+#[cfg(feature = "cluster")]
+mod objects;
 mod orphans;
 mod page;
 mod pairing;
+#[cfg(feature = "cluster")]
+mod postgres;
 mod problems;
 mod records;
 mod restore;
 mod retention;
 mod sources;
 mod space;
+mod sql;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -62,6 +76,8 @@ use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
 use tokio::sync::{Notify, RwLock, broadcast};
 use uuid::Uuid;
 
+use blobs::Blobs;
+use catalog::Catalog;
 use chladni_spectral::basis::{ColumnChunk, Product};
 use database::{Database, DatabaseSettings};
 use folder::DataFolder;
@@ -70,6 +86,7 @@ pub use backup::{BackupReport, backup};
 pub use clock::Clock;
 pub use doctor::{Examination, Finding};
 pub use error::{DAMAGE, StoreError};
+pub use fleet::Worker;
 pub use leases::{Claim, Company, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
 pub use page::{Page, PageRequest};
 pub use records::{
@@ -85,11 +102,22 @@ pub use space::Compacted;
 /// Job events that a slow listener may fall behind by.
 const EVENTS_KEPT: usize = 1024;
 
+/// Where records and content are that many processes share.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SharedPlaces {
+    /// The address of a PostgreSQL: `postgres://USER:PASSWORD@HOST/DATABASE`.
+    pub database: String,
+    /// The address of an object store: `s3://BUCKET/PREFIX`, or `file:///FOLDER` for a folder that every process sees.
+    pub objects: String,
+}
+
 /// How a store is opened.
 #[derive(Debug, Clone)]
 pub struct StoreOptions {
     /// The data folder; made where it is missing.
     pub folder: PathBuf,
+    /// Where records and content are shared with other processes; then nothing is in the folder.
+    pub shared: Option<SharedPlaces>,
     /// Bytes of decoded bases and meshes that are kept in memory: a quarter is for meshes, a quarter for chunks of dense bases.
     pub cache_bytes: u64,
     /// New content is refused where it would leave fewer bytes than these free.
@@ -120,6 +148,7 @@ impl StoreOptions {
     pub fn new(folder: impl Into<PathBuf>) -> Self {
         Self {
             folder: folder.into(),
+            shared: None,
             cache_bytes: 1 << 30,
             least_free_bytes: 256 << 20,
             blob_bytes_limit: None,
@@ -142,9 +171,12 @@ pub struct Store {
 
 struct Inner {
     options: StoreOptions,
-    meta: Database,
-    blobs: Database,
-    folder: DataFolder,
+    catalog: Catalog,
+    blobs: Blobs,
+    /// Where nothing is shared.
+    folder: Option<DataFolder>,
+    #[cfg(feature = "cluster")]
+    hearing: std::sync::OnceLock<hearing::Hearing>,
     events: broadcast::Sender<JobEvent>,
     work: Notify,
     /// Held for reading from the moment a blob is written or found until something refers to it, and for writing while
@@ -192,13 +224,72 @@ impl<K, T> Weighter<K, Weighed<T>> for ByWeight {
 
 impl Store {
     /// Opens the data folder: makes it where it is missing, locks it, checks the databases and brings them up to date, gives
-    /// jobs back to the queue that a dead process was running, and looks for content that nothing refers to.
+    /// jobs back to the queue that a dead process was running, and looks for content that nothing refers to. Of places that are shared, nothing is
+    /// taken from others.
     ///
     /// # Errors
     /// [`StoreError::FolderInUse`] where another process has it open; [`StoreError::Mismatch`] where its databases do not belong together, and
-    /// nothing is changed; [`StoreError::Version`], [`StoreError::Corrupt`],
+    /// nothing is changed; [`StoreError::Version`], [`StoreError::DatabaseVersion`], [`StoreError::Corrupt`],
     /// [`StoreError::Folder`] where it cannot be used.
     pub async fn open(options: StoreOptions) -> Result<Self, StoreError> {
+        match options.shared.clone() {
+            None => Self::open_folder(options).await,
+            #[cfg(feature = "cluster")]
+            Some(places) => Self::open_shared(options, &places).await,
+            #[cfg(not(feature = "cluster"))]
+            Some(_) => {
+                let detail = "this build has no feature `cluster`, which sharing needs".to_owned();
+                Err(StoreError::Unavailable { detail })
+            }
+        }
+    }
+
+    #[cfg(feature = "cluster")]
+    async fn open_shared(mut options: StoreOptions, places: &SharedPlaces) -> Result<Self, StoreError> {
+        let postgres = postgres::Postgres::open(&places.database, options.busy_timeout).await?;
+        options.clock = options.clock.shared();
+        postgres.set(&options.clock).await?;
+        let objects = objects::Objects::open(&places.objects, postgres.pool().clone())?;
+        tracing::info!(objects = objects.name(), "records and content are shared with other processes");
+        let store = Self::new(options, Catalog::Postgres(postgres), Blobs::Objects(objects), None)?;
+        let hearing = hearing::Hearing::start(Arc::downgrade(&store.inner));
+        let _first = store.inner.hearing.set(hearing);
+        Ok(store)
+    }
+
+    fn new(
+        options: StoreOptions,
+        catalog: Catalog,
+        blobs: Blobs,
+        folder: Option<DataFolder>,
+    ) -> Result<Self, StoreError> {
+        let quarter = options.cache_bytes / 4;
+        Ok(Self {
+            inner: Arc::new(Inner {
+                bases: cache(options.cache_bytes - 2 * quarter)?,
+                chunks: cache(quarter)?,
+                meshes: cache(quarter)?,
+                options,
+                catalog,
+                blobs,
+                folder,
+                #[cfg(feature = "cluster")]
+                hearing: std::sync::OnceLock::new(),
+                events: broadcast::channel(EVENTS_KEPT).0,
+                work: Notify::new(),
+                blob_use: RwLock::new(()),
+                orphans_looked_ms: AtomicI64::new(0),
+                uses: last_use::Uses::default(),
+                reusable_bytes: AtomicU64::new(0),
+                retained_ms: AtomicI64::new(0),
+                known: integrity::Known::default(),
+                hits: AtomicU64::new(0),
+                misses: AtomicU64::new(0),
+            }),
+        })
+    }
+
+    async fn open_folder(options: StoreOptions) -> Result<Self, StoreError> {
         let mut folder = {
             let path = options.folder.clone();
             blobs::blocking(move || DataFolder::open(&path)).await??
@@ -220,28 +311,7 @@ impl Store {
         let blob_settings = settings(blobs::PAGE_BYTES, options.blob_bytes_limit, 4);
         let blobs = Database::open(&folder.file("blobs.db"), blob_settings, &migrations::blobs()).await?;
         pairing::pair(&folder, &meta, &blobs, options.pair_anyway).await?;
-        let quarter = options.cache_bytes / 4;
-        let store = Self {
-            inner: Arc::new(Inner {
-                bases: cache(options.cache_bytes - 2 * quarter)?,
-                chunks: cache(quarter)?,
-                meshes: cache(quarter)?,
-                options,
-                meta,
-                blobs,
-                folder,
-                events: broadcast::channel(EVENTS_KEPT).0,
-                work: Notify::new(),
-                blob_use: RwLock::new(()),
-                orphans_looked_ms: AtomicI64::new(0),
-                uses: last_use::Uses::default(),
-                reusable_bytes: AtomicU64::new(0),
-                retained_ms: AtomicI64::new(0),
-                known: integrity::Known::default(),
-                hits: AtomicU64::new(0),
-                misses: AtomicU64::new(0),
-            }),
-        };
+        let store = Self::new(options, Catalog::Sqlite(meta), Blobs::Chunks(blobs), Some(folder))?;
         store.count_reusable().await?;
         let reaped = store.recover().await?;
         let unfinished = store.delete_pending().await?;
@@ -269,13 +339,20 @@ impl Store {
         if let Err(error) = ended.await {
             tracing::debug!(%error, "the last notes were not written down");
         }
-        self.inner.meta.close().await;
-        self.inner.blobs.close().await;
+        #[cfg(feature = "cluster")]
+        if let Some(hearing) = self.inner.hearing.get() {
+            hearing.stop();
+        }
+        self.inner.catalog.close().await;
+        if let Some(blobs) = self.inner.blobs.sqlite() {
+            blobs.close().await;
+        }
     }
 
     /// What is due now and then: forgets old idempotency keys, deletes what is not kept, looks for orphans, gives free pages back, tells each database of the
     /// other.
     async fn tend(&self) -> Result<(), StoreError> {
+        self.inner.catalog.set(&self.inner.options.clock).await?;
         self.forget_old_keys().await?;
         self.retain_in_turn().await?;
         self.look_for_orphans_in_turn().await?;
@@ -287,8 +364,11 @@ impl Store {
     pub async fn health(&self) -> StoreHealth {
         let now_ms = self.now_ms();
         let write = async {
-            self.inner.meta.check_writable(now_ms).await?;
-            self.inner.blobs.check_writable(now_ms).await
+            self.inner.catalog.check_writable(now_ms).await?;
+            match self.inner.blobs.sqlite() {
+                Some(blobs) => blobs.check_writable(now_ms).await,
+                None => Ok(()),
+            }
         };
         let written = write.await;
         let space = self.check_space(0);
@@ -298,12 +378,16 @@ impl Store {
             writable: written.is_ok(),
             reason: written.and(space).err().map(|error| error.to_string()),
             full,
-            free_bytes: self.inner.folder.free_bytes(),
+            free_bytes: self.free_bytes(),
             least_free_bytes: self.inner.options.least_free_bytes,
-            wal_bytes: self.inner.meta.wal_bytes() + self.inner.blobs.wal_bytes(),
+            wal_bytes: [self.inner.catalog.sqlite(), self.inner.blobs.sqlite()]
+                .into_iter()
+                .flatten()
+                .map(Database::wal_bytes)
+                .sum(),
             database_bytes: ["meta", "blobs"].map(|name| {
-                let file = self.inner.folder.file(&format!("{name}.db"));
-                (name, std::fs::metadata(file).map_or(0, |file| file.len()))
+                let file = self.inner.folder.as_ref().map(|folder| folder.file(&format!("{name}.db")));
+                (name, file.and_then(|file| std::fs::metadata(file).ok()).map_or(0, |file| file.len()))
             }),
             blob_bytes: self.all_blob_bytes().await.unwrap_or(0),
         }
@@ -345,16 +429,30 @@ impl Store {
 
     /// Tells listeners about a job, after the commit.
     fn announce(&self, job: &JobRecord) {
-        if job.status == JobStatus::Enqueued {
-            self.inner.work.notify_one();
-        }
-        // Nobody listening is no trouble.
-        let _ = self.inner.events.send(JobEvent {
+        self.announce_event(JobEvent {
             job: job.id,
             revision: job.revision,
             status: job.status,
             cancel_requested: job.cancel_requested,
         });
+    }
+
+    /// Tells listeners about a change of a job, after the commit; those of other processes too, where the records are shared.
+    fn announce_event(&self, event: JobEvent) {
+        #[cfg(feature = "cluster")]
+        if let Some(hearing) = self.inner.hearing.get() {
+            hearing.tell(&event);
+        }
+        self.tell_here(event);
+    }
+
+    /// Tells the listeners of this process.
+    fn tell_here(&self, event: JobEvent) {
+        if event.status == JobStatus::Enqueued {
+            self.inner.work.notify_one();
+        }
+        // Nobody listening is no trouble.
+        let _ = self.inner.events.send(event);
     }
 
     fn count_hit(&self, hit: bool) {

@@ -6,7 +6,11 @@ use std::{collections::HashSet, sync::atomic::Ordering};
 
 use sqlx::Row;
 
-use super::{Store, StoreError, blobs::delete_blob};
+use super::{
+    Store, StoreError,
+    blobs::{Blobs, delete_blob},
+    sql,
+};
 
 /// For so long content that nothing refers to is kept.
 pub(super) const REPRIEVE_MS: i64 = 3600 * 1000;
@@ -25,11 +29,11 @@ pub(super) struct Look {
 impl Store {
     /// Deletes what was being written when a process died: nobody has ever read it. Nothing else may run.
     pub(super) async fn delete_pending(&self) -> Result<u64, StoreError> {
-        let ids: Vec<i64> = sqlx::query_scalar("SELECT id FROM blobs WHERE state = 'pending'")
-            .fetch_all(self.inner.blobs.reader())
-            .await?;
+        let Some(blobs) = self.inner.blobs.sqlite() else { return Ok(0) };
+        let ids: Vec<i64> =
+            sqlx::query_scalar("SELECT id FROM blobs WHERE state = 'pending'").fetch_all(blobs.reader()).await?;
         for &id in &ids {
-            let mut transaction = self.inner.blobs.write().await?;
+            let mut transaction = blobs.write().await?;
             delete_blob(&mut transaction, id).await?;
             transaction.commit().await?;
         }
@@ -51,17 +55,22 @@ impl Store {
     pub(super) async fn look_for_orphans(&self) -> Result<Look, StoreError> {
         let now_ms = self.now_ms();
         self.inner.orphans_looked_ms.store(now_ms, Ordering::Relaxed);
+        let blobs = match &self.inner.blobs {
+            Blobs::Chunks(blobs) => blobs,
+            #[cfg(feature = "cluster")]
+            Blobs::Objects(objects) => return objects.look(now_ms).await,
+        };
         let referenced: Vec<String> =
-            sqlx::query_scalar("SELECT content_hash FROM meshes UNION SELECT content_hash FROM bases")
-                .fetch_all(self.inner.meta.reader())
+            sql::query_scalar("SELECT content_hash FROM meshes UNION SELECT content_hash FROM bases")
+                .fetch_all(self.inner.catalog.reader())
                 .await?;
         let referenced: HashSet<String> = referenced.into_iter().collect();
-        let blobs = sqlx::query("SELECT id, hash, bytes, condemned_ms FROM blobs WHERE state = 'ready'")
-            .fetch_all(self.inner.blobs.reader())
+        let rows = sqlx::query("SELECT id, hash, bytes, condemned_ms FROM blobs WHERE state = 'ready'")
+            .fetch_all(blobs.reader())
             .await?;
         let mut look = Look::default();
         let mut bytes = 0;
-        for row in blobs {
+        for row in rows {
             let (id, hash) = (row.try_get::<i64, _>("id")?, row.try_get::<String, _>("hash")?);
             let condemned_ms: Option<i64> = row.try_get("condemned_ms")?;
             let mark = match (referenced.contains(&hash), condemned_ms) {
@@ -70,7 +79,7 @@ impl Store {
                 // A clock that went back does not make it wait longer than an hour from now.
                 (false, Some(since)) if since <= now_ms && now_ms - since < REPRIEVE_MS => continue,
                 (false, Some(since)) if since <= now_ms => {
-                    let mut transaction = self.inner.blobs.write().await?;
+                    let mut transaction = blobs.write().await?;
                     delete_blob(&mut transaction, id).await?;
                     transaction.commit().await?;
                     look.deleted += 1;
@@ -82,7 +91,7 @@ impl Store {
                     Some(now_ms)
                 }
             };
-            let mut transaction = self.inner.blobs.write().await?;
+            let mut transaction = blobs.write().await?;
             sqlx::query("UPDATE blobs SET condemned_ms = ? WHERE id = ?")
                 .bind(mark)
                 .bind(id)

@@ -137,9 +137,25 @@ impl WriteTransaction {
 }
 
 impl Store {
+    /// How far the records have come; nothing to tell where they are shared.
+    pub(super) async fn record_generation(&self) -> Result<i64, StoreError> {
+        match self.inner.catalog.sqlite() {
+            Some(meta) => generation(meta).await,
+            None => Ok(0),
+        }
+    }
+
+    /// How far the content has come; nothing to tell where it is shared.
+    pub(super) async fn content_generation(&self) -> Result<i64, StoreError> {
+        match self.inner.blobs.sqlite() {
+            Some(blobs) => generation(blobs).await,
+            None => Ok(0),
+        }
+    }
+
     /// Tells each database how far the other has come, where that is news.
     pub(super) async fn keep_pair(&self) -> Result<(), StoreError> {
-        let (meta, blobs) = (&self.inner.meta, &self.inner.blobs);
+        let (Some(meta), Some(blobs)) = (self.inner.catalog.sqlite(), self.inner.blobs.sqlite()) else { return Ok(()) };
         for (database, other) in [(meta, blobs), (blobs, meta)] {
             let reached = generation(other).await?;
             let heard: i64 =

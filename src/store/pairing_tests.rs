@@ -101,7 +101,7 @@ async fn orphans_go_an_hour_after_they_were_first_seen() {
     let record = store.add_mesh(mesh(1, 50)).await.unwrap().record;
     let other = store.add_mesh(mesh(2, 50)).await.unwrap().record;
     // What a crash between content and record leaves, or a record that was lost.
-    let mut transaction = store.inner.meta.write().await.unwrap();
+    let mut transaction = store.records().write().await.unwrap();
     sqlx::query("DELETE FROM meshes WHERE id = ?").bind(&record.id).execute(transaction.on()).await.unwrap();
     transaction.commit().await.unwrap();
     store.close().await;
@@ -123,7 +123,7 @@ async fn an_orphan_that_is_wanted_again_stays() {
     };
     let store = Store::open(at(0)).await.unwrap();
     let record = store.add_mesh(mesh(1, 50)).await.unwrap().record;
-    let mut transaction = store.inner.meta.write().await.unwrap();
+    let mut transaction = store.records().write().await.unwrap();
     sqlx::query("DELETE FROM meshes").execute(transaction.on()).await.unwrap();
     transaction.commit().await.unwrap();
     store.close().await;
@@ -135,7 +135,7 @@ async fn an_orphan_that_is_wanted_again_stays() {
     let store = Store::open(at(2 * REPRIEVE_MS)).await.unwrap();
     store.load_mesh(&record.id).await.unwrap();
     let marks: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM blobs WHERE condemned_ms IS NOT NULL")
-        .fetch_one(store.inner.blobs.reader())
+        .fetch_one(store.chunks().reader())
         .await
         .unwrap();
     assert_eq!(marks, 0);
@@ -147,13 +147,13 @@ async fn databases_from_before_are_paired_as_they_are() {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(options(&folder)).await.unwrap();
     let id = store.add_mesh(mesh(1, 50)).await.unwrap().record.id;
-    for database in [&store.inner.meta, &store.inner.blobs] {
+    for database in [store.records(), store.chunks()] {
         let mut transaction = database.write().await.unwrap();
         sqlx::query("DELETE FROM identity").execute(transaction.on()).await.unwrap();
         transaction.commit().await.unwrap();
     }
-    store.inner.meta.close().await;
-    store.inner.blobs.close().await;
+    store.records().close().await;
+    store.chunks().close().await;
     drop(store);
     let store = Store::open(options(&folder)).await.unwrap();
     store.load_mesh(&id).await.unwrap();

@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
+use super::sources::{NewSource, SourceKind, problem_bytes, read_matrices};
+use super::sql::{self, QueryBuilder, Row};
+use super::{NewProblem, Page, PageRequest, ProblemRecord, Store, StoreError, Stored, blobs, detached, from_json};
 use bytes::Bytes;
 use chladni_spectral::spectrum::pencil::Matrices;
-use sqlx::{QueryBuilder, Row, Sqlite, sqlite::SqliteRow};
-
-use super::sources::{NewSource, SourceKind, problem_bytes, read_matrices};
-use super::{NewProblem, Page, PageRequest, ProblemRecord, Store, StoreError, Stored, blobs, detached, from_json};
 
 impl Store {
     /// Stores a problem, or finds it where equal matrices are known. A name or report of a known problem stays as it was; content that was damaged is
@@ -44,9 +43,9 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`].
     pub async fn problem(&self, id: &str) -> Result<ProblemRecord, StoreError> {
-        sqlx::query("SELECT * FROM meshes WHERE id = ? AND kind = 'problem'")
+        sql::query("SELECT * FROM meshes WHERE id = ? AND kind = 'problem'")
             .bind(id)
-            .fetch_optional(self.inner.meta.reader())
+            .fetch_optional(self.inner.catalog.reader())
             .await?
             .map(|row| problem_from_row(&row))
             .unwrap_or_else(|| Err(unknown_problem(id)))
@@ -61,13 +60,14 @@ impl Store {
         part: Option<&str>,
         page: &PageRequest,
     ) -> Result<Page<ProblemRecord>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("SELECT * FROM meshes WHERE kind = 'problem' AND sequence < ");
+        let mut query = QueryBuilder::new("SELECT * FROM meshes WHERE kind = 'problem' AND sequence < ");
         query.push_bind(page.below()?);
         if let Some(part) = part {
-            query.push(" AND instr(lower(name), lower(").push_bind(part.to_owned()).push(")) > 0");
+            let [before, after] = self.inner.catalog.contains("name");
+            query.push(" AND ").push(&before).push_bind(part).push(&after);
         }
         query.push(" ORDER BY sequence DESC LIMIT ").push_bind(page.look_ahead());
-        let rows = query.build().fetch_all(self.inner.meta.reader()).await?;
+        let rows = query.build().fetch_all(self.inner.catalog.reader()).await?;
         let rows = rows.iter().map(|row| Ok((row.try_get("sequence")?, problem_from_row(row)?)));
         Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, page))
     }
@@ -77,8 +77,8 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`].
     pub async fn rename_problem(&self, id: &str, name: Option<&str>) -> Result<ProblemRecord, StoreError> {
-        let mut transaction = self.inner.meta.write().await?;
-        let row = sqlx::query("UPDATE meshes SET name = ? WHERE id = ? AND kind = 'problem' RETURNING *")
+        let mut transaction = self.inner.catalog.write().await?;
+        let row = sql::query("UPDATE meshes SET name = ? WHERE id = ? AND kind = 'problem' RETURNING *")
             .bind(name)
             .bind(id)
             .fetch_optional(transaction.on())
@@ -114,7 +114,7 @@ fn unknown_problem(id: &str) -> StoreError {
     SourceKind::Problem.unknown(id)
 }
 
-fn problem_from_row(row: &SqliteRow) -> Result<ProblemRecord, StoreError> {
+fn problem_from_row(row: &Row) -> Result<ProblemRecord, StoreError> {
     Ok(ProblemRecord {
         id: row.try_get("id")?,
         name: row.try_get("name")?,

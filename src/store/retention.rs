@@ -2,10 +2,9 @@
 
 use std::{sync::atomic::Ordering, time::Duration};
 
-use sqlx::Row;
 use uuid::Uuid;
 
-use super::{Store, StoreError, sources::SourceKind};
+use super::{Store, StoreError, sources::SourceKind, sql};
 
 /// Bounds on what is kept; everything is kept for ever where there is none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -117,16 +116,16 @@ impl Store {
 
     async fn older(&self, id: &str, of: &str, time: &str, before_ms: i64) -> Result<Vec<String>, StoreError> {
         let sql = format!("SELECT {id} {of} AND {time} < ? ORDER BY {time} LIMIT {AT_ONCE}");
-        Ok(sqlx::query_scalar(sqlx::AssertSqlSafe(sql)).bind(before_ms).fetch_all(self.inner.meta.reader()).await?)
+        Ok(sql::query_scalar(sqlx::AssertSqlSafe(sql)).bind(before_ms).fetch_all(self.inner.catalog.reader()).await?)
     }
 
     /// The least recently used of those that may go, as many as there are more than `most`. `all` is what is counted.
     async fn beyond(&self, all: &str, of: &str, time: &str, most: u64) -> Result<Vec<String>, StoreError> {
         let count = if all == "free" { format!("SELECT COUNT(*) {of}") } else { format!("SELECT COUNT(*) FROM {all}") };
-        let count: i64 = sqlx::query_scalar(sqlx::AssertSqlSafe(count)).fetch_one(self.inner.meta.reader()).await?;
+        let count: i64 = sql::query_scalar(sqlx::AssertSqlSafe(count)).fetch_one(self.inner.catalog.reader()).await?;
         let excess = count.saturating_sub(i64::try_from(most).unwrap_or(i64::MAX)).clamp(0, AT_ONCE);
         let sql = format!("SELECT id {of} ORDER BY {time} LIMIT ?");
-        Ok(sqlx::query_scalar(sqlx::AssertSqlSafe(sql)).bind(excess).fetch_all(self.inner.meta.reader()).await?)
+        Ok(sql::query_scalar(sqlx::AssertSqlSafe(sql)).bind(excess).fetch_all(self.inner.catalog.reader()).await?)
     }
 
     async fn keep_bytes(&self, most: u64, removed: &mut Removed) -> Result<(), StoreError> {
@@ -138,7 +137,7 @@ impl Store {
             "SELECT 'basis' AS kind, id, bytes, used_ms {FREE_BASES} UNION ALL SELECT 'mesh', id, bytes, used_ms {FREE_MESHES}
              ORDER BY used_ms LIMIT {AT_ONCE}"
         );
-        let rows = sqlx::query(sqlx::AssertSqlSafe(sql)).fetch_all(self.inner.meta.reader()).await?;
+        let rows = sql::query(sqlx::AssertSqlSafe(sql)).fetch_all(self.inner.catalog.reader()).await?;
         for row in rows {
             if excess == 0 {
                 break;

@@ -9,7 +9,7 @@ use chladni_spectral::formats::npz;
 use chladni_spectral::spectrum::pencil::Matrices;
 use serde_json::Value;
 
-use super::{Store, StoreError, blobs, meshes, pairing, to_json};
+use super::{Store, StoreError, blobs, meshes, sql, to_json};
 
 /// Digits of an identifier: 128 bits of the hash of the content.
 pub(super) const ID_DIGITS: usize = 32;
@@ -108,10 +108,10 @@ impl Store {
             return Ok((id, false));
         }
         self.put_blob(&hash, &content).await?;
-        let reached = pairing::generation(&self.inner.blobs).await?;
-        let mut transaction = self.inner.meta.write().await?;
+        let reached = self.content_generation().await?;
+        let mut transaction = self.inner.catalog.write().await?;
         transaction.remember(reached).await?;
-        let inserted = sqlx::query(
+        let inserted = sql::query(
             "INSERT INTO meshes (id, name, format, source_bytes, vertices, faces, report, content_hash, bytes, created_ms, used_ms, kind)
              VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?10, ?11) ON CONFLICT (id) DO NOTHING",
         )
@@ -127,17 +127,16 @@ impl Store {
         .bind(self.now_ms())
         .bind(new.kind.name())
         .execute(transaction.on())
-        .await?
-        .rows_affected();
+        .await?;
         transaction.commit().await?;
         Ok((id, inserted > 0))
     }
 
     /// Whether there is a source of that identifier, of whichever kind.
     pub(super) async fn knows_source(&self, id: &str) -> Result<bool, StoreError> {
-        let found: Option<i64> = sqlx::query_scalar("SELECT sequence FROM meshes WHERE id = ?")
+        let found: Option<i64> = sql::query_scalar("SELECT sequence FROM meshes WHERE id = ?")
             .bind(id)
-            .fetch_optional(self.inner.meta.reader())
+            .fetch_optional(self.inner.catalog.reader())
             .await?;
         Ok(found.is_some())
     }

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 
 use sqlx::Row;
 
-use super::{Store, StoreError, database::Database};
+use super::{Store, StoreError, database::Database, folder::DataFolder};
 
 /// Free pages that are given back in one transaction: 16 MiB of content.
 const PAGES_AT_ONCE: i64 = 2048;
@@ -66,11 +66,16 @@ pub(super) fn has_room(bytes: u64, free: u64, reusable: u64, least: u64) -> bool
 }
 
 impl Store {
+    /// The databases in the data folder: that of content first.
+    fn databases(&self) -> impl Iterator<Item = &Database> {
+        [self.inner.blobs.sqlite(), self.inner.catalog.sqlite()].into_iter().flatten()
+    }
+
     /// Refuses content that would leave too little room.
     pub(super) fn check_space(&self, bytes: u64) -> Result<(), StoreError> {
         let least = self.inner.options.least_free_bytes;
         let reusable = self.inner.reusable_bytes.load(Ordering::Relaxed);
-        match self.inner.folder.free_bytes() {
+        match self.free_bytes() {
             Some(free) if !has_room(bytes, free, reusable, least) => Err(StoreError::StorageFull {
                 detail: format!(
                     "{bytes} bytes would leave less than {least} of {free} free bytes and {reusable} reusable ones"
@@ -80,16 +85,22 @@ impl Store {
         }
     }
 
+    /// Bytes that may still be written to the file system of the data folder; `None` where there is none, or the system does not tell.
+    pub(super) fn free_bytes(&self) -> Option<u64> {
+        self.inner.folder.as_ref().and_then(DataFolder::free_bytes)
+    }
+
     /// Counts the free pages of the content anew.
     pub(super) async fn count_reusable(&self) -> Result<(), StoreError> {
-        let pages = Pages::of(&self.inner.blobs).await?;
+        let Some(blobs) = self.inner.blobs.sqlite() else { return Ok(()) };
+        let pages = Pages::of(blobs).await?;
         self.inner.reusable_bytes.store((pages.bytes * pages.free) as u64, Ordering::Relaxed);
         Ok(())
     }
 
     /// Gives free pages back to the disk, some at a time.
     pub(super) async fn give_back(&self) -> Result<(), StoreError> {
-        for database in [&self.inner.blobs, &self.inner.meta] {
+        for database in self.databases() {
             let mut given = false;
             for _ in 0..TURNS {
                 let pages = Pages::of(database).await?;
@@ -113,7 +124,7 @@ impl Store {
     /// [`StoreError::StorageFull`] where there is no such room: nothing has changed.
     pub async fn compact(&self) -> Result<Compacted, StoreError> {
         let mut compacted = Compacted { before: 0, after: 0 };
-        for database in [&self.inner.blobs, &self.inner.meta] {
+        for database in self.databases() {
             let pages = Pages::of(database).await?;
             compacted.before += pages.file_bytes();
             if pages.incremental {

@@ -42,8 +42,8 @@ async fn what_is_deleted_comes_back_to_the_disk() {
             }
         }
         assert!(stored.len() >= 5, "round {round}: {}", stored.len());
-        assert!(Pages::of(&store.inner.blobs).await.unwrap().incremental);
-        store.inner.blobs.truncate_log().await.unwrap();
+        assert!(Pages::of(store.chunks()).await.unwrap().incremental);
+        store.chunks().truncate_log().await.unwrap();
         let full = std::fs::metadata(&file).unwrap().len();
         for id in stored {
             store.delete_mesh(&id, false).await.unwrap();
@@ -66,9 +66,9 @@ async fn a_database_from_before_is_written_anew_by_compact() {
     pool.close().await;
     let store = Store::open(options(&folder)).await.unwrap();
     let id = store.add_mesh(mesh(1, 100)).await.unwrap().record.id;
-    assert!(!Pages::of(&store.inner.meta).await.unwrap().incremental);
+    assert!(!Pages::of(store.records()).await.unwrap().incremental);
     store.compact().await.unwrap();
-    assert!(Pages::of(&store.inner.meta).await.unwrap().incremental);
+    assert!(Pages::of(store.records()).await.unwrap().incremental);
     store.load_mesh(&id).await.unwrap();
     store.close().await;
     drop(store);

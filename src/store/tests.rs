@@ -19,10 +19,42 @@ use tempfile::TempDir;
 
 use super::{fault::Faults, *};
 
+#[cfg(test)]
+#[path = "shared_tests.rs"]
+mod shared;
+
 pub(super) const LEASE: Duration = Duration::from_secs(30);
 
 pub(crate) fn options(folder: &TempDir) -> StoreOptions {
-    StoreOptions { least_free_bytes: 0, ..StoreOptions::new(folder.path()) }
+    #[cfg(feature = "cluster")]
+    let shared = shared::places(folder);
+    #[cfg(not(feature = "cluster"))]
+    let shared = None;
+    StoreOptions { least_free_bytes: 0, shared, ..StoreOptions::new(folder.path()) }
+}
+
+impl Store {
+    /// The records in the data folder.
+    pub(super) fn records(&self) -> &Database {
+        self.inner.catalog.sqlite().expect("nothing is shared")
+    }
+
+    /// The content in the data folder.
+    pub(super) fn chunks(&self) -> &Database {
+        self.inner.blobs.sqlite().expect("nothing is shared")
+    }
+
+    /// Pieces of content that are kept, finished or not.
+    async fn pieces_of_content(&self) -> i64 {
+        match self.inner.blobs.sqlite() {
+            Some(chunks) => sqlx::query_scalar("SELECT COUNT(*) FROM blobs").fetch_one(chunks.reader()).await.unwrap(),
+            // What nothing refers to is condemned, what was given up has gone.
+            None => sql::query_scalar("SELECT COUNT(*) FROM blobs WHERE state <> 'gone' AND condemned_ms IS NULL")
+                .fetch_one(self.inner.catalog.reader())
+                .await
+                .unwrap(),
+        }
+    }
 }
 
 pub(super) async fn store() -> (Store, TempDir) {
@@ -142,8 +174,7 @@ async fn equal_meshes_that_arrive_at_once_are_one() {
     }
     assert_eq!(created, 1);
     assert_eq!(store.meshes(&PageRequest::default()).await.unwrap().items.len(), 1);
-    let blobs: i64 =
-        sqlx::query_scalar("SELECT COUNT(*) FROM blobs").fetch_one(store.inner.blobs.reader()).await.unwrap();
+    let blobs = store.pieces_of_content().await;
     assert_eq!(blobs, 1);
 }
 
@@ -335,8 +366,7 @@ async fn the_writes_of_a_lost_lease_change_nothing() {
     assert!(!store.finish_canceled(stale.token).await.unwrap());
     assert!(!store.release(stale.token).await.unwrap());
     assert_eq!(store.job(job).await.unwrap(), before);
-    let blobs: i64 =
-        sqlx::query_scalar("SELECT COUNT(*) FROM blobs").fetch_one(store.inner.blobs.reader()).await.unwrap();
+    let blobs = store.pieces_of_content().await;
     assert_eq!(blobs, 1, "only the mesh: what the stale worker wrote is gone");
     assert!(matches!(store.complete(fresh.token, basis(1.0, 4), vec![]).await.unwrap(), CompleteAnswer::Stored(_)));
 }
@@ -411,7 +441,7 @@ async fn a_job_that_may_have_crashed_a_server_runs_alone() {
     // The first in the queue is a suspect: nobody takes it, or another in its stead, while something runs.
     assert!(
         store
-            .claim_within("w", &[], LEASE, u64::MAX, Company { others: true, isolated: false })
+            .claim_within("w", &[], LEASE, u64::MAX, Company { others: true, ..Company::default() })
             .await
             .unwrap()
             .is_none()
@@ -487,7 +517,8 @@ async fn ranges_of_a_blob_are_exact_across_chunks() {
         let expected = content.slice(range.start as usize..range.end as usize);
         assert_eq!(store.blob_bytes(&hash, range.clone()).await.unwrap(), expected, "{range:?}");
         let streamed: Vec<Bytes> = store.blob_stream(&hash, range.clone()).map(Result::unwrap).collect().await;
-        assert!(streamed.iter().all(|piece| piece.len() <= 256 << 10));
+        let most = if store.is_shared() { 8 << 20 } else { 256 << 10 };
+        assert!(streamed.iter().all(|piece| piece.len() <= most));
         assert_eq!(streamed.concat(), expected, "{range:?}");
     }
     #[allow(clippy::reversed_empty_ranges)]
@@ -510,11 +541,11 @@ async fn a_slow_reader_keeps_no_transaction_open() {
         stream.next().await.unwrap().unwrap();
     }
     // More streams than connections stand still, and a checkpoint can still empty the whole log.
-    let row = sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").fetch_one(store.inner.blobs.reader()).await;
+    let row = sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").fetch_one(store.chunks().reader()).await;
     drop(row);
-    let mut transaction = store.inner.blobs.write().await.unwrap();
+    let mut transaction = store.chunks().write().await.unwrap();
     transaction.rollback().await.unwrap();
-    transaction = store.inner.blobs.write().await.unwrap();
+    transaction = store.chunks().write().await.unwrap();
     transaction.commit().await.unwrap();
     for stream in &mut streams {
         assert_eq!(stream.next().await.unwrap().unwrap().len(), 256 << 10);
@@ -556,11 +587,11 @@ async fn the_cache_loads_each_basis_once_and_keeps_to_its_bytes() {
 async fn damaged_content_is_told_and_not_served() {
     let (store, _folder) = store().await;
     let record = store.add_mesh(mesh(1, 900)).await.unwrap().record;
-    let mut transaction = store.inner.blobs.write().await.unwrap();
+    let mut transaction = store.chunks().write().await.unwrap();
     sqlx::query("UPDATE chunks SET data = zeroblob(length(data))").execute(transaction.on()).await.unwrap();
     transaction.commit().await.unwrap();
     assert!(matches!(store.load_mesh(&record.id).await, Err(StoreError::Damaged { .. })));
-    let mut transaction = store.inner.blobs.write().await.unwrap();
+    let mut transaction = store.chunks().write().await.unwrap();
     sqlx::query("DELETE FROM chunks").execute(transaction.on()).await.unwrap();
     transaction.commit().await.unwrap();
     assert!(matches!(store.blob_bytes(&record.content_hash, 0..10).await, Err(StoreError::Damaged { .. })));
@@ -590,7 +621,7 @@ async fn half_written_content_goes_and_leases_of_the_dead_are_reaped_at_the_star
     let orphan = Bytes::from_static(b"nothing refers to this");
     let hash = blobs::hash_of(&orphan).await.unwrap();
     first.put_blob(&hash, &orphan).await.unwrap();
-    let mut transaction = first.inner.blobs.write().await.unwrap();
+    let mut transaction = first.chunks().write().await.unwrap();
     for sql in [
         "INSERT INTO blobs (hash, bytes, chunk_bytes, state, created_ms) VALUES ('ab', 9, 262144, 'pending', 0)",
         "INSERT INTO chunks (blob, position, data) SELECT id, 0, 'half' FROM blobs WHERE hash = 'ab'",
@@ -605,7 +636,7 @@ async fn half_written_content_goes_and_leases_of_the_dead_are_reaped_at_the_star
     let second = Store::open(options(&folder)).await.unwrap();
     assert_eq!(second.blob_length(&hash).await.unwrap(), orphan.len() as u64, "an orphan has an hour");
     let counts: (i64, i64) = sqlx::query_as("SELECT (SELECT COUNT(*) FROM blobs), (SELECT COUNT(*) FROM chunks)")
-        .fetch_one(second.inner.blobs.reader())
+        .fetch_one(second.chunks().reader())
         .await
         .unwrap();
     assert_eq!(counts, (3, 3), "the mesh, the basis and the orphan, a chunk each");
@@ -637,7 +668,7 @@ async fn a_full_disk_is_told_and_leaves_nothing_half_visible() {
     }
     assert_eq!(store.meshes(&PageRequest::default()).await.unwrap().items.len(), 1);
     let chunks: i64 =
-        sqlx::query_scalar("SELECT COUNT(*) FROM chunks").fetch_one(store.inner.blobs.reader()).await.unwrap();
+        sqlx::query_scalar("SELECT COUNT(*) FROM chunks").fetch_one(store.chunks().reader()).await.unwrap();
     assert_eq!(chunks, 1, "the chunks of what did not fit are gone");
     // A result that does not fit leaves its job as it was.
     let job = store.enqueue(new_job(&small.id, "big")).await.unwrap().record.id;

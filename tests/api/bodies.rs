@@ -133,7 +133,7 @@ async fn nonsense_on_the_wire_does_no_harm() {
 
 /// Waits until an ordinary place is free: without one there is health alone, and 503 for the rest.
 async fn served_again(app: &TestApp) {
-    let client = reqwest::Client::builder().pool_max_idle_per_host(0).build().unwrap();
+    let client = crate::common::cryptography::builder().pool_max_idle_per_host(0).build().unwrap();
     let begin = Instant::now();
     while client.get(app.url("/v1/jobs")).send().await.unwrap().status() != 200 {
         assert!(begin.elapsed() < Duration::from_secs(20), "no place becomes free");
@@ -161,7 +161,7 @@ async fn a_client_that_takes_no_answer_is_let_go() {
     let sphere = chladni_mesh::shape::generate(chladni_mesh::shape::Shape::Sphere, 300_000).unwrap();
     let mut ply = Vec::new();
     chladni_mesh::write::write_ply(&sphere, None, &mut ply).unwrap();
-    let client = reqwest::Client::builder().pool_max_idle_per_host(0).build().unwrap();
+    let client = crate::common::cryptography::builder().pool_max_idle_per_host(0).build().unwrap();
     let upload = client.post(app.url("/v1/meshes?format=ply")).body(ply).send().await.unwrap();
     let mesh = crate::common::text(&upload.json::<Value>().await.unwrap()["id"]);
     // The place of the upload may not be free yet.

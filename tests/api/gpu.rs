@@ -36,7 +36,7 @@ impl Server {
         let mut line = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
         let url = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line:?}")).to_owned();
-        let server = Self { process, url, client: reqwest::Client::new(), _folder: folder };
+        let server = Self { process, url, client: crate::common::cryptography::client(), _folder: folder };
         let available = server.metric("chladni_gpu_available").await;
         assert!(available == 1 || wanted.is_empty(), "no card {card:?}");
         (available == 1).then_some(server)

@@ -103,7 +103,7 @@ async fn the_manual_is_asked_for_by_its_tags_under_the_policy_of_the_page() {
         let problem: Value = response.json().await.unwrap();
         assert!(problem["detail"].as_str().unwrap().starts_with("The manual has no page"), "{problem}");
     }
-    let client = reqwest::Client::builder().redirect(reqwest::redirect::Policy::none()).build().unwrap();
+    let client = crate::common::cryptography::builder().redirect(reqwest::redirect::Policy::none()).build().unwrap();
     let moved = client.get(app.url("/docs/guide")).send().await.unwrap();
     assert_eq!((moved.status().as_u16(), moved.headers()[LOCATION].to_str().unwrap()), (307, "guide/"));
 }

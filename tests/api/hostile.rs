@@ -105,7 +105,7 @@ async fn hoarded_connections_leave_room_for_a_probe() {
     builder.config.header_seconds = Duration::from_secs(600);
     let app = builder.start();
     let idle: Vec<TcpStream> = (0..200).map(|_| TcpStream::connect(app.address).unwrap()).collect();
-    let fresh = || reqwest::Client::builder().pool_max_idle_per_host(0).build().unwrap();
+    let fresh = || crate::common::cryptography::builder().pool_max_idle_per_host(0).build().unwrap();
     for path in ["/healthz", "/readyz", "/metrics"] {
         assert_eq!(fresh().get(app.url(path)).send().await.unwrap().status(), 200, "{path}");
     }

@@ -1,6 +1,8 @@
 //! A real server on a port of its own, for tests. Dropping it drains the server and checks that no job is left unfinished.
 #![allow(dead_code)]
 
+pub mod cryptography;
+
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -51,7 +53,7 @@ impl Builder {
         TestApp {
             address,
             state,
-            client: reqwest::Client::new(),
+            client: cryptography::client(),
             stop: Some(stop),
             server: Some(server),
             folder: Some(folder),

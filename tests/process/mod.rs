@@ -11,6 +11,9 @@ use std::{
 
 use serde_json::{Value, json};
 
+#[path = "../common/cryptography.rs"]
+pub mod cryptography;
+
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A server process of its own.
@@ -43,7 +46,7 @@ impl Server {
         let mut line = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
         let url = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line:?}")).to_owned();
-        Self { process, url, client: reqwest::Client::new() }
+        Self { process, url, client: cryptography::client() }
     }
 
     pub async fn upload(&self) -> String {

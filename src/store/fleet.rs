@@ -1,0 +1,96 @@
+//! Who takes jobs, where many processes share the records: each tells what it has, and is known for as long as it is heard of.
+
+use super::{Store, StoreError, sql};
+
+/// One that has not been heard of for so long, in milliseconds, is taken for gone.
+const SILENCE_MS: i64 = 60_000;
+
+/// What a process has for jobs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Worker {
+    /// A name that no other process has.
+    pub id: String,
+    /// The version of its solver.
+    pub solver_version: String,
+    /// Jobs that it runs at once.
+    pub seats: u64,
+    /// Threads that they share.
+    pub threads: u64,
+    /// Bytes of memory that they share.
+    pub memory_bytes: u64,
+    /// The kinds of job that it takes; all where it is empty.
+    pub kinds: Vec<String>,
+}
+
+impl Store {
+    /// Whether other processes use the same records.
+    pub fn is_shared(&self) -> bool {
+        self.inner.catalog.is_shared()
+    }
+
+    /// Says that a process takes jobs; nothing is said where it is alone. To be said again well within a minute.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`] and its kin.
+    pub async fn announce_worker(&self, worker: &Worker) -> Result<(), StoreError> {
+        if !self.is_shared() {
+            return Ok(());
+        }
+        let now_ms = self.now_ms();
+        sql::query(
+            "INSERT INTO workers (id, solver_version, seats, threads, memory_bytes, kinds, seen_ms) VALUES (?, ?, ?, ?, ?, ?, ?)
+             ON CONFLICT (id) DO UPDATE SET seen_ms = EXCLUDED.seen_ms",
+        )
+        .bind(&worker.id)
+        .bind(&worker.solver_version)
+        .bind(i64::try_from(worker.seats).unwrap_or(i64::MAX))
+        .bind(i64::try_from(worker.threads).unwrap_or(i64::MAX))
+        .bind(i64::try_from(worker.memory_bytes).unwrap_or(i64::MAX))
+        .bind(super::to_json(&worker.kinds)?)
+        .bind(now_ms)
+        .execute(self.inner.catalog.reader())
+        .await?;
+        sql::query("DELETE FROM workers WHERE seen_ms < ?")
+            .bind(now_ms - SILENCE_MS)
+            .execute(self.inner.catalog.reader())
+            .await?;
+        Ok(())
+    }
+
+    /// Says that a process takes no more jobs.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`] and its kin.
+    pub async fn dismiss_worker(&self, id: &str) -> Result<(), StoreError> {
+        if self.is_shared() {
+            sql::query("DELETE FROM workers WHERE id = ?").bind(id).execute(self.inner.catalog.reader()).await?;
+        }
+        Ok(())
+    }
+
+    /// The processes that take jobs, by their names; none where this one is alone.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`] and its kin.
+    pub async fn workers(&self) -> Result<Vec<Worker>, StoreError> {
+        if !self.is_shared() {
+            return Ok(Vec::new());
+        }
+        let rows = sql::query("SELECT * FROM workers WHERE seen_ms >= ? ORDER BY id")
+            .bind(self.now_ms() - SILENCE_MS)
+            .fetch_all(self.inner.catalog.reader())
+            .await?;
+        rows.iter()
+            .map(|row| {
+                Ok(Worker {
+                    id: row.try_get("id")?,
+                    solver_version: row.try_get("solver_version")?,
+                    seats: row.try_get::<i64, _>("seats")? as u64,
+                    threads: row.try_get::<i64, _>("threads")? as u64,
+                    memory_bytes: row.try_get::<i64, _>("memory_bytes")? as u64,
+                    kinds: super::from_json("kinds", row.try_get("kinds")?)?,
+                })
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,206 @@
+//! What processes that share the records tell each other of jobs: docs/decisions/0075.
+//!
+//! That a job is enqueued, ended or to be stopped is told by `NOTIFY`, after the commit and in a transaction of its own: one that notifies takes a lock
+//! of the whole server when it commits. Each process listens on one connection. Behind it, once a second, it looks at the jobs that run or have changed
+//! lately: progress is heard of that way, and whatever was not heard otherwise.
+
+use std::{
+    collections::HashMap,
+    sync::{Mutex, PoisonError, Weak},
+    time::Duration,
+};
+
+use sqlx::postgres::PgListener;
+use tokio::{sync::mpsc, task::JoinHandle};
+use uuid::Uuid;
+
+use super::{Inner, JobEvent, JobStatus, Store, StoreError, jobs, sql};
+
+/// The channel of the database.
+const CHANNEL: &str = "chladni_jobs";
+/// A message of PostgreSQL has 8000 bytes at most.
+const MOST_MESSAGE_BYTES: usize = 7000;
+/// How often a process looks for itself.
+const LOOK: Duration = Duration::from_secs(1);
+/// Pause before a lost connection is tried anew.
+const PAUSE: Duration = Duration::from_secs(1);
+/// A look goes back so far, in milliseconds: several looks may fail.
+const LATELY_MS: i64 = 10_000;
+/// Jobs whose revisions are remembered; beyond, those that do not run are forgotten.
+const MOST_REMEMBERED: usize = 10_000;
+
+/// What was heard of jobs, and what is to be told.
+#[derive(Debug)]
+pub(super) struct Hearing {
+    revisions: Mutex<HashMap<Uuid, i64>>,
+    told: mpsc::UnboundedSender<JobEvent>,
+    tasks: Vec<JoinHandle<()>>,
+}
+
+impl Drop for Hearing {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+impl Hearing {
+    /// Begins to tell, to listen and to look, for as long as the store lives.
+    pub fn start(store: Weak<Inner>) -> Self {
+        let (told, telling) = mpsc::unbounded_channel();
+        let tasks = vec![
+            tokio::spawn(tell(store.clone(), telling)),
+            tokio::spawn(listen(store.clone())),
+            tokio::spawn(look(store)),
+        ];
+        Self { revisions: Mutex::default(), told, tasks }
+    }
+
+    /// Whether a change is news: each is told once here, by whichever way it is heard of first.
+    fn is_news(&self, event: &JobEvent) -> bool {
+        let mut revisions = self.revisions.lock().unwrap_or_else(PoisonError::into_inner);
+        if revisions.len() >= MOST_REMEMBERED && !revisions.contains_key(&event.job) {
+            // Some may be told twice then, which is no harm.
+            revisions.clear();
+        }
+        let known = revisions.entry(event.job).or_insert(i64::MIN);
+        std::mem::replace(known, event.revision.max(*known)) < event.revision
+    }
+
+    /// Tells the other processes of a change of this one.
+    pub fn tell(&self, event: &JobEvent) {
+        self.is_news(event);
+        // A claim and progress are looked for by those who want to know.
+        if event.status != JobStatus::Processing || event.cancel_requested {
+            let _ = self.told.send(event.clone());
+        }
+    }
+
+    /// Ends it.
+    pub fn stop(&self) {
+        self.tasks.iter().for_each(JoinHandle::abort);
+    }
+}
+
+async fn tell(store: Weak<Inner>, mut telling: mpsc::UnboundedReceiver<JobEvent>) {
+    let mut events = Vec::new();
+    while telling.recv_many(&mut events, 64).await > 0 {
+        let Some(inner) = store.upgrade() else { return };
+        let mut message = String::new();
+        for event in events.drain(..) {
+            let line = written(&event);
+            if message.len() + line.len() >= MOST_MESSAGE_BYTES {
+                send(&inner, std::mem::take(&mut message)).await;
+            }
+            message.push_str(&line);
+        }
+        send(&inner, message).await;
+    }
+}
+
+async fn send(inner: &Inner, message: String) {
+    let sent = sql::query("SELECT 1 FROM (SELECT pg_notify(?, ?)) AS told").bind(CHANNEL).bind(message);
+    if let Err(error) = sent.fetch_optional(inner.catalog.reader()).await {
+        tracing::debug!(%error, "other processes hear of a change a second later");
+    }
+}
+
+async fn listen(store: Weak<Inner>) {
+    loop {
+        if let Err(error) = listen_once(&store).await {
+            tracing::warn!(%error, "changes of other processes are heard of once a second until the database answers");
+        }
+        if store.strong_count() == 0 {
+            return;
+        }
+        tokio::time::sleep(PAUSE).await;
+    }
+}
+
+async fn listen_once(store: &Weak<Inner>) -> Result<(), StoreError> {
+    let mut listener: PgListener = {
+        let Some(inner) = store.upgrade() else { return Ok(()) };
+        let Some(postgres) = inner.catalog.postgres() else { return Ok(()) };
+        postgres.listener(CHANNEL).await?
+    };
+    // `None` where the connection was lost: what was told meanwhile is found by looking.
+    while let Some(notification) = listener.try_recv().await? {
+        let Some(inner) = store.upgrade() else { return Ok(()) };
+        let store = Store { inner };
+        notification.payload().lines().filter_map(read).for_each(|event| store.hear(event));
+    }
+    Ok(())
+}
+
+async fn look(store: Weak<Inner>) {
+    let mut every = tokio::time::interval(LOOK);
+    every.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+    loop {
+        every.tick().await;
+        let Some(inner) = store.upgrade() else { return };
+        if let Err(error) = (Store { inner }).look_at_jobs().await {
+            tracing::debug!(%error, "jobs could not be looked at");
+        }
+    }
+}
+
+impl Store {
+    /// Tells listeners of this process of a change that another one made.
+    fn hear(&self, event: JobEvent) {
+        if self.inner.hearing.get().is_none_or(|hearing| hearing.is_news(&event)) {
+            self.tell_here(event);
+        }
+    }
+
+    async fn look_at_jobs(&self) -> Result<(), StoreError> {
+        let since_ms = self.now_ms() - LATELY_MS;
+        let rows = sql::query(
+            "SELECT id, revision, status, cancel_requested FROM jobs WHERE status = 'processing' OR finished_ms > ?1
+                OR (status = 'enqueued' AND enqueued_ms > ?1)",
+        )
+        .bind(since_ms)
+        .fetch_all(self.inner.catalog.reader())
+        .await?;
+        for row in &rows {
+            self.hear(JobEvent {
+                job: jobs::uuid_column(row, "id")?,
+                revision: row.try_get("revision")?,
+                status: jobs::status_column(row)?,
+                cancel_requested: row.try_get("cancel_requested")?,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// One line of a message.
+fn written(event: &JobEvent) -> String {
+    let cancel = i32::from(event.cancel_requested);
+    format!("{} {} {} {cancel}\n", event.job, event.revision, event.status)
+}
+
+/// Reads what [`written`] wrote. What another version says beside it is passed over.
+fn read(line: &str) -> Option<JobEvent> {
+    let mut words = line.split(' ');
+    Some(JobEvent {
+        job: Uuid::try_parse(words.next()?).ok()?,
+        revision: words.next()?.parse().ok()?,
+        status: words.next()?.parse().ok()?,
+        cancel_requested: words.next()? == "1",
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_are_read_as_they_were_written() {
+        for (status, cancel_requested) in [(JobStatus::Enqueued, false), (JobStatus::Processing, true)] {
+            let event = JobEvent { job: Uuid::now_v7(), revision: 7, status, cancel_requested };
+            assert_eq!(read(written(&event).trim_end()), Some(event));
+        }
+        for bad in ["", "x 1 enqueued 0", "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2 1 soon 0"] {
+            assert_eq!(read(bad), None, "{bad}");
+        }
+    }
+}

@@ -1,0 +1,437 @@
+//! Content in an object store that many processes share: docs/decisions/0074.
+//!
+//! Every piece of content is an object of its own, under a key that nobody else uses and that is never written again. The row in the shared database
+//! says which object holds what, and whether it is to be seen: an object of a worker that lost its lease, or of an upload that was cut, never is.
+
+use std::{
+    fmt,
+    sync::{Arc, Once},
+};
+
+use bytes::{Bytes, BytesMut};
+use futures_util::StreamExt;
+use object_store::{
+    MultipartUpload, ObjectStore, ObjectStoreExt, PutPayload,
+    aws::{AmazonS3Builder, Checksum},
+    local::LocalFileSystem,
+    path::Path,
+    prefix::PrefixStore,
+};
+use sqlx::{PgPool, Row};
+use uuid::Uuid;
+
+use super::{
+    StoreError,
+    blobs::{BlobPlace, CHUNK_BYTES},
+    orphans::{Look, REPRIEVE_MS},
+};
+
+/// Bytes of one part of an upload; S3 wants 5 MiB at least.
+const PART_BYTES: usize = 8 << 20;
+/// Chunks that are read at once: bytes of one request.
+const CHUNKS_AT_ONCE: u64 = 32;
+/// Bytes of a BLAKE3 hash.
+const HASH_BYTES: u64 = 32;
+/// Objects that are deleted in one look.
+const DELETED_AT_ONCE: i64 = 1000;
+
+/// Whether a mesh or a basis has the content of a row of `blobs`.
+const REFERENCED: &str = "(EXISTS (SELECT 1 FROM meshes WHERE meshes.content_hash = blobs.hash)
+    OR EXISTS (SELECT 1 FROM bases WHERE bases.content_hash = blobs.hash))";
+
+/// The objects, and the rows that know them.
+pub(super) struct Objects {
+    pub(super) store: Arc<dyn ObjectStore>,
+    pub(super) pool: PgPool,
+}
+
+impl fmt::Debug for Objects {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "Objects({})", self.store)
+    }
+}
+
+/// An object that is being written.
+pub(super) struct Upload {
+    id: i64,
+    path: Path,
+    /// Where there is more than one part.
+    parts: Option<Box<dyn MultipartUpload>>,
+    piece: BytesMut,
+    hashes: Vec<u8>,
+    bytes: u64,
+}
+
+/// What came of finishing an upload.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Finished {
+    Ready,
+    /// Equal content became ready meanwhile.
+    Raced,
+}
+
+impl Objects {
+    /// Opens the store at an address: `s3://BUCKET/PREFIX`, with keys, region and endpoint from the usual variables `AWS_…`, or `file:///FOLDER`, a
+    /// folder that every process sees.
+    pub fn open(address: &str, pool: PgPool) -> Result<Self, StoreError> {
+        let refuse =
+            |detail: String| StoreError::Unavailable { detail: format!("the object store {address}: {detail}") };
+        if let Some(folder) = address.strip_prefix("file://") {
+            std::fs::create_dir_all(folder).map_err(|source| StoreError::Folder { path: folder.to_owned(), source })?;
+            let local = LocalFileSystem::new_with_prefix(folder).map_err(|error| refuse(error.to_string()))?;
+            return Ok(Self { store: Arc::new(local.with_fsync(true)), pool });
+        }
+        let Some(place) = address.strip_prefix("s3://") else {
+            return Err(refuse("an address begins with s3:// or file://".to_owned()));
+        };
+        let (bucket, prefix) = place.split_once('/').unwrap_or((place, ""));
+        install_cryptography();
+        let store = AmazonS3Builder::from_env()
+            .with_bucket_name(bucket)
+            .with_checksum_algorithm(Checksum::SHA256)
+            .build()
+            .map_err(|error| refuse(error.to_string()))?;
+        let prefix = prefix.trim_matches('/');
+        let store: Arc<dyn ObjectStore> =
+            if prefix.is_empty() { Arc::new(store) } else { Arc::new(PrefixStore::new(store, prefix)) };
+        Ok(Self { store, pool })
+    }
+
+    /// Where ready content lies.
+    pub async fn place(&self, hash: &str) -> Result<Option<BlobPlace>, StoreError> {
+        let row = sqlx::query("SELECT id, bytes, chunk_bytes FROM blobs WHERE hash = $1 AND state = 'ready'")
+            .bind(hash)
+            .fetch_optional(&self.pool)
+            .await?;
+        row.map(|row| {
+            Ok(BlobPlace {
+                id: row.try_get("id")?,
+                bytes: row.try_get::<i64, _>("bytes")? as u64,
+                chunk_bytes: row.try_get::<i64, _>("chunk_bytes")? as u64,
+            })
+        })
+        .transpose()
+    }
+
+    /// Bytes from `at` on, up to `end`, of one request at most: at least one, and verified. Where they are not what was written, that is said in words;
+    /// `None` where the content is not there any more.
+    pub async fn piece(
+        &self,
+        place: BlobPlace,
+        at: u64,
+        end: u64,
+    ) -> Result<Option<Result<Bytes, String>>, StoreError> {
+        let chunk = place.chunk_bytes;
+        let first = at / chunk;
+        let last = (end.max(at + 1) - 1).div_euclid(chunk).min(first + CHUNKS_AT_ONCE - 1);
+        let row = sqlx::query(
+            "SELECT object, substring(chunk_hashes FROM $2 FOR $3) AS hashes FROM blobs WHERE id = $1 AND state = 'ready'",
+        )
+        .bind(place.id)
+        .bind((first * HASH_BYTES) as i32 + 1)
+        .bind(((last - first + 1) * HASH_BYTES) as i32)
+        .fetch_optional(&self.pool)
+        .await?;
+        let Some(row) = row else { return Ok(None) };
+        let (path, hashes): (String, Vec<u8>) = (row.try_get("object")?, row.try_get("hashes")?);
+        let range = first * chunk..((last + 1) * chunk).min(place.bytes);
+        let bytes = match self.store.get_range(&Path::from(path), range.clone()).await {
+            Ok(bytes) => bytes,
+            Err(object_store::Error::NotFound { .. }) => return Ok(Some(Err("is missing".to_owned()))),
+            Err(error) => return Err(unavailable(&error)),
+        };
+        if bytes.len() as u64 != range.end - range.start {
+            return Ok(Some(Err("is short or long".to_owned())));
+        }
+        let whole = bytes.clone();
+        let right = super::blobs::blocking(move || {
+            let mut chunks = whole.chunks(chunk as usize).zip(hashes.as_chunks::<32>().0);
+            hashes.len() == HASH_BYTES as usize * whole.len().div_ceil(chunk as usize)
+                && chunks.all(|(chunk, hash)| blake3::hash(chunk).as_bytes() == hash)
+        })
+        .await?;
+        if !right {
+            return Ok(Some(Err("hashes to another value".to_owned())));
+        }
+        Ok(Some(Ok(bytes.slice((at - range.start) as usize..(end.min(range.end) - range.start) as usize))))
+    }
+
+    /// The hash of an object and its bytes, read from beginning to end.
+    pub async fn hash(&self, id: i64) -> Result<(String, u64), StoreError> {
+        let path = self.path(id).await?;
+        let missing = |error: object_store::Error| match error {
+            object_store::Error::NotFound { .. } => StoreError::Corrupt { detail: "its object is missing".to_owned() },
+            error => unavailable(&error),
+        };
+        let mut stream = self.store.get(&path).await.map_err(missing)?.into_stream();
+        let mut hasher = blake3::Hasher::new();
+        while let Some(bytes) = stream.next().await {
+            let bytes = bytes.map_err(missing)?;
+            hasher = super::blobs::blocking(move || {
+                hasher.update(&bytes);
+                hasher
+            })
+            .await?;
+        }
+        Ok((hasher.finalize().to_hex().to_string(), hasher.count()))
+    }
+
+    /// Whether an object is there and has so many bytes. The store has verified each of its parts when it took them.
+    pub async fn is_there(&self, place: BlobPlace) -> Result<bool, StoreError> {
+        match self.store.head(&self.path(place.id).await?).await {
+            Ok(found) => Ok(found.size == place.bytes),
+            Err(object_store::Error::NotFound { .. }) => Ok(false),
+            Err(error) => Err(unavailable(&error)),
+        }
+    }
+
+    async fn path(&self, id: i64) -> Result<Path, StoreError> {
+        let object: Option<String> =
+            sqlx::query_scalar("SELECT object FROM blobs WHERE id = $1").bind(id).fetch_optional(&self.pool).await?;
+        object.map(Path::from).ok_or_else(|| StoreError::Corrupt { detail: "its row is gone".to_owned() })
+    }
+
+    /// Begins an upload. Its row comes first, so that what a crash leaves is known.
+    pub async fn begin(&self, hash: &str, bytes: u64, now_ms: i64) -> Result<Upload, StoreError> {
+        let object = format!("b/{}", Uuid::now_v7());
+        let id = sqlx::query_scalar(
+            "INSERT INTO blobs (hash, bytes, chunk_bytes, state, created_ms, touched_ms, object)
+             VALUES ($1, $2, $3, 'pending', $4, $4, $5) RETURNING id",
+        )
+        .bind(hash)
+        .bind(bytes as i64)
+        .bind(CHUNK_BYTES as i64)
+        .bind(now_ms)
+        .bind(&object)
+        .fetch_one(&self.pool)
+        .await?;
+        Ok(Upload { id, path: Path::from(object), parts: None, piece: BytesMut::new(), hashes: Vec::new(), bytes: 0 })
+    }
+
+    /// Writes chunks, all but the last of the content of the full size.
+    pub async fn write(&self, upload: &mut Upload, chunks: &[Bytes], now_ms: i64) -> Result<(), StoreError> {
+        for chunk in chunks {
+            upload.hashes.extend_from_slice(blake3::hash(chunk).as_bytes());
+            upload.piece.extend_from_slice(chunk);
+            upload.bytes += chunk.len() as u64;
+            // The last part is written at the end: where it is the only one, it is an object by itself.
+            if upload.piece.len() >= PART_BYTES {
+                self.write_part(upload).await?;
+                let touched = sqlx::query("UPDATE blobs SET touched_ms = $1 WHERE id = $2 AND state = 'pending'")
+                    .bind(now_ms)
+                    .bind(upload.id)
+                    .execute(&self.pool)
+                    .await?;
+                if touched.rows_affected() == 0 {
+                    return Err(StoreError::Unavailable {
+                        detail: "the upload took too long and was given up".to_owned(),
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    async fn write_part(&self, upload: &mut Upload) -> Result<(), StoreError> {
+        let parts = match &mut upload.parts {
+            Some(parts) => parts,
+            None => {
+                let parts = self.store.put_multipart(&upload.path).await.map_err(|error| unavailable(&error))?;
+                upload.parts.insert(parts)
+            }
+        };
+        let piece = PutPayload::from_bytes(upload.piece.split().freeze());
+        parts.put_part(piece).await.map_err(|error| unavailable(&error))
+    }
+
+    /// Ends an upload, and makes the content ready under its hash in the place of a damaged one.
+    pub async fn finish(
+        &self,
+        upload: &mut Upload,
+        hash: &str,
+        bytes: u64,
+        damaged: Option<i64>,
+        now_ms: i64,
+    ) -> Result<(), StoreError> {
+        if upload.bytes != bytes {
+            return Err(StoreError::Corrupt { detail: format!("{} of {bytes} bytes were written", upload.bytes) });
+        }
+        if upload.parts.is_some() {
+            if !upload.piece.is_empty() {
+                self.write_part(upload).await?;
+            }
+            if let Some(parts) = &mut upload.parts {
+                parts.complete().await.map_err(|error| unavailable(&error))?;
+            }
+        } else {
+            let whole = PutPayload::from_bytes(upload.piece.split().freeze());
+            self.store.put(&upload.path, whole).await.map_err(|error| unavailable(&error))?;
+        }
+        upload.parts = None;
+        let found = self.store.head(&upload.path).await.map_err(|error| unavailable(&error))?.size;
+        if found != bytes {
+            return Err(StoreError::Corrupt { detail: format!("the object has {found} of {bytes} bytes") });
+        }
+        for _ in 0..3 {
+            if self.make_ready(upload, hash, damaged, now_ms).await? == Finished::Ready {
+                return Ok(());
+            }
+        }
+        Err(StoreError::Busy { detail: format!("content {hash} comes and goes") })
+    }
+
+    async fn make_ready(
+        &self,
+        upload: &mut Upload,
+        hash: &str,
+        damaged: Option<i64>,
+        now_ms: i64,
+    ) -> Result<Finished, StoreError> {
+        let mut transaction = self.pool.begin().await?;
+        if let Some(damaged) = damaged {
+            sqlx::query("UPDATE blobs SET state = 'gone', touched_ms = $2 WHERE id = $1")
+                .bind(damaged)
+                .bind(now_ms)
+                .execute(&mut *transaction)
+                .await?;
+        }
+        let other: Option<i64> =
+            sqlx::query_scalar("UPDATE blobs SET condemned_ms = NULL WHERE hash = $1 AND state = 'ready' RETURNING id")
+                .bind(hash)
+                .fetch_optional(&mut *transaction)
+                .await?;
+        let made = sqlx::query(match other {
+            // Someone else wrote the same content meanwhile.
+            Some(_) => {
+                "UPDATE blobs SET state = 'gone', hash = $2, bytes = $3, chunk_hashes = $4 WHERE id = $1 AND state = 'pending'"
+            }
+            None => {
+                "UPDATE blobs SET state = 'ready', hash = $2, bytes = $3, chunk_hashes = $4 WHERE id = $1 AND state = 'pending'"
+            }
+        })
+        .bind(upload.id)
+        .bind(hash)
+        .bind(upload.bytes as i64)
+        .bind(&upload.hashes)
+        .execute(&mut *transaction)
+        .await;
+        match made {
+            Ok(made) if made.rows_affected() == 0 => {
+                Err(StoreError::Unavailable { detail: "the upload took too long and was given up".to_owned() })
+            }
+            Ok(_) => {
+                transaction.commit().await?;
+                Ok(Finished::Ready)
+            }
+            Err(sqlx::Error::Database(error)) if error.is_unique_violation() => Ok(Finished::Raced),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Gives an upload up.
+    pub async fn abandon(&self, upload: &mut Upload) {
+        if let Some(mut parts) = upload.parts.take() {
+            let _ = parts.abort().await;
+        }
+        // What cannot be cleared now is collected later.
+        let _ = sqlx::query("UPDATE blobs SET state = 'gone' WHERE id = $1 AND state = 'pending'")
+            .bind(upload.id)
+            .execute(&self.pool)
+            .await;
+    }
+
+    /// Keeps content that is about to be referred to. False where it is not there.
+    pub async fn pardon(&self, hash: &str) -> Result<bool, StoreError> {
+        let pardoned = sqlx::query("UPDATE blobs SET condemned_ms = NULL WHERE hash = $1 AND state = 'ready'")
+            .bind(hash)
+            .execute(&self.pool)
+            .await?;
+        Ok(pardoned.rows_affected() > 0)
+    }
+
+    /// Condemns content that nothing refers to any more, of that given.
+    pub async fn condemn(&self, hashes: &[String], now_ms: i64) -> Result<(), StoreError> {
+        let sql = format!(
+            "UPDATE blobs SET condemned_ms = $1
+             WHERE hash = ANY($2) AND state = 'ready' AND condemned_ms IS NULL AND NOT {REFERENCED}"
+        );
+        sqlx::query(sqlx::AssertSqlSafe(sql)).bind(now_ms).bind(hashes).execute(&self.pool).await?;
+        Ok(())
+    }
+
+    /// Bytes of all ready content but what is condemned.
+    pub async fn all_bytes(&self) -> Result<u64, StoreError> {
+        let bytes: i64 = sqlx::query_scalar(
+            "SELECT CAST(COALESCE(SUM(bytes), 0) AS BIGINT) FROM blobs WHERE state = 'ready' AND condemned_ms IS NULL",
+        )
+        .fetch_one(&self.pool)
+        .await?;
+        Ok(bytes as u64)
+    }
+
+    /// Every ready piece of content: its identifier, its hash and its bytes.
+    pub async fn all(&self) -> Result<Vec<(i64, String, u64)>, StoreError> {
+        let rows = sqlx::query("SELECT id, hash, bytes FROM blobs WHERE state = 'ready' ORDER BY id")
+            .fetch_all(&self.pool)
+            .await?;
+        rows.iter()
+            .map(|row| Ok((row.try_get("id")?, row.try_get("hash")?, row.try_get::<i64, _>("bytes")? as u64)))
+            .collect()
+    }
+
+    /// Condemns what nothing refers to, pardons what is referred to again, gives up uploads that have not moved for an hour, and deletes objects that
+    /// were condemned an hour ago and still have nothing that refers to them. Several processes may look at once: each statement decides by itself,
+    /// and content that is put again is pardoned under the lock of its row, so that it is either kept or written anew.
+    pub async fn look(&self, now_ms: i64) -> Result<Look, StoreError> {
+        let before_ms = now_ms - REPRIEVE_MS;
+        let pardon = format!("UPDATE blobs SET condemned_ms = NULL WHERE condemned_ms IS NOT NULL AND {REFERENCED}");
+        sqlx::query(sqlx::AssertSqlSafe(pardon)).execute(&self.pool).await?;
+        let condemn = format!(
+            "UPDATE blobs SET condemned_ms = $1
+             WHERE state = 'ready' AND (condemned_ms IS NULL OR condemned_ms > $1) AND NOT {REFERENCED}"
+        );
+        let condemned = sqlx::query(sqlx::AssertSqlSafe(condemn)).bind(now_ms).execute(&self.pool).await?;
+        let delete = format!(
+            "UPDATE blobs SET state = 'gone', touched_ms = $1
+             WHERE (state = 'ready' AND condemned_ms <= $2 AND NOT {REFERENCED}) OR (state = 'pending' AND touched_ms <= $2)"
+        );
+        sqlx::query(sqlx::AssertSqlSafe(delete)).bind(now_ms).bind(before_ms).execute(&self.pool).await?;
+        Ok(Look { condemned: condemned.rows_affected(), deleted: self.delete_gone().await? })
+    }
+
+    async fn delete_gone(&self) -> Result<u64, StoreError> {
+        let rows = sqlx::query("SELECT id, object FROM blobs WHERE state = 'gone' ORDER BY touched_ms LIMIT $1")
+            .bind(DELETED_AT_ONCE)
+            .fetch_all(&self.pool)
+            .await?;
+        let mut deleted = 0;
+        for row in rows {
+            let (id, object): (i64, String) = (row.try_get("id")?, row.try_get("object")?);
+            match self.store.delete(&Path::from(object)).await {
+                Ok(()) | Err(object_store::Error::NotFound { .. }) => {}
+                Err(error) => return Err(unavailable(&error)),
+            }
+            sqlx::query("DELETE FROM blobs WHERE id = $1 AND state = 'gone'").bind(id).execute(&self.pool).await?;
+            deleted += 1;
+        }
+        Ok(deleted)
+    }
+
+    /// Where the objects are, for people; without keys.
+    pub fn name(&self) -> String {
+        self.store.to_string()
+    }
+}
+
+/// What encrypts connections to the store: the library that those to the database use as well.
+fn install_cryptography() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        // One that is there already serves as well.
+        let _ = rustls::crypto::ring::default_provider().install_default();
+    });
+}
+
+fn unavailable(error: &object_store::Error) -> StoreError {
+    StoreError::Unavailable { detail: format!("the object store: {error}") }
+}

@@ -1,0 +1,444 @@
+//! The same promises where the records are in a PostgreSQL and the content in an object store, and what is promised there alone.
+#![cfg(feature = "cluster")]
+
+use std::cell::Cell;
+
+use object_store::{ObjectStoreExt, path::Path};
+
+use super::*;
+
+#[path = "../../tests/common/postgres.rs"]
+mod server;
+
+thread_local! {
+    /// Whether stores of the test on this thread share their records. A test opens its stores on the thread that it began on.
+    static SHARING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Where the stores of a folder share what they have, in a test of sharing.
+pub(super) fn places(folder: &TempDir) -> Option<SharedPlaces> {
+    let server = server::server().filter(|_| SHARING.get())?;
+    Some(SharedPlaces {
+        database: server.database_of(folder.path()),
+        objects: format!("file://{}", folder.path().join("objects").display()),
+    })
+}
+
+/// Runs a test whose stores share their records.
+fn sharing(test: fn()) {
+    if server::server().is_none() {
+        return;
+    }
+    SHARING.set(true);
+    let ended = std::panic::catch_unwind(test);
+    SHARING.set(false);
+    if let Err(reason) = ended {
+        std::panic::resume_unwind(reason);
+    }
+}
+
+/// Tests that look at files of a data folder, or at what only one process in it can be promised.
+const OF_A_FOLDER: &[&str] = &[
+    "a_job_that_may_have_crashed_a_server_runs_alone",
+    "a_slow_reader_keeps_no_transaction_open",
+    "damaged_content_is_told_and_not_served",
+    "half_written_content_goes_and_leases_of_the_dead_are_reaped_at_the_start",
+    "a_folder_serves_one_store_at_a_time",
+    "a_full_disk_is_told_and_leaves_nothing_half_visible",
+    "a_locked_database_is_busy_and_loses_nothing",
+    "faults_are_read_and_refused",
+];
+
+macro_rules! both {
+    ($($name:ident),* $(,)?) => {
+        const OF_BOTH: &[&str] = &[$(stringify!($name)),*];
+        $(
+            #[test]
+            fn $name() {
+                sharing(super::$name);
+            }
+        )*
+    };
+}
+
+both!(
+    a_mesh_is_stored_once_and_comes_back_whole,
+    equal_meshes_that_arrive_at_once_are_one,
+    a_mesh_in_use_is_deleted_only_with_what_uses_it,
+    a_job_goes_from_enqueued_to_its_basis,
+    four_workers_claim_each_job_exactly_once,
+    urgent_jobs_come_first_and_equals_in_order,
+    equal_work_is_done_once,
+    an_idempotency_key_stands_for_one_request,
+    the_writes_of_a_lost_lease_change_nothing,
+    attempts_are_bounded_and_pauses_grow,
+    a_clock_that_goes_back_holds_no_job,
+    a_job_is_cancelled_at_once_or_at_its_end,
+    pages_are_stable_while_rows_arrive,
+    ranges_of_a_blob_are_exact_across_chunks,
+    the_cache_loads_each_basis_once_and_keeps_to_its_bytes,
+    a_large_job_is_waited_for_and_not_overtaken,
+    the_queue_has_an_end,
+    a_caller_that_goes_away_breaks_nothing,
+    any_walk_through_the_calls_keeps_the_invariants,
+);
+
+#[test]
+fn every_test_of_the_store_is_one_of_both_or_of_a_folder() {
+    let mut names: Vec<&str> = Vec::new();
+    let mut lines = include_str!("tests.rs").lines();
+    while let Some(line) = lines.next() {
+        if line.starts_with("#[tokio::test") || line == "#[test]" {
+            let line = lines.next().unwrap();
+            names.push(line.trim_start_matches("async ").trim_start_matches("fn ").trim_end_matches("() {"));
+        }
+    }
+    let mut listed: Vec<&str> = OF_BOTH.iter().chain(OF_A_FOLDER).copied().collect();
+    names.sort_unstable();
+    listed.sort_unstable();
+    assert_eq!(names, listed);
+}
+
+async fn pair(folder: &TempDir) -> (Store, Store) {
+    (Store::open(options(folder)).await.unwrap(), Store::open(options(folder)).await.unwrap())
+}
+
+#[test]
+fn the_tables_of_both_databases_have_the_same_columns() {
+    sharing(columns);
+}
+
+#[tokio::main(flavor = "current_thread")]
+async fn columns() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(options(&folder)).await.unwrap();
+    let other = tempfile::tempdir().unwrap();
+    let own = Store::open(StoreOptions { shared: None, ..options(&other) }).await.unwrap();
+    for table in ["meshes", "jobs", "idempotency_keys", "bases", "health"] {
+        let theirs = sql::query(
+            "SELECT column_name, data_type, CAST(CASE WHEN is_nullable = 'YES' THEN 0 ELSE 1 END AS BIGINT) AS needed
+             FROM information_schema.columns WHERE table_name = ? ORDER BY column_name",
+        );
+        let theirs = theirs.bind(table).fetch_all(store.inner.catalog.reader()).await.unwrap();
+        let theirs: Vec<(String, &str, bool)> = theirs
+            .iter()
+            .map(|row| {
+                let kind = match row.try_get::<&str, _>("data_type").unwrap() {
+                    "bigint" => "INTEGER",
+                    "text" => "TEXT",
+                    "double precision" => "REAL",
+                    "bytea" => "BLOB",
+                    other => panic!("{table}: {other}"),
+                };
+                (row.try_get("column_name").unwrap(), kind, row.try_get("needed").unwrap())
+            })
+            .collect();
+        // SQLite does not say of primary keys that they are never null.
+        let ours =
+            sql::query("SELECT name, type, max(\"notnull\", pk > 0) AS needed FROM pragma_table_info(?) ORDER BY name");
+        let ours = ours.bind(table).fetch_all(own.inner.catalog.reader()).await.unwrap();
+        let ours: Vec<(String, &str, bool)> = ours
+            .iter()
+            .map(|row| {
+                let kind = row.try_get("type").unwrap();
+                (row.try_get("name").unwrap(), kind, row.try_get("needed").unwrap())
+            })
+            .collect();
+        assert!(ours.len() > 1 && ours == theirs, "{table}:\n{ours:?}\n{theirs:?}");
+    }
+}
+
+#[test]
+fn sixteen_claimers_of_four_processes_never_take_a_job_twice() {
+    sharing(sixteen_claimers);
+}
+
+#[tokio::main(flavor = "multi_thread", worker_threads = 4)]
+async fn sixteen_claimers() {
+    const JOBS: usize = 300;
+    let folder = tempfile::tempdir().unwrap();
+    let mut stores = Vec::new();
+    for _ in 0..4 {
+        stores.push(Store::open(options(&folder)).await.unwrap());
+    }
+    let id = stores[0].add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    for job in 0..JOBS {
+        stores[job % 4].enqueue(new_job(&id, &format!("w{job}"))).await.unwrap();
+    }
+    let begun = std::time::Instant::now();
+    let claimers = (0..16).map(|claimer| {
+        let store = stores[claimer % 4].clone();
+        tokio::spawn(async move {
+            let (mut mine, mut waited) = (Vec::new(), Vec::new());
+            loop {
+                let asked = std::time::Instant::now();
+                let Some(claim) = store.claim(&format!("{claimer}"), &[], LEASE).await.unwrap() else { break };
+                waited.push(asked.elapsed());
+                assert_eq!(claim.job.attempt, 1);
+                mine.push(claim.job.id);
+                let ended = store.fail(claim.token, &problem(), false).await.unwrap();
+                assert_eq!(ended, FailAnswer::Finished(JobStatus::Failed));
+            }
+            (mine, waited)
+        })
+    });
+    let (mut claimed, mut waited) = (Vec::new(), Vec::new());
+    for claimer in claimers.collect::<Vec<_>>() {
+        let (mine, times) = claimer.await.unwrap();
+        claimed.extend(mine);
+        waited.extend(times);
+    }
+    waited.sort_unstable();
+    println!(
+        "{:.0} jobs/s, claims p50 {:?}, p99 {:?}",
+        JOBS as f64 / begun.elapsed().as_secs_f64(),
+        waited[waited.len() / 2],
+        waited[waited.len() * 99 / 100]
+    );
+    assert_eq!(claimed.len(), JOBS);
+    assert_eq!(claimed.into_iter().collect::<HashSet<_>>().len(), JOBS);
+}
+
+#[test]
+fn equal_work_that_arrives_at_several_servers_at_once_is_one_job() {
+    sharing(equal_work_at_once);
+}
+
+#[tokio::main(flavor = "multi_thread", worker_threads = 4)]
+async fn equal_work_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let (one, two) = pair(&folder).await;
+    let id = one.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    for round in 0..20 {
+        let asks: Vec<_> = (0..12)
+            .map(|ask| {
+                let store = if ask % 2 == 0 { one.clone() } else { two.clone() };
+                let key = IdempotencyKey { key: format!("k{round}"), request_hash: "r".to_owned() };
+                // Some with a key, which comes back as well.
+                let idempotency = (ask % 3 == 0).then_some(key);
+                let new = NewJob { idempotency, ..new_job(&id, &format!("w{round}")) };
+                tokio::spawn(async move { store.enqueue(new).await.unwrap() })
+            })
+            .collect();
+        let (mut jobs, mut created) = (HashSet::new(), 0);
+        for ask in asks {
+            let enqueued = ask.await.unwrap();
+            jobs.insert(enqueued.record.id);
+            created += usize::from(enqueued.outcome == EnqueueOutcome::Created);
+        }
+        assert_eq!((jobs.len(), created), (1, 1), "round {round}");
+    }
+}
+
+#[test]
+fn opening_takes_nothing_from_others() {
+    sharing(opening);
+}
+
+#[tokio::main(flavor = "current_thread")]
+async fn opening() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = Store::open(options(&folder)).await.unwrap();
+    let id = first.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    first.enqueue(new_job(&id, "w")).await.unwrap();
+    let claim = first.claim("one", &[], LEASE).await.unwrap().unwrap();
+    // An upload that is under way, and content that nothing refers to yet.
+    let upload = Bytes::from_static(b"nothing refers to this yet");
+    let hash = blobs::hash_of(&upload).await.unwrap();
+    first.put_blob(&hash, &upload).await.unwrap();
+    let second = Store::open(options(&folder)).await.unwrap();
+    assert!(second.reap().await.unwrap().is_empty());
+    assert_eq!(second.blob_bytes(&hash, 0..upload.len() as u64).await.unwrap(), upload);
+    assert!(second.claim("two", &[], LEASE).await.unwrap().is_none());
+    assert!(matches!(first.complete(claim.token, basis(1.0, 40), vec![]).await, Ok(CompleteAnswer::Stored(_))));
+}
+
+#[test]
+fn what_a_lost_worker_held_is_claimed_by_another_at_once() {
+    sharing(lost_worker);
+}
+
+#[tokio::main(flavor = "current_thread")]
+async fn lost_worker() {
+    let folder = tempfile::tempdir().unwrap();
+    let hands = Arc::new(AtomicI64::new(1_000_000));
+    let timed = StoreOptions { clock: Clock::manual(Arc::clone(&hands)), ..options(&folder) };
+    let (one, two) = (Store::open(timed.clone()).await.unwrap(), Store::open(timed).await.unwrap());
+    let id = one.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    one.enqueue(new_job(&id, "w")).await.unwrap();
+    let stale = one.claim("one", &[], LEASE).await.unwrap().unwrap();
+    assert!(two.claim("two", &[], LEASE).await.unwrap().is_none());
+    hands.fetch_add(31_000, Ordering::Relaxed);
+    let fresh = two.claim("two", &[], LEASE).await.unwrap().unwrap();
+    assert_eq!((fresh.job.id, fresh.job.attempt), (stale.job.id, 2));
+    // The first wakes up: whatever it does is void.
+    assert_eq!(one.heartbeat(stale.token, None, LEASE).await.unwrap(), HeartbeatAnswer::Lost);
+    assert_eq!(one.complete(stale.token, basis(9.0, 40), vec![]).await.unwrap(), CompleteAnswer::Lost);
+    assert_eq!(one.fail(stale.token, &problem(), false).await.unwrap(), FailAnswer::Lost);
+    assert!(!one.release(stale.token).await.unwrap());
+    assert!(matches!(two.complete(fresh.token, basis(1.0, 40), vec![]).await, Ok(CompleteAnswer::Stored(_))));
+    assert_eq!(one.job(stale.job.id).await.unwrap().status, JobStatus::Succeeded);
+    assert_eq!(one.pieces_of_content().await, 2, "the mesh and the basis");
+}
+
+#[test]
+fn a_job_is_left_to_a_worker_that_can_do_it() {
+    sharing(left_to_the_right_one);
+}
+
+#[tokio::main(flavor = "current_thread")]
+async fn left_to_the_right_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, _other) = pair(&folder).await;
+    let id = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    for (work, memory_bytes, solver_version) in
+        [("large", 1000, "0.1.0+5"), ("small", 10, "0.1.0+5"), ("new", 10, "0.1.0+10")]
+    {
+        let solver_version = solver_version.to_owned();
+        store.enqueue(NewJob { memory_bytes, solver_version, ..new_job(&id, work) }).await.unwrap();
+    }
+    let claim = async |total_bytes, version: &'static str| {
+        let company = Company { total_bytes, solver_version: Some(version), ..Company::default() };
+        let claim = store.claim_within("w", &[], LEASE, u64::MAX, company).await.unwrap();
+        claim.map(|claim| claim.job.work_key)
+    };
+    // An older worker waits for nothing that is not for it, and a small one is not held by what is too large for it.
+    assert_eq!(claim(100, "0.1.0+4").await, None);
+    assert_eq!(claim(100, "0.1.0+5").await.as_deref(), Some("small"));
+    assert_eq!(claim(100, "0.1.0+9").await, None);
+    assert_eq!(claim(2000, "0.1.0+9").await.as_deref(), Some("large"));
+    assert_eq!(claim(100, "0.2.0+1").await.as_deref(), Some("new"));
+}
+
+#[test]
+fn what_one_process_does_is_heard_of_in_another() {
+    sharing(heard);
+}
+
+#[tokio::main(flavor = "multi_thread", worker_threads = 2)]
+async fn heard() {
+    let folder = tempfile::tempdir().unwrap();
+    let (one, two) = pair(&folder).await;
+    assert!(one.is_shared() && two.is_shared());
+    let id = one.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    let mut events = two.watch_jobs();
+    let next = async |events: &mut broadcast::Receiver<JobEvent>| {
+        tokio::time::timeout(Duration::from_secs(30), events.recv()).await.unwrap().unwrap()
+    };
+    let job = one.enqueue(new_job(&id, "w")).await.unwrap().record;
+    let event = next(&mut events).await;
+    assert_eq!((event.job, event.revision, event.status), (job.id, job.revision, JobStatus::Enqueued));
+    tokio::time::timeout(Duration::from_secs(30), two.work().notified()).await.unwrap();
+    // Claims and progress are found by looking.
+    let claim = one.claim("w", &[], LEASE).await.unwrap().unwrap();
+    let progress = Progress { stage: Some("eigen".to_owned()), ..Progress::default() };
+    one.heartbeat(claim.token, Some(&progress), LEASE).await.unwrap();
+    let mut event = next(&mut events).await;
+    while event.revision < 3 {
+        event = next(&mut events).await;
+    }
+    assert_eq!((event.status, event.revision), (JobStatus::Processing, 3));
+    // To be stopped, which the worker hears of at once.
+    let mut own = one.watch_jobs();
+    two.cancel_job(job.id).await.unwrap();
+    assert!(next(&mut own).await.cancel_requested);
+    assert!(one.finish_canceled(claim.token).await.unwrap());
+    while event.status != JobStatus::Canceled {
+        event = next(&mut events).await;
+    }
+}
+
+/// Damages every object, as a disk would.
+async fn damage_all(objects: &objects::Objects, how: impl Fn(Vec<u8>) -> Option<Vec<u8>>) {
+    let keys: Vec<String> = sqlx::query_scalar("SELECT object FROM blobs").fetch_all(&objects.pool).await.unwrap();
+    for key in keys.into_iter().map(Path::from) {
+        let bytes = objects.store.get(&key).await.unwrap().bytes().await.unwrap();
+        match how(bytes.to_vec()) {
+            Some(bytes) => drop(objects.store.put(&key, bytes.into()).await.unwrap()),
+            None => objects.store.delete(&key).await.unwrap(),
+        }
+    }
+}
+
+#[test]
+fn damaged_objects_are_told_and_written_anew() {
+    sharing(damaged_objects);
+}
+
+#[tokio::main(flavor = "current_thread")]
+async fn damaged_objects() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, _other) = pair(&folder).await;
+    let new = mesh(1, 9000);
+    let record = store.add_mesh(new.clone()).await.unwrap().record;
+    let objects = match &store.inner.blobs {
+        Blobs::Objects(objects) => objects,
+        Blobs::Chunks(_) => panic!("the content is shared"),
+    };
+    damage_all(objects, |mut bytes| {
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        Some(bytes)
+    })
+    .await;
+    assert!(matches!(store.load_mesh(&record.id).await, Err(StoreError::Damaged { .. })));
+    let whole = 0..record.bytes;
+    assert!(matches!(store.blob_bytes(&record.content_hash, whole.clone()).await, Err(StoreError::Damaged { .. })));
+    assert!(!store.add_mesh(new.clone()).await.unwrap().created);
+    assert_eq!(store.load_mesh(&record.id).await.unwrap(), new.mesh);
+    damage_all(objects, |_| None).await;
+    assert!(matches!(store.blob_bytes(&record.content_hash, whole).await, Err(StoreError::Damaged { .. })));
+}
+
+#[test]
+fn content_that_nothing_refers_to_has_an_hour() {
+    sharing(an_hour);
+}
+
+#[tokio::main(flavor = "current_thread")]
+async fn an_hour() {
+    let folder = tempfile::tempdir().unwrap();
+    let hands = Arc::new(AtomicI64::new(1_000_000_000));
+    let timed = StoreOptions { clock: Clock::manual(Arc::clone(&hands)), ..options(&folder) };
+    let (one, two) = (Store::open(timed.clone()).await.unwrap(), Store::open(timed).await.unwrap());
+    let orphan = Bytes::from_static(b"nothing refers to this");
+    let hash = blobs::hash_of(&orphan).await.unwrap();
+    one.put_blob(&hash, &orphan).await.unwrap();
+    let kept = one.add_mesh(mesh(1, 9)).await.unwrap().record;
+    assert_eq!(two.look_for_orphans().await.unwrap().condemned, 1);
+    hands.fetch_add(orphans::REPRIEVE_MS - 1000, Ordering::Relaxed);
+    assert_eq!(two.look_for_orphans().await.unwrap().deleted, 0);
+    // Someone is about to refer to it after all, and has another hour for that.
+    one.put_blob(&hash, &orphan).await.unwrap();
+    hands.fetch_add(2000, Ordering::Relaxed);
+    assert_eq!(two.look_for_orphans().await.unwrap().deleted, 0);
+    assert_eq!(one.blob_length(&hash).await.unwrap(), orphan.len() as u64);
+    hands.fetch_add(orphans::REPRIEVE_MS + 1000, Ordering::Relaxed);
+    assert_eq!(one.look_for_orphans().await.unwrap().deleted, 1);
+    assert!(matches!(one.blob_length(&hash).await, Err(StoreError::NotFound { .. })));
+    let files = std::fs::read_dir(folder.path().join("objects/b")).unwrap().count();
+    assert_eq!(files, 1, "the object of the mesh");
+    assert_eq!(*two.load_mesh(&kept.id).await.unwrap(), *mesh(1, 9).mesh);
+}
+
+#[test]
+fn large_content_goes_in_parts_and_comes_in_ranges() {
+    sharing(large_content);
+}
+
+#[tokio::main(flavor = "current_thread")]
+async fn large_content() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, other) = pair(&folder).await;
+    let content =
+        Bytes::from((0..20_000_003u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 7) as u8).collect::<Vec<_>>());
+    let hash = blobs::hash_of(&content).await.unwrap();
+    store.put_blob(&hash, &content).await.unwrap();
+    let n = content.len() as u64;
+    for range in [0..n, 8_388_607..8_388_609, 5_000_000..19_000_001, n - 1..n, 7..7] {
+        let expected = content.slice(range.start as usize..range.end as usize);
+        assert_eq!(other.blob_bytes(&hash, range.clone()).await.unwrap(), expected, "{range:?}");
+        let streamed: Vec<Bytes> = other.blob_stream(&hash, range.clone()).map(Result::unwrap).collect().await;
+        assert_eq!(streamed.concat(), expected, "{range:?}");
+    }
+}
