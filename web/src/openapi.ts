@@ -576,6 +576,35 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/bases/{id}/value-gradient": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Computes the gradient of eigenvalues
+         * @description The derivatives of a weighted sum of eigenvalues by the positions of the vertices: a row of three numbers for each vertex, in 1/length³ of the mesh. With the derivatives of a loss by the eigenvalues as weights
+         *     they are those of the loss, which is what backpropagation asks for.
+         *
+         *     The Laplacian is to be that of the triangles as they are (`laplace`, or `auto` where it chose that) or of a solid (`volume`), the mass `barycentric` or `consistent`. Eigenvalues that
+         *     coincide have no derivatives of their own, but their sum has: give them equal weights. Of an approximate basis it is the derivative of its values in the space that it has.
+         *
+         *     In the numbering of the file, merged vertices share what the vertex has that was kept of them, dropped ones have zero, and what belongs to vertices that `subdivide` made goes to the ends of their edges, so that moving the file's
+         *     vertices by a small `v` changes the sum by the inner product of `v` with the answer.
+         *
+         *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is the weights as little-endian f64. The answer is of the same kind unless `Accept` says otherwise.
+         */
+        post: operations["valueGradient"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/bases/{id}/verification": {
         parameters: {
             query?: never;
@@ -5367,6 +5396,20 @@ export interface components {
             sources: components["schemas"]["Pin"][];
         };
         /**
+         * @description Which function of the eigenvalues.
+         * @example {
+         *       "weights": [
+         *         0,
+         *         1,
+         *         0.5
+         *       ]
+         *     }
+         */
+        ValueGradientRequest: {
+            /** @description What each eigenvalue counts, from the first on: the derivatives of a loss by the eigenvalues. Those beyond the last do not count. */
+            weights?: number[];
+        };
+        /**
          * @description What was judged and what was found, as the answer has it.
          * @example {
          *       "boundary": "neumann",
@@ -8261,6 +8304,145 @@ export interface operations {
                 };
             };
             /** @description A problem: invalid-request or invalid-spectrum */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    valueGradient: {
+        parameters: {
+            query?: {
+                /** @description The type of the numbers of a raw answer. */
+                dtype?: "f32" | "f64";
+                /**
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
+                 *     nearest.
+                 */
+                extend?: "none" | "nearest";
+                /**
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
+                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 */
+                numbering?: "file" | "kept";
+                /**
+                 * @description For a raw body, the rest of the request as JSON; there is none.
+                 * @example {}
+                 */
+                request?: string;
+            };
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the basis
+                 * @example 019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        /** @description The weights */
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ValueGradientRequest"];
+                "application/octet-stream": Blob;
+            };
+        };
+        responses: {
+            /** @description The gradient */
+            200: {
+                headers: {
+                    "Chladni-Columns"?: number;
+                    "Chladni-Dtype"?: string;
+                    "Chladni-Rows"?: number;
+                    "Server-Timing"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Table"];
+                    "application/octet-stream": Blob;
+                };
+            };
+            /** @description A problem: invalid-query, damaged-content-encoding, body-incomplete or invalid-json */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-basis */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: not-acceptable */
+            406: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-slow */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: basis-kind or basis-without-mesh */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unsupported-content-encoding or unsupported-media-type */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: invalid-request, invalid-function or invalid-analysis */
             422: {
                 headers: {
                     [name: string]: unknown;

@@ -22,6 +22,14 @@ fn answers_that_are_called_complete_are_complete() {
 }
 
 #[test]
+fn a_large_constant_potential_makes_no_tolerance_too_tight() {
+    // Two rectangles joined by a hair: without the constant the second value is 10⁻⁸ of what the tolerance is relative to.
+    let summary = exact_cases::run(&Campaign { first: 210_534, ..campaign(Family::Hard, 3) }, |_| {});
+    assert!(summary.lines.is_empty(), "{}", summary.lines.join("\n"));
+    assert_eq!((summary.complete, summary.solves), (3, 3), "{:?}", summary.failures);
+}
+
+#[test]
 fn multiple_eigenvalues_are_cut_anywhere() {
     let summary = exact_cases::run(&campaign(Family::Multiple, 60), |_| {});
     assert!(summary.lines.is_empty(), "{}", summary.lines.join("\n"));

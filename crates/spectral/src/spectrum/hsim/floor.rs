@@ -36,7 +36,12 @@ impl Iteration<'_> {
             }
         }
         let unit = 0.5 * f64::EPSILON;
-        let least = |k: usize| unit * (stored[k] / sums[k].stiffness).sqrt();
+        // Where something large was taken off, the tolerance is one of the whole, as in `require`.
+        let of_the_whole = |k: usize| match self.offset > 0.0 && self.values[k] > 0.0 {
+            true => self.values[k] / (self.values[k] + self.offset),
+            false => 1.0,
+        };
+        let least = |k: usize| unit * (stored[k] / sums[k].stiffness).sqrt() * of_the_whole(k);
         let doomed = (0..count).any(|k| {
             // Of a start that is no estimate, or a value that is as good as zero, nothing follows.
             self.values[k] != 0.0
@@ -48,7 +53,8 @@ impl Iteration<'_> {
             return Ok(());
         }
         let floors = self.floors_of(&block, &self.values[..count], &sums, 0.0)?;
-        let floor = floors.into_iter().filter(|&floor| floor < AS_GOOD_AS_ZERO).fold(0.0, f64::max);
+        let settled = floors.into_iter().enumerate().filter(|&(_, floor)| floor < AS_GOOD_AS_ZERO);
+        let floor = settled.map(|(k, floor)| floor * of_the_whole(k)).fold(0.0, f64::max);
         if floor > tolerance { Err(HsimError::Floor { tolerance, floor }) } else { Ok(()) }
     }
 
