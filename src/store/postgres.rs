@@ -4,7 +4,7 @@
 use std::{ops::DerefMut, str::FromStr, time::Duration};
 
 use sqlx::{
-    ConnectOptions, PgConnection, PgPool,
+    ConnectOptions, Connection, PgConnection, PgPool,
     postgres::{PgConnectOptions, PgListener, PgPoolOptions},
 };
 
@@ -36,6 +36,11 @@ impl Postgres {
             .map_err(|error| StoreError::Unavailable { detail: format!("the address of the database: {error}") })?
             .application_name("chladni")
             .disable_statement_logging();
+        // A pool says only that no connection came in time; one connection says why.
+        let first = options.connect().await;
+        let first = first
+            .map_err(|error| StoreError::Unavailable { detail: format!("no connection to the database: {error}") })?;
+        let _ = first.close().await;
         let pool = PgPoolOptions::new()
             .max_connections(CONNECTIONS)
             .acquire_timeout(busy_timeout * 2 + Duration::from_millis(500))

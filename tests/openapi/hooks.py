@@ -6,7 +6,7 @@ import zlib
 
 import schemathesis
 
-with open(os.environ["CHLADNI_OBJECTS"], encoding="utf-8") as _file:
+with open(os.environ["CHLADNI_TEST_OBJECTS"], encoding="utf-8") as _file:
     OBJECTS = json.load(_file)
 
 # Operations that one kind of basis alone has.
