@@ -18,7 +18,7 @@ class Eigenvalues(torch.autograd.Function):
     def forward(context, positions, faces, count):
         mesh = chladni.Mesh(positions.detach().cpu().double().numpy(), faces)
         context.basis = chladni.eigs(mesh, k=count, operator="laplace", method="hsim", tol=1e-6)
-        return torch.as_tensor(context.basis.eigenvalues, dtype=positions.dtype, device=positions.device)
+        return torch.as_tensor(context.basis.values, dtype=positions.dtype, device=positions.device)
 
     @staticmethod
     def backward(context, weights):

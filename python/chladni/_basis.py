@@ -326,7 +326,7 @@ class Basis:
         >>> mesh = chladni.Mesh.sample("knot", 1500)
         >>> basis = chladni.eigs(mesh, k=5, method="hsim", tol=1e-8)
         >>> gradient = basis.value_gradient([0, 1])
-        >>> bool(np.isclose((gradient * mesh.vertices).sum(), -2 * basis.eigenvalues[1]))
+        >>> bool(np.isclose((gradient * mesh.vertices).sum(), -2 * basis.values[1]))
         True
         """
         listed = np.atleast_1d(_arrays.numeric(weights, "weights"))

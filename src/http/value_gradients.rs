@@ -90,7 +90,9 @@ async fn value_gradient(
         request.weights = binary::decode(bytes, Dtype::F64, bytes.len() / Dtype::F64.bytes())?.column(0).to_vec();
         Ok(())
     };
-    let (request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
+    // A raw body says all there is.
+    let rest = query.request.as_deref().unwrap_or("{}");
+    let (request, raw) = exchange::request(&state, &headers, body, Some(rest), fill).await?;
     let (mesh, solid) = state.store.load_body(&state.store.basis(id).await?.mesh).await?;
     state
         .solve("value_gradient", move |monitor| {
