@@ -37,7 +37,7 @@ struct ValueGradientRequest {
     weights: Vec<f64>,
 }
 
-/// What a raw body does not say.
+/// The form of the answer.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
@@ -46,9 +46,6 @@ struct ValueGradientQuery {
     #[serde(default)]
     #[param(inline, default = "f32")]
     dtype: Dtype,
-    /// For a raw body, the rest of the request as JSON; there is none.
-    #[param(example = "{}")]
-    request: Option<String>,
 }
 
 problems!(ValueGradientProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_ANALYSIS]);
@@ -91,8 +88,7 @@ async fn value_gradient(
         Ok(())
     };
     // A raw body says all there is.
-    let rest = query.request.as_deref().unwrap_or("{}");
-    let (request, raw) = exchange::request(&state, &headers, body, Some(rest), fill).await?;
+    let (request, raw) = exchange::request(&state, &headers, body, Some("{}"), fill).await?;
     let (mesh, solid) = state.store.load_body(&state.store.basis(id).await?.mesh).await?;
     state
         .solve("value_gradient", move |monitor| {

@@ -8339,11 +8339,6 @@ export interface operations {
                  *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
-                /**
-                 * @description For a raw body, the rest of the request as JSON; there is none.
-                 * @example {}
-                 */
-                request?: string;
             };
             header?: never;
             path: {

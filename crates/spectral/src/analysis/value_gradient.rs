@@ -51,17 +51,6 @@ pub fn value_gradient(
     Ok(gradient)
 }
 
-/// For each pair whether its eigenvalue is apart from those beside it by more than `gap` times itself, so that it has a gradient of its own. Of the last pair nothing is known above it.
-pub fn is_simple(eigenvalues: &[f64], gap: f64) -> Vec<bool> {
-    let apart = |a: f64, b: f64| (b - a).abs() > gap * a.abs().max(b.abs());
-    (0..eigenvalues.len())
-        .map(|k| {
-            let below = k == 0 || apart(eigenvalues[k - 1], eigenvalues[k]);
-            below && eigenvalues.get(k + 1).is_none_or(|&next| apart(eigenvalues[k], next))
-        })
-        .collect()
-}
-
 fn check(basis: &Basis, elements: Elements<'_>, mass: MassKind) -> Result<(), AnalysisError> {
     if basis.vertices() != elements.vertices() {
         return Err(AnalysisError::Mesh { basis: basis.vertices(), mesh: elements.vertices() });
