@@ -363,6 +363,14 @@ impl Config {
                 "nobody would run jobs: --workers 0 is for servers that share their records with workers, by --database and --objects".into(),
             ));
         }
+        if self.database.is_some() != self.objects.is_some() {
+            return Err(ConfigError::Contradiction("--database and --objects go together".into()));
+        }
+        if !self.kinds.is_empty() && self.database.is_none() {
+            return Err(ConfigError::Contradiction(
+                "nobody would run jobs of other kinds: --kinds is for processes that share their records, by --database and --objects".into(),
+            ));
+        }
         if self.heartbeat_seconds * 2 > self.lease_seconds {
             return Err(ConfigError::Contradiction(format!(
                 "a heartbeat every {} s cannot hold a lease of {} s: make the lease at least twice as long",

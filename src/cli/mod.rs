@@ -108,7 +108,8 @@ Examples:
   chladni worker --database ... --objects ... --workers 4 --memory-bytes 64GiB --kinds eigenbasis,field_basis
 
 A worker takes what fits its memory and its kinds, of the versions that it knows. The first SIGTERM drains, a
-second one ends it at once; the job of one that is killed goes to another when its lease runs out.";
+second one ends it at once; the job of one that is killed goes to another when its lease runs out. It answers
+no requests: settings of the network and of requests have no effect.";
 
 /// Parses the command line and runs the chosen command.
 pub fn main() -> ExitCode {

@@ -95,6 +95,12 @@ impl Store {
         self.use_basis(id);
         if let Some(found) = self.inner.bases.get(&id) {
             self.count_hit(true);
+            if self.is_shared() {
+                // Another process may have deleted it.
+                self.basis(id).await.inspect_err(|_| {
+                    self.inner.bases.remove(&id);
+                })?;
+            }
             return Ok(found.value);
         }
         // Held until the value is in the cache, so that a deletion comes before or after, not between.

@@ -166,12 +166,22 @@ impl Store {
         written
     }
 
+    /// Whether content is known or seen to be damaged. A store that does not answer has damaged nothing.
+    #[cfg(feature = "cluster")]
+    async fn is_damaged(&self, hash: &str) -> Result<bool, StoreError> {
+        match self.look_at_blob(hash).await {
+            Ok(()) => Ok(false),
+            Err(StoreError::Damaged { .. }) => Ok(true),
+            Err(error) => Err(error),
+        }
+    }
+
     /// Keeps content that is there for whoever is about to refer to it. False where it has gone meanwhile.
     async fn keep_blob(&self, hash: &str) -> Result<bool, StoreError> {
         match &self.inner.blobs {
             Blobs::Chunks(_) => self.verify_blob(hash).await.map(|()| true),
             #[cfg(feature = "cluster")]
-            Blobs::Objects(objects) => Ok(objects.pardon(hash).await? && self.look_at_blob(hash).await.is_ok()),
+            Blobs::Objects(objects) => Ok(objects.pardon(hash).await? && !self.is_damaged(hash).await?),
         }
     }
 
@@ -297,7 +307,7 @@ impl Store {
                 objects.write(upload, chunks, self.now_ms()).await?;
             }
             #[cfg(feature = "cluster")]
-            _ => {}
+            _ => return Err(another_place()),
         }
         self.faults().meet(FailPoint::MidChunks);
         Ok(())
@@ -311,13 +321,13 @@ impl Store {
             (Blobs::Objects(objects), Writing::Objects(upload)) => {
                 self.faults().meet(FailPoint::BeforeBlobReady);
                 let damaged = match objects.place(hash).await? {
-                    Some(place) if self.look_at_blob(hash).await.is_err() => Some(place.id),
+                    Some(place) if self.is_damaged(hash).await? => Some(place.id),
                     _ => None,
                 };
                 objects.finish(upload, hash, bytes, damaged, self.now_ms()).await?;
             }
             #[cfg(feature = "cluster")]
-            _ => {}
+            _ => return Err(another_place()),
         }
         self.inner.known.whole(hash);
         self.count_reusable().await?;
@@ -557,4 +567,10 @@ pub(super) async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send 
     tokio::task::spawn_blocking(work)
         .await
         .map_err(|error| StoreError::Unavailable { detail: format!("a thread ended early: {error}") })
+}
+
+/// Why nothing was written: what was begun in one place cannot go on in another.
+#[cfg(feature = "cluster")]
+fn another_place() -> StoreError {
+    StoreError::Unavailable { detail: "content that was begun in one place cannot go on in another".to_owned() }
 }

@@ -1,7 +1,9 @@
 //! Where the records are kept: a database of SQLite in the data folder, or a PostgreSQL that many processes share. What is done with them is written
 //! once, in statements that both read; where the two differ, it is asked of this: docs/decisions/0072.
 
-use sqlx::{AssertSqlSafe, SqlSafeStr, SqlStr};
+#[cfg(feature = "cluster")]
+use sqlx::AssertSqlSafe;
+use sqlx::{SqlSafeStr, SqlStr};
 
 #[cfg(feature = "cluster")]
 use super::postgres::{Postgres, PostgresTransaction};
@@ -156,7 +158,10 @@ impl Transaction {
     fn with_lock(&self, text: &'static str, lock: &str) -> SqlStr {
         match self {
             // It has the whole database to itself.
-            Self::Sqlite(_) => text.into_sql_str(),
+            Self::Sqlite(_) => {
+                let _ = lock;
+                text.into_sql_str()
+            }
             #[cfg(feature = "cluster")]
             Self::Postgres(_) => AssertSqlSafe(format!("{text}{lock}")).into_sql_str(),
         }

@@ -13,7 +13,7 @@ use super::{
     catalog::Transaction,
     detached,
     jobs::job_from_row,
-    leases::{expiry, finish, requeue},
+    leases::{expiry, finish, leased_row, requeue},
     sql,
 };
 
@@ -72,9 +72,7 @@ impl Store {
         detached(async move {
             let now_ms = store.now_ms();
             let mut transaction = store.inner.catalog.write().await?;
-            let held = transaction.locking("SELECT * FROM jobs WHERE lease_token = ? AND status = 'processing'");
-            let row = sql::query(held).bind(token.to_string()).fetch_optional(transaction.on()).await?;
-            let Some(row) = row else {
+            let Some(row) = leased_row(&mut transaction, token).await? else {
                 transaction.rollback().await?;
                 return Ok(FailAnswer::Lost);
             };

@@ -26,7 +26,7 @@ const LOOK: Duration = Duration::from_secs(1);
 const PAUSE: Duration = Duration::from_secs(1);
 /// A look goes back so far, in milliseconds: several looks may fail.
 const LATELY_MS: i64 = 10_000;
-/// Jobs whose revisions are remembered; beyond, those that do not run are forgotten.
+/// Jobs whose revisions are remembered; beyond, all are forgotten, and some changes may be told twice.
 const MOST_REMEMBERED: usize = 10_000;
 
 /// What was heard of jobs, and what is to be told.

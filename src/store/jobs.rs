@@ -89,14 +89,13 @@ impl Store {
         }
         require_source(on, &new.kind, &new.mesh).await?;
         // A job that is asked to stop will not do the work.
-        let same = sql::query(
+        // Kept, lest a key be written down for a job that is deleted meanwhile.
+        let same = on.keeping(
             "SELECT * FROM jobs WHERE work_key = ?
                AND ((status IN ('enqueued', 'processing') AND cancel_requested = 0) OR (status = 'succeeded' AND basis IS NOT NULL))
              ORDER BY sequence DESC LIMIT 1",
-        )
-        .bind(&new.work_key)
-        .fetch_optional(on.on())
-        .await?;
+        );
+        let same = sql::query(same).bind(&new.work_key).fetch_optional(on.on()).await?;
         let (record, outcome) = match same {
             Some(row) => {
                 // Whoever is in more of a hurry moves the work that both wait for.

@@ -36,9 +36,12 @@ impl Store {
         }
         let mut transaction = self.inner.catalog.write().await?;
         for (sql, notes) in [
-            ("UPDATE meshes SET used_ms = ? WHERE id = ?", meshes),
-            ("UPDATE bases SET used_ms = ? WHERE id = ?", bases),
+            ("UPDATE meshes SET used_ms = ?1 WHERE id = ?2 AND used_ms < ?1", meshes),
+            ("UPDATE bases SET used_ms = ?1 WHERE id = ?2 AND used_ms < ?1", bases),
         ] {
+            // In one order: processes that write the same rows would wait for each other in any other.
+            let mut notes: Vec<_> = notes.into_iter().collect();
+            notes.sort_unstable();
             for (id, used_ms) in notes {
                 sql::query(sql).bind(used_ms).bind(id).execute(transaction.on()).await?;
             }

@@ -505,12 +505,13 @@ pub(super) fn expiry(now_ms: i64, lease: Duration) -> i64 {
 }
 
 async fn leased_job(on: &mut Transaction, token: Uuid) -> Result<Option<JobRecord>, StoreError> {
-    sql::query(on.locking("SELECT * FROM jobs WHERE lease_token = ? AND status = 'processing'"))
-        .bind(token.to_string())
-        .fetch_optional(on.on())
-        .await?
-        .map(|row| job_from_row(&row))
-        .transpose()
+    leased_row(on, token).await?.map(|row| job_from_row(&row)).transpose()
+}
+
+/// The row of the job that a lease is on, in which nobody else changes it.
+pub(super) async fn leased_row(on: &mut Transaction, token: Uuid) -> Result<Option<sql::Row>, StoreError> {
+    let held = on.locking("SELECT * FROM jobs WHERE lease_token = ? AND status = 'processing'");
+    Ok(sql::query(held).bind(token.to_string()).fetch_optional(on.on()).await?)
 }
 
 pub(super) async fn requeue(

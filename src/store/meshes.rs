@@ -239,6 +239,12 @@ impl Store {
         self.use_mesh(id);
         if let Some(found) = self.inner.meshes.get(id) {
             self.count_hit(true);
+            if self.is_shared() {
+                // Another process may have deleted it.
+                self.mesh(id).await.inspect_err(|_| {
+                    self.inner.meshes.remove(id);
+                })?;
+            }
             return Ok(found.value);
         }
         // Held until the value is in the cache, so that a deletion comes before or after, not between.

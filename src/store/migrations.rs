@@ -36,10 +36,17 @@ const POSTGRES: &[(&str, &str)] = &[("0001_shared", include_str!("../../migratio
 /// Makes the tables of a shared database, one process after the other where several start at once.
 #[cfg(feature = "cluster")]
 pub(super) async fn run_postgres(pool: &sqlx::PgPool) -> Result<(), StoreError> {
-    migrator(POSTGRES).run(pool).await.map_err(|error| match error {
+    let failed = |error| match error {
         MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _) => StoreError::from(error),
         other => StoreError::Unavailable { detail: format!("the tables of the database: {other}") },
-    })
+    };
+    // A lock of the transaction: one of the session, as the migrator would take, may be given up on another connection where a pooler stands between.
+    let mut transaction = pool.begin().await?;
+    sqlx::query("SELECT pg_advisory_xact_lock(7018348713)").execute(&mut *transaction).await?;
+    let mut steps = migrator(POSTGRES);
+    steps.set_locking(false);
+    steps.run(&mut *transaction).await.map_err(failed)?;
+    Ok(transaction.commit().await?)
 }
 
 /// What makes the tables of `meta.db`.
@@ -66,7 +73,13 @@ mod tests {
 
     #[test]
     fn every_file_is_a_step_and_its_number_is_its_place() {
-        for (folder, steps) in [("meta", META), ("blobs", BLOBS)] {
+        let folders = [
+            ("meta", META),
+            ("blobs", BLOBS),
+            #[cfg(feature = "cluster")]
+            ("postgres", POSTGRES),
+        ];
+        for (folder, steps) in folders {
             let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("migrations").join(folder);
             let mut files: Vec<_> = std::fs::read_dir(root).unwrap().map(|file| file.unwrap().path()).collect();
             files.sort();

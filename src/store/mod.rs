@@ -103,12 +103,19 @@ pub use space::Compacted;
 const EVENTS_KEPT: usize = 1024;
 
 /// Where records and content are that many processes share.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Clone, PartialEq, Eq)]
 pub struct SharedPlaces {
     /// The address of a PostgreSQL: `postgres://USER:PASSWORD@HOST/DATABASE`.
     pub database: String,
     /// The address of an object store: `s3://BUCKET/PREFIX`, or `file:///FOLDER` for a folder that every process sees.
     pub objects: String,
+}
+
+impl fmt::Debug for SharedPlaces {
+    /// Without the address of the database, which may hold a password.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("SharedPlaces").field("objects", &self.objects).finish_non_exhaustive()
+    }
 }
 
 /// How a store is opened.

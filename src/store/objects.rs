@@ -24,6 +24,7 @@ use super::{
     StoreError,
     blobs::{BlobPlace, CHUNK_BYTES},
     orphans::{Look, REPRIEVE_MS},
+    postgres::BEGIN,
 };
 
 /// Bytes of one part of an upload; S3 wants 5 MiB at least.
@@ -141,7 +142,7 @@ impl Objects {
             Err(error) => return Err(unavailable(&error)),
         };
         if bytes.len() as u64 != range.end - range.start {
-            return Ok(Some(Err("is short or long".to_owned())));
+            return Ok(Some(Err(format!("has {} of {} bytes", bytes.len(), range.end - range.start))));
         }
         let whole = bytes.clone();
         let right = super::blobs::blocking(move || {
@@ -287,7 +288,7 @@ impl Objects {
         damaged: Option<i64>,
         now_ms: i64,
     ) -> Result<Finished, StoreError> {
-        let mut transaction = self.pool.begin().await?;
+        let mut transaction = self.pool.begin_with(BEGIN).await?;
         if let Some(damaged) = damaged {
             sqlx::query("UPDATE blobs SET state = 'gone', touched_ms = $2 WHERE id = $1")
                 .bind(damaged)
@@ -333,6 +334,7 @@ impl Objects {
         if let Some(mut parts) = upload.parts.take() {
             let _ = parts.abort().await;
         }
+        let _ = self.store.delete(&upload.path).await;
         // What cannot be cleared now is collected later.
         let _ = sqlx::query("UPDATE blobs SET state = 'gone' WHERE id = $1 AND state = 'pending'")
             .bind(upload.id)
@@ -409,7 +411,11 @@ impl Objects {
             let (id, object): (i64, String) = (row.try_get("id")?, row.try_get("object")?);
             match self.store.delete(&Path::from(object)).await {
                 Ok(()) | Err(object_store::Error::NotFound { .. }) => {}
-                Err(error) => return Err(unavailable(&error)),
+                Err(error) => {
+                    // One that cannot be deleted now must not keep those behind it.
+                    tracing::warn!(%error, "an object that nothing refers to cannot be deleted");
+                    continue;
+                }
             }
             sqlx::query("DELETE FROM blobs WHERE id = $1 AND state = 'gone'").bind(id).execute(&self.pool).await?;
             deleted += 1;

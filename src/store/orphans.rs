@@ -26,6 +26,22 @@ pub(super) struct Look {
     pub deleted: u64,
 }
 
+impl Look {
+    /// Says what it came to, with the bytes that were condemned where they are known.
+    fn tell(self, bytes: Option<i64>) {
+        if self.condemned > 0 {
+            tracing::warn!(
+                blobs = self.condemned,
+                bytes,
+                "content that nothing refers to is condemned; it is deleted in an hour if still nothing does"
+            );
+        }
+        if self.deleted > 0 {
+            tracing::info!(blobs = self.deleted, "content that nothing has referred to for an hour is deleted");
+        }
+    }
+}
+
 impl Store {
     /// Deletes what was being written when a process died: nobody has ever read it. Nothing else may run.
     pub(super) async fn delete_pending(&self) -> Result<u64, StoreError> {
@@ -58,7 +74,11 @@ impl Store {
         let blobs = match &self.inner.blobs {
             Blobs::Chunks(blobs) => blobs,
             #[cfg(feature = "cluster")]
-            Blobs::Objects(objects) => return objects.look(now_ms).await,
+            Blobs::Objects(objects) => {
+                let look = objects.look(now_ms).await?;
+                look.tell(None);
+                return Ok(look);
+            }
         };
         let referenced: Vec<String> =
             sql::query_scalar("SELECT content_hash FROM meshes UNION SELECT content_hash FROM bases")
@@ -99,16 +119,7 @@ impl Store {
                 .await?;
             transaction.commit().await?;
         }
-        if look.condemned > 0 {
-            tracing::warn!(
-                blobs = look.condemned,
-                bytes,
-                "content that nothing refers to is condemned; it is deleted in an hour if still nothing does"
-            );
-        }
-        if look.deleted > 0 {
-            tracing::info!(blobs = look.deleted, "content that nothing has referred to for an hour is deleted");
-        }
+        look.tell(Some(bytes));
         Ok(look)
     }
 }

@@ -1,7 +1,7 @@
 //! The records in a PostgreSQL that many processes share: connections, transactions and its clock. Nothing hangs on a session, so that a pooler may
 //! stand between; only `LISTEN` does, which has a connection of its own (`hearing.rs`).
 
-use std::{ops::DerefMut, str::FromStr, time::Duration};
+use std::{fmt, ops::DerefMut, str::FromStr, time::Duration};
 
 use sqlx::{
     ConnectOptions, Connection, PgConnection, PgPool,
@@ -16,17 +16,24 @@ const LEAST_VERSION_TEXT: &str = "14";
 /// Connections of one process.
 const CONNECTIONS: u32 = 10;
 /// A process that stops within a transaction holds rows for so long at most; then the database ends its connection.
-const BEGIN: &str = "BEGIN; SET LOCAL idle_in_transaction_session_timeout = 10000; SET LOCAL lock_timeout = 15000";
+pub(super) const BEGIN: &str =
+    "BEGIN; SET LOCAL idle_in_transaction_session_timeout = 10000; SET LOCAL lock_timeout = 15000";
 
 /// A transaction that changes something.
 pub(super) struct PostgresTransaction(sqlx::Transaction<'static, sqlx::Postgres>);
 
 /// The database.
-#[derive(Debug)]
 pub(super) struct Postgres {
     pool: PgPool,
-    /// For connections that hear: they are many words, and rarely needed.
+    /// For connections that hear; boxed, since it is large and rarely needed.
     options: Box<PgConnectOptions>,
+}
+
+impl fmt::Debug for Postgres {
+    /// Without the options, which hold a password.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Postgres").finish_non_exhaustive()
+    }
 }
 
 impl Postgres {
@@ -37,9 +44,12 @@ impl Postgres {
             .application_name("chladni")
             .disable_statement_logging();
         // A pool says only that no connection came in time; one connection says why.
-        let first = options.connect().await;
-        let first = first
-            .map_err(|error| StoreError::Unavailable { detail: format!("no connection to the database: {error}") })?;
+        let unreachable =
+            |detail: String| StoreError::Unavailable { detail: format!("no connection to the database: {detail}") };
+        let first = tokio::time::timeout(busy_timeout * 2, options.connect())
+            .await
+            .map_err(|_| unreachable(format!("no answer within {} s", (busy_timeout * 2).as_secs_f64())))?
+            .map_err(|error| unreachable(error.to_string()))?;
         let _ = first.close().await;
         let pool = PgPoolOptions::new()
             .max_connections(CONNECTIONS)
