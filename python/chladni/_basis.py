@@ -316,7 +316,7 @@ class Basis:
         Raises
         ------
         ParameterError
-            For other operators than ``"laplace"`` (or ``"auto"`` where it chose that) and ``"volume"``, for Voronoi masses, and for a basis that was loaded without its mesh.
+            For operators other than ``"laplace"`` (or ``"auto"`` where it chose that) and ``"volume"``, for Voronoi masses, and for a basis that was loaded without its mesh.
 
         Examples
         --------

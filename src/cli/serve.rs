@@ -70,6 +70,7 @@ pub struct Running {
 /// [`CliError::Config`] for settings that contradict each other, [`CliError::Service`] where the address is taken, the data folder
 /// cannot be used, or a server beyond loopback would run without keys.
 pub async fn start(config: Config) -> Result<Running, CliError> {
+    check(&config)?;
     let listener = bind(config.listen).await?;
     start_on(listener, config).await
 }

@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use axum::body::Body;
 use axum::http::HeaderMap;
-use chladni_work::value_gradient::{GradientFault, gradient};
+use chladni_work::MeshSize;
+use chladni_work::value_gradient::{GradientFault, gradient, gradient_bytes};
 use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -12,6 +13,7 @@ use utoipa_axum::routes;
 
 use super::bases::on_vertices;
 use super::binary::{self, Dtype, Table};
+use super::body;
 use super::client::ClientState;
 use super::convert::sentence;
 use super::exchange::{self, Answer};
@@ -79,7 +81,7 @@ async fn value_gradient(
     numbered: Numbered,
     QueryOf(query): QueryOf<ValueGradientQuery>,
     headers: HeaderMap,
-    body: Body,
+    content: Body,
 ) -> Result<Answer, Problem> {
     let basis = on_vertices(&state, id).await?;
     let to = numbered.on_basis(&state, id, &basis.metadata).await?;
@@ -88,11 +90,13 @@ async fn value_gradient(
         Ok(())
     };
     // A raw body says all there is.
-    let (request, raw) = exchange::request(&state, &headers, body, Some("{}"), fill).await?;
+    let (request, raw) = exchange::request(&state, &headers, content, Some("{}"), fill).await?;
     let (mesh, solid) = state.store.load_body(&state.store.basis(id).await?.mesh).await?;
+    let mut memory = state.memory();
+    body::reserve(&mut memory, gradient_bytes(MeshSize::of_body(&mesh, solid.as_deref())))?;
     state
         .solve("value_gradient", move |monitor| {
-            let begin = Instant::now();
+            let (begin, _memory) = (Instant::now(), memory);
             let table = gradient(&basis, (&mesh, solid.as_deref()), &request.weights, &to, monitor)?;
             Answer::table(&table, raw, query.dtype, begin)
         })

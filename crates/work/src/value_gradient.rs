@@ -11,7 +11,7 @@ use chladni_spectral::operator::MassKind;
 use chladni_spectral::operator::derivative::Elements;
 use serde::Deserialize;
 
-use crate::{Provenance, ProvenanceError};
+use crate::{MeshSize, Provenance, ProvenanceError};
 
 /// Why there is no gradient.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -22,6 +22,11 @@ pub enum GradientFault {
     /// It cannot be computed.
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
+}
+
+/// The bytes that a gradient takes beside the basis: functions vertex after vertex, and what each element gives its corners.
+pub fn gradient_bytes(mesh: MeshSize) -> u64 {
+    8 * (32 * mesh.vertices.max(mesh.solid_vertices) + 9 * mesh.faces + 12 * mesh.tetrahedra) as u64
 }
 
 /// The gradient of `Σ_k weights_k λ_k` by the positions of the vertices, `n × 3`, in the numbering of `to`: `∂L/∂p` of a loss with `weights_k = ∂L/∂λ_k`. Values beyond the weights do

@@ -74,11 +74,11 @@ pub enum AnalysisError {
     },
     /// Something does not change with the positions of vertices in a way that is known here.
     #[error(
-        "there is no gradient of {of} by positions; solve with the operator \"laplace\" and the mass \"barycentric\" or \"consistent\""
+        "there is no gradient of {of}; there is one of \"laplace\" and \"volume\", with the mass \"barycentric\" or \"consistent\""
     )]
     NoDerivative {
         /// Of what.
-        of: &'static str,
+        of: String,
     },
     /// The mesh has points without faces.
     #[error("geodesic distances need a surface with faces, and the mesh has only points")]

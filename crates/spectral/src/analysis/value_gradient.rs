@@ -13,8 +13,8 @@ use crate::operator::derivative::{Elements, Forms, add_gradient};
 /// Functions that are held, vertex after vertex, at once.
 const AT_ONCE: usize = 32;
 
-/// The gradient of `Σ_k weights_k λ_k` by the positions of the vertices: three numbers for each, in 1/length³ of the input. What a gradient of a loss by eigenvalues is pulled back by: with
-/// `weights_k = ∂L/∂λ_k` it is `∂L/∂p`.
+/// The gradient of `Σ_k weights_k λ_k` by the positions of the vertices: three numbers for each, in 1/length³ of the input. With `weights_k = ∂L/∂λ_k` it is
+/// `∂L/∂p`.
 ///
 /// It is exact for the eigenvalues of the discrete problem, up to their residuals; for Ritz values of a compact basis it is that of the values in a space that stays as it is. The Laplacian is that of the
 /// elements as they are, with a consistent mass or equal shares of each element: not that of another triangulation, and without potential. Vertices of a boundary that is held count as all others.
@@ -56,19 +56,20 @@ fn check(basis: &Basis, elements: Elements<'_>, mass: MassKind) -> Result<(), An
         return Err(AnalysisError::Mesh { basis: basis.vertices(), mesh: elements.vertices() });
     }
     if mass == MassKind::Voronoi {
-        return Err(AnalysisError::NoDerivative { of: "Voronoi areas" });
+        return Err(AnalysisError::NoDerivative { of: "Voronoi areas".to_owned() });
     }
+    let none = |of: &str| Err(AnalysisError::NoDerivative { of: of.to_owned() });
     // Operators that are more than a Laplacian are objects.
-    if basis.metadata["parameters"]["operator"].is_object() {
-        return Err(AnalysisError::NoDerivative { of: "this operator" });
+    if let Some(kind) = basis.metadata["parameters"]["operator"].as_object().and_then(|operator| operator.keys().next())
+    {
+        return none(&format!("the operator \"{kind}\""));
     }
-    match (&basis.metadata["operator"]["laplacian"], elements) {
-        (serde_json::Value::Null, _) => Ok(()),
-        (name, Elements::Triangles(_)) if name == "cotangent" => Ok(()),
-        (name, Elements::Tetrahedra(_)) if name == "volume" => Ok(()),
-        (name, _) if name == "robust" => Err(AnalysisError::NoDerivative { of: "the robust Laplacian" }),
-        (name, _) if name == "graph" => Err(AnalysisError::NoDerivative { of: "the Laplacian of a graph" }),
-        _ => Err(AnalysisError::NoDerivative { of: "this operator" }),
+    match (basis.metadata["operator"]["laplacian"].as_str(), elements) {
+        (Some("cotangent"), Elements::Triangles(mesh)) if mesh.faces.is_empty() => none("the Laplacian of points"),
+        (Some("cotangent"), Elements::Triangles(_)) | (Some("volume"), Elements::Tetrahedra(_)) => Ok(()),
+        (Some("robust"), _) => none("the robust Laplacian"),
+        (Some("graph"), _) => none("the Laplacian of a graph"),
+        _ => none("this operator"),
     }
 }
 

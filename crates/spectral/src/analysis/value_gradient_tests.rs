@@ -10,6 +10,7 @@ use chladni_mesh::{TetMesh, TriangleMesh};
 const MASSES: [MassKind; 2] = [MassKind::Barycentric, MassKind::Consistent];
 
 fn basis(operator: &MeshOperator, vertices: usize, count: usize) -> Basis {
+    let laplacian = serde_json::to_value(operator.report.laplacian).unwrap();
     let mesh = TriangleMesh { positions: vec![[0.0; 3]; vertices], faces: Vec::new() };
     let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance: 1e-9, ..HsimParameters::default() };
     let pairs = solve(&mesh, &operator.problem, &parameters, false, &Unwatched).unwrap();
@@ -18,7 +19,7 @@ fn basis(operator: &MeshOperator, vertices: usize, count: usize) -> Basis {
         eigenvalues: pairs.values,
         mass: operator.problem.mass.scaled(operator.problem.area),
         certificate: Certificate::default(),
-        metadata: serde_json::Value::Null,
+        metadata: serde_json::json!({"operator": {"laplacian": laplacian}}),
     }
 }
 
@@ -119,6 +120,32 @@ fn the_sum_of_a_multiplet_has_a_gradient() {
 }
 
 #[test]
+fn what_the_operator_takes_for_flat_has_no_part() {
+    let mesh = noisy(&generate(Shape::Torus, 150).unwrap(), 0.2, 3).unwrap();
+    let found = on_surface(&mesh, MassKind::Barycentric, Boundary::Neumann, 6);
+    let weights = weights(6);
+    let of = |mesh: &TriangleMesh| {
+        value_gradient(&found, Elements::Triangles(mesh), MassKind::Barycentric, &weights, &Unwatched).unwrap()
+    };
+    let mut flat = mesh.clone();
+    // Three vertices, the last one all but in the middle of the others.
+    let [p, q] = [0, 40].map(|v: usize| flat.positions[v]);
+    flat.positions[80] = [0, 1, 2].map(|k| 0.5 * (p[k] + q[k]) + 1e-17);
+    let without = of(&flat);
+    flat.faces.push([0, 40, 80]);
+    assert_eq!(of(&flat), without);
+    let mut solid = bar([1.0, 1.0, 1.0], [2, 2, 2]);
+    let found = in_solid(&solid, MassKind::Consistent, 4);
+    let of = |solid: &TetMesh| {
+        value_gradient(&found, Elements::Tetrahedra(solid), MassKind::Consistent, &[1.0; 4], &Unwatched).unwrap()
+    };
+    let without = of(&solid);
+    let [a, b, c, _] = solid.tetrahedra[0];
+    solid.tetrahedra.push([a, b, c, a]);
+    assert_eq!(of(&solid), without);
+}
+
+#[test]
 fn what_has_no_gradient_is_refused_by_name() {
     let mesh = generate(Shape::Sphere, 60).unwrap();
     let mut found = on_surface(&mesh, MassKind::Barycentric, Boundary::Neumann, 4);
@@ -129,7 +156,7 @@ fn what_has_no_gradient_is_refused_by_name() {
     assert_eq!(of(&found, MassKind::Barycentric, &[1.0]), "weights: 1, where 4 to 4 are due");
     let refused = of(&found, MassKind::Barycentric, &[1.0, f64::NAN, 0.0, 0.0]);
     assert_eq!(refused, "a weight is NaN, where a finite number is due");
-    assert!(of(&found, MassKind::Voronoi, &[1.0; 4]).starts_with("there is no gradient of Voronoi areas by positions"));
+    assert!(of(&found, MassKind::Voronoi, &[1.0; 4]).starts_with("there is no gradient of Voronoi areas"));
     for (laplacian, name) in
         [("robust", "the robust Laplacian"), ("graph", "the Laplacian of a graph"), ("volume", "this operator")]
     {
@@ -137,6 +164,12 @@ fn what_has_no_gradient_is_refused_by_name() {
         assert!(of(&found, MassKind::Barycentric, &[1.0; 4]).contains(name));
     }
     found.metadata = serde_json::json!({"operator": {"laplacian": "cotangent"}, "parameters": {"operator": {"extrinsic": {"t": 0.5}}}});
+    assert!(of(&found, MassKind::Barycentric, &[1.0; 4]).contains("the operator \"extrinsic\""));
+    found.metadata = serde_json::json!({"operator": {"laplacian": "cotangent", "reason": "points"}});
+    let points = TriangleMesh { positions: mesh.positions.clone(), faces: Vec::new() };
+    let refused = value_gradient(&found, Elements::Triangles(&points), MassKind::Barycentric, &[1.0; 4], &Unwatched);
+    assert!(refused.unwrap_err().to_string().contains("the Laplacian of points"));
+    found.metadata = serde_json::json!({});
     assert!(of(&found, MassKind::Barycentric, &[1.0; 4]).contains("this operator"));
     let other = generate(Shape::Sphere, 200).unwrap();
     let refused = value_gradient(&found, Elements::Triangles(&other), MassKind::Barycentric, &[1.0; 4], &Unwatched);

@@ -8,11 +8,13 @@
 //! Triangles in space are no other: to first order a motion out of their plane changes neither.
 
 use chladni_base::{Cancelled, Monitor};
+use chladni_mesh::intrinsic::TriangleShape;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use rayon::prelude::*;
 
 use super::MassKind;
 use super::frames::{cross, dot, minus};
+use super::volume::shape;
 use chladni_algebra::vectorized;
 
 /// What an operator was assembled of.
@@ -174,20 +176,19 @@ fn sums(weights: (&[f64], &[f64]), functions: (&[f64], &[f64])) -> (f64, f64) {
 }
 
 fn triangle(positions: &[[f64; 3]], corners: &[u32; 3]) -> Hats<3> {
-    let [p, q, r] = corners.map(|v| positions[v as usize]);
-    let normal = cross(minus(q, p), minus(r, p));
+    let p = corners.map(|v| positions[v as usize]);
+    // What the operator takes for flat has no part in it.
+    let area = TriangleShape::of_corners(p).area;
+    let edges = [0, 1, 2].map(|k| minus(p[(k + 2) % 3], p[(k + 1) % 3]));
+    let normal = cross(edges[0], edges[1]);
     let square = dot(normal, normal);
-    let hat = |edge: [f64; 3]| cross(normal, edge).map(|x| x / square);
-    (square > 0.0).then(|| (0.5 * square.sqrt(), [hat(minus(r, q)), hat(minus(p, r)), hat(minus(q, p))]))
+    (area > 0.0 && square > 0.0).then(|| (area, edges.map(|edge| cross(normal, edge).map(|x| x / square))))
 }
 
 fn tetrahedron(positions: &[[f64; 3]], corners: &[u32; 4]) -> Hats<4> {
     let p = corners.map(|v| positions[v as usize]);
-    let six = dot(cross(minus(p[1], p[0]), minus(p[2], p[0])), minus(p[3], p[0]));
-    let hat = |own: usize| {
-        let [a, b, c] = [1, 2, 3].map(|step| p[(own + step) % 4]);
-        let normal = cross(minus(b, a), minus(c, a));
-        normal.map(|x| x / dot(normal, minus(p[own], a)))
-    };
-    (six.abs() > 0.0).then(|| (six.abs() / 6.0, [hat(0), hat(1), hat(2), hat(3)]))
+    let (six, gradients) = shape(p);
+    // The gradients are those over six volumes with their sign, which products of two have not.
+    let signed = dot(minus(p[1], p[0]), gradients[1]);
+    (six > 0.0).then(|| (six / 6.0, gradients.map(|gradient| gradient.map(|x| x / signed))))
 }

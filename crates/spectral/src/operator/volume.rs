@@ -214,7 +214,7 @@ struct Rows {
 }
 
 /// Six times the volume and, over that, the gradients of the hat functions; zeros where it is flat.
-fn shape([a, b, c, d]: [Vector; 4]) -> (f64, [Vector; 4]) {
+pub(super) fn shape([a, b, c, d]: [Vector; 4]) -> (f64, [Vector; 4]) {
     let (u, v, w) = (minus(b, a), minus(c, a), minus(d, a));
     let six = dot(u, cross(v, w));
     let edges = [u, v, w, minus(c, b), minus(d, b), minus(d, c)];

@@ -23,7 +23,7 @@ pub use attempt::most_columns;
 pub use error::ApproximationError;
 use reduce::reduce;
 pub(super) use reduce::{Ritz, ritz};
-pub use space::subspace;
+pub use space::{most_initial_columns, subspace};
 
 /// How the subspace is built.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -21,7 +21,7 @@ pub mod vibration;
 
 pub use approximate::{
     ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Space, approximate, dimension_for, most_columns,
-    subspace,
+    most_initial_columns, subspace,
 };
 pub use energy::MOST_FACTORED;
 pub use refine::{Refinement, approximate_refined};

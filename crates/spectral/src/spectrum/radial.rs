@@ -1,5 +1,7 @@
 //! Radial basis functions around samples, made a partition of unity: the subspace of chapter 2 of the thesis.
 
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashMap};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use chladni_algebra::SparseMatrix;
@@ -171,20 +173,40 @@ const FEW_OUTSIDE: usize = 4;
 const WIDE: usize = 8;
 const LEAST_WIDE: usize = 12;
 
-/// The radius around a vertex, as a share of the common one, within which so many vertices lie, or all that can be reached.
-fn nearest(geometry: &DistanceGeometry, workspace: &mut DistanceWorkspace, vertex: u32, vertices: usize) -> f32 {
-    let mut share = 1.0;
-    // 2¹⁰⁰ times the common radius is beyond every mesh.
-    for _ in 0..100 {
-        let disk = workspace.local_distances(geometry, vertex, share);
-        if disk.len() > vertices {
-            let mut distances: Vec<f32> = disk.iter().map(|&(_, distance)| distance).collect();
-            let (_, &mut radius, _) = distances.select_nth_unstable_by(vertices, f32::total_cmp);
-            return radius.max(f32::MIN_POSITIVE);
+/// The columns that so many samples come to at most, but for one more in each component that has no sample.
+pub fn most_columns(samples: usize) -> usize {
+    samples + samples / 2
+}
+
+/// The function of a vertex that can reach few others is all but constant on them: its radius is so many times the distance to the farthest.
+const BEYOND: f64 = 1e3;
+
+/// A radius, along edges, within which so many vertices lie around one; far beyond all that can be reached where they are fewer.
+fn nearest(connectivity: &Connectivity, vertex: u32, vertices: usize) -> f64 {
+    let mut known = HashMap::from([(vertex, 0.0)]);
+    let mut queue = BinaryHeap::from([Reverse((0f64.to_bits(), vertex))]);
+    let (mut settled, mut last) = (0, 0.0);
+    while let Some(Reverse((bits, v))) = queue.pop() {
+        let at = f64::from_bits(bits);
+        if known.get(&v).is_some_and(|&best| at > best) {
+            continue;
         }
-        share *= 2.0;
+        last = at;
+        if settled == vertices {
+            return at;
+        }
+        settled += 1;
+        let (neighbours, lengths) = connectivity.neighbours(v);
+        for (&other, length) in neighbours.iter().zip(lengths) {
+            let best = known.entry(other).or_insert(f64::INFINITY);
+            if at + length < *best {
+                *best = at + length;
+                // Distances are not negative, so their bits are in their order.
+                queue.push(Reverse((best.to_bits(), other)));
+            }
+        }
     }
-    share
+    BEYOND * last
 }
 
 /// The columns of `U` around `samples`: `n × d`, each row non-negative with sum 1, and no row empty.
@@ -192,7 +214,7 @@ fn nearest(geometry: &DistanceGeometry, workspace: &mut DistanceWorkspace, verte
 /// Column `j` is the profile of the distance from sample `j`, over the support radius that follows from `sigma` and the area of the
 /// mesh; where samples crowd, their supports are shrunk until each keeps a fair share of its own vertex, so that columns stay
 /// independent. Vertices that lie in no support become samples themselves, in ascending order after the given ones, so `d ≥ samples.len()`; where they are many, each of
-/// their functions holds several of them.
+/// their functions holds several of them, and there are at most [`most_columns`].
 ///
 /// # Errors
 /// [`RadialError`] for samples that are not vertices, for a mesh without vertices, samples or area, and when cancelled.
@@ -234,7 +256,7 @@ pub fn columns(
         }
         supports.shrink(&crowded, monitor)?;
     }
-    supports.cover(monitor)?;
+    supports.cover(connectivity, radius, monitor)?;
     Ok(supports.into_rows())
 }
 
@@ -320,8 +342,9 @@ impl Supports<'_> {
     /// Gives vertices outside all supports functions, until there is none.
     ///
     /// Where few are outside, as at the end of a limb, each becomes a sample. Where many are, area says nothing of how far apart vertices lie: a surface squashed to a line has
-    /// none, and each of its vertices would be a column. There a function holds so many of the nearest vertices that not many more than the given samples are needed.
-    fn cover(&mut self, monitor: &dyn Monitor) -> Result<(), Cancelled> {
+    /// none, and each of its vertices would be a column. There a function holds several of the nearest vertices. Where that does not suffice either, as on thousands of spikes, the
+    /// rest joins the function of the nearest centre: see [`most_columns`].
+    fn cover(&mut self, connectivity: &Connectivity, radius: f64, monitor: &dyn Monitor) -> Result<(), Cancelled> {
         let samples = self.centres.len();
         let outside = self.covered.iter().filter(|covered| !covered.load(Ordering::Relaxed)).count();
         if outside == 0 {
@@ -334,7 +357,12 @@ impl Supports<'_> {
                 continue;
             }
             monitor.checkpoint()?;
-            let share = wide.map_or(1.0, |vertices| nearest(&self.geometry, &mut workspace, v, vertices));
+            if self.centres.len() >= most_columns(samples) {
+                self.join_nearest(connectivity);
+                return Ok(());
+            }
+            let around = |vertices| ((nearest(connectivity, v, vertices) / radius) as f32).max(f32::MIN_POSITIVE);
+            let share = wide.map_or(1.0, around);
             let disk = workspace.local_distances(&self.geometry, v, share);
             let column: Column = disk
                 .iter()
@@ -350,6 +378,37 @@ impl Supports<'_> {
             self.columns.push(column);
         }
         Ok(())
+    }
+
+    /// Puts each vertex that is in no column into that of the nearest centre along edges; a component without a centre becomes a column.
+    fn join_nearest(&mut self, connectivity: &Connectivity) {
+        let mut bare = vec![true; self.covered.len()];
+        self.columns.iter().flatten().for_each(|&(v, _)| bare[v as usize] = false);
+        let mut owner: Vec<Option<u32>> = vec![None; bare.len()];
+        let centres = self.centres.iter().enumerate();
+        let mut queue: BinaryHeap<_> = centres.map(|(j, &(v, _))| Reverse((0f64.to_bits(), v, j as u32))).collect();
+        for start in 0..=bare.len() as u32 {
+            while let Some(Reverse((bits, v, column))) = queue.pop() {
+                if owner[v as usize].is_some() {
+                    continue;
+                }
+                owner[v as usize] = Some(column);
+                if bare[v as usize] {
+                    self.columns[column as usize].push((v, 1.0));
+                }
+                let (neighbours, lengths) = connectivity.neighbours(v);
+                for (&other, length) in
+                    neighbours.iter().zip(lengths).filter(|(other, _)| owner[**other as usize].is_none())
+                {
+                    queue.push(Reverse(((f64::from_bits(bits) + length).to_bits(), other, column)));
+                }
+            }
+            if owner.get(start as usize).is_some_and(Option::is_none) {
+                queue.push(Reverse((0f64.to_bits(), start, self.columns.len() as u32)));
+                self.centres.push((start, 1.0));
+                self.columns.push(Column::new());
+            }
+        }
     }
 
     /// Turns columns into rows that sum to 1.

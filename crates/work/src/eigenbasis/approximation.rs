@@ -10,7 +10,7 @@ use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use chladni_spectral::spectrum::{
     ApproximationError, ApproximationParameters, Goal, MOST_FACTORED, MOST_ROUNDS, Refinement, Space, approximate,
-    approximate_refined, dimension_for, most_columns,
+    approximate_refined, dimension_for, most_columns, most_initial_columns,
 };
 use serde::{Deserialize, Serialize};
 
@@ -178,12 +178,12 @@ impl Approximate {
     /// dimension, as far as that may grow.
     pub fn memory_bytes(&self, vertices: u64) -> u64 {
         let (d, m) = ((self.dimension as u64).min(vertices), self.count as u64);
-        // Vertices may be columns of their own from the beginning, as many as there are others and a quarter; and columns are added where a goal is missed.
+        // Vertices may be columns of their own from the beginning; and columns are added where a goal is missed.
         let most = match self.goal().rounds {
             0 => d,
             _ => most_columns(vertices as usize, d as usize) as u64,
         };
-        let d = most.max((9 * d / 4).min(vertices));
+        let d = most.max(most_initial_columns(vertices as usize, d as usize) as u64);
         // Products of the cells of a space, of which few meshes hold more at once than a fixed number.
         let products = 8 << 22;
         let compact = products + vertices * 25 * 2 * 8 + vertices * 22 * 8 + d * d * 8 * 5 + d * m * 8 * 2;

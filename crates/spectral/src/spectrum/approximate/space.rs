@@ -47,7 +47,15 @@ pub(super) fn initial_space(
     if (n as f64) < EXACT_RATIO * (d + chosen) as f64 && n <= 2 * d {
         return Ok(identity(n));
     }
-    Ok(hats::with_hats(&space, &rows))
+    let with_hats = hats::with_hats(&space, &rows);
+    // What hats leave of other columns may ask for more of them; memory is promised for so many.
+    Ok(if with_hats.columns() <= most_initial_columns(n, d) { with_hats } else { space })
+}
+
+/// The columns that a space of a dimension begins with at most on a mesh of `n` vertices: those of its samples, and as many hat functions; but for one in each component that has
+/// no sample.
+pub fn most_initial_columns(n: usize, dimension: usize) -> usize {
+    (radial::most_columns(dimension) + dimension).min(n)
 }
 
 /// The space `U` of about `dimension` locally supported functions on the unknowns: its rows have the sum 1, or that of the envelope. A mesh of

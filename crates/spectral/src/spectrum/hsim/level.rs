@@ -102,6 +102,10 @@ fn farther_apart(
     let (mut low, mut high) = (spacing, None);
     let mut best = (centres, spacing);
     for _ in 0..SPACINGS {
+        // Where the number of samples jumps, no spacing gives what is wanted.
+        if high.is_some_and(|high: f64| high < 1.05 * low) {
+            break;
+        }
         let middle: f64 = high.map_or(2.0 * low, |high: f64| (low * high).sqrt());
         let found = local::centres(level, middle, seed, monitor)?;
         if found.len() < *enough.start() {

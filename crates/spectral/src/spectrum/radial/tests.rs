@@ -173,7 +173,30 @@ fn a_surface_squashed_to_a_line_takes_few_more_columns_than_asked_for() {
     for distance in DISTANCES {
         let u = space_of(&mesh, dimension, &RadialParameters { distance, ..RadialParameters::default() });
         assert_partition_of_unity(&u);
-        assert!(u.columns() <= 3 * dimension, "{distance:?}: {} columns of {n} vertices", u.columns());
+        assert!(u.columns() <= most_columns(dimension), "{distance:?}: {} columns of {n} vertices", u.columns());
+        assert!(u.entries() <= 80 * n, "{distance:?}: {} entries", u.entries());
+    }
+}
+
+#[test]
+fn thousands_of_spikes_are_no_columns_of_their_own() {
+    // Each face becomes three that run far out.
+    let mut mesh = sphere(12);
+    let faces = std::mem::take(&mut mesh.faces);
+    for [a, b, c] in faces {
+        let tip = mesh.positions.len() as u32;
+        let [p, q, r] = [a, b, c].map(|v| mesh.positions[v as usize]);
+        mesh.positions.push([0, 1, 2].map(|k| 30.0 * (p[k] + q[k] + r[k])));
+        mesh.faces.extend([[a, b, tip], [b, c, tip], [c, a, tip]]);
+    }
+    // Next to no area of theirs counts where there is a much larger surface; nothing leads to it.
+    let large = placed(grid(40), 1e5, [1e6, 0.0, 0.0]);
+    let mesh = union(&[mesh, large]);
+    let (n, dimension) = (mesh.positions.len(), 60);
+    for distance in DISTANCES {
+        let u = space_of(&mesh, dimension, &RadialParameters { distance, ..RadialParameters::default() });
+        assert_partition_of_unity(&u);
+        assert!(u.columns() <= most_columns(dimension) + 1, "{distance:?}: {} columns of {n} vertices", u.columns());
         assert!(u.entries() <= 80 * n, "{distance:?}: {} entries", u.entries());
     }
 }
