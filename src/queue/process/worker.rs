@@ -11,7 +11,7 @@ use std::{
     time::Instant,
 };
 
-use chladni_algebra::gpu;
+use chladni_algebra::{DenseMatrix, gpu};
 use chladni_base::{Cancelled, Monitor};
 use chladni_spectral::basis::{Basis, Functions, Product};
 use chladni_spectral::formats::npz;
@@ -30,6 +30,8 @@ use crate::{
 const BEAT_MS: u64 = 20;
 /// A worker that holds so many more bytes than it began with is replaced.
 const SWOLLEN: u64 = 256 << 20;
+/// Matrices of this size are multiplied by the kernels for large ones.
+const ENOUGH: usize = 96;
 
 /// Where frames go.
 type Output = Arc<Mutex<io::BufWriter<File>>>;
@@ -59,18 +61,48 @@ pub fn work(input: File, output: File, runner: &dyn Runner) -> io::Result<()> {
         tracing::debug!(%error, "a worker keeps its priority");
     }
     say(&output, Tag::Ready, &[])?;
-    let began = limit::allocated();
-    let mut threads: Option<rayon::ThreadPool> = None;
+    let mut kept: Option<Threads> = None;
     for incoming in orders {
         let size = incoming.order.threads.max(1);
-        let pool = match threads.take().filter(|pool| pool.current_num_threads() == size) {
-            Some(pool) => pool,
-            None => rayon::ThreadPoolBuilder::new().num_threads(size).build().map_err(io::Error::other)?,
+        let threads = match kept.take().filter(|threads| threads.pool.current_num_threads() == size) {
+            Some(threads) => threads,
+            None => Threads::new(size).map_err(io::Error::other)?,
         };
-        obey(incoming, &pool, runner, &output, &cancelled, began)?;
-        threads = Some(pool);
+        obey(incoming, &threads, runner, &output, &cancelled)?;
+        kept = Some(threads);
     }
     Ok(())
+}
+
+/// The threads of this process.
+struct Threads {
+    pool: rayon::ThreadPool,
+    /// Bytes that the process had allocated when they were ready.
+    began: Option<u64>,
+    /// Bytes that they took to be ready.
+    workspaces: u64,
+}
+
+impl Threads {
+    /// So many threads, each with the workspace that the library of dense products allocates for it. Its size follows from the caches, not from the job: twice
+    /// the third level, which is .94 GiB on a server with 480 MiB. Hardly any of that is ever touched, but a limit on what may be allocated would count it.
+    fn new(size: usize) -> Result<Self, rayon::ThreadPoolBuildError> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(size).build()?;
+        let before = limit::allocated();
+        pool.broadcast(|_| {
+            let matrix = DenseMatrix::zeros(ENOUGH, ENOUGH);
+            std::hint::black_box(matrix.times(&matrix));
+        });
+        let began = limit::allocated();
+        let workspaces = before.zip(began).map_or(0, |(before, began)| began.saturating_sub(before));
+        Ok(Self { pool, began, workspaces })
+    }
+
+    /// Bytes that a job may allocate beyond what is there, where `bytes` are meant for itself. A thread that waits for its part of a product and takes up another
+    /// meanwhile needs a second workspace.
+    fn allowance(&self, bytes: u64) -> u64 {
+        bytes.saturating_add(self.workspaces)
+    }
 }
 
 /// An order and what it is about.
@@ -126,11 +158,10 @@ fn say_json(output: &Output, tag: Tag, body: &impl serde::Serialize) -> io::Resu
 /// Does one order.
 fn obey(
     Incoming { order, subject }: Incoming,
-    threads: &rayon::ThreadPool,
+    threads: &Threads,
     runner: &dyn Runner,
     output: &Output,
     cancelled: &Arc<AtomicU64>,
-    began: Option<u64>,
 ) -> io::Result<()> {
     say(output, Tag::Accepted, &[])?;
     let fallbacks = gpu::accelerator().fallbacks();
@@ -144,10 +175,10 @@ fn obey(
         advanced_ms: AtomicU64::new(0),
     };
     if let Some(bytes) = order.memory {
-        limit::allow(bytes);
+        limit::allow(threads.allowance(bytes));
     }
     let run = || runner.run_on(&order.job, subject, &monitor);
-    let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| threads.install(run)));
+    let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| threads.pool.install(run)));
     let result = result.unwrap_or_else(|_| {
         let detail = "the worker panicked".to_owned();
         Err(JobFailure::Failed { kind: "worker-panicked".to_owned(), detail, retryable: true })
@@ -157,7 +188,7 @@ fn obey(
         Err(failure) => Err(failure),
     };
     limit::lift();
-    let swollen = began.zip(limit::allocated()).is_some_and(|(began, now)| now > began + SWOLLEN);
+    let swollen = threads.began.zip(limit::allocated()).is_some_and(|(began, now)| now > began + SWOLLEN);
     let taken = Taken { gpu_fallbacks: gpu::accelerator().fallbacks() - fallbacks, swollen };
     match result {
         Ok(()) => say_json(output, Tag::Done, &taken),
