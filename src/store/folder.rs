@@ -7,9 +7,16 @@
 use std::{
     fs::{File, OpenOptions, TryLockError},
     path::{Path, PathBuf},
+    thread,
+    time::Duration,
 };
 
 use super::StoreError;
+
+/// How often a lock that somebody holds is tried, and the pause between. A process that is about to execute another program holds the locks of the one that
+/// it was forked from until then, even if that has ended or closed its files.
+const TRIES: u32 = 20;
+const PAUSE: Duration = Duration::from_millis(10);
 
 /// The data folder, locked for this process until it is dropped.
 #[derive(Debug)]
@@ -66,11 +73,15 @@ fn lock(folder: &Path, name: &str, create: bool) -> Result<File, StoreError> {
     let path = folder.join(name);
     let trouble = |source| StoreError::Folder { path: path.display().to_string(), source };
     let file = OpenOptions::new().create(create).read(true).write(true).truncate(false).open(&path).map_err(trouble)?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(StoreError::FolderInUse { folder: folder.display().to_string() }),
-        Err(TryLockError::Error(source)) => Err(trouble(source)),
+    for remaining in (0..TRIES).rev() {
+        match file.try_lock() {
+            Ok(()) => return Ok(file),
+            Err(TryLockError::WouldBlock) if remaining > 0 => thread::sleep(PAUSE),
+            Err(TryLockError::WouldBlock) => break,
+            Err(TryLockError::Error(source)) => return Err(trouble(source)),
+        }
     }
+    Err(StoreError::FolderInUse { folder: folder.display().to_string() })
 }
 
 /// Refuses a path where no file is, or an empty one.
