@@ -64,9 +64,9 @@ pub fn work(input: File, output: File, runner: &dyn Runner) -> io::Result<()> {
     let mut kept: Option<Threads> = None;
     for incoming in orders {
         let size = incoming.order.threads.max(1);
-        let threads = match kept.take().filter(|threads| threads.pool.current_num_threads() == size) {
-            Some(threads) => threads,
-            None => Threads::new(size).map_err(io::Error::other)?,
+        let threads = match kept.take() {
+            Some(threads) if threads.pool.current_num_threads() == size => threads,
+            others => Threads::new(size, others.map(|others| others.workspace)).map_err(io::Error::other)?,
         };
         obey(incoming, &threads, runner, &output, &cancelled)?;
         kept = Some(threads);
@@ -79,14 +79,16 @@ struct Threads {
     pool: rayon::ThreadPool,
     /// Bytes that the process had allocated when they were ready.
     began: Option<u64>,
-    /// Bytes that they took to be ready.
-    workspaces: u64,
+    /// Bytes that each of them took to be ready.
+    workspace: u64,
 }
 
 impl Threads {
     /// So many threads, each with the workspace that the library of dense products allocates for it. Its size follows from the caches, not from the job: twice
     /// the third level, which is .94 GiB on a server with 480 MiB. Hardly any of that is ever touched, but a limit on what may be allocated would count it.
-    fn new(size: usize) -> Result<Self, rayon::ThreadPoolBuildError> {
+    ///
+    /// What a workspace takes is `known` where there were threads before: theirs may go while those of the new ones come, so it is measured but once.
+    fn new(size: usize, known: Option<u64>) -> Result<Self, rayon::ThreadPoolBuildError> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(size).build()?;
         let before = limit::allocated();
         pool.broadcast(|_| {
@@ -94,14 +96,14 @@ impl Threads {
             std::hint::black_box(matrix.times(&matrix));
         });
         let began = limit::allocated();
-        let workspaces = before.zip(began).map_or(0, |(before, began)| began.saturating_sub(before));
-        Ok(Self { pool, began, workspaces })
+        let measured = || before.zip(began).map_or(0, |(before, began)| began.saturating_sub(before) / size as u64);
+        Ok(Self { workspace: known.unwrap_or_else(measured), pool, began })
     }
 
     /// Bytes that a job may allocate beyond what is there, where `bytes` are meant for itself. A thread that waits for its part of a product and takes up another
     /// meanwhile needs a second workspace.
     fn allowance(&self, bytes: u64) -> u64 {
-        bytes.saturating_add(self.workspaces)
+        bytes.saturating_add(self.workspace * self.pool.current_num_threads() as u64)
     }
 }
 

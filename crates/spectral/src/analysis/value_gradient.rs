@@ -55,10 +55,10 @@ fn check(basis: &Basis, elements: Elements<'_>, mass: MassKind) -> Result<(), An
     if basis.vertices() != elements.vertices() {
         return Err(AnalysisError::Mesh { basis: basis.vertices(), mesh: elements.vertices() });
     }
-    if mass == MassKind::Voronoi {
-        return Err(AnalysisError::NoDerivative { of: "Voronoi areas".to_owned() });
-    }
     let none = |of: &str| Err(AnalysisError::NoDerivative { of: of.to_owned() });
+    if mass == MassKind::Voronoi {
+        return none("Voronoi areas");
+    }
     // Operators that are more than a Laplacian are objects.
     if let Some(kind) = basis.metadata["parameters"]["operator"].as_object().and_then(|operator| operator.keys().next())
     {
