@@ -66,7 +66,7 @@ Exit codes: 0 done; 1 the mesh or the work failed; 2 wrong usage; 3 a file, the 
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     Demo(demo::DemoArguments),
-    /// Serve the API over HTTP, with the queue, the workers and the storage in this one process
+    /// Serve the API over HTTP, with the queue, the storage and workers in processes of their own
     #[command(after_help = SERVE_HELP)]
     Serve(Box<Config>),
     Solve(Box<solve::SolveArguments>),
