@@ -2,7 +2,7 @@
 
 mod references;
 
-use chladni_base::Unwatched;
+use chladni_base::{Cancelled, Monitor, SplitMix64, Unwatched};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::shape::{Shape, generate};
 use chladni_spectral::operator::{
@@ -174,6 +174,52 @@ fn slivers_are_no_obstacle() {
         let truth: Vec<f64> = tight.values.iter().map(|value| value * problem.area).collect();
         agree(&loose, problem.area, &truth, 1e-3, &what);
     }
+}
+
+/// The stages that were gone through.
+#[derive(Default)]
+struct Stages(std::sync::Mutex<Vec<&'static str>>);
+
+impl Monitor for Stages {
+    fn stage(&self, name: &'static str) {
+        self.0.lock().unwrap().push(name);
+    }
+    fn progress(&self, _fraction: f64) {}
+    fn checkpoint(&self) -> Result<(), Cancelled> {
+        Ok(())
+    }
+}
+
+#[test]
+fn where_coarse_levels_know_nothing_of_the_mesh_random_vectors_do() {
+    let mut repaired = 0;
+    for seed in 1..=6 {
+        // Triangles between vertices at random: no level of a hierarchy says anything about the next.
+        let (n, mut random) = (1_800usize, SplitMix64::new(seed));
+        let positions = (0..n).map(|_| [0; 3].map(|_| random.signed_unit())).collect();
+        let faces = (0..2 * n).map(|t| {
+            let mut other = || random.below(n - 1) as u32;
+            let (first, second, third) = ((t % n) as u32, other(), other());
+            let second = if second >= first { second + 1 } else { second };
+            let third = if third == first || third == second { (first.max(second) + 1) % n as u32 } else { third };
+            [first, second, third]
+        });
+        let faces = faces.filter(|[a, b, c]| a != b && b != c && c != a).collect();
+        let mesh = TriangleMesh { positions, faces };
+        let problem = operator(&mesh, OperatorKind::Auto, MassKind::Barycentric, Boundary::Neumann).problem;
+        let stages = Stages::default();
+        let parameters = HsimParameters { wanted: Wanted::Count(50), ..HsimParameters::default() };
+        let pairs =
+            solve(&mesh, &problem, &parameters, false, &stages).unwrap_or_else(|error| panic!("seed {seed}: {error}"));
+        repaired += usize::from(stages.0.lock().unwrap().contains(&"repair"));
+        let closer = proven(&mesh, &problem, 60, 1e-8, "to a smaller tolerance");
+        for (k, (value, other)) in pairs.values.iter().zip(&closer.values).enumerate() {
+            let error = (value - other).abs();
+            assert!(error <= pairs.bounds[k] + 1e-7 * other, "seed {seed}, pair {k}: {value} and {other}");
+        }
+    }
+    println!("{repaired} of 6 were repaired");
+    assert!(repaired > 0);
 }
 
 #[test]

@@ -269,15 +269,17 @@ fn every_distance_and_profile_keeps_its_measured_error() {
     // Poisson disks and σ = 10, as in the thesis. Edge paths are 4 to 8 % longer than geodesics, differently in each direction;
     // the linear profile has kinks and the Gaussian one a jump.
     for (variant, igea, armadillo) in [
-        (json!({}), 2.1, 4.8),
-        (json!({"distance": "fast_marching"}), 2.1, 2.8),
-        (json!({"distance": {"stvd": {"window": 3}}}), 2.6, 3.2),
-        (json!({"distance": "dijkstra"}), 8.0, 6.0),
-        (json!({"profile": "quintic"}), 3.0, 6.0),
-        (json!({"profile": "gaussian"}), 6.0, 8.0),
-        (json!({"profile": "linear"}), 8.6, 11.0),
+        (json!({}), Some(2.1), 4.8),
+        (json!({"distance": "fast_marching"}), Some(2.1), 2.8),
+        (json!({"distance": {"stvd": {"window": 3}}}), Some(2.6), 3.2),
+        (json!({"distance": "dijkstra"}), Some(8.0), 6.0),
+        // Profiles are tried on the smaller mesh.
+        (json!({"profile": "quintic"}), None, 6.0),
+        (json!({"profile": "gaussian"}), None, 8.0),
+        (json!({"profile": "linear"}), None, 11.0),
     ] {
-        for (name, bound) in [("igea.ply", igea), ("armadillo.obj", armadillo)] {
+        let igea = igea.map(|bound| ("igea.ply", bound));
+        for (name, bound) in igea.into_iter().chain([("armadillo.obj", armadillo)]) {
             let (mean, _) = radial_errors(&folder, name, 1000, &variant);
             assert!(mean <= bound, "{name} {variant}: mean {mean} %");
         }
@@ -298,9 +300,9 @@ fn radial_errors(folder: &std::path::Path, name: &str, dimension: usize, radial:
 #[test]
 fn no_real_mesh_makes_a_construction_fail() {
     let Some(folder) = meshes() else { return };
-    let mut paths: Vec<PathBuf> = [folder.clone(), folder.join("camel-gallop")]
-        .iter()
-        .flat_map(|folder| std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()))
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(&folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
         .filter(|path| {
             let name = path.file_name().unwrap().to_string_lossy().into_owned();
             [".obj", ".off", ".ply", ".ply.gz"].iter().any(|ending| name.ends_with(ending))
@@ -310,9 +312,9 @@ fn no_real_mesh_makes_a_construction_fail() {
     assert!(paths.len() > 20);
     for path in paths {
         let mesh = load(&path);
-        // The largest mesh is enough of a trial in two spaces.
+        // Large meshes are enough of a trial in two spaces: what is hard about many columns is that each has few vertices.
         let spaces = [("heat", 300), ("radial", 300), ("heat", 1_200)];
-        for &(construction, dimension) in &spaces[..if mesh.positions.len() > 200_000 { 2 } else { 3 }] {
+        for &(construction, dimension) in &spaces[..if mesh.positions.len() > 60_000 { 2 } else { 3 }] {
             let count = 100.min(mesh.positions.len());
             let basis = solve(&mesh, &json!({"count": count, "dimension": dimension, "construction": construction}));
             let name = path.file_name().unwrap();

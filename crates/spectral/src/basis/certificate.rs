@@ -72,6 +72,9 @@ pub struct AccuracyReport {
     pub dimension: usize,
     /// How many of its columns are hat functions of single vertices.
     pub hats: usize,
+    /// The implicit heat steps that smoothed the columns in the end: more than usual where cells have few vertices. Absent for other constructions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heat_steps: Option<usize>,
 }
 
 /// An inertia count (Sylvester): how many eigenvalues lie below a shift.

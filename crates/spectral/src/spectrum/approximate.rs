@@ -34,6 +34,16 @@ pub enum Space {
     Radial(RadialParameters),
 }
 
+impl Space {
+    /// [`HeatParameters::for_few_vertices`], where that is how the space is built.
+    fn for_few_vertices(self) -> Option<Self> {
+        match self {
+            Self::Heat(heat) => heat.for_few_vertices().map(Self::Heat),
+            Self::Radial(_) => None,
+        }
+    }
+}
+
 /// What is to be approximated, and how.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ApproximationParameters {
@@ -50,6 +60,16 @@ pub struct ApproximationParameters {
     pub certify: bool,
     /// Seeds everything that is drawn at random.
     pub seed: u64,
+}
+
+impl ApproximationParameters {
+    /// With columns that diffuse for longer, where each has few of the `unknowns` and nobody chose otherwise.
+    pub(super) fn fitted(mut self, unknowns: usize) -> Self {
+        if unknowns < FEW_VERTICES_FOR_HEAT * self.dimension.max(1) {
+            self.space = self.space.for_few_vertices().unwrap_or(self.space);
+        }
+        self
+    }
 }
 
 /// A space of fewer columns than the pairs and this is too coarse for the lowest of them; more cost next to nothing.
@@ -75,8 +95,11 @@ pub const MOST_ROUNDS: usize = 5;
 /// Where single vertices as columns gain less than this factor, the space grows instead.
 const LEAST_GAIN: f64 = 1.15;
 
-/// Columns of fewer vertices than this may be too coarse for a limb.
-const FEW_VERTICES: usize = 60;
+/// Columns of fewer vertices than this may be too coarse for a limb, and are smoothed for longer where a goal is missed.
+pub const FEW_VERTICES: usize = 60;
+
+/// Columns of fewer vertices than this diffuse for longer from the beginning.
+const FEW_VERTICES_FOR_HEAT: usize = 20;
 
 /// Computes the lowest `m` Ritz pairs of an operator in a subspace of `d` locally supported functions.
 ///
@@ -97,12 +120,13 @@ pub fn approximate(
     monitor: &dyn Monitor,
 ) -> Result<Basis, ApproximationError> {
     let problem = &operator.problem;
-    let mut parameters = *parameters;
+    let mut parameters = parameters.fitted(problem.size());
     let (count, goal) = (parameters.count, parameters.goal.map(|goal| goal.error));
     let mut guards = guards(count, problem.size() / parameters.dimension.max(1));
     if parameters.certify {
         guards = guards.max(lehmann::guards(count));
     }
+    let mut built = parameters.space;
     let columns = (count + guards).min(parameters.dimension.max(count)).min(problem.size()).max(count);
     let most = most_columns(problem.size(), parameters.dimension.max(count));
     let mut attempt = Attempt::new(ritz(mesh, operator, &parameters, columns, monitor)?, count, most);
@@ -116,7 +140,7 @@ pub fn approximate(
         && attempt.excess(goal) > 1.0
         && rounds < parameters.goal.map_or(0, |goal| goal.rounds)
     {
-        let before = parameters.dimension;
+        let (before, construction) = (parameters.dimension, parameters.space);
         let finer = attempt.finer_space(mesh, operator, &mut parameters, goal, hats_help, monitor)?;
         // A space that lost more columns than it was given would lose the pairs as well.
         let Some(space) = finer.filter(|space| space.columns() >= count) else { break };
@@ -133,9 +157,9 @@ pub fn approximate(
         next.look_for_hidden(operator, Some(goal), monitor)?;
         let gained = attempt.excess(goal) / next.excess(goal);
         if gained > 1.0 {
-            attempt = next;
+            (attempt, built) = (next, parameters.space);
         }
-        if gained < LEAST_GAIN && parameters.dimension == before {
+        if gained < LEAST_GAIN && parameters.dimension == before && parameters.space == construction {
             // Much the same residuals would ask for much the same columns again.
             hats_help = false;
         }
@@ -157,6 +181,10 @@ pub fn approximate(
         rounds,
         dimension: space.columns(),
         hats: hats::count(&space),
+        heat_steps: match built {
+            Space::Heat(heat) => Some(heat.steps),
+            Space::Radial(_) => None,
+        },
     });
 
     if let Some(Enclosed { shift, below, bounds }) = enclosed {

@@ -277,3 +277,49 @@ fn distances_are_from_the_eigenvalue_of_the_same_index() {
     super::by_index(&values, &mut endless, 1.0);
     assert_eq!(endless, [f64::INFINITY, 0.25, 0.25]);
 }
+
+/// A share of the edges flipped, by a pattern: thin triangles everywhere.
+fn flipped(mesh: &TriangleMesh, every: usize) -> TriangleMesh {
+    let mut edges = std::collections::BTreeMap::new();
+    for (f, face) in mesh.faces.iter().enumerate() {
+        for k in 0..3 {
+            edges.insert((face[k], face[(k + 1) % 3]), (f, face[(k + 2) % 3]));
+        }
+    }
+    let (mut faces, mut touched) = (mesh.faces.clone(), vec![false; mesh.faces.len()]);
+    for (&(a, b), &(f, c)) in edges.iter().step_by(every) {
+        let Some(&(g, d)) = edges.get(&(b, a)) else { continue };
+        if !touched[f] && !touched[g] && !edges.contains_key(&(c, d)) && !edges.contains_key(&(d, c)) {
+            (faces[f], faces[g]) = ([c, a, d], [d, b, c]);
+            (touched[f], touched[g]) = (true, true);
+        }
+    }
+    TriangleMesh { positions: mesh.positions.clone(), faces }
+}
+
+#[test]
+fn columns_of_few_vertices_hold_thin_triangles_and_say_how_far_they_diffused() {
+    let mesh = flipped(&noisy(&generate(Shape::Sphere, 2_000).unwrap(), 0.2, 5).unwrap(), 4);
+    let made = operator(&mesh, OperatorKind::Laplace, MassKind::Barycentric, Boundary::Neumann);
+    let parameters = |heat| ApproximationParameters {
+        count: 100,
+        dimension: 250,
+        space: Space::Heat(heat),
+        goal: Some(Goal { error: 0.01, rounds: 0 }),
+        certify: false,
+        seed: 0,
+    };
+    let exact = solve(&mesh, &made, 100, 1_400).eigenvalues;
+    let mean = |heat| {
+        let basis = approximate(&mesh, &made, &parameters(heat), &Unwatched).unwrap();
+        (error(&basis.eigenvalues[1..], &exact[1..]), basis.certificate.accuracy.unwrap().heat_steps)
+    };
+    let (usual, longer) = (HeatParameters::default(), HeatParameters::default().for_few_vertices().unwrap());
+    // What somebody chose is left as it is.
+    let (chosen, steps) = mean(HeatParameters { tolerance: 0.9 * usual.tolerance, ..usual });
+    assert_eq!(steps, Some(usual.steps));
+    let (fitted, steps) = mean(usual);
+    assert_eq!(steps, Some(longer.steps));
+    assert!(fitted < 0.1 && 3.0 * fitted < chosen, "{chosen} % became {fitted} %");
+    assert_eq!(longer.for_few_vertices(), None);
+}

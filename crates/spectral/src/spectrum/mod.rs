@@ -20,8 +20,8 @@ mod shifted;
 pub mod vibration;
 
 pub use approximate::{
-    ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Space, approximate, dimension_for, most_columns,
-    most_initial_columns, subspace,
+    ApproximationError, ApproximationParameters, FEW_VERTICES, Goal, MOST_ROUNDS, Space, approximate, dimension_for,
+    most_columns, most_initial_columns, subspace,
 };
 pub use energy::MOST_FACTORED;
 pub use refine::{Refinement, approximate_refined};

@@ -9,8 +9,8 @@ use chladni_spectral::operator::{MassKind, MeshOperator};
 use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use chladni_spectral::spectrum::{
-    ApproximationError, ApproximationParameters, Goal, MOST_FACTORED, MOST_ROUNDS, Refinement, Space, approximate,
-    approximate_refined, dimension_for, most_columns, most_initial_columns,
+    ApproximationError, ApproximationParameters, FEW_VERTICES, Goal, MOST_FACTORED, MOST_ROUNDS, Refinement, Space,
+    approximate, approximate_refined, dimension_for, most_columns, most_initial_columns,
 };
 use serde::{Deserialize, Serialize};
 
@@ -186,7 +186,12 @@ impl Approximate {
         let d = most.max(most_initial_columns(vertices as usize, d as usize) as u64);
         // Products of the cells of a space, of which few meshes hold more at once than a fixed number.
         let products = 8 << 22;
-        let compact = products + vertices * 25 * 2 * 8 + vertices * 22 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
+        // Entries a row, of this space and the next.
+        let entries = match self.space {
+            Space::Heat(heat) if heat.for_few_vertices().is_some() && vertices < FEW_VERTICES as u64 * d => 50,
+            _ => 25,
+        };
+        let compact = products + vertices * entries * 2 * 8 + vertices * 22 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
         // Bounds: the pencil once more and its hierarchy, and on each thread a panel of 32 pairs with what a cycle needs.
         let panels = (m / 32 + 1).min(rayon::current_num_threads() as u64);
         let compact = compact + vertices * (260 + 720 * panels);

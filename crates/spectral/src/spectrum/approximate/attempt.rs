@@ -31,6 +31,9 @@ pub fn most_columns(n: usize, dimension: usize) -> usize {
     (dimension + dimension.max(MANY_HATS)).min(n / 2).max(dimension)
 }
 
+/// Rows of more entries than this are those of functions that reach everywhere, on what is no surface. They are not made longer.
+const FEW_ENTRIES: usize = 25;
+
 /// Eigenfunctions on the mesh that are farther from orthonormal than this come from a dense problem that rounding has decided.
 const LARGEST_DEFECT: f64 = 1e-3;
 
@@ -164,6 +167,18 @@ impl Attempt {
         let (n, space) = (problem.size(), &self.ritz.space);
         if space.columns() >= n {
             return Ok(None);
+        }
+        // Smoother columns of the same number take less room than more of them, and the dense problem does not grow.
+        let few = n < FEW_VERTICES * parameters.dimension.max(1);
+        if few
+            && self.hidden == 0
+            && let Some(longer) = parameters.space.for_few_vertices()
+        {
+            parameters.space = longer;
+            let finer = initial_space(mesh, operator, parameters, monitor)?;
+            if finer.columns() <= self.most {
+                return Ok(Some(finer));
+            }
         }
         // Errors add up over what is left, here and at other pairs: aim at half of the goal.
         let left = (0.5 / self.excess(goal)).clamp(0.02, 0.3);

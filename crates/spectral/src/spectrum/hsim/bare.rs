@@ -10,14 +10,13 @@ use chladni_mesh::TriangleMesh;
 
 use super::certify::Goal;
 use super::deliver::nothing;
-use super::densely::{self, densely};
+use super::densely::densely;
 use super::hierarchy;
 use super::kernel::Kernel;
 use super::krylov;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
 use super::scout::{Scout, fills_in};
-use super::shifts::factor_near;
 use super::solve::{Estimate, Finest, LARGE, SLACK, Task, estimate};
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
 use crate::operator::EigenProblem;
@@ -146,9 +145,7 @@ impl Bench<'_> {
                 finest.level.component.fill(NO_KERNEL);
                 continue;
             }
-            let spread = scout.spread();
-            let below = window.low - (window.high - window.low).abs() / 16.0;
-            let (_, factor) = factor_near(&finest.level, &finest.symbolic, below, spread, Vec::new())?;
+            let factor = window.factor_below(&finest.level, &finest.symbolic)?;
             let kernel = Kernel::new(&finest.level);
             let seed = self.parameters.seed;
             let (values, vectors) = krylov::start(&finest.level, &kernel, &factor, q, seed, self.monitor)?;
@@ -204,16 +201,7 @@ impl Bench<'_> {
             monitor: self.monitor,
         };
         let values: Vec<f64> = begun.values.iter().map(|&value| up(value)).collect();
-        let solved = match task.solve(begun.vectors, values, None, begun.exact) {
-            Err(error) if error.is_of_the_iteration() => {
-                let columns = hierarchy::columns(task.beside, n - kernel.dimension());
-                match densely::instead(&finest.level, columns, kernel.dimension(), self.monitor)? {
-                    Some((values, vectors)) => task.solve(vectors, values, None, true),
-                    None => Err(error),
-                }
-            }
-            solved => solved,
-        };
+        let solved = task.solve_or_begin_again(begun.vectors, values, None, begun.exact);
         let (mut pairs, report) = solved.map_err(|error| down(error, moved))?;
         if let Wanted::Below { most, .. } | Wanted::Between { most, .. } = parameters.wanted
             && pairs.first + pairs.values.len() > most

@@ -1,7 +1,9 @@
 //! A start from random vectors: Ritz pairs of a block Krylov space of the inverse at a shift below all that is wanted.
 
 use chladni_algebra::subtract_combinations;
-use chladni_algebra::{Factor, PANEL_WIDTH, PanelMatrix, Weight, inner_products, mass_times_panel, restrict, rotate};
+use chladni_algebra::{
+    Factor, PANEL_WIDTH, PanelMatrix, SymbolicFactor, Weight, inner_products, mass_times_panel, restrict, rotate,
+};
 use chladni_base::{Monitor, SplitMix64};
 
 use super::HsimError;
@@ -9,6 +11,7 @@ use super::columns::{lengths, normalise};
 use super::kernel::Kernel;
 use super::level::Level;
 use super::ritz::ritz;
+use super::scout::Scout;
 
 /// Columns of the space over those of the start.
 const WIDER: (usize, usize) = (3, 2);
@@ -18,6 +21,21 @@ const BLOCKS: usize = 4;
 
 /// A column of which orthogonalisation leaves less than this share is not worth more than a random one.
 const SPENT: f64 = 1e-8;
+
+/// Pairs to start from where nothing is known of the level but its matrices, or where another start led nowhere: as [`start`], with a shift below the lowest
+/// eigenvalue, which counts find.
+pub(super) fn afresh(
+    (level, symbolic): (&Level, &SymbolicFactor),
+    kernel: &Kernel<'_>,
+    columns: usize,
+    seed: u64,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
+    let known = kernel.dimension();
+    let window = Scout::new(level, symbolic).window(columns + known, None, known > 0, monitor)?;
+    let factor = window.factor_below(level, symbolic)?;
+    start(level, kernel, &factor, columns, seed, monitor)
+}
 
 /// About `columns` Ritz pairs of the level beside the kernel, ascending by value, from a factor at a shift below the wanted eigenvalues.
 ///

@@ -1,6 +1,6 @@
 //! Where the lowest eigenvalues of a pencil lie, by inertia counts at a few shifts: what a start without geometry needs to know of it.
 
-use chladni_algebra::{SparseMatrix, SymbolicFactor};
+use chladni_algebra::{Factor, SparseMatrix, SymbolicFactor};
 use chladni_base::Monitor;
 
 use super::HsimError;
@@ -33,6 +33,15 @@ pub(super) struct Window {
     pub high: f64,
     /// Whether no eigenvalue lies below zero, up to rounding.
     pub semidefinite: bool,
+}
+
+impl Window {
+    /// A factor at a shift below all eigenvalues, by a little of the window's width.
+    pub fn factor_below<'a>(&self, level: &Level, symbolic: &'a SymbolicFactor) -> Result<Factor<'a>, HsimError> {
+        let below = self.low - (self.high - self.low).abs() / 16.0;
+        let (_, factor) = factor_near(level, symbolic, below, level.spread(), Vec::new())?;
+        Ok(factor)
+    }
 }
 
 /// A distance that was tried, and the eigenvalues counted within it.

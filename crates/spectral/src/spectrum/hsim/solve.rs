@@ -11,6 +11,7 @@ use super::hierarchy;
 use super::iterate::{Iteration, Plan};
 use super::judge::Count;
 use super::kernel::Kernel;
+use super::krylov;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
 use super::shifts::factor_near;
@@ -236,16 +237,7 @@ fn climb_and_solve(
         }
     };
     let task = Task { mesh, problem, parameters, finest: &finest, kernel: &kernel, goal, beside, offset, monitor };
-    let solved = match task.solve(vectors, values, plain, reports.is_empty()) {
-        Err(error) if error.is_of_the_iteration() => {
-            match densely::instead(&finest.level, hierarchy::columns(beside, n - known), known, monitor)? {
-                Some((values, vectors)) => task.solve(vectors, values, None, true),
-                None => Err(error),
-            }
-        }
-        solved => solved,
-    };
-    let (mut pairs, report) = solved?;
+    let (mut pairs, report) = task.solve_or_begin_again(vectors, values, plain, reports.is_empty())?;
     if let Wanted::Below { most, .. } | Wanted::Between { most, .. } = parameters.wanted
         && pairs.first + pairs.values.len() > most
     {
@@ -274,6 +266,34 @@ pub(super) struct Task<'a> {
 }
 
 impl Task<'_> {
+    /// As [`Task::solve`]; where that leads nowhere, from all pairs of a dense solve if the problem is small, else from random vectors. A start whose coarse
+    /// levels miss what the mesh has, as those of very thin triangles do, may leave some eigenvectors to several slices and others to none.
+    pub fn solve_or_begin_again(
+        &self,
+        vectors: PanelMatrix,
+        values: Vec<f64>,
+        plain: Option<f64>,
+        exact: bool,
+    ) -> Result<(Eigenpairs, LevelReport), HsimError> {
+        let Self { finest, kernel, monitor, .. } = *self;
+        let error = match self.solve(vectors, values, plain, exact) {
+            Err(error) if error.is_of_the_iteration() => error,
+            solved => return solved,
+        };
+        let columns = hierarchy::columns(self.beside, finest.level.size() - kernel.dimension());
+        if let Some((values, vectors)) = densely::instead(&finest.level, columns, kernel.dimension(), monitor)? {
+            return self.solve(vectors, values, None, true);
+        }
+        if plain.is_some() {
+            // A baseline is what it is.
+            return Err(error);
+        }
+        monitor.stage("repair");
+        let of = (&finest.level, &finest.symbolic);
+        let (values, vectors) = krylov::afresh(of, kernel, columns, self.parameters.seed.wrapping_add(1), monitor)?;
+        self.solve(vectors, values, None, false)
+    }
+
     /// Iterates from a start, plainly with the given shift or slice by slice, until what was found is proven. `exact`: the start may have converged.
     pub fn solve(
         &self,
