@@ -18,8 +18,8 @@ use chladni_algebra::EigenError;
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 
-use attempt::Attempt;
 pub use attempt::most_columns;
+use attempt::{Attempt, Remedies};
 pub use error::ApproximationError;
 use reduce::reduce;
 pub(super) use reduce::{Ritz, ritz};
@@ -126,22 +126,22 @@ pub fn approximate(
     if parameters.certify {
         guards = guards.max(lehmann::guards(count));
     }
-    let mut built = parameters.space;
     let columns = (count + guards).min(parameters.dimension.max(count)).min(problem.size()).max(count);
     let most = most_columns(problem.size(), parameters.dimension.max(count));
-    let mut attempt = Attempt::new(ritz(mesh, operator, &parameters, columns, monitor)?, count, most);
+    let mut attempt = Attempt::new(ritz(mesh, operator, &mut parameters, columns, monitor)?, count, most);
+    let mut built = parameters.space;
     monitor.stage("bounds");
     let energy = Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?;
     attempt.judge(&energy, problem, goal, monitor)?;
     attempt.look_for_hidden(operator, goal, monitor)?;
     let mut rounds = 0;
-    let mut hats_help = true;
+    let mut remedies = Remedies { hats: true, longer: true };
     while let Some(goal) = goal
         && attempt.excess(goal) > 1.0
         && rounds < parameters.goal.map_or(0, |goal| goal.rounds)
     {
         let (before, construction) = (parameters.dimension, parameters.space);
-        let finer = attempt.finer_space(mesh, operator, &mut parameters, goal, hats_help, monitor)?;
+        let finer = attempt.finer_space(mesh, operator, &mut parameters, goal, &mut remedies, monitor)?;
         // A space that lost more columns than it was given would lose the pairs as well.
         let Some(space) = finer.filter(|space| space.columns() >= count) else { break };
         rounds += 1;
@@ -161,7 +161,7 @@ pub fn approximate(
         }
         if gained < LEAST_GAIN && parameters.dimension == before && parameters.space == construction {
             // Much the same residuals would ask for much the same columns again.
-            hats_help = false;
+            remedies.hats = false;
         }
     }
     let enclosed = if parameters.certify { Some(attempt.enclose(&energy, problem, monitor)?) } else { None };

@@ -188,9 +188,9 @@ fn local(
     monitor: &dyn Monitor,
 ) -> Result<PanelMatrix, ApproximationError> {
     let space = Space::Heat(HeatParameters::default());
-    let parameters =
-        ApproximationParameters { count: dimension / 2, dimension, space, goal: None, certify: false, seed };
-    let Ritz { space, pairs, .. } = ritz(mesh, &operators.laplacian, &parameters, parameters.count, &Quiet(monitor))?;
+    let count = dimension / 2;
+    let mut parameters = ApproximationParameters { count, dimension, space, goal: None, certify: false, seed };
+    let Ritz { space, pairs, .. } = ritz(mesh, &operators.laplacian, &mut parameters, count, &Quiet(monitor))?;
     Ok(gpu::accelerator().lift(&space, &pairs.vectors, monitor)?)
 }
 

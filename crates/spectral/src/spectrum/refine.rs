@@ -82,7 +82,7 @@ pub fn approximate_refined(
     refinement.check(matches!(problem.mass, MassMatrix::Diagonal(_)))?;
     let count = parameters.count;
     let columns = (count + guards(count)).min(parameters.dimension.max(count)).min(problem.size()).max(1);
-    let Ritz { space, pairs, .. } = ritz(mesh, operator, &parameters.fitted(problem.size()), columns, monitor)?;
+    let Ritz { space, pairs, .. } = ritz(mesh, operator, &mut parameters.fitted(problem.size()), columns, monitor)?;
 
     monitor.stage("refine");
     let vectors = gpu::accelerator().lift(&space, &pairs.vectors, monitor)?;

@@ -5,7 +5,7 @@ use super::super::energy::Energy;
 use super::super::lehmann::{self, Enclosed};
 use super::super::{hats, hidden};
 use super::reduce::Ritz;
-use super::space::initial_space;
+use super::space::{FEW_ENTRIES, initial_space};
 use super::{ApproximationError, ApproximationParameters, FEW_VERTICES};
 use crate::basis::Certificate;
 use crate::operator::{EigenProblem, MeshOperator};
@@ -31,11 +31,16 @@ pub fn most_columns(n: usize, dimension: usize) -> usize {
     (dimension + dimension.max(MANY_HATS)).min(n / 2).max(dimension)
 }
 
-/// Rows of more entries than this are those of functions that reach everywhere, on what is no surface. They are not made longer.
-const FEW_ENTRIES: usize = 25;
-
 /// Eigenfunctions on the mesh that are farther from orthonormal than this come from a dense problem that rounding has decided.
 const LARGEST_DEFECT: f64 = 1e-3;
+
+/// What may still help.
+pub(super) struct Remedies {
+    /// Hat functions of single vertices.
+    pub(super) hats: bool,
+    /// Functions that diffuse for longer.
+    pub(super) longer: bool,
+}
 
 /// Pairs in one space, guards included, and how good they are.
 pub(super) struct Attempt {
@@ -160,7 +165,7 @@ impl Attempt {
         operator: &MeshOperator,
         parameters: &mut ApproximationParameters,
         goal: f64,
-        hats_help: bool,
+        remedies: &mut Remedies,
         monitor: &dyn Monitor,
     ) -> Result<Option<SparseMatrix<f32>>, ApproximationError> {
         let problem = &operator.problem;
@@ -169,14 +174,15 @@ impl Attempt {
             return Ok(None);
         }
         // Smoother columns of the same number take less room than more of them, and the dense problem does not grow.
-        let few = n < FEW_VERTICES * parameters.dimension.max(1);
+        let few = n < FEW_VERTICES * parameters.dimension.max(1) && space.entries() <= FEW_ENTRIES * n;
         if few
             && self.hidden == 0
+            && std::mem::take(&mut remedies.longer)
             && let Some(longer) = parameters.space.for_few_vertices()
         {
             parameters.space = longer;
             let finer = initial_space(mesh, operator, parameters, monitor)?;
-            if finer.columns() <= self.most {
+            if parameters.space == longer && finer.columns() <= self.most {
                 return Ok(Some(finer));
             }
         }
@@ -185,7 +191,9 @@ impl Attempt {
         let most = self.most_beside_entries();
         let room = space.columns().max(MANY_HATS.min(n / 4)).min(n / 2);
         let mut room = room.min(most.saturating_sub(space.columns()));
-        if hats_help && let Some(density) = &self.density {
+        if remedies.hats
+            && let Some(density) = &self.density
+        {
             // What hats leave of other columns may ask for more of them.
             while room > 0
                 && let Some(rows) = hats::where_it_sits(density, &problem.stiffness, left, room)

@@ -22,11 +22,11 @@ pub(in crate::spectrum) struct Ritz {
     pub pairs: EigenPairs,
 }
 
-/// Builds the space and computes the lowest `count` Ritz pairs in it.
+/// Builds the space and computes the lowest `count` Ritz pairs in it. `parameters` tell afterwards how its functions were made.
 pub(in crate::spectrum) fn ritz(
     mesh: &TriangleMesh,
     operator: &MeshOperator,
-    parameters: &ApproximationParameters,
+    parameters: &mut ApproximationParameters,
     count: usize,
     monitor: &dyn Monitor,
 ) -> Result<Ritz, ApproximationError> {

@@ -22,14 +22,19 @@ const LLOYD_MOVES: usize = 3;
 /// so few vertices would be close to dependent, and the dense problem is hardly larger.
 const EXACT_RATIO: f64 = 1.5;
 
-/// The space that the approximation begins with: local functions, and hat functions where those are too coarse.
+/// Rows of more entries than this are those of functions that reach everywhere, on what is no surface. They do not diffuse for longer.
+pub(super) const FEW_ENTRIES: usize = 25;
+
+/// The space that the approximation begins with: local functions, and hat functions where those are too coarse. `parameters` tell afterwards how the functions
+/// were made.
 pub(super) fn initial_space(
     mesh: &TriangleMesh,
     operator: &MeshOperator,
-    parameters: &ApproximationParameters,
+    parameters: &mut ApproximationParameters,
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, ApproximationError> {
-    let space = subspace(mesh, operator, parameters, monitor)?;
+    let (space, made) = functions(mesh, operator, parameters, monitor)?;
+    parameters.space = made;
     let n = operator.problem.size();
     if !matches!(parameters.space, Space::Heat(_)) || space.columns() >= n {
         return Ok(space);
@@ -69,27 +74,39 @@ pub fn subspace(
     parameters: &ApproximationParameters,
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, ApproximationError> {
-    let (n, d) = (operator.problem.size(), parameters.dimension.max(parameters.count));
-    if (n as f64) < EXACT_RATIO * d as f64 {
-        return Ok(identity(n));
-    }
-    let space = local_functions(mesh, operator.laplacian(), d, parameters, monitor)?;
-    Ok(envelop(space, operator, monitor)?)
+    functions(mesh, operator, parameters, monitor).map(|(space, _)| space)
 }
 
-/// Locally supported functions on all vertices, rows with sum 1. They follow the Laplacian, whatever the operator.
+/// [`subspace`], and how it was made.
+fn functions(
+    mesh: &TriangleMesh,
+    operator: &MeshOperator,
+    parameters: &ApproximationParameters,
+    monitor: &dyn Monitor,
+) -> Result<(SparseMatrix<f32>, Space), ApproximationError> {
+    let (n, d) = (operator.problem.size(), parameters.dimension.max(parameters.count));
+    if (n as f64) < EXACT_RATIO * d as f64 {
+        return Ok((identity(n), parameters.space));
+    }
+    let (space, made) = local_functions(mesh, operator.laplacian(), d, parameters, monitor)?;
+    Ok((envelop(space, operator, monitor)?, made))
+}
+
+/// Locally supported functions on all vertices, rows with sum 1, and how they were made. They follow the Laplacian, whatever the operator.
 fn local_functions(
     mesh: &TriangleMesh,
     laplacian: &EigenProblem,
     d: usize,
     parameters: &ApproximationParameters,
     monitor: &dyn Monitor,
-) -> Result<SparseMatrix<f32>, ApproximationError> {
+) -> Result<(SparseMatrix<f32>, Space), ApproximationError> {
     monitor.stage("sampling");
     let connectivity = Connectivity::new(mesh);
     monitor.checkpoint()?;
     match &parameters.space {
-        Space::Radial(radial) => Ok(radial::space(mesh, &connectivity, d, parameters.seed, radial, monitor)?),
+        Space::Radial(radial) => {
+            Ok((radial::space(mesh, &connectivity, d, parameters.seed, radial, monitor)?, parameters.space))
+        }
         Space::Heat(heat) => {
             let masses = laplacian.mass.lumped();
             let samples = well_spread_points(mesh, &connectivity, &masses, d, LLOYD_MOVES, parameters.seed, monitor)?;
@@ -98,7 +115,9 @@ fn local_functions(
             let far = mesh.positions.len() >= DIJKSTRA_SUFFICES * d;
             let distance = if far { DistanceKind::Dijkstra } else { DistanceKind::FastMarching };
             let start = radial::columns(mesh, &connectivity, &samples, distance, Profile::Cubic, SIGMA, monitor)?;
-            Ok(heat::smooth(mesh, laplacian, &connectivity, &start, heat, monitor)?)
+            let far = start.entries() > FEW_ENTRIES * mesh.positions.len();
+            let heat = if far { heat.for_many_vertices() } else { *heat };
+            Ok((heat::smooth(mesh, laplacian, &connectivity, &start, &heat, monitor)?, Space::Heat(heat)))
         }
     }
 }

@@ -89,6 +89,14 @@ impl HeatParameters {
         })
     }
 
+    /// The usual parameters that [`Self::for_few_vertices`] was made from; others as they are.
+    pub(crate) fn for_many_vertices(self) -> Self {
+        [Self::default(), Self::accurate()]
+            .into_iter()
+            .find(|usual| usual.for_few_vertices() == Some(self))
+            .unwrap_or(self)
+    }
+
     /// Checks every parameter against its range.
     ///
     /// # Errors
