@@ -363,8 +363,8 @@ class Basis:
         >>> import chladni, numpy as np
         >>> mesh = chladni.Mesh.sample("torus", 500)
         >>> basis = chladni.eigs(mesh, k=6, method="hsim", operator="laplace", tol=1e-8, precision="f64")
-        >>> gradient = basis.loss_gradient([], 2 * basis.functions[:, :3])
-        >>> bool(np.isclose((gradient * mesh.vertices).sum(), -2 * (basis.functions[:, :3] ** 2).sum()))
+        >>> gradient = basis.loss_gradient([], 2 * basis.vectors[:, :3])
+        >>> bool(np.isclose((gradient * mesh.vertices).sum(), -2 * (basis.vectors[:, :3] ** 2).sum()))
         True
         """
         listed = np.atleast_1d(_arrays.numeric(weights, "weights"))
