@@ -334,6 +334,46 @@ class Basis:
             raise _arrays.parameter_error(f"weights have the shape {listed.shape}, where (m,) is due")
         return self._core.value_gradient([float(weight) for weight in listed])
 
+    def loss_gradient(self, weights: Any, functions: Any) -> np.ndarray:
+        """The gradient by the positions of the vertices of a loss that depends on eigenvalues and eigenfunctions.
+
+        It is as right as the pairs are: solve with ``precision="f64"`` and a small ``tol``. The loss should depend on neither the signs of eigenfunctions nor, where eigenvalues coincide, on which functions stand for them.
+
+        Parameters
+        ----------
+        weights : array_like, (m,)
+            The derivatives of the loss by the eigenvalues, from the first on; those beyond the last are zero.
+        functions : array_like, (n,) or (n, c)
+            Its derivatives by the values of the first `c` eigenfunctions at the vertices.
+
+        Returns
+        -------
+        numpy.ndarray, (n, 3)
+            Vertices that were merged share what the kept one has; dropped ones have zero.
+
+        Raises
+        ------
+        ParameterError
+            As `value_gradient`, and for an approximate basis; where the loss counts a part of a multiplet, or the basis ends inside one that counts.
+
+        Examples
+        --------
+        Functions of unit norm get smaller as their surface gets larger:
+
+        >>> import chladni, numpy as np
+        >>> mesh = chladni.Mesh.sample("torus", 500)
+        >>> basis = chladni.eigs(mesh, k=6, method="hsim", operator="laplace", tol=1e-8, precision="f64")
+        >>> gradient = basis.loss_gradient([], 2 * basis.vectors[:, :3])
+        >>> bool(np.isclose((gradient * mesh.vertices).sum(), -2 * (basis.vectors[:, :3] ** 2).sum()))
+        True
+        """
+        listed = np.atleast_1d(_arrays.numeric(weights, "weights"))
+        if listed.ndim != 1:
+            raise _arrays.parameter_error(f"weights have the shape {listed.shape}, where (m,) is due")
+        n = np.shape(functions)[0] if np.ndim(functions) else 0
+        derivatives, _ = _arrays.functions(functions, n, "derivatives")
+        return self._core.loss_gradient([float(weight) for weight in listed], derivatives)
+
     def filter(
         self,
         functions: Any,

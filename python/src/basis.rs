@@ -13,7 +13,7 @@ use chladni_spectral::basis::Basis;
 use chladni_spectral::formats::npz;
 use chladni_work::distances::DistanceRequest;
 use chladni_work::numbered::{pull, push};
-use chladni_work::value_gradient::gradient;
+use chladni_work::value_gradient::{gradient, loss_gradient};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
@@ -253,6 +253,24 @@ impl NativeBasis {
         let (basis, to) = (&self.basis, self.translation(false));
         let solid = body.checked.solid.as_ref();
         let found = watch::run(py, None, |monitor| Ok(gradient(basis, (body.mesh(), solid), &weights, &to, monitor)?))?;
+        arrays::table(py, found)
+    }
+
+    /// The gradient by positions, (n, 3), of a loss with these derivatives by eigenvalues and by the first eigenfunctions, (n, c) in Fortran order.
+    fn loss_gradient<'py>(
+        &self,
+        py: Python<'py>,
+        weights: Vec<f64>,
+        functions: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.of_functions()?;
+        let Some(body) = &self.mesh else {
+            return Err(Failure::parameter("a gradient needs the mesh, beside a basis that was loaded").into());
+        };
+        let (basis, to, functions) = (&self.basis, self.translation(false), arrays::functions(&functions)?);
+        let of = (body.mesh(), body.checked.solid.as_ref());
+        let found =
+            watch::run(py, None, |monitor| Ok(loss_gradient(basis, of, (&weights, &functions), &to, monitor)?))?;
         arrays::table(py, found)
     }
 

@@ -155,6 +155,9 @@ impl From<GradientFault> for Failure {
         match fault {
             GradientFault::Analysis(error) => error.into(),
             GradientFault::Provenance(error) => Self::parameter(error.to_string()),
+            GradientFault::Numbering(error) => error.into(),
+            GradientFault::Parameters(error) => error.into(),
+            GradientFault::Operator(error) => error.into(),
         }
     }
 }

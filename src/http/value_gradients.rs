@@ -107,7 +107,7 @@ impl From<GradientFault> for Problem {
     fn from(fault: GradientFault) -> Self {
         match fault {
             GradientFault::Analysis(error) => error.into(),
-            GradientFault::Provenance(_) => Self::new(&problem::INVALID_ANALYSIS, sentence(&fault)),
+            _ => Self::new(&problem::INVALID_ANALYSIS, sentence(&fault)),
         }
     }
 }

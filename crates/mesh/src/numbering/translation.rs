@@ -328,6 +328,26 @@ impl Translation {
             .collect()
     }
 
+    /// The adjoint of [`push`](Self::push): what a linear function of the values at the vertices of the file is of those at the first `rows` kept ones. What merged vertices count is added up; what dropped ones count
+    /// is left out.
+    ///
+    /// # Errors
+    /// [`NumberingError::Length`].
+    pub fn push_adjoint(&self, values: &[f64], rows: usize) -> Result<Vec<f64>, NumberingError> {
+        let Some(numbering) = self.of_vertices() else { return Ok(values.to_vec()) };
+        let needed = numbering.file_vertices();
+        if values.len() != needed {
+            return Err(NumberingError::Length { elements: "vertices", found: values.len(), needed });
+        }
+        let mut sums = vec![0.0; rows];
+        for (kept, value) in numbering.vertex_map().zip(values) {
+            if let Some(sum) = kept.and_then(|kept| sums.get_mut(kept as usize)) {
+                *sum += value;
+            }
+        }
+        Ok(sums)
+    }
+
     /// A function on kept vertices, `width` numbers each, as one on the vertices of the file: merged ones have their common value, dropped ones
     /// what [`Extension`] says.
     pub fn push<T: Missing>(&self, values: &[T], width: usize) -> Vec<T> {

@@ -80,6 +80,42 @@ pub enum AnalysisError {
         /// Of what.
         of: String,
     },
+    /// Eigenvalues coincide, and a loss depends on which functions of their common space stand for them.
+    #[error(
+        "eigenvalues {first} and {second} coincide, and the loss depends on which functions stand for them: let all of a cluster count alike"
+    )]
+    Turned {
+        /// The lower one, from 0.
+        first: usize,
+        /// The higher one.
+        second: usize,
+    },
+    /// Eigenvalues coincide, and a loss of their functions counts their values differently.
+    #[error(
+        "eigenvalues {first} and {second} coincide and count differently: what the loss changes by where they part cannot be told from its derivatives"
+    )]
+    Mixed {
+        /// The lower one, from 0.
+        first: usize,
+        /// The higher one.
+        second: usize,
+    },
+    /// A basis ends among eigenvalues that coincide, or misses one.
+    #[error(
+        "eigenvalue {index} has others beside it that the basis does not hold: let it end in a gap of the spectrum, further up than what the loss counts"
+    )]
+    Cut {
+        /// Its number, from 0.
+        index: usize,
+    },
+    /// An iteration did not come to its end.
+    #[error("the equation for eigenfunction {index} was not solved in {steps} steps")]
+    Unsolved {
+        /// Its number, from 0.
+        index: usize,
+        /// The steps.
+        steps: usize,
+    },
     /// The mesh has points without faces.
     #[error("geodesic distances need a surface with faces, and the mesh has only points")]
     NoFaces,

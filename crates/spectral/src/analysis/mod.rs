@@ -1,5 +1,6 @@
-//! What a basis is good for: shape comparisons, distances, signatures, filters, projections, compression, functional maps, gradients of eigenvalues.
+//! What a basis is good for: shape comparisons, distances, signatures, filters, projections, compression, functional maps, gradients of eigenvalues and eigenfunctions.
 
+mod complement;
 pub mod compression;
 pub mod distance;
 mod error;
@@ -9,6 +10,7 @@ pub mod functional_map;
 pub mod geodesic;
 pub mod heat;
 pub mod kd_tree;
+pub mod mode_gradient;
 pub mod projection;
 pub mod scatter;
 pub mod shape_dna;

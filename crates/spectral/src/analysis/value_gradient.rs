@@ -3,15 +3,12 @@
 //! For a simple eigenvalue with `xᵀMx = 1`, `∂λ = xᵀ (∂S − λ ∂M) x` (Hellmann and Feynman; Hadamard). Where eigenvalues coincide, each of them has a derivative only along motions that keep them
 //! together, while the sum of all of them has one in every direction, and so has every function in which they count alike.
 
-use chladni_base::Monitor;
+use chladni_base::{Cancelled, Monitor};
 
 use super::error::AnalysisError;
-use crate::basis::Basis;
+use crate::basis::{Basis, CHUNK_COLUMNS, Functions, Real, Visit};
 use crate::operator::MassKind;
-use crate::operator::derivative::{Elements, Forms, add_gradient};
-
-/// Functions that are held, vertex after vertex, at once.
-const AT_ONCE: usize = 32;
+use crate::operator::derivative::{Elements, FormSums};
 
 /// The gradient of `Σ_k weights_k λ_k` by the positions of the vertices: three numbers for each, in 1/length³ of the input. With `weights_k = ∂L/∂λ_k` it is
 /// `∂L/∂p`.
@@ -34,24 +31,54 @@ pub fn value_gradient(
         let count = basis.count();
         return Err(AnalysisError::Count { what: "weights", found: weights.len(), least: count, most: count });
     }
+    let mut sums = FormSums::new(elements, mass);
+    add_values(basis, weights, &mut sums, monitor)?;
+    Ok(sums.gradient(monitor)?)
+}
+
+/// Adds the eigenfunctions with what their eigenvalues count; there may be fewer weights than values.
+pub(super) fn add_values(
+    basis: &Basis,
+    weights: &[f64],
+    sums: &mut FormSums<'_>,
+    monitor: &dyn Monitor,
+) -> Result<(), AnalysisError> {
     if let Some(&value) = weights.iter().find(|weight| !weight.is_finite()) {
         return Err(AnalysisError::Parameter { parameter: "a weight", value, expected: "a finite number" });
     }
-    let mut gradient = vec![[0.0; 3]; basis.vertices()];
-    // Values that do not count need not be read.
-    let counted = weights.iter().rposition(|weight| *weight != 0.0).map_or(0, |last| last + 1);
-    for from in (0..counted).step_by(AT_ONCE) {
-        monitor.progress(from as f64 / counted as f64);
-        let range = from..counted.min(from + AT_ONCE);
-        let rows = basis.lift_rows::<f64>(range.clone())?;
-        let stiffness = &weights[range.clone()];
-        let mass_weights: Vec<f64> = range.map(|k| -weights[k] * basis.eigenvalues[k]).collect();
-        add_gradient(elements, mass, &Forms { rows: &rows, stiffness, mass: &mass_weights }, &mut gradient, monitor)?;
+    for (index, weights) in weights.chunks(CHUNK_COLUMNS).enumerate() {
+        let from = index * CHUNK_COLUMNS;
+        monitor.progress(from as f64 / basis.count() as f64);
+        // What does not count need not be read.
+        let Some(last) = weights.iter().rposition(|weight| *weight != 0.0) else { continue };
+        let range = from..from + last + 1;
+        let stiffness = &weights[..=last];
+        let masses: Vec<f64> = stiffness.iter().zip(&basis.eigenvalues[from..]).map(|(w, value)| -w * value).collect();
+        let act = Add { sums: &mut *sums, stiffness, masses: &masses, monitor };
+        match &basis.functions {
+            Functions::Dense(dense) => dense.chunk(index)?.visit(act)?,
+            Functions::Compact(_) => act.visit(&basis.lift::<f64>(range)?, basis.vertices())?,
+        }
     }
-    Ok(gradient)
+    Ok(())
 }
 
-fn check(basis: &Basis, elements: Elements<'_>, mass: MassKind) -> Result<(), AnalysisError> {
+/// Adds as many columns as there are weights.
+struct Add<'a, 'e> {
+    sums: &'a mut FormSums<'e>,
+    stiffness: &'a [f64],
+    masses: &'a [f64],
+    monitor: &'a dyn Monitor,
+}
+
+impl Visit for Add<'_, '_> {
+    type Answer = Result<(), Cancelled>;
+    fn visit<T: Real>(self, values: &[T], rows: usize) -> Self::Answer {
+        self.sums.add(&values[..rows * self.stiffness.len()], self.stiffness, self.masses, self.monitor)
+    }
+}
+
+pub(super) fn check(basis: &Basis, elements: Elements<'_>, mass: MassKind) -> Result<(), AnalysisError> {
     if basis.vertices() != elements.vertices() {
         return Err(AnalysisError::Mesh { basis: basis.vertices(), mesh: elements.vertices() });
     }

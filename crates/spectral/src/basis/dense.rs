@@ -56,7 +56,7 @@ impl Precision {
 }
 
 /// A real number that eigenfunctions may be stored or asked for in.
-pub trait Real: bytemuck::Pod + Default + fmt::Display + Send + Sync {
+pub trait Real: bytemuck::Pod + Default + fmt::Display + Into<f64> + Send + Sync {
     /// From double precision.
     fn narrow(value: f64) -> Self;
     /// To double precision.
