@@ -1222,6 +1222,8 @@ export interface components {
             goal: number;
             /** @description How many of its columns are hat functions of single vertices. */
             hats: number;
+            /** @description The implicit heat steps that smoothed the columns in the end: more than usual where cells have few vertices. Absent for other constructions. */
+            heat_steps: number | null;
             /**
              * Format: double
              * @description The largest estimated relative error, the kernel apart.
