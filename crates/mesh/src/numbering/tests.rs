@@ -74,9 +74,9 @@ proptest! {
         prop_assert!((there - here).abs() < 1e-10 * rows as f64);
         prop_assert!(order.iter().zip(&adjoint).all(|(vertex, w)| vertex.is_some() || *w == 0.0));
         let of_file: Vec<f64> = (0..order.len()).map(|vertex| (vertex as f64).cos()).collect();
-        let adjoint = to.push_adjoint(&of_file, rows).unwrap();
+        let of_kept = to.push_adjoint(&of_file, rows).unwrap();
         let there: f64 = back.iter().zip(&of_file).filter(|(x, _)| !x.is_nan()).map(|(x, w)| x * w).sum();
-        let here: f64 = pulled.iter().zip(&adjoint).map(|(x, w)| x * w).sum();
+        let here: f64 = pulled.iter().zip(&of_kept).map(|(x, w)| x * w).sum();
         prop_assert!((there - here).abs() < 1e-10 * rows as f64);
         prop_assert!(to.is_identity() || to.push_adjoint(&of_file[1..], rows).is_err());
         let twice: Vec<f64> = weights.iter().flat_map(|&w| [w, -w]).collect();
