@@ -337,7 +337,8 @@ class Basis:
     def loss_gradient(self, weights: Any, functions: Any) -> np.ndarray:
         """The gradient by the positions of the vertices of a loss that depends on eigenvalues and eigenfunctions.
 
-        It is as right as the pairs are: solve with ``precision="f64"`` and a small ``tol``. The loss should depend on neither the signs of eigenfunctions nor, where eigenvalues coincide, on which functions stand for them.
+        It is as right as the pairs are: solve with ``precision="f64"`` and a small ``tol``. The loss should depend on neither
+        the signs of eigenfunctions nor, where eigenvalues coincide, on which functions stand for them.
 
         Parameters
         ----------
@@ -354,7 +355,8 @@ class Basis:
         Raises
         ------
         ParameterError
-            As `value_gradient`, and for an approximate basis; where the loss counts a part of a multiplet, or the basis ends inside one that counts.
+            As `value_gradient`, and for an approximate basis; where the loss counts a part of a multiplet, or the basis
+            ends inside one that counts.
 
         Examples
         --------

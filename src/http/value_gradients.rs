@@ -107,7 +107,10 @@ impl From<GradientFault> for Problem {
     fn from(fault: GradientFault) -> Self {
         match fault {
             GradientFault::Analysis(error) => error.into(),
-            _ => Self::new(&problem::INVALID_ANALYSIS, sentence(&fault)),
+            GradientFault::Provenance(_)
+            | GradientFault::Numbering(_)
+            | GradientFault::Parameters(_)
+            | GradientFault::Operator(_) => Self::new(&problem::INVALID_ANALYSIS, sentence(&fault)),
         }
     }
 }

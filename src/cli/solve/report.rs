@@ -123,7 +123,8 @@ impl Run {
                 (1e6 * accuracy.goal).round() / 1e4,
                 match (accuracy.reached, accuracy.rounds) {
                     (true, 0) => String::new(),
-                    (true, rounds) => format!(", reached after columns were added {rounds} times"),
+                    (true, 1) => ", reached after the space was made finer once".to_owned(),
+                    (true, rounds) => format!(", reached after the space was made finer {rounds} times"),
                     (false, _) => ". NOT REACHED: take --method hsim, or a larger --dimension".to_owned(),
                 }
             );

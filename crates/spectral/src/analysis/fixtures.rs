@@ -2,7 +2,27 @@
 
 use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix};
 
+use chladni_base::Unwatched;
+use chladni_mesh::TriangleMesh;
+
 use crate::basis::{Basis, Certificate, Compact, DenseFunctions, Functions, Precision};
+use crate::operator::MeshOperator;
+use crate::spectrum::hsim::{HsimParameters, Wanted, solve};
+
+/// The lowest pairs of an operator to a tolerance, in double precision, with the Laplacian noted that it was assembled of.
+pub fn solved(operator: &MeshOperator, vertices: usize, count: usize, tolerance: f64) -> Basis {
+    let laplacian = serde_json::to_value(operator.report.laplacian).unwrap();
+    let mesh = TriangleMesh { positions: vec![[0.0; 3]; vertices], faces: Vec::new() };
+    let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance, ..HsimParameters::default() };
+    let pairs = solve(&mesh, &operator.problem, &parameters, false, &Unwatched).unwrap();
+    Basis {
+        functions: Functions::Dense(DenseFunctions::from_panels(pairs.vectors, Precision::F64)),
+        eigenvalues: pairs.values,
+        mass: operator.problem.mass.scaled(operator.problem.area),
+        certificate: Certificate::default(),
+        metadata: serde_json::json!({"operator": {"laplacian": laplacian}}),
+    }
+}
 
 /// The cosine basis of a chain of `n` points with equal masses and unit links.
 pub fn chain(n: usize, m: usize) -> Basis {

@@ -1,8 +1,7 @@
 use super::*;
-use crate::basis::{Certificate, DenseFunctions, Functions, Precision};
+use crate::analysis::fixtures::solved;
 use crate::operator::elastic::tests::bar;
 use crate::operator::{Boundary, MeshOperator, OperatorKind, OperatorParameters, assemble, volume};
-use crate::spectrum::hsim::{HsimParameters, Wanted, solve};
 use chladni_base::{SplitMix64, Unwatched};
 use chladni_mesh::shape::{Shape, generate, noisy};
 use chladni_mesh::{TetMesh, TriangleMesh};
@@ -10,17 +9,7 @@ use chladni_mesh::{TetMesh, TriangleMesh};
 const MASSES: [MassKind; 2] = [MassKind::Barycentric, MassKind::Consistent];
 
 fn basis(operator: &MeshOperator, vertices: usize, count: usize) -> Basis {
-    let laplacian = serde_json::to_value(operator.report.laplacian).unwrap();
-    let mesh = TriangleMesh { positions: vec![[0.0; 3]; vertices], faces: Vec::new() };
-    let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance: 1e-9, ..HsimParameters::default() };
-    let pairs = solve(&mesh, &operator.problem, &parameters, false, &Unwatched).unwrap();
-    Basis {
-        functions: Functions::Dense(DenseFunctions::from_panels(pairs.vectors, Precision::F64)),
-        eigenvalues: pairs.values,
-        mass: operator.problem.mass.scaled(operator.problem.area),
-        certificate: Certificate::default(),
-        metadata: serde_json::json!({"operator": {"laplacian": laplacian}}),
-    }
+    solved(operator, vertices, count, 1e-9)
 }
 
 fn on_surface(mesh: &TriangleMesh, mass: MassKind, boundary: Boundary, count: usize) -> Basis {

@@ -1,7 +1,7 @@
 //! What quadratic forms of stiffness and mass gain when vertices move.
 //!
-//! On an element of volume `V` (of a triangle its area) with the gradients `h_i` of its hat functions, `S_ij = V h_i · h_j` and `M_ij = V q_ij` with constants `q`. Moving a vertex by
-//! `v` deforms the element by `∇v = v ⊗ h_i`, and with `K = Σ w x xᵀ` on its corners
+//! On an element of volume `V` (of a triangle its area) with the gradients `h_i` of its hat functions, `S_ij = V h_i · h_j` and `M_ij = V q_ij` with
+//! constants `q`. Moving a vertex by `v` deforms the element by `∇v = v ⊗ h_i`, and with `K = Σ w x xᵀ` on its corners
 //!
 //! `∂⟨K, S⟩ / ∂p_i = V (tr T h_i − 2 T h_i)`, `T = Σ_ij K_ij h_i ⊗ h_j`, and `∂⟨N, M⟩ / ∂p_i = V ⟨N, q⟩ h_i`.
 //!
@@ -55,8 +55,9 @@ impl<T: bytemuck::Pod + Default + Into<f64> + Send + Sync> Number for T {}
 /// Functions that are added side by side, so that they fit vectors.
 const LANES: usize = 8;
 
-/// `Σ_k stiffness_k x_kᵀ S x_k + mass_k x_kᵀ M x_k` of functions that stay as they are, as far as its gradient by the positions of vertices needs it: a few sums for each element and one for each
-/// vertex, to which functions are added some at a time. Masses are consistent, or lumped with equal shares of each element.
+/// `Σ_k stiffness_k x_kᵀ S x_k + mass_k x_kᵀ M x_k` of functions that stay as they are, as far as its gradient by the positions of vertices needs it: a few
+/// sums for each element and one for each vertex, to which functions are added some at a time. Masses are consistent, or lumped with equal shares of each
+/// element.
 pub(crate) struct FormSums<'a>(Kind<'a>);
 
 enum Kind<'a> {

@@ -103,8 +103,9 @@ const FEW_VERTICES_FOR_HEAT: usize = 20;
 
 /// Computes the lowest `m` Ritz pairs of an operator in a subspace of `d` locally supported functions.
 ///
-/// Where the estimated error of a pair exceeds the goal, columns are added and the pairs computed again, as often as the goal allows: hat functions
-/// where the residuals sit, if that is at few vertices, else a larger `d`. The certificate tells what came of it.
+/// Where the estimated error of a pair exceeds the goal, the space is made finer and the pairs computed again, as often as the goal allows: by columns that
+/// diffuse for longer, where they have few vertices; by hat functions where the residuals sit, if that is at few vertices; else by a larger `d`. The
+/// certificate tells what came of it.
 ///
 /// Stages: `sampling`, `basis`, `reduce`, `eigen`, `bounds`; the last three, or all, once more for each round; `certify`. Eigenvalues ascend, are upper
 /// bounds of the exact ones, and are in 1/length² of the input; eigenfunctions are orthonormal for the mass of the input. The metadata are left
