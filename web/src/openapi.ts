@@ -1222,7 +1222,7 @@ export interface components {
             goal: number;
             /** @description How many of its columns are hat functions of single vertices. */
             hats: number;
-            /** @description The implicit heat steps that smoothed the columns in the end: more than usual where cells have few vertices. Absent for other constructions. */
+            /** @description The implicit heat steps that smoothed the columns in the end, more than usual where columns have few vertices. Absent for other constructions. */
             heat_steps: number | null;
             /**
              * Format: double
@@ -1231,7 +1231,7 @@ export interface components {
             largest_estimate: number;
             /** @description Whether that is at most the goal. */
             reached: boolean;
-            /** @description How often columns were added where residuals sat. */
+            /** @description How often the space was made finer: by columns that diffuse for longer, by more of them, or by single vertices where residuals sat. */
             rounds: number;
         };
         /** @description A field to stay close to, with a global weight and optionally one for each face. */

@@ -66,13 +66,13 @@ pub struct AccuracyReport {
     pub largest_estimate: f64,
     /// Whether that is at most the goal.
     pub reached: bool,
-    /// How often columns were added where residuals sat.
+    /// How often the space was made finer: by columns that diffuse for longer, by more of them, or by single vertices where residuals sat.
     pub rounds: usize,
     /// The dimension of the space in the end.
     pub dimension: usize,
     /// How many of its columns are hat functions of single vertices.
     pub hats: usize,
-    /// The implicit heat steps that smoothed the columns in the end: more than usual where cells have few vertices. Absent for other constructions.
+    /// The implicit heat steps that smoothed the columns in the end, more than usual where columns have few vertices. Absent for other constructions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heat_steps: Option<usize>,
 }

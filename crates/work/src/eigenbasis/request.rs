@@ -92,11 +92,11 @@ pub struct Request {
     /// How the subspace is built; `heat`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub construction: Option<Construction>,
-    /// The largest relative error of an eigenvalue that is good enough, as estimated: columns are added until it is reached, at most five times. `standard`, unless
-    /// it is given.
+    /// The largest relative error of an eigenvalue that is good enough, as estimated: columns are added until it is reached, at most five times. `standard`,
+    /// unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<Accuracy>,
-    /// Details of the construction `heat`.
+    /// Details of the construction `heat`. Where they are the usual ones, columns of few vertices diffuse for longer: `accuracy.heat_steps` of the result.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heat: Option<HeatParameters>,
     /// Details of the construction `radial`.
@@ -138,8 +138,9 @@ pub struct Request {
     /// How eigenfunctions are stored; `dense`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub storage: Option<StorageKind>,
-    /// The type of the numbers of a dense basis. Unless it is given, `f32` where columns in single precision keep the tolerance, and `f64` where they do not, as below 1e-4 and on
-    /// large meshes; eigenfields of `hodge` are stored in `f64`, and what inverse iteration refined in `f32`. With `f32` given, the certificate says what tolerance is kept.
+    /// The type of the numbers of a dense basis. Unless it is given, `f32` where columns in single precision keep the tolerance, and `f64` where they do not,
+    /// as below 1e-4 and on large meshes; eigenfields of `hodge` are stored in `f64`, and what inverse iteration refined in `f32`. With `f32` given, the
+    /// certificate says what tolerance is kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub precision: Option<Precision>,
     /// Seeds everything that is drawn at random; 0, unless it is given.
