@@ -163,3 +163,28 @@ def test_a_notebook_is_shown_the_modes_and_is_given_no_more_than_it_holds(knot, 
     # With a surface that is too large for a notebook's file, there is the table alone.
     monkeypatch.setattr("chladni._view.NUMBERS", 6 * len(knot.vertices))
     assert "<iframe" not in knot_basis._repr_html_() and "<table>" in knot_basis._repr_html_()
+
+
+def test_the_gradient_of_a_loss_is_what_differences_say():
+    mesh = chladni.Mesh.sample("torus", 300)
+    random = np.random.default_rng(7)
+    # Without its symmetries, all eigenvalues are simple.
+    vertices = mesh.vertices + 0.02 * random.standard_normal(mesh.vertices.shape)
+    by_values, by_squares = np.array([0.0, 0.3, -0.2, 0.1]), random.standard_normal((len(vertices), 4))
+
+    def solved(vertices):
+        return chladni.eigs(vertices, mesh.faces, k=9, method="hsim", operator="laplace", tol=1e-9, precision="f64")
+
+    def loss(vertices):
+        found = solved(vertices)
+        return by_values @ found.values[:4] + (by_squares * found.vectors[:, :4] ** 2).sum()
+
+    basis = solved(vertices)
+    gradient = basis.loss_gradient(by_values, 2 * by_squares * basis.vectors[:, :4])
+    motion, step = random.standard_normal(vertices.shape), 1e-5
+    difference = (loss(vertices + step * motion) - loss(vertices - step * motion)) / (2 * step)
+    assert abs((gradient * motion).sum() - difference) < 1e-5 * np.abs(gradient * motion).sum()
+    assert np.allclose(basis.loss_gradient(by_values, np.zeros((len(vertices), 1))), basis.value_gradient(by_values), rtol=1e-9, atol=1e-12)
+    for weights, functions in [([0.0], np.ones((len(vertices) - 1, 1))), ([0.0], np.ones((len(vertices), 10))), ([0.0] * 10, np.ones((len(vertices), 1))), ([[0.0]], np.ones((len(vertices), 1))), ([np.nan], np.ones((len(vertices), 1)))]:
+        with pytest.raises(chladni.ParameterError):
+            basis.loss_gradient(weights, functions)
