@@ -27,9 +27,9 @@ const RESIDUAL: f64 = 1e-13;
 
 /// The `count` lowest pairs, ascending and orthonormal, of the matrix with this diagonal and, beside it, the first `d − 1` of these numbers.
 /// `None` where the outcome does not hold what it should, or numbers are not finite: then another method is due.
-pub(super) fn lowest_few(diagonal: &[f64], beside: &[f64], count: usize) -> Option<(Vec<f64>, DenseMatrix)> {
+pub(super) fn lowest_few(diagonal: &[f64], off_diagonal: &[f64], count: usize) -> Option<(Vec<f64>, DenseMatrix)> {
     let d = diagonal.len();
-    let matrix = Tridiagonal::scaled(diagonal, beside.get(..d.checked_sub(1)?)?)?;
+    let matrix = Tridiagonal::scaled(diagonal, off_diagonal.get(..d.checked_sub(1)?)?)?;
     let values = matrix.lowest_values(count.min(d));
     let mut clusters: Vec<Vec<f64>> = Vec::new();
     for &value in &values {
@@ -54,24 +54,24 @@ pub(super) fn lowest_few(diagonal: &[f64], beside: &[f64], count: usize) -> Opti
 struct Tridiagonal {
     diagonal: Vec<f64>,
     /// `d − 1` numbers.
-    beside: Vec<f64>,
+    off_diagonal: Vec<f64>,
     /// Zero and their squares: `d` numbers.
     squares: Vec<f64>,
     norm: f64,
 }
 
 impl Tridiagonal {
-    fn scaled(diagonal: &[f64], beside: &[f64]) -> Option<Self> {
-        let at = |k: usize| beside.get(k).map_or(0.0, |x| x.abs());
+    fn scaled(diagonal: &[f64], off_diagonal: &[f64]) -> Option<Self> {
+        let at = |k: usize| off_diagonal.get(k).map_or(0.0, |x| x.abs());
         let row = |k: usize| diagonal[k].abs() + at(k) + if k > 0 { at(k - 1) } else { 0.0 };
         let norm = (0..diagonal.len()).map(row).fold(0.0, f64::max);
         if !(norm > 1e-280 && norm < 1e280) || (0..diagonal.len()).any(|k| !row(k).is_finite()) {
             return None;
         }
         let diagonal = diagonal.iter().map(|x| x / norm).collect();
-        let beside: Vec<f64> = beside.iter().map(|x| x / norm).collect();
-        let squares = std::iter::once(0.0).chain(beside.iter().map(|x| x * x)).collect();
-        Some(Self { diagonal, beside, squares, norm })
+        let off_diagonal: Vec<f64> = off_diagonal.iter().map(|x| x / norm).collect();
+        let squares = std::iter::once(0.0).chain(off_diagonal.iter().map(|x| x * x)).collect();
+        Some(Self { diagonal, off_diagonal, squares, norm })
     }
 
     /// How many eigenvalues lie below each shift: the negative pivots of `T − x`.
@@ -159,10 +159,10 @@ impl Tridiagonal {
         for k in 0..x.len() {
             let mut sum = (self.diagonal[k] - value) * x[k];
             if k > 0 {
-                sum += self.beside[k - 1] * x[k - 1];
+                sum += self.off_diagonal[k - 1] * x[k - 1];
             }
             if k + 1 < x.len() {
-                sum += self.beside[k] * x[k + 1];
+                sum += self.off_diagonal[k] * x[k + 1];
             }
             square += sum * sum;
         }
@@ -194,11 +194,11 @@ impl PivotedFactor {
     fn new(matrix: &Tridiagonal, shift: f64) -> Self {
         let d = matrix.diagonal.len();
         let (mut steps, mut rows) = (Vec::with_capacity(d), Vec::with_capacity(d));
-        let beside = |k: usize| matrix.beside.get(k).copied().unwrap_or(0.0);
+        let off_diagonal = |k: usize| matrix.off_diagonal.get(k).copied().unwrap_or(0.0);
         // The row that is being eliminated with.
-        let mut row = [matrix.diagonal[0] - shift, beside(0), 0.0];
+        let mut row = [matrix.diagonal[0] - shift, off_diagonal(0), 0.0];
         for k in 0..d - 1 {
-            let next = [beside(k), matrix.diagonal[k + 1] - shift, beside(k + 1)];
+            let next = [off_diagonal(k), matrix.diagonal[k + 1] - shift, off_diagonal(k + 1)];
             let exchanged = next[0].abs() > row[0].abs();
             let (pivot, other) = if exchanged { (next, row) } else { (row, next) };
             let inverse = inverse(pivot[0]);
@@ -238,9 +238,9 @@ fn inverse(pivot: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn check(diagonal: &[f64], beside: &[f64], count: usize, expected: impl Fn(usize) -> f64) {
-        let (values, vectors) = lowest_few(diagonal, beside, count).unwrap();
-        let norm = diagonal.iter().chain(beside).fold(0.0f64, |most, x| most.max(x.abs()));
+    fn check(diagonal: &[f64], off_diagonal: &[f64], count: usize, expected: impl Fn(usize) -> f64) {
+        let (values, vectors) = lowest_few(diagonal, off_diagonal, count).unwrap();
+        let norm = diagonal.iter().chain(off_diagonal).fold(0.0f64, |most, x| most.max(x.abs()));
         assert_eq!((values.len(), vectors.rows(), vectors.columns()), (count, diagonal.len(), count));
         for k in 0..count {
             assert!((values[k] - expected(k)).abs() < 1e-14 * norm, "{k}: {} is not {}", values[k], expected(k));
@@ -248,7 +248,7 @@ mod tests {
         let gram = vectors.transposed_times(&vectors).unwrap();
         let one = |i: usize, k: usize| if i == k { 1.0 } else { 0.0 };
         assert!((0..count).all(|k| (0..count).all(|i| (gram.column(k)[i] - one(i, k)).abs() < 1e-13)));
-        let matrix = Tridiagonal::scaled(diagonal, &beside[..diagonal.len() - 1]).unwrap();
+        let matrix = Tridiagonal::scaled(diagonal, &off_diagonal[..diagonal.len() - 1]).unwrap();
         assert!((0..count).all(|k| matrix.residual(values[k] / matrix.norm, vectors.column(k)) < 1e-13));
     }
 
@@ -264,9 +264,9 @@ mod tests {
     fn blocks_without_links_have_every_value_as_often_as_there_are_blocks() {
         // Forty chains of ten: the lowest value forty times.
         let (d, blocks) = (400, 40);
-        let beside: Vec<f64> = (0..d).map(|k| if k % 10 == 9 { 0.0 } else { -3.0 }).collect();
+        let off_diagonal: Vec<f64> = (0..d).map(|k| if k % 10 == 9 { 0.0 } else { -3.0 }).collect();
         let angle = |k: usize| std::f64::consts::PI * (k / blocks + 1) as f64 / 11.0;
-        check(&vec![6.0; d], &beside, 90, |k| 6.0 - 6.0 * angle(k).cos());
+        check(&vec![6.0; d], &off_diagonal, 90, |k| 6.0 - 6.0 * angle(k).cos());
     }
 
     /// Wilkinson's matrix: its values come in pairs that agree in all digits.

@@ -396,7 +396,7 @@ pub(super) fn standard_lowest(
         monitor.checkpoint()
     })?;
     monitor.checkpoint()?;
-    let (values, mut vectors) = tridiagonal_lowest(&reduced.diagonal, &reduced.beside, count)?;
+    let (values, mut vectors) = tridiagonal_lowest(&reduced.diagonal, &reduced.off_diagonal, count)?;
     monitor.progress(0.8);
     monitor.checkpoint()?;
 
@@ -416,7 +416,7 @@ const LEAST_FEW: usize = 128;
 /// divide and conquer, or by bisection and inverse iteration where few are wanted.
 pub(super) fn tridiagonal_lowest(
     diagonal: &[f64],
-    beside: &[f64],
+    off_diagonal: &[f64],
     count: usize,
 ) -> Result<(Vec<f64>, DenseMatrix), EigenError> {
     let d = diagonal.len();
@@ -424,7 +424,7 @@ pub(super) fn tridiagonal_lowest(
         return Ok((diagonal.to_vec(), DenseMatrix::from_columns(1, 1, vec![1.0]).unwrap_or_default()));
     }
     if d >= LEAST_FEW.max(FEW * count)
-        && let Some(found) = lowest_few(diagonal, beside, count)
+        && let Some(found) = lowest_few(diagonal, off_diagonal, count)
     {
         return Ok(found);
     }
@@ -435,7 +435,7 @@ pub(super) fn tridiagonal_lowest(
     let mut buffer = memory(request)?;
     evd::tridiagonal_self_adjoint_evd(
         faer::diag::DiagRef::from_slice(diagonal),
-        faer::diag::DiagRef::from_slice(beside),
+        faer::diag::DiagRef::from_slice(off_diagonal),
         faer::diag::DiagMut::from_slice_mut(&mut values),
         Some(view_mut(&mut vectors)),
         par,

@@ -282,12 +282,12 @@ impl SymbolicFactor {
     ) -> Result<Factor<'_>, FactorError> {
         let n = self.size();
         let mut values = self.storage(storage)?;
-        let (mut beside, mut order, mut position) = (vec![0.0; n], vec![0usize; n], vec![0usize; n]);
+        let (mut off_diagonal, mut order, mut position) = (vec![0.0; n], vec![0usize; n], vec![0usize; n]);
         let request = self.symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(Par::Seq, Default::default());
         let mut buffer = memory(request)?;
         self.symbolic.factorize_numeric_intranode_lblt(
             &mut values,
-            &mut beside,
+            &mut off_diagonal,
             &mut order,
             &mut position,
             lower,
@@ -303,7 +303,7 @@ impl SymbolicFactor {
             let mut column = 0;
             while column < node.columns {
                 let at = node.start + column;
-                let (d, e) = (factor.pivot(node, column), beside[at]);
+                let (d, e) = (factor.pivot(node, column), off_diagonal[at]);
                 if e == 0.0 {
                     if !(d.is_finite() && d != 0.0) {
                         return Err(FactorError::Singular { pivot: at });
@@ -323,14 +323,14 @@ impl SymbolicFactor {
                     factor.below += if determinant < 0.0 { 1 } else { 2 * usize::from(d < 0.0) };
                     factor.inverse[at] = next / determinant;
                     factor.inverse[at + 1] = d / determinant;
-                    beside[at] = -e / determinant;
+                    off_diagonal[at] = -e / determinant;
                     column += 2;
                 }
             }
         }
         factor.growth = factor.growth_over(largest);
         let order = order.into_iter().map(|row| row as u32).collect();
-        factor.pivoting = Some(Pivoting { order, beside });
+        factor.pivoting = Some(Pivoting { order, off_diagonal });
         Ok(factor)
     }
 
@@ -371,7 +371,7 @@ pub(super) struct Pivoting {
     /// The row that comes `k`-th; a permutation of the rows of each supernode.
     pub order: Vec<u32>,
     /// Entry `k`: the inverse of `D` at `(k + 1, k)`.
-    pub beside: Vec<f64>,
+    pub off_diagonal: Vec<f64>,
 }
 
 /// `A − μB = L D Lᵀ` in the order that the matrices were given in.

@@ -52,10 +52,10 @@ impl Factor<'_> {
                 if let Some(pivoting) = &self.pivoting {
                     let at = node.start + column;
                     // The blocks of D itself follow from those of its inverse.
-                    let beside = |k: usize| self.beside(pivoting, node, k);
-                    sum += beside(at).abs() * lengths.get(column + 1).copied().unwrap_or(0.0);
+                    let off_diagonal = |k: usize| self.off_diagonal(pivoting, node, k);
+                    sum += off_diagonal(at).abs() * lengths.get(column + 1).copied().unwrap_or(0.0);
                     if column > 0 {
-                        sum += beside(at - 1).abs() * lengths[column - 1];
+                        sum += off_diagonal(at - 1).abs() * lengths[column - 1];
                     }
                 }
                 scaled.push(sum);
@@ -82,8 +82,8 @@ impl Factor<'_> {
     }
 
     /// The entry of `D` at `(k + 1, k)`: that of its inverse times minus the determinant of the block.
-    fn beside(&self, pivoting: &Pivoting, node: &Node, k: usize) -> f64 {
-        let inverse = pivoting.beside[k];
+    fn off_diagonal(&self, pivoting: &Pivoting, node: &Node, k: usize) -> f64 {
+        let inverse = pivoting.off_diagonal[k];
         if inverse == 0.0 || k + 1 >= node.start + node.columns {
             return 0.0;
         }

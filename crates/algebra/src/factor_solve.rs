@@ -122,7 +122,9 @@ impl<'a> NodePart<'a> {
             values: &factor.values[node.values..node.values + rows * columns],
             below: &factor.symbolic.patterns[node.pattern.0..node.pattern.0 + node.pattern.1],
             inverse: &factor.inverse[node.start..end],
-            pivoting: factor.pivoting.map(|p| (node.start, &p.order[node.start..end], &p.beside[node.start..end])),
+            pivoting: factor
+                .pivoting
+                .map(|p| (node.start, &p.order[node.start..end], &p.off_diagonal[node.start..end])),
         }
     }
 
@@ -147,17 +149,17 @@ impl<'a> NodePart<'a> {
     /// `X ← D⁻¹ X` for the rows of the supernode.
     #[inline(always)]
     fn divide(&self, top: &mut [PanelRow]) {
-        if let Some((_, _, beside)) = self.pivoting {
+        if let Some((_, _, off_diagonal)) = self.pivoting {
             let mut k = 0;
             while k < self.columns {
-                if beside[k] == 0.0 || k + 1 == self.columns {
+                if off_diagonal[k] == 0.0 || k + 1 == self.columns {
                     top[k].iter_mut().for_each(|x| *x *= self.inverse[k]);
                     k += 1;
                 } else {
                     for column in 0..PANEL_WIDTH {
                         let (x, y) = (top[k][column], top[k + 1][column]);
-                        top[k][column] = self.inverse[k] * x + beside[k] * y;
-                        top[k + 1][column] = beside[k] * x + self.inverse[k + 1] * y;
+                        top[k][column] = self.inverse[k] * x + off_diagonal[k] * y;
+                        top[k + 1][column] = off_diagonal[k] * x + self.inverse[k + 1] * y;
                     }
                     k += 2;
                 }
@@ -293,12 +295,12 @@ impl<'a> NodePart<'a> {
             let at = (from + k) * self.rows;
             &self.values[at + from + R..at + self.rows]
         });
-        let (beside, below): ([&[f64]; R], [&[f64]; R]) =
+        let (within, below): ([&[f64]; R], [&[f64]; R]) =
             (columns.map(|c| &c[..done.len()]), columns.map(|c| &c[done.len()..][..self.below.len()]));
         for (i, x) in done.iter().enumerate() {
             let x = load::<S, V>(x, group);
             for k in 0..R {
-                let l = simd.splat_f64s(-beside[k][i]);
+                let l = simd.splat_f64s(-within[k][i]);
                 for v in 0..V {
                     acc[k][v] = simd.mul_add_f64s(l, x[v], acc[k][v]);
                 }

@@ -55,14 +55,14 @@ pub fn eigenvalues_below(
     let mut values: Vec<f64> = Vec::new();
     values.try_reserve_exact(symbolic.len_val()).map_err(|_| no_memory())?;
     values.resize(symbolic.len_val(), 0.0);
-    let mut beside = vec![0.0; n];
+    let mut off_diagonal = vec![0.0; n];
     let (mut forward, mut inverse) = (vec![0usize; n], vec![0usize; n]);
     let par = if rayon::current_num_threads() > 1 { Par::rayon(0) } else { Par::Seq };
     let request = symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(par, Default::default());
     let mut buffer = MemBuffer::try_new(request).map_err(|_| no_memory())?;
     symbolic.factorize_numeric_intranode_lblt(
         &mut values,
-        &mut beside,
+        &mut off_diagonal,
         &mut forward,
         &mut inverse,
         shifted.rb(),
@@ -71,14 +71,15 @@ pub fn eigenvalues_below(
         MemStack::new(&mut buffer),
         Default::default(),
     );
-    let factor = SupernodalIntranodeLbltRef::new(nodes, &values, &beside, PermRef::new_checked(&forward, &inverse, n));
+    let factor =
+        SupernodalIntranodeLbltRef::new(nodes, &values, &off_diagonal, PermRef::new_checked(&forward, &inverse, n));
     let mut below = 0;
     for node in 0..nodes.n_supernodes() {
         let node = factor.supernode(node);
         let (start, block) = (node.start(), node.val());
         let mut k = 0;
         while k < block.ncols() {
-            let (first, coupling) = (block[(k, k)], beside[start + k]);
+            let (first, coupling) = (block[(k, k)], off_diagonal[start + k]);
             let singular = |ok: bool| if ok { Ok(()) } else { Err(FactorError::Singular { pivot: start + k }) };
             if coupling == 0.0 {
                 singular(first != 0.0 && first.is_finite())?;

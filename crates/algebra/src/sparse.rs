@@ -113,6 +113,13 @@ impl<T> SparseMatrix<T> {
     }
 }
 
+impl<T: Copy + From<u8>> SparseMatrix<T> {
+    /// The identity, `n × n`.
+    pub fn identity(n: usize) -> Self {
+        Self::from_sorted_parts(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![T::from(1); n])
+    }
+}
+
 impl<T: Copy> SparseMatrix<T> {
     /// The matrix whose row `k` is row `rows[k]` of this one.
     pub fn select_rows(&self, rows: &[u32]) -> Self {

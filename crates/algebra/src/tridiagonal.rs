@@ -40,7 +40,7 @@ pub(super) struct Tridiagonal {
     /// `d` numbers.
     pub(super) diagonal: Vec<f64>,
     /// `d` numbers, of which the last is zero.
-    pub(super) beside: Vec<f64>,
+    pub(super) off_diagonal: Vec<f64>,
     /// Column `k` below row `k + 1` is the reflector `vₖ` of `Hₖ = 1 − τₖ vₖvₖᵀ` without the one that it begins with.
     reflectors: DenseMatrix,
     /// The factors of the blocks of reflectors behind each other, as faer has them: `1/τₖ` on the diagonal, products `vᵢᵀvⱼ` above.
@@ -105,14 +105,14 @@ fn by_columns_on(mut a: DenseMatrix, par: Par) -> Result<Tridiagonal, EigenError
         tridiag::tridiag_in_place(view_mut(&mut a), view_mut(&mut factors), par, stack, Default::default());
     }
     let diagonal = (0..d).map(|k| a.column(k)[k]).collect();
-    let beside = (0..d).map(|k| if k + 1 < d { a.column(k)[k + 1] } else { 0.0 }).collect();
-    Ok(Tridiagonal { diagonal, beside, reflectors: a, factors })
+    let off_diagonal = (0..d).map(|k| if k + 1 < d { a.column(k)[k + 1] } else { 0.0 }).collect();
+    Ok(Tridiagonal { diagonal, off_diagonal, reflectors: a, factors })
 }
 
 /// Large matrices, panel by panel.
 fn by_panels(mut a: DenseMatrix, done: &dyn Fn(f64) -> Result<(), Cancelled>) -> Result<Tridiagonal, EigenError> {
     let d = a.rows();
-    let (mut diagonal, mut beside, mut tau) = (vec![0.0; d], vec![0.0; d], vec![0.0; d]);
+    let (mut diagonal, mut off_diagonal, mut tau) = (vec![0.0; d], vec![0.0; d], vec![0.0; d]);
     let (mut panel, mut product) = (Panel::new(d), Product::new(d));
     for start in (0..d).step_by(PANEL) {
         let end = (start + PANEL).min(d);
@@ -121,7 +121,7 @@ fn by_panels(mut a: DenseMatrix, done: &dyn Fn(f64) -> Result<(), Cancelled>) ->
             panel.update(column, column - start, x);
             diagonal[column] = x[column];
             if column + 1 < d {
-                (beside[column], tau[column]) = reflector(&mut x[column + 1..]);
+                (off_diagonal[column], tau[column]) = reflector(&mut x[column + 1..]);
                 let v = a.column(column);
                 let product = product.of(a.values(), column + 1, v);
                 panel.append(column, column - start, v, product, tau[column]);
@@ -131,7 +131,7 @@ fn by_panels(mut a: DenseMatrix, done: &dyn Fn(f64) -> Result<(), Cancelled>) ->
         done(1.0 - (1.0 - end as f64 / d as f64).powi(3))?;
     }
     let factors = factors_of(&a, &tau);
-    Ok(Tridiagonal { diagonal, beside, reflectors: a, factors })
+    Ok(Tridiagonal { diagonal, off_diagonal, reflectors: a, factors })
 }
 
 /// The factors of all blocks, where column `k` of `a` holds `vₖ` from row `k + 1` on.

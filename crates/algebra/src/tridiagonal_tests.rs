@@ -30,7 +30,7 @@ fn check(a: &DenseMatrix, reduced: &Tridiagonal, case: &str) {
     reduced.back(&mut q, Par::Seq).unwrap();
     let t = symmetric(d, |row, column| match row - column {
         0 => reduced.diagonal[row],
-        1 => reduced.beside[column],
+        1 => reduced.off_diagonal[column],
         _ => 0.0,
     });
     let (mut left, right) = (a.times(&q).unwrap(), q.times(&t).unwrap());
@@ -98,7 +98,7 @@ fn only_the_lower_triangle_is_read() {
         a.column_mut(column)[..column].fill(f64::NAN);
     }
     let lower = by_panels(a, &unwatched).unwrap();
-    assert_eq!((whole.diagonal, whole.beside), (lower.diagonal, lower.beside));
+    assert_eq!((whole.diagonal, whole.off_diagonal), (lower.diagonal, lower.off_diagonal));
     assert_eq!(whole.factors, lower.factors);
 }
 
@@ -111,7 +111,7 @@ fn the_number_of_threads_changes_no_bit() {
         pool.install(|| by_panels(a.clone(), &unwatched).unwrap())
     };
     let (one, three) = (on(1), on(3));
-    assert_eq!((one.diagonal, one.beside), (three.diagonal, three.beside));
+    assert_eq!((one.diagonal, one.off_diagonal), (three.diagonal, three.off_diagonal));
     assert!(one.factors == three.factors && one.reflectors == three.reflectors);
 }
 

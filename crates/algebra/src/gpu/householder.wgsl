@@ -1,7 +1,7 @@
 // One column of the blocked reduction of a symmetric matrix to tridiagonal form, in three steps (LAPACK's dlatrd: Dongarra, Sorensen and
 // Hammarling 1989). The matrix A stays as it was before the block; V and W, one vector per row, hold what is to be subtracted from it:
 // A - V'W - W'V. The work space holds, behind each other: the column x (d), A v (d), the raw second vector (d), products of V and W with v (2 nb),
-// partial sums of |x|^2 and of w.v, the diagonal (d), what is beside it (d), and the factors tau (d).
+// partial sums of |x|^2 and of w.v, the diagonal (d), the off-diagonal (d), and the factors tau (d).
 struct Step {
   d: u32,            // the order of A
   j: u32,            // the column
@@ -26,8 +26,8 @@ fn at_dots() -> u32 { return 3u * s.d; }
 fn at_norms() -> u32 { return 3u * s.d + 2u * s.nb; }
 fn at_parts() -> u32 { return at_norms() + s.parts; }
 fn at_diagonal() -> u32 { return at_norms() + 2u * s.parts; }
-fn at_beside() -> u32 { return at_diagonal() + s.d; }
-fn at_tau() -> u32 { return at_beside() + s.d; }
+fn at_off_diagonal() -> u32 { return at_diagonal() + s.d; }
+fn at_tau() -> u32 { return at_off_diagonal() + s.d; }
 
 // The sum of one number from each thread of a group of `threads`, a power of two.
 fn sum_of(t: u32, threads: u32, value: {T}) -> {T} {
@@ -184,7 +184,7 @@ fn reflector(@builtin(workgroup_id) wg: vec3<u32>, @builtin(local_invocation_ind
   // The group of the first row also keeps the numbers of this column, and clears v above it.
   if (!dots && row == first) {
     if (t == 0u) {
-      work[at_beside() + s.j] = beta;
+      work[at_off_diagonal() + s.j] = beta;
       work[at_tau() + s.j] = tau;
     }
     for (var c = t; c < first; c += {ROW_THREADS}u) { vw[s.l * s.d + c] = {T}(0); }

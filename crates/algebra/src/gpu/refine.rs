@@ -105,7 +105,8 @@ impl<'a> Rough<'a> {
         let tridiagonal = reduce(recorder, &reflectors, &|done| monitor.progress(0.1 + 0.3 * done))?;
         let factors = if d > 1 { Some(block_factors(recorder, &reflectors, &tridiagonal.tau)?) } else { None };
         monitor.checkpoint()?;
-        let (mut values, z) = tridiagonal_lowest(&tridiagonal.diagonal, &tridiagonal.beside, d).map_err(on_cpu)?;
+        let (mut values, z) =
+            tridiagonal_lowest(&tridiagonal.diagonal, &tridiagonal.off_diagonal, d).map_err(on_cpu)?;
         values.iter_mut().for_each(|value| *value /= scale);
         monitor.progress(0.6);
         monitor.checkpoint()?;

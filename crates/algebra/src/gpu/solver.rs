@@ -51,7 +51,7 @@ pub(super) fn lowest<T: Real>(
     let factors = if d > 1 { Some(block_factors(recorder, &second, &tridiagonal.tau)?) } else { None };
     device.trim();
     monitor.checkpoint()?;
-    let (values, z) = tridiagonal_lowest(&tridiagonal.diagonal, &tridiagonal.beside, count)
+    let (values, z) = tridiagonal_lowest(&tridiagonal.diagonal, &tridiagonal.off_diagonal, count)
         .map_err(|error| GpuError::Refused { reason: error.to_string() })?;
     monitor.progress(0.8);
     monitor.checkpoint()?;

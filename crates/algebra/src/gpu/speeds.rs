@@ -224,7 +224,7 @@ fn cpu() -> f64 {
         }
         b.column_mut(column)[column] = 1.0;
     }
-    let (diagonal, beside): (Vec<f64>, Vec<f64>) = (numbers.take(d), numbers.take(d));
+    let (diagonal, off_diagonal): (Vec<f64>, Vec<f64>) = (numbers.take(d), numbers.take(d));
     let run = |action: &mut dyn FnMut() -> bool| {
         let began = Instant::now();
         // What does not converge took its time all the same.
@@ -234,7 +234,7 @@ fn cpu() -> f64 {
     let mut seconds = f64::INFINITY;
     for _ in 0..2 {
         let whole = run(&mut || CpuSolver.lowest(a.clone(), b.clone(), d / 2, &Unwatched).is_ok());
-        let shared = run(&mut || tridiagonal_lowest(&diagonal, &beside, d / 2).is_ok());
+        let shared = run(&mut || tridiagonal_lowest(&diagonal, &off_diagonal, d / 2).is_ok());
         seconds = seconds.min((whole - shared).max(0.2 * whole));
     }
     seconds

@@ -74,7 +74,7 @@ pub(super) struct Tridiagonal {
     /// `d` numbers.
     pub(super) diagonal: Vec<f64>,
     /// `d` numbers, of which the last is zero.
-    pub(super) beside: Vec<f64>,
+    pub(super) off_diagonal: Vec<f64>,
     /// The factors of the reflectors, `d` numbers.
     pub(super) tau: Vec<f64>,
 }
@@ -158,11 +158,11 @@ pub(super) fn reduce<T: Real>(
     recorder.finish()?;
     let numbers = read_values(device, &work, constant.at_diagonal() as u64, 3 * d)?;
     let part = |k: usize| -> Vec<f64> { numbers[k * d..(k + 1) * d].iter().map(|x| x.value()).collect() };
-    let (diagonal, mut beside, mut tau) = (part(0), part(1), part(2));
+    let (diagonal, mut off_diagonal, mut tau) = (part(0), part(1), part(2));
     // The last column has no reflector, so that its places were never written.
-    beside[d - 1] = 0.0;
+    off_diagonal[d - 1] = 0.0;
     tau[d - 1] = 0.0;
-    Ok(Tridiagonal { diagonal, beside, tau })
+    Ok(Tridiagonal { diagonal, off_diagonal, tau })
 }
 
 /// The triangular factors of the blocks of reflectors, `WIDE_BLOCK` of them each: `H₁H₂⋯ = I − V T Vᵀ` (Schreiber and Van Loan 1989). The

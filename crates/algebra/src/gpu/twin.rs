@@ -77,7 +77,7 @@ struct Places {
     norms: usize,
     parts: usize,
     diagonal: usize,
-    beside: usize,
+    off_diagonal: usize,
     tau: usize,
 }
 
@@ -94,7 +94,7 @@ impl Places {
             norms,
             parts: norms + step.parts as usize,
             diagonal,
-            beside: diagonal + d,
+            off_diagonal: diagonal + d,
             tau: diagonal + 2 * d,
         }
     }
@@ -174,7 +174,7 @@ pub(super) fn reflect<T: Real>(step: &Step, a: &[T], vw: &mut [T], work: &mut [T
         vw[l * d + i] = v[i];
     }
     if first >= first_row && first < end {
-        work[at.beside + j] = beta;
+        work[at.off_diagonal + j] = beta;
         work[at.tau + j] = tau;
         vw[l * d..l * d + first].fill(T::of(0.0));
     }

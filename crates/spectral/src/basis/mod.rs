@@ -71,20 +71,20 @@ pub struct Compact {
     /// `φ̄`, `d × m`, one column per eigenfunction.
     pub coefficients: DenseMatrix,
     /// What sums of squares need to know of `space`, from the first of them on.
-    pairs: Kept<squares::Pairs>,
+    pairs: Cached<squares::Pairs>,
 }
 
 /// Something that follows from the rest of a value, and is kept from when it is first needed. It makes no difference between values.
 #[derive(Debug)]
-struct Kept<T>(OnceLock<Arc<T>>);
+struct Cached<T>(OnceLock<Arc<T>>);
 
-impl<T> Clone for Kept<T> {
+impl<T> Clone for Cached<T> {
     fn clone(&self) -> Self {
         Self(self.0.clone())
     }
 }
 
-impl<T> Kept<T> {
+impl<T> Cached<T> {
     /// What is kept, or what is made now. Nobody waits for another to make it: who waits in a pool of threads may be given work that needs the same.
     fn get_or(&self, make: impl FnOnce() -> T) -> Arc<T> {
         if let Some(kept) = self.0.get() {
@@ -95,13 +95,13 @@ impl<T> Kept<T> {
     }
 }
 
-impl<T> Default for Kept<T> {
+impl<T> Default for Cached<T> {
     fn default() -> Self {
         Self(OnceLock::new())
     }
 }
 
-impl<T> PartialEq for Kept<T> {
+impl<T> PartialEq for Cached<T> {
     fn eq(&self, _: &Self) -> bool {
         true
     }
@@ -110,7 +110,7 @@ impl<T> PartialEq for Kept<T> {
 impl Compact {
     /// Functions from their factors, `n × d` and `d × m`.
     pub fn new(space: SparseMatrix<f32>, coefficients: DenseMatrix) -> Self {
-        Self { space, coefficients, pairs: Kept::default() }
+        Self { space, coefficients, pairs: Cached::default() }
     }
 }
 

@@ -18,7 +18,7 @@ pub(super) struct Edges {
     /// The third corner over each half-edge: along it, and above.
     apexes: Vec<(f64, f64)>,
     /// The half-edges of each edge, one after the other; where those of a half-edge begin and end.
-    beside: Vec<u32>,
+    by_edge: Vec<u32>,
     ranges: Vec<[u32; 2]>,
     /// The half-edges opposite to each vertex.
     opposite: Vec<u32>,
@@ -55,7 +55,7 @@ impl Edges {
                 turns[face[i] as usize] |= !(doubled > 0.0);
             }
         }
-        let (beside, ranges) = beside(&faces);
+        let (by_edge, ranges) = by_edge(&faces);
         for (half, range) in ranges.iter().enumerate() {
             // A boundary, or faces that meet in a book.
             if range[1] - range[0] != 2 {
@@ -66,7 +66,7 @@ impl Edges {
         }
         turns.iter_mut().zip(&angles).for_each(|(turns, &angle)| *turns |= angle > TAU + FLAT);
         let (opposite, offsets) = opposite(n, &faces);
-        Self { faces, unit, lengths, apexes, beside, ranges, opposite, offsets, turns }
+        Self { faces, unit, lengths, apexes, by_edge, ranges, opposite, offsets, turns }
     }
 
     pub fn vertices(&self) -> usize {
@@ -111,9 +111,9 @@ impl Edges {
     }
 
     /// All half-edges of the same edge, itself among them.
-    pub fn beside(&self, half: u32) -> &[u32] {
+    pub fn same_edge(&self, half: u32) -> &[u32] {
         let [from, to] = self.ranges[half as usize];
-        &self.beside[from as usize..to as usize]
+        &self.by_edge[from as usize..to as usize]
     }
 
     /// The half-edges opposite to a vertex, one for each of its faces.
@@ -145,7 +145,7 @@ fn doubled_area([p, q, r]: [[f64; 3]; 3]) -> f64 {
 }
 
 /// The half-edges of each edge side by side, and for each half-edge where those of its edge lie.
-fn beside(faces: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 2]>) {
+fn by_edge(faces: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 2]>) {
     let key = |half: usize| {
         let (face, i) = (faces[half / 3], half % 3);
         let [a, b] = [face[i], face[(i + 1) % 3]];
@@ -153,16 +153,16 @@ fn beside(faces: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 2]>) {
     };
     let mut halves: HashMap<(u32, u32), Vec<u32>> = HashMap::with_capacity(2 * faces.len());
     (0..3 * faces.len()).for_each(|half| halves.entry(key(half)).or_default().push(half as u32));
-    let (mut beside, mut ranges) = (Vec::with_capacity(3 * faces.len()), vec![[0; 2]; 3 * faces.len()]);
+    let (mut by_edge, mut ranges) = (Vec::with_capacity(3 * faces.len()), vec![[0; 2]; 3 * faces.len()]);
     for half in 0..3 * faces.len() {
         // At the first of an edge all of them are written.
         if let Some(own) = halves.remove(&key(half)) {
-            let range = [beside.len() as u32, (beside.len() + own.len()) as u32];
+            let range = [by_edge.len() as u32, (by_edge.len() + own.len()) as u32];
             own.iter().for_each(|&half| ranges[half as usize] = range);
-            beside.extend(own);
+            by_edge.extend(own);
         }
     }
-    (beside, ranges)
+    (by_edge, ranges)
 }
 
 /// The half-edges opposite to each vertex, vertex after vertex, and where those of each begin.

@@ -191,7 +191,7 @@ impl Front<'_> {
             }
         }
         let begin = if from_end { edges.end(edge) } else { edges.origin(edge) };
-        for &other in edges.beside(edge).iter().filter(|&&other| other != edge) {
+        for &other in edges.same_edge(edge).iter().filter(|&&other| other != edge) {
             let there = if edges.origin(other) == begin { *window } else { window.mirrored(edges.length(edge)) };
             if let Some(useful) = self.useful(Window { edge: other, ..there }) {
                 self.heap.push(Event { distance: useful.nearest(), what: What::Window(useful) });

@@ -92,12 +92,12 @@ impl Window {
         }
         let (x, y) = (along / side, above / side);
         // Where the ray through a place of the edge meets the side.
-        let meet = |place: f64| {
+        let intersection = |place: f64| {
             let slope = self.behind * x - (place - self.along) * y;
             if slope > 0.0 { (place * self.behind / slope).clamp(0.0, side) } else { side }
         };
-        let to = if corner <= self.to { side } else { meet(last) };
-        let from = meet(self.from);
+        let to = if corner <= self.to { side } else { intersection(last) };
+        let from = intersection(self.from);
         // The point that paths come from, along the side and away from it.
         let child = Self {
             from,

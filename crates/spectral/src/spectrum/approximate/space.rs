@@ -50,7 +50,7 @@ pub(super) fn initial_space(
         return Ok(space);
     }
     if (n as f64) < EXACT_RATIO * (d + chosen) as f64 && n <= 2 * d {
-        return Ok(identity(n));
+        return Ok(SparseMatrix::identity(n));
     }
     let with_hats = hats::with_hats(&space, &rows);
     // What hats leave of other columns may ask for more of them; memory is promised for so many.
@@ -86,7 +86,7 @@ fn functions(
 ) -> Result<(SparseMatrix<f32>, Space), ApproximationError> {
     let (n, d) = (operator.problem.size(), parameters.dimension.max(parameters.count));
     if (n as f64) < EXACT_RATIO * d as f64 {
-        return Ok((identity(n), parameters.space));
+        return Ok((SparseMatrix::identity(n), parameters.space));
     }
     let (space, made) = local_functions(mesh, operator.laplacian(), d, parameters, monitor)?;
     Ok((envelop(space, operator, monitor)?, made))
@@ -124,7 +124,3 @@ fn local_functions(
 
 /// From this many vertices per sample on, Dijkstra's distances start the heat steps as well as those of fast marching.
 const DIJKSTRA_SUFFICES: usize = 500;
-
-fn identity(n: usize) -> SparseMatrix<f32> {
-    SparseMatrix::from_sorted_parts(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0; n])
-}

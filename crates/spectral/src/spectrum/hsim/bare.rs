@@ -10,7 +10,7 @@ use chladni_mesh::TriangleMesh;
 
 use super::certify::Goal;
 use super::deliver::nothing;
-use super::densely::densely;
+use super::dense_pairs::dense_pairs;
 use super::hierarchy;
 use super::kernel::Kernel;
 use super::krylov;
@@ -119,7 +119,7 @@ impl Bench<'_> {
         let n = finest.level.size();
         loop {
             let kernel = known(&finest.level);
-            let q = hierarchy::columns(beside(wanted, kernel, n), n - kernel);
+            let q = hierarchy::columns(nontrivial(wanted, kernel, n), n - kernel);
             if n <= SMALL || MOST_SHARE * q >= n {
                 if n > MOST_DENSE {
                     let reason = format!(
@@ -127,7 +127,7 @@ impl Bench<'_> {
                     );
                     return Err(HsimError::Memory(reason));
                 }
-                let (values, vectors) = densely(&finest.level, q, self.monitor)?;
+                let (values, vectors) = dense_pairs(&finest.level, q, self.monitor)?;
                 let exact = true;
                 if kernel > 0 && values.first().is_some_and(|&value| value < 0.0) {
                     finest.level.component.fill(NO_KERNEL);
@@ -196,7 +196,7 @@ impl Bench<'_> {
             finest,
             kernel: &kernel,
             goal,
-            beside: beside(wanted, kernel.dimension(), n),
+            nontrivial: nontrivial(wanted, kernel.dimension(), n),
             offset: 0.0,
             monitor: self.monitor,
         };
@@ -214,8 +214,8 @@ impl Bench<'_> {
     }
 }
 
-/// The pairs to converge beside the kernel: one above it tells where it ends.
-fn beside(wanted: usize, kernel: usize, n: usize) -> usize {
+/// The pairs to converge, those of the kernel left out: one above it tells where it ends.
+fn nontrivial(wanted: usize, kernel: usize, n: usize) -> usize {
     wanted.saturating_sub(kernel).max(1).min(n - kernel)
 }
 

@@ -11,7 +11,7 @@ use chladni_mesh::shape::{Shape, generate, noisy};
 
 use super::HsimError;
 use super::certify::{Goal, complete};
-use super::densely::dense;
+use super::dense_pairs::dense;
 use super::iterate::{Iteration, Plan};
 use super::kernel::Kernel;
 use super::level::{Level, NO_KERNEL};

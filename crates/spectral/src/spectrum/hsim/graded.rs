@@ -5,7 +5,7 @@ use chladni_algebra::{DenseMatrix, PanelMatrix, SymmetricDefiniteSolver, gpu, re
 use chladni_base::{Monitor, Quiet};
 
 use super::HsimError;
-use super::densely::add_constants;
+use super::dense_pairs::add_constants;
 use super::level::Level;
 use super::ritz::ritz;
 

@@ -3,7 +3,7 @@
 use chladni_algebra::{MassMatrix, SparseMatrix};
 use chladni_base::Unwatched;
 
-use super::super::densely::densely;
+use super::super::dense_pairs::dense_pairs;
 use crate::spectrum::hsim::level::{Level, NO_KERNEL};
 
 /// A path of `n` rows, whose eigenvalues are known, and one more row that a spring of this strength ties to the first, with next to no mass.
@@ -39,7 +39,7 @@ fn low_values_keep_their_digits_beside_high_ones() {
     for (strength, mass) in [(1e3, 1e-6), (1e6, 1e-10), (1e8, 1e-12)] {
         let (level, exact) = tied(30, strength, mass);
         for count in [5, 30, 31] {
-            let (values, vectors) = densely(&level, count, &Unwatched).unwrap();
+            let (values, vectors) = dense_pairs(&level, count, &Unwatched).unwrap();
             assert_eq!((values.len(), vectors.columns()), (count, count));
             // Taking the mass and the spring away moves the values by about the mass, and by what rounding of the spring does.
             let allowed = mass + 1e-15 * strength + 1e-12;

@@ -3,7 +3,7 @@
 use chladni_algebra::{Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, prolong};
 use chladni_base::Monitor;
 
-use super::densely::densely;
+use super::dense_pairs::dense_pairs;
 use super::iterate::{Iteration, Plan};
 use super::kernel::Kernel;
 use super::level::{Level, coarsened, space};
@@ -85,7 +85,7 @@ pub(super) fn start(
     for (k, level) in levels.iter().enumerate().rev() {
         monitor.detail(&format!("level {} of {}, dimension {}", count - k, count + 1, level.size()));
         if k + 1 == count {
-            (values, vectors) = densely(level, q, monitor)?;
+            (values, vectors) = dense_pairs(level, q, monitor)?;
             reports.push(LevelReport { dimension: level.size(), iterations: 0, shifts: 0 });
             continue;
         }

@@ -6,7 +6,7 @@ use chladni_mesh::shape::{Shape, generate, noisy};
 
 use super::{Count, Found, certify};
 use crate::operator::{MassKind, laplace};
-use crate::spectrum::hsim::densely::densely;
+use crate::spectrum::hsim::dense_pairs::dense_pairs;
 use crate::spectrum::hsim::kernel::Kernel;
 use crate::spectrum::hsim::level::Level;
 use crate::spectrum::hsim::offset::components;
@@ -18,7 +18,7 @@ fn pairs(mass: MassKind, count: usize) -> (Level, Vec<f64>, PanelMatrix, f64) {
     let problem = laplace::assemble(&mesh, mass).unwrap();
     let component = components(&problem.stiffness, &problem.mass, 0.0);
     let level = Level { stiffness: problem.stiffness, mass: problem.mass, positions: mesh.positions, component };
-    let (mut values, vectors) = densely(&level, count, &Unwatched).unwrap();
+    let (mut values, vectors) = dense_pairs(&level, count, &Unwatched).unwrap();
     let next = values.pop().unwrap();
     values.insert(0, 0.0);
     let mut all = Kernel::new(&level).basis(1);

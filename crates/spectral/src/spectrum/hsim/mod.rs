@@ -5,7 +5,7 @@ mod certificate;
 mod certify;
 mod columns;
 mod deliver;
-mod densely;
+mod dense_pairs;
 mod floor;
 mod graded;
 mod hierarchy;
@@ -203,7 +203,7 @@ impl HsimError {
 }
 
 pub(in crate::spectrum) use bare::{ordering as bare_ordering, plus_mass, solve as solve_bare};
-pub use densely::repair_bytes;
+pub use dense_pairs::repair_bytes;
 pub(in crate::spectrum) use solve::{columns, is_dense, is_dense_by_blocks, solve_from};
 pub use solve::{solve, solve_with_space};
 

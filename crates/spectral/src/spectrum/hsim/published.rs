@@ -11,7 +11,7 @@ use chladni_mesh::connectivity::Connectivity;
 use chladni_mesh::distance::DistanceKind;
 use chladni_mesh::sample::farthest_points;
 
-use super::densely::densely;
+use super::dense_pairs::dense_pairs;
 use super::iterate::Iteration;
 use super::kernel::Kernel;
 use super::level::{Level, NO_KERNEL, coarsened};
@@ -96,7 +96,7 @@ pub(super) fn start(
     for (k, level) in levels.iter().enumerate().rev() {
         monitor.detail(&format!("level {} of {}, dimension {}", count - k, count + 1, level.size()));
         if k + 1 == count {
-            (values, vectors) = densely(level, q, monitor)?;
+            (values, vectors) = dense_pairs(level, q, monitor)?;
             reports.push(LevelReport { dimension: level.size(), iterations: 0, shifts: 0 });
             continue;
         }

@@ -6,7 +6,7 @@ use chladni_mesh::TriangleMesh;
 
 use super::certify::{Goal, complete};
 use super::deliver::{Delivery, finish, nothing};
-use super::densely::{self, dense_rows, densely};
+use super::dense_pairs::{self, dense_pairs, dense_rows};
 use super::hierarchy;
 use super::iterate::{Iteration, Plan};
 use super::judge::Count;
@@ -138,7 +138,7 @@ fn climb_and_solve(
         base.component.iter().filter(|&&component| component != NO_KERNEL).max().map_or(0, |&most| most as usize + 1);
     // One pair above the kernel tells where the kernel ends; where a potential acts on other components, all may lie below it.
     let mixed = base.component.contains(&NO_KERNEL);
-    let beside = |wanted: usize| wanted.saturating_sub(if mixed { 0 } else { known }).max(1).min(n - known);
+    let nontrivial = |wanted: usize| wanted.saturating_sub(if mixed { 0 } else { known }).max(1).min(n - known);
     let sliced = parameters.variant == Variant::Sliced;
     let sigma = parameters.sigma.unwrap_or(hierarchy::SIGMA);
     let climb = |q: usize| {
@@ -165,7 +165,7 @@ fn climb_and_solve(
     // Without a bound, the number of columns is known, and the hierarchy needs no factors of the mesh.
     let (finest, start) = match parameters.wanted {
         Wanted::Count(count) => {
-            let q = hierarchy::columns(beside(count), n - known);
+            let q = hierarchy::columns(nontrivial(count), n - known);
             rayon::join(|| Finest::new(&base, q, monitor), || climb(q))
         }
         Wanted::Below { .. } | Wanted::Between { .. } => {
@@ -187,10 +187,10 @@ fn climb_and_solve(
         }
     };
     let kernel = Kernel::new(&finest.level);
-    let beside = beside(wanted);
+    let nontrivial = nontrivial(wanted);
     let start = match parameters.wanted {
         Wanted::Count(_) => start?,
-        Wanted::Below { .. } | Wanted::Between { .. } => climb(hierarchy::columns(beside, n - known))?,
+        Wanted::Below { .. } | Wanted::Between { .. } => climb(hierarchy::columns(nontrivial, n - known))?,
     };
     let mut reports = Vec::new();
     let mut space = None;
@@ -202,41 +202,41 @@ fn climb_and_solve(
         }
         (Variant::Sliced, Some(start)) => {
             reports = start.reports;
-            let vectors = prolong(&rows_in_order(&start.space, &finest.order), &start.vectors);
+            let vectors = prolong(&start.space.select_rows(&finest.order), &start.vectors);
             space = Some(start.space);
             (vectors, start.values, None)
         }
         (Variant::Sliced, None) if known == n => (PanelMatrix::zeros(n, 0), Vec::new(), None),
         (Variant::Sliced, None) => {
-            let (values, vectors) = densely(&finest.level, hierarchy::columns(beside, n - known), monitor)?;
+            let (values, vectors) = dense_pairs(&finest.level, hierarchy::columns(nontrivial, n - known), monitor)?;
             (vectors, values, None)
         }
         (Variant::Published, _) => {
-            let q = published::columns(beside, parameters.subspace_factor, n - known);
+            let q = published::columns(nontrivial, parameters.subspace_factor, n - known);
             let places = finest.places(mesh.positions.len(), problem);
-            let start = published::start(mesh, &finest.level, &places, beside, q, parameters, monitor)?;
-            let shift = published::shift(&start.values, beside, parameters.shift_ratio);
+            let start = published::start(mesh, &finest.level, &places, nontrivial, q, parameters, monitor)?;
+            let shift = published::shift(&start.values, nontrivial, parameters.shift_ratio);
             reports = start.reports;
-            space = start.space.map(|space| rows_in_order(&space, &super::level::inverse(&finest.order)));
+            space = start.space.map(|space| space.select_rows(&super::level::inverse(&finest.order)));
             (start.vectors, start.values, Some(shift))
         }
         (variant @ (Variant::Random | Variant::Bathe), _) => {
-            let q = published::columns(beside, parameters.subspace_factor, n - known);
+            let q = published::columns(nontrivial, parameters.subspace_factor, n - known);
             let (vectors, values) = published::plain(&finest.level, q, variant, parameters.seed);
-            (vectors, values, Some(published::shift(&[], beside, 0.0)))
+            (vectors, values, Some(published::shift(&[], nontrivial, 0.0)))
         }
     };
     let space = match (keep_space, given.cloned().or(space)) {
         (false, _) => None,
         (true, space) => {
-            let space = space.unwrap_or_else(|| identity(n));
+            let space = space.unwrap_or_else(|| SparseMatrix::identity(n));
             Some(match &problem.unknowns {
                 Some(unknowns) => on_all_vertices(space, unknowns, mesh.positions.len()),
                 None => space,
             })
         }
     };
-    let task = Task { mesh, problem, parameters, finest: &finest, kernel: &kernel, goal, beside, offset, monitor };
+    let task = Task { mesh, problem, parameters, finest: &finest, kernel: &kernel, goal, nontrivial, offset, monitor };
     let (mut pairs, report) = task.solve_or_begin_again(vectors, values, plain, reports.is_empty())?;
     if let Wanted::Below { most, .. } | Wanted::Between { most, .. } = parameters.wanted
         && pairs.first + pairs.values.len() > most
@@ -259,8 +259,8 @@ pub(super) struct Task<'a> {
     pub finest: &'a Finest,
     pub kernel: &'a Kernel<'a>,
     pub goal: Goal,
-    /// The pairs to converge beside the kernel.
-    pub beside: usize,
+    /// The pairs to converge, those of the kernel left out.
+    pub nontrivial: usize,
     pub offset: f64,
     pub monitor: &'a dyn Monitor,
 }
@@ -280,8 +280,8 @@ impl Task<'_> {
             Err(error) if error.is_of_the_iteration() => error,
             solved => return solved,
         };
-        let columns = hierarchy::columns(self.beside, finest.level.size() - kernel.dimension());
-        if let Some((values, vectors)) = densely::instead(&finest.level, columns, kernel.dimension(), monitor)? {
+        let columns = hierarchy::columns(self.nontrivial, finest.level.size() - kernel.dimension());
+        if let Some((values, vectors)) = dense_pairs::instead(&finest.level, columns, kernel.dimension(), monitor)? {
             return self.solve(vectors, values, None, true);
         }
         if plain.is_some() {
@@ -307,7 +307,7 @@ impl Task<'_> {
         let mut iteration = Iteration::new(&finest.level, &finest.symbolic, kernel, vectors, values, monitor);
         iteration.offset = self.offset;
         let mut plan = Plan {
-            wanted: self.beside.min(iteration.values.len()),
+            wanted: self.nontrivial.min(iteration.values.len()),
             tolerance: parameters.tolerance,
             panels_per_shift: if n < MANY_VERTICES { 1 } else { 2 },
             solves: if parameters.tolerance < TIGHT { 2 } else { 1 },
@@ -316,7 +316,7 @@ impl Task<'_> {
         monitor.stage("iterate");
         match plain {
             Some(shift) => {
-                published::subspace_iteration(&mut iteration, shift, self.beside, parameters.tolerance)?;
+                published::subspace_iteration(&mut iteration, shift, self.nontrivial, parameters.tolerance)?;
                 iteration.require(&plan)?;
             }
             None if exact => iteration.measure()?,
@@ -483,22 +483,4 @@ pub(super) fn estimate(finest: &Finest, bound: f64, kernel: usize) -> Result<Est
         }
     }
     Ok(Estimate::About(at.below.max(1)))
-}
-
-fn identity(n: usize) -> SparseMatrix<f32> {
-    SparseMatrix::from_sorted_parts(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0; n])
-}
-
-/// The matrix whose row `k` is row `order[k]` of another.
-fn rows_in_order(matrix: &SparseMatrix<f32>, order: &[u32]) -> SparseMatrix<f32> {
-    let mut offsets = Vec::with_capacity(order.len() + 1);
-    let (mut indices, mut values) = (Vec::with_capacity(matrix.entries()), Vec::with_capacity(matrix.entries()));
-    offsets.push(0);
-    for &row in order {
-        let (columns, entries) = matrix.row(row as usize);
-        indices.extend_from_slice(columns);
-        values.extend_from_slice(entries);
-        offsets.push(indices.len());
-    }
-    SparseMatrix::from_sorted_parts(order.len(), matrix.columns(), offsets, indices, values)
 }

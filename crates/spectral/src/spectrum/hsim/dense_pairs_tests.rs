@@ -3,7 +3,7 @@
 use chladni_algebra::{MassMatrix, SparseMatrix, Weight, inner_products};
 use chladni_base::Unwatched;
 
-use super::{blocks, dense_rows, densely, whole};
+use super::{blocks, dense_pairs, dense_rows, whole};
 use crate::spectrum::hsim::level::{Level, NO_KERNEL};
 use crate::spectrum::hsim::offset;
 
@@ -71,7 +71,7 @@ fn pairs_of_blocks_are_those_of_the_whole() {
         assert_eq!(level.component.contains(&NO_KERNEL), fixed);
         for count in [1, 10, 18] {
             let (together, _) = whole(&level, count, &Unwatched).unwrap();
-            let (values, vectors) = densely(&level, count, &Unwatched).unwrap();
+            let (values, vectors) = dense_pairs(&level, count, &Unwatched).unwrap();
             assert_eq!(values.len(), count);
             for (value, other) in values.iter().zip(&together) {
                 assert!((value - other).abs() < 1e-12, "{values:?} {together:?}");

@@ -9,7 +9,11 @@ use super::level::{Level, NO_KERNEL};
 use super::ritz::ritz;
 
 /// The lowest `q` pairs of a level beside its kernel, ascending by value, by dense solves.
-pub(super) fn densely(level: &Level, q: usize, monitor: &dyn Monitor) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
+pub(super) fn dense_pairs(
+    level: &Level,
+    q: usize,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
     let blocks = blocks(&level.stiffness, &level.mass);
     if blocks.len() <= 1 {
         return whole(level, q, monitor);
@@ -106,7 +110,7 @@ pub fn repair_bytes(rows: u64) -> u64 {
     REPAIR_BYTES * repaired * repaired
 }
 
-/// The pairs beside the kernel that a dense solve gives where an iteration from `columns` columns failed, as [`densely`]: all there are, or as many as the
+/// The pairs beside the kernel that a dense solve gives where an iteration from `columns` columns failed, as [`dense_pairs`]: all there are, or as many as the
 /// largest problem of one block that is repaired has rows. `None` where that would take too long.
 pub(super) fn instead(
     level: &Level,
@@ -119,7 +123,7 @@ pub(super) fn instead(
         return Ok(None);
     }
     monitor.stage("repair");
-    densely(level, (n - kernel).min(columns.max(REPAIRED)), monitor).map(Some)
+    dense_pairs(level, (n - kernel).min(columns.max(REPAIRED)), monitor).map(Some)
 }
 
 /// The same for a level that is one block.
@@ -170,5 +174,5 @@ pub(super) fn dense(level: &Level) -> (DenseMatrix, DenseMatrix) {
 }
 
 #[cfg(test)]
-#[path = "densely_tests.rs"]
+#[path = "dense_pairs_tests.rs"]
 mod tests;
