@@ -59,6 +59,35 @@ impl Monitor for Quiet<'_> {
     }
 }
 
+/// Passes everything on, and promises a part of the memory alone: for a step that the work can do without, beside what it already holds.
+pub struct Share<'a> {
+    /// Who watches the whole.
+    pub whole: &'a dyn Monitor,
+    /// What the step may take of what was promised for all, in bytes.
+    pub bytes: u64,
+}
+
+impl Monitor for Share<'_> {
+    fn stage(&self, name: &'static str) {
+        self.whole.stage(name);
+    }
+    fn progress(&self, fraction: f64) {
+        self.whole.progress(fraction);
+    }
+    fn detail(&self, text: &str) {
+        self.whole.detail(text);
+    }
+    fn note(&self, name: &'static str, text: &str) {
+        self.whole.note(name, text);
+    }
+    fn checkpoint(&self) -> Result<(), Cancelled> {
+        self.whole.checkpoint()
+    }
+    fn promised_bytes(&self) -> Option<u64> {
+        self.whole.promised_bytes().map(|promised| promised.min(self.bytes))
+    }
+}
+
 /// Seconds spent in each stage, in order of first appearance; wraps another monitor and passes everything on to it.
 pub struct StageClock<'a> {
     inner: &'a dyn Monitor,

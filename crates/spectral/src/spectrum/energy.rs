@@ -27,7 +27,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 pub(super) use corrections::Corrections;
-pub use direct::MOST_FACTORED;
+pub use direct::{FACTOR_BYTES, MOST_FACTORED};
 pub use measure::Measure;
 use rows::{Enclosure, Residuals, rounding_weights};
 

@@ -23,5 +23,5 @@ pub use approximate::{
     ApproximationError, ApproximationParameters, FEW_VERTICES, Goal, MOST_ROUNDS, Space, approximate, dimension_for,
     most_columns, most_initial_columns, subspace,
 };
-pub use energy::MOST_FACTORED;
+pub use energy::{FACTOR_BYTES, MOST_FACTORED};
 pub use refine::{Refinement, approximate_refined};

@@ -9,8 +9,8 @@ use chladni_spectral::operator::{MassKind, MeshOperator};
 use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use chladni_spectral::spectrum::{
-    ApproximationError, ApproximationParameters, FEW_VERTICES, Goal, MOST_FACTORED, MOST_ROUNDS, Refinement, Space,
-    approximate, approximate_refined, dimension_for, most_columns, most_initial_columns,
+    ApproximationError, ApproximationParameters, FACTOR_BYTES, FEW_VERTICES, Goal, MOST_FACTORED, MOST_ROUNDS,
+    Refinement, Space, approximate, approximate_refined, dimension_for, most_columns, most_initial_columns,
 };
 use serde::{Deserialize, Serialize};
 
@@ -195,9 +195,9 @@ impl Approximate {
         // Bounds: the pencil once more and its hierarchy, and on each thread a panel of 32 pairs with what a cycle needs.
         let panels = (m / 32 + 1).min(rayon::current_num_threads() as u64);
         let compact = compact + vertices * (260 + 720 * panels);
-        // Where a bound is wide on a problem of moderate size, a factor of about 60 entries a row, and a panel of solutions on each thread.
+        // Where a bound is wide on a problem of moderate size, a factor, and a panel of solutions on each thread.
         let factored =
-            if vertices <= MOST_FACTORED as u64 { vertices * (60 * 8 + 2 * 7 * 16 + 512 * panels) } else { 0 };
+            if vertices <= MOST_FACTORED as u64 { vertices * (FACTOR_BYTES + 2 * 7 * 16 + 512 * panels) } else { 0 };
         let compact = compact + factored;
         // A factor for the count; pairs that are enclosed together, thrice in single precision.
         let enclosed = m + m / 8 + 8;

@@ -10,7 +10,7 @@ use super::super::shifted::ShiftedPencil;
 use super::rows::Enclosure;
 use super::{CLOSE, Energy, HALVES, Measure, SHIFT, Wanted, Workspace};
 use chladni_algebra::{CYCLE_WIDTH, CycleRow, Factor, LIFT_WIDTH, PANEL_WIDTH, RowLifter};
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, Share};
 
 /// A panel with a bound above this share of its value is measured anew.
 const WIDE: f64 = 0.1;
@@ -18,6 +18,10 @@ const _: () = assert!(WIDE > CLOSE, "what is close enough is never measured anew
 
 /// Problems of more unknowns stay as they are measured by cycles: a factor would take longer than everything else, and more memory.
 pub const MOST_FACTORED: usize = 250_000;
+
+/// Bytes of such a factor for each unknown. On surfaces of so many unknowns at most it takes 850; one that fills in further, as triangles at random do, is not
+/// worth its memory, since memory for the whole was promised by the size of the mesh.
+pub const FACTOR_BYTES: u64 = 1_200;
 
 const _: () = assert!(PANEL_WIDTH == LIFT_WIDTH, "a panel that is lifted is solved at once");
 
@@ -78,7 +82,8 @@ impl Energy<'_> {
         }
         let sigma = SHIFT * lowest;
         monitor.checkpoint()?;
-        let pencil = match ShiftedPencil::new(self.problem, monitor) {
+        let share = Share { whole: monitor, bytes: FACTOR_BYTES * self.size() as u64 };
+        let pencil = match ShiftedPencil::new(self.problem, &share) {
             Ok(pencil) => pencil,
             Err(ApproximationError::Cancelled(cancelled)) => return Err(cancelled),
             Err(_) => return Ok(()),
