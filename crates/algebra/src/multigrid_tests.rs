@@ -1,7 +1,7 @@
 use chladni_base::Unwatched;
 
 use super::*;
-use crate::solve_definite;
+use crate::{DenseMatrix, solve_definite};
 
 /// The result of a cycle on all rows; what patches see on their first ring is what their neighbours have.
 fn cycle(multigrid: &Multigrid, sigma: f32, right: &[CycleRow]) -> Vec<CycleRow> {
