@@ -94,9 +94,8 @@ impl Reader<'_> {
         let names = self.texts()?;
         let count = self.count()?;
         let runs = self.indices(count.checked_mul(2)?)?.as_chunks().0.to_vec();
-        let fits = |&[face, name]: &[u32; 2]| {
-            (face as usize) < faces && (name == NONE || (name as usize) < names.len())
-        };
+        let fits =
+            |&[face, name]: &[u32; 2]| (face as usize) < faces && (name == NONE || (name as usize) < names.len());
         let ascends = runs.windows(2).all(|pair| pair[0][0] < pair[1][0]);
         (ascends && runs.iter().all(fits)).then_some(Labels { names, runs })
     }

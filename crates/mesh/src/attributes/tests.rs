@@ -189,7 +189,9 @@ fn names_of_any_encoding_are_written_as_they_came() {
 
 #[test]
 fn subdivision_puts_values_between_those_of_its_ends() {
-    let text = format!("{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 7 7\nvn 1 0 1\ng a\nf 1/1/1 2/2/1 3/3/1\ng b\nf 1/1 3/5 4/4");
+    let text = format!(
+        "{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 7 7\nvn 1 0 1\ng a\nf 1/1/1 2/2/1 3/3/1\ng b\nf 1/1 3/5 4/4"
+    );
     let CheckedMesh { mesh, attributes, .. } = kept(&text, CheckOptions { subdivisions: 2, ..CheckOptions::default() });
     let attributes = attributes.unwrap();
     let layer = attributes.texture.as_ref().unwrap();
@@ -256,7 +258,9 @@ fn normals_of_stretched_and_sharp_surfaces_are_those_of_the_new_ones() {
     let positions = vec![[p, 0.0, 0.0], [-p, 0.0, 0.0], [0.0, p, 0.0], [0.0, -p, 0.0], [0.0, 0.0, p], [0.0, 0.0, -p]];
     let mesh = TriangleMesh { positions, faces: f.to_vec() };
     let outward = |positions: &[[f64; 3]], face: [u32; 3]| -> [f64; 3] {
-        std::array::from_fn(|k| face.iter().map(|&v| positions[v as usize][k].signum() * f64::from(positions[v as usize][k] != 0.0)).sum())
+        std::array::from_fn(|k| {
+            face.iter().map(|&v| positions[v as usize][k].signum() * f64::from(positions[v as usize][k] != 0.0)).sum()
+        })
     };
     let values: Vec<[f64; 3]> = mesh.faces.iter().map(|&face| outward(&mesh.positions, face)).collect();
     let corners = (0..8).map(|face| [face; 3]).collect();
@@ -327,13 +331,19 @@ fn glb_splits_vertices_at_seams_and_names_its_parts() {
 fn ply_has_texture_coordinates_of_vertices_or_at_seams_of_corners() {
     for (seam, size) in [(false, "property double s"), (true, "property list uchar double texcoord")] {
         let last = if seam { "1/4" } else { "1/1" };
-        let text = format!("{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nvt 5 6\nvn 0 0 1\nvn 0 1 0\ng a\nf 1/1/1 2/2/1 3/3/1\nf {last}/2 3/3/2 4/2/2");
+        let text = format!(
+            "{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nvt 5 6\nvn 0 0 1\nvn 0 1 0\ng a\nf 1/1/1 2/2/1 3/3/1\nf {last}/2 3/3/2 4/2/2"
+        );
         let CheckedMesh { mesh, attributes, .. } = kept(&text, CheckOptions::default());
         let attributes = attributes.unwrap();
         let mut ply = Vec::new();
         write_ply_attributed(&mesh, Some(&[[1, 2, 3]; 4]), &attributes, PlyPrecision::Double, &mut ply).unwrap();
-        let head = String::from_utf8_lossy(&ply[..ply.windows(10).position(|w| w == b"end_header").unwrap()]).into_owned();
-        assert!(head.contains(size) && head.contains("comment group 0 a\n") && head.contains("property int group"), "{head}");
+        let head =
+            String::from_utf8_lossy(&ply[..ply.windows(10).position(|w| w == b"end_header").unwrap()]).into_owned();
+        assert!(
+            head.contains(size) && head.contains("comment group 0 a\n") && head.contains("property int group"),
+            "{head}"
+        );
         let back = read(&ply, MeshFormat::Ply, &ReadLimits::default()).unwrap();
         assert_eq!((&back.positions, &back.faces), (&mesh.positions, &mesh.faces));
         let numbers = |at: usize, count: usize| -> Vec<f64> {
@@ -355,7 +365,8 @@ fn ply_has_texture_coordinates_of_vertices_or_at_seams_of_corners() {
 
 #[test]
 fn attributes_of_other_faces_are_refused() {
-    let CheckedMesh { mut mesh, attributes, .. } = kept(&format!("{SQUARE}vt 0 0\ng a\nf 1/1 2/1 3/1\ng b\nf 1 3 4"), CheckOptions::default());
+    let CheckedMesh { mut mesh, attributes, .. } =
+        kept(&format!("{SQUARE}vt 0 0\ng a\nf 1/1 2/1 3/1\ng b\nf 1 3 4"), CheckOptions::default());
     mesh.faces.pop();
     for format in [SurfaceFormat::Obj, SurfaceFormat::Ply, SurfaceFormat::Glb] {
         let refused = format.write(&mesh, attributes.as_ref(), PlyPrecision::Single, &mut Vec::new()).unwrap_err();

@@ -136,7 +136,9 @@ fn obj_agrees_with_another_reader() {
         assert!(different <= differing, "{name}: {different} triangles differ");
 
         // Texture coordinates and normals too, corner by corner.
-        let Some(own) = ours.attributes.as_ref().map(|own| &own.attributes).filter(|_| differing == 0) else { continue };
+        let Some(own) = ours.attributes.as_ref().map(|own| &own.attributes).filter(|_| differing == 0) else {
+            continue;
+        };
         let read = |of: fn(&tobj::Mesh) -> (&[u32], &[f64], usize)| -> Vec<f64> {
             let corners = models.iter().map(|model| of(&model.mesh)).flat_map(|(indices, values, width)| {
                 indices.iter().flat_map(move |&v| &values[width * v as usize..width * (v as usize + 1)])
@@ -144,12 +146,14 @@ fn obj_agrees_with_another_reader() {
             corners.copied().collect()
         };
         if let Some(layer) = &own.texture {
-            let mine: Vec<f64> = layer.corners.iter().flatten().flat_map(|&index| layer.values[index as usize]).collect();
+            let mine: Vec<f64> =
+                layer.corners.iter().flatten().flat_map(|&index| layer.values[index as usize]).collect();
             assert_eq!(mine, read(|mesh| (&mesh.texcoord_indices, &mesh.texcoords, 2)), "{name}");
             compared += 1;
         }
         if let Some(layer) = &own.normals {
-            let mine: Vec<f64> = layer.corners.iter().flatten().flat_map(|&index| layer.values[index as usize]).collect();
+            let mine: Vec<f64> =
+                layer.corners.iter().flatten().flat_map(|&index| layer.values[index as usize]).collect();
             assert_eq!(mine, read(|mesh| (&mesh.normal_indices, &mesh.normals, 3)), "{name}");
             compared += 1;
         }
@@ -168,7 +172,11 @@ fn a_file_with_seams_comes_back_with_them() {
         checked.mesh.faces.as_flattened().iter().copied().zip(layer.corners.as_flattened().iter().copied()).collect();
     pairs.sort_unstable();
     pairs.dedup();
-    assert_eq!((checked.mesh.positions.len(), pairs.len()), (2_930, 3_225), "vertices, and what seams would split them into");
+    assert_eq!(
+        (checked.mesh.positions.len(), pairs.len()),
+        (2_930, 3_225),
+        "vertices, and what seams would split them into"
+    );
     let mut obj = Vec::new();
     write::write_obj_with(&checked.mesh, &attributes, &mut obj).unwrap();
     let back = read(&obj, MeshFormat::Obj, &ReadLimits::default()).unwrap();

@@ -108,9 +108,8 @@ impl File {
         let texture = attributes.and_then(|attributes| attributes.texture.as_ref());
         let normals = attributes.and_then(|attributes| attributes.normals.as_ref());
         let is_named = |index: &u32| *index != NONE;
-        let corners = |corners: &[[u32; 3]]| -> Vec<u32> {
-            part.faces.iter().flat_map(|&face| corners[face as usize]).collect()
-        };
+        let corners =
+            |corners: &[[u32; 3]]| -> Vec<u32> { part.faces.iter().flat_map(|&face| corners[face as usize]).collect() };
         let own = corners(&mesh.faces);
         // Where no corner has one, or for normals one has none, there are none.
         let texture = texture.map(|layer| (corners(&layer.corners), &layer.values));
@@ -155,7 +154,8 @@ impl File {
             let unit = |row: &[u32; 3]| {
                 let normal = values[row[2] as usize];
                 let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
-                let unit = if length > 0.0 && length.is_finite() { normal.map(|x| x / length) } else { [0.0, 0.0, 1.0] };
+                let unit =
+                    if length > 0.0 && length.is_finite() { normal.map(|x| x / length) } else { [0.0, 0.0, 1.0] };
                 unit.map(|x| x as f32)
             };
             let at = self.accessor(rows.iter().flat_map(unit), rows.len(), "VEC3");
@@ -176,9 +176,8 @@ impl File {
             self.view(indices.iter().flat_map(|index| index.to_le_bytes()), ELEMENT_ARRAY_BUFFER);
             let view = self.views.len() - 1;
             let count = indices.len();
-            self.accessors.push(
-                json!({ "bufferView": view, "componentType": UNSIGNED_INT, "count": count, "type": "SCALAR" }),
-            );
+            self.accessors
+                .push(json!({ "bufferView": view, "componentType": UNSIGNED_INT, "count": count, "type": "SCALAR" }));
             primitive["indices"] = json!(self.accessors.len() - 1);
         }
         if let Some(material) = &part.material {
