@@ -96,7 +96,7 @@ pub fn judge_modes(
 ) -> Result<Verification, JudgeError> {
     let body = parameters.body(mesh, solid)?;
     let elastic =
-        elastic::assemble(body, &parameters.material, &parameters.clamped, monitor).map_err(JobError::from)?;
+        elastic::assemble(body, &parameters.material, &parameters.clamps(), monitor).map_err(JobError::from)?;
     Ok(verify_modes(modes, elastic, monitor)?)
 }
 
