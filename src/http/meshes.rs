@@ -236,9 +236,10 @@ async fn upload(
     Ok(named::stored(stored.created, &address, tag, MeshResource::from(record)))
 }
 
-/// About the bytes of positions and faces when every face has been divided into four so many times.
+/// About the bytes of positions, faces and what goes with them when every face has been divided into four so many times.
 fn subdivided_bytes(raw: &RawMesh, times: u8) -> u64 {
-    let once = 24 * raw.positions.len() as u64 + 12 * raw.faces.len() as u64;
+    let attributes = raw.attributes.as_ref().map_or(0, |own| own.attributes.bytes());
+    let once = 24 * raw.positions.len() as u64 + 12 * raw.faces.len() as u64 + attributes;
     once.saturating_mul(4u64.saturating_pow(times.into()))
 }
 

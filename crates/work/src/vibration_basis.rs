@@ -392,6 +392,8 @@ mod tests {
         assert_eq!(name(json!({"count": 5})), "thickness");
         assert_eq!(name(json!({"thickness": 1.0, "count": 31})), "count");
         assert_eq!(name(json!({"thickness": 1.0, "count": 3, "clamped": [10]})), "clamped");
+        let solid = VibrationBasisParameters::parse(&json!({"count": 3, "clamped": [1], "clamped_rotations": true}));
+        assert!(matches!(solid, Err(ParameterError::Value { name: "clamped_rotations", .. })));
         assert_eq!(name(json!({"thickness": 1.0, "count": 3, "clamped": [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]})), "clamped");
     }
 }
