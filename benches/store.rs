@@ -81,6 +81,7 @@ fn mesh(seed: usize, vertices: usize) -> NewMesh {
     NewMesh {
         solid: None,
         numbering,
+        attributes: None,
         mesh: Arc::new(TriangleMesh { positions, faces }),
         report: json!({}),
         name: None,

@@ -77,7 +77,7 @@ fn compare(
     dimensions: &[usize],
 ) -> Result<ModalBasis, Failure> {
     let modes = |method| -> Result<ModalBasis, Failure> {
-        let parameters = VibrationParameters { count, material: MATERIAL, clamped: Vec::new(), method, seed: 0 };
+        let parameters = VibrationParameters { count, material: MATERIAL, clamped: Vec::new().into(), method, seed: 0 };
         let begin = Instant::now();
         let basis = vibration_modes(body, &parameters, &Unwatched)?;
         println!("{name}: {count} modes by {method:?} in {:.1} s", begin.elapsed().as_secs_f64());

@@ -1,16 +1,17 @@
 //! What a stored basis is good for, without a server: distances, filters, designed fields. Requests are those of the API.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
 use chladni_algebra::DenseMatrix;
 use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::attributes::Attributes;
 use chladni_mesh::check::CheckedMesh;
 use chladni_mesh::numbering::{NumberingError, Translation};
-use chladni_mesh::write::{PlyPrecision, write_ply_with};
+use chladni_mesh::write::{PlyPrecision, SurfaceFormat};
 use chladni_spectral::analysis::filter::{Transfer, filter};
 use chladni_spectral::basis::{Basis, StoredFields};
 use chladni_spectral::formats::npz;
@@ -45,10 +46,11 @@ impl Stored {
         read(&bytes).map_err(|error| CliError::mesh(&self.basis, error))
     }
 
-    /// The basis of functions on the vertices of the mesh, and the mesh; where the basis is of the inside of a solid, with its inner vertices too.
-    fn functions(&self) -> Result<(Basis, TriangleMesh, Translation), CliError> {
+    /// The basis of functions on the vertices of the mesh, and the mesh; where the basis is of the inside of a solid, with its inner vertices too. And what the
+    /// file of the mesh has beside.
+    fn functions(&self) -> Result<(Basis, TriangleMesh, Translation, Option<Attributes>), CliError> {
         let (basis, body) = (self.read(npz::read)?, self.input.load_body()?);
-        let CheckedMesh { mut mesh, numbering, .. } = body.surface;
+        let CheckedMesh { mut mesh, numbering, attributes, .. } = body.surface;
         let to = self.numbered.translation(Arc::new(numbering));
         if let (true, Some(solid)) = (basis.is_of_solid(), body.solid) {
             mesh.positions = solid.positions;
@@ -58,7 +60,7 @@ impl Stored {
             let reason = format!("the basis has {rows} rows and the mesh {vertices} vertices");
             return Err(CliError::mesh(&self.basis, reason));
         }
-        Ok((basis, mesh, to))
+        Ok((basis, mesh, to, attributes))
     }
 }
 
@@ -93,7 +95,7 @@ pub struct FilterArguments {
     #[arg(long, value_name = "JSON")]
     transfer: String,
 
-    /// Write the filtered mesh to this PLY file; it has the kept vertices, and points without faces in the order in which they are kept
+    /// Write the filtered mesh to this file, .ply, .obj or .glb, with the texture coordinates, normals and names that it had; it has the kept vertices, and points without faces in the order in which they are kept
     #[arg(long, short = 'o', value_name = "FILE")]
     output: PathBuf,
 }
@@ -129,7 +131,7 @@ fn form(text: &str) -> Result<Form, String> {
 pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
     let mut request: DistanceRequest = typed("--request", &arguments.request)?;
     let output = arguments.output.as_deref().map(OutputFile::probe).transpose()?;
-    let (basis, mesh, to) = arguments.stored.functions()?;
+    let (basis, mesh, to, _) = arguments.stored.functions()?;
     let refused = |error: NumberingError| CliError::Refused(error.to_string());
     request.translate(&to, basis.vertices()).map_err(refused)?;
     let table =
@@ -144,8 +146,9 @@ pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
 /// Runs `chladni filter`.
 pub fn filtered(arguments: FilterArguments) -> Result<ExitCode, CliError> {
     let transfer: Transfer = typed("--transfer", &arguments.transfer)?;
+    let format = surface_format(&arguments.output)?;
     let output = OutputFile::probe(&arguments.output)?;
-    let (basis, mesh, _) = arguments.stored.functions()?;
+    let (basis, mut mesh, _, attributes) = arguments.stored.functions()?;
     let mut coordinates = DenseMatrix::zeros(mesh.positions.len(), 3);
     for axis in 0..3 {
         coordinates.column_mut(axis).iter_mut().zip(&mesh.positions).for_each(|(x, position)| *x = position[axis]);
@@ -155,9 +158,25 @@ pub fn filtered(arguments: FilterArguments) -> Result<ExitCode, CliError> {
     // Of a solid, the vertices of its surface come first; the others would stand there without a face.
     let vertices = mesh.faces.iter().flatten().map(|&vertex| vertex as usize + 1).max().unwrap_or(0);
     let vertices = if basis.is_of_solid() { vertices } else { moved.rows() };
-    let moved = TriangleMesh { positions: (0..vertices).map(position).collect(), faces: mesh.faces };
-    output.write(|out| Ok(write_ply_with(&moved, None, PlyPrecision::Single, out)?))?;
+    mesh.positions.truncate(vertices);
+    let positions: Vec<[f64; 3]> = (0..vertices).map(position).collect();
+    let attributes = attributes.as_ref().map(|attributes| attributes.moved(&mesh, &positions));
+    let moved = TriangleMesh { positions, faces: std::mem::take(&mut mesh.faces) };
+    output.write(|out| Ok(format.write(&moved, attributes.as_deref(), PlyPrecision::Single, out)?))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// The format of a surface by the ending of its file.
+fn surface_format(path: &Path) -> Result<SurfaceFormat, CliError> {
+    match path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase()).as_deref() {
+        Some("ply") => Ok(SurfaceFormat::Ply),
+        Some("obj") => Ok(SurfaceFormat::Obj),
+        Some("glb") => Ok(SurfaceFormat::Glb),
+        _ => {
+            let reason = format!("--output {}: surfaces are written as .ply, .obj or .glb", path.display());
+            Err(CliError::Usage(reason))
+        }
+    }
 }
 
 /// Runs `chladni design`.

@@ -22,8 +22,9 @@ use super::ids::BasisId;
 use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
-use super::solves::{Functions, PLY, Source, ply};
+use super::solves::{Functions, Source};
 use super::state::AppState;
+use super::surfaces::{SURFACES, Surface};
 
 /// The most bytes of compressed functions.
 const MOST_BYTES: u64 = 64 << 20;
@@ -184,7 +185,7 @@ problems!(DecompressProblems: SOLVE BODY [UNSUPPORTED_MEDIA_TYPE, INVALID_STREAM
     params(BasisId, NumberingQuery, DecompressionQuery),
     request_body(description = "Compressed functions", content((super::docs::Binary = "application/octet-stream"))),
     responses(
-        (status = 200, description = "The functions", content((super::docs::Binary = "application/octet-stream"), (Table = "application/json"), (super::docs::Binary = "model/ply")),
+        (status = 200, description = "The functions", content((super::docs::Binary = "application/octet-stream"), (Table = "application/json"), (super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"), (super::docs::Binary = "model/gltf-binary")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
         DecompressProblems,
     ),
@@ -204,15 +205,15 @@ async fn decompress_functions(
         let detail = format!("This route reads {OCTETS}, not {:?}.", problem::shorten(other));
         return Err(Problem::new(&problem::UNSUPPORTED_MEDIA_TYPE, detail));
     }
-    let media_type = exchange::answer_type(&headers, true, &[PLY])?;
-    let mesh = Source::mesh_if(&state, id, media_type == PLY).await?;
+    let media_type = exchange::answer_type(&headers, true, &SURFACES)?;
+    let surface = Surface::if_asked(&state, id, media_type).await?;
     let body = body::read(&state, &headers, content, MOST_BYTES).await?;
     state
         .solve("decompress", move |_| {
             let begin = Instant::now();
             let functions = decompress(&basis, &body.bytes)?;
-            match mesh {
-                Some(mesh) => ply(&basis, &mesh, &functions, begin),
+            match surface {
+                Some(surface) => surface.moved(basis.is_of_solid(), &functions, begin),
                 None => Answer::table(&push(&to, functions), media_type != JSON, query.dtype, begin),
             }
         })

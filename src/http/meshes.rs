@@ -9,11 +9,12 @@ use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use bytes::Bytes;
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::attributes::Attributes;
 use chladni_mesh::check::points::has_points_alone;
 use chladni_mesh::check::{CheckOptions, MOST_SUBDIVISIONS, Merge, SurfaceOf};
 use chladni_mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
 use chladni_mesh::solid::check_body;
-use chladni_mesh::write::{write_obj, write_ply};
+use chladni_mesh::write::{PlyPrecision, SurfaceFormat};
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -133,6 +134,9 @@ problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKN
 /// Where repairs renumber vertices or faces, the report has the member `file`, and all other routes take and give the numbering of the file unless
 /// they are asked for `numbering=kept`; so two files with the same surface and other numbers are two meshes.
 ///
+/// Texture coordinates, normals and the names of groups, objects and materials of an OBJ are kept, each corner's own, so that seams split no vertex; the report
+/// counts them in its member `attributes`, and whatever surface goes out has them. They are part of the mesh: with others it is another one.
+///
 /// The mesh is checked; repairs that lose nothing are done and listed in the report. The same content has the same id: sending
 /// it again answers 200 with what is stored.
 #[utoipa::path(
@@ -215,7 +219,8 @@ async fn upload(
             let report = serde_json::to_value(&body.surface.report).map_err(Problem::internal)?;
             let (mesh, solid) = (Arc::new(body.surface.mesh), body.solid.map(Arc::new));
             let numbering = Arc::new(body.surface.numbering);
-            Ok(NewMesh { mesh, solid, numbering, report, name, format: format.name().to_owned(), source_bytes })
+            let (attributes, format) = (body.surface.attributes.map(Arc::new), format.name().to_owned());
+            Ok(NewMesh { mesh, solid, numbering, attributes, report, name, format, source_bytes })
         })
         .await?;
     let stored = state.store.add_mesh(new).await?;
@@ -231,9 +236,10 @@ async fn upload(
     Ok(named::stored(stored.created, &address, tag, MeshResource::from(record)))
 }
 
-/// About the bytes of positions and faces when every face has been divided into four so many times.
+/// About the bytes of positions, faces and what goes with them when every face has been divided into four so many times.
 fn subdivided_bytes(raw: &RawMesh, times: u8) -> u64 {
-    let once = 24 * raw.positions.len() as u64 + 12 * raw.faces.len() as u64;
+    let attributes = raw.attributes.as_ref().map_or(0, |own| own.attributes.bytes());
+    let once = 24 * raw.positions.len() as u64 + 12 * raw.faces.len() as u64 + attributes;
     once.saturating_mul(4u64.saturating_pow(times.into()))
 }
 
@@ -360,6 +366,7 @@ async fn delete(
 enum Written {
     Ply,
     Obj,
+    Glb,
     Buffers,
 }
 
@@ -377,9 +384,11 @@ problems!(GetMeshContentProblems: [INVALID_QUERY, UNKNOWN_MESH, NOT_ACCEPTABLE, 
 
 /// Gets the content of a mesh
 ///
-/// By `Accept` or `format`: PLY (the default; binary, little-endian), OBJ, or buffers for web clients
+/// By `Accept` or `format`: PLY (the default; binary, little-endian), OBJ, binary glTF, or buffers for web clients
 /// (`application/vnd.chladni.mesh`): all little-endian and aligned to four bytes, the number of vertices n and of faces f as u32,
 /// then 3n positions as f32, then 3f vertex indices as u32.
+///
+/// Texture coordinates, normals and names that the file had come back in all of them but buffers.
 #[utoipa::path(
     get, path = "/v1/meshes/{id}/content", tag = "meshes", operation_id = "getMeshContent",
     params(
@@ -388,8 +397,8 @@ problems!(GetMeshContentProblems: [INVALID_QUERY, UNKNOWN_MESH, NOT_ACCEPTABLE, 
         ("Range" = Option<String>, Header, description = "One range of bytes", example = "bytes=0-1023"),
     ),
     responses(
-        (status = 200, description = "The whole content", content((super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"), (super::docs::Binary = "application/vnd.chladni.mesh"), (super::docs::Binary = "application/octet-stream")), headers(("ETag" = String))),
-        (status = 206, description = "The bytes that `Range` asks for", content((super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"), (super::docs::Binary = "application/vnd.chladni.mesh"), (super::docs::Binary = "application/octet-stream")), headers(("Content-Range" = String))),
+        (status = 200, description = "The whole content", content((super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"), (super::docs::Binary = "model/gltf-binary"), (super::docs::Binary = "application/vnd.chladni.mesh"), (super::docs::Binary = "application/octet-stream")), headers(("ETag" = String))),
+        (status = 206, description = "The bytes that `Range` asks for", content((super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"), (super::docs::Binary = "model/gltf-binary"), (super::docs::Binary = "application/vnd.chladni.mesh"), (super::docs::Binary = "application/octet-stream")), headers(("Content-Range" = String))),
         (status = 304, description = "The content is as `If-None-Match` names it"),
         GetMeshContentProblems,
     ),
@@ -401,21 +410,25 @@ async fn content(
     QueryOf(query): QueryOf<ContentQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let (ply, obj) = (MeshFormat::Ply.media_type(), MeshFormat::Obj.media_type());
+    let (ply, obj, glb) = (MeshFormat::Ply.media_type(), MeshFormat::Obj.media_type(), MeshFormat::Gltf.media_type());
     let (format, asked) = match query.format {
         Some(format) => (format, None),
-        None => match extract::negotiated(&headers, &[ply, obj, BUFFERS, exchange::OCTETS])? {
+        None => match extract::negotiated(&headers, &[ply, obj, glb, BUFFERS, exchange::OCTETS])? {
             name if name == obj => (Written::Obj, None),
             name if name == ply => (Written::Ply, None),
+            name if name == glb => (Written::Glb, None),
             name => (Written::Buffers, Some(name)),
         },
     };
     let record = state.store.mesh(&id).await?;
     let mesh = state.store.load_mesh(&record.id).await?;
-    let bytes = state.take_in(move || Ok(Bytes::from(written(&mesh, format).map_err(Problem::internal)?))).await?;
+    let attributes = state.store.load_attributes(&record.id).await?;
+    let work = move || Ok(Bytes::from(written(&mesh, attributes.as_deref(), format).map_err(Problem::internal)?));
+    let bytes = state.take_in(work).await?;
     let (media_type, extension) = match format {
         Written::Ply => (ply, "ply"),
         Written::Obj => (obj, "obj"),
+        Written::Glb => (glb, "glb"),
         Written::Buffers => (asked.unwrap_or(BUFFERS), "bin"),
     };
     let length = bytes.len() as u64;
@@ -423,11 +436,13 @@ async fn content(
     Immutable { tag: format!("{}-{extension}", record.id), media_type, file_name, length }.answer(&headers, bytes)
 }
 
-fn written(mesh: &TriangleMesh, format: Written) -> std::io::Result<Vec<u8>> {
+fn written(mesh: &TriangleMesh, attributes: Option<&Attributes>, format: Written) -> std::io::Result<Vec<u8>> {
     let mut out = Vec::new();
+    let mut surface = |format: SurfaceFormat| format.write(mesh, attributes, PlyPrecision::Double, &mut out);
     match format {
-        Written::Ply => write_ply(mesh, None, &mut out)?,
-        Written::Obj => write_obj(mesh, &mut out)?,
+        Written::Ply => surface(SurfaceFormat::Ply)?,
+        Written::Obj => surface(SurfaceFormat::Obj)?,
+        Written::Glb => surface(SurfaceFormat::Glb)?,
         Written::Buffers => {
             out.reserve_exact(8 + 12 * (mesh.positions.len() + mesh.faces.len()));
             out.extend_from_slice(&(mesh.positions.len() as u32).to_le_bytes());

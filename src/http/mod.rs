@@ -69,6 +69,7 @@ mod slots;
 mod solves;
 mod state;
 mod subspaces;
+mod surfaces;
 mod system;
 mod turns;
 mod upload;
@@ -115,6 +116,7 @@ fn routes() -> OpenApiRouter<AppState> {
         .merge(content::routes())
         .merge(modes::routes())
         .merge(solves::routes())
+        .merge(surfaces::routes())
         .merge(distances::routes())
         .merge(signatures::routes())
         .merge(compressions::routes())

@@ -9,7 +9,7 @@ use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use chladni_mesh::numbering::{Missing, Translation};
 use chladni_mesh::read::MeshFormat;
-use chladni_mesh::write::write_ply;
+use chladni_mesh::write::{PlyPrecision, write_ply, write_ply_attributed};
 use chladni_spectral::basis::{Basis, ProductKind};
 use chladni_spectral::formats::npz;
 use futures_util::{StreamExt, stream};
@@ -134,6 +134,7 @@ async fn modes(
     };
     if format == Format::Ply {
         let mesh = state.store.load_mesh(&record.mesh).await?;
+        let attributes = state.store.load_attributes(&record.mesh).await?;
         let mode = range.start;
         let bytes = state
             .solve("modes", move |_| {
@@ -141,7 +142,11 @@ async fn modes(
                 // Of a solid, its surface, whose vertices come first.
                 colours.truncate(mesh.positions.len());
                 let mut bytes = Vec::new();
-                write_ply(&mesh, Some(&colours), &mut bytes).map_err(Problem::internal)?;
+                match attributes {
+                    None => write_ply(&mesh, Some(&colours), &mut bytes),
+                    Some(own) => write_ply_attributed(&mesh, Some(&colours), &own, PlyPrecision::Double, &mut bytes),
+                }
+                .map_err(Problem::internal)?;
                 Ok(Bytes::from(bytes))
             })
             .await?;

@@ -7,7 +7,6 @@ use axum::body::Body;
 use axum::http::HeaderMap;
 use chladni_algebra::DenseMatrix;
 use chladni_mesh::numbering::Translation;
-use chladni_mesh::write::{PlyPrecision, write_ply_with};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::analysis::filter::{Transfer, filter};
 use chladni_spectral::analysis::projection::project;
@@ -31,6 +30,7 @@ use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
+use super::surfaces::{SURFACES, Surface};
 
 /// The routes of synchronous solves.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -39,9 +39,6 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(project_functions))
         .routes(routes!(reconstruct))
 }
-
-/// The media type of a mesh whose coordinates are functions.
-pub const PLY: &str = "model/ply";
 
 /// Functions on the vertices.
 #[derive(Debug, ToSchema)]
@@ -153,29 +150,6 @@ pub enum Source {
     Raw(WholeBody, Dtype),
 }
 
-/// The mesh with three functions of a basis as its coordinates. Of functions on a solid the rows of its surface are taken, which come first.
-///
-/// # Errors
-/// `invalid-function` unless there are three.
-pub fn ply(basis: &Basis, mesh: &TriangleMesh, functions: &DenseMatrix, begin: Instant) -> Result<Answer, Problem> {
-    if functions.columns() != 3 {
-        let detail = format!("A {PLY} needs exactly three functions as its coordinates, not {}.", functions.columns());
-        return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
-    }
-    let (rows, vertices) = (functions.rows(), mesh.positions.len());
-    if rows != vertices && !(basis.is_of_solid() && rows > vertices) {
-        let detail =
-            format!("A {PLY} needs a row for each of {} vertices, not {}.", mesh.positions.len(), functions.rows());
-        return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
-    }
-    let position = |row: usize| std::array::from_fn(|axis| functions.column(axis)[row]);
-    let moved =
-        TriangleMesh { positions: (0..mesh.positions.len()).map(position).collect(), faces: mesh.faces.clone() };
-    let mut bytes = Vec::new();
-    write_ply_with(&moved, None, PlyPrecision::Single, &mut bytes).map_err(Problem::internal)?;
-    Ok(Answer::new(bytes, PLY, begin))
-}
-
 impl Source {
     async fn named(state: &ClientState, id: Uuid) -> Result<Self, Problem> {
         let mesh = state.store.basis(id).await?.mesh;
@@ -185,14 +159,6 @@ impl Source {
             return Ok(Self::Solid(solid));
         }
         Ok(Self::Mesh(state.store.load_mesh(&mesh).await?))
-    }
-
-    /// The mesh of a basis, where it is wanted.
-    pub async fn mesh_if(state: &ClientState, id: Uuid, wanted: bool) -> Result<Option<Arc<TriangleMesh>>, Problem> {
-        if !wanted {
-            return Ok(None);
-        }
-        Ok(Some(state.store.load_mesh(&state.store.basis(id).await?.mesh).await?))
     }
 
     /// What a JSON request names or carries.
@@ -244,14 +210,14 @@ problems!(FilterProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_TRANSFER]);
 ///
 /// JSON, or raw numbers for speed: with `Content-Type: application/octet-stream` the body is little-endian values, vertex after
 /// vertex and, within a vertex, function after function, of the type `dtype`; the transfer function stands in the query. The answer
-/// is of the same kind unless `Accept` says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`. The mesh of `model/ply` has the kept
-/// vertices in their order, which for points without faces is not that of the file.
+/// is of the same kind unless `Accept` says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`. A surface (`model/ply`, `model/obj`, `model/gltf-binary`) has the kept
+/// vertices in their order, which for points without faces is not that of the file, and the texture coordinates, normals and names that the mesh came with; normals turn with their faces.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/filter", tag = "bases", operation_id = "filter",
     params(BasisId, NumberingQuery, RawQuery),
     request_body(description = "The functions", content((FilterRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
-        (status = 200, description = "The filtered functions: a row for each vertex; of three functions, also the mesh with them as its coordinates", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply")),
+        (status = 200, description = "The filtered functions: a row for each vertex; of three functions, also the mesh with them as its coordinates", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"), (super::docs::Binary = "model/gltf-binary")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
         FilterProblems,
     ),
@@ -268,8 +234,8 @@ async fn filter_functions(
     let basis = load(&state, id).await?;
     let to = translation(&state, numbered, id, &basis).await?;
     let sent = read::<FilterRequest>(&state, &headers, body).await?;
-    let media_type = answer_type(&headers, matches!(sent, Sent::Raw(_)), &[PLY])?;
-    let mesh = Source::mesh_if(&state, id, media_type == PLY).await?;
+    let media_type = answer_type(&headers, matches!(sent, Sent::Raw(_)), &SURFACES)?;
+    let surface = Surface::if_asked(&state, id, media_type).await?;
     let (source, transfer) = match sent {
         Sent::Json(request) => (Source::of(&state, id, request.functions).await?, request.transfer),
         Sent::Raw(body) => {
@@ -290,8 +256,8 @@ async fn filter_functions(
             let functions = source.functions(basis.vertices(), &to)?;
             drop(source);
             let filtered = filter(&basis, &functions, &transfer)?;
-            match mesh {
-                Some(mesh) => ply(&basis, &mesh, &filtered, begin),
+            match surface {
+                Some(surface) => surface.moved(basis.is_of_solid(), &filtered, begin),
                 None => Answer::table(&push(&to, filtered), media_type == OCTETS, query.dtype, begin),
             }
         })
@@ -325,7 +291,7 @@ problems!(ProjectProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_ANALYSIS])
     params(BasisId, NumberingQuery, RawQuery),
     request_body(description = "The functions", content((ProjectRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
-        (status = 200, description = "The coefficients; of three functions, also the mesh with the projected ones as its coordinates", content((ProjectAnswer = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply")),
+        (status = 200, description = "The coefficients; of three functions, also the mesh with the projected ones as its coordinates", content((ProjectAnswer = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "model/ply"), (super::docs::Binary = "model/obj"), (super::docs::Binary = "model/gltf-binary")),
             headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Relative-Error" = String), ("Server-Timing" = String))),
         ProjectProblems,
     ),
@@ -343,8 +309,8 @@ async fn project_functions(
     let basis = load(&state, id).await?;
     let to = translation(&state, numbered, id, &basis).await?;
     let sent = read::<ProjectRequest>(&state, &headers, body).await?;
-    let media_type = answer_type(&headers, matches!(sent, Sent::Raw(_)), &[PLY])?;
-    let mesh = Source::mesh_if(&state, id, media_type == PLY).await?;
+    let media_type = answer_type(&headers, matches!(sent, Sent::Raw(_)), &SURFACES)?;
+    let surface = Surface::if_asked(&state, id, media_type).await?;
     let mut whole = query.reconstruct.unwrap_or(false);
     let mut pairs = query.pairs;
     let source = match sent {
@@ -361,8 +327,8 @@ async fn project_functions(
             let functions = source.functions(basis.vertices(), &to)?;
             drop(source);
             let mut projection = project(&basis, &functions, pairs.unwrap_or(basis.count()))?;
-            if let Some(mesh) = mesh {
-                return ply(&basis, &mesh, &projection.reconstruction, begin);
+            if let Some(surface) = surface {
+                return surface.moved(basis.is_of_solid(), &projection.reconstruction, begin);
             }
             if whole {
                 projection.reconstruction = push(&to, projection.reconstruction);

@@ -9,6 +9,7 @@ use super::{
     sql::{self, QueryBuilder, Row},
 };
 use bytes::Bytes;
+use chladni_mesh::attributes::Attributes;
 use chladni_mesh::numbering::Numbering;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
@@ -23,6 +24,10 @@ const SOLID_MAGIC: &[u8; 8] = b"CHLSOLI1";
 /// meshes, though their surfaces be equal, since answers are given in the numbering of the file.
 const NUMBERED_MAGIC: &[u8; 8] = b"CHLMESH2";
 const NUMBERED_SOLID_MAGIC: &[u8; 8] = b"CHLSOLI2";
+/// The same two where the file has texture coordinates, normals or names: behind the faces or tetrahedra comes the length of the numbering, which may be
+/// none, as u64, then the numbering, then these. They are part of what is stored under an id, since they are given back with the surface.
+const ATTRIBUTED_MAGIC: &[u8; 8] = b"CHLMESH3";
+const ATTRIBUTED_SOLID_MAGIC: &[u8; 8] = b"CHLSOLI3";
 const HEAD_BYTES: usize = 24;
 const POSITION_BYTES: usize = 24;
 const FACE_BYTES: usize = 12;
@@ -33,6 +38,7 @@ const TETRAHEDRON_BYTES: usize = 16;
 pub(super) struct Decoded {
     mesh: Arc<TriangleMesh>,
     numbering: Arc<Numbering>,
+    attributes: Option<Arc<Attributes>>,
 }
 
 impl Store {
@@ -48,7 +54,10 @@ impl Store {
 
     async fn add_mesh_now(&self, new: NewMesh) -> Result<Stored<MeshRecord>, StoreError> {
         let (mesh, solid, numbering) = (Arc::clone(&new.mesh), new.solid.clone(), Arc::clone(&new.numbering));
-        let content = blobs::blocking(move || Bytes::from(encode(&mesh, solid.as_deref(), &numbering))).await?;
+        let attributes = new.attributes.clone();
+        let content =
+            blobs::blocking(move || Bytes::from(encode(&mesh, solid.as_deref(), &numbering, attributes.as_deref())))
+                .await?;
         let source = NewSource {
             kind: SourceKind::Mesh,
             name: new.name,
@@ -225,6 +234,18 @@ impl Store {
         Ok(self.load_decoded(id).await?.numbering)
     }
 
+    /// Texture coordinates, normals and names of the file that a mesh came from, where it has any.
+    ///
+    /// # Errors
+    /// As [`load_mesh`](Self::load_mesh).
+    pub async fn load_attributes(&self, id: &str) -> Result<Option<Arc<Attributes>>, StoreError> {
+        // Where the report has no word of them, the mesh need not be read.
+        match self.mesh(id).await?.report["attributes"].is_null() {
+            true => Ok(None),
+            false => Ok(self.load_decoded(id).await?.attributes),
+        }
+    }
+
     /// The numbering of the file that the mesh of a product came from; `None` where the product does not say which mesh that is, or it is gone.
     pub(super) async fn numbering_of(&self, product: &Product) -> Result<Option<Arc<Numbering>>, StoreError> {
         let Some(mesh) = product.mesh() else { return Ok(None) };
@@ -254,13 +275,12 @@ impl Store {
             let record = self.mesh(id).await?;
             let content = self.verified_blob(&record.content_hash).await?;
             let bytes = content.len() as u64;
-            let (mesh, _, numbering) = blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?;
+            let Body { mesh, numbering, attributes, .. } =
+                blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?;
             let numbering = numbering.unwrap_or_else(|| own_numbering(&record));
             let bytes = bytes + numbering.bytes();
-            Ok::<_, StoreError>(Weighed {
-                value: Decoded { mesh: Arc::new(mesh), numbering: Arc::new(numbering) },
-                bytes,
-            })
+            let (mesh, numbering, attributes) = (Arc::new(mesh), Arc::new(numbering), attributes.map(Arc::new));
+            Ok::<_, StoreError>(Weighed { value: Decoded { mesh, numbering, attributes }, bytes })
         });
         Ok(loaded.await?.value)
     }
@@ -277,8 +297,8 @@ impl Store {
         }
         let _in_use = self.inner.blob_use.read().await;
         let content = self.verified_blob(&record.content_hash).await?;
-        let (_, solid, _) = blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?;
-        Ok((mesh, solid.map(Arc::new)))
+        let body = blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?;
+        Ok((mesh, body.solid.map(Arc::new)))
     }
 }
 
@@ -321,37 +341,47 @@ pub(super) fn push_filter(query: &mut QueryBuilder, column: &'static str, value:
     }
 }
 
-fn encode(mesh: &TriangleMesh, solid: Option<&TetMesh>, numbering: &Numbering) -> Vec<u8> {
+fn encode(
+    mesh: &TriangleMesh,
+    solid: Option<&TetMesh>,
+    numbering: &Numbering,
+    attributes: Option<&Attributes>,
+) -> Vec<u8> {
     let numbers = mesh.positions.len() + solid.map_or(0, |solid| solid.positions.len());
     let corners = FACE_BYTES * mesh.faces.len() + solid.map_or(0, |solid| TETRAHEDRON_BYTES * solid.tetrahedra.len());
     let numbering = if numbering.is_identity() { Vec::new() } else { numbering.to_bytes() };
-    let mut bytes = Vec::with_capacity(HEAD_BYTES + 16 + POSITION_BYTES * numbers + corners + numbering.len());
+    let attributes = attributes.map(Attributes::to_bytes).unwrap_or_default();
+    let rest = numbering.len() + attributes.len();
+    let mut bytes = Vec::with_capacity(HEAD_BYTES + 24 + POSITION_BYTES * numbers + corners + rest);
     // A vector takes all that is written to it.
-    let _written = write_numbered(mesh, solid, &numbering, &mut bytes);
+    let _written = write_whole(mesh, solid, &numbering, &attributes, &mut bytes);
     bytes
 }
 
-/// Writes a mesh, and the solid whose surface it is, as the store keeps it, without the numbering of its file.
+/// Writes a mesh, and the solid whose surface it is, as the store keeps it, without the numbering and the attributes of its file.
 pub(super) fn write_body(mesh: &TriangleMesh, solid: Option<&TetMesh>, out: &mut impl Write) -> std::io::Result<()> {
-    write_numbered(mesh, solid, &[], out)
+    write_whole(mesh, solid, &[], &[], out)
 }
 
-/// `numbering` is what [`Numbering::to_bytes`] makes, or nothing.
-fn write_numbered(
+/// `numbering` is what [`Numbering::to_bytes`] makes, `attributes` what [`Attributes::to_bytes`] does, or nothing.
+fn write_whole(
     mesh: &TriangleMesh,
     solid: Option<&TetMesh>,
     numbering: &[u8],
+    attributes: &[u8],
     out: &mut impl Write,
 ) -> std::io::Result<()> {
     let surface = mesh.positions.len();
     let (inner, tetrahedra) = solid.map_or((&[][..], &[][..]), |solid| {
         (solid.positions.get(surface..).unwrap_or_default(), &solid.tetrahedra[..])
     });
-    out.write_all(match (solid.is_some(), numbering.is_empty()) {
-        (false, true) => MAGIC,
-        (true, true) => SOLID_MAGIC,
-        (false, false) => NUMBERED_MAGIC,
-        (true, false) => NUMBERED_SOLID_MAGIC,
+    out.write_all(match (solid.is_some(), numbering.is_empty(), attributes.is_empty()) {
+        (false, true, true) => MAGIC,
+        (true, true, true) => SOLID_MAGIC,
+        (false, false, true) => NUMBERED_MAGIC,
+        (true, false, true) => NUMBERED_SOLID_MAGIC,
+        (false, _, false) => ATTRIBUTED_MAGIC,
+        (true, _, false) => ATTRIBUTED_SOLID_MAGIC,
     })?;
     out.write_all(&(surface as u64).to_le_bytes())?;
     out.write_all(&(mesh.faces.len() as u64).to_le_bytes())?;
@@ -365,22 +395,37 @@ fn write_numbered(
     for vertex in mesh.faces.as_flattened().iter().chain(tetrahedra.as_flattened()) {
         out.write_all(&vertex.to_le_bytes())?;
     }
-    out.write_all(numbering)
+    if !attributes.is_empty() {
+        out.write_all(&(numbering.len() as u64).to_le_bytes())?;
+    }
+    out.write_all(numbering)?;
+    out.write_all(attributes)
+}
+
+/// What is stored of a mesh.
+#[derive(Debug, Default)]
+struct Body {
+    mesh: TriangleMesh,
+    solid: Option<TetMesh>,
+    numbering: Option<Numbering>,
+    attributes: Option<Attributes>,
 }
 
 /// Reads what [`write_body`] wrote.
 pub(super) fn read_body(bytes: &[u8]) -> Option<(TriangleMesh, Option<TetMesh>)> {
-    let (mesh, solid, _) = decode(bytes)?;
+    let Body { mesh, solid, .. } = decode(bytes)?;
     Some((mesh, solid))
 }
 
-fn decode(bytes: &[u8]) -> Option<(TriangleMesh, Option<TetMesh>, Option<Numbering>)> {
+fn decode(bytes: &[u8]) -> Option<Body> {
     let (magic, body) = bytes.split_first_chunk::<8>()?;
-    let (is_solid, is_numbered) = match magic {
-        MAGIC => (false, false),
-        SOLID_MAGIC => (true, false),
-        NUMBERED_MAGIC => (false, true),
-        NUMBERED_SOLID_MAGIC => (true, true),
+    let (is_solid, is_numbered, is_attributed) = match magic {
+        MAGIC => (false, false, false),
+        SOLID_MAGIC => (true, false, false),
+        NUMBERED_MAGIC => (false, true, false),
+        NUMBERED_SOLID_MAGIC => (true, true, false),
+        ATTRIBUTED_MAGIC => (false, true, true),
+        ATTRIBUTED_SOLID_MAGIC => (true, true, true),
         _ => return None,
     };
     let (counts, body) = body.split_at_checked(if is_solid { 32 } else { 16 })?;
@@ -392,8 +437,14 @@ fn decode(bytes: &[u8]) -> Option<(TriangleMesh, Option<TetMesh>, Option<Numberi
     let position_bytes = surface.checked_add(inner)?.checked_mul(POSITION_BYTES)?;
     let face_bytes = faces.checked_mul(FACE_BYTES)?;
     let expected = position_bytes.checked_add(face_bytes)?.checked_add(tetrahedra.checked_mul(TETRAHEDRON_BYTES)?)?;
-    let (body, numbering) = body.split_at_checked(expected)?;
-    if numbering.is_empty() == is_numbered {
+    let (body, mut numbering) = body.split_at_checked(expected)?;
+    let mut attributes = &[][..];
+    if is_attributed {
+        let (length, rest) = numbering.split_first_chunk::<8>()?;
+        (numbering, attributes) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
+    }
+    // With attributes there may be a numbering or not.
+    if (numbering.is_empty() == is_numbered && !is_attributed) || attributes.is_empty() == is_attributed {
         return None;
     }
     let (positions, corners) = body.split_at(position_bytes);
@@ -405,9 +456,13 @@ fn decode(bytes: &[u8]) -> Option<(TriangleMesh, Option<TetMesh>, Option<Numberi
     let mesh = TriangleMesh { positions: positions[..surface].to_vec(), faces: numbers(faces).as_chunks().0.to_vec() };
     let solid = is_solid
         .then(|| TetMesh { positions: positions.to_vec(), tetrahedra: numbers(tetrahedra).as_chunks().0.to_vec() });
-    let numbering = match is_numbered {
-        true => Some(Numbering::from_bytes(numbering, &mesh.faces)?),
+    let numbering = match numbering.is_empty() {
+        false => Some(Numbering::from_bytes(numbering, &mesh.faces)?),
+        true => None,
+    };
+    let attributes = match is_attributed {
+        true => Some(Attributes::from_bytes(attributes, mesh.faces.len())?),
         false => None,
     };
-    Some((mesh, solid, numbering))
+    Some(Body { mesh, solid, numbering, attributes })
 }

@@ -2,6 +2,7 @@
 
 use std::{fmt, str::FromStr, sync::Arc};
 
+use chladni_mesh::attributes::Attributes;
 use chladni_mesh::numbering::Numbering;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::formats::DenseLayout;
@@ -19,6 +20,8 @@ pub struct NewMesh {
     pub solid: Option<Arc<TetMesh>>,
     /// Where the vertices and faces of the file went.
     pub numbering: Arc<Numbering>,
+    /// Texture coordinates, normals and names that the file had.
+    pub attributes: Option<Arc<Attributes>>,
     /// The report of the check, a JSON object.
     pub report: Value,
     /// A name for people.

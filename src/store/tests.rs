@@ -78,6 +78,7 @@ pub(crate) fn mesh(seed: usize, vertices: usize) -> NewMesh {
     NewMesh {
         solid: None,
         numbering,
+        attributes: None,
         mesh: Arc::new(TriangleMesh { positions, faces }),
         report: json!({"genus": 0}),
         name: Some(format!("mesh {seed}")),

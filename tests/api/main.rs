@@ -8,6 +8,7 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 mod common;
 
 mod analysis;
+mod attributes;
 mod auth;
 mod bases;
 mod bodies;

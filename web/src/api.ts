@@ -50,7 +50,7 @@ export const key = {
 };
 
 // The page draws the mesh that was kept of a file, and numbers vertices and faces as that does.
-const numbered = /^\/v1\/(functional-maps|meshes\/[^/?]+\/frames|bases\/[^/?]+\/(?!content)[^?]+)(\?|$)/;
+const numbered = /^\/v1\/(functional-maps|meshes\/[^/?]+\/(?:frames|surface)|bases\/[^/?]+\/(?!content)[^?]+)(\?|$)/;
 
 /** The path of a request in which vertices and faces are numbered as the kept mesh does. */
 export const kept = (path: string, method = "GET") =>
@@ -103,6 +103,12 @@ export const get = async <T>(path: string): Promise<T> => read<T>(await send(pat
 
 /** Fetches a file with the API key and gives it to the browser as a download. */
 export const save = async (path: string, name: string) => give(await (await send(path)).blob(), name);
+
+/** A mesh with other positions as a file, with the texture coordinates, normals and names that its own file had. */
+export const movedSurface = async (mesh: string, positions: Float32Array, format: "obj" | "ply" | "glb") =>
+  (await send(`/v1/meshes/${mesh}/surface?format=${format}`, {
+    method: "POST", body: positions as Float32Array<ArrayBuffer>, headers: { "Content-Type": "application/octet-stream", Accept: "*/*" },
+  })).blob();
 
 /** Posts JSON and reads JSON. */
 export const post = async <T>(path: string, body?: unknown, init: RequestInit = {}): Promise<T> =>

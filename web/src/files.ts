@@ -2,7 +2,7 @@
 
 import { BufferAttribute, BufferGeometry, Mesh, MeshStandardMaterial } from "three";
 import { GLTFExporter } from "three/examples/jsm/exporters/GLTFExporter.js";
-import { normals, type Surface } from "./surface";
+import { normals, turned, type Surface } from "./surface";
 import { Lines, shortest } from "./text";
 
 /** A function at the vertices, with the colours in which it is shown: three bytes a vertex. */
@@ -59,13 +59,6 @@ export function vtp({ positions: p, triangles: t }: Surface, shown: Coloured | n
   for (let f = 1; f <= faces; f++) lines.add(String(3 * f));
   lines.add("</DataArray></Polys></Piece></PolyData></VTKFile>");
   return lines.blob("application/xml");
-}
-
-/** The surface with its up axis as y, which viewers of glTF expect. */
-export function turned({ positions: p, triangles }: Surface, axes: [axis: number, sign: number][]): Surface {
-  const positions = new Float32Array(p.length);
-  for (let i = 0; i < p.length; i += 3) for (let k = 0; k < 3; k++) positions[i + k] = axes[k][1] * p[i + axes[k][0]];
-  return { positions, triangles };
 }
 
 /** Binary glTF, of a surface with y up. */

@@ -1,6 +1,6 @@
 // What stands over the surface: which way is up, its edges, and everything on the screen as a file or as a request.
 
-import { kept, recent } from "./api";
+import { kept, movedSurface, recent } from "./api";
 import type { App } from "./app";
 import { curl, python, type Request } from "./code";
 import { brief, choice, field, h, slider } from "./dom";
@@ -8,6 +8,7 @@ import type { Coloured, Order } from "./files";
 import { records } from "./film";
 import { fileName, give, write } from "./give";
 import type { Look } from "./panels/look";
+import { turned } from "./surface";
 import { svg } from "./svg";
 import { AXES, UPWARD, type Up } from "./upright";
 
@@ -39,10 +40,18 @@ export function toolbar(app: App, look: Look): HTMLElement {
   const name = () => fileName(app.mesh?.name ?? "mesh", app.title.textContent !== app.mesh?.name ? app.title.textContent : "");
   const download = (blob: Blob, ending: string) => give(blob, `${name()}.${ending}`);
   /** Writes a file beside the page, and tells that it is being written where that takes a moment. */
-  const file = async (order: Order, ending: string) => {
+  const file = async (order: Order, ending: string) => writing(ending, () => write(order));
+  /** The same of a surface: where its file had texture coordinates, normals or names, the server has kept them and writes it; it knows nothing of colours. */
+  const surface = (order: Exclude<Order, { kind: "npy" | "pairs" | "csv" }>, ending: "obj" | "ply" | "glb") => {
+    const mesh = app.mesh;
+    if (!mesh?.report.attributes || ("shown" in order && order.shown)) return file(order, ending);
+    const { positions } = order.kind === "glb" ? turned(order.surface, order.axes) : order.surface;
+    return writing(ending, () => movedSurface(mesh.id, positions, ending));
+  };
+  const writing = async (ending: string, made: () => Promise<Blob>) => {
     const said = window.setTimeout(() => app.working(`Writing ${ending.toUpperCase()} …`), 300);
     try {
-      download(await write(order), ending);
+      download(await made(), ending);
     } finally {
       window.clearTimeout(said);
       app.working(null);
@@ -83,8 +92,8 @@ export function toolbar(app: App, look: Look): HTMLElement {
         const { width, height, runs } = viewer.drawn(lines);
         download(svg(runs, width, height, Math.max(0.6, width / 1200)), "svg");
       })]),
-      group("Surface as shown", [item("OBJ", () => file({ kind: "obj", surface: viewer.shape()! }, "obj")), item(shown ? "PLY with colours" : "PLY", () => file({ kind: "ply", surface: viewer.shape()!, shown: coloured() }, "ply")),
-        item("GLB", () => file({ kind: "glb", surface: viewer.shape()!, shown: coloured(), axes: AXES[viewer.up] }, "glb")), item("VTP (ParaView)", () => file({ kind: "vtp", surface: viewer.shape()!, shown: coloured() }, "vtp"))]),
+      group("Surface as shown", [item("OBJ", () => surface({ kind: "obj", surface: viewer.shape()! }, "obj")), item(shown ? "PLY with colours" : "PLY", () => surface({ kind: "ply", surface: viewer.shape()!, shown: coloured() }, "ply")),
+        item("GLB", () => surface({ kind: "glb", surface: viewer.shape()!, shown: coloured(), axes: AXES[viewer.up] }, "glb")), item("VTP (ParaView)", () => file({ kind: "vtp", surface: viewer.shape()!, shown: coloured() }, "vtp"))]),
       shown && group("Values at the vertices", [item("CSV", () => file({ kind: "csv", surface: viewer.shape()!, shown: coloured()!, vertex: renumbered() ? "kept_vertex" : "vertex" }, "csv")), item("NPY (NumPy)", () => file({ kind: "npy", values: coloured()!.values }, "npy"))]),
       sound && group("Sound", [item("WAV", () => download(new Blob([sound], { type: "audio/wav" }), "wav"))]),
       request && group("Copy the request", [item("as curl", () => copy(curl(request), "The request for curl")), item("as Python", () => copy(python(request), "The request in Python"))]),

@@ -151,3 +151,10 @@ export function cast({ positions, triangles }: Surface, origin: number[], ray: n
     distance: nearest,
   };
 }
+
+/** The surface with its up axis as y, which viewers of glTF expect. */
+export function turned({ positions: p, triangles }: Surface, axes: [axis: number, sign: number][]): Surface {
+  const positions = new Float32Array(p.length);
+  for (let i = 0; i < p.length; i += 3) for (let k = 0; k < 3; k++) positions[i + k] = axes[k][1] * p[i + axes[k][0]];
+  return { positions, triangles };
+}

@@ -400,6 +400,14 @@ pub struct FactorNumbers {
 }
 
 impl Factor<'_> {
+    /// A copy of its numbers.
+    #[cfg(test)]
+    pub(crate) fn numbers(&self) -> FactorNumbers {
+        let pivoting = self.pivoting.as_ref();
+        let pivoting = pivoting.map(|own| Pivoting { order: own.order.clone(), beside: own.beside.clone() });
+        FactorNumbers { values: self.values.clone(), inverse: self.inverse.clone(), pivoting }
+    }
+
     /// Its numbers, without its structure: [`SymbolicFactor::solve_panel`] solves with them.
     pub fn into_numbers(self) -> FactorNumbers {
         let Self { values, inverse, pivoting, .. } = self;

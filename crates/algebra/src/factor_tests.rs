@@ -111,6 +111,19 @@ fn solve_error(a: &SparseMatrix, b: &MassMatrix, shift: f64, factor: &crate::Fac
     let rhs: Vec<f64> = (0..n * PANEL_WIDTH).map(|_| random.signed_unit()).collect();
     let mut x = rhs.clone();
     factor.solve_panel(&mut x);
+    // Alone, a column is what it is in the panel; one that is zero but for some rows as well.
+    let (symbolic, numbers) = (factor.symbolic, factor.numbers());
+    for (column, few) in [(5, n), (9, 1), (31, 3)] {
+        let mut right: Vec<f64> = rhs.iter().skip(column).step_by(PANEL_WIDTH).copied().collect();
+        right.iter_mut().enumerate().filter(|(row, _)| row % (n / few).max(1) != 0).for_each(|(_, x)| *x = 0.0);
+        let mut panel: Vec<f64> = right.iter().flat_map(|&x| [x; PANEL_WIDTH]).collect();
+        factor.solve_panel(&mut panel);
+        symbolic.solve_column(&numbers, &mut right);
+        let largest = right.iter().fold(1e-300, |most: f64, x| most.max(x.abs()));
+        for (alone, beside) in right.iter().zip(panel.iter().step_by(PANEL_WIDTH)) {
+            assert!((alone - beside).abs() <= 1e-9 * largest, "{alone} {beside} of {largest}");
+        }
+    }
     let mut worst = 0f64;
     for column in [0, 1, 17, 31] {
         let part = |values: &[f64]| -> Vec<f64> { values.iter().skip(column).step_by(PANEL_WIDTH).copied().collect() };
@@ -313,6 +326,10 @@ fn numbers_solve_beside_their_structure_and_no_other() {
     let other = SymbolicFactor::new(&grid(4, 4), &MassMatrix::Diagonal(vec![1.0; 16])).unwrap();
     let solve = std::panic::AssertUnwindSafe(|| other.solve_panel(&numbers, &mut vec![1.0; 16 * PANEL_WIDTH]));
     assert!(std::panic::catch_unwind(solve).is_err());
+    for size in [0, 24, 26] {
+        let solve = std::panic::AssertUnwindSafe(|| symbolic.solve_column(&numbers, &mut vec![1.0; size]));
+        assert!(std::panic::catch_unwind(solve).is_err(), "{size}");
+    }
 }
 
 #[test]

@@ -9,6 +9,7 @@ mod definite;
 mod dense;
 mod eigen;
 mod factor;
+mod factor_column;
 mod factor_error;
 mod factor_solve;
 mod factored;

@@ -4,6 +4,7 @@
 //! else that a client may want to mend. What cannot be used is refused with a [`MeshError`].
 
 use super::TriangleMesh;
+use super::attributes::Attributes;
 use super::numbering::{self, Numbering, nearest_vertices};
 use super::read::{Polygons, RawMesh, ReadLimits};
 pub use super::repair::DROPPED;
@@ -272,6 +273,8 @@ pub struct CheckedMesh {
     pub report: MeshReport,
     /// Where the vertices and faces of the input went.
     pub numbering: Numbering,
+    /// Texture coordinates, normals and names, of the repaired mesh.
+    pub attributes: Option<Attributes>,
 }
 
 /// Checks a mesh and repairs what can be repaired without loss.
@@ -283,10 +286,10 @@ pub struct CheckedMesh {
 /// # Errors
 /// [`MeshError`] names the first element that makes the mesh unusable.
 pub fn check(raw: RawMesh, options: &CheckOptions) -> Result<CheckedMesh, MeshError> {
-    let Examined { mesh, report, numbering, error } = examine(raw, options);
+    let Examined { mesh, report, numbering, attributes, error } = examine(raw, options);
     match error {
         Some(error) => Err(error),
-        None => Ok(CheckedMesh { mesh, report, numbering }),
+        None => Ok(CheckedMesh { mesh, report, numbering, attributes }),
     }
 }
 
@@ -300,6 +303,7 @@ struct Examined {
     mesh: TriangleMesh,
     report: MeshReport,
     numbering: Numbering,
+    attributes: Option<Attributes>,
     /// The first reason to refuse the mesh; the mesh is then not to be used, but the report still tells what it can.
     error: Option<MeshError>,
 }
@@ -313,18 +317,22 @@ fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
         polygons_triangulated,
         short_faces_dropped,
         splits_vertices,
+        attributes,
     } = raw;
     let given = [positions.len(), faces.len()];
     let mut report = MeshReport { vertices: given[0], faces: given[1], ..MeshReport::default() };
     for (elements, count, most) in [("vertices", given[0], DROPPED as usize - 1), ("faces", given[1], MOST_FACES)] {
         if count > most {
             let error = Some(MeshError::TooLarge { elements, count, most });
-            return Examined { mesh: TriangleMesh::default(), report, numbering: Numbering::default(), error };
+            let (mesh, numbering) = (TriangleMesh::default(), Numbering::default());
+            return Examined { mesh, report, numbering, attributes: None, error };
         }
     }
     let mut found = Found::default();
     found.repair(RepairKind::TriangulatedPolygons, polygons_triangulated);
     found.repair(RepairKind::DroppedShortFaces, short_faces_dropped);
+    // Corners are found again by their vertices.
+    let with_corners = attributes.map(|own| (own, faces.clone()));
     let mut faces = Faces::new(faces);
 
     let stray = faces.select(|face| face.iter().any(|&v| v as usize >= given[0]));
@@ -454,6 +462,11 @@ fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
         }
         _ => Vec::new(),
     };
+    let mut attributes = with_corners.map(|(own, given_faces)| {
+        report.attributes = Some(own.attributes.report(own.missing));
+        let origin = |face: u32| faces.origin(u64::from(face)) as u32;
+        own.attributes.repaired(&given_faces, vertex_map.as_deref(), &faces.corners, origin)
+    });
     let numbered = numbering::Found {
         file: [given[0], polygons.as_ref().map_or(given[1], |polygons| polygons.count)],
         vertices: vertex_map,
@@ -467,10 +480,14 @@ fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
         found.error = subdivide(&mut mesh, &mut report, options).err();
         if found.error.is_none() {
             numbering = numbering.divided(&mesh, options.subdivisions);
+            for _ in 0..options.subdivisions {
+                attributes = attributes.map(Attributes::divided);
+            }
         }
     }
     report.file = FileSize::of(&numbering);
-    Examined { mesh, report, numbering, error: found.error }
+    let attributes = attributes.filter(|attributes| !attributes.is_empty());
+    Examined { mesh, report, numbering, attributes, error: found.error }
 }
 
 /// The face of the file that each face left is or is a part of; `None` where they are the same.

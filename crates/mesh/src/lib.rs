@@ -1,5 +1,6 @@
 //! Surfaces and solids: reading, writing, checking and repairing, connectivity, distances, sampling, generated shapes.
 
+pub mod attributes;
 pub mod check;
 pub mod connectivity;
 pub mod distance;

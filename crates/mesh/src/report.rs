@@ -57,6 +57,9 @@ pub struct MeshReport {
     /// Vertices and faces of the file, where it numbers them in another way than the mesh that was made of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<FileSize>,
+    /// Texture coordinates, normals and names that are kept, where the file has any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attributes: Option<super::attributes::AttributeReport>,
     /// What is wrong with the mesh as given, by kind; kinds that do not occur are left out.
     pub defects: Vec<Defect>,
     /// What was done about it; none of it loses anything, but for [`RepairKind::LeftOutTetrahedra`], which is done on request alone.

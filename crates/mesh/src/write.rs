@@ -1,8 +1,48 @@
-//! Writing meshes: OBJ and binary PLY. Give a buffered writer: both write in small pieces.
+//! Writing meshes: OBJ, binary PLY and binary glTF. Give a buffered writer: they write in small pieces.
+
+mod attributed;
+mod glb;
 
 use std::io::{self, Write};
 
 use super::TriangleMesh;
+use super::attributes::Attributes;
+
+pub use attributed::{write_obj_with, write_ply_attributed};
+pub use glb::write_glb;
+
+/// The formats in which surfaces go out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SurfaceFormat {
+    /// Wavefront OBJ.
+    Obj,
+    /// Binary PLY, little-endian.
+    Ply,
+    /// Binary glTF.
+    Glb,
+}
+
+impl SurfaceFormat {
+    /// Writes a surface with what its file had beside positions and faces.
+    ///
+    /// # Errors
+    /// As [`write_obj_with`], [`write_ply_attributed`], [`write_glb`].
+    pub fn write(
+        self,
+        mesh: &TriangleMesh,
+        attributes: Option<&Attributes>,
+        precision: PlyPrecision,
+        out: &mut dyn Write,
+    ) -> io::Result<()> {
+        match (self, attributes) {
+            (Self::Obj, None) => write_obj(mesh, out),
+            (Self::Obj, Some(attributes)) => write_obj_with(mesh, attributes, out),
+            (Self::Ply, None) => write_ply_with(mesh, None, precision, out),
+            (Self::Ply, Some(attributes)) => write_ply_attributed(mesh, None, attributes, precision, out),
+            (Self::Glb, attributes) => write_glb(mesh, attributes, out),
+        }
+    }
+}
 
 /// The floating-point type of the coordinates in a PLY file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -12,6 +52,24 @@ pub enum PlyPrecision {
     /// `double`: reading gives back the same mesh to the last bit.
     #[default]
     Double,
+}
+
+impl PlyPrecision {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Single => "float",
+            Self::Double => "double",
+        }
+    }
+
+    fn put(self, record: &mut Vec<u8>, numbers: &[f64]) {
+        for &number in numbers {
+            match self {
+                Self::Single => record.extend((number as f32).to_le_bytes()),
+                Self::Double => record.extend(number.to_le_bytes()),
+            }
+        }
+    }
 }
 
 /// Writes `v` and `f` lines, in the order of the mesh. Coordinates are the shortest decimals that read back to the same
@@ -44,16 +102,8 @@ pub fn write_ply_with(
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let vertices = mesh.positions.len();
-    if let Some(colours) = colours
-        && colours.len() != vertices
-    {
-        let message = format!("{} colours for {vertices} vertices", colours.len());
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, message));
-    }
-    let scalar = match precision {
-        PlyPrecision::Single => "float",
-        PlyPrecision::Double => "double",
-    };
+    check_colours(mesh, colours)?;
+    let scalar = precision.name();
     writeln!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}")?;
     for name in ["x", "y", "z"] {
         writeln!(out, "property {scalar} {name}")?;
@@ -71,12 +121,7 @@ pub fn write_ply_with(
     let mut record = Vec::with_capacity(32);
     for (vertex, position) in mesh.positions.iter().enumerate() {
         record.clear();
-        for &coordinate in position {
-            match precision {
-                PlyPrecision::Single => record.extend((coordinate as f32).to_le_bytes()),
-                PlyPrecision::Double => record.extend(coordinate.to_le_bytes()),
-            }
-        }
+        precision.put(&mut record, position);
         if let Some(colours) = colours {
             record.extend(colours[vertex]);
         }
@@ -91,6 +136,17 @@ pub fn write_ply_with(
         out.write_all(&record)?;
     }
     Ok(())
+}
+
+fn check_colours(mesh: &TriangleMesh, colours: Option<&[[u8; 3]]>) -> io::Result<()> {
+    let vertices = mesh.positions.len();
+    match colours.filter(|colours| colours.len() != vertices) {
+        None => Ok(()),
+        Some(colours) => {
+            let message = format!("{} colours for {vertices} vertices", colours.len());
+            Err(io::Error::new(io::ErrorKind::InvalidInput, message))
+        }
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use chladni_base::Monitor;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
-use chladni_spectral::operator::elastic::{ElasticBody, Material};
+use chladni_spectral::operator::elastic::{Clamps, ElasticBody, Material};
 use chladni_spectral::spectrum::hsim;
 use chladni_spectral::spectrum::vibration::{Iterations, VibrationMethod, VibrationParameters, vibration_modes};
 use serde::{Deserialize, Serialize};
@@ -44,6 +44,10 @@ pub struct VibrationBasisParameters {
     #[cfg_attr(feature = "schema", schema(max_items = 500000, example = json!([0, 1, 2])))]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub clamped: Vec<u32>,
+    /// Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a moment: a hinge.
+    #[cfg_attr(feature = "schema", schema(default = false, example = true))]
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub clamped_rotations: bool,
     /// How modes are computed.
     #[serde(default)]
     pub method: VibrationMethodName,
@@ -103,6 +107,10 @@ const BELONGINGS: &[Belonging] = &[
     ("inverse_iterations", VibrationMethodName::Approximate, |own| own.inverse_iterations.is_some()),
 ];
 
+fn is_false(flag: &bool) -> bool {
+    !flag
+}
+
 fn default_count() -> usize {
     100
 }
@@ -142,6 +150,10 @@ impl VibrationBasisParameters {
         within("clamped", read.clamped.len() as f64, 0.0, MOST_CLAMPED as f64)?;
         read.clamped.sort_unstable();
         read.clamped.dedup();
+        if read.clamped_rotations && read.thickness.is_none() {
+            let reason = "is for shells; faces of a solid all of whose corners are held cannot turn anyway".to_owned();
+            return Err(value("clamped_rotations", reason));
+        }
         if let Some((name, ..)) = BELONGINGS.iter().find(|(_, method, given)| *method != read.method && given(&read)) {
             return Err(value(name, format!("is not a parameter of the method \"{}\"", read.method.name())));
         }
@@ -207,6 +219,11 @@ impl VibrationBasisParameters {
         n * 20 * 9 * 8 + assembly.max(solved) + (16 << 20)
     }
 
+    /// What is held.
+    pub(crate) fn clamps(&self) -> Clamps {
+        Clamps { vertices: self.clamped.clone(), rotations: self.clamped_rotations }
+    }
+
     fn vibration(&self) -> VibrationParameters {
         let method = match self.method {
             VibrationMethodName::Approximate => VibrationMethod::Approximate {
@@ -219,7 +236,7 @@ impl VibrationBasisParameters {
         VibrationParameters {
             count: self.count,
             material: self.material,
-            clamped: self.clamped.clone(),
+            clamped: self.clamps(),
             method,
             seed: self.seed,
         }
@@ -375,6 +392,8 @@ mod tests {
         assert_eq!(name(json!({"count": 5})), "thickness");
         assert_eq!(name(json!({"thickness": 1.0, "count": 31})), "count");
         assert_eq!(name(json!({"thickness": 1.0, "count": 3, "clamped": [10]})), "clamped");
+        let solid = VibrationBasisParameters::parse(&json!({"count": 3, "clamped": [1], "clamped_rotations": true}));
+        assert!(matches!(solid, Err(ParameterError::Value { name: "clamped_rotations", .. })));
         assert_eq!(name(json!({"thickness": 1.0, "count": 3, "clamped": [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]})), "clamped");
     }
 }

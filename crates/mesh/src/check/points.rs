@@ -37,10 +37,10 @@ pub fn has_points_alone(raw: &RawMesh) -> bool {
 /// # Errors
 /// [`MeshError`]: a point that is not finite or too far out, too few points, points on a line, subdivision.
 pub fn check_points(raw: RawMesh, options: &CheckOptions) -> Result<CheckedMesh, MeshError> {
-    let Examined { mesh, report, numbering, error } = examine_points(raw.positions, options);
+    let Examined { mesh, report, numbering, attributes, error } = examine_points(raw.positions, options);
     match error {
         Some(error) => Err(error),
-        None => Ok(CheckedMesh { mesh, report, numbering }),
+        None => Ok(CheckedMesh { mesh, report, numbering, attributes }),
     }
 }
 
@@ -60,6 +60,7 @@ fn examine_points(positions: Vec<[f64; 3]>, options: &CheckOptions) -> Examined 
             ..MeshReport::default()
         },
         numbering: Numbering::default(),
+        attributes: None,
         error: None,
     };
     let mut found = Found::default();

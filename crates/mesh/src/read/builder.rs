@@ -17,6 +17,8 @@ pub(super) struct Builder<'l> {
     fans: Vec<Fan>,
     /// For each face that was left out, how many triangles came before it.
     left_out: Vec<u32>,
+    /// How many corners each of them had.
+    short: Vec<u8>,
     /// Polygons begun so far, the current one excluded.
     pub polygons: usize,
     first: u32,
@@ -41,6 +43,7 @@ impl<'l> Builder<'l> {
             limits,
             fans: Vec::new(),
             left_out: Vec::new(),
+            short: Vec::new(),
             polygons: 0,
             first: 0,
             previous: 0,
@@ -117,9 +120,10 @@ impl<'l> Builder<'l> {
     #[inline]
     pub fn end_polygon(&mut self) {
         match self.corners {
-            0..=2 => {
+            corners @ 0..=2 => {
                 self.mesh.short_faces_dropped += 1;
                 self.left_out.push(self.mesh.faces.len() as u32);
+                self.short.push(corners as u8);
             }
             3 => {}
             // The limit on faces keeps both below `u32::MAX`.
@@ -177,14 +181,26 @@ impl<'l> Builder<'l> {
     }
 
     /// Checks what could not be checked before all vertices were known, and triangulates polygons.
-    pub fn finish(mut self) -> Result<RawMesh, ReadError> {
+    pub fn finish(self) -> Result<RawMesh, ReadError> {
+        self.finish_with(None)
+    }
+
+    /// The same; for each corner of each triangle its number among the corners of all polygons in the order of the file, those that were left out
+    /// included. There are fewer than 2³² of them, and no triangles but those of polygons.
+    pub fn finish_cornered(self) -> Result<(RawMesh, Vec<[u32; 3]>), ReadError> {
+        let mut corners = corners(self.mesh.faces.len(), &self.fans, &self.left_out, &self.short);
+        let mesh = self.finish_with(Some(&mut corners))?;
+        Ok((mesh, corners))
+    }
+
+    fn finish_with(mut self, corners: Option<&mut [[u32; 3]]>) -> Result<RawMesh, ReadError> {
         let vertices = self.mesh.positions.len();
         if let Some(Forward { index, element, number, place }) = self.forward
             && index as usize >= vertices
         {
             return Err(ReadError::IndexOutOfRange { element, number, place, index: i64::from(index) + 1, vertices });
         }
-        polygon::triangulate(&self.mesh.positions, &mut self.mesh.faces, &self.fans);
+        polygon::triangulate(&self.mesh.positions, &mut self.mesh.faces, &self.fans, corners);
         self.mesh.polygons_triangulated = self.fans.len();
         self.mesh.polygons = polygons(self.mesh.faces.len(), &self.fans, &self.left_out);
         Ok(self.mesh)
@@ -208,6 +224,22 @@ fn polygons(triangles: usize, fans: &[Fan], left_out: &[u32]) -> Option<Polygons
         face += 1;
     }
     Some(Polygons { of_triangle, count: face as usize + left_out.count() })
+}
+
+/// The corners of triangles as polygons were entered, fans for those of more than three corners.
+fn corners(triangles: usize, fans: &[Fan], left_out: &[u32], short: &[u8]) -> Vec<[u32; 3]> {
+    let (mut fans, mut left_out) = (fans.iter().peekable(), left_out.iter().zip(short).peekable());
+    let (mut corners, mut next) = (Vec::with_capacity(triangles), 0u32);
+    while corners.len() < triangles {
+        let at = corners.len() as u32;
+        while let Some((_, &few)) = left_out.next_if(|(before, _)| **before == at) {
+            next += u32::from(few);
+        }
+        let count = fans.next_if(|fan| fan.first_face == at).map_or(3, |fan| fan.corners);
+        corners.extend((1..count - 1).map(|k| [next, next + k, next + k + 1]));
+        next += count;
+    }
+    corners
 }
 
 /// An index of a format that counts from zero and announces its vertices.

@@ -2,7 +2,7 @@
 //!
 //! | format | file | notes |
 //! |---|---|---|
-//! | Wavefront OBJ | `obj` | `v` lines are the identity of vertices; materials are never opened |
+//! | Wavefront OBJ | `obj` | `v` lines are the identity of vertices; texture coordinates, normals and names are kept; materials are never opened |
 //! | Stanford PLY | `ply` | ASCII and both byte orders, polygons, triangle strips, extra elements |
 //! | Geomview OFF | `off` | ASCII, with the `ST`, `C`, `N`, `4` and `n` prefixes |
 //! | STL | `stl` | ASCII and binary; positions are repeated by design |
@@ -27,6 +27,7 @@ mod gltf_nodes;
 mod gmsh;
 mod medit;
 mod obj;
+mod obj_attributes;
 mod off;
 mod ply;
 mod polygon;
@@ -35,6 +36,8 @@ mod text;
 mod vtk;
 
 use serde::{Deserialize, Serialize};
+
+use super::attributes::Attributes;
 
 pub use error::{Place, ReadError};
 
@@ -56,6 +59,17 @@ pub struct RawMesh {
     pub short_faces_dropped: usize,
     /// Whether the format repeats positions by design (STL, glTF), so that equal positions have to be merged.
     pub splits_vertices: bool,
+    /// Texture coordinates, normals and names of an OBJ, for the corners and faces of `faces`.
+    pub attributes: Option<Box<RawAttributes>>,
+}
+
+/// What a reader found beside positions and faces.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RawAttributes {
+    /// What is there.
+    pub attributes: Attributes,
+    /// Corners that name a texture coordinate or a normal which is not there, or not finite; they have none.
+    pub missing: usize,
 }
 
 /// Which face of a file each triangle belongs to.

@@ -1,19 +1,23 @@
-//! Wavefront OBJ: the `v` and `f` lines. Everything else (texture, normals, materials, curves) is passed over; no other
+//! Wavefront OBJ: the `v` and `f` lines, and what is kept beside them ([`Found`]). Everything else (smoothing, curves) is passed over; no other
 //! file is ever opened. `docs/decisions/0002-obj-reader.md` says why this is not tobj.
 
 use super::builder::Builder;
 use super::error::ReadError;
+use super::obj_attributes::Found;
 use super::text::Text;
 use super::{MeshFormat, RawMesh, ReadLimits};
 
 /// Reads an OBJ file. Vertices are the `v` lines in their order, whatever texture or normal indices say; faces may refer
-/// to vertices that follow; `w` and colours after the coordinates are ignored.
+/// to vertices that follow; `w` and colours after the coordinates are ignored. Texture coordinates, normals and names of groups, objects and materials are
+/// the attributes of the mesh.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut text = Text::new(bytes);
     let mut builder = Builder::new(limits);
     let mut groups = 0usize;
+    let mut found = Found::default();
     while text.any() {
-        match text.token() {
+        let word = text.token();
+        match word {
             b"v" => {
                 let mut position = [0.0; 3];
                 for coordinate in &mut position {
@@ -24,24 +28,30 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
                 }
                 builder.vertex(position)?;
             }
-            b"f" => face(&mut text, &mut builder)?,
+            b"f" => face(&mut text, &mut builder, &mut found)?,
             b"g" | b"o" => {
                 groups += 1;
                 if groups > limits.groups {
                     return Err(ReadError::TooManyGroups { place: text.place(), limit: limits.groups });
                 }
+                found.statement(word, &mut text, builder.polygons);
             }
-            _ => {}
+            _ => found.statement(word, &mut text, builder.polygons),
         }
         text.skip_line();
     }
-    builder.finish()
+    let (mut mesh, corners) = match found.has_layers() {
+        true => builder.finish_cornered()?,
+        false => (builder.finish()?, Vec::new()),
+    };
+    mesh.attributes = found.finish(&mesh, &corners);
+    Ok(mesh)
 }
 
-fn face(text: &mut Text, builder: &mut Builder) -> Result<(), ReadError> {
+fn face(text: &mut Text, builder: &mut Builder, found: &mut Found) -> Result<(), ReadError> {
     while text.on_line() {
         let place = text.place();
-        let index = text.integer_before_slash("a vertex index")?;
+        let (index, rest) = text.integer_before_slash("a vertex index")?;
         let number = builder.polygons;
         let vertices = builder.mesh.positions.len();
         let vertex = if index < 0 {
@@ -56,6 +66,7 @@ fn face(text: &mut Text, builder: &mut Builder) -> Result<(), ReadError> {
             builder.one_based_index(index, MeshFormat::Obj, "face", number, place)?
         };
         builder.corner(vertex, place)?;
+        found.corner(rest);
     }
     builder.end_polygon();
     Ok(())

@@ -9,17 +9,25 @@ const MOST_CORNERS: usize = 2048;
 const MOST_TESTS: usize = 20_000_000;
 
 /// Replaces fans of non-convex polygons by better triangles, in place. Every polygon of `n` corners keeps its `n − 2`
-/// triangles and its orientation. Polygons with non-finite corners keep their fans.
-pub(super) fn triangulate(positions: &[[f64; 3]], faces: &mut [[u32; 3]], fans: &[Fan]) {
+/// triangles and its orientation. Polygons with non-finite corners keep their fans. What each corner of each triangle is called goes with it
+/// in `names`, where there are any.
+pub(super) fn triangulate(
+    positions: &[[f64; 3]],
+    faces: &mut [[u32; 3]],
+    fans: &[Fan],
+    mut names: Option<&mut [[u32; 3]]>,
+) {
     let mut clipper = Clipper::default();
     let mut tests_left = MOST_TESTS;
     for fan in fans {
         let (first, corners) = (fan.first_face as usize, fan.corners as usize);
-        let faces = &mut faces[first..first + corners - 2];
+        let here = first..first + corners - 2;
+        let faces = &mut faces[here.clone()];
+        let names = names.as_deref_mut().map(|names| &mut names[here]);
         if corners == 4 {
-            split_quadrilateral(positions, faces);
+            split_quadrilateral(positions, faces, names);
         } else if corners <= MOST_CORNERS && tests_left > 0 {
-            clipper.clip(positions, faces, &mut tests_left);
+            clipper.clip(positions, faces, names, &mut tests_left);
         }
     }
 }
@@ -38,7 +46,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 /// Keeps the diagonal from the first corner unless its triangles look away from each other (or one has no area) and those
 /// of the other diagonal do not.
-fn split_quadrilateral(positions: &[[f64; 3]], faces: &mut [[u32; 3]]) {
+fn split_quadrilateral(positions: &[[f64; 3]], faces: &mut [[u32; 3]], names: Option<&mut [[u32; 3]]>) {
     let [[a, b, c], [_, _, d]] = *faces else { return };
     let agreement = |first: [u32; 3], second: [u32; 3]| {
         let normal = |[i, j, k]: [u32; 3]| {
@@ -49,6 +57,10 @@ fn split_quadrilateral(positions: &[[f64; 3]], faces: &mut [[u32; 3]]) {
     };
     if agreement([a, b, c], [a, c, d]) <= 0.0 && agreement([a, b, d], [b, c, d]) > 0.0 {
         faces.copy_from_slice(&[[a, b, d], [b, c, d]]);
+        if let Some([first, second]) = names {
+            let ([a, b, c], [_, _, d]) = (*first, *second);
+            (*first, *second) = ([a, b, d], [b, c, d]);
+        }
     }
 }
 
@@ -63,7 +75,13 @@ struct Clipper {
 }
 
 impl Clipper {
-    fn clip(&mut self, positions: &[[f64; 3]], faces: &mut [[u32; 3]], tests_left: &mut usize) {
+    fn clip(
+        &mut self,
+        positions: &[[f64; 3]],
+        faces: &mut [[u32; 3]],
+        mut names: Option<&mut [[u32; 3]]>,
+        tests_left: &mut usize,
+    ) {
         self.corners.clear();
         self.corners.extend([faces[0][0], faces[0][1]]);
         self.corners.extend(faces.iter().map(|face| face[2]));
@@ -83,8 +101,10 @@ impl Clipper {
         if !self.reflex.contains(&true) {
             return;
         }
+        // A fan begins at the first corner, whose name the others count from.
+        let first = names.as_deref().map_or(0, |names| names[0][0]);
         let mut at = 0;
-        for slot in faces.iter_mut() {
+        for (number, slot) in faces.iter_mut().enumerate() {
             // Where nothing is an ear (the polygon crosses itself), the corner at hand is cut off, so that this ends.
             let mut ear = at;
             let mut candidate = at;
@@ -100,6 +120,9 @@ impl Clipper {
             }
             let (before, after) = (self.previous[ear], self.next[ear]);
             *slot = [self.corners[before], self.corners[ear], self.corners[after]];
+            if let Some(names) = names.as_deref_mut() {
+                names[number] = [before, ear, after].map(|corner| first + corner as u32);
+            }
             self.next[before] = after;
             self.previous[after] = before;
             for i in [before, after] {

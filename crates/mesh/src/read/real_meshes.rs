@@ -117,6 +117,7 @@ fn seams_of_texture_split_nothing() {
 #[test]
 fn obj_agrees_with_another_reader() {
     let Some(folder) = folder() else { return };
+    let mut compared = 0;
     // The quadrilaterals of beast.obj that are no convex polygons are cut differently, by intent.
     for (name, differing) in [("bunny.obj", 0), ("kitten.obj", 0), ("spot-uv-seams.obj", 0), ("beast.obj", 700)] {
         let ours = load(&folder.join(name));
@@ -133,14 +134,61 @@ fn obj_agrees_with_another_reader() {
         let triangles = ours.faces.iter().map(|face| face.map(|v| ours.positions[v as usize]));
         let different = triangles.zip(theirs.as_chunks().0).filter(|(mine, other)| mine != *other).count();
         assert!(different <= differing, "{name}: {different} triangles differ");
+
+        // Texture coordinates and normals too, corner by corner.
+        let Some(own) = ours.attributes.as_ref().map(|own| &own.attributes).filter(|_| differing == 0) else {
+            continue;
+        };
+        let read = |of: fn(&tobj::Mesh) -> (&[u32], &[f64], usize)| -> Vec<f64> {
+            let corners = models.iter().map(|model| of(&model.mesh)).flat_map(|(indices, values, width)| {
+                indices.iter().flat_map(move |&v| &values[width * v as usize..width * (v as usize + 1)])
+            });
+            corners.copied().collect()
+        };
+        if let Some(layer) = &own.texture {
+            let mine: Vec<f64> =
+                layer.corners.iter().flatten().flat_map(|&index| layer.values[index as usize]).collect();
+            assert_eq!(mine, read(|mesh| (&mesh.texcoord_indices, &mesh.texcoords, 2)), "{name}");
+            compared += 1;
+        }
+        if let Some(layer) = &own.normals {
+            let mine: Vec<f64> =
+                layer.corners.iter().flatten().flat_map(|&index| layer.values[index as usize]).collect();
+            assert_eq!(mine, read(|mesh| (&mesh.normal_indices, &mesh.normals, 3)), "{name}");
+            compared += 1;
+        }
     }
+    assert!(compared >= 2, "{compared} layers");
+}
+
+#[test]
+fn a_file_with_seams_comes_back_with_them() {
+    let Some(folder) = folder() else { return };
+    let raw = load(&folder.join("spot-uv-seams.obj"));
+    let checked = crate::check::check(raw, &Default::default()).unwrap();
+    let attributes = checked.attributes.unwrap();
+    let layer = attributes.texture.as_ref().unwrap();
+    let mut pairs: Vec<(u32, u32)> =
+        checked.mesh.faces.as_flattened().iter().copied().zip(layer.corners.as_flattened().iter().copied()).collect();
+    pairs.sort_unstable();
+    pairs.dedup();
+    assert_eq!(
+        (checked.mesh.positions.len(), pairs.len()),
+        (2_930, 3_225),
+        "vertices, and what seams would split them into"
+    );
+    let mut obj = Vec::new();
+    write::write_obj_with(&checked.mesh, &attributes, &mut obj).unwrap();
+    let back = read(&obj, MeshFormat::Obj, &ReadLimits::default()).unwrap();
+    assert_eq!((back.positions, back.faces), (checked.mesh.positions, checked.mesh.faces));
+    assert_eq!(back.attributes.unwrap().attributes, attributes);
 }
 
 #[test]
 fn what_is_written_reads_back_to_the_last_bit() {
     let Some(folder) = folder() else { return };
     for name in ["rocker-arm.off", "elephant.obj"] {
-        let raw = load(&folder.join(name));
+        let raw = RawMesh { attributes: None, ..load(&folder.join(name)) };
         let mesh = TriangleMesh { positions: raw.positions.clone(), faces: raw.faces.clone() };
         let (mut obj, mut ply) = (Vec::new(), Vec::new());
         write::write_obj(&mesh, &mut obj).unwrap();

@@ -122,11 +122,11 @@ impl<'a> Text<'a> {
         self.integer_of(token, expected)
     }
 
-    /// The integer before the first slash of the word that begins here: the position in a corner `7/1/3` of an OBJ face.
-    pub fn integer_before_slash(&mut self, expected: &'static str) -> Result<i64, ReadError> {
+    /// The integer before the first slash of the word that begins here, and what follows it: in a corner `7/1/3` of an OBJ face the position 7, and `1/3`.
+    pub fn integer_before_slash(&mut self, expected: &'static str) -> Result<(i64, &'a [u8]), ReadError> {
         let token = self.token();
         let end = token.iter().position(|&byte| byte == b'/').unwrap_or(token.len());
-        self.integer_of(&token[..end], expected)
+        Ok((self.integer_of(&token[..end], expected)?, token.get(end + 1..).unwrap_or_default()))
     }
 
     fn integer_of(&self, token: &[u8], expected: &'static str) -> Result<i64, ReadError> {
@@ -317,7 +317,8 @@ mod tests {
         assert!(matches!(integer("9223372036854775808"), Err(ReadError::NumberTooLarge { .. })));
         assert!(matches!(integer("3.5"), Err(ReadError::NotANumber { .. })));
         assert!(matches!(integer("inf"), Err(ReadError::NotANumber { .. })));
-        assert_eq!(Text::new(b"7/1/3").integer_before_slash("an index"), Ok(7));
+        assert_eq!(Text::new(b"7/1/3").integer_before_slash("an index"), Ok((7, &b"1/3"[..])));
+        assert_eq!(Text::new(b"7 1").integer_before_slash("an index"), Ok((7, &b""[..])));
         assert!(Text::new(b"/1").integer_before_slash("an index").is_err());
     }
 

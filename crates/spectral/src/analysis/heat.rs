@@ -23,6 +23,9 @@ const SHORTEST: f64 = 1.0 / 200.0;
 /// What is added to the stiffness, as a share of the mass, to make it definite: it changes distances by less than rounding does.
 const FLOOR: f64 = 1e-9;
 
+/// From so many sources on a panel takes less time than as many columns, one after the other.
+const FEW: usize = 12;
+
 /// Both factors of a mesh, and what gradients need of it.
 pub struct HeatGeodesics {
     triangulation: IntrinsicTriangulation,
@@ -56,8 +59,12 @@ impl Inverse {
         Ok(Self { symbolic, numbers })
     }
 
-    fn solve(&self, panel: &mut [f64]) {
-        self.symbolic.solve_panel(&self.numbers, panel);
+    /// For columns row after row, 32 of them or one.
+    fn solve(&self, columns: &mut [f64], width: usize) {
+        match width {
+            1 => self.symbolic.solve_column(&self.numbers, columns),
+            _ => self.symbolic.solve_panel(&self.numbers, columns),
+        }
     }
 }
 
@@ -110,33 +117,35 @@ impl HeatGeodesics {
             }
         }
         let mut distances = DenseMatrix::zeros(n, groups.len());
-        let mut panel = vec![0.0; n * PANEL_WIDTH];
-        for (batch, groups) in groups.chunks(PANEL_WIDTH).enumerate() {
+        let mut from = 0;
+        while from < groups.len() {
+            // Few are solved one by one.
+            let left = groups.len() - from;
+            let (count, width) = if left >= FEW { (left.min(PANEL_WIDTH), PANEL_WIDTH) } else { (1, 1) };
+            let groups = &groups[from..from + count];
             monitor.checkpoint()?;
-            panel.fill(0.0);
+            let mut columns = vec![0.0; n * width];
             for (column, group) in groups.iter().enumerate() {
-                group
-                    .iter()
-                    .for_each(|&source| panel[self.place[source as usize] as usize * PANEL_WIDTH + column] = 1.0);
+                group.iter().for_each(|&source| columns[self.place[source as usize] as usize * width + column] = 1.0);
             }
-            self.heat.solve(&mut panel);
-            let divergence = self.unit_divergence(&panel, groups.len());
-            panel.copy_from_slice(&divergence);
+            self.heat.solve(&mut columns, width);
+            let mut columns = self.unit_divergence(&columns, count, width);
             monitor.checkpoint()?;
-            self.poisson.solve(&mut panel);
+            self.poisson.solve(&mut columns, width);
             for (column, group) in groups.iter().enumerate() {
-                self.finish(&panel, column, group, distances.column_mut(batch * PANEL_WIDTH + column));
+                self.finish(&columns[column..], width, group, distances.column_mut(from + column));
             }
+            from += count;
         }
         Ok(distances)
     }
 
-    /// `∫ X · ∇λ_i` at each vertex, for the first columns of a panel of heat.
-    fn unit_divergence(&self, heat: &[f64], columns: usize) -> Vec<f64> {
+    /// `∫ X · ∇λ_i` at each vertex, for the first columns of heat, whose rows are so wide.
+    fn unit_divergence(&self, heat: &[f64], columns: usize, width: usize) -> Vec<f64> {
         let mut divergence = vec![0.0; heat.len()];
         let share = 1.0 / self.triangulation.sheets() as f64;
         for (face, shape) in self.triangulation.faces().iter().zip(self.triangulation.shapes()) {
-            let rows = face.map(|v| self.place[v as usize] as usize * PANEL_WIDTH);
+            let rows = face.map(|v| self.place[v as usize] as usize * width);
             for column in 0..columns {
                 let [p, q, r] = rows.map(|row| heat[row + column]);
                 // Along the edge opposite to each corner. Heat may be so small that squares would be zero.
@@ -159,9 +168,9 @@ impl HeatGeodesics {
         divergence
     }
 
-    /// Distances of one column, zero at its sources.
-    fn finish(&self, panel: &[f64], column: usize, sources: &[u32], distances: &mut [f64]) {
-        let value = |vertex: u32| panel[self.place[vertex as usize] as usize * PANEL_WIDTH + column];
+    /// Distances of the column that `potential` begins with, zero at its sources.
+    fn finish(&self, potential: &[f64], width: usize, sources: &[u32], distances: &mut [f64]) {
+        let value = |vertex: u32| potential[self.place[vertex as usize] as usize * width];
         let mut bases = vec![f64::INFINITY; self.vertices()];
         for &source in sources {
             let base = &mut bases[self.component[source as usize] as usize];
@@ -271,6 +280,62 @@ mod tests {
                 let error = error(found.column(column), &expected);
                 assert!(error < 0.02, "{scale} {source}: {error}");
             }
+        }
+    }
+
+    #[test]
+    fn a_source_alone_is_what_it_is_among_many() {
+        let mesh = generate(Shape::Torus, 2000).unwrap();
+        let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
+        let sources: Vec<[u32; 2]> = (0..FEW as u32 + 35).map(|k| [37 * k, 1999 - k]).collect();
+        let groups: Vec<&[u32]> = sources.iter().map(|own| &own[..]).collect();
+        let all = heat.from_nearest(&groups, &Unwatched).unwrap();
+        for count in [1, 3] {
+            let some = heat.from_nearest(&groups[..count], &Unwatched).unwrap();
+            for column in 0..count {
+                let error = error(some.column(column), all.column(column));
+                assert!(error < 1e-7, "{error}");
+            }
+        }
+    }
+
+    /// `cargo test --release -p chladni-spectral --lib -- --ignored --nocapture seconds_of_a_source`
+    #[test]
+    #[ignore = "measures; run it alone"]
+    fn seconds_of_a_source() {
+        for (name, mesh) in [
+            ("torus", generate(Shape::Torus, 100_000).unwrap()),
+            ("grid", square(316, |x, y| 0.1 * (7.0 * x).sin() * (5.0 * y).cos())),
+        ] {
+            let begin = std::time::Instant::now();
+            let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
+            let made = begin.elapsed().as_secs_f64();
+            let entries = [heat.heat.symbolic.entries(), heat.poisson.symbolic.entries()];
+            let sources: Vec<u32> = (0..32).map(|k| 3001 * k).collect();
+            let groups: Vec<&[u32]> = sources.chunks(1).collect();
+            let least = |work: &dyn Fn()| {
+                let once = |_| {
+                    let begin = std::time::Instant::now();
+                    work();
+                    1e3 * begin.elapsed().as_secs_f64()
+                };
+                (0..15).map(once).fold(f64::INFINITY, f64::min)
+            };
+            let one = least(&|| drop(heat.from_nearest(&groups[..1], &Unwatched).unwrap()));
+            let all = least(&|| drop(heat.from_nearest(&groups, &Unwatched).unwrap()));
+            let mut column = vec![0.0; heat.vertices()];
+            let solve = least(&|| {
+                let mut column = column.clone();
+                column[50_000] = 1.0;
+                heat.heat.solve(&mut column, 1);
+            });
+            column.fill(1.0);
+            let whole = least(&|| heat.poisson.solve(&mut column.clone(), 1));
+            let gradients = least(&|| drop(heat.unit_divergence(&column, 1, 1)));
+            println!(
+                "{name}: {} vertices, {entries:?} entries, made in {made:.2} s, one source {one:.2} ms (heat {solve:.2}, divergence {gradients:.2}, potential {whole:.2}), 32 sources {all:.1} ms",
+                heat.vertices()
+            );
         }
     }
 

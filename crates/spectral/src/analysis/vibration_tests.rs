@@ -9,7 +9,7 @@ use crate::spectrum::vibration::{Iterations, VibrationMethod, VibrationParameter
 
 fn modes(mesh: &TriangleMesh, count: usize, method: VibrationMethod) -> ModalBasis {
     let material = Material { young: 1e9, poisson: 0.3, density: 1000.0 };
-    let parameters = VibrationParameters { count, material, clamped: Vec::new(), method, seed: 0 };
+    let parameters = VibrationParameters { count, material, clamped: Vec::new().into(), method, seed: 0 };
     vibration_modes(ElasticBody::Shell { mesh, thickness: 0.1 }, &parameters, &Unwatched).unwrap()
 }
 

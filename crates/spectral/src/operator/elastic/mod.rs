@@ -93,6 +93,30 @@ impl ElasticBody<'_> {
     }
 }
 
+/// What is held of an elastic object.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Clamps {
+    /// Vertices that are held fast.
+    pub vertices: Vec<u32>,
+    /// Whether faces of a shell are held from turning about edges whose two ends are held: a clamp. Else they turn without a moment there: a hinge. A solid has no
+    /// choice: a face of a tetrahedron all of whose corners are held cannot turn.
+    pub rotations: bool,
+}
+
+impl From<&[u32]> for Clamps {
+    /// Hinges.
+    fn from(vertices: &[u32]) -> Self {
+        vertices.to_vec().into()
+    }
+}
+
+impl From<Vec<u32>> for Clamps {
+    /// Hinges.
+    fn from(vertices: Vec<u32>) -> Self {
+        Self { vertices, rotations: false }
+    }
+}
+
 /// What assembly came across.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
@@ -101,6 +125,9 @@ pub struct ElasticReport {
     pub vertices: usize,
     /// Vertices that are held fast, each counted once.
     pub clamped: usize,
+    /// Edges of a shell about which no face can turn, since rotations are held there.
+    #[serde(default)]
+    pub held_edges: usize,
     /// Vertices that no sound element touches: they never move.
     pub unattached: usize,
     /// Faces or tetrahedra too flat to resist in a defined way: they contribute nothing.
@@ -126,7 +153,7 @@ pub struct ElasticProblem {
     pub report: ElasticReport,
 }
 
-/// Assembles stiffness and mass of an elastic object whose vertices `clamped` are held fast. Announces the stage `operator`.
+/// Assembles stiffness and mass of an elastic object that is held by `clamps`. Announces the stage `operator`.
 ///
 /// # Errors
 /// [`OperatorError`]: a value out of its range, an element that refers to a missing vertex, an object without mass, no vertex left that can
@@ -134,7 +161,7 @@ pub struct ElasticProblem {
 pub fn assemble(
     body: ElasticBody<'_>,
     material: &Material,
-    clamped: &[u32],
+    clamps: &Clamps,
     monitor: &dyn Monitor,
 ) -> Result<ElasticProblem, OperatorError> {
     monitor.stage("operator");
@@ -145,7 +172,7 @@ pub fn assemble(
         return Err(OperatorError::NotFinite { vertex });
     }
     let mut fixed = vec![false; n];
-    for &vertex in clamped {
+    for &vertex in &clamps.vertices {
         match fixed.get_mut(vertex as usize) {
             Some(fixed) => *fixed = true,
             None => {
@@ -160,10 +187,14 @@ pub fn assemble(
         ..ElasticReport::default()
     };
     let elements = match body {
-        ElasticBody::Shell { mesh, thickness } => shell::elements(mesh, thickness, material)?,
+        ElasticBody::Shell { mesh, thickness } => {
+            let held: &[bool] = if clamps.rotations { &fixed } else { &[] };
+            shell::elements(mesh, thickness, material, held)?
+        }
         ElasticBody::Solid { mesh } => solid::elements(mesh, material)?,
     };
     report.flat_elements = elements.flat;
+    report.held_edges = elements.held_edges;
     report.total_mass = elements.total_mass;
     monitor.checkpoint()?;
     let mut place = vec![u32::MAX; n];
@@ -223,6 +254,7 @@ struct Elements<'a> {
     centre: Vector,
     total_mass: f64,
     flat: usize,
+    held_edges: usize,
 }
 
 /// Adds up the blocks of each column, in the order in which they came.

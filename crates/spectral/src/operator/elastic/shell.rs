@@ -7,7 +7,8 @@
 //! Oñate and Zárate 2000): on equilateral triangles the two agree. The sum over edges of squared angles (Grinspun et al. 2003), which
 //! the thesis' source takes, has a Poisson's ratio of its own, −1/3 on equilateral triangles, another on others, and gives a free plate
 //! the wrong frequencies. At a free edge no angle is known, and no moment acts: the angle that costs least energy is taken, which is that
-//! very condition.
+//! very condition. The same holds where the ends of the edge are held, as by a hinge. Where rotations are held as well, a clamp, the shell goes on beyond the edge as its
+//! mirror image, which moves as it does: the angle is then twice that by which the face itself turns.
 
 use chladni_algebra::Block;
 use chladni_mesh::TriangleMesh;
@@ -39,6 +40,7 @@ pub(super) fn elements<'a>(
     mesh: &'a TriangleMesh,
     thickness: f64,
     material: &Material,
+    held: &[bool],
 ) -> Result<Elements<'a>, OperatorError> {
     let n = mesh.positions.len();
     for (face, corners) in mesh.faces.iter().enumerate() {
@@ -63,7 +65,7 @@ pub(super) fn elements<'a>(
     let length = area.sqrt();
     within("thickness", thickness, SLENDEREST * length, length)?;
 
-    let beyond = apexes(mesh, &sound);
+    let (beyond, held_edges) = apexes(mesh, &sound, held);
     let faces: Vec<Face> = {
         use rayon::prelude::*;
         let poisson = material.poisson;
@@ -122,6 +124,7 @@ pub(super) fn elements<'a>(
         centre: times(1.0 / area, centre),
         total_mass: material.density * thickness * area,
         flat,
+        held_edges,
     })
 }
 
@@ -139,9 +142,9 @@ fn doubled_area(mesh: &TriangleMesh, corners: &[u32; 3]) -> Option<f64> {
     (doubled > 2.0 * FLAT * longest).then_some(doubled)
 }
 
-/// For each face the corner of its neighbour beyond each edge. Where an edge has several neighbours, each face looks at the next, in the
-/// order of their numbers.
-fn apexes(mesh: &TriangleMesh, sound: &[bool]) -> Vec<[u32; 3]> {
+/// For each face the corner of its neighbour beyond each edge, or [`MIRRORED`] where both ends of the edge are held; and how many edges these are. Where an edge
+/// has several neighbours, each face looks at the next, in the order of their numbers.
+fn apexes(mesh: &TriangleMesh, sound: &[bool], held: &[bool]) -> (Vec<[u32; 3]>, usize) {
     let mut edges: Vec<([u32; 2], u32, u8)> = Vec::with_capacity(3 * mesh.faces.len());
     for (f, face) in mesh.faces.iter().enumerate().filter(|(f, _)| sound[*f]) {
         for k in 0..3 {
@@ -151,14 +154,27 @@ fn apexes(mesh: &TriangleMesh, sound: &[bool]) -> Vec<[u32; 3]> {
     }
     edges.sort_unstable();
     let mut beyond = vec![[NOBODY; 3]; mesh.faces.len()];
-    for around in edges.chunk_by(|a, b| a.0 == b.0).filter(|around| around.len() > 1) {
+    let is_held = |v: u32| held.get(v as usize).copied().unwrap_or(false);
+    let mut held_edges = 0;
+    for around in edges.chunk_by(|a, b| a.0 == b.0) {
+        if around[0].0.into_iter().all(is_held) {
+            held_edges += 1;
+            around.iter().for_each(|&(_, f, k)| beyond[f as usize][k as usize] = MIRRORED);
+            continue;
+        }
+        if around.len() == 1 {
+            continue;
+        }
         for (at, &(_, f, k)) in around.iter().enumerate() {
             let (_, other, there) = around[(at + 1) % around.len()];
             beyond[f as usize][k as usize] = mesh.faces[other as usize][there as usize];
         }
     }
-    beyond
+    (beyond, held_edges)
 }
+
+/// Stands for the mirror image of a face's own corner; a mesh has fewer vertices.
+const MIRRORED: u32 = NOBODY - 1;
 
 fn measured(mesh: &TriangleMesh, corners: [u32; 3], beyond: [u32; 3], scale: f64, bending: f64, poisson: f64) -> Face {
     let origin = mesh.positions[corners[0] as usize];
@@ -178,7 +194,13 @@ fn measured(mesh: &TriangleMesh, corners: [u32; 3], beyond: [u32; 3], scale: f64
     };
     let hinges: [Option<Hinge>; 3] = std::array::from_fn(|k| {
         let apex = beyond[k];
-        (apex != NOBODY).then(|| Hinge::new(p[(k + 1) % 3], p[(k + 2) % 3], p[k], at(apex))).flatten()
+        let (a, b) = (p[(k + 1) % 3], p[(k + 2) % 3]);
+        let there = match apex {
+            NOBODY => return None,
+            MIRRORED => mirrored(a, b, p[k]),
+            apex => at(apex),
+        };
+        Hinge::new(a, b, p[k], there)
     });
     let curvatures = curvatures(&edges, unit, &hinges);
     for k in 0..3 {
@@ -195,7 +217,13 @@ fn measured(mesh: &TriangleMesh, corners: [u32; 3], beyond: [u32; 3], scale: f64
                 face.bends[k][(k + 1) % 3] = gradients[0];
                 face.bends[k][(k + 2) % 3] = gradients[1];
                 face.bends[k][k] = gradients[2];
-                face.bends[k][3 + k] = gradients[3];
+                if beyond[k] == MIRRORED {
+                    // The image is at the same height, and both ends stay where they are.
+                    face.bends[k][k] = times(2.0, gradients[2]);
+                    face.stencil[3 + k] = NOBODY;
+                } else {
+                    face.bends[k][3 + k] = gradients[3];
+                }
             }
             None => {
                 // No moment about this edge.
@@ -205,6 +233,13 @@ fn measured(mesh: &TriangleMesh, corners: [u32; 3], beyond: [u32; 3], scale: f64
         }
     }
     face
+}
+
+/// The mirror image of `c` beyond the line through `a` and `b`, in the plane of the three.
+fn mirrored(a: Vector, b: Vector, c: Vector) -> Vector {
+    let (e, u) = (minus(b, a), minus(c, a));
+    let foot = dot(u, e) / dot(e, e);
+    std::array::from_fn(|k| a[k] + 2.0 * foot * e[k] - u[k])
 }
 
 /// For each of the three angles the change of the curvature tensor, (xx, yy, xy) in the plane of the face, that a unit change of the angle stands

@@ -71,5 +71,6 @@ pub(super) fn elements<'a>(mesh: &'a TetMesh, material: &Material) -> Result<Ele
         centre: times(1.0 / volume, centre),
         total_mass: material.density * volume,
         flat,
+        held_edges: 0,
     })
 }

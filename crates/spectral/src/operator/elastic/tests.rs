@@ -69,12 +69,12 @@ pub(crate) fn bar(size: [f64; 3], cells: [usize; 3]) -> TetMesh {
 
 fn shell(mesh: &TriangleMesh, thickness: f64, poisson: f64, clamped: &[u32]) -> ElasticProblem {
     let material = Material { young: 1.0, poisson, density: 1.0 };
-    assemble(ElasticBody::Shell { mesh, thickness }, &material, clamped, &Unwatched).unwrap()
+    assemble(ElasticBody::Shell { mesh, thickness }, &material, &clamped.into(), &Unwatched).unwrap()
 }
 
 fn solid(mesh: &TetMesh, poisson: f64, clamped: &[u32]) -> ElasticProblem {
     let material = Material { young: 1.0, poisson, density: 1.0 };
-    assemble(ElasticBody::Solid { mesh }, &material, clamped, &Unwatched).unwrap()
+    assemble(ElasticBody::Solid { mesh }, &material, &clamped.into(), &Unwatched).unwrap()
 }
 
 /// The lowest eigenvalues, densely; of the rows that `keep` tells.
@@ -153,6 +153,84 @@ fn a_clamped_strip_sounds_like_a_beam() {
     let free = length - 0.5 * held;
     let beam = 1.875_104_f64.powi(2) * (thickness * thickness / 12.0).sqrt() / (free * free);
     assert!((omega / beam - 1.0).abs() < 0.04, "{omega} {beam}");
+}
+
+/// A square plate all around which vertices are held, as a clamp or by a hinge; the lowest numbers of its bending.
+fn held_plate(m: usize, rotations: bool) -> (ElasticProblem, Vec<f64>) {
+    let mesh = plate(1.0, 1.0, m, m);
+    let border = |p: [f64; 3]| p[..2].iter().any(|x| *x < 1e-9 || *x > 1.0 - 1e-9);
+    let vertices = (0..mesh.positions.len() as u32).filter(|&v| border(mesh.positions[v as usize])).collect();
+    let (thickness, material) = (0.01, Material { young: 1.0, poisson: 0.3, density: 1.0 });
+    let body = ElasticBody::Shell { mesh: &mesh, thickness };
+    let elastic = assemble(body, &material, &Clamps { vertices, rotations }, &Unwatched).unwrap();
+    let values = lowest(&elastic, 6, across);
+    let numbers = values.iter().map(|&value| plate_number(&elastic, value, thickness, 0.3)).collect();
+    (elastic, numbers)
+}
+
+#[test]
+fn clamps_hold_rotations_and_hinges_do_not() {
+    // Leissa 1973: all four edges simply supported, π² (i² + j²), and all four clamped.
+    let pi = std::f64::consts::PI;
+    let supported = [2.0, 5.0, 5.0, 8.0, 10.0, 10.0].map(|sum| pi * pi * sum);
+    let clamped = [35.985, 73.394, 73.394, 108.217, 131.581, 132.205];
+    for (rotations, expected) in [(false, supported), (true, clamped)] {
+        let errors = [12, 20].map(|m| {
+            let (elastic, found) = held_plate(m, rotations);
+            assert_eq!(elastic.report.clamped, 4 * m);
+            // Diagonals cut two of the corners off.
+            assert_eq!(elastic.report.held_edges, if rotations { 4 * m + 2 } else { 0 });
+            found.iter().zip(expected).map(|(found, expected)| (found / expected - 1.0).abs()).fold(0.0, f64::max)
+        });
+        assert!(errors[1] < 0.05 && errors[1] < 0.6 * errors[0], "{rotations}: {errors:?}");
+    }
+}
+
+#[test]
+fn a_strip_clamped_at_its_end_sounds_like_a_cantilever_and_does_not_swing() {
+    let (m, thickness) = (40, 0.01);
+    let mesh = plate(1.0, 0.1, m, 4);
+    let end: Vec<u32> = (0..mesh.positions.len() as u32).filter(|&v| mesh.positions[v as usize][0] == 0.0).collect();
+    let material = Material { young: 1.0, poisson: 0.0, density: 1.0 };
+    let held = |rotations: bool| {
+        let clamps = Clamps { vertices: end.clone(), rotations };
+        assemble(ElasticBody::Shell { mesh: &mesh, thickness }, &material, &clamps, &Unwatched).unwrap()
+    };
+    let clamp = held(true);
+    assert_eq!((clamp.report.clamped, clamp.report.held_edges), (5, 4));
+    // A hinge leaves the strip free to turn about its end.
+    assert_eq!(RigidMotions::new(&held(false)).motions.len(), 1);
+    assert!(RigidMotions::new(&clamp).motions.is_empty());
+    let values = lowest(&clamp, 2, across);
+    for (value, root) in values.iter().zip([1.875_104f64, 4.694_091]) {
+        let (omega, beam) =
+            ((value * clamp.eigenvalue_scale).sqrt(), root.powi(2) * (thickness * thickness / 12.0).sqrt());
+        assert!((omega / beam - 1.0).abs() < 0.02, "{omega} {beam}");
+    }
+}
+
+#[test]
+fn held_rotations_leave_the_matrix_symmetric_and_resist_turning_on_any_surface() {
+    // A ring of the sphere is held: what is left, two caps, is symmetric, positive, and apart.
+    let sphere = generate(Shape::Sphere, 400).unwrap();
+    let vertices: Vec<u32> =
+        (0..sphere.positions.len() as u32).filter(|&v| sphere.positions[v as usize][2].abs() < 0.2).collect();
+    let body = ElasticBody::Shell { mesh: &sphere, thickness: 0.02 };
+    let held = |rotations| {
+        let clamps = Clamps { vertices: vertices.clone(), rotations };
+        assemble(body, &Material::default(), &clamps, &Unwatched).unwrap()
+    };
+    let (hinge, clamp) = (held(false), held(true));
+    assert!(clamp.report.held_edges > vertices.len() && hinge.report.held_edges == 0);
+    let stiffness = &clamp.problem.stiffness;
+    for row in 0..stiffness.rows() {
+        for (&column, value) in stiffness.row(row).0.iter().zip(stiffness.row(row).1) {
+            let (columns, values) = stiffness.row(column as usize);
+            assert_eq!(values[columns.binary_search(&(row as u32)).unwrap()], *value);
+        }
+    }
+    let (soft, stiff) = (lowest(&hinge, 4, all_rows), lowest(&clamp, 4, all_rows));
+    assert!(soft[0] > 0.0 && stiff.iter().zip(&soft).all(|(a, b)| *a >= b * (1.0 - 1e-9)), "{soft:?} {stiff:?}");
 }
 
 #[test]
@@ -246,7 +324,7 @@ fn turning_moving_and_scaling_an_object_does_to_its_frequencies_what_it_must() {
     // Twice as stiff and half as dense: twice the frequency.
     let material = Material { young: 2.0, poisson: 0.3, density: 0.5 };
     let body = ElasticBody::Shell { mesh: &mesh, thickness: 0.1 };
-    let harder = assemble(body, &material, &[], &Unwatched).unwrap();
+    let harder = assemble(body, &material, &Clamps::default(), &Unwatched).unwrap();
     assert!((harder.eigenvalue_scale / shell(&mesh, 0.1, 0.3, &[]).eigenvalue_scale - 4.0).abs() < 1e-12);
 }
 
@@ -262,17 +340,17 @@ fn what_has_no_defined_stiffness_is_left_out_and_told() {
     assert_eq!(elastic.moving.len(), 15);
     let bad = TetMesh { positions: vec![[0.0; 3]; 4], tetrahedra: vec![[0, 1, 2, 3]] };
     let material = Material::default();
-    let error = assemble(ElasticBody::Solid { mesh: &bad }, &material, &[], &Unwatched).unwrap_err();
+    let error = assemble(ElasticBody::Solid { mesh: &bad }, &material, &Clamps::default(), &Unwatched).unwrap_err();
     assert_eq!(error, OperatorError::NoVolume);
     let bad = TetMesh { tetrahedra: vec![[0, 1, 2, 4]], ..bad };
-    let error = assemble(ElasticBody::Solid { mesh: &bad }, &material, &[], &Unwatched).unwrap_err();
+    let error = assemble(ElasticBody::Solid { mesh: &bad }, &material, &Clamps::default(), &Unwatched).unwrap_err();
     assert_eq!(error.to_string(), "tetrahedron 0 refers to vertex 4 of 4");
     for (material, name) in [
         (Material { young: 0.0, ..material }, "material.young"),
         (Material { poisson: 0.5, ..material }, "material.poisson"),
         (Material { density: f64::NAN, ..material }, "material.density"),
     ] {
-        let error = assemble(ElasticBody::Solid { mesh: &bad }, &material, &[], &Unwatched).unwrap_err();
+        let error = assemble(ElasticBody::Solid { mesh: &bad }, &material, &Clamps::default(), &Unwatched).unwrap_err();
         assert!(matches!(error, OperatorError::Parameter { name: found, .. } if found == name));
     }
 }

@@ -17,7 +17,7 @@ use chladni_base::{Cancelled, Monitor};
 use crate::basis::modal::{FIXED, ModalBasis, ModalFunctions};
 use crate::operator::OperatorError;
 use crate::operator::elastic::rigid::{RigidMotion, RigidMotions};
-use crate::operator::elastic::{self, ElasticBody, ElasticProblem, Material};
+use crate::operator::elastic::{self, Clamps, ElasticBody, ElasticProblem, Material};
 use crate::spectrum::ApproximationError;
 use crate::spectrum::hsim::HsimError;
 
@@ -60,8 +60,8 @@ pub struct VibrationParameters {
     pub count: usize,
     /// What the object is made of.
     pub material: Material,
-    /// Vertices that are held fast.
-    pub clamped: Vec<u32>,
+    /// What is held fast.
+    pub clamped: Clamps,
     /// How.
     pub method: VibrationMethod,
     /// Seeds everything that is drawn at random.

@@ -10,7 +10,7 @@ const MATERIAL: Material = Material { young: 1.0, poisson: 0.3, density: 1.0 };
 const HSIM: VibrationMethod = VibrationMethod::Hsim { tolerance: 1e-4 };
 
 fn modes(body: ElasticBody<'_>, count: usize, clamped: Vec<u32>, method: VibrationMethod) -> ModalBasis {
-    let parameters = VibrationParameters { count, material: MATERIAL, clamped, method, seed: 0 };
+    let parameters = VibrationParameters { count, material: MATERIAL, clamped: clamped.into(), method, seed: 0 };
     vibration_modes(body, &parameters, &Unwatched).unwrap()
 }
 
@@ -160,7 +160,7 @@ fn clamped_vertices_stay_and_take_rigid_motions_away() {
 
 /// The lowest values of the whole problem, by the dense solver.
 fn dense_values(body: ElasticBody<'_>, count: usize, clamped: &[u32]) -> Vec<f64> {
-    let elastic = elastic::assemble(body, &MATERIAL, clamped, &Unwatched).unwrap();
+    let elastic = elastic::assemble(body, &MATERIAL, &clamped.into(), &Unwatched).unwrap();
     let size = elastic.problem.size();
     let mut mass = DenseMatrix::zeros(size, size);
     elastic.problem.mass.lumped().iter().enumerate().for_each(|(k, &m)| mass.column_mut(k)[k] = m);
@@ -276,7 +276,8 @@ fn a_mode_at_a_vertex_is_that_of_the_lifted_state_and_products_agree() {
 fn what_is_no_object_is_refused_by_name() {
     let mesh = generate(Shape::Sphere, 42).unwrap();
     let ask = |mesh: &TriangleMesh, thickness, count, clamped: Vec<u32>| {
-        let parameters = VibrationParameters { count, material: MATERIAL, clamped, method: local(30), seed: 0 };
+        let parameters =
+            VibrationParameters { count, material: MATERIAL, clamped: clamped.into(), method: local(30), seed: 0 };
         vibration_modes(ElasticBody::Shell { mesh, thickness }, &parameters, &Unwatched).unwrap_err().to_string()
     };
     assert!(ask(&mesh, 0.0, 10, vec![]).starts_with("parameter \"thickness\": must lie between"));
