@@ -131,7 +131,7 @@ pub struct QuadsAnswer {
     pub crease_error: Option<[f64; 2]>,
     /// With `integers`, how far the worst of the whole numbers is from one: beyond rounding errors, they contradict each other.
     pub misfit: Option<f64>,
-    /// The length between grid lines.
+    /// The length between grid lines: half of what was asked for where `integers` can be had only so.
     pub spacing: f64,
 }
 
@@ -174,8 +174,8 @@ pub struct Quads {
     pub combed: Combed,
     /// Its coordinates.
     pub parametrisation: Parametrisation,
-    crease_error: Option<[f64; 2]>,
-    spacing: f64,
+    /// By how many degrees the field misses the creases that it was to follow: the mean by length, and the most.
+    pub crease_error: Option<[f64; 2]>,
 }
 
 /// A cross field in stored numbers.
@@ -309,7 +309,7 @@ impl QuadsRequest {
             stiffening: self.stiffening,
         };
         let parametrisation = parametrise(surface, &combed, order, &parameters, monitor)?;
-        Ok(Quads { combed, parametrisation, crease_error: crosses.error, spacing })
+        Ok(Quads { combed, parametrisation, crease_error: crosses.error })
     }
 }
 
@@ -350,7 +350,7 @@ impl Quads {
             deviation: self.parametrisation.deviation,
             crease_error: self.crease_error,
             misfit: self.parametrisation.misfit,
-            spacing: self.spacing,
+            spacing: self.parametrisation.spacing,
         })
     }
 

@@ -77,6 +77,8 @@ pub struct Parametrisation {
     pub inverted: Vec<u32>,
     /// The root of the mean square, by area, of how far gradients are from the directions, where 1 is the length of those.
     pub deviation: f64,
+    /// The length between grid lines in the units of the mesh: half of what was asked for where singular vertices and translations can be whole only so.
+    pub spacing: f64,
     /// With whole translations, how far the worst is from a whole number.
     pub misfit: Option<f64>,
     /// How often faces were made stiffer.
@@ -145,19 +147,31 @@ pub fn parametrise(
         coordinates = parts.coordinates(&solution);
         inverted = turned_over(&coordinates);
     }
-    let mut misfit = None;
+    let (mut misfit, mut halved) = (None, false);
     if parameters.integers {
-        misfit = Some(rounding::round(&factor, &mut solution, &parts.whole_unknowns(), monitor)?);
+        let (unknowns, leading) = parts.whole_unknowns();
+        let mut most = rounding::round(&factor, &mut solution, (&unknowns, leading), monitor)?;
+        halved = most > 0.25;
+        if halved {
+            let twice = |u: &u32| 2.0 * solution[*u as usize];
+            most = unknowns.iter().map(twice).map(|x| (x - x.round()).abs()).fold(0.0, f64::max);
+        }
+        misfit = Some(most);
         coordinates = parts.coordinates(&solution);
         inverted = turned_over(&coordinates);
     }
     let areas = surface.frames().areas();
     let squares = (0..surface.faces()).map(|face| areas[face] * distance(&parts, face, &coordinates[face]).powi(2));
     let deviation = (squares.sum::<f64>() / areas.iter().sum::<f64>()).sqrt();
-    Ok(Parametrisation { coordinates, inverted, deviation, misfit, rounds })
+    let mut spacing = parameters.spacing;
+    if halved {
+        coordinates.iter_mut().flatten().flatten().for_each(|x| *x *= 2.0);
+        spacing /= 2.0;
+    }
+    Ok(Parametrisation { coordinates, inverted, deviation, spacing, misfit, rounds })
 }
 
-/// One solve, and one more of what it leaves: multipliers make the matrix indefinite.
+/// The solution of the equations.
 fn solved(factor: &Factor, right: Vec<f64>) -> Vec<f64> {
     let mut columns = [right];
     factor.solve(&mut columns);

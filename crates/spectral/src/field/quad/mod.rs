@@ -20,8 +20,6 @@ mod integrate;
 mod rounding;
 mod seams;
 mod system;
-#[cfg(test)]
-mod tests;
 
 pub use aligned::{CrossField, CrossParameters, crosses_of};
 pub use combing::{Combed, comb};

@@ -13,14 +13,17 @@ const AT_ONCE: usize = 32;
 /// An unknown whose compliance falls below this share follows from those that are fixed.
 const FOLLOWS: f64 = 1e-8;
 
-/// Rounds unknowns of a solution. How far the worst of them is from a whole number after it: more than rounding errors where whole numbers contradict each other.
+/// What is nearer to a whole number than this is made that number, so that closures hold exactly.
+const WHOLE: f64 = 1e-3;
+
+/// Rounds unknowns of a solution, the `leading` ones of them before the others. How far the worst of them is from a whole number after it: a half where whole numbers of the others force it.
 ///
 /// # Errors
 /// [`QuadError::Rounding`], or cancellation.
 pub(super) fn round(
     factor: &Factor,
     solution: &mut [f64],
-    unknowns: &[u32],
+    (unknowns, leading): (&[u32], usize),
     monitor: &dyn Monitor,
 ) -> Result<f64, QuadError> {
     let k = unknowns.len();
@@ -52,7 +55,9 @@ pub(super) fn round(
         monitor.checkpoint()?;
         open.retain(|&j| compliance[j][j] > FOLLOWS * first[j]);
         let distance = |j: usize| (values[j] - values[j].round()).abs();
-        let Some(&next) = open.iter().min_by(|&&a, &&b| distance(a).total_cmp(&distance(b))) else { break };
+        let rank = |j: usize| (j >= leading, distance(j));
+        let before = |a: &usize, b: &usize| rank(*a).0.cmp(&rank(*b).0).then(rank(*a).1.total_cmp(&rank(*b).1));
+        let Some(next) = open.iter().copied().min_by(before) else { break };
         let step = (values[next].round() - values[next]) / compliance[next][next];
         let (column, pull) = (compliance[next].clone(), pulls[next].clone());
         values.iter_mut().zip(&column).for_each(|(value, c)| *value += step * c);
@@ -68,5 +73,14 @@ pub(super) fn round(
     unknowns.iter().zip(&force).for_each(|(&unknown, force)| columns[0][unknown as usize] += force);
     factor.solve(&mut columns);
     solution.iter_mut().zip(&columns[0]).for_each(|(x, step)| *x += step);
-    Ok(unknowns.iter().map(|&u| (solution[u as usize] - solution[u as usize].round()).abs()).fold(0.0, f64::max))
+    let off = |x: f64| (x - x.round()).abs();
+    let misfit = unknowns.iter().map(|&u| off(solution[u as usize])).fold(0.0, f64::max);
+    unknowns.iter().map(|&u| u as usize).for_each(|u| {
+        // Halves are as exact as whole numbers.
+        let twice = 2.0 * solution[u];
+        if off(twice) < WHOLE {
+            solution[u] = twice.round() / 2.0;
+        }
+    });
+    Ok(misfit)
 }

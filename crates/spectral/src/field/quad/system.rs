@@ -230,9 +230,12 @@ impl Parts<'_> {
     }
 
     /// The unknowns that are whole numbers where grid lines meet across the cut: the coordinates of singular vertices, translations, and of each chain of creases the coordinate that stays.
-    pub fn whole_unknowns(&self) -> Vec<u32> {
+    ///
+    /// And how many of them come first: a translation is whole where the singular vertices of its seam are, but not the other way round.
+    pub fn whole_unknowns(&self) -> (Vec<u32>, usize) {
         let both = |first: u32| [first, first + 1];
         let mut found: Vec<u32> = self.combed.singularities.iter().flat_map(|s| both(2 * s.vertex)).collect();
+        let leading = found.len();
         found.extend((0..self.seams.count as u32).flat_map(|seam| both(self.translation(seam))));
         let mut chains = Sets::new(2 * self.vertices());
         let mut members = Vec::new();
@@ -247,7 +250,7 @@ impl Parts<'_> {
         roots.sort_unstable();
         roots.dedup();
         found.extend(roots);
-        found
+        (found, leading)
     }
 }
 

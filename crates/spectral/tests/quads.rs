@@ -1,3 +1,5 @@
+//! Cross fields along creases, cut and combed, and seamless parametrisations along them.
+
 use chladni_algebra::{DenseMatrix, solve_definite};
 use chladni_base::{SplitMix64, Unwatched};
 use chladni_mesh::TriangleMesh;
@@ -5,9 +7,12 @@ use chladni_mesh::dual::NO_FACE;
 use chladni_mesh::fixtures::union;
 use chladni_mesh::shape::{Shape, generate, noisy};
 
-use super::*;
-use crate::field::FieldSurface;
-use crate::operator::frames::{Planar, conjugate, multiply, power};
+use chladni_spectral::field::FieldSurface;
+use chladni_spectral::field::quad::{
+    Combed, CrossField, CrossParameters, Parametrisation, ParametrisationParameters, QuadError, VertexOrder, comb, parametrise,
+    write_matching, write_obj, write_raw_field, write_singularities, write_vtk,
+};
+use chladni_spectral::operator::frames::{Planar, conjugate, multiply, power};
 
 fn minus(a: Planar, b: Planar) -> Planar {
     [a[0] - b[0], a[1] - b[1]]
@@ -100,7 +105,7 @@ fn coordinates_are_seamless_whatever_the_field_and_the_surface() {
     let meshes = [
         noisy(&generate(Shape::Sphere, 162).unwrap(), 0.2, 1).unwrap(),
         noisy(&generate(Shape::Torus, 200).unwrap(), 0.2, 2).unwrap(),
-        generate(Shape::Genus(2), 700).unwrap(),
+        generate(Shape::Genus(2), 800).unwrap(),
         generate(Shape::Violin, 300).unwrap(),
         generate(Shape::Disk, 200).unwrap(),
         two,
@@ -227,15 +232,12 @@ fn grid_lines_of_a_cube_run_along_its_edges_and_meet_across_the_cut() {
             assert!(whole + 1 >= sharp, "{p:?} {z:?}");
         }
     }
-    let long = |a: usize, b: usize, k: usize| (found.coordinates[a][b][k] * 1e6).round();
-    let all: Vec<f64> = (0..surface.faces()).flat_map(|f| (0..3).map(move |c| (f, c))).map(|(f, c)| long(f, c, 0)).collect();
-    assert!(all.iter().any(|x| *x != all[0]));
-    let side = surface.frames().area() / 6.0;
     let squares: f64 = found.coordinates.iter().map(|[a, b, c]| {
         let (p, q) = (minus(*b, *a), minus(*c, *a));
         0.5 * (p[0] * q[1] - p[1] * q[0])
     }).sum();
-    assert!((squares - 6.0 * 9.0).abs() < 1e-3, "{squares} squares on a side of {side}");
+    assert!((squares - 6.0 * 9.0).abs() < 1e-3, "{squares} squares");
+    assert_eq!(found.spacing, 0.3);
 }
 
 #[test]
@@ -256,30 +258,85 @@ fn whole_translations_are_whole_on_surfaces_with_handles() {
     }
 }
 
+
+/// What [`write_obj`] and Directional's files say, read again by hand.
 #[test]
-fn probe() {
-    let Ok(folder) = std::env::var("CHLADNI_PROBE") else { return };
-    for name in folder.split(',') {
-        let path = std::path::Path::new("/work/shared/meshes").join(name);
-        let bytes = std::fs::read(&path).unwrap();
-        let format = chladni_mesh::read::MeshFormat::sniff(&bytes).unwrap();
-        let raw = chladni_mesh::read::read(&bytes, format, &Default::default()).unwrap();
-        let mesh = chladni_mesh::check::check(raw, &Default::default()).unwrap().mesh;
-        let surface = FieldSurface::new(mesh).unwrap();
-        let t = std::time::Instant::now();
-        let cross = CrossField::aligned(&surface, &CrossParameters::default(), &Unwatched).unwrap();
-        let t1 = t.elapsed().as_secs_f64();
-        let combed = comb(&surface, &cross.field, &[]).unwrap();
-        let t2 = t.elapsed().as_secs_f64();
-        let order = VertexOrder::new(&surface).unwrap();
-        let t3 = t.elapsed().as_secs_f64();
-        eprintln!("{name}: faces {} creases {} error {:?} sing {} cut {} | field {t1:.2} comb {:.2} order {:.2}", surface.faces(), cross.creases.len(), cross.crease_error, combed.singularities.len(), combed.cut.iter().filter(|c| **c).count(), t2 - t1, t3 - t2);
-        for (integers, stiffening) in [(false, 0), (false, 5), (true, 5)] {
-            let t = std::time::Instant::now();
-            let p = ParametrisationParameters { spacing: 0.02 * surface.frames().area().sqrt(), integers, creases: cross.creases.clone(), stiffening };
-            let found = parametrise(&surface, &combed, &order, &p, &Unwatched).unwrap();
-            let (worst, _) = seams(&surface, &combed, &found);
-            eprintln!("   integers {integers} stiff {stiffening}: {:.2} s inverted {} = {:.3} % deviation {:.3} misfit {:?} rounds {} seam {worst:.1e}", t.elapsed().as_secs_f64(), found.inverted.len(), 100.0 * found.inverted.len() as f64 / surface.faces() as f64, found.deviation, found.misfit, found.rounds);
+fn files_have_the_corners_the_directions_and_how_they_go_on() {
+    let surface = FieldSurface::new(cube(3)).unwrap();
+    let cross = CrossField::aligned(&surface, &CrossParameters::default(), &Unwatched).unwrap();
+    let combed = comb(&surface, &cross.field, &[]).unwrap();
+    let found = coordinates(&surface, &combed, &parameters(&surface, false));
+    let text = |write: &dyn Fn(&mut Vec<u8>) -> std::io::Result<()>| {
+        let mut out = Vec::new();
+        write(&mut out).unwrap();
+        String::from_utf8(out).unwrap()
+    };
+    let numbers = |line: &str| -> Vec<f64> { line.split_whitespace().filter_map(|x| x.parse().ok()).collect() };
+    let obj = text(&|out| write_obj(&surface, &combed, &found, out));
+    let rows = |start: &str| obj.lines().filter(|l| l.starts_with(start)).map(numbers).collect::<Vec<_>>();
+    let (points, textures) = (rows("v "), rows("vt "));
+    assert_eq!(points.len(), surface.mesh().positions.len());
+    // A tree that reaches the eight corners: each of its vertices once for each of its edges there, all others once.
+    let cut = combed.cut.iter().filter(|cut| **cut).count();
+    assert_eq!(textures.len(), points.len() + 2 * cut - (cut + 1));
+    for (face, line) in obj.lines().filter(|l| l.starts_with("f ")).enumerate() {
+        for (k, corner) in line[2..].split(' ').enumerate() {
+            let (v, vt) = corner.split_once('/').unwrap();
+            let [v, vt]: [usize; 2] = [v, vt].map(|x| x.parse().unwrap());
+            assert_eq!(points[v - 1], surface.mesh().positions[surface.mesh().faces[face][k] as usize]);
+            let own = minus([textures[vt - 1][0], textures[vt - 1][1]], found.coordinates[face][k]);
+            assert!(size(own) < 1e-9);
         }
+    }
+    let field: Vec<Vec<f64>> = text(&|out| write_raw_field(&surface, &combed, out)).lines().map(numbers).collect();
+    assert_eq!((field[0].as_slice(), field.len()), ([4.0, surface.faces() as f64].as_slice(), surface.faces() + 1));
+    let (dual, frames) = (surface.dual(), surface.frames());
+    let matching = text(&|out| write_matching(&surface, &combed, out));
+    assert_eq!(matching.lines().count(), dual.edge_count() + 1);
+    for line in matching.lines().skip(1).map(numbers) {
+        let [low, high, from, to, turn] = [0, 1, 2, 3, 4].map(|i| line[i] as usize);
+        let edge = (0..3).find(|&k| dual.neighbours(low)[k] as usize == high).unwrap();
+        let corners = surface.mesh().faces[low];
+        assert_eq!([from as u32, to as u32], [corners[(edge + 1) % 3], corners[(edge + 2) % 3]]);
+        let carried = frames.rotation(dual, low, edge).unwrap();
+        for k in 0..4 {
+            let of = |face: usize, k: usize| frames.from_world(face, [0, 1, 2].map(|i| field[face + 1][3 * k + i]));
+            let there = multiply(carried, of(high, (k + turn) % 4));
+            assert!(size(minus(there, of(low, k))) < 0.8, "the nearest of four");
+        }
+    }
+    let singular = text(&|out| write_singularities(&combed, out));
+    assert!(singular.starts_with("4 8\n") && singular.lines().skip(1).all(|line| line.ends_with(" 1")));
+    let vtk = text(&|out| write_vtk(&surface, &combed, &found, out));
+    assert!(vtk.contains(&format!("POINTS {} double", textures.len())) && vtk.contains("SCALARS inverted"));
+}
+
+#[test]
+fn what_does_not_fit_is_named() {
+    let surface = FieldSurface::new(cube(2)).unwrap();
+    let aligned = |change: &dyn Fn(&mut CrossParameters)| {
+        let mut parameters = CrossParameters::default();
+        change(&mut parameters);
+        CrossField::aligned(&surface, &parameters, &Unwatched).map(|cross| cross.field)
+    };
+    let named = |error: QuadError| error.to_string();
+    assert!(named(aligned(&|p| p.creases = Some(f64::NAN)).unwrap_err()).contains("creases is NaN"));
+    assert!(named(aligned(&|p| p.curvature = -1.0).unwrap_err()).contains("curvature is -1"));
+    assert_eq!(aligned(&|p| p.directions = vec![(48, [1.0, 0.0])]), Err(QuadError::Face { at: 0, face: 48, faces: 48 }));
+    assert_eq!(aligned(&|p| p.directions = vec![(7, [0.0; 2])]), Err(QuadError::NoDirection { face: 7 }));
+    let mut field = aligned(&|_| {}).unwrap();
+    assert_eq!(comb(&surface, &field[1..], &[]), Err(QuadError::Field { found: 95, wanted: 96 }));
+    let combed = comb(&surface, &field, &[]).unwrap();
+    field[10..12].fill(0.0);
+    assert_eq!(comb(&surface, &field, &[]), Err(QuadError::NoDirection { face: 5 }));
+    field[10] = f32::NAN;
+    assert_eq!(comb(&surface, &field, &[]), Err(QuadError::NoDirection { face: 5 }));
+    let order = VertexOrder::new(&surface).unwrap();
+    for (spacing, stiffening, creases, name) in
+        [(0.0, 0, vec![], "spacing"), (f64::NAN, 0, vec![], "spacing"), (0.1, 51, vec![], "stiffening"), (0.1, 0, vec![72], "crease")]
+    {
+        let wanted = ParametrisationParameters { spacing, integers: false, creases, stiffening };
+        let error = parametrise(&surface, &combed, &order, &wanted, &Unwatched).unwrap_err();
+        assert!(matches!(error, QuadError::Parameter { name: found, .. } if found == name), "{error}");
     }
 }
