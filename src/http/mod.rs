@@ -45,6 +45,7 @@ mod fields;
 mod guide;
 mod ids;
 mod jobs;
+mod links;
 mod kinds;
 mod maps;
 mod mesh_maps;
@@ -80,12 +81,13 @@ mod wire;
 
 pub use auth::{ApiKey, KeyError, KeysNeeded, Scope, require_keys};
 pub use docs::document as openapi;
+pub use links::BasisLinks;
 pub use pencil_wire::{ProblemLinks, ProblemResource};
 pub use problem::{Kind, Problem};
 pub use serve::serve;
 pub use state::{AppState, Shared, StateError};
 pub use wire::{
-    BasisLinks, BasisResource, BasisSummary, JobLinks, JobProblemResource, JobRequest, JobResource, MeshLinks,
+    BasisResource, BasisSummary, JobLinks, JobProblemResource, JobRequest, JobResource, MeshLinks,
     MeshResource, PageOf, StageSeconds, Status,
 };
 

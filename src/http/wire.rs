@@ -118,7 +118,7 @@ pub struct JobRequest {
 }
 
 /// What a job works on, and a basis belongs to.
-struct Source {
+pub(super) struct Source {
     mesh: Option<String>,
     pencil: Option<String>,
 }
@@ -131,11 +131,11 @@ impl Source {
         }
     }
 
-    fn mesh_link(&self) -> Option<String> {
+    pub(super) fn mesh_link(&self) -> Option<String> {
         self.mesh.as_ref().map(|id| format!("/v1/meshes/{id}"))
     }
 
-    fn pencil_link(&self) -> Option<String> {
+    pub(super) fn pencil_link(&self) -> Option<String> {
         self.pencil.as_ref().map(|id| format!("/v1/problems/{id}"))
     }
 }
@@ -422,38 +422,13 @@ pub struct BasisResource {
     pub details: Value,
 }
 
-/// Links of a basis.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct BasisLinks {
-    /// The basis itself.
-    #[serde(rename = "self")]
-    pub itself: String,
-    /// Its factors or its columns as NPZ, safetensors or MatrixMarket.
-    pub content: String,
-    /// Its eigenfunctions on the vertices; null where they are no functions on vertices.
-    pub modes: Option<String>,
-    /// Its mesh; null where it has none.
-    pub mesh: Option<String>,
-    /// Its problem, of the kind `pencil_basis`; null for others.
-    pub pencil: Option<String>,
-}
-
 impl From<BasisRecord> for BasisSummary {
     fn from(record: BasisRecord) -> Self {
         let source = Source::of(&record.kind, record.mesh);
         let itself = format!("/v1/bases/{}", record.id);
         let compact = record.storage == BasisStorage::Compact;
         Self {
-            links: BasisLinks {
-                content: format!("{itself}/content"),
-                modes: [ProductKind::Eigenbasis, ProductKind::PencilBasis]
-                    .iter()
-                    .any(|kind| kind.name() == record.kind)
-                    .then(|| format!("{itself}/modes")),
-                mesh: source.mesh_link(),
-                pencil: source.pencil_link(),
-                itself,
-            },
+            links: BasisLinks::new(itself, &record.kind, &source),
             id: record.id.to_string(),
             mesh: source.mesh,
             pencil: source.pencil,
