@@ -99,10 +99,7 @@ pub fn coloured(colours: &[Colour], levels: usize) -> Paint {
 /// Dark lines on light ground: what is nearer than `width` to one, by distances at the vertices.
 pub fn lines(distances: &[f64], width: f64) -> Paint {
     let position = |&distance: &f64| (1.0 + (width - distance) / width).clamp(0.0, 1.999);
-    Paint {
-        positions: distances.iter().map(position).collect(),
-        palette: vec![[0.93, 0.88, 0.76], [0.20, 0.27, 0.42]],
-    }
+    Paint { positions: distances.iter().map(position).collect(), palette: vec![[0.93, 0.88, 0.76], [0.20, 0.27, 0.42]] }
 }
 
 fn banded(values: &[f64], share: impl Fn(f64) -> f64, stops: &[Colour], bands: usize) -> Paint {

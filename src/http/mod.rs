@@ -45,8 +45,8 @@ mod fields;
 mod guide;
 mod ids;
 mod jobs;
-mod links;
 mod kinds;
+mod links;
 mod maps;
 mod mesh_maps;
 mod meshes;
@@ -87,8 +87,8 @@ pub use problem::{Kind, Problem};
 pub use serve::serve;
 pub use state::{AppState, Shared, StateError};
 pub use wire::{
-    BasisResource, BasisSummary, JobLinks, JobProblemResource, JobRequest, JobResource, MeshLinks,
-    MeshResource, PageOf, StageSeconds, Status,
+    BasisResource, BasisSummary, JobLinks, JobProblemResource, JobRequest, JobResource, MeshLinks, MeshResource,
+    PageOf, StageSeconds, Status,
 };
 
 use std::sync::Arc;

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
+use super::links::BasisLinks;
 use crate::store::{BasisRecord, BasisStorage, JobRecord, JobStatus, MeshRecord, Page};
 
 /// A page of a list, newest first.
@@ -399,7 +400,8 @@ pub struct BasisSummary {
                     "projection_errors": [], "largest_projection_error": null},
     "details": null,
     "links": {"self": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "content": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/content",
-              "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes", "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "pencil": null}
+              "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes", "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "pencil": null,
+              "design": null, "eigenfields": null, "fur": null, "hatching": null}
 }))]
 pub struct BasisResource {
     /// What lists have as well.

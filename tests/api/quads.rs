@@ -21,13 +21,17 @@ async fn a_surface_is_parametrised_along_fields_of_three_sources() {
     assert_eq!(numbers(&plain["coordinates"]["values"]).len(), 6 * faces);
     assert_eq!(plain["misfit"], Value::Null);
     // Along given directions: those around the axis, which are smooth, so that nothing is singular and the cut is that of the handle.
-    let content: Value = app.get(&format!("/v1/meshes/{}/frames", text(&mesh["id"]))).send().await.unwrap().json().await.unwrap();
+    let content: Value =
+        app.get(&format!("/v1/meshes/{}/frames", text(&mesh["id"]))).send().await.unwrap().json().await.unwrap();
     let frames = numbers(&content["values"]);
-    let up: Vec<f64> = frames.chunks(6).flat_map(|f| {
-        // The vertical axis turned by 90° in the plane of the face runs around it.
-        let (x, y) = (f[2], f[5]);
-        [0, 1, 2].map(|i| -y * f[i] + x * f[3 + i])
-    }).collect();
+    let up: Vec<f64> = frames
+        .chunks(6)
+        .flat_map(|f| {
+            // The vertical axis turned by 90° in the plane of the face runs around it.
+            let (x, y) = (f[2], f[5]);
+            [0, 1, 2].map(|i| -y * f[i] + x * f[3 + i])
+        })
+        .collect();
     let table = json!({"table": {"columns": 3, "values": up}});
     let around: Value = ask("", json!({"field": table, "creases": null, "integers": true})).await.json().await.unwrap();
     assert_eq!(around["singularities"], json!([]));

@@ -9,8 +9,8 @@ use chladni_mesh::shape::{Shape, generate, noisy};
 
 use chladni_spectral::field::FieldSurface;
 use chladni_spectral::field::quad::{
-    Combed, CrossField, CrossParameters, Parametrisation, ParametrisationParameters, QuadError, VertexOrder, comb, parametrise,
-    write_matching, write_obj, write_raw_field, write_singularities, write_vtk,
+    Combed, CrossField, CrossParameters, Parametrisation, ParametrisationParameters, QuadError, VertexOrder, comb,
+    parametrise, write_matching, write_obj, write_raw_field, write_singularities, write_vtk,
 };
 use chladni_spectral::operator::frames::{Planar, conjugate, multiply, power};
 
@@ -214,12 +214,8 @@ fn grid_lines_of_a_cube_run_along_its_edges_and_meet_across_the_cut() {
     let indices: Vec<i32> = combed.singularities.iter().map(|s| s.numerator).collect();
     assert_eq!(indices, [1; 8], "its corners");
     // Three and a third squares along an edge become three.
-    let wanted = ParametrisationParameters {
-        spacing: 0.3,
-        integers: true,
-        creases: cross.creases.clone(),
-        stiffening: 0,
-    };
+    let wanted =
+        ParametrisationParameters { spacing: 0.3, integers: true, creases: cross.creases.clone(), stiffening: 0 };
     let found = coordinates(&surface, &combed, &wanted);
     let (worst, translations) = seams(&surface, &combed, &found);
     assert!(worst < 1e-6 && found.inverted.is_empty() && found.misfit.unwrap() < 1e-6, "{worst:e} {:?}", found.misfit);
@@ -232,10 +228,14 @@ fn grid_lines_of_a_cube_run_along_its_edges_and_meet_across_the_cut() {
             assert!(whole + 1 >= sharp, "{p:?} {z:?}");
         }
     }
-    let squares: f64 = found.coordinates.iter().map(|[a, b, c]| {
-        let (p, q) = (minus(*b, *a), minus(*c, *a));
-        0.5 * (p[0] * q[1] - p[1] * q[0])
-    }).sum();
+    let squares: f64 = found
+        .coordinates
+        .iter()
+        .map(|[a, b, c]| {
+            let (p, q) = (minus(*b, *a), minus(*c, *a));
+            0.5 * (p[0] * q[1] - p[1] * q[0])
+        })
+        .sum();
     assert!((squares - 6.0 * 9.0).abs() < 1e-3, "{squares} squares");
     assert_eq!(found.spacing, 0.3);
 }
@@ -257,7 +257,6 @@ fn whole_translations_are_whole_on_surfaces_with_handles() {
         }
     }
 }
-
 
 /// What [`write_obj`] and Directional's files say, read again by hand.
 #[test]
@@ -322,7 +321,10 @@ fn what_does_not_fit_is_named() {
     let named = |error: QuadError| error.to_string();
     assert!(named(aligned(&|p| p.creases = Some(f64::NAN)).unwrap_err()).contains("creases is NaN"));
     assert!(named(aligned(&|p| p.curvature = -1.0).unwrap_err()).contains("curvature is -1"));
-    assert_eq!(aligned(&|p| p.directions = vec![(48, [1.0, 0.0])]), Err(QuadError::Face { at: 0, face: 48, faces: 48 }));
+    assert_eq!(
+        aligned(&|p| p.directions = vec![(48, [1.0, 0.0])]),
+        Err(QuadError::Face { at: 0, face: 48, faces: 48 })
+    );
     assert_eq!(aligned(&|p| p.directions = vec![(7, [0.0; 2])]), Err(QuadError::NoDirection { face: 7 }));
     let mut field = aligned(&|_| {}).unwrap();
     assert_eq!(comb(&surface, &field[1..], &[]), Err(QuadError::Field { found: 95, wanted: 96 }));
@@ -332,9 +334,12 @@ fn what_does_not_fit_is_named() {
     field[10] = f32::NAN;
     assert_eq!(comb(&surface, &field, &[]), Err(QuadError::NoDirection { face: 5 }));
     let order = VertexOrder::new(&surface).unwrap();
-    for (spacing, stiffening, creases, name) in
-        [(0.0, 0, vec![], "spacing"), (f64::NAN, 0, vec![], "spacing"), (0.1, 51, vec![], "stiffening"), (0.1, 0, vec![72], "crease")]
-    {
+    for (spacing, stiffening, creases, name) in [
+        (0.0, 0, vec![], "spacing"),
+        (f64::NAN, 0, vec![], "spacing"),
+        (0.1, 51, vec![], "stiffening"),
+        (0.1, 0, vec![72], "crease"),
+    ] {
         let wanted = ParametrisationParameters { spacing, integers: false, creases, stiffening };
         let error = parametrise(&surface, &combed, &order, &wanted, &Unwatched).unwrap_err();
         assert!(matches!(error, QuadError::Parameter { name: found, .. } if found == name), "{error}");

@@ -150,7 +150,11 @@ async fn of_basis(
     field.translate(&to, ready.kind(), ready.vertices())?;
     let lifted = solve::lifted(state, &ready, &field).await?;
     let crosses = crosses_of(ready.kind(), &lifted).ok_or_else(|| {
-        refused("id", "the fields of the basis make no crosses: it has to be of vectors, n-vectors with n 1, 2 or 4, or tensors".to_owned())
+        refused(
+            "id",
+            "the fields of the basis make no crosses: it has to be of vectors, n-vectors with n 1, 2 or 4, or tensors"
+                .to_owned(),
+        )
     })?;
     Ok(Crosses { field: crosses, error: None })
 }
@@ -171,7 +175,9 @@ impl From<QuadError> for Problem {
     fn from(error: QuadError) -> Self {
         let text = sentence(&error);
         match error {
-            QuadError::NoDirection { face } => Self::within(&problem::INVALID_DESIGN, "direction", text).with("face", face),
+            QuadError::NoDirection { face } => {
+                Self::within(&problem::INVALID_DESIGN, "direction", text).with("face", face)
+            }
             QuadError::Face { face, .. } => Self::within(&problem::INVALID_DESIGN, "face", text).with("face", face),
             QuadError::Parameter { name, .. } => {
                 Self::within(&problem::INVALID_DESIGN, "quads", text).with("parameter", name)

@@ -29,7 +29,9 @@ pub use drawing::{CameraRequest, FieldSource, FurRequest, HatchingAnswer, Hatchi
 pub use faces::{FaceSample, FacesRequest, MOST_SAMPLED};
 pub use fault::DesignFault;
 pub use forms::{Form, written, written_at};
-pub use quads::{BasisField, CrossRequest, CrossSource, Crosses, CutEdge, Quads, QuadsAnswer, QuadsFormat, QuadsRequest};
+pub use quads::{
+    BasisField, CrossRequest, CrossSource, Crosses, CutEdge, Quads, QuadsAnswer, QuadsFormat, QuadsRequest,
+};
 pub(crate) use request::refused;
 pub use request::{
     AlignmentRequest, BiharmonicEnergy, DesignRequest, MOST_CONSTRAINTS, NamedTarget, NamedWeights, PerFace, Pin,

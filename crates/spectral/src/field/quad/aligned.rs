@@ -60,7 +60,11 @@ impl CrossField {
         let faces = surface.faces();
         let CrossParameters { creases: angle, boundary, curvature, .. } = *parameters;
         if let Some(value) = angle.filter(|a| !(*a > 0.0 && *a <= 180.0)) {
-            return Err(QuadError::Parameter { name: "creases", value, range: "an angle above 0 and up to 180 degrees" });
+            return Err(QuadError::Parameter {
+                name: "creases",
+                value,
+                range: "an angle above 0 and up to 180 degrees",
+            });
         }
         if !(curvature >= 0.0 && curvature.is_finite()) {
             let range = "a finite number of at least 0";
@@ -172,7 +176,8 @@ fn smoothest(
     let mut field: Vec<Planar> = held.iter().map(|held| held.unwrap_or([0.0; 2])).collect();
     let least_diagonal = stiffness.values().iter().fold(0.0f64, |most, x| most.max(x.abs())) * 1e-15;
     if bound.contains(&true) {
-        let free: Vec<u32> = (0..faces).filter(|&f| held[f].is_none()).flat_map(|f| [2 * f as u32, 2 * f as u32 + 1]).collect();
+        let free: Vec<u32> =
+            (0..faces).filter(|&f| held[f].is_none()).flat_map(|f| [2 * f as u32, 2 * f as u32 + 1]).collect();
         let mut right = Vec::with_capacity(free.len());
         for &row in &free {
             let (columns, values) = stiffness.row(row as usize);

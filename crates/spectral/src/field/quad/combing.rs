@@ -178,7 +178,10 @@ fn joined(surface: &FieldSurface, singular: &[bool], boundary: &[bool]) -> Vec<b
     }
     let mut bridges: Vec<(f64, u32)> = Vec::new();
     for (edge, &[a, b]) in both.iter().enumerate() {
-        if source[a as usize] != source[b as usize] && distance[a as usize].is_finite() && distance[b as usize].is_finite() {
+        if source[a as usize] != source[b as usize]
+            && distance[a as usize].is_finite()
+            && distance[b as usize].is_finite()
+        {
             bridges.push((distance[a as usize] + length([a, b]) + distance[b as usize], edge as u32));
         }
     }

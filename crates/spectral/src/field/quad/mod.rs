@@ -73,7 +73,9 @@ pub enum QuadError {
         faces: usize,
     },
     /// Too many coordinates would have to be rounded.
-    #[error("{count} coordinates would have to be rounded, more than {MOST_ROUNDED}: take a smoother field, with fewer singular vertices, or leave grid lines apart at the cut")]
+    #[error(
+        "{count} coordinates would have to be rounded, more than {MOST_ROUNDED}: take a smoother field, with fewer singular vertices, or leave grid lines apart at the cut"
+    )]
     Rounding {
         /// How many.
         count: usize,

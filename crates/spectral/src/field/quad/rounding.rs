@@ -43,7 +43,8 @@ pub(super) fn round(
         });
         factor.solve(&mut columns);
         let own = columns.iter().take(some.len());
-        compliance.extend(own.map(|column| unknowns.iter().map(|&unknown| column[unknown as usize]).collect::<Vec<f64>>()));
+        compliance
+            .extend(own.map(|column| unknowns.iter().map(|&unknown| column[unknown as usize]).collect::<Vec<f64>>()));
     }
     let first: Vec<f64> = (0..k).map(|j| compliance[j][j]).collect();
     let mut values: Vec<f64> = unknowns.iter().map(|&unknown| solution[unknown as usize]).collect();

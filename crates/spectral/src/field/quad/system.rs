@@ -14,7 +14,7 @@ use super::{Combed, VertexOrder};
 use crate::operator::frames::{Planar, conjugate, multiply, power};
 
 /// How much more a crease that is to be a grid line weighs than the edges around it.
-const FIRM: f64 = 1e5;
+const FIRM: f64 = 1e7;
 
 /// Directions further than this from a crease, in degrees, follow another one.
 const ASTRAY: f64 = 15.0;
