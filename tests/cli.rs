@@ -291,7 +291,18 @@ fn stored_bases_give_distances_filtered_meshes_and_fields() {
     let face = |at: usize| f32::from_le_bytes(*numbers[4 * at..].first_chunk().unwrap());
     assert!((face(2 * 17) - 1.0).abs() < 1e-3 && face(2 * 17 + 1).abs() < 1e-3, "{} {}", face(34), face(35));
 
-    let cases: [(&[&str], i32, &str); 5] = [
+    let (obj, field) = (path("quads.obj"), path("quads"));
+    let quads = &["quads", mesh, "--request", r#"{"creases": null}"#, "-o", &obj, "--directional", &field, "--json"];
+    let quads: Value = serde_json::from_slice(&done(quads)).unwrap();
+    assert_eq!((quads["faces"].as_u64(), quads["misfit"].is_null()), (Some(faces as u64), true), "{quads}");
+    let first = |name: &str| std::fs::read_to_string(name).unwrap().lines().next().unwrap().to_owned();
+    assert!(std::fs::read_to_string(&obj).unwrap().lines().filter(|line| line.starts_with("vt ")).count() > 0);
+    assert_eq!(first(&path("quads.rawfield")), format!("4 {faces}"));
+    assert_eq!(first(&path("quads.sing")), format!("4 {}", quads["singularities"]));
+    assert_eq!(first(&path("quads.matching")), format!("4 {}", 3 * faces / 2));
+
+    let cases: [(&[&str], i32, &str); 6] = [
+        (&["quads", mesh, "--request", r#"{"spacing": -1}"#], 1, "spacing is -1"),
         (&["distances", &basis, mesh, "--request", "{}"], 2, "distance"),
         (
             &["distances", &basis, mesh, "--request", r#"{"distance": {"kind": "biharmonic"}}"#],

@@ -10,6 +10,7 @@
 
 mod compression;
 mod distances;
+mod fields;
 mod filtering;
 mod functional_maps;
 mod operator_families;
@@ -38,6 +39,7 @@ const PAGES: &[(&str, Draw)] = &[
     ("functional-maps", functional_maps::draw),
     ("operator-families", operator_families::draw),
     ("vibration", vibration::draw),
+    ("fields", fields::draw),
 ];
 
 fn main() -> ExitCode {

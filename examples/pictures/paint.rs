@@ -96,6 +96,12 @@ pub fn coloured(colours: &[Colour], levels: usize) -> Paint {
     Paint { positions: positions.collect(), palette: palette.collect() }
 }
 
+/// Dark lines on light ground: what is nearer than `width` to one, by distances at the vertices.
+pub fn lines(distances: &[f64], width: f64) -> Paint {
+    let position = |&distance: &f64| (1.0 + (width - distance) / width).clamp(0.0, 1.999);
+    Paint { positions: distances.iter().map(position).collect(), palette: vec![[0.93, 0.88, 0.76], [0.20, 0.27, 0.42]] }
+}
+
 fn banded(values: &[f64], share: impl Fn(f64) -> f64, stops: &[Colour], bands: usize) -> Paint {
     let palette = (0..bands).map(|band| {
         let at = (band as f64 + 0.5) / bands as f64 * (stops.len() - 1) as f64;

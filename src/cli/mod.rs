@@ -20,6 +20,7 @@ mod output;
 mod poison;
 mod private;
 mod progress;
+mod quads;
 mod restore;
 mod run;
 mod sample;
@@ -77,6 +78,7 @@ enum Command {
     Distances(apply::DistancesArguments),
     Filter(apply::FilterArguments),
     Design(apply::DesignArguments),
+    Quads(quads::QuadsArguments),
     Check(check::CheckArguments),
     Verify(Box<verify::VerifyArguments>),
     Backup(backup::BackupArguments),
@@ -124,6 +126,7 @@ pub fn main() -> ExitCode {
         Command::Distances(arguments) => apply::distances(arguments),
         Command::Filter(arguments) => apply::filtered(arguments),
         Command::Design(arguments) => apply::design(arguments),
+        Command::Quads(arguments) => quads::quads(arguments),
         Command::Check(arguments) => check::check(arguments),
         Command::Verify(arguments) => verify::verify(*arguments),
         Command::Backup(arguments) => backup::backup(arguments),

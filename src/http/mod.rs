@@ -46,6 +46,7 @@ mod guide;
 mod ids;
 mod jobs;
 mod kinds;
+mod links;
 mod maps;
 mod mesh_maps;
 mod meshes;
@@ -81,13 +82,14 @@ mod wire;
 
 pub use auth::{ApiKey, KeyError, KeysNeeded, Scope, require_keys};
 pub use docs::document as openapi;
+pub use links::BasisLinks;
 pub use pencil_wire::{ProblemLinks, ProblemResource};
 pub use problem::{Kind, Problem};
 pub use serve::serve;
 pub use state::{AppState, Shared, StateError};
 pub use wire::{
-    BasisLinks, BasisResource, BasisSummary, JobLinks, JobProblemResource, JobRequest, JobResource, MeshLinks,
-    MeshResource, PageOf, StageSeconds, Status,
+    BasisResource, BasisSummary, JobLinks, JobProblemResource, JobRequest, JobResource, MeshLinks, MeshResource,
+    PageOf, StageSeconds, Status,
 };
 
 use std::sync::Arc;

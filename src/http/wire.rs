@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
+use super::links::BasisLinks;
 use crate::store::{BasisRecord, BasisStorage, JobRecord, JobStatus, MeshRecord, Page};
 
 /// A page of a list, newest first.
@@ -118,7 +119,7 @@ pub struct JobRequest {
 }
 
 /// What a job works on, and a basis belongs to.
-struct Source {
+pub(super) struct Source {
     mesh: Option<String>,
     pencil: Option<String>,
 }
@@ -131,11 +132,11 @@ impl Source {
         }
     }
 
-    fn mesh_link(&self) -> Option<String> {
+    pub(super) fn mesh_link(&self) -> Option<String> {
         self.mesh.as_ref().map(|id| format!("/v1/meshes/{id}"))
     }
 
-    fn pencil_link(&self) -> Option<String> {
+    pub(super) fn pencil_link(&self) -> Option<String> {
         self.pencil.as_ref().map(|id| format!("/v1/problems/{id}"))
     }
 }
@@ -399,7 +400,8 @@ pub struct BasisSummary {
                     "projection_errors": [], "largest_projection_error": null},
     "details": null,
     "links": {"self": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "content": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/content",
-              "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes", "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "pencil": null}
+              "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes", "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "pencil": null,
+              "design": null, "eigenfields": null, "fur": null, "hatching": null}
 }))]
 pub struct BasisResource {
     /// What lists have as well.
@@ -422,38 +424,13 @@ pub struct BasisResource {
     pub details: Value,
 }
 
-/// Links of a basis.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct BasisLinks {
-    /// The basis itself.
-    #[serde(rename = "self")]
-    pub itself: String,
-    /// Its factors or its columns as NPZ, safetensors or MatrixMarket.
-    pub content: String,
-    /// Its eigenfunctions on the vertices; null where they are no functions on vertices.
-    pub modes: Option<String>,
-    /// Its mesh; null where it has none.
-    pub mesh: Option<String>,
-    /// Its problem, of the kind `pencil_basis`; null for others.
-    pub pencil: Option<String>,
-}
-
 impl From<BasisRecord> for BasisSummary {
     fn from(record: BasisRecord) -> Self {
         let source = Source::of(&record.kind, record.mesh);
         let itself = format!("/v1/bases/{}", record.id);
         let compact = record.storage == BasisStorage::Compact;
         Self {
-            links: BasisLinks {
-                content: format!("{itself}/content"),
-                modes: [ProductKind::Eigenbasis, ProductKind::PencilBasis]
-                    .iter()
-                    .any(|kind| kind.name() == record.kind)
-                    .then(|| format!("{itself}/modes")),
-                mesh: source.mesh_link(),
-                pencil: source.pencil_link(),
-                itself,
-            },
+            links: BasisLinks::new(itself, &record.kind, &source),
             id: record.id.to_string(),
             mesh: source.mesh,
             pencil: source.pencil,

@@ -15,13 +15,13 @@ use serde_json::{Value, json};
 
 use crate::common::{Builder, TestApp, meshes, problem, text};
 
-fn builder() -> Builder {
+pub fn builder() -> Builder {
     let mut builder = TestApp::builder();
     builder.runner = Arc::new(Solver);
     builder
 }
 
-async fn shape(app: &TestApp, shape: Shape, vertices: usize) -> Value {
+pub async fn shape(app: &TestApp, shape: Shape, vertices: usize) -> Value {
     let mut bytes = Vec::new();
     write_ply(&generate(shape, vertices).unwrap(), None, &mut bytes).unwrap();
     app.upload("ply", bytes).await
@@ -37,7 +37,7 @@ async fn submitted(app: &TestApp, mesh: &Value, parameters: Value) -> Value {
 }
 
 /// The resource of a field basis.
-async fn made(app: &TestApp, mesh: &Value, parameters: Value) -> Value {
+pub async fn made(app: &TestApp, mesh: &Value, parameters: Value) -> Value {
     let job = submitted(app, mesh, parameters).await;
     let job = app.finished(&text(&job["id"])).await;
     assert_eq!(job["status"], "succeeded", "{job}");
@@ -68,7 +68,7 @@ async fn raw(app: &TestApp, basis: &Value, route: &str, body: &Value) -> (Vec<f3
     (values, shape)
 }
 
-fn numbers(value: &Value) -> Vec<f64> {
+pub fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
 }
 
@@ -86,6 +86,7 @@ async fn exact_eigenfields_are_a_basis_of_faces() {
     assert_eq!((&basis["rows"], &basis["operator"]["hodge"]["harmonic"]), (&json!(2 * faces), &json!(2)), "{basis}");
     let values = numbers(&basis["eigenvalues"]);
     assert!(values[1] == 0.0 && values[2] > 0.0, "{values:?}");
+    assert_eq!((&basis["links"]["design"], &basis["links"]["modes"]), (&Value::Null, &json!(format!("{url}/modes"))));
     let modes = app.get(&format!("{url}/modes?from=0&to=2&format=f32&dtype=f32")).send().await.unwrap();
     assert_eq!(modes.headers()["chladni-rows"], (2 * faces).to_string().as_str());
     // Routes of functions on vertices say that these are none.
@@ -109,6 +110,9 @@ async fn a_field_follows_strokes_and_is_told_in_every_form() {
         (&basis["kind"], &basis["rows"], &basis["count"]),
         (&json!("field_basis"), &json!(2 * faces), &json!(80))
     );
+    for part in ["content", "eigenfields", "design", "fur", "hatching"] {
+        assert_eq!(basis["links"][part], format!("{}/{part}", text(&basis["links"]["self"])));
+    }
     assert_eq!((&basis["links"]["modes"], &basis["certificate"]), (&Value::Null, &Value::Null));
     assert_eq!((&basis["details"]["field"], &basis["details"]["faces"]), (&json!({"kind": "vector"}), &json!(faces)));
     // The Hodge-Laplacian of the unit sphere: 2 six times, then 6 ten times.

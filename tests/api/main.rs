@@ -28,6 +28,7 @@ mod meshes;
 mod numbering;
 mod pencils;
 mod points;
+mod quads;
 mod samples;
 mod schemas;
 mod system;

@@ -602,6 +602,22 @@ async fn faces_are_those_of_the_file() {
             "potential",
         );
 
+        let url = |mesh: &str| format!("/v1/meshes/{mesh}/quads");
+        let pinned = |face: usize| json!({"field": {"aligned": {"constraints": [{"face": face, "direction": [0.1, 0.7, 0.3]}]}}, "spacing": 0.2});
+        let on_dirty = ask(&app, &url(&case.dirty), &pinned(p.0)).await;
+        let on_clean = ask(&app, &url(&case.clean), &pinned(p.1)).await;
+        for (part, width) in [("coordinates", 6), ("directions", 3)] {
+            let expected = told(&numbers(&on_clean[part]["values"]), width, &case.faces);
+            assert_close(&numbers(&on_dirty[part]["values"]), &expected, part);
+        }
+        let vertices = |answer: &Value| -> Vec<u64> {
+            let all = answer["singularities"].as_array().unwrap().iter();
+            all.map(|s| s["vertex"].as_u64().unwrap()).collect()
+        };
+        let back: Vec<u64> =
+            vertices(&on_dirty).into_iter().map(|v| case.vertices[v as usize].unwrap() as u64).collect();
+        assert_eq!((back.is_empty(), back), (false, vertices(&on_clean)), "quads");
+
         let lengths =
             |factors: Vec<f64>, design: &Value| json!({"field": {"design": design}, "length": 0.1, "lengths": factors});
         let on_file = lengths(zero(told(&factors, 1, &case.faces)), &on_file);

@@ -44,7 +44,7 @@ pub use independent::independent_columns;
 pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::{MassMatrix, WeightedMass};
 pub use multigrid::{CYCLE_WIDTH, CycleRow, CycleWorkspace, Multigrid, MultigridError};
-pub use ordering::{Ordering, fill_reducing_order};
+pub use ordering::{Ordering, fill_reducing_order, postordered};
 use panel_products::residual_panel_rows;
 pub use panel_products::{
     ColumnSums, Weight, apply_mass, gram, inner_products, mass_times_panel, prolong, residual_panel, residual_sums,

@@ -97,6 +97,17 @@ fn nested_dissection(matrix: &SparseMatrix) -> Result<Vec<u32>, FactorError> {
     Ok(order.into_iter().map(|row| row as u32).collect())
 }
 
+/// The given order of all rows of the symmetric `matrix` as a postorder of its elimination tree, which has the same fill: what an order that was found for a part of the matrix needs.
+///
+/// # Panics
+/// Where it is not an order of the rows.
+pub fn postordered(matrix: &SparseMatrix, order: &[u32]) -> Vec<u32> {
+    let mut seen = vec![false; matrix.rows()];
+    assert_eq!(order.len(), seen.len(), "rows of an order");
+    order.iter().for_each(|&row| assert!(!std::mem::replace(&mut seen[row as usize], true), "row {row} comes twice"));
+    postorder(matrix, order)
+}
+
 /// The elimination tree of the matrix in the given order, walked children first.
 fn postorder(matrix: &SparseMatrix, order: &[u32]) -> Vec<u32> {
     const NONE: u32 = u32::MAX;

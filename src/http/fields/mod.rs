@@ -7,7 +7,7 @@
 //! | `cache` | surfaces, alignments and models that outlive a request |
 //! | `solve` | from a request to coefficients |
 //! | `octets` | numbers as bytes |
-//! | `design`, `eigenfields`, `frames`, `applications`, `decomposition`, `transport` | the routes |
+//! | `design`, `eigenfields`, `frames`, `applications`, `decomposition`, `transport`, `quads` | the routes |
 
 mod applications;
 mod cache;
@@ -17,6 +17,7 @@ mod eigenfields;
 mod frames;
 mod octets;
 mod patience;
+mod quads;
 mod solve;
 mod transport;
 
@@ -38,6 +39,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .merge(applications::routes())
         .merge(decomposition::routes())
         .merge(transport::routes())
+        .merge(quads::routes())
 }
 
 impl From<FieldError> for Problem {
@@ -91,6 +93,7 @@ impl From<DesignFault> for Problem {
             DesignFault::Transport(error) => error.into(),
             DesignFault::Singularities(error) => error.into(),
             DesignFault::Lines(error) => error.into(),
+            DesignFault::Quads(error) => error.into(),
             DesignFault::Cancelled(cancelled) => cancelled.into(),
         }
     }

@@ -152,14 +152,14 @@ pub(super) fn ends(surface: &FieldSurface, edge: usize) -> [u32; 2] {
 }
 
 /// Disjoint sets.
-struct Sets(Vec<u32>);
+pub(super) struct Sets(Vec<u32>);
 
 impl Sets {
-    fn new(size: usize) -> Self {
+    pub(super) fn new(size: usize) -> Self {
         Self((0..size as u32).collect())
     }
 
-    fn find(&mut self, mut v: u32) -> u32 {
+    pub(super) fn find(&mut self, mut v: u32) -> u32 {
         while self.0[v as usize] != v {
             self.0[v as usize] = self.0[self.0[v as usize] as usize];
             v = self.0[v as usize];
@@ -168,7 +168,7 @@ impl Sets {
     }
 
     /// Joins the sets of two members; false where they are one already.
-    fn join(&mut self, ends: [u32; 2]) -> bool {
+    pub(super) fn join(&mut self, ends: [u32; 2]) -> bool {
         let [a, b] = ends.map(|v| self.find(v));
         self.0[a as usize] = b;
         a != b

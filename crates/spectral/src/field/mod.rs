@@ -22,6 +22,7 @@ mod pencil;
 mod poisson;
 mod prescribed;
 mod principal;
+pub mod quad;
 mod reading;
 #[cfg(test)]
 mod real_meshes;

@@ -97,8 +97,39 @@ impl Factor {
         admit: impl FnOnce(SymbolicFactor) -> Result<SymbolicFactor, FactorError>,
         monitor: &dyn Monitor,
     ) -> Result<Self, PoissonError> {
+        let order = fill_reducing_order(matrix, ordering(matrix.rows()))?;
+        Self::in_order(matrix, order, admit, monitor)
+    }
+
+    /// Factors a matrix on a surface in a given order.
+    ///
+    /// # Errors
+    /// [`PoissonError`].
+    pub fn ordered(matrix: &SparseMatrix, order: Vec<u32>, monitor: &dyn Monitor) -> Result<Self, PoissonError> {
+        let admit = |symbolic: SymbolicFactor| {
+            within_surfaces(symbolic.entries(), matrix.entries(), matrix.rows())?;
+            Ok(symbolic)
+        };
+        Self::in_order(matrix, order, admit, monitor)
+    }
+
+    /// Factors another matrix of the same pattern in its place.
+    ///
+    /// # Errors
+    /// [`FactorError`].
+    pub fn refactor(&mut self, matrix: &SparseMatrix) -> Result<(), FactorError> {
+        let none = MassMatrix::Diagonal(vec![0.0; matrix.rows()]);
+        self.numbers = self.symbolic.factor(&matrix.reordered(&self.order), &none, 0.0)?.into_numbers();
+        Ok(())
+    }
+
+    fn in_order(
+        matrix: &SparseMatrix,
+        order: Vec<u32>,
+        admit: impl FnOnce(SymbolicFactor) -> Result<SymbolicFactor, FactorError>,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, PoissonError> {
         let n = matrix.rows();
-        let order = fill_reducing_order(matrix, ordering(n))?;
         monitor.checkpoint()?;
         let sorted = matrix.reordered(&order);
         let none = MassMatrix::Diagonal(vec![0.0; n]);

@@ -1,4 +1,6 @@
 //! Evenly spaced streamlines of n-fields on a surface (Jobard and Lefer 1997): the strokes of a hatching.
+//!
+//! Where a field has several directions, lines cross those of the others and keep their distance only from their own kind: those that run within half the angle between two directions.
 
 use std::collections::HashMap;
 
@@ -72,8 +74,8 @@ pub enum StreamlineError {
     Cancelled(#[from] Cancelled),
 }
 
-/// Evenly spaced lines that follow one of the `n` directions of a field of representation vectors, two numbers per face. Seeds lie beside lines that
-/// are there, then in faces that no line comes near; the same field gives the same lines.
+/// Evenly spaced lines that follow the `n` directions of a field of representation vectors, two numbers per face; those along one direction cross those along another. Seeds lie
+/// beside lines that are there and on them, then in faces that no line comes near; the same field gives the same lines.
 ///
 /// # Errors
 /// [`StreamlineError`]: parameters out of range, a field that does not fit, or the work was cancelled.
@@ -100,21 +102,23 @@ pub fn streamlines(
     monitor.stage("streamlines");
     let mut hatching =
         Hatching { surface, n, field, spacing: parameters.spacing, cells: HashMap::new(), lines: Vec::new() };
-    let mut seeds = std::collections::VecDeque::new();
+    let mut seeds: std::collections::VecDeque<Seed> = std::collections::VecDeque::new();
     let mut next_face = 0;
     while hatching.lines.len() < parameters.most_lines {
-        let Some(seed) = seeds.pop_front().or_else(|| {
-            let seed = (next_face < faces).then(|| Place { face: next_face as u32, at: [1.0 / 3.0; 3] });
+        let Some(seed) = seeds.pop_front() else {
+            if next_face == faces {
+                break;
+            }
+            let place = Place { face: next_face as u32, at: [1.0 / 3.0; 3] };
+            seeds.extend(hatching.families(place, [1.0, 0.0]));
             next_face += 1;
-            seed
-        }) else {
-            break;
+            continue;
         };
         if next_face.is_multiple_of(256) || seeds.len().is_multiple_of(64) {
             monitor.checkpoint()?;
             monitor.progress(next_face as f64 / faces as f64);
         }
-        if hatching.is_near(&seed, hatching.spacing, None) {
+        if hatching.is_near(&seed.place, seed.along, hatching.spacing, None) {
             continue;
         }
         if let Some(line) = hatching.lay(&seed, parameters.least_length * parameters.spacing) {
@@ -132,10 +136,18 @@ struct Place {
     at: [f64; 3],
 }
 
+/// Where a line may begin, and in which direction of the field there.
+#[derive(Debug, Clone, Copy)]
+struct Seed {
+    place: Place,
+    along: Planar,
+}
+
 /// A point of a line, in units of the square root of the area, with what it takes to compare it with others.
 struct Sample {
     point: [f64; 3],
     normal: [f64; 3],
+    direction: [f64; 3],
     line: u32,
     /// Arc length along its line.
     along: f64,
@@ -258,12 +270,12 @@ impl Hatching<'_> {
                 let s = ((sampled - half.length) / distance).clamp(0.0, 1.0);
                 let place = Place { face: here.face, at: [0, 1, 2].map(|i| (1.0 - s) * here.at[i] + s * at[i]) };
                 let own_place = Some((line, sign * sampled));
-                stopped = self.near_in(own, &place, TEST_SHARE * self.spacing, own_place)
-                    || self.is_near(&place, TEST_SHARE * self.spacing, None);
+                stopped = self.near_in(own, &place, direction, TEST_SHARE * self.spacing, own_place)
+                    || self.is_near(&place, direction, TEST_SHARE * self.spacing, None);
                 if stopped {
                     break;
                 }
-                self.insert(own, &place, line, sign * sampled);
+                self.insert(own, &place, direction, (line, sign * sampled));
             }
             if stopped {
                 break;
@@ -282,13 +294,12 @@ impl Hatching<'_> {
     }
 
     /// Lays the line through a seed; `None` where it is too short.
-    fn lay(&mut self, seed: &Place, least: f64) -> Option<Streamline> {
-        let start = self.direction(seed.face, [1.0, 0.0], 1.0)?;
+    fn lay(&mut self, &Seed { place: seed, along: start }: &Seed, least: f64) -> Option<Streamline> {
         let line = self.lines.len() as u32;
         let mut own = HashMap::new();
-        self.insert(&mut own, seed, line, 0.0);
-        let forward = self.follow(seed, start, line, &mut own, 1.0);
-        let backward = self.follow(seed, [-start[0], -start[1]], line, &mut own, -1.0);
+        self.insert(&mut own, &seed, start, (line, 0.0));
+        let forward = self.follow(&seed, start, line, &mut own, 1.0);
+        let backward = self.follow(&seed, [-start[0], -start[1]], line, &mut own, -1.0);
         if forward.length + backward.length < least || forward.places.len() + backward.places.len() == 0 {
             return None;
         }
@@ -297,7 +308,7 @@ impl Hatching<'_> {
             laid.points.push(self.position(place));
             laid.faces.push(place.face);
         }
-        laid.points.push(self.position(seed));
+        laid.points.push(self.position(&seed));
         for place in &forward.places {
             laid.points.push(self.position(place));
             laid.faces.push(place.face);
@@ -309,8 +320,25 @@ impl Hatching<'_> {
         Some(laid)
     }
 
-    /// Seeds on either side of a line, a spacing away.
-    fn beside(&self, line: &Streamline) -> Vec<Place> {
+    /// The kinds of lines, whichever way they run.
+    fn kinds(&self) -> u32 {
+        if self.n.is_multiple_of(2) { self.n / 2 } else { self.n }
+    }
+
+    /// A seed at a place for each kind of lines, the one nearest to a direction first.
+    fn families(&self, place: Place, towards: Planar) -> impl Iterator<Item = Seed> + use<> {
+        let first = self.direction(place.face, towards, 1.0);
+        let (turn, kinds) = (std::f64::consts::TAU / f64::from(self.n), self.kinds());
+        first.into_iter().flat_map(move |first| {
+            (0..kinds).map(move |k| {
+                let (sine, cosine) = (turn * f64::from(k)).sin_cos();
+                Seed { place, along: multiply(first, [cosine, sine]) }
+            })
+        })
+    }
+
+    /// Seeds of its own kind on either side of a line, a spacing away, and of the others on it.
+    fn beside(&self, line: &Streamline) -> Vec<Seed> {
         let frames = self.surface.frames();
         let scale = 1.0 / frames.area().sqrt();
         let mut seeds = Vec::new();
@@ -329,10 +357,14 @@ impl Hatching<'_> {
             }
             let middle = [0, 1, 2].map(|i| 0.5 * (pair[0][i] + pair[1][i]));
             let Some(place) = self.place_of(face, middle) else { continue };
+            let along = along.map(|x| x / size);
             for side in [1.0, -1.0] {
-                let across = [-side * along[1] / size, side * along[0] / size];
-                seeds.extend(self.walk(place, across, 1.02 * self.spacing));
+                let across = [-side * along[1], side * along[0]];
+                if let Some((there, carried)) = self.walk(place, across, 1.02 * self.spacing) {
+                    seeds.extend(self.families(there, [side * carried[1], -side * carried[0]]).take(1));
+                }
             }
+            seeds.extend(self.families(place, along).skip(1));
         }
         seeds
     }
@@ -351,14 +383,15 @@ impl Hatching<'_> {
         (sum > 0.5 && sum.is_finite()).then(|| Place { face, at: at.map(|x| x / sum) })
     }
 
-    /// Straight ahead for a distance; `None` at a boundary.
-    fn walk(&self, from: Place, direction: Planar, distance: f64) -> Option<Place> {
+    /// Straight ahead for a distance, and the direction there; `None` at a boundary.
+    fn walk(&self, from: Place, direction: Planar, distance: f64) -> Option<(Place, Planar)> {
         let (mut here, mut direction, mut rest) = (from, direction, distance);
         for _ in 0..10_000 {
             let (k, at, reach) = self.exit(&here, direction)?;
             if reach >= rest {
                 let s = if reach > 0.0 { rest / reach } else { 0.0 };
-                return Some(Place { face: here.face, at: [0, 1, 2].map(|i| (1.0 - s) * here.at[i] + s * at[i]) });
+                let at = [0, 1, 2].map(|i| (1.0 - s) * here.at[i] + s * at[i]);
+                return Some((Place { face: here.face, at }, direction));
             }
             rest -= reach;
             (here, direction) = self.cross(here.face, k, at, direction)?;
@@ -370,26 +403,39 @@ impl Hatching<'_> {
         point.map(|x| (x / self.spacing).floor() as i32)
     }
 
-    fn insert(&self, cells: &mut HashMap<[i32; 3], Vec<Sample>>, place: &Place, line: u32, along: f64) {
+    fn insert(
+        &self,
+        cells: &mut HashMap<[i32; 3], Vec<Sample>>,
+        place: &Place,
+        direction: Planar,
+        (line, along): (u32, f64),
+    ) {
         let point = self.point(place);
-        let normal = self.surface.frames().normal(place.face as usize);
-        cells.entry(self.cell(point)).or_default().push(Sample { point, normal, line, along });
+        let (frames, face) = (self.surface.frames(), place.face as usize);
+        let sample =
+            Sample { point, normal: frames.normal(face), direction: frames.to_world(face, direction), line, along };
+        cells.entry(self.cell(point)).or_default().push(sample);
     }
 
-    fn is_near(&self, place: &Place, distance: f64, own: Option<(u32, f64)>) -> bool {
-        self.near_in(&self.cells, place, distance, own)
+    fn is_near(&self, place: &Place, direction: Planar, distance: f64, own: Option<(u32, f64)>) -> bool {
+        self.near_in(&self.cells, place, direction, distance, own)
     }
 
-    /// Whether a sample lies within a distance, on the same side of the surface. Of the line `own` only what is far along it counts.
+    /// Whether a sample of a line of the kind that runs in a direction lies within a distance, on the same side of the surface. Of the line `own` only what is far along it counts.
     fn near_in(
         &self,
         cells: &HashMap<[i32; 3], Vec<Sample>>,
         place: &Place,
+        direction: Planar,
         distance: f64,
         own: Option<(u32, f64)>,
     ) -> bool {
         let point = self.point(place);
         let normal = self.surface.frames().normal(place.face as usize);
+        let direction = self.surface.frames().to_world(place.face as usize, direction);
+        // With one kind of lines any direction is near enough.
+        let kinds = self.kinds();
+        let alike = if kinds == 1 { -1.0 } else { (std::f64::consts::FRAC_PI_2 / f64::from(kinds)).cos() };
         let [x, y, z] = self.cell(point);
         for i in -1..=1 {
             for j in -1..=1 {
@@ -398,9 +444,10 @@ impl Hatching<'_> {
                     let near = samples.iter().any(|s| {
                         let apart: f64 = (0..3).map(|i| (s.point[i] - point[i]).powi(2)).sum();
                         let facing: f64 = (0..3).map(|i| s.normal[i] * normal[i]).sum();
+                        let turned: f64 = (0..3).map(|i| s.direction[i] * direction[i]).sum();
                         let counts =
                             own.is_none_or(|(line, along)| s.line != line || (s.along - along).abs() > 3.0 * distance);
-                        apart < distance * distance && facing > 0.0 && counts
+                        apart < distance * distance && facing > 0.0 && turned.abs() > alike && counts
                     });
                     if near {
                         return true;

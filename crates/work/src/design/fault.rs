@@ -1,6 +1,7 @@
 //! Why a field cannot be designed, or something made of one.
 
 use chladni_base::Cancelled;
+use chladni_spectral::field::quad::QuadError;
 use chladni_spectral::field::{DesignError, FieldError, PrescribedError, RefineError, StreamlineError, TransportError};
 
 /// Why a request about a field cannot be answered.
@@ -47,9 +48,12 @@ pub enum DesignFault {
     /// No lines could be laid.
     #[error(transparent)]
     Lines(StreamlineError),
+    /// There is no cross field, or no parametrisation.
+    #[error(transparent)]
+    Quads(QuadError),
     /// It was asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
 
-stopped!(DesignFault: FieldError => Field, DesignError => Design, RefineError => Refine, StreamlineError => Lines);
+stopped!(DesignFault: FieldError => Field, DesignError => Design, RefineError => Refine, StreamlineError => Lines, QuadError => Quads);

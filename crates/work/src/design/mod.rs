@@ -9,6 +9,7 @@
 //! | `forms` | stored numbers as a user reads them |
 //! | `drawing` | fur and hatchings |
 //! | `transport` | vectors that are carried over a surface |
+//! | `quads` | cross fields that follow creases, and parametrisations along them |
 //! | `decomposition` | the Hodge decomposition of a field that is given |
 //! | `fault` | why not |
 
@@ -17,6 +18,7 @@ mod drawing;
 mod faces;
 mod fault;
 mod forms;
+mod quads;
 mod request;
 mod setting;
 mod target;
@@ -27,6 +29,9 @@ pub use drawing::{CameraRequest, FieldSource, FurRequest, HatchingAnswer, Hatchi
 pub use faces::{FaceSample, FacesRequest, MOST_SAMPLED};
 pub use fault::DesignFault;
 pub use forms::{Form, written, written_at};
+pub use quads::{
+    BasisField, CrossRequest, CrossSource, Crosses, CutEdge, Quads, QuadsAnswer, QuadsFormat, QuadsRequest,
+};
 pub(crate) use request::refused;
 pub use request::{
     AlignmentRequest, BiharmonicEnergy, DesignRequest, MOST_CONSTRAINTS, NamedTarget, NamedWeights, PerFace, Pin,

@@ -1,0 +1,250 @@
+//! The smoothest cross field of all fields of a surface that runs along its creases: a harmonic representation with values given at their faces.
+//!
+//! Card. `Σ_e w_e |u_i − P u_j|²` of the transport Laplacian with `n = 4`, the fourth powers of the directions of creases held on the faces beside them, and where it is
+//! wanted `w Σ_f a_f s_f |u_f − κ_f|²` with the principal directions `κ` and how clear they are, `s`. Where nothing is held the field of least energy and length 1 is taken, by inverse
+//! iteration (Knöppel, Crane, Pinkall and Schröder 2013). One sparse factor of the faces that are free.
+
+use chladni_base::{Monitor, SplitMix64};
+use chladni_mesh::dual::NO_FACE;
+
+use super::super::basis::FieldSurface;
+use super::super::poisson::Factor;
+use super::super::principal::{curvature_tensors, principal_directions};
+use super::{QuadError, creases};
+use crate::operator::frames::{Planar, multiply, normalise, power};
+use crate::operator::transport::{FieldKind, transport_stiffness};
+
+/// What a cross field is asked to follow.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CrossParameters {
+    /// From how many degrees between the normals of its faces on an edge is a crease; without it none is.
+    pub creases: Option<f64>,
+    /// Whether boundaries are followed as creases are.
+    pub boundary: bool,
+    /// The weight of the distance to the principal directions of curvature, on the surface of unit area.
+    pub curvature: f64,
+    /// Directions that are met exactly, in the frames of faces.
+    pub directions: Vec<(u32, Planar)>,
+}
+
+impl Default for CrossParameters {
+    fn default() -> Self {
+        Self { creases: Some(35.0), boundary: true, curvature: 0.0, directions: Vec::new() }
+    }
+}
+
+/// A cross field, and what it follows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CrossField {
+    /// Representations of length 1, `2F` numbers: the angle is four times that of the directions.
+    pub field: Vec<f32>,
+    /// The edges of creases and boundaries that it follows.
+    pub creases: Vec<u32>,
+    /// By how many degrees it misses them: the mean by length, over both sides, and the most. A face with two creases that stand at no right angle can follow one of them.
+    pub crease_error: [f64; 2],
+}
+
+/// Steps of inverse iteration where nothing is held.
+const STEPS: usize = 24;
+
+impl CrossField {
+    /// Computes the field.
+    ///
+    /// # Errors
+    /// [`QuadError`] names the parameter or the face.
+    pub fn aligned(
+        surface: &FieldSurface,
+        parameters: &CrossParameters,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, QuadError> {
+        let faces = surface.faces();
+        let CrossParameters { creases: angle, boundary, curvature, .. } = *parameters;
+        if let Some(value) = angle.filter(|a| !(*a > 0.0 && *a <= 180.0)) {
+            return Err(QuadError::Parameter {
+                name: "creases",
+                value,
+                range: "an angle above 0 and up to 180 degrees",
+            });
+        }
+        if !(curvature >= 0.0 && curvature.is_finite()) {
+            let range = "a finite number of at least 0";
+            return Err(QuadError::Parameter { name: "curvature", value: curvature, range });
+        }
+        let edges = creases(surface, angle, boundary);
+        let mut held: Vec<Option<Planar>> = vec![None; faces];
+        let mut longest = vec![0.0f64; faces];
+        for side in sides(surface, &edges) {
+            // Of two creases of one face the longer one is followed.
+            if side.length > longest[side.face] {
+                longest[side.face] = side.length;
+                held[side.face] = Some(power(side.along, 4));
+            }
+        }
+        for (at, &(face, direction)) in parameters.directions.iter().enumerate() {
+            let Some(held) = held.get_mut(face as usize) else { return Err(QuadError::Face { at, face, faces }) };
+            let length = direction[0].hypot(direction[1]);
+            if !(length > 0.0 && length.is_finite()) {
+                return Err(QuadError::NoDirection { face: face as usize });
+            }
+            *held = Some(power(direction.map(|x| x / length), 4));
+        }
+        monitor.checkpoint()?;
+        let field = smoothest(surface, &held, curvature, monitor)?;
+        let crease_error = missed(surface, &edges, &field);
+        Ok(Self { field: field.iter().flatten().map(|&x| x as f32).collect(), creases: edges, crease_error })
+    }
+}
+
+/// The crosses of a field of another kind, as they are stored: of a vector or a line field those that it lies on, of tensors their eigendirections. `None` for n-fields
+/// with `n` that does not divide 4.
+pub fn crosses_of(kind: FieldKind, field: &[f32]) -> Option<Vec<f32>> {
+    let order = kind.order();
+    if !matches!(order, 1 | 2 | 4) {
+        return None;
+    }
+    let rows = field.chunks_exact(kind.block()).map(|own| match kind {
+        FieldKind::Tensor {} => super::super::reading::tensor_deviator([own[0], own[1], own[2]].map(f64::from)),
+        _ => [f64::from(own[0]), f64::from(own[1])],
+    });
+    let unit = |value: Planar| {
+        let length = value[0].hypot(value[1]);
+        if length > 0.0 && length.is_finite() { power(value.map(|x| x / length), 4 / order) } else { [0.0; 2] }
+    };
+    Some(rows.flat_map(|value| unit(value).map(|x| x as f32)).collect())
+}
+
+/// A face beside a crease.
+pub(super) struct Side {
+    pub edge: u32,
+    pub face: usize,
+    /// The slot of the edge in the face.
+    pub slot: usize,
+    /// The unit direction of the edge in its frame.
+    pub along: Planar,
+    pub length: f64,
+}
+
+/// Both sides of edges.
+pub(super) fn sides<'a>(surface: &'a FieldSurface, edges: &'a [u32]) -> impl Iterator<Item = Side> + 'a {
+    let dual = surface.dual();
+    let side = move |edge: u32, face: u32| {
+        let slot = dual.slot(face, edge);
+        let e = surface.frames().edges(face as usize)[slot];
+        Side { edge, face: face as usize, slot, along: normalise(e), length: e[0].hypot(e[1]) }
+    };
+    edges.iter().flat_map(move |&edge| {
+        let both = dual.edge_faces()[edge as usize].into_iter().filter(|&face| face != NO_FACE);
+        both.map(move |face| side(edge, face))
+    })
+}
+
+/// By how many degrees directions of crosses miss an edge.
+pub(super) fn off(side: &Side, value: Planar) -> f64 {
+    let along = power(side.along, 4);
+    let turn = multiply(value, [along[0], -along[1]]);
+    (turn[1].atan2(turn[0]) / 4.0).abs().to_degrees()
+}
+
+fn missed(surface: &FieldSurface, edges: &[u32], field: &[Planar]) -> [f64; 2] {
+    let (mut sum, mut total, mut most) = (0.0, 0.0, 0.0f64);
+    for side in sides(surface, edges) {
+        let error = off(&side, field[side.face]);
+        (sum, total, most) = (sum + side.length * error, total + side.length, most.max(error));
+    }
+    if total > 0.0 { [sum / total, most] } else { [0.0; 2] }
+}
+
+/// Unit representations of least energy where values are held on some faces.
+fn smoothest(
+    surface: &FieldSurface,
+    held: &[Option<Planar>],
+    curvature: f64,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Planar>, QuadError> {
+    let faces = surface.faces();
+    let kind = FieldKind::NVector { n: 4 };
+    let areas = surface.frames().areas();
+    let stiffness = transport_stiffness::<2>(kind, surface.dual(), surface.frames()).to_sparse();
+    // A surface without curvature pulls nowhere.
+    let pull = (curvature > 0.0).then(|| curvature_tensors(surface).ok()).flatten();
+    let pull = pull.and_then(|tensors| principal_directions(&tensors, 4));
+    let (components, count) = surface.dual().components();
+    let mut bound = vec![pull.is_some(); count];
+    for (face, held) in held.iter().enumerate() {
+        bound[components[face] as usize] |= held.is_some();
+    }
+    let mut field: Vec<Planar> = held.iter().map(|held| held.unwrap_or([0.0; 2])).collect();
+    let least_diagonal = stiffness.values().iter().fold(0.0f64, |most, x| most.max(x.abs())) * 1e-15;
+    if bound.contains(&true) {
+        let free: Vec<u32> =
+            (0..faces).filter(|&f| held[f].is_none()).flat_map(|f| [2 * f as u32, 2 * f as u32 + 1]).collect();
+        let mut right = Vec::with_capacity(free.len());
+        for &row in &free {
+            let (columns, values) = stiffness.row(row as usize);
+            let beside = columns.iter().zip(values).map(|(&c, &s)| s * field[c as usize / 2][c as usize % 2]);
+            right.push(-beside.sum::<f64>());
+        }
+        let mut diagonal = vec![least_diagonal; free.len()];
+        if let Some(pull) = &pull {
+            for (k, &row) in free.iter().enumerate() {
+                let face = row as usize / 2;
+                let weight = curvature * areas[face] * pull.weights[face];
+                diagonal[k] += weight;
+                right[k] += weight * pull.target[row as usize];
+            }
+        }
+        if !free.is_empty() {
+            let matrix = with_diagonal(&stiffness.principal(&free), &diagonal);
+            let factor = Factor::new(&matrix, monitor)?;
+            let mut columns = [right];
+            factor.solve(&mut columns);
+            free.iter().zip(&columns[0]).for_each(|(&row, &x)| field[row as usize / 2][row as usize % 2] = x);
+        }
+    }
+    if bound.contains(&false) {
+        let alone = lowest(surface, &stiffness, monitor)?;
+        for face in (0..faces).filter(|&face| !bound[components[face] as usize]) {
+            field[face] = alone[face];
+        }
+    }
+    Ok(field.into_iter().zip(held).map(|(value, held)| held.unwrap_or_else(|| normalise(value))).collect())
+}
+
+/// The field of least energy for its length, on each component.
+fn lowest(
+    surface: &FieldSurface,
+    stiffness: &chladni_algebra::SparseMatrix,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Planar>, QuadError> {
+    let areas = surface.frames().areas();
+    let (components, count) = surface.dual().components();
+    // On unit area eigenvalues are of the order of ten and more.
+    let mass: Vec<f64> = areas.iter().flat_map(|&a| [a, a]).collect();
+    let factor = Factor::new(&with_diagonal(stiffness, &mass), monitor)?;
+    let mut random = SplitMix64::new(0);
+    let mut field: Vec<f64> = mass.iter().map(|_| random.signed_unit()).collect();
+    for _ in 0..STEPS {
+        monitor.checkpoint()?;
+        let mut columns = [field.iter().zip(&mass).map(|(x, m)| x * m).collect::<Vec<f64>>()];
+        factor.solve(&mut columns);
+        [field] = columns;
+        let mut squares = vec![0.0; count];
+        field.iter().enumerate().for_each(|(i, x)| squares[components[i / 2] as usize] += mass[i] * x * x);
+        for (i, x) in field.iter_mut().enumerate() {
+            *x /= squares[components[i / 2] as usize].sqrt().max(f64::MIN_POSITIVE);
+        }
+    }
+    Ok(field.as_chunks::<2>().0.to_vec())
+}
+
+fn with_diagonal(matrix: &chladni_algebra::SparseMatrix, diagonal: &[f64]) -> chladni_algebra::SparseMatrix {
+    let mut values = matrix.values().to_vec();
+    for row in 0..matrix.rows() {
+        let begin = matrix.offsets()[row];
+        if let Ok(at) = matrix.row(row).0.binary_search(&(row as u32)) {
+            values[begin + at] += diagonal[row];
+        }
+    }
+    let (offsets, indices) = (matrix.offsets().to_vec(), matrix.indices().to_vec());
+    chladni_algebra::SparseMatrix::from_sorted_parts(matrix.rows(), matrix.columns(), offsets, indices, values)
+}

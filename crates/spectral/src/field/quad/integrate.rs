@@ -1,0 +1,222 @@
+//! Coordinates whose grid lines follow a cross field, seamless across its cut (Kälberer, Nieser and Polthier 2007; Bommes, Zimmer and Kobbelt 2009).
+//!
+//! `Σ_f A_f w_f |∇z − X_f / h|²` is least under the transitions of [`super::seams`], by one sparse factor. Where faces come out turned over, and it is wanted, they are made stiffer and the factor is computed
+//! again.
+
+use chladni_algebra::{Ordering, SparseMatrix, fill_reducing_order};
+use chladni_base::Monitor;
+
+use super::super::basis::FieldSurface;
+use super::super::poisson::Factor;
+use super::rounding;
+use super::seams::Seams;
+use super::system::Parts;
+use super::{Combed, QuadError};
+use crate::operator::frames::{Planar, conjugate, multiply};
+
+/// Up to so many vertices the order of minimum degree is found faster than it costs more fill.
+const LARGE: usize = 30_000;
+
+/// The most rounds of stiffening.
+const MOST_ROUNDS: u32 = 50;
+
+/// The order in which the vertices of a surface are eliminated, whatever the field on it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VertexOrder(pub(super) Vec<u32>);
+
+impl VertexOrder {
+    /// Finds it.
+    ///
+    /// # Errors
+    /// [`QuadError::Factor`].
+    pub fn new(surface: &FieldSurface) -> Result<Self, QuadError> {
+        let vertices = surface.mesh().positions.len();
+        let mut entries: Vec<(u32, u32)> = (0..vertices as u32).map(|v| (v, v)).collect();
+        for edge in 0..surface.dual().edge_count() {
+            let [a, b] = super::super::loops::ends(surface, edge);
+            entries.extend([(a, b), (b, a)]);
+        }
+        entries.sort_unstable();
+        let mut offsets = vec![0usize; vertices + 1];
+        entries.iter().for_each(|e| offsets[e.0 as usize + 1] += 1);
+        for v in 0..vertices {
+            offsets[v + 1] += offsets[v];
+        }
+        let indices: Vec<u32> = entries.iter().map(|e| e.1).collect();
+        let values = vec![1.0; indices.len()];
+        let pattern = SparseMatrix::from_sorted_parts(vertices, vertices, offsets, indices, values);
+        let ordering = if vertices > LARGE { Ordering::NestedDissection } else { Ordering::Amd };
+        Ok(Self(fill_reducing_order(&pattern, ordering)?))
+    }
+
+    /// About the bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        4 * self.0.len() as u64
+    }
+}
+
+/// What parametrisation is wanted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ParametrisationParameters {
+    /// The length between grid lines in the units of the mesh.
+    pub spacing: f64,
+    /// Whether grid lines meet across the cut: singular vertices lie on crossings of them, translations are whole.
+    pub integers: bool,
+    /// Edges that are to lie on grid lines.
+    pub creases: Vec<u32>,
+    /// How often faces that are turned over are made stiffer, at most.
+    pub stiffening: u32,
+}
+
+/// Coordinates on a surface cut open.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parametrisation {
+    /// Of each corner of each face: whole numbers are grid lines.
+    pub coordinates: Vec<[Planar; 3]>,
+    /// Faces that are turned over, or have no area in the coordinates.
+    pub inverted: Vec<u32>,
+    /// The root of the mean square, by area, of how far gradients are from the directions, where 1 is the length of those.
+    pub deviation: f64,
+    /// The length between grid lines in the units of the mesh: half of what was asked for where singular vertices and translations can be whole only so.
+    pub spacing: f64,
+    /// With whole translations, how far the worst is from a whole number.
+    pub misfit: Option<f64>,
+    /// How often faces were made stiffer.
+    pub rounds: u32,
+}
+
+/// Computes coordinates for a combed field.
+///
+/// # Errors
+/// [`QuadError`]: parameters out of their range, too many numbers to be rounded, a factor that cannot be had.
+///
+/// # Panics
+/// Where field or order are of another surface.
+pub fn parametrise(
+    surface: &FieldSurface,
+    combed: &Combed,
+    order: &VertexOrder,
+    parameters: &ParametrisationParameters,
+    monitor: &dyn Monitor,
+) -> Result<Parametrisation, QuadError> {
+    let sizes = (combed.directions.len(), combed.cut.len(), order.0.len());
+    let wanted = (surface.faces(), surface.dual().edge_count(), surface.mesh().positions.len());
+    assert_eq!(sizes, wanted, "faces, edges and vertices");
+    let spacing = parameters.spacing / surface.frames().area().sqrt();
+    // Beyond these, coordinates have no digits left, or grid lines no quads.
+    if !(1e-6..=1e3).contains(&spacing) {
+        let range = "between a millionth and a thousand times the root of the area";
+        return Err(QuadError::Parameter { name: "spacing", value: parameters.spacing, range });
+    }
+    if parameters.stiffening > MOST_ROUNDS {
+        let value = f64::from(parameters.stiffening);
+        return Err(QuadError::Parameter { name: "stiffening", value, range: "at most 50 rounds" });
+    }
+    if let Some(&edge) = parameters.creases.iter().find(|&&edge| edge as usize >= combed.cut.len()) {
+        return Err(QuadError::Parameter { name: "crease", value: f64::from(edge), range: "no edge of the surface" });
+    }
+    let seams = Seams::new(surface, combed);
+    let parts = Parts { surface, combed, seams: &seams, spacing, creases: &parameters.creases };
+    let mut stiffness = vec![1.0; surface.faces()];
+    let mut rounds = 0;
+    monitor.checkpoint()?;
+    let system = parts.system(&stiffness, order);
+    let mut factor = Factor::ordered(&system.matrix, system.order, monitor)?;
+    let mut solution = solved(&factor, system.right);
+    let mut coordinates = parts.coordinates(&solution);
+    let mut inverted = turned_over(&coordinates);
+    // The fewest turned over so far, with what gave them.
+    let mut best = (inverted.len(), stiffness.clone());
+    while rounds < parameters.stiffening && !inverted.is_empty() {
+        monitor.checkpoint()?;
+        stiffen(&parts, &coordinates, &mut stiffness);
+        let system = parts.system(&stiffness, order);
+        factor.refactor(&system.matrix)?;
+        solution = solved(&factor, system.right);
+        coordinates = parts.coordinates(&solution);
+        inverted = turned_over(&coordinates);
+        if inverted.len() < best.0 {
+            best = (inverted.len(), stiffness.clone());
+        }
+        rounds += 1;
+    }
+    if inverted.len() > best.0 {
+        let system = parts.system(&best.1, order);
+        factor.refactor(&system.matrix)?;
+        solution = solved(&factor, system.right);
+        coordinates = parts.coordinates(&solution);
+        inverted = turned_over(&coordinates);
+    }
+    let (mut misfit, mut halved) = (None, false);
+    if parameters.integers {
+        let (unknowns, leading) = parts.whole_unknowns();
+        let mut most = rounding::round(&factor, &mut solution, (&unknowns, leading), monitor)?;
+        halved = most > 0.25;
+        if halved {
+            let twice = |u: &u32| 2.0 * solution[*u as usize];
+            most = unknowns.iter().map(twice).map(|x| (x - x.round()).abs()).fold(0.0, f64::max);
+        }
+        misfit = Some(most);
+        coordinates = parts.coordinates(&solution);
+        inverted = turned_over(&coordinates);
+    }
+    let areas = surface.frames().areas();
+    let squares = (0..surface.faces()).map(|face| areas[face] * distance(&parts, face, &coordinates[face]).powi(2));
+    let deviation = (squares.sum::<f64>() / areas.iter().sum::<f64>()).sqrt();
+    let mut spacing = parameters.spacing;
+    if halved {
+        coordinates.iter_mut().flatten().flatten().for_each(|x| *x *= 2.0);
+        spacing /= 2.0;
+    }
+    Ok(Parametrisation { coordinates, inverted, deviation, spacing, misfit, rounds })
+}
+
+/// The solution of the equations.
+fn solved(factor: &Factor, right: Vec<f64>) -> Vec<f64> {
+    let mut columns = [right];
+    factor.solve(&mut columns);
+    let [solution] = columns;
+    solution
+}
+
+/// Faces whose corners do not run counter-clockwise in the coordinates.
+fn turned_over(coordinates: &[[Planar; 3]]) -> Vec<u32> {
+    let area = |[a, b, c]: [Planar; 3]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    (0..coordinates.len() as u32).filter(|&face| !(area(coordinates[face as usize]) > 0.0)).collect()
+}
+
+/// The gradient of the coordinates of a face against its direction, as the two numbers of a linear map `z ↦ a z + b z̄` that would be 1 and 0.
+fn map(parts: &Parts, face: usize, coordinates: &[Planar; 3]) -> [Planar; 2] {
+    // From two edges, each with what it should be and what it is.
+    let [e, f] = [1, 2].map(|k| parts.wanted(face, k));
+    let [p, q] = [1, 2].map(|k: usize| {
+        let (from, to) = (coordinates[(k + 1) % 3], coordinates[(k + 2) % 3]);
+        [to[0] - from[0], to[1] - from[1]]
+    });
+    // a e + b ē = p, a f + b f̄ = q.
+    let determinant = 2.0 * (e[1] * f[0] - e[0] * f[1]);
+    let over = |z: Planar| {
+        // Divided by the imaginary unit times the determinant.
+        if determinant == 0.0 { [0.0; 2] } else { [z[1] / determinant, -z[0] / determinant] }
+    };
+    let minus = |a: Planar, b: Planar| [a[0] - b[0], a[1] - b[1]];
+    let a = over(minus(multiply(p, conjugate(f)), multiply(q, conjugate(e))));
+    let b = over(minus(multiply(q, e), multiply(p, f)));
+    [a, b]
+}
+
+/// How far the gradient of a face is from its directions: the length of the difference, where 1 is theirs.
+fn distance(parts: &Parts, face: usize, coordinates: &[Planar; 3]) -> f64 {
+    let [a, b] = map(parts, face, coordinates);
+    ((a[0] - 1.0).powi(2) + a[1].powi(2) + b[0].powi(2) + b[1].powi(2)).sqrt()
+}
+
+/// Makes faces stiffer the more they are stretched, and by most where they are turned over.
+fn stiffen(parts: &Parts, coordinates: &[[Planar; 3]], stiffness: &mut [f64]) {
+    for (face, stiffness) in stiffness.iter_mut().enumerate() {
+        let [a, b] = map(parts, face, &coordinates[face]).map(|z| z[0].hypot(z[1]));
+        // Singular values, the second with the sign of the orientation.
+        let (large, small) = (a + b, a - b);
+        *stiffness += ((large - 1.0).abs() + (small - 1.0).abs()).min(5.0);
+    }
+}

@@ -1,0 +1,98 @@
+//! The way from cross fields to quads: a field that follows creases and boundaries, the surface cut open at its singular vertices, and a seamless parametrisation
+//! whose grid lines run along it.
+//!
+//! | file | what |
+//! |---|---|
+//! | `creases` | edges at which the surface is sharp |
+//! | `aligned` | the smoothest cross field of all that follow them |
+//! | `combing` | directions that go on from face to face, the matching, and the cut |
+//! | `seams` | how coordinates go on across the cut |
+//! | `system` | the equations of the coordinates |
+//! | `integrate` | their solution |
+//! | `rounding` | quarter turns and whole translations: grid lines that meet across the cut |
+//! | `files` | OBJ, VTK, and the files of Directional |
+
+mod aligned;
+mod combing;
+mod creases;
+mod files;
+mod integrate;
+mod rounding;
+mod seams;
+mod system;
+
+pub use aligned::{CrossField, CrossParameters, crosses_of};
+pub use combing::{Combed, comb};
+pub use creases::creases;
+pub use files::{write_matching, write_obj, write_raw_field, write_singularities, write_vtk};
+pub use integrate::{Parametrisation, ParametrisationParameters, VertexOrder, parametrise};
+
+use chladni_algebra::FactorError;
+use chladni_base::Cancelled;
+
+use super::poisson::PoissonError;
+
+/// The most coordinates that are rounded: each takes a solve, and a row of a dense matrix.
+pub const MOST_ROUNDED: usize = 4096;
+
+/// Why there is no cross field, or no parametrisation.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum QuadError {
+    /// A field is given for another surface.
+    #[error("the field has {found} numbers; {wanted} are needed, two for each face")]
+    Field {
+        /// Numbers of the field.
+        found: usize,
+        /// Two for each face.
+        wanted: usize,
+    },
+    /// The field has no direction in a face.
+    #[error("the field has no direction on face {face}")]
+    NoDirection {
+        /// The face.
+        face: usize,
+    },
+    /// A parameter is out of its range.
+    #[error("{name} is {value}: {range}")]
+    Parameter {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it may be.
+        range: &'static str,
+    },
+    /// A direction that is to be met exactly lies on a face that is not there.
+    #[error("direction {at} is given on face {face} of {faces}")]
+    Face {
+        /// Which direction.
+        at: usize,
+        /// Its face.
+        face: u32,
+        /// How many faces there are.
+        faces: usize,
+    },
+    /// Too many coordinates would have to be rounded.
+    #[error(
+        "{count} coordinates would have to be rounded, more than {MOST_ROUNDED}: take a smoother field, with fewer singular vertices, or leave grid lines apart at the cut"
+    )]
+    Rounding {
+        /// How many.
+        count: usize,
+    },
+    /// Equations were not solved.
+    #[error("the equations on the surface could not be solved: {0}")]
+    Factor(#[from] FactorError),
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+impl From<PoissonError> for QuadError {
+    fn from(error: PoissonError) -> Self {
+        match error {
+            PoissonError::Factor(error) => Self::Factor(error),
+            PoissonError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! Hatchings along fields with several directions.
+
+use chladni_base::Unwatched;
+use chladni_mesh::shape::{Shape, generate};
+use chladni_spectral::field::{FieldSurface, HatchingParameters, streamlines};
+use chladni_spectral::operator::frames::power;
+
+/// The n-field one of whose directions is given in each face.
+fn directed(surface: &FieldSurface, n: u32, direction: impl Fn([f64; 3]) -> [f64; 3]) -> Vec<f32> {
+    let mesh = surface.mesh();
+    let each = |f: usize| {
+        let centre = [0, 1, 2].map(|i| mesh.faces[f].iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>() / 3.0);
+        let v = surface.frames().from_world(f, direction(centre));
+        let size = v[0].hypot(v[1]).max(1e-12);
+        power([v[0] / size, v[1] / size], n).map(|x| x as f32)
+    };
+    (0..surface.faces()).flat_map(each).collect()
+}
+
+#[test]
+fn lines_of_a_cross_field_cross_each_other() {
+    let surface = FieldSurface::new(generate(Shape::Torus, 3000).unwrap()).unwrap();
+    let around = |p: [f64; 3]| [-p[1], p[0], 0.0];
+    let spacing = 0.03;
+    let parameters = HatchingParameters { spacing, ..HatchingParameters::default() };
+    // The length along the axis and across it, as a share of what lines at this spacing have on the whole surface.
+    let covered = |n: u32| {
+        let lines = streamlines(&surface, n, &directed(&surface, n, around), &parameters, &Unwatched).unwrap();
+        let mut lengths = [0.0; 2];
+        for pair in lines.iter().flat_map(|line| line.points.windows(2)) {
+            let piece = [0, 1, 2].map(|i| pair[1][i] - pair[0][i]);
+            let size = piece.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let way = around(pair[0]);
+            let along = (0..3).map(|i| piece[i] * way[i]).sum::<f64>() / way.iter().map(|x| x * x).sum::<f64>().sqrt();
+            lengths[usize::from(along.abs() < 0.7 * size)] += size;
+        }
+        lengths.map(|length| length * spacing / surface.frames().area().sqrt())
+    };
+    let (one, both) = (covered(2), covered(4));
+    assert!(one[0] > 0.7 && one[1] < 0.05, "{one:?}");
+    assert!(both.iter().all(|share| *share > 0.7 && *share < 1.6), "{both:?}");
+}
