@@ -393,6 +393,85 @@ async fn a_job_is_refused_by_the_largest_worker_and_left_to_it() {
     drop(small);
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_folder_is_moved_where_many_share_it_however_often_that_is_killed() {
+    let Some(places) = Places::over_s3() else { return };
+    let folder = places.folder.path().join("data");
+    let server = Server::start(&folder, &[]);
+    let mesh = server.upload().await;
+    let mut bases = Vec::new();
+    for parameters in
+        [serde_json::json!({"count": 6}), serde_json::json!({"count": 8, "storage": "dense", "method": "hsim"})]
+    {
+        let job = server.submit_with(&mesh, parameters).await.unwrap();
+        let done = server.finished(&job).await;
+        bases.push((job, done["basis"].as_str().unwrap_or_else(|| panic!("{done}")).to_owned()));
+    }
+    let content = async |server: &Server, basis: &str| {
+        let answer = server.client.get(format!("{}/v1/bases/{basis}/content", server.url)).send().await.unwrap();
+        assert!(answer.status().is_success());
+        answer.bytes().await.unwrap()
+    };
+    let record = async |server: &Server, path: &str| -> Value {
+        server.client.get(format!("{}{path}", server.url)).send().await.unwrap().json().await.unwrap()
+    };
+    let mut before = Vec::new();
+    for (job, basis) in &bases {
+        let records =
+            [record(&server, &format!("/v1/jobs/{job}")).await, record(&server, &format!("/v1/bases/{basis}")).await];
+        before.push((content(&server, basis).await, records));
+    }
+    server.stop();
+    let migrate = |fault: &[&str]| {
+        let arguments = [
+            "migrate",
+            "--json",
+            "--data",
+            folder.to_str().unwrap(),
+            "--to",
+            &places.database,
+            "--objects",
+            &places.objects,
+        ];
+        Command::new(env!("CARGO_BIN_EXE_chladni"))
+            .args(arguments)
+            .args(fault)
+            .envs(places.environment())
+            .output()
+            .unwrap()
+    };
+    // Before the first object is written, between a piece of content and its record, and in the third piece.
+    for fault in ["mid-chunks:kill:0", "after-blob-ready:kill:0", "before-blob-ready:kill:1"] {
+        let killed = migrate(&["--fault", fault]);
+        assert_eq!(killed.status.signal(), Some(SIGKILL), "{fault}: {killed:?}");
+    }
+    let done = migrate(&[]);
+    assert!(done.status.success(), "{done:?}");
+    let done: Value = serde_json::from_slice(&done.stdout).unwrap();
+    assert_eq!((&done["meshes"], &done["jobs"], &done["bases"]), (&1.into(), &2.into(), &2.into()), "{done}");
+    assert!(done["written"].as_u64().unwrap() < 3, "what was there was copied again: {done}");
+    // Another time there is nothing to do.
+    let again = migrate(&[]);
+    assert_eq!(serde_json::from_slice::<Value>(&again.stdout).unwrap()["written"], 0, "{again:?}");
+    let server = places.server();
+    for ((job, basis), (bytes, records)) in bases.iter().zip(&before) {
+        assert!(content(&server, basis).await == *bytes);
+        assert_eq!(record(&server, &format!("/v1/jobs/{job}")).await, records[0]);
+        assert_eq!(record(&server, &format!("/v1/bases/{basis}")).await, records[1]);
+    }
+    // New work goes on behind it.
+    let _worker = places.worker(&[]);
+    let job = server.submit(&mesh, 5).await.unwrap();
+    assert_eq!(server.finished(&job).await["status"], "succeeded");
+    assert_eq!(places.check().await, 3);
+    // What others have written there is nobody's copy.
+    let refused = migrate(&[]);
+    assert!(
+        !refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains("nothing else"),
+        "{refused:?}"
+    );
+}
+
 #[test]
 fn a_worker_says_what_it_needs() {
     let told = |arguments: &[&str]| String::from_utf8(process::chladni(arguments).stderr).unwrap();

@@ -71,7 +71,7 @@ impl Blobs {
 }
 
 /// Content that is being written.
-enum Writing {
+pub(super) enum Writing {
     Chunks {
         id: i64,
         position: i64,
@@ -296,7 +296,7 @@ impl Store {
     }
 
     /// Begins a pending blob.
-    async fn begin_blob(&self, hash: &str, bytes: u64) -> Result<Writing, StoreError> {
+    pub(super) async fn begin_blob(&self, hash: &str, bytes: u64) -> Result<Writing, StoreError> {
         self.check_space(bytes)?;
         let blobs = match &self.inner.blobs {
             Blobs::Chunks(blobs) => blobs,
@@ -322,7 +322,7 @@ impl Store {
     }
 
     /// Deletes a pending blob. What cannot be cleared now is collected when the store is opened next.
-    async fn abandon_blob(&self, writing: Writing) {
+    pub(super) async fn abandon_blob(&self, writing: Writing) {
         match (&self.inner.blobs, writing) {
             (Blobs::Chunks(blobs), Writing::Chunks { id, .. }) => {
                 if let Ok(mut transaction) = blobs.write().await
@@ -352,7 +352,7 @@ impl Store {
     }
 
     /// Writes the next chunks, in one transaction where they are rows.
-    async fn write_chunks(&self, writing: &mut Writing, chunks: &[Bytes]) -> Result<(), StoreError> {
+    pub(super) async fn write_chunks(&self, writing: &mut Writing, chunks: &[Bytes]) -> Result<(), StoreError> {
         match (&self.inner.blobs, writing) {
             (Blobs::Chunks(blobs), Writing::Chunks { id, position }) => {
                 let mut transaction = blobs.write().await?;
@@ -380,7 +380,7 @@ impl Store {
     }
 
     /// Makes a blob ready, in the place of a damaged one. Of chunks, what was written is read back before; an object store has verified each part.
-    async fn finish_blob(&self, writing: &mut Writing, hash: &str, bytes: u64) -> Result<(), StoreError> {
+    pub(super) async fn finish_blob(&self, writing: &mut Writing, hash: &str, bytes: u64) -> Result<(), StoreError> {
         match (&self.inner.blobs, writing) {
             (Blobs::Chunks(blobs), Writing::Chunks { id, .. }) => self.finish_chunks(blobs, *id, hash, bytes).await?,
             #[cfg(feature = "cluster")]

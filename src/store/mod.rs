@@ -11,6 +11,7 @@
 //! | `database.rs`, `folder.rs`, `in_place.rs` | connections, write transactions, the lock of the folder, free space, files that are replaced |
 //! | `catalog.rs`, `sql.rs` | where the records are, and statements for either database |
 //! | `postgres.rs`, `objects.rs`, `s3.rs` | records and content that many processes share |
+//! | `migrate.rs` | a folder copied there |
 //! | `hearing.rs`, `fleet.rs` | what such processes tell each other: of jobs, and of what workers have |
 //! | `pairing.rs` | whether the two databases belong together |
 //! | `blobs.rs`, `orphans.rs` | content in chunks, and what becomes of it when nothing refers to it |
@@ -44,6 +45,8 @@ mod jobs;
 mod last_use;
 mod leases;
 mod meshes;
+#[cfg(feature = "cluster")]
+mod migrate;
 mod migrations;
 #[cfg(feature = "cluster")]
 mod objects;
@@ -90,6 +93,8 @@ pub use doctor::{Examination, Finding};
 pub use error::{DAMAGE, StoreError};
 pub use fleet::Worker;
 pub use leases::{Claim, Company, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
+#[cfg(feature = "cluster")]
+pub use migrate::{Migrated, MigrationError};
 pub use page::{Page, PageRequest};
 pub use records::{
     BasisFilter, BasisRecord, BasisStorage, CacheStatistics, EnqueueOutcome, Enqueued, IdempotencyKey, JobEvent,

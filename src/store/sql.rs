@@ -40,7 +40,7 @@ pub(super) enum Row {
 }
 
 /// A value that goes into a statement; absent ones have a type as well.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Value {
     Integer(Option<i64>),
     Real(Option<f64>),
