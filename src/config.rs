@@ -87,7 +87,18 @@ pub struct Config {
     )]
     pub database: Option<Secret>,
 
-    /// Content in an object store that servers and workers share, as s3://BUCKET/PREFIX, or file:///FOLDER that all of them see; goes with --database
+    /// The same database with no pooler between, where --database leads to one that gives connections out by transaction, as PgBouncer does
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        env = "CHLADNI_DATABASE_DIRECT",
+        requires = "database",
+        hide_env_values = true,
+        help_heading = "Storage"
+    )]
+    pub database_direct: Option<Secret>,
+
+    /// Content in an object store that servers and workers share, as s3://BUCKET/PREFIX?endpoint=ADDRESS, or file:///FOLDER that all of them see; goes with --database
     #[arg(long, value_name = "ADDRESS", env = "CHLADNI_OBJECTS", requires = "database", help_heading = "Storage")]
     pub objects: Option<String>,
 
@@ -396,6 +407,7 @@ impl Default for Config {
             body_seconds: Duration::from_secs(30),
             data: PathBuf::from("chladni-data"),
             database: None,
+            database_direct: None,
             objects: None,
             cache_bytes: GIB,
             least_free_bytes: 256 * MIB,

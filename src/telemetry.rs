@@ -92,6 +92,16 @@ pub struct Metrics {
     pub least_free_bytes: IntGauge,
     /// 1 where the server takes work, else 0.
     pub ready: IntGauge,
+    /// 1, labelled with what keeps records and content.
+    pub store_info: IntGaugeVec,
+    /// 1 where the database answers, else 0.
+    pub database_up: IntGauge,
+    /// 1 where what keeps the content answers, else 0.
+    pub content_up: IntGauge,
+    /// Living workers that share the records, by what they have.
+    pub workers: IntGaugeVec,
+    /// Jobs that they run at once.
+    pub worker_seats: IntGaugeVec,
     /// Seconds for which the job has waited that waits for longest and could run.
     pub queue_age_seconds: IntGauge,
     /// Bytes of memory that running jobs were promised.
@@ -103,6 +113,9 @@ pub struct Metrics {
     /// Solves that fell back from the GPU to the CPU.
     pub gpu_fallbacks: IntCounter,
 }
+
+/// What makes workers alike.
+const WORKER_LABELS: &[&str] = &["memory", "kinds", "solver_version"];
 
 /// Bounds for what a user waits for: 0.5 ms to 30 s.
 const REQUEST_BUCKETS: &[f64] =
@@ -172,6 +185,23 @@ impl Metrics {
             free_bytes: kept.gauge("chladni_free_bytes", "Bytes that are free on the disk of the data folder")?,
             least_free_bytes: kept.gauge("chladni_least_free_bytes", "Bytes that must stay free on that disk")?,
             ready: kept.gauge("chladni_ready", "1 where the server takes work, else 0")?,
+            store_info: kept.keep(IntGaugeVec::new(
+                Opts::new("chladni_store_info", "1, labelled with what keeps records and content"),
+                &["database", "content"],
+            )?)?,
+            database_up: kept.gauge("chladni_database_up", "1 where the database answers, else 0")?,
+            content_up: kept.gauge("chladni_content_up", "1 where what keeps the content answers, else 0")?,
+            workers: kept.keep(IntGaugeVec::new(
+                Opts::new(
+                    "chladni_workers",
+                    "Living workers that share the records, by bytes of memory, kinds and solver",
+                ),
+                WORKER_LABELS,
+            )?)?,
+            worker_seats: kept.keep(IntGaugeVec::new(
+                Opts::new("chladni_worker_seats", "Jobs that living workers run at once"),
+                WORKER_LABELS,
+            )?)?,
             queue_age_seconds: kept
                 .gauge("chladni_queue_age_seconds", "Seconds for which the oldest job has waited that could run")?,
             job_memory_promised_bytes: kept
@@ -265,6 +295,9 @@ mod tests {
         metrics.job_run_seconds.with_label_values(&["eigenbasis", "eigen"]).observe(1.0);
         metrics.reduced_solve_seconds.with_label_values(&["filter"]).observe(1.0);
         metrics.database_bytes.with_label_values(&["meta"]).set(1);
+        metrics.store_info.with_label_values(&["sqlite", "sqlite"]).set(1);
+        metrics.workers.with_label_values(&["1", "all", "0.1.0+5"]).set(1);
+        metrics.worker_seats.with_label_values(&["1", "all", "0.1.0+5"]).set(1);
         let families = metrics.registry.gather();
         assert!(families.len() > 30, "{}", families.len());
         for family in families {
@@ -274,7 +307,10 @@ mod tests {
             assert!(name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_'), "{name}");
             assert_eq!(name.ends_with("_total"), kind == "counter", "{name} is a {kind}");
             for reserved in ["_count", "_sum", "_bucket", "_info"] {
-                assert!(!name.ends_with(reserved) || name == "chladni_build_info", "{name}");
+                assert!(
+                    !name.ends_with(reserved) || ["chladni_build_info", "chladni_store_info"].contains(&name),
+                    "{name}"
+                );
             }
             let words: Vec<&str> = name.split('_').collect();
             for wrong in [
@@ -320,7 +356,10 @@ mod tests {
                 ]
                 .map(|name| format!("chladni_{name}")),
             )
-            .chain(["reduced_solve_seconds", "database_bytes"].map(|name| format!("chladni_{name}")))
+            .chain(
+                ["reduced_solve_seconds", "database_bytes", "workers", "worker_seats", "store_info"]
+                    .map(|name| format!("chladni_{name}")),
+            )
             .collect();
         let mut asked = 0;
         for text in [include_str!("../deploy/alerts.yml"), include_str!("../deploy/grafana/dashboards/chladni.json")] {

@@ -4,6 +4,8 @@
 #[path = "common/postgres.rs"]
 mod postgres;
 mod process;
+#[path = "common/s3.rs"]
+mod s3;
 
 use std::{
     io::{BufRead, BufReader},
@@ -27,8 +29,59 @@ const LEASE: Duration = Duration::from_secs(3);
 /// Where processes share what they have.
 struct Places {
     database: String,
+    /// Where a pooler stands before the database: the way around it, and the process.
+    pooler: Option<(String, Pooler)>,
     objects: String,
+    /// Where the objects are in a store that speaks S3: what the processes are told of it, and where the tests find it.
+    s3: Option<(Vec<(&'static str, String)>, String)>,
     folder: TempDir,
+}
+
+/// A PgBouncer that gives connections out by transaction.
+struct Pooler(Child);
+
+impl Pooler {
+    /// One before a database of the tests, and its address; `None` where it is not installed, which is said.
+    fn before(database: &str, folder: &Path) -> Option<(Self, String)> {
+        let binary = Path::new("/usr/sbin/pgbouncer");
+        if !binary.exists() {
+            eprintln!("skipped: PgBouncer is not installed");
+            return None;
+        }
+        let (rest, sockets) = database.split_once("?host=").unwrap();
+        let name = rest.rsplit_once('/').unwrap().1;
+        let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let settings = format!(
+            "[databases]\n{name} = host={sockets} user=postgres\n[pgbouncer]\nlisten_addr = 127.0.0.1\nlisten_port = {port}\nunix_socket_dir =\n\
+             auth_type = any\npool_mode = transaction\ndefault_pool_size = 4\nmax_client_conn = 200\n"
+        );
+        let file = folder.join("pgbouncer.ini");
+        std::fs::write(&file, settings).unwrap();
+        // It refuses to run as root.
+        let mut command = if rustix::process::getuid().is_root() {
+            use std::os::unix::fs::PermissionsExt;
+            std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0o755)).unwrap();
+            let mut command = Command::new("setpriv");
+            command.args(["--reuid=postgres", "--regid=postgres", "--clear-groups"]).arg(binary);
+            command
+        } else {
+            Command::new(binary)
+        };
+        let process = command.arg("-q").arg(&file).stderr(Stdio::null()).spawn().unwrap();
+        let begun = Instant::now();
+        while std::net::TcpStream::connect(("127.0.0.1", port)).is_err() {
+            assert!(begun.elapsed() < PATIENCE, "PgBouncer does not start");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        Some((Self(process), format!("postgres://postgres@127.0.0.1:{port}/{name}?sslmode=disable")))
+    }
+}
+
+impl Drop for Pooler {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
 
 impl Places {
@@ -37,26 +90,47 @@ impl Places {
         let server = postgres::server()?;
         let folder = tempfile::tempdir().unwrap();
         let objects = format!("file://{}", folder.path().join("objects").display());
-        Some(Self { database: server.database_of(folder.path()), objects, folder })
+        Some(Self { database: server.database_of(folder.path()), pooler: None, objects, s3: None, folder })
     }
 
-    fn settings(&self) -> [&str; 6] {
-        ["--database", &self.database, "--objects", &self.objects, "--lease-seconds", "3"]
+    /// The same with objects in a store that speaks S3, whose requests are signed.
+    fn over_s3() -> Option<Self> {
+        let mut places = Self::new()?;
+        let [signed, open] = [true, false].map(|signed| s3::of_folder(places.folder.path(), signed));
+        let keys = s3::KEYS.map(|(name, value)| (name, value.to_owned()));
+        places.objects = signed.objects;
+        places.s3 = Some((keys.into_iter().chain([("AWS_ENDPOINT", signed.endpoint)]).collect(), open.objects));
+        Some(places)
+    }
+
+    fn settings(&self) -> Vec<&str> {
+        let mut settings = vec!["--database", &self.database, "--objects", &self.objects, "--lease-seconds", "3"];
+        if let Some((direct, _)) = &self.pooler {
+            settings.extend(["--database-direct", direct]);
+        }
+        settings
+    }
+
+    fn environment(&self) -> Vec<(&str, &str)> {
+        let told = self.s3.iter().flat_map(|(told, _)| told);
+        told.map(|(name, value)| (*name, value.as_str())).collect()
     }
 
     /// A server that leaves jobs to others. A data folder is none of its business.
     fn server(&self) -> Server {
         let nowhere = Path::new("/nonexistent/chladni-data");
-        Server::start(nowhere, &[&self.settings()[..], &["--workers", "0"]].concat())
+        Server::start_in(nowhere, &[&self.settings()[..], &["--workers", "0"]].concat(), &self.environment())
     }
 
     fn worker(&self, settings: &[&str]) -> Worker {
-        Worker::start(&[&self.settings()[..], settings].concat())
+        Worker::start(&[&self.settings()[..], settings].concat(), &self.environment())
     }
 
     /// Looks at everything that must hold of what is stored.
     async fn check(&self) -> usize {
-        let shared = SharedPlaces { database: self.database.clone(), objects: self.objects.clone() };
+        let objects = self.s3.as_ref().map_or(&self.objects, |(_, open)| open).clone();
+        let direct = self.pooler.as_ref().map(|(direct, _)| direct.clone());
+        let shared = SharedPlaces { database: self.database.clone(), direct, objects };
         let options = StoreOptions { shared: Some(shared), ..StoreOptions::new(self.folder.path()) };
         let store = Store::open(options).await.unwrap();
         let page = PageRequest { limit: PageRequest::MOST, from: None };
@@ -84,10 +158,11 @@ impl Places {
 struct Worker(Child);
 
 impl Worker {
-    fn start(settings: &[&str]) -> Self {
+    fn start(settings: &[&str], environment: &[(&str, &str)]) -> Self {
         let mut process = Command::new(env!("CARGO_BIN_EXE_chladni"))
             .args(["worker", "--threads", "1", "--gpu", "off", "--log-level", "error", "--heartbeat-seconds", "0.2"])
             .args(settings)
+            .envs(environment.iter().copied())
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
@@ -123,7 +198,7 @@ impl Drop for Worker {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn two_servers_and_two_workers_are_one_service() {
-    let Some(places) = Places::new() else { return };
+    let Some(places) = Places::over_s3() else { return };
     let (one, two) = (places.server(), places.server());
     let _workers = [places.worker(&[]), places.worker(&[])];
     let mesh = one.upload().await;
@@ -155,7 +230,43 @@ async fn two_servers_and_two_workers_are_one_service() {
         contents.push(answer.bytes().await.unwrap());
     }
     assert!(contents[0] == contents[1] && contents[0].starts_with(b"PK"));
-    // A job that waits is cancelled by the other server.
+    // Or straight from where it lies, for whoever has the address.
+    let client = process::cryptography::builder().redirect(reqwest::redirect::Policy::none()).build().unwrap();
+    let asked = client.get(format!("{}/v1/bases/{basis}/content", two.url)).header("prefer", "redirect");
+    let sent = asked.send().await.unwrap();
+    assert_eq!(
+        (sent.status(), &sent.headers()["preference-applied"]),
+        (307.try_into().unwrap(), &"redirect".parse().unwrap())
+    );
+    let place = sent.headers()["location"].to_str().unwrap();
+    assert!(place.starts_with("http://127.0.0.1:") && place.contains("/lab/one/b/"), "{place}");
+    let fetched = client.get(place).send().await.unwrap();
+    assert_eq!(
+        (fetched.status().as_u16(), &fetched.headers()["content-type"]),
+        (200, &"application/x-npz".parse().unwrap())
+    );
+    let fetched = fetched.bytes().await.unwrap();
+    assert!(fetched == contents[0]);
+    assert_eq!(sent.headers()["etag"].to_str().unwrap(), format!("\"{}\"", blake3::hash(&fetched)));
+    // Without a signature it gives nothing.
+    assert_eq!(client.get(place.split_once('?').unwrap().0).send().await.unwrap().status(), 403);
+    // Who works, and on what, is said.
+    let get = async |path: &str| two.client.get(format!("{}{path}", two.url)).send().await.unwrap();
+    let ready: Value = get("/readyz").await.json().await.unwrap();
+    assert_eq!((&ready["database"], &ready["content"]), (&"postgresql".into(), &"s3".into()), "{ready}");
+    assert_eq!(
+        (ready["workers"].as_array().unwrap().len(), &ready["workers"][0]["processes"]),
+        (1, &2.into()),
+        "{ready}"
+    );
+    let metrics = get("/metrics").await.text().await.unwrap();
+    for line in
+        ["chladni_content_up 1", "chladni_database_up 1", r#"chladni_store_info{content="s3",database="postgresql"} 1"#]
+    {
+        assert!(metrics.lines().any(|own| own == line), "{line} is missing from\n{metrics}");
+    }
+    let class = metrics.lines().find(|line| line.starts_with("chladni_workers{")).unwrap();
+    assert!(class.contains(r#"kinds="all""#) && class.ends_with(" 2"), "{class}");
     assert_eq!(places.check().await, 13);
     one.stop();
     two.stop();
@@ -212,6 +323,153 @@ async fn a_worker_that_was_stopped_for_too_long_changes_nothing() {
     tokio::time::sleep(Duration::from_secs(1)).await;
     assert_eq!(server.job_now(&job).await, done);
     assert_eq!(places.check().await, 1);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_pooler_that_gives_connections_out_by_transaction_serves() {
+    let Some(mut places) = Places::new() else { return };
+    let Some((pooler, address)) = Pooler::before(&places.database, places.folder.path()) else { return };
+    places.pooler = Some((std::mem::replace(&mut places.database, address), pooler));
+    let server = places.server();
+    let _workers = [places.worker(&[]), places.worker(&[])];
+    let mesh = server.upload().await;
+    let mut jobs = Vec::new();
+    for count in 4..10 {
+        jobs.push(server.submit(&mesh, count).await.unwrap());
+    }
+    for job in &jobs {
+        let done = server.finished(job).await;
+        assert_eq!((&done["status"], &done["attempt"]), (&"succeeded".into(), &1.into()), "{done}");
+    }
+    assert_eq!(places.check().await, 6);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_job_is_refused_by_the_largest_worker_and_left_to_it() {
+    let Some(places) = Places::new() else { return };
+    let server = places.server();
+    let mesh = server.upload().await;
+    let request = serde_json::json!({"kind": "eigenbasis", "mesh": mesh, "parameters": {"count": 6}});
+    let post =
+        async |path: &str| server.client.post(format!("{}{path}", server.url)).json(&request).send().await.unwrap();
+    let estimate: Value = post("/v1/job-estimates").await.json().await.unwrap();
+    let needed = estimate["memory_bytes"].as_u64().unwrap();
+    let small = places.worker(&["--memory-bytes", &(needed - 1).to_string()]);
+    // One that is large enough, for other jobs.
+    let _other = places.worker(&["--memory-bytes", &(4 * needed).to_string(), "--kinds", "field_basis"]);
+    let begun = Instant::now();
+    let refused: Value = loop {
+        let workers: Value =
+            server.client.get(format!("{}/readyz", server.url)).send().await.unwrap().json().await.unwrap();
+        if workers["workers"].as_array().unwrap().len() == 2 {
+            let refused = post("/v1/jobs").await;
+            assert_eq!(refused.status(), 422);
+            break refused.json().await.unwrap();
+        }
+        assert!(begun.elapsed() < PATIENCE, "{workers}");
+    };
+    assert_eq!(
+        (&refused["type"], &refused["limit"]),
+        (&"/problems/job-too-large".into(), &(needed - 1).into()),
+        "{refused}"
+    );
+    // It was asked for while a larger one lived, which has gone.
+    let large = places.worker(&["--memory-bytes", &needed.to_string(), "--fault", "after-claim:kill:0"]);
+    let job = loop {
+        let answer = post("/v1/jobs").await;
+        if answer.status().is_success() {
+            break answer.json::<Value>().await.unwrap()["id"].as_str().unwrap().to_owned();
+        }
+        assert!(begun.elapsed() < PATIENCE);
+    };
+    assert_eq!(large.ended(), Some(SIGKILL));
+    // The lease runs out, and the small one, which is idle, leaves the job alone.
+    tokio::time::sleep(LEASE + Duration::from_secs(1)).await;
+    let waiting = server.job_now(&job).await;
+    assert_eq!((waiting["status"] != "failed", &waiting["attempt"]), (true, &1.into()), "{waiting}");
+    let _heir = places.worker(&["--memory-bytes", &needed.to_string()]);
+    let done = server.finished(&job).await;
+    assert_eq!((&done["status"], &done["attempt"]), (&"succeeded".into(), &2.into()), "{done}");
+    drop(small);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_folder_is_moved_where_many_share_it_however_often_that_is_killed() {
+    let Some(places) = Places::over_s3() else { return };
+    let folder = places.folder.path().join("data");
+    let server = Server::start(&folder, &[]);
+    let mesh = server.upload().await;
+    let mut bases = Vec::new();
+    for parameters in
+        [serde_json::json!({"count": 6}), serde_json::json!({"count": 8, "storage": "dense", "method": "hsim"})]
+    {
+        let job = server.submit_with(&mesh, parameters).await.unwrap();
+        let done = server.finished(&job).await;
+        bases.push((job, done["basis"].as_str().unwrap_or_else(|| panic!("{done}")).to_owned()));
+    }
+    let content = async |server: &Server, basis: &str| {
+        let answer = server.client.get(format!("{}/v1/bases/{basis}/content", server.url)).send().await.unwrap();
+        assert!(answer.status().is_success());
+        answer.bytes().await.unwrap()
+    };
+    let record = async |server: &Server, path: &str| -> Value {
+        server.client.get(format!("{}{path}", server.url)).send().await.unwrap().json().await.unwrap()
+    };
+    let mut before = Vec::new();
+    for (job, basis) in &bases {
+        let records =
+            [record(&server, &format!("/v1/jobs/{job}")).await, record(&server, &format!("/v1/bases/{basis}")).await];
+        before.push((content(&server, basis).await, records));
+    }
+    server.stop();
+    let migrate = |fault: &[&str]| {
+        let arguments = [
+            "migrate",
+            "--json",
+            "--data",
+            folder.to_str().unwrap(),
+            "--to",
+            &places.database,
+            "--objects",
+            &places.objects,
+        ];
+        Command::new(env!("CARGO_BIN_EXE_chladni"))
+            .args(arguments)
+            .args(fault)
+            .envs(places.environment())
+            .output()
+            .unwrap()
+    };
+    // Before the first object is written, between a piece of content and its record, and in the third piece.
+    for fault in ["mid-chunks:kill:0", "after-blob-ready:kill:0", "before-blob-ready:kill:1"] {
+        let killed = migrate(&["--fault", fault]);
+        assert_eq!(killed.status.signal(), Some(SIGKILL), "{fault}: {killed:?}");
+    }
+    let done = migrate(&[]);
+    assert!(done.status.success(), "{done:?}");
+    let done: Value = serde_json::from_slice(&done.stdout).unwrap();
+    assert_eq!((&done["meshes"], &done["jobs"], &done["bases"]), (&1.into(), &2.into(), &2.into()), "{done}");
+    assert!(done["written"].as_u64().unwrap() < 3, "what was there was copied again: {done}");
+    // Another time there is nothing to do.
+    let again = migrate(&[]);
+    assert_eq!(serde_json::from_slice::<Value>(&again.stdout).unwrap()["written"], 0, "{again:?}");
+    let server = places.server();
+    for ((job, basis), (bytes, records)) in bases.iter().zip(&before) {
+        assert!(content(&server, basis).await == *bytes);
+        assert_eq!(record(&server, &format!("/v1/jobs/{job}")).await, records[0]);
+        assert_eq!(record(&server, &format!("/v1/bases/{basis}")).await, records[1]);
+    }
+    // New work goes on behind it.
+    let _worker = places.worker(&[]);
+    let job = server.submit(&mesh, 5).await.unwrap();
+    assert_eq!(server.finished(&job).await["status"], "succeeded");
+    assert_eq!(places.check().await, 3);
+    // What others have written there is nobody's copy.
+    let refused = migrate(&[]);
+    assert!(
+        !refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains("nothing else"),
+        "{refused:?}"
+    );
 }
 
 #[test]

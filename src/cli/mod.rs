@@ -16,6 +16,8 @@ mod error;
 mod field;
 mod input;
 mod memory;
+#[cfg(feature = "cluster")]
+mod migrate;
 mod output;
 mod poison;
 mod private;
@@ -85,6 +87,8 @@ enum Command {
     Restore(restore::RestoreArguments),
     Doctor(doctor::DoctorArguments),
     Compact(compact::CompactArguments),
+    #[cfg(feature = "cluster")]
+    Migrate(migrate::MigrateArguments),
     Sample(sample::SampleArguments),
     /// Run jobs of servers that share their records: the settings of `serve`, without an API
     #[command(after_help = WORKER_HELP)]
@@ -133,6 +137,8 @@ pub fn main() -> ExitCode {
         Command::Restore(arguments) => restore::restore(arguments),
         Command::Doctor(arguments) => doctor::doctor(arguments),
         Command::Compact(arguments) => compact::compact(arguments),
+        #[cfg(feature = "cluster")]
+        Command::Migrate(arguments) => migrate::migrate(arguments),
         Command::Sample(arguments) => sample::sample(arguments),
         Command::Worker(config) => serve::work(*config),
         Command::WorkerProcess(arguments) => worker::worker(arguments),

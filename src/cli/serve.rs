@@ -170,7 +170,8 @@ async fn open_store(config: &Config, accelerator: &gpu::Accelerator) -> Result<S
     let mut options = StoreOptions::new(&config.data);
     options.shared = match (&config.database, &config.objects) {
         (Some(database), Some(objects)) => {
-            Some(SharedPlaces { database: database.reveal().to_owned(), objects: objects.clone() })
+            let direct = config.database_direct.as_ref().map(|direct| direct.reveal().to_owned());
+            Some(SharedPlaces { database: database.reveal().to_owned(), direct, objects: objects.clone() })
         }
         _ => None,
     };

@@ -23,7 +23,7 @@ use super::ids::BasisId;
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
-use crate::store::BasisStorage;
+use crate::store::{BasisRecord, BasisStorage};
 
 /// The routes of content of bases.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -173,6 +173,7 @@ problems!(GetBasisContentProblems: [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE
         BasisId,
         ContentQuery,
         ("Range" = Option<String>, Header, description = "One range of bytes", example = "bytes=0-1023"),
+        ("Prefer" = Option<String>, Header, description = "`redirect`: an NPZ is rather fetched from the object store, where the server keeps content in one", example = "redirect"),
     ),
     responses(
         (status = 200, description = "The whole content", content(
@@ -181,6 +182,7 @@ problems!(GetBasisContentProblems: [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE
             headers(("ETag" = String))),
         (status = 206, description = "The bytes that `Range` asks for", content((super::docs::Binary = "application/x-npz"), (super::docs::Binary = "application/x-safetensors"), (super::docs::Binary = "application/x-matrix-market+zip"), (super::docs::Binary = "application/zip"), (super::docs::Binary = "application/octet-stream")), headers(("Content-Range" = String))),
         (status = 304, description = "The content is as `If-None-Match` names it"),
+        (status = 307, description = "With `Prefer: redirect`: where the NPZ lies, for five minutes. Whoever has this address needs no key; `ETag` is the BLAKE3 hash of what it gives", headers(("Location" = String), ("ETag" = String))),
         GetBasisContentProblems,
     ),
     security(("bearer" = ["read"]))
@@ -207,6 +209,11 @@ async fn basis_content(
             return match immutable("", "npz", record.bytes).wanted(&headers)? {
                 Wanted::Known(response) => Ok(response),
                 Wanted::Bytes(range, mut response) => {
+                    if prefers_redirect(&headers)
+                        && let Some(elsewhere) = elsewhere(&state, &record, media_type).await?
+                    {
+                        return Ok(elsewhere);
+                    }
                     state.store.check_content(&record.content_hash, &range).await?;
                     *response.body_mut() = Body::from_stream(state.store.blob_stream(&record.content_hash, range));
                     Ok(response)
@@ -242,6 +249,29 @@ async fn basis_content(
     let (suffix, extension) =
         if format == Format::Safetensors { ("-safetensors", "safetensors") } else { ("-mtx", "mtx.zip") };
     immutable(suffix, extension, bytes.len() as u64).answer(&headers, bytes)
+}
+
+/// Whether a client would rather be sent to where the content lies.
+fn prefers_redirect(headers: &HeaderMap) -> bool {
+    let preferences = headers.get_all("prefer").iter().filter_map(|value| value.to_str().ok());
+    preferences.flat_map(|value| value.split(',')).any(|preference| preference.trim().eq_ignore_ascii_case("redirect"))
+}
+
+/// Sends a client to where the content lies, if that is an object store. The tag is the BLAKE3 hash of what it gets there.
+async fn elsewhere(state: &ClientState, record: &BasisRecord, media_type: &str) -> Result<Option<Response>, Problem> {
+    let file_name = format!("basis-{}.npz", record.id);
+    let Some(address) = state.store.signed_address(&record.content_hash, media_type, &file_name).await? else {
+        return Ok(None);
+    };
+    let mut response = StatusCode::TEMPORARY_REDIRECT.into_response();
+    let head = response.headers_mut();
+    head.typed_insert(conditional::strong(&record.content_hash)?);
+    head.insert(header::LOCATION, HeaderValue::try_from(address).map_err(Problem::internal)?);
+    head.insert("preference-applied", HeaderValue::from_static("redirect"));
+    // The address is good for some minutes, and whoever has it needs no key.
+    head.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    head.insert(header::VARY, HeaderValue::from_static("accept, prefer"));
+    Ok(Some(response))
 }
 
 /// A range of what begins with `head` and goes on with some bytes of a blob.

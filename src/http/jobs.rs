@@ -91,7 +91,7 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
     if estimate > limit {
         return Err(Problem::new(
             &problem::JOB_TOO_LARGE,
-            format!("The job needs about {estimate} bytes of memory; this server allows {limit} for one."),
+            format!("The job needs about {estimate} bytes of memory; {limit} is the most that one may have here."),
         )
         .with("estimate", estimate)
         .with("limit", limit));
@@ -144,6 +144,12 @@ pub(super) struct Planned {
     pub seconds: Option<f64>,
 }
 
+/// Bytes of memory that one job of a kind may need: what the server allows, and no more than the largest worker has that takes such jobs.
+async fn most_bytes(state: &ClientState, kind: &str) -> Result<u64, Problem> {
+    let allowed = state.config.limits.max_job_bytes;
+    Ok(state.store.most_memory_for(kind).await?.map_or(allowed, |most| most.min(allowed)))
+}
+
 /// Reads what a request asks for, and checks it against its mesh. Its parameters are taken out of it.
 pub(super) async fn plan(
     state: &ClientState,
@@ -186,7 +192,7 @@ pub(super) async fn plan(
     parameters.check_mesh(size)?;
     Ok(Planned {
         estimate: parameters.memory_bytes(size),
-        limit: state.config.limits.max_job_bytes,
+        limit: most_bytes(state, &request.kind).await?,
         seconds: parameters.seconds(size),
         source: mesh.id,
         parameters,
@@ -231,7 +237,7 @@ async fn plan_on_problem(state: &ClientState, request: &mut JobRequest) -> Resul
     parameters.check_problem(size)?;
     Ok(Planned {
         estimate: parameters.problem_memory_bytes(size),
-        limit: state.config.limits.max_job_bytes,
+        limit: most_bytes(state, &request.kind).await?,
         seconds: None,
         source: problem.id,
         parameters: JobParameters::PencilBasis(parameters),

@@ -44,16 +44,83 @@ async fn healthz() -> Json<Health> {
 
 /// Whether the server takes work.
 #[derive(Debug, Serialize, ToSchema)]
-#[schema(example = json!({"status": "ready", "free_bytes": 53687091200u64, "blob_bytes": 73400320, "wal_bytes": 131072}))]
+#[schema(example = json!({"status": "ready", "database": "postgresql", "content": "s3", "free_bytes": null, "blob_bytes": 73400320, "wal_bytes": 0, "queue_age_seconds": 3, "workers": [{"memory_bytes": 68719476736u64, "kinds": [], "solver_version": "0.1.0+5", "processes": 3, "seats": 12}]}))]
 struct Readiness {
     /// `ready`.
     status: &'static str,
+    /// What keeps the records: `sqlite`, or `postgresql` where processes share them.
+    database: &'static str,
+    /// What keeps the content: `sqlite`, or `s3` or `files` where processes share it.
+    content: &'static str,
     /// Free bytes on the disk of the data folder, where the system tells.
     free_bytes: Option<u64>,
     /// Bytes of all stored content.
     blob_bytes: u64,
     /// Bytes of the write-ahead logs.
     wal_bytes: u64,
+    /// Seconds for which the job has waited that waits for longest and could run; 0 where none waits.
+    queue_age_seconds: u64,
+    /// The workers that were heard of within a minute, by what they have; empty where this process shares its jobs with none.
+    workers: Vec<WorkerClass>,
+}
+
+/// Workers that have the same.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, ToSchema)]
+pub(super) struct WorkerClass {
+    /// Bytes of memory that the jobs of one of them may need together.
+    pub(super) memory_bytes: u64,
+    /// The kinds of job that they take; all where it is empty.
+    pub(super) kinds: Vec<String>,
+    /// The version of their solver.
+    pub(super) solver_version: String,
+    /// How many they are.
+    pub(super) processes: u64,
+    /// Jobs that they run at once, all together.
+    pub(super) seats: u64,
+}
+
+/// Living workers by what they have; none where they cannot be asked for.
+async fn worker_classes(state: &AppState) -> Vec<WorkerClass> {
+    let workers = state.store.workers().await.unwrap_or_else(|error| {
+        tracing::warn!(%error, "the workers cannot be counted");
+        Vec::new()
+    });
+    let mut classes: Vec<WorkerClass> = Vec::new();
+    for worker in workers {
+        let known = classes.iter_mut().find(|class| {
+            (class.memory_bytes, &class.kinds, &class.solver_version)
+                == (worker.memory_bytes, &worker.kinds, &worker.solver_version)
+        });
+        match known {
+            Some(class) => {
+                class.processes += 1;
+                class.seats += worker.seats;
+            }
+            None => classes.push(WorkerClass {
+                memory_bytes: worker.memory_bytes,
+                kinds: worker.kinds,
+                solver_version: worker.solver_version,
+                processes: 1,
+                seats: worker.seats,
+            }),
+        }
+    }
+    classes.sort_unstable();
+    classes
+}
+
+/// Seconds for which the oldest job has waited that could run.
+async fn queue_age_seconds(state: &AppState) -> Option<u64> {
+    match state.store.oldest_waiting_ms().await {
+        Ok(since_ms) => {
+            let age_ms = since_ms.map_or(0, |since_ms| state.store.now_ms() - since_ms);
+            Some(u64::try_from(age_ms / 1000).unwrap_or(0))
+        }
+        Err(error) => {
+            tracing::warn!(%error, "the age of the queue could not be read");
+            None
+        }
+    }
 }
 
 problems!(ReadyProblems: [NOT_READY]);
@@ -61,7 +128,7 @@ problems!(ReadyProblems: [NOT_READY]);
 /// Tells whether the server takes work
 ///
 /// Where it does not, the problem's `reasons` tell a full disk (`storage-full`), databases that were removed or replaced (`storage-replaced`), a store that cannot be written for another
-/// cause (`storage-unavailable`), dead workers (`workers-dead`) and a server that shuts down (`draining`) apart.
+/// cause (`storage-unavailable`: a database that does not answer, where one is shared), an object store that does not answer (`content-unavailable`), dead workers (`workers-dead`) and a server that shuts down (`draining`) apart.
 #[utoipa::path(
     get, path = "/readyz", tag = "system", operation_id = "ready",
     responses(
@@ -76,6 +143,8 @@ async fn readyz(State(state): State<AppState>) -> Result<Json<Readiness>, Proble
     if !reasons.is_empty() {
         let mut refused = Problem::new(&problem::NOT_READY, format!("Not ready: {}.", reasons.join(", ")))
             .with("reasons", reasons)
+            .with("database", health.database)
+            .with("content", health.content)
             .with("blob_bytes", health.blob_bytes)
             .retry_after(5);
         if let Some(free) = health.free_bytes {
@@ -85,6 +154,10 @@ async fn readyz(State(state): State<AppState>) -> Result<Json<Readiness>, Proble
     }
     Ok(Json(Readiness {
         status: "ready",
+        database: health.database,
+        content: health.content,
+        queue_age_seconds: queue_age_seconds(&state).await.unwrap_or(0),
+        workers: worker_classes(&state).await,
         free_bytes: health.free_bytes,
         blob_bytes: health.blob_bytes,
         wal_bytes: health.wal_bytes,
@@ -101,6 +174,10 @@ fn refusals(state: &AppState, health: &StoreHealth) -> Vec<&'static str> {
     } else if !health.writable {
         tracing::warn!(reason = health.reason, "the store cannot be written");
         reasons.push("storage-unavailable");
+    }
+    if !health.content_up {
+        tracing::warn!(reason = health.reason, "the object store does not answer");
+        reasons.push("content-unavailable");
     }
     if !state.workers_alive() {
         reasons.push("workers-dead");
@@ -145,12 +222,22 @@ async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
     metrics.free_bytes.set(health.free_bytes.unwrap_or_default() as i64);
     metrics.least_free_bytes.set(health.least_free_bytes as i64);
     metrics.ready.set(i64::from(refusals(&state, &health).is_empty()));
-    match state.store.oldest_waiting_ms().await {
-        Ok(since_ms) => {
-            let age_ms = since_ms.map_or(0, |since_ms| (state.store.now_ms() - since_ms).max(0));
-            metrics.queue_age_seconds.set(age_ms / 1000);
-        }
-        Err(error) => tracing::warn!(%error, "the age of the queue could not be read"),
+    if let Some(seconds) = queue_age_seconds(&state).await {
+        metrics.queue_age_seconds.set(i64::try_from(seconds).unwrap_or(i64::MAX));
+    }
+    metrics.store_info.reset();
+    metrics.store_info.with_label_values(&[health.database, health.content]).set(1);
+    metrics.database_up.set(i64::from(health.database_up));
+    metrics.content_up.set(i64::from(health.content_up));
+    // Classes go as their last worker does.
+    metrics.workers.reset();
+    metrics.worker_seats.reset();
+    for class in worker_classes(&state).await {
+        let memory = class.memory_bytes.to_string();
+        let kinds = if class.kinds.is_empty() { "all".to_owned() } else { class.kinds.join("+") };
+        let labels = [memory.as_str(), kinds.as_str(), class.solver_version.as_str()];
+        metrics.workers.with_label_values(&labels).set(class.processes as i64);
+        metrics.worker_seats.with_label_values(&labels).set(class.seats as i64);
     }
     metrics.solves_held.set(state.solve_places.held() as i64);
     metrics.request_bytes.set(state.request_memory.held() as i64);

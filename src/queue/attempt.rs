@@ -17,7 +17,8 @@ use uuid::Uuid;
 
 use super::{JobFailure, Outcome, WorkerOptions, memory::Reservation, monitor::AttemptMonitor, pool::Shared};
 use crate::store::{
-    Claim, CompleteAnswer, FailAnswer, HeartbeatAnswer, JobProblem, JobStatus, Progress, Store, StoreError,
+    Claim, CompleteAnswer, FailAnswer, HeartbeatAnswer, JobProblem, JobRecord, JobStatus, Progress, Store, StoreError,
+    Subject,
 };
 
 /// How often the heartbeat looks whether there is anything to write down.
@@ -26,6 +27,8 @@ const LOOK: Duration = Duration::from_millis(100);
 const CANCEL_PATIENCE: Duration = Duration::from_millis(300);
 /// Pause between two tries to write down what became of an attempt, while the storage refuses.
 const STORE_PAUSE: Duration = Duration::from_millis(500);
+/// A storage that others share is waited for so long before an attempt begins.
+const SUBJECT_PATIENCE: Duration = Duration::from_secs(300);
 
 /// What the heartbeat tells the attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,8 +78,9 @@ pub(super) async fn run(
         settle(shared, &job.kind, Ending::Failed(too_large, false), token).await;
         return Threads::Free;
     }
-    let subject = match shared.store.load_subject(&job.kind, &job.mesh).await {
-        Ok(subject) => subject,
+    let subject = match load_subject(shared, &job, token, &mut verdict).await {
+        Ok(Some(subject)) => subject,
+        Ok(None) => return Threads::Free,
         Err(error) => {
             let retryable = error.is_retryable();
             settle(shared, &job.kind, Ending::Failed(problem("mesh-unavailable", &error), retryable), token).await;
@@ -151,6 +155,41 @@ pub(super) async fn run(
     }
     drop((beating, memory));
     Threads::Free
+}
+
+/// Loads what a job is about. A storage that others share and that does not answer is waited for while the lease holds: an attempt that has not begun is
+/// not used up. `None` where it has ended meanwhile.
+async fn load_subject(
+    shared: &Shared,
+    job: &JobRecord,
+    token: Uuid,
+    verdict: &mut mpsc::Receiver<Verdict>,
+) -> Result<Option<Subject>, StoreError> {
+    let mut draining = shared.give_back.subscribe();
+    let begun = Instant::now();
+    loop {
+        match shared.store.load_subject(&job.kind, &job.mesh).await {
+            Err(error) if shared.store.is_shared() && error.is_retryable() && begun.elapsed() < SUBJECT_PATIENCE => {
+                tracing::warn!(%error, "what the job is about cannot be read yet");
+            }
+            loaded => return loaded.map(Some),
+        }
+        let verdict = tokio::select! {
+            () = tokio::time::sleep(STORE_PAUSE) => continue,
+            Some(verdict) = verdict.recv() => verdict,
+            () = told(&mut draining) => {
+                settle(shared, &job.kind, Ending::Released, token).await;
+                return Ok(None);
+            }
+        };
+        match verdict {
+            Verdict::Lost => shared.observer.lease_lost(&job.kind),
+            Verdict::Cancel => settle(shared, &job.kind, Ending::Canceled, token).await,
+            // No work has begun that could have stalled.
+            Verdict::Stalled => settle(shared, &job.kind, Ending::Released, token).await,
+        }
+        return Ok(None);
+    }
 }
 
 /// What the work came to, by way of a thread that may have panicked.

@@ -219,7 +219,7 @@ impl Store {
         let shared = product.clone();
         let content = blobs::blocking(move || encode(&shared, numbering.as_deref())).await??;
         let hash = blobs::hash_of(&content).await?;
-        self.put_blob(&hash, &content).await?;
+        self.patiently(|| Box::pin(self.put_blob(&hash, &content))).await?;
         let bytes = content.len() as u64;
         Ok(Some(WrittenBasis { product, summary, storage: BasisStorage::Compact, hash, bytes }))
     }

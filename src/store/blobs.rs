@@ -1,10 +1,10 @@
 //! Content by hash, in chunks: pending while it is written, ready once every chunk is verified. It lies in a database of SQLite in the data folder
 //! or, where many processes share it, in an object store.
 
-use std::ops::Range;
+use std::{ops::Range, time::Duration};
 
 use bytes::{Bytes, BytesMut};
-use futures_util::{Stream, stream};
+use futures_util::{Stream, future::BoxFuture, stream};
 use sqlx::Row;
 use tokio::sync::mpsc;
 use uuid::Uuid;
@@ -25,6 +25,9 @@ pub(super) const CHUNK_BYTES: usize = 256 << 10;
 const CHUNKS_PER_TRANSACTION: usize = 32;
 /// Chunks that one verifying statement reads.
 pub(super) const CHUNKS_PER_READ: i64 = 8;
+/// For so long what was computed waits for a storage that does not answer, before it is lost and computed anew.
+const PATIENCE: Duration = Duration::from_secs(300);
+const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 /// The hash of a pending blob whose content is being made.
 const UNKNOWN_HASH: &str = "";
 
@@ -47,10 +50,28 @@ impl Blobs {
             Self::Objects(_) => None,
         }
     }
+
+    /// What keeps the content, in a word.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Chunks(_) => "sqlite",
+            #[cfg(feature = "cluster")]
+            Self::Objects(objects) => objects.kind(),
+        }
+    }
+
+    /// Asks whether an object store answers; a database is asked otherwise.
+    pub async fn reach(&self) -> Result<(), StoreError> {
+        match self {
+            Self::Chunks(_) => Ok(()),
+            #[cfg(feature = "cluster")]
+            Self::Objects(objects) => objects.reach().await,
+        }
+    }
 }
 
 /// Content that is being written.
-enum Writing {
+pub(super) enum Writing {
     Chunks {
         id: i64,
         position: i64,
@@ -125,6 +146,29 @@ impl Store {
         })
     }
 
+    /// An address that gives a whole blob to whoever has it, for some minutes, straight from the object store; `None` where there is none that signs
+    /// addresses. The media type and the name of the file are those of the answer.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`] where no ready blob has this hash.
+    pub async fn signed_address(
+        &self,
+        hash: &str,
+        media_type: &str,
+        file_name: &str,
+    ) -> Result<Option<String>, StoreError> {
+        match &self.inner.blobs {
+            Blobs::Chunks(_) => {
+                let _ = (hash, media_type, file_name);
+                Ok(None)
+            }
+            #[cfg(feature = "cluster")]
+            Blobs::Objects(objects) => {
+                objects.signed_address(self.blob_place(hash).await?, media_type, file_name).await
+            }
+        }
+    }
+
     /// The whole of a blob that a record refers to, with its hash verified.
     pub(super) async fn verified_blob(&self, hash: &str) -> Result<Bytes, StoreError> {
         let place = match self.blob_place(hash).await {
@@ -195,7 +239,7 @@ impl Store {
         token: Uuid,
         make: impl FnOnce(&mut PieceWriter) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<Option<(T, String, u64)>, StoreError> {
-        let mut writing = self.begin_blob(UNKNOWN_HASH, expected).await?;
+        let mut writing = self.patiently(|| Box::pin(self.begin_blob(UNKNOWN_HASH, expected))).await?;
         let made = self.fill_made(&mut writing, token, make).await;
         if !matches!(made, Ok(Some(_))) {
             self.abandon_blob(writing).await;
@@ -218,7 +262,7 @@ impl Store {
         });
         let mut batch = Vec::with_capacity(CHUNKS_PER_TRANSACTION);
         while pieces.recv_many(&mut batch, CHUNKS_PER_TRANSACTION).await > 0 {
-            if !self.is_wanted(token).await? {
+            if !self.patiently(|| Box::pin(self.is_wanted(token))).await? {
                 return Ok(None);
             }
             self.write_chunks(writing, &batch).await?;
@@ -233,13 +277,35 @@ impl Store {
         Ok(Some((made, hash, bytes)))
     }
 
+    /// Tries again for minutes what a storage does not answer that processes share: it may be restarting, and what was computed is worth some waiting.
+    pub(super) async fn patiently<'a, T>(
+        &self,
+        mut call: impl FnMut() -> BoxFuture<'a, Result<T, StoreError>>,
+    ) -> Result<T, StoreError> {
+        let (begun, mut pause) = (tokio::time::Instant::now(), Duration::from_millis(20));
+        loop {
+            match call().await {
+                Err(error) if self.is_shared() && error.is_retryable() && begun.elapsed() < PATIENCE => {
+                    tracing::warn!(%error, "a result waits for the storage");
+                    tokio::time::sleep(pause).await;
+                    pause = (pause * 3).min(LONGEST_PAUSE);
+                }
+                answer => return answer,
+            }
+        }
+    }
+
     /// Begins a pending blob.
-    async fn begin_blob(&self, hash: &str, bytes: u64) -> Result<Writing, StoreError> {
+    pub(super) async fn begin_blob(&self, hash: &str, bytes: u64) -> Result<Writing, StoreError> {
         self.check_space(bytes)?;
         let blobs = match &self.inner.blobs {
             Blobs::Chunks(blobs) => blobs,
             #[cfg(feature = "cluster")]
-            Blobs::Objects(objects) => return Ok(Writing::Objects(objects.begin(hash, bytes, self.now_ms()).await?)),
+            Blobs::Objects(objects) => {
+                // Content that is made is made once.
+                let patient = hash == UNKNOWN_HASH;
+                return Ok(Writing::Objects(objects.begin(hash, bytes, patient, self.now_ms()).await?));
+            }
         };
         let mut transaction = blobs.write().await?;
         let id = sqlx::query_scalar(
@@ -256,7 +322,7 @@ impl Store {
     }
 
     /// Deletes a pending blob. What cannot be cleared now is collected when the store is opened next.
-    async fn abandon_blob(&self, writing: Writing) {
+    pub(super) async fn abandon_blob(&self, writing: Writing) {
         match (&self.inner.blobs, writing) {
             (Blobs::Chunks(blobs), Writing::Chunks { id, .. }) => {
                 if let Ok(mut transaction) = blobs.write().await
@@ -286,7 +352,7 @@ impl Store {
     }
 
     /// Writes the next chunks, in one transaction where they are rows.
-    async fn write_chunks(&self, writing: &mut Writing, chunks: &[Bytes]) -> Result<(), StoreError> {
+    pub(super) async fn write_chunks(&self, writing: &mut Writing, chunks: &[Bytes]) -> Result<(), StoreError> {
         match (&self.inner.blobs, writing) {
             (Blobs::Chunks(blobs), Writing::Chunks { id, position }) => {
                 let mut transaction = blobs.write().await?;
@@ -314,7 +380,7 @@ impl Store {
     }
 
     /// Makes a blob ready, in the place of a damaged one. Of chunks, what was written is read back before; an object store has verified each part.
-    async fn finish_blob(&self, writing: &mut Writing, hash: &str, bytes: u64) -> Result<(), StoreError> {
+    pub(super) async fn finish_blob(&self, writing: &mut Writing, hash: &str, bytes: u64) -> Result<(), StoreError> {
         match (&self.inner.blobs, writing) {
             (Blobs::Chunks(blobs), Writing::Chunks { id, .. }) => self.finish_chunks(blobs, *id, hash, bytes).await?,
             #[cfg(feature = "cluster")]

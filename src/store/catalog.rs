@@ -62,7 +62,7 @@ impl Catalog {
         match self {
             Self::Sqlite(database) => On::SqliteReader(database.reader()),
             #[cfg(feature = "cluster")]
-            Self::Postgres(postgres) => On::PostgresPool(postgres.pool()),
+            Self::Postgres(postgres) => postgres.on(),
         }
     }
 
@@ -118,7 +118,7 @@ impl Transaction {
         match self {
             Self::Sqlite(transaction) => On::Sqlite(transaction.on()),
             #[cfg(feature = "cluster")]
-            Self::Postgres(transaction) => On::Postgres(transaction),
+            Self::Postgres(transaction) => transaction.on(),
         }
     }
 

@@ -68,6 +68,17 @@ impl Store {
         Ok(())
     }
 
+    /// The most memory that any process has that takes jobs of a kind, in bytes; `None` where this one is alone, or no such process is known.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`] and its kin.
+    pub async fn most_memory_for(&self, kind: &str) -> Result<Option<u64>, StoreError> {
+        let workers = self.workers().await?;
+        let able =
+            workers.iter().filter(|worker| worker.kinds.is_empty() || worker.kinds.iter().any(|own| own == kind));
+        Ok(able.map(|worker| worker.memory_bytes).max())
+    }
+
     /// The processes that take jobs, by their names; none where this one is alone.
     ///
     /// # Errors

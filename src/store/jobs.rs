@@ -19,6 +19,17 @@ const MOST_RACES: usize = 20;
 /// For so long a repeated request with the same idempotency key is answered with the job of the first.
 const KEY_LIFE_MS: i64 = 7 * 24 * 3600 * 1000;
 
+/// Selects jobs as they are shown: of parameters that have a short form, which may be megabytes, nothing is read.
+macro_rules! shown {
+    () => {
+        "SELECT sequence, id, kind, mesh, CASE WHEN brief IS NULL THEN parameters END AS parameters, brief, priority, status, stage, progress, detail,
+            stage_seconds, attempt, max_attempts, cancel_requested, basis, problem, work_key, solver_version, created_ms, enqueued_ms, not_before_ms,
+            started_ms, finished_ms, memory_bytes, revision FROM jobs"
+    };
+}
+
+const ONE: &str = concat!(shown!(), " WHERE id = ?");
+
 impl Store {
     /// Enqueues a job once: the same idempotency key gives the job that it gave before, and equal work that waits, runs or is
     /// done gives that job. Where it is done and its basis is damaged, it is done anew, as the same job with the same basis. It is durable when
@@ -175,7 +186,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`].
     pub async fn job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
-        sql::query("SELECT * FROM jobs WHERE id = ?")
+        sql::query(ONE)
             .bind(id.to_string())
             .fetch_optional(self.inner.catalog.reader())
             .await?
@@ -200,7 +211,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::InvalidCursor`].
     pub async fn jobs(&self, filter: &JobFilter, page: &PageRequest) -> Result<Page<JobRecord>, StoreError> {
-        let mut query = QueryBuilder::new("SELECT * FROM jobs WHERE sequence < ");
+        let mut query = QueryBuilder::new(concat!(shown!(), " WHERE sequence < "));
         query.push_bind(page.below()?);
         push_filter(&mut query, "status", filter.status.map(JobStatus::as_str));
         push_filter(&mut query, "kind", filter.kind.as_deref());

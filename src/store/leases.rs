@@ -18,10 +18,6 @@ use super::{
     to_json,
 };
 
-/// Pauses between tries to make a result visible where the records are shared: locks are held for a moment, and a database that restarts is back
-/// within seconds.
-const TRIES_MS: [u64; 6] = [20, 100, 500, 1000, 2000, 4000];
-
 /// The numbers of a version such as `0.1.0+5`, which PostgreSQL compares one after the other.
 const VERSION_NUMBERS: [&str; 2] = ["CAST(string_to_array(translate(", ", '+', '.'), '.') AS INTEGER[])"];
 
@@ -263,15 +259,8 @@ impl Store {
         let (written, answer) = {
             let _in_use = self.inner.blob_use.read().await;
             let written = self.put_product(token, product, numbering).await?;
-            let mut answer = self.make_visible(token, written.as_ref(), &stage_seconds).await;
-            for pause_ms in TRIES_MS {
-                // Nothing is visible then. What was computed is worth some waiting.
-                if !answer.as_ref().is_err_and(|error| self.inner.catalog.is_shared() && error.is_retryable()) {
-                    break;
-                }
-                tokio::time::sleep(Duration::from_millis(pause_ms)).await;
-                answer = self.make_visible(token, written.as_ref(), &stage_seconds).await;
-            }
+            // Nothing is visible where it fails. Where the records are shared, locks are held for a moment and a database that restarts is back soon.
+            let answer = self.patiently(|| Box::pin(self.make_visible(token, written.as_ref(), &stage_seconds))).await;
             (written, answer)
         };
         if let Some(written) = written

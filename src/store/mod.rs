@@ -10,7 +10,8 @@
 //! |---|---|
 //! | `database.rs`, `folder.rs`, `in_place.rs` | connections, write transactions, the lock of the folder, free space, files that are replaced |
 //! | `catalog.rs`, `sql.rs` | where the records are, and statements for either database |
-//! | `postgres.rs`, `objects.rs` | records and content that many processes share |
+//! | `postgres.rs`, `objects.rs`, `s3.rs` | records and content that many processes share |
+//! | `migrate.rs` | a folder copied there |
 //! | `hearing.rs`, `fleet.rs` | what such processes tell each other: of jobs, and of what workers have |
 //! | `pairing.rs` | whether the two databases belong together |
 //! | `blobs.rs`, `orphans.rs` | content in chunks, and what becomes of it when nothing refers to it |
@@ -44,6 +45,8 @@ mod jobs;
 mod last_use;
 mod leases;
 mod meshes;
+#[cfg(feature = "cluster")]
+mod migrate;
 mod migrations;
 #[cfg(feature = "cluster")]
 mod objects;
@@ -56,6 +59,8 @@ mod problems;
 mod records;
 mod restore;
 mod retention;
+#[cfg(feature = "cluster")]
+mod s3;
 mod sources;
 mod space;
 mod sql;
@@ -88,6 +93,8 @@ pub use doctor::{Examination, Finding};
 pub use error::{DAMAGE, StoreError};
 pub use fleet::Worker;
 pub use leases::{Claim, Company, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
+#[cfg(feature = "cluster")]
+pub use migrate::{Migrated, MigrationError};
 pub use page::{Page, PageRequest};
 pub use records::{
     BasisFilter, BasisRecord, BasisStorage, CacheStatistics, EnqueueOutcome, Enqueued, IdempotencyKey, JobEvent,
@@ -102,12 +109,18 @@ pub use space::Compacted;
 /// Job events that a slow listener may fall behind by.
 const EVENTS_KEPT: usize = 1024;
 
+/// Where processes share what they have, this is how long its health is waited for.
+const HEALTH_PATIENCE: Duration = Duration::from_secs(3);
+
 /// Where records and content are that many processes share.
 #[derive(Clone, PartialEq, Eq)]
 pub struct SharedPlaces {
     /// The address of a PostgreSQL: `postgres://USER:PASSWORD@HOST/DATABASE`.
     pub database: String,
-    /// The address of an object store: `s3://BUCKET/PREFIX`, or `file:///FOLDER` for a folder that every process sees.
+    /// The same database with no pooler between, where [`database`](Self::database) leads to one that gives connections out by transaction: for the tables
+    /// when it is opened, and to hear.
+    pub direct: Option<String>,
+    /// The address of an object store: `s3://BUCKET/PREFIX?endpoint=…&region=…`, or `file:///FOLDER` for a folder that every process sees.
     pub objects: String,
 }
 
@@ -253,10 +266,10 @@ impl Store {
 
     #[cfg(feature = "cluster")]
     async fn open_shared(mut options: StoreOptions, places: &SharedPlaces) -> Result<Self, StoreError> {
-        let postgres = postgres::Postgres::open(&places.database, options.busy_timeout).await?;
+        let postgres = postgres::Postgres::open(places, options.busy_timeout).await?;
         options.clock = options.clock.shared();
         postgres.set(&options.clock).await?;
-        let objects = objects::Objects::open(&places.objects, postgres.pool().clone())?;
+        let objects = objects::Objects::open(&places.objects, postgres.clone())?;
         tracing::info!(objects = objects.name(), "records and content are shared with other processes");
         let store = Self::new(options, Catalog::Postgres(postgres), Blobs::Objects(objects), None)?;
         let hearing = hearing::Hearing::start(Arc::downgrade(&store.inner));
@@ -377,13 +390,33 @@ impl Store {
                 None => Ok(()),
             }
         };
-        let written = write.await;
+        // Whoever asks wants to know now: what does not answer for seconds is not ready.
+        let silent = |what: &str| StoreError::Unavailable {
+            detail: format!("{what} has not answered for {} s", HEALTH_PATIENCE.as_secs()),
+        };
+        let written = async {
+            if !self.is_shared() {
+                return write.await;
+            }
+            tokio::time::timeout(HEALTH_PATIENCE, write).await.unwrap_or_else(|_| Err(silent("the database")))
+        };
+        let reached = async {
+            tokio::time::timeout(HEALTH_PATIENCE, self.inner.blobs.reach())
+                .await
+                .unwrap_or_else(|_| Err(silent("the object store")))
+        };
+        let (written, reached) = tokio::join!(written, reached);
+        let blob_bytes = if written.is_ok() { self.all_blob_bytes().await.unwrap_or(0) } else { 0 };
         let space = self.check_space(0);
         let full = space.is_err() || matches!(written, Err(StoreError::StorageFull { .. }));
         StoreHealth {
             moved: matches!(written, Err(StoreError::Moved { .. })),
+            database: if self.is_shared() { "postgresql" } else { "sqlite" },
+            content: self.inner.blobs.kind(),
+            database_up: written.is_ok() || !self.is_shared(),
+            content_up: reached.is_ok(),
             writable: written.is_ok(),
-            reason: written.and(space).err().map(|error| error.to_string()),
+            reason: written.and(reached).and(space).err().map(|error| error.to_string()),
             full,
             free_bytes: self.free_bytes(),
             least_free_bytes: self.inner.options.least_free_bytes,
@@ -396,7 +429,7 @@ impl Store {
                 let file = self.inner.folder.as_ref().map(|folder| folder.file(&format!("{name}.db")));
                 (name, file.and_then(|file| std::fs::metadata(file).ok()).map_or(0, |file| file.len()))
             }),
-            blob_bytes: self.all_blob_bytes().await.unwrap_or(0),
+            blob_bytes,
         }
     }
 

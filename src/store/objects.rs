@@ -3,34 +3,34 @@
 //! Every piece of content is an object of its own, under a key that nobody else uses and that is never written again. The row in the shared database
 //! says which object holds what, and whether it is to be seen: an object of a worker that lost its lease, or of an upload that was cut, never is.
 
-use std::{
-    fmt,
-    sync::{Arc, Once},
-};
+use std::{fmt, ops::Range, sync::Arc, time::Duration};
 
 use bytes::{Bytes, BytesMut};
-use futures_util::StreamExt;
 use object_store::{
     MultipartUpload, ObjectStore, ObjectStoreExt, PutPayload,
-    aws::{AmazonS3Builder, Checksum},
+    aws::AmazonS3,
     local::LocalFileSystem,
     path::Path,
     prefix::PrefixStore,
+    signer::{SignedUrlOptions, Signer},
 };
-use sqlx::{PgPool, Row};
 use uuid::Uuid;
 
 use super::{
     StoreError,
     blobs::{BlobPlace, CHUNK_BYTES},
     orphans::{Look, REPRIEVE_MS},
-    postgres::BEGIN,
+    postgres::Postgres,
+    s3::S3,
+    sql,
 };
 
 /// Bytes of one part of an upload; S3 wants 5 MiB at least.
 const PART_BYTES: usize = 8 << 20;
 /// Chunks that are read at once: bytes of one request.
 const CHUNKS_AT_ONCE: u64 = 32;
+/// For how long a signed address is good.
+const SIGNED_FOR: Duration = Duration::from_secs(300);
 /// Bytes of a BLAKE3 hash.
 const HASH_BYTES: u64 = 32;
 /// Objects that are deleted in one look.
@@ -43,7 +43,11 @@ const REFERENCED: &str = "(EXISTS (SELECT 1 FROM meshes WHERE meshes.content_has
 /// The objects, and the rows that know them.
 pub(super) struct Objects {
     pub(super) store: Arc<dyn ObjectStore>,
-    pub(super) pool: PgPool,
+    /// The same store, tried for minutes.
+    patient: Arc<dyn ObjectStore>,
+    /// What signs addresses, and the folder within its bucket.
+    signer: Option<(AmazonS3, String)>,
+    pub(super) records: Postgres,
 }
 
 impl fmt::Debug for Objects {
@@ -56,6 +60,8 @@ impl fmt::Debug for Objects {
 pub(super) struct Upload {
     id: i64,
     path: Path,
+    /// Whether a store that does not answer is waited for.
+    patient: bool,
     /// Where there is more than one part.
     parts: Option<Box<dyn MultipartUpload>>,
     piece: BytesMut,
@@ -72,37 +78,68 @@ enum Finished {
 }
 
 impl Objects {
-    /// Opens the store at an address: `s3://BUCKET/PREFIX`, with keys, region and endpoint from the usual variables `AWS_…`, or `file:///FOLDER`, a
-    /// folder that every process sees.
-    pub fn open(address: &str, pool: PgPool) -> Result<Self, StoreError> {
+    /// Opens the store at an address: `s3://BUCKET/PREFIX?endpoint=…&region=…`, with keys and all that the address does not say from the usual variables
+    /// `AWS_…`, or `file:///FOLDER`, a folder that every process sees.
+    pub fn open(address: &str, records: Postgres) -> Result<Self, StoreError> {
         let refuse =
             |detail: String| StoreError::Unavailable { detail: format!("the object store {address}: {detail}") };
         if let Some(folder) = address.strip_prefix("file://") {
             std::fs::create_dir_all(folder).map_err(|source| StoreError::Folder { path: folder.to_owned(), source })?;
             let local = LocalFileSystem::new_with_prefix(folder).map_err(|error| refuse(error.to_string()))?;
-            return Ok(Self { store: Arc::new(local.with_fsync(true)), pool });
+            let store: Arc<dyn ObjectStore> = Arc::new(local.with_fsync(true));
+            return Ok(Self { patient: Arc::clone(&store), store, signer: None, records });
         }
         let Some(place) = address.strip_prefix("s3://") else {
             return Err(refuse("an address begins with s3:// or file://".to_owned()));
         };
-        let (bucket, prefix) = place.split_once('/').unwrap_or((place, ""));
-        install_cryptography();
-        let store = AmazonS3Builder::from_env()
-            .with_bucket_name(bucket)
-            .with_checksum_algorithm(Checksum::SHA256)
-            .build()
-            .map_err(|error| refuse(error.to_string()))?;
-        let prefix = prefix.trim_matches('/');
-        let store: Arc<dyn ObjectStore> =
-            if prefix.is_empty() { Arc::new(store) } else { Arc::new(PrefixStore::new(store, prefix)) };
-        Ok(Self { store, pool })
+        let S3 { hasty, patient, prefix } = S3::open(place).map_err(refuse)?;
+        let within = |store: AmazonS3| -> Arc<dyn ObjectStore> {
+            if prefix.is_empty() { Arc::new(store) } else { Arc::new(PrefixStore::new(store, prefix.as_str())) }
+        };
+        let signer = Some((hasty.clone(), prefix.clone()));
+        Ok(Self { store: within(hasty), patient: within(patient), signer, records })
+    }
+
+    /// What the store is, in a word.
+    pub fn kind(&self) -> &'static str {
+        if self.signer.is_some() { "s3" } else { "files" }
+    }
+
+    /// Asks the store for an object that nobody has.
+    pub async fn reach(&self) -> Result<(), StoreError> {
+        match self.store.head(&Path::from("b/nothing")).await {
+            Ok(_) | Err(object_store::Error::NotFound { .. }) => Ok(()),
+            Err(error) => Err(unavailable(&error)),
+        }
+    }
+
+    /// An address of an object that the store honours for minutes; `None` where it cannot be signed.
+    pub async fn signed_address(
+        &self,
+        place: BlobPlace,
+        media_type: &str,
+        file_name: &str,
+    ) -> Result<Option<String>, StoreError> {
+        let Some((signer, prefix)) = &self.signer else { return Ok(None) };
+        let path = self.path(place.id).await?;
+        let path = if prefix.is_empty() { path } else { Path::from(format!("{prefix}/{path}")) };
+        let disposition = format!("attachment; filename=\"{file_name}\"");
+        let options = SignedUrlOptions::default()
+            .with_query([("response-content-type", media_type), ("response-content-disposition", &disposition)]);
+        match signer.signed_url_opts(reqwest::Method::GET, &path, SIGNED_FOR, &options).await {
+            Ok(address) => Ok(Some(address.into())),
+            Err(error) => {
+                tracing::debug!(%error, "an address cannot be signed");
+                Ok(None)
+            }
+        }
     }
 
     /// Where ready content lies.
     pub async fn place(&self, hash: &str) -> Result<Option<BlobPlace>, StoreError> {
-        let row = sqlx::query("SELECT id, bytes, chunk_bytes FROM blobs WHERE hash = $1 AND state = 'ready'")
+        let row = sql::query("SELECT id, bytes, chunk_bytes FROM blobs WHERE hash = ?1 AND state = 'ready'")
             .bind(hash)
-            .fetch_optional(&self.pool)
+            .fetch_optional(self.records.on())
             .await?;
         row.map(|row| {
             Ok(BlobPlace {
@@ -125,36 +162,51 @@ impl Objects {
         let chunk = place.chunk_bytes;
         let first = at / chunk;
         let last = (end.max(at + 1) - 1).div_euclid(chunk).min(first + CHUNKS_AT_ONCE - 1);
-        let row = sqlx::query(
-            "SELECT object, substring(chunk_hashes FROM $2 FOR $3) AS hashes FROM blobs WHERE id = $1 AND state = 'ready'",
+        let row = sql::query(
+            "SELECT object, substring(chunk_hashes FROM CAST(?2 AS INTEGER) FOR CAST(?3 AS INTEGER)) AS hashes FROM blobs WHERE id = ?1 AND state = 'ready'",
         )
         .bind(place.id)
-        .bind((first * HASH_BYTES) as i32 + 1)
-        .bind(((last - first + 1) * HASH_BYTES) as i32)
-        .fetch_optional(&self.pool)
+        .bind((first * HASH_BYTES) as i64 + 1)
+        .bind(((last - first + 1) * HASH_BYTES) as i64)
+        .fetch_optional(self.records.on())
         .await?;
         let Some(row) = row else { return Ok(None) };
         let (path, hashes): (String, Vec<u8>) = (row.try_get("object")?, row.try_get("hashes")?);
         let range = first * chunk..((last + 1) * chunk).min(place.bytes);
-        let bytes = match self.store.get_range(&Path::from(path), range.clone()).await {
+        let path = Path::from(path);
+        let mut found = self.range(&path, range.clone(), chunk, &hashes).await?;
+        if found.is_err() {
+            // What was damaged on its way is not damaged where it lies.
+            found = self.range(&path, range.clone(), chunk, &hashes).await?;
+        }
+        let cut = (at - range.start) as usize..(end.min(range.end) - range.start) as usize;
+        Ok(Some(found.map(|bytes| bytes.slice(cut))))
+    }
+
+    /// Bytes of whole chunks, which have the hashes given; or how they do not.
+    async fn range(
+        &self,
+        path: &Path,
+        range: Range<u64>,
+        chunk: u64,
+        hashes: &[u8],
+    ) -> Result<Result<Bytes, String>, StoreError> {
+        let bytes = match self.store.get_range(path, range.clone()).await {
             Ok(bytes) => bytes,
-            Err(object_store::Error::NotFound { .. }) => return Ok(Some(Err("is missing".to_owned()))),
+            Err(object_store::Error::NotFound { .. }) => return Ok(Err("is missing".to_owned())),
             Err(error) => return Err(unavailable(&error)),
         };
         if bytes.len() as u64 != range.end - range.start {
-            return Ok(Some(Err(format!("has {} of {} bytes", bytes.len(), range.end - range.start))));
+            return Ok(Err(format!("has {} of {} bytes", bytes.len(), range.end - range.start)));
         }
-        let whole = bytes.clone();
+        let (whole, hashes) = (bytes.clone(), hashes.to_vec());
         let right = super::blobs::blocking(move || {
             let mut chunks = whole.chunks(chunk as usize).zip(hashes.as_chunks::<32>().0);
             hashes.len() == HASH_BYTES as usize * whole.len().div_ceil(chunk as usize)
                 && chunks.all(|(chunk, hash)| blake3::hash(chunk).as_bytes() == hash)
         })
         .await?;
-        if !right {
-            return Ok(Some(Err("hashes to another value".to_owned())));
-        }
-        Ok(Some(Ok(bytes.slice((at - range.start) as usize..(end.min(range.end) - range.start) as usize))))
+        Ok(if right { Ok(bytes) } else { Err("hashes to another value".to_owned()) })
     }
 
     /// The hash of an object and its bytes, read from beginning to end.
@@ -164,10 +216,12 @@ impl Objects {
             object_store::Error::NotFound { .. } => StoreError::Corrupt { detail: "its object is missing".to_owned() },
             error => unavailable(&error),
         };
-        let mut stream = self.store.get(&path).await.map_err(missing)?.into_stream();
-        let mut hasher = blake3::Hasher::new();
-        while let Some(bytes) = stream.next().await {
-            let bytes = bytes.map_err(missing)?;
+        // In pieces: a request has its time, and an object may take longer.
+        let size = self.patient.head(&path).await.map_err(missing)?.size;
+        let (mut hasher, mut at) = (blake3::Hasher::new(), 0);
+        while at < size {
+            let bytes = self.patient.get_range(&path, at..(at + PART_BYTES as u64).min(size)).await.map_err(missing)?;
+            at += bytes.len() as u64;
             hasher = super::blobs::blocking(move || {
                 hasher.update(&bytes);
                 hasher
@@ -187,26 +241,36 @@ impl Objects {
     }
 
     async fn path(&self, id: i64) -> Result<Path, StoreError> {
-        let object: Option<String> =
-            sqlx::query_scalar("SELECT object FROM blobs WHERE id = $1").bind(id).fetch_optional(&self.pool).await?;
+        let object: Option<String> = sql::query_scalar("SELECT object FROM blobs WHERE id = ?1")
+            .bind(id)
+            .fetch_optional(self.records.on())
+            .await?;
         object.map(Path::from).ok_or_else(|| StoreError::Corrupt { detail: "its row is gone".to_owned() })
     }
 
-    /// Begins an upload. Its row comes first, so that what a crash leaves is known.
-    pub async fn begin(&self, hash: &str, bytes: u64, now_ms: i64) -> Result<Upload, StoreError> {
+    /// Begins an upload. Its row comes first, so that what a crash leaves is known. A `patient` one waits for minutes for a store that does not answer.
+    pub async fn begin(&self, hash: &str, bytes: u64, patient: bool, now_ms: i64) -> Result<Upload, StoreError> {
         let object = format!("b/{}", Uuid::now_v7());
-        let id = sqlx::query_scalar(
+        let id = sql::query_scalar(
             "INSERT INTO blobs (hash, bytes, chunk_bytes, state, created_ms, touched_ms, object)
-             VALUES ($1, $2, $3, 'pending', $4, $4, $5) RETURNING id",
+             VALUES (?1, ?2, ?3, 'pending', ?4, ?4, ?5) RETURNING id",
         )
         .bind(hash)
         .bind(bytes as i64)
         .bind(CHUNK_BYTES as i64)
         .bind(now_ms)
         .bind(&object)
-        .fetch_one(&self.pool)
+        .fetch_one(self.records.on())
         .await?;
-        Ok(Upload { id, path: Path::from(object), parts: None, piece: BytesMut::new(), hashes: Vec::new(), bytes: 0 })
+        Ok(Upload {
+            id,
+            path: Path::from(object),
+            patient,
+            parts: None,
+            piece: BytesMut::new(),
+            hashes: Vec::new(),
+            bytes: 0,
+        })
     }
 
     /// Writes chunks, all but the last of the content of the full size.
@@ -218,26 +282,40 @@ impl Objects {
             // The last part is written at the end: where it is the only one, it is an object by itself.
             if upload.piece.len() >= PART_BYTES {
                 self.write_part(upload).await?;
-                let touched = sqlx::query("UPDATE blobs SET touched_ms = $1 WHERE id = $2 AND state = 'pending'")
+                let touched = sql::query("UPDATE blobs SET touched_ms = ?1 WHERE id = ?2 AND state = 'pending'")
                     .bind(now_ms)
                     .bind(upload.id)
-                    .execute(&self.pool)
-                    .await?;
-                if touched.rows_affected() == 0 {
-                    return Err(StoreError::Unavailable {
-                        detail: "the upload took too long and was given up".to_owned(),
-                    });
+                    .execute(self.records.on())
+                    .await;
+                match touched {
+                    Ok(touched) if touched > 0 => {}
+                    Ok(_) => {
+                        return Err(StoreError::Unavailable {
+                            detail: "the upload took too long and was given up".to_owned(),
+                        });
+                    }
+                    // It is told again with the next part, and an hour may pass until then.
+                    Err(error) if upload.patient => tracing::warn!(%error, "the database hears of an upload later"),
+                    Err(error) => return Err(error.into()),
                 }
             }
         }
         Ok(())
     }
 
+    fn for_upload(&self, patient: bool) -> &dyn ObjectStore {
+        if patient { &*self.patient } else { &*self.store }
+    }
+
     async fn write_part(&self, upload: &mut Upload) -> Result<(), StoreError> {
         let parts = match &mut upload.parts {
             Some(parts) => parts,
             None => {
-                let parts = self.store.put_multipart(&upload.path).await.map_err(|error| unavailable(&error))?;
+                let parts = self
+                    .for_upload(upload.patient)
+                    .put_multipart(&upload.path)
+                    .await
+                    .map_err(|error| unavailable(&error))?;
                 upload.parts.insert(parts)
             }
         };
@@ -266,10 +344,10 @@ impl Objects {
             }
         } else {
             let whole = PutPayload::from_bytes(upload.piece.split().freeze());
-            self.store.put(&upload.path, whole).await.map_err(|error| unavailable(&error))?;
+            self.for_upload(upload.patient).put(&upload.path, whole).await.map_err(|error| unavailable(&error))?;
         }
         upload.parts = None;
-        let found = self.store.head(&upload.path).await.map_err(|error| unavailable(&error))?.size;
+        let found = self.for_upload(upload.patient).head(&upload.path).await.map_err(|error| unavailable(&error))?.size;
         if found != bytes {
             return Err(StoreError::Corrupt { detail: format!("the object has {found} of {bytes} bytes") });
         }
@@ -288,36 +366,36 @@ impl Objects {
         damaged: Option<i64>,
         now_ms: i64,
     ) -> Result<Finished, StoreError> {
-        let mut transaction = self.pool.begin_with(BEGIN).await?;
+        let mut transaction = self.records.write().await?;
         if let Some(damaged) = damaged {
-            sqlx::query("UPDATE blobs SET state = 'gone', touched_ms = $2 WHERE id = $1")
+            sql::query("UPDATE blobs SET state = 'gone', touched_ms = ?2 WHERE id = ?1")
                 .bind(damaged)
                 .bind(now_ms)
-                .execute(&mut *transaction)
+                .execute(transaction.on())
                 .await?;
         }
         let other: Option<i64> =
-            sqlx::query_scalar("UPDATE blobs SET condemned_ms = NULL WHERE hash = $1 AND state = 'ready' RETURNING id")
+            sql::query_scalar("UPDATE blobs SET condemned_ms = NULL WHERE hash = ?1 AND state = 'ready' RETURNING id")
                 .bind(hash)
-                .fetch_optional(&mut *transaction)
+                .fetch_optional(transaction.on())
                 .await?;
-        let made = sqlx::query(match other {
+        let made = sql::query(match other {
             // Someone else wrote the same content meanwhile.
             Some(_) => {
-                "UPDATE blobs SET state = 'gone', hash = $2, bytes = $3, chunk_hashes = $4 WHERE id = $1 AND state = 'pending'"
+                "UPDATE blobs SET state = 'gone', hash = ?2, bytes = ?3, chunk_hashes = ?4 WHERE id = ?1 AND state = 'pending'"
             }
             None => {
-                "UPDATE blobs SET state = 'ready', hash = $2, bytes = $3, chunk_hashes = $4 WHERE id = $1 AND state = 'pending'"
+                "UPDATE blobs SET state = 'ready', hash = ?2, bytes = ?3, chunk_hashes = ?4 WHERE id = ?1 AND state = 'pending'"
             }
         })
         .bind(upload.id)
         .bind(hash)
         .bind(upload.bytes as i64)
-        .bind(&upload.hashes)
-        .execute(&mut *transaction)
+        .bind(upload.hashes.clone())
+        .execute(transaction.on())
         .await;
         match made {
-            Ok(made) if made.rows_affected() == 0 => {
+            Ok(made) if made == 0 => {
                 Err(StoreError::Unavailable { detail: "the upload took too long and was given up".to_owned() })
             }
             Ok(_) => {
@@ -336,45 +414,47 @@ impl Objects {
         }
         let _ = self.store.delete(&upload.path).await;
         // What cannot be cleared now is collected later.
-        let _ = sqlx::query("UPDATE blobs SET state = 'gone' WHERE id = $1 AND state = 'pending'")
+        let _ = sql::query("UPDATE blobs SET state = 'gone' WHERE id = ?1 AND state = 'pending'")
             .bind(upload.id)
-            .execute(&self.pool)
+            .execute(self.records.on())
             .await;
     }
 
     /// Keeps content that is about to be referred to. False where it is not there.
     pub async fn pardon(&self, hash: &str) -> Result<bool, StoreError> {
-        let pardoned = sqlx::query("UPDATE blobs SET condemned_ms = NULL WHERE hash = $1 AND state = 'ready'")
+        let pardoned = sql::query("UPDATE blobs SET condemned_ms = NULL WHERE hash = ?1 AND state = 'ready'")
             .bind(hash)
-            .execute(&self.pool)
+            .execute(self.records.on())
             .await?;
-        Ok(pardoned.rows_affected() > 0)
+        Ok(pardoned > 0)
     }
 
     /// Condemns content that nothing refers to any more, of that given.
     pub async fn condemn(&self, hashes: &[String], now_ms: i64) -> Result<(), StoreError> {
-        let sql = format!(
-            "UPDATE blobs SET condemned_ms = $1
-             WHERE hash = ANY($2) AND state = 'ready' AND condemned_ms IS NULL AND NOT {REFERENCED}"
-        );
-        sqlx::query(sqlx::AssertSqlSafe(sql)).bind(now_ms).bind(hashes).execute(&self.pool).await?;
+        for hash in hashes {
+            let condemn = format!(
+                "UPDATE blobs SET condemned_ms = ?1
+                 WHERE hash = ?2 AND state = 'ready' AND condemned_ms IS NULL AND NOT {REFERENCED}"
+            );
+            sql::query(sqlx::AssertSqlSafe(condemn)).bind(now_ms).bind(hash).execute(self.records.on()).await?;
+        }
         Ok(())
     }
 
     /// Bytes of all ready content but what is condemned.
     pub async fn all_bytes(&self) -> Result<u64, StoreError> {
-        let bytes: i64 = sqlx::query_scalar(
+        let bytes: i64 = sql::query_scalar(
             "SELECT CAST(COALESCE(SUM(bytes), 0) AS BIGINT) FROM blobs WHERE state = 'ready' AND condemned_ms IS NULL",
         )
-        .fetch_one(&self.pool)
+        .fetch_one(self.records.on())
         .await?;
         Ok(bytes as u64)
     }
 
     /// Every ready piece of content: its identifier, its hash and its bytes.
     pub async fn all(&self) -> Result<Vec<(i64, String, u64)>, StoreError> {
-        let rows = sqlx::query("SELECT id, hash, bytes FROM blobs WHERE state = 'ready' ORDER BY id")
-            .fetch_all(&self.pool)
+        let rows = sql::query("SELECT id, hash, bytes FROM blobs WHERE state = 'ready' ORDER BY id")
+            .fetch_all(self.records.on())
             .await?;
         rows.iter()
             .map(|row| Ok((row.try_get("id")?, row.try_get("hash")?, row.try_get::<i64, _>("bytes")? as u64)))
@@ -387,24 +467,24 @@ impl Objects {
     pub async fn look(&self, now_ms: i64) -> Result<Look, StoreError> {
         let before_ms = now_ms - REPRIEVE_MS;
         let pardon = format!("UPDATE blobs SET condemned_ms = NULL WHERE condemned_ms IS NOT NULL AND {REFERENCED}");
-        sqlx::query(sqlx::AssertSqlSafe(pardon)).execute(&self.pool).await?;
+        sql::query(sqlx::AssertSqlSafe(pardon)).execute(self.records.on()).await?;
         let condemn = format!(
-            "UPDATE blobs SET condemned_ms = $1
-             WHERE state = 'ready' AND (condemned_ms IS NULL OR condemned_ms > $1) AND NOT {REFERENCED}"
+            "UPDATE blobs SET condemned_ms = ?1
+             WHERE state = 'ready' AND (condemned_ms IS NULL OR condemned_ms > ?1) AND NOT {REFERENCED}"
         );
-        let condemned = sqlx::query(sqlx::AssertSqlSafe(condemn)).bind(now_ms).execute(&self.pool).await?;
+        let condemned = sql::query(sqlx::AssertSqlSafe(condemn)).bind(now_ms).execute(self.records.on()).await?;
         let delete = format!(
-            "UPDATE blobs SET state = 'gone', touched_ms = $1
-             WHERE (state = 'ready' AND condemned_ms <= $2 AND NOT {REFERENCED}) OR (state = 'pending' AND touched_ms <= $2)"
+            "UPDATE blobs SET state = 'gone', touched_ms = ?1
+             WHERE (state = 'ready' AND condemned_ms <= ?2 AND NOT {REFERENCED}) OR (state = 'pending' AND touched_ms <= ?2)"
         );
-        sqlx::query(sqlx::AssertSqlSafe(delete)).bind(now_ms).bind(before_ms).execute(&self.pool).await?;
-        Ok(Look { condemned: condemned.rows_affected(), deleted: self.delete_gone().await? })
+        sql::query(sqlx::AssertSqlSafe(delete)).bind(now_ms).bind(before_ms).execute(self.records.on()).await?;
+        Ok(Look { condemned: condemned, deleted: self.delete_gone().await? })
     }
 
     async fn delete_gone(&self) -> Result<u64, StoreError> {
-        let rows = sqlx::query("SELECT id, object FROM blobs WHERE state = 'gone' ORDER BY touched_ms LIMIT $1")
+        let rows = sql::query("SELECT id, object FROM blobs WHERE state = 'gone' ORDER BY touched_ms LIMIT ?1")
             .bind(DELETED_AT_ONCE)
-            .fetch_all(&self.pool)
+            .fetch_all(self.records.on())
             .await?;
         let mut deleted = 0;
         for row in rows {
@@ -417,7 +497,10 @@ impl Objects {
                     continue;
                 }
             }
-            sqlx::query("DELETE FROM blobs WHERE id = $1 AND state = 'gone'").bind(id).execute(&self.pool).await?;
+            sql::query("DELETE FROM blobs WHERE id = ?1 AND state = 'gone'")
+                .bind(id)
+                .execute(self.records.on())
+                .await?;
             deleted += 1;
         }
         Ok(deleted)
@@ -427,15 +510,6 @@ impl Objects {
     pub fn name(&self) -> String {
         self.store.to_string()
     }
-}
-
-/// What encrypts connections to the store: the library that those to the database use as well.
-fn install_cryptography() {
-    static ONCE: Once = Once::new();
-    ONCE.call_once(|| {
-        // One that is there already serves as well.
-        let _ = rustls::crypto::ring::default_provider().install_default();
-    });
 }
 
 fn unavailable(error: &object_store::Error) -> StoreError {

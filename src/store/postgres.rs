@@ -1,14 +1,17 @@
 //! The records in a PostgreSQL that many processes share: connections, transactions and its clock. Nothing hangs on a session, so that a pooler may
 //! stand between; only `LISTEN` does, which has a connection of its own (`hearing.rs`).
 
-use std::{fmt, ops::DerefMut, str::FromStr, time::Duration};
+use std::{fmt, str::FromStr, sync::Arc, time::Duration};
 
 use sqlx::{
-    ConnectOptions, Connection, PgConnection, PgPool,
+    ConnectOptions, Connection, PgPool,
     postgres::{PgConnectOptions, PgListener, PgPoolOptions},
 };
 
-use super::{Clock, StoreError, migrations};
+use super::{
+    Clock, SharedPlaces, StoreError, migrations,
+    sql::{self, On, Pooler},
+};
 
 /// The oldest version that is tested: `14`.
 const LEAST_VERSION: i32 = 140_000;
@@ -16,17 +19,18 @@ const LEAST_VERSION_TEXT: &str = "14";
 /// Connections of one process.
 const CONNECTIONS: u32 = 10;
 /// A process that stops within a transaction holds rows for so long at most; then the database ends its connection.
-pub(super) const BEGIN: &str =
-    "BEGIN; SET LOCAL idle_in_transaction_session_timeout = 10000; SET LOCAL lock_timeout = 15000";
+const BEGIN: &str = "BEGIN; SET LOCAL idle_in_transaction_session_timeout = 10000; SET LOCAL lock_timeout = 15000";
 
 /// A transaction that changes something.
-pub(super) struct PostgresTransaction(sqlx::Transaction<'static, sqlx::Postgres>);
+pub(super) struct PostgresTransaction(sqlx::Transaction<'static, sqlx::Postgres>, Pooler);
 
-/// The database.
+/// The database; cheap to clone.
+#[derive(Clone)]
 pub(super) struct Postgres {
     pool: PgPool,
-    /// For connections that hear; boxed, since it is large and rarely needed.
-    options: Box<PgConnectOptions>,
+    pooler: Pooler,
+    /// For connections that hear, with no pooler between.
+    direct: Arc<PgConnectOptions>,
 }
 
 impl fmt::Debug for Postgres {
@@ -38,54 +42,66 @@ impl fmt::Debug for Postgres {
 
 impl Postgres {
     /// Connects, and brings the tables up to date.
-    pub async fn open(address: &str, busy_timeout: Duration) -> Result<Self, StoreError> {
-        let options = PgConnectOptions::from_str(address)
-            .map_err(|error| StoreError::Unavailable { detail: format!("the address of the database: {error}") })?
-            .application_name("chladni")
-            .disable_statement_logging();
+    pub async fn open(places: &SharedPlaces, busy_timeout: Duration) -> Result<Self, StoreError> {
+        let options = |address: &str| {
+            PgConnectOptions::from_str(address)
+                .map(|options| options.application_name("chladni").disable_statement_logging())
+                .map_err(|error| StoreError::Unavailable { detail: format!("the address of the database: {error}") })
+        };
+        let shared = options(&places.database)?;
+        let (pooler, direct, shared) = match &places.direct {
+            None => (Pooler::Absent, shared.clone(), shared),
+            // What a session is set to when it begins is a pooler's business, and not needed.
+            Some(direct) => {
+                (Pooler::ByTransaction, options(direct)?, shared.statement_cache_capacity(0).extra_float_digits(None))
+            }
+        };
         // A pool says only that no connection came in time; one connection says why.
-        let unreachable =
-            |detail: String| StoreError::Unavailable { detail: format!("no connection to the database: {detail}") };
-        let first = tokio::time::timeout(busy_timeout * 2, options.connect())
-            .await
-            .map_err(|_| unreachable(format!("no answer within {} s", (busy_timeout * 2).as_secs_f64())))?
-            .map_err(|error| unreachable(error.to_string()))?;
-        let _ = first.close().await;
-        let pool = PgPoolOptions::new()
-            .max_connections(CONNECTIONS)
-            .acquire_timeout(busy_timeout * 2 + Duration::from_millis(500))
-            .connect_with(options.clone())
-            .await?;
-        let version: String = sqlx::query_scalar("SHOW server_version_num").fetch_one(&pool).await?;
+        for options in [&shared, &direct].into_iter().skip(usize::from(pooler == Pooler::Absent)) {
+            let unreachable =
+                |detail: String| StoreError::Unavailable { detail: format!("no connection to the database: {detail}") };
+            let first = tokio::time::timeout(busy_timeout * 2, options.connect())
+                .await
+                .map_err(|_| unreachable(format!("no answer within {} s", (busy_timeout * 2).as_secs_f64())))?
+                .map_err(|error| unreachable(error.to_string()))?;
+            let _ = first.close().await;
+        }
+        let connections = |most: u32| {
+            PgPoolOptions::new().max_connections(most).acquire_timeout(busy_timeout * 2 + Duration::from_millis(500))
+        };
+        let first = connections(1).connect_with(direct.clone()).await?;
+        let version: String = sqlx::query_scalar("SHOW server_version_num").fetch_one(&first).await?;
         if version.parse::<i32>().is_ok_and(|version| version < LEAST_VERSION) {
             let found = format!("{}", version.parse::<i32>().unwrap_or_default() / 10_000);
             return Err(StoreError::DatabaseVersion { found, needed: LEAST_VERSION_TEXT });
         }
-        migrations::run_postgres(&pool).await?;
-        Ok(Self { pool, options: Box::new(options) })
+        migrations::run_postgres(&first).await?;
+        first.close().await;
+        let pool = connections(CONNECTIONS).connect_with(shared).await?;
+        Ok(Self { pool, pooler, direct: Arc::new(direct) })
     }
 
-    /// The connections.
-    pub fn pool(&self) -> &PgPool {
-        &self.pool
+    /// For statements that are a transaction by themselves.
+    pub fn on(&self) -> On<'_> {
+        On::PostgresPool(&self.pool, self.pooler)
     }
 
     /// Begins a transaction. It sees what others have committed before each of its statements; what must not change meanwhile is locked.
     pub async fn write(&self) -> Result<PostgresTransaction, StoreError> {
-        Ok(PostgresTransaction(self.pool.begin_with(BEGIN).await?))
+        Ok(PostgresTransaction(self.pool.begin_with(BEGIN).await?, self.pooler))
     }
 
     /// Commits a transaction that changes one row.
     pub async fn check_writable(&self, now_ms: i64) -> Result<(), StoreError> {
-        sqlx::query("UPDATE health SET checked_ms = $1 WHERE id = 1").bind(now_ms).execute(&self.pool).await?;
+        sql::query("UPDATE health SET checked_ms = ? WHERE id = 1").bind(now_ms).execute(self.on()).await?;
         Ok(())
     }
 
     /// Sets a clock by that of the database, to half of the time that asking takes.
     pub async fn set(&self, clock: &Clock) -> Result<(), StoreError> {
         let begun = std::time::Instant::now();
-        let now_ms: i64 = sqlx::query_scalar("SELECT CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT)")
-            .fetch_one(&self.pool)
+        let now_ms: i64 = sql::query_scalar("SELECT CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT)")
+            .fetch_one(self.on())
             .await?;
         clock.set_shared(now_ms + i64::try_from(begun.elapsed().as_millis() / 2).unwrap_or(0));
         Ok(())
@@ -93,7 +109,7 @@ impl Postgres {
 
     /// A connection of its own that hears what is told on a channel.
     pub async fn listener(&self, channel: &str) -> Result<PgListener, StoreError> {
-        let pool = PgPoolOptions::new().max_connections(1).connect_with(PgConnectOptions::clone(&self.options)).await?;
+        let pool = PgPoolOptions::new().max_connections(1).connect_with(PgConnectOptions::clone(&self.direct)).await?;
         let mut listener = PgListener::connect_with(&pool).await?;
         listener.listen(channel).await?;
         Ok(listener)
@@ -105,20 +121,12 @@ impl Postgres {
     }
 }
 
-impl std::ops::Deref for PostgresTransaction {
-    type Target = PgConnection;
-    fn deref(&self) -> &PgConnection {
-        &self.0
-    }
-}
-
-impl DerefMut for PostgresTransaction {
-    fn deref_mut(&mut self) -> &mut PgConnection {
-        &mut self.0
-    }
-}
-
 impl PostgresTransaction {
+    /// For statements of this transaction.
+    pub fn on(&mut self) -> On<'_> {
+        On::Postgres(&mut self.0, self.1)
+    }
+
     pub async fn commit(self) -> Result<(), sqlx::Error> {
         self.0.commit().await
     }

@@ -408,6 +408,14 @@ pub struct StoreHealth {
     pub writable: bool,
     /// Why not.
     pub reason: Option<String>,
+    /// What keeps the records: `sqlite` or `postgresql`.
+    pub database: &'static str,
+    /// What keeps the content: `sqlite`, `s3` or `files`.
+    pub content: &'static str,
+    /// Whether the database answers.
+    pub database_up: bool,
+    /// Whether what keeps the content answers.
+    pub content_up: bool,
     /// Whether a database was removed or replaced while it was in use.
     pub moved: bool,
     /// Whether new content is refused for want of space.

@@ -10,31 +10,77 @@ use super::*;
 #[path = "../../tests/common/postgres.rs"]
 mod server;
 
+#[path = "../../tests/common/s3.rs"]
+mod s3_server;
+
+/// Where the stores of a test share what they have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Sharing {
+    Nothing,
+    /// Objects in a folder.
+    Files,
+    /// Objects in a store that speaks S3.
+    S3,
+}
+
 thread_local! {
-    /// Whether stores of the test on this thread share their records. A test opens its stores on the thread that it began on.
-    static SHARING: Cell<bool> = const { Cell::new(false) };
+    /// Where stores of the test on this thread share. A test opens its stores on the thread that it began on.
+    static SHARING: Cell<Sharing> = const { Cell::new(Sharing::Nothing) };
 }
 
 /// Where the stores of a folder share what they have, in a test of sharing.
 pub(super) fn places(folder: &TempDir) -> Option<SharedPlaces> {
-    let server = server::server().filter(|_| SHARING.get())?;
-    Some(SharedPlaces {
-        database: server.database_of(folder.path()),
-        objects: format!("file://{}", folder.path().join("objects").display()),
-    })
+    let objects = match SHARING.get() {
+        Sharing::Nothing => return None,
+        Sharing::Files => format!("file://{}", folder.path().join("objects").display()),
+        Sharing::S3 => s3_server::of_folder(folder.path(), false).objects,
+    };
+    Some(SharedPlaces { database: server::server()?.database_of(folder.path()), direct: None, objects })
 }
 
-/// Runs a test whose stores share their records.
+/// Runs a test whose stores share their records, with objects in a folder.
 fn sharing(test: fn()) {
+    sharing_in(Sharing::Files, test);
+}
+
+fn sharing_in(place: Sharing, test: fn()) {
     if server::server().is_none() {
         return;
     }
-    SHARING.set(true);
+    SHARING.set(place);
     let ended = std::panic::catch_unwind(test);
-    SHARING.set(false);
+    SHARING.set(Sharing::Nothing);
     if let Err(reason) = ended {
         std::panic::resume_unwind(reason);
     }
+}
+
+/// The same tests where objects lie in a store that speaks S3.
+mod over_s3 {
+    use super::*;
+
+    macro_rules! over_s3 {
+        ($($name:ident: $test:path),* $(,)?) => {
+            $(
+                #[test]
+                fn $name() {
+                    sharing_in(Sharing::S3, $test);
+                }
+            )*
+        };
+    }
+
+    over_s3!(
+        a_mesh_is_stored_once_and_comes_back_whole: tests::a_mesh_is_stored_once_and_comes_back_whole,
+        a_job_goes_from_enqueued_to_its_basis: tests::a_job_goes_from_enqueued_to_its_basis,
+        ranges_of_a_blob_are_exact_across_chunks: tests::ranges_of_a_blob_are_exact_across_chunks,
+        opening_takes_nothing_from_others: opening,
+        damaged_objects_are_told_and_written_anew: damaged_objects,
+        content_that_nothing_refers_to_has_an_hour: an_hour,
+        large_content_goes_in_parts_and_comes_in_ranges: large_content,
+        a_store_that_refuses_and_cuts_is_asked_again: refusals_and_cuts,
+        a_store_that_is_away_is_told_and_a_result_waits_for_it: away,
+    );
 }
 
 /// Tests that look at files of a data folder, or at what only one process in it can be promised.
@@ -297,6 +343,9 @@ async fn left_to_the_right_one() {
         let solver_version = solver_version.to_owned();
         store.enqueue(NewJob { memory_bytes, solver_version, ..new_job(&id, work) }).await.unwrap();
     }
+    let other = ["field_basis".to_owned()];
+    let idle = store.claim("w", &other, LEASE).await.unwrap();
+    assert!(idle.is_none(), "a worker of other kinds takes nothing");
     let claim = async |total_bytes, version: &'static str| {
         let company = Company { total_bytes, solver_version: Some(version), ..Company::default() };
         let claim = store.claim_within("w", &[], LEASE, u64::MAX, company).await.unwrap();
@@ -350,7 +399,8 @@ async fn heard() {
 
 /// Damages every object, as a disk would.
 async fn damage_all(objects: &objects::Objects, how: impl Fn(Vec<u8>) -> Option<Vec<u8>>) {
-    let keys: Vec<String> = sqlx::query_scalar("SELECT object FROM blobs").fetch_all(&objects.pool).await.unwrap();
+    let keys: Vec<String> =
+        sql::query_scalar("SELECT object FROM blobs").fetch_all(objects.records.on()).await.unwrap();
     for key in keys.into_iter().map(Path::from) {
         let bytes = objects.store.get(&key).await.unwrap().bytes().await.unwrap();
         match how(bytes.to_vec()) {
@@ -416,8 +466,8 @@ async fn an_hour() {
     hands.fetch_add(orphans::REPRIEVE_MS + 1000, Ordering::Relaxed);
     assert_eq!(one.look_for_orphans().await.unwrap().deleted, 1);
     assert!(matches!(one.blob_length(&hash).await, Err(StoreError::NotFound { .. })));
-    let files = std::fs::read_dir(folder.path().join("objects/b")).unwrap().count();
-    assert_eq!(files, 1, "the object of the mesh");
+    let Blobs::Objects(objects) = &two.inner.blobs else { panic!("the content is shared") };
+    assert_eq!(objects.store.list(None).count().await, 1, "the object of the mesh");
     assert_eq!(*two.load_mesh(&kept.id).await.unwrap(), *mesh(1, 9).mesh);
 }
 
@@ -441,4 +491,60 @@ async fn large_content() {
         let streamed: Vec<Bytes> = other.blob_stream(&hash, range.clone()).map(Result::unwrap).collect().await;
         assert_eq!(streamed.concat(), expected, "{range:?}");
     }
+}
+
+#[tokio::main(flavor = "multi_thread", worker_threads = 2)]
+async fn refusals_and_cuts() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, other) = pair(&folder).await;
+    let server = s3_server::of_folder(folder.path(), false);
+    let content =
+        Bytes::from((0..9_000_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 9) as u8).collect::<Vec<_>>());
+    let hash = blobs::hash_of(&content).await.unwrap();
+    // Of each request of an upload in parts, the first is refused.
+    server.faults.refuse.store(2, Ordering::Relaxed);
+    store.put_blob(&hash, &content).await.unwrap();
+    assert_eq!(server.faults.refuse.load(Ordering::Relaxed), 0);
+    for (refused, cut) in [(2, 0), (0, 1), (1, 2)] {
+        server.faults.refuse.store(refused, Ordering::Relaxed);
+        server.faults.cut.store(cut, Ordering::Relaxed);
+        assert_eq!(other.blob_bytes(&hash, 0..content.len() as u64).await.unwrap(), content);
+        assert_eq!(server.faults.cut.load(Ordering::Relaxed), 0);
+    }
+    // What never works is told, as nobody's damage.
+    server.faults.refuse.store(u64::MAX, Ordering::Relaxed);
+    let told = other.blob_bytes(&hash, 0..9).await.unwrap_err();
+    assert!(matches!(told, StoreError::Unavailable { .. }), "{told:?}");
+    server.faults.refuse.store(0, Ordering::Relaxed);
+    assert_eq!(other.blob_bytes(&hash, 0..9).await.unwrap(), content.slice(..9));
+}
+
+#[tokio::main(flavor = "multi_thread", worker_threads = 2)]
+async fn away() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, _other) = pair(&folder).await;
+    let server = s3_server::of_folder(folder.path(), false);
+    let id = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    store.enqueue(new_job(&id, "w")).await.unwrap();
+    let claim = store.claim("one", &[], LEASE).await.unwrap().unwrap();
+    server.faults.refuse.store(u64::MAX, Ordering::Relaxed);
+    // Who uploads is told.
+    let told = store.add_mesh(mesh(2, 12)).await.unwrap_err();
+    assert!(matches!(told, StoreError::Unavailable { .. }) && told.is_retryable(), "{told:?}");
+    // A result waits.
+    let completing = tokio::spawn({
+        let store = store.clone();
+        async move { store.complete(claim.token, basis(1.0, 40), vec![]).await }
+    });
+    let before = server.faults.met.load(Ordering::Relaxed);
+    while server.faults.met.load(Ordering::Relaxed) < before + 6 {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    assert!(!completing.is_finished());
+    server.faults.refuse.store(0, Ordering::Relaxed);
+    assert!(matches!(completing.await.unwrap(), Ok(CompleteAnswer::Stored(_))));
+    let job = store.job(claim.job.id).await.unwrap();
+    assert_eq!((job.status, job.attempt), (JobStatus::Succeeded, 1));
+    // What was begun in vain is not seen.
+    assert_eq!(store.pieces_of_content().await, 2);
 }

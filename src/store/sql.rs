@@ -16,10 +16,20 @@ pub(super) enum On<'c> {
     SqliteReader(&'c SqlitePool),
     /// Within a transaction of PostgreSQL.
     #[cfg(feature = "cluster")]
-    Postgres(&'c mut PgConnection),
+    Postgres(&'c mut PgConnection, Pooler),
     /// On any connection of PostgreSQL, in a transaction of its own.
     #[cfg(feature = "cluster")]
-    PostgresPool(&'c PgPool),
+    PostgresPool(&'c PgPool, Pooler),
+}
+
+/// What stands between a process and PostgreSQL.
+#[cfg(feature = "cluster")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pooler {
+    /// Nothing, or what gives each client a connection of its own: statements are prepared once.
+    Absent,
+    /// What gives connections out for one transaction: no statement outlives one, and each is sent within one, since it is prepared and run in two steps.
+    ByTransaction,
 }
 
 /// A row of an answer.
@@ -30,7 +40,7 @@ pub(super) enum Row {
 }
 
 /// A value that goes into a statement; absent ones have a type as well.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Value {
     Integer(Option<i64>),
     Real(Option<f64>),
@@ -87,8 +97,11 @@ pub(super) fn query_scalar<T>(text: impl SqlSafeStr) -> Scalar<T> {
 
 /// Binds the values and runs the statement by the method of that name.
 macro_rules! run {
-    ($text:expr, $values:expr, $method:ident, $on:expr) => {{
-        let mut query = sqlx::query($text);
+    ($text:expr, $values:expr, $method:ident, $on:expr) => {
+        run!($text, $values, $method, $on, true)
+    };
+    ($text:expr, $values:expr, $method:ident, $on:expr, $prepared:expr) => {{
+        let mut query = sqlx::query($text).persistent($prepared);
         for value in $values {
             query = match value {
                 Value::Integer(value) => query.bind(value),
@@ -109,9 +122,22 @@ macro_rules! dispatch {
             On::Sqlite(on) => run!(text, values, $method, on).map($sqlite),
             On::SqliteReader(on) => run!(text, values, $method, on).map($sqlite),
             #[cfg(feature = "cluster")]
-            On::Postgres(on) => run!(AssertSqlSafe(numbered(text.as_str())), values, $method, on).map($postgres),
+            On::Postgres(on, pooler) => {
+                let text = AssertSqlSafe(numbered(text.as_str()));
+                run!(text, values, $method, on, pooler == Pooler::Absent).map($postgres)
+            }
             #[cfg(feature = "cluster")]
-            On::PostgresPool(on) => run!(AssertSqlSafe(numbered(text.as_str())), values, $method, on).map($postgres),
+            On::PostgresPool(on, Pooler::Absent) => {
+                run!(AssertSqlSafe(numbered(text.as_str())), values, $method, on).map($postgres)
+            }
+            #[cfg(feature = "cluster")]
+            On::PostgresPool(on, Pooler::ByTransaction) => {
+                let mut transaction = on.begin().await?;
+                let text = AssertSqlSafe(numbered(text.as_str()));
+                let answer = run!(text, values, $method, &mut *transaction, false)?;
+                transaction.commit().await?;
+                Ok(answer).map($postgres)
+            }
         }
     }};
 }

@@ -25,6 +25,11 @@ pub struct Server {
 
 impl Server {
     pub fn start(folder: &Path, settings: &[&str]) -> Self {
+        Self::start_in(folder, settings, &[])
+    }
+
+    /// Starts one with variables in its environment.
+    pub fn start_in(folder: &Path, settings: &[&str], environment: &[(&str, &str)]) -> Self {
         let mut process = Command::new(env!("CARGO_BIN_EXE_chladni"))
             .args([
                 "serve",
@@ -40,6 +45,7 @@ impl Server {
             .arg("--data")
             .arg(folder)
             .args(settings)
+            .envs(environment.iter().copied())
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();

@@ -1,0 +1,298 @@
+//! The records and the content of a data folder, copied to where many processes share them.
+//!
+//! Each piece of content is written before the record that refers to it, and what is there already is passed over: a copy that was cut goes on where it
+//! was. At the end every record and every byte is read back and compared.
+
+use bytes::{Bytes, BytesMut};
+use futures_util::StreamExt;
+use serde::Serialize;
+use sqlx::AssertSqlSafe;
+
+use super::{
+    Store, StoreError,
+    blobs::{Blobs, CHUNK_BYTES},
+    sql::{self, Row, Value},
+};
+
+/// Rows that are read at once: the parameters of a job may be megabytes.
+const ROWS: i64 = 20;
+/// Chunks that are handed on at once: those of one part of an upload.
+const CHUNKS: usize = 32;
+
+/// What is copied: the table, the column that orders it, that by which a row is known, and whether it refers to content. Each refers to those before.
+const TABLES: [(&str, &str, &str, bool); 4] = [
+    ("meshes", "sequence", "id", true),
+    ("jobs", "sequence", "id", false),
+    ("bases", "sequence", "id", true),
+    ("idempotency_keys", "idempotency_key", "idempotency_key", false),
+];
+
+/// Why a data folder could not be copied.
+#[derive(Debug, thiserror::Error)]
+pub enum MigrationError {
+    /// Either side refused.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// There is something where the copy is to go that does not come from this folder.
+    #[error("{table}: {id} is in the database and not in the folder: a folder is copied to where nothing else is")]
+    Taken {
+        /// The table.
+        table: &'static str,
+        /// The row.
+        id: String,
+    },
+    /// A record is not what it was.
+    #[error("{table}: {id} differs from what is in the folder, in {column}")]
+    Differs {
+        /// The table.
+        table: &'static str,
+        /// The row.
+        id: String,
+        /// The column, or what else.
+        column: String,
+    },
+}
+
+impl From<sqlx::Error> for MigrationError {
+    fn from(error: sqlx::Error) -> Self {
+        Self::Store(error.into())
+    }
+}
+
+/// What was copied.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct Migrated {
+    /// Meshes and problems.
+    pub meshes: u64,
+    /// Jobs.
+    pub jobs: u64,
+    /// Bases.
+    pub bases: u64,
+    /// Pieces of content that were written; those that an earlier copy had written are not among them.
+    pub written: u64,
+    /// Bytes of them.
+    pub written_bytes: u64,
+    /// Bytes of content that were read back and compared.
+    pub verified_bytes: u64,
+}
+
+/// A column and what it holds.
+struct Kind {
+    name: String,
+    holds: String,
+}
+
+impl Store {
+    /// Copies everything to another store, that of shared places, and verifies it. Nobody else may use either meanwhile.
+    ///
+    /// # Errors
+    /// [`MigrationError`]; what was copied stays, and another call goes on.
+    pub async fn migrate_to(&self, to: &Store) -> Result<Migrated, MigrationError> {
+        let mut done = Migrated::default();
+        for (table, order, key, _) in TABLES {
+            self.refuse_others(to, table, order, key).await?;
+        }
+        for (table, order, key, content) in TABLES {
+            let kinds = self.kinds(table).await?;
+            let mut count = 0;
+            let mut last = start(order);
+            loop {
+                let rows = self.rows(table, order, &last).await?;
+                let Some(end) = rows.last() else { break };
+                last = value(end, &kind_of(&kinds, order))?;
+                for row in &rows {
+                    if content {
+                        self.copy_content(to, row.try_get("content_hash")?, &mut done).await?;
+                    }
+                    insert(to, table, key, &kinds, row).await?;
+                    count += 1;
+                }
+            }
+            match table {
+                "meshes" => done.meshes = count,
+                "jobs" => done.jobs = count,
+                "bases" => done.bases = count,
+                _ => {}
+            }
+        }
+        self.verify_copy(to, &mut done).await?;
+        for (table, order, ..) in TABLES {
+            if order == "sequence" {
+                let text = format!(
+                    "SELECT setval(pg_get_serial_sequence('{table}', 'sequence'), GREATEST(MAX(sequence), 1), MAX(sequence) IS NOT NULL) FROM {table}"
+                );
+                sql::query(AssertSqlSafe(text)).fetch_one(to.inner.catalog.reader()).await?;
+            }
+        }
+        Ok(done)
+    }
+
+    /// What a table holds, by the names of its columns.
+    async fn kinds(&self, table: &str) -> Result<Vec<Kind>, MigrationError> {
+        let rows = sql::query("SELECT name, type FROM pragma_table_info(?) ORDER BY cid")
+            .bind(table)
+            .fetch_all(self.inner.catalog.reader())
+            .await?;
+        let kinds = rows.iter().map(|row| Ok(Kind { name: row.try_get("name")?, holds: row.try_get("type")? }));
+        Ok(kinds.collect::<Result<_, sqlx::Error>>()?)
+    }
+
+    async fn rows(&self, table: &str, order: &str, last: &Value) -> Result<Vec<Row>, MigrationError> {
+        let text = format!("SELECT * FROM {table} WHERE {order} > ? ORDER BY {order} LIMIT ?");
+        let rows = sql::query(AssertSqlSafe(text)).bind(last.clone()).bind(ROWS);
+        Ok(rows.fetch_all(self.inner.catalog.reader()).await?)
+    }
+
+    /// Refuses a place that has what this folder has not.
+    async fn refuse_others(
+        &self,
+        to: &Store,
+        table: &'static str,
+        order: &str,
+        key: &str,
+    ) -> Result<(), MigrationError> {
+        let text = format!("SELECT {key} FROM {table} ORDER BY {order} DESC LIMIT 1");
+        let newest: Option<String> =
+            sql::query_scalar(AssertSqlSafe(text)).fetch_optional(to.inner.catalog.reader()).await?;
+        let Some(id) = newest else { return Ok(()) };
+        let text = format!("SELECT {key} FROM {table} WHERE {key} = ?");
+        let own: Option<String> =
+            sql::query_scalar(AssertSqlSafe(text)).bind(&id).fetch_optional(self.inner.catalog.reader()).await?;
+        if own.is_some() { Ok(()) } else { Err(MigrationError::Taken { table, id }) }
+    }
+
+    /// Copies one piece of content, unless it is there.
+    async fn copy_content(&self, to: &Store, hash: &str, done: &mut Migrated) -> Result<(), MigrationError> {
+        match to.blob_place(hash).await {
+            Ok(_) => return Ok(()),
+            Err(StoreError::NotFound { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
+        let length = self.blob_length(hash).await?;
+        let mut stream = Box::pin(self.blob_stream(hash, 0..length));
+        let mut pieces = async || -> Result<Vec<Bytes>, StoreError> {
+            let mut taken = BytesMut::new();
+            while taken.len() < CHUNKS * CHUNK_BYTES {
+                match stream.next().await {
+                    Some(piece) => taken.extend_from_slice(&piece?),
+                    None => break,
+                }
+            }
+            let mut taken = taken.freeze();
+            let mut chunks = Vec::new();
+            while !taken.is_empty() {
+                chunks.push(taken.split_to(taken.len().min(CHUNK_BYTES)));
+            }
+            Ok(chunks)
+        };
+        let mut writing = to.begin_blob(hash, length).await?;
+        let copied = async {
+            let mut hasher = blake3::Hasher::new();
+            loop {
+                let chunks = pieces().await?;
+                if chunks.is_empty() {
+                    break;
+                }
+                chunks.iter().for_each(|chunk| drop(hasher.update(chunk)));
+                to.write_chunks(&mut writing, &chunks).await?;
+            }
+            if hasher.finalize().to_hex().as_str() != hash {
+                return Err(self.inner.known.damage(hash, "its bytes hash to another value"));
+            }
+            to.finish_blob(&mut writing, hash, length).await
+        };
+        if let Err(error) = copied.await {
+            to.abandon_blob(writing).await;
+            return Err(error.into());
+        }
+        done.written += 1;
+        done.written_bytes += length;
+        Ok(())
+    }
+
+    /// Compares every record, and reads all content back.
+    async fn verify_copy(&self, to: &Store, done: &mut Migrated) -> Result<(), MigrationError> {
+        for (table, order, key, content) in TABLES {
+            let kinds = self.kinds(table).await?;
+            let text = format!("SELECT * FROM {table} WHERE {key} = ?");
+            let mut last = start(order);
+            loop {
+                let rows = self.rows(table, order, &last).await?;
+                let Some(end) = rows.last() else { break };
+                last = value(end, &kind_of(&kinds, order))?;
+                for row in &rows {
+                    let id: String = row.try_get(key)?;
+                    let differs =
+                        |column: &str| MigrationError::Differs { table, id: id.clone(), column: column.to_owned() };
+                    let copy = sql::query(AssertSqlSafe(text.clone())).bind(&id);
+                    let copy = copy.fetch_optional(to.inner.catalog.reader()).await?;
+                    let copy = copy.ok_or_else(|| differs("being there"))?;
+                    for kind in &kinds {
+                        if value(row, kind)? != value(&copy, kind)? {
+                            return Err(differs(&kind.name));
+                        }
+                    }
+                    if content {
+                        let hash: String = row.try_get("content_hash")?;
+                        let place = to.blob_place(&hash).await?;
+                        let (found, bytes) = match &to.inner.blobs {
+                            Blobs::Objects(objects) => objects.hash(place.id).await?,
+                            Blobs::Chunks(blobs) => {
+                                to.hash_chunks(blobs, place.id).await.map(|(hash, n, _)| (hash, n))?
+                            }
+                        };
+                        if found != hash || bytes != place.bytes {
+                            return Err(differs("its content"));
+                        }
+                        done.verified_bytes += bytes;
+                    }
+                }
+            }
+            let count = format!("SELECT COUNT(*) FROM {table}");
+            let [own, copied]: [i64; 2] = [
+                sql::query_scalar(AssertSqlSafe(count.clone())).fetch_one(self.inner.catalog.reader()).await?,
+                sql::query_scalar(AssertSqlSafe(count)).fetch_one(to.inner.catalog.reader()).await?,
+            ];
+            if own != copied {
+                let id = format!("{copied} rows");
+                return Err(MigrationError::Differs { table, id, column: format!("their number, which is {own}") });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What comes before every value of a column that orders a table.
+fn start(order: &str) -> Value {
+    if order == "sequence" { i64::MIN.into() } else { String::new().into() }
+}
+
+fn kind_of(kinds: &[Kind], name: &str) -> Kind {
+    let holds = kinds.iter().find(|kind| kind.name == name).map_or("TEXT", |kind| kind.holds.as_str());
+    Kind { name: name.to_owned(), holds: holds.to_owned() }
+}
+
+/// A value of a row.
+fn value(row: &Row, kind: &Kind) -> Result<Value, sqlx::Error> {
+    let name = kind.name.as_str();
+    Ok(match kind.holds.as_str() {
+        "INTEGER" => Value::Integer(row.try_get(name)?),
+        "REAL" => Value::Real(row.try_get(name)?),
+        // No column of these tables that holds bytes may lack them.
+        "BLOB" => Value::Bytes(Some(row.try_get(name)?)),
+        _ => Value::Text(row.try_get(name)?),
+    })
+}
+
+/// Writes a row, unless it is there.
+async fn insert(to: &Store, table: &str, key: &str, kinds: &[Kind], row: &Row) -> Result<(), MigrationError> {
+    let names: Vec<&str> = kinds.iter().map(|kind| kind.name.as_str()).collect();
+    let places = vec!["?"; names.len()].join(", ");
+    let text = format!("INSERT INTO {table} ({}) VALUES ({places}) ON CONFLICT ({key}) DO NOTHING", names.join(", "));
+    let mut query = sql::query(AssertSqlSafe(text));
+    for kind in kinds {
+        query = query.bind(value(row, kind)?);
+    }
+    query.execute(to.inner.catalog.reader()).await?;
+    Ok(())
+}
