@@ -13,6 +13,7 @@ COPY Cargo.toml Cargo.lock ./
 COPY crates/algebra/Cargo.toml crates/algebra/
 COPY crates/base/Cargo.toml crates/base/
 COPY crates/mesh/Cargo.toml crates/mesh/
+COPY crates/page/Cargo.toml crates/page/
 COPY crates/spectral/Cargo.toml crates/spectral/
 COPY crates/work/Cargo.toml crates/work/
 # A member of the workspace that the image does without: its placeholder stays.

@@ -45,6 +45,7 @@ const GUARDED: &[(&str, &[&str])] = &[
             "python",
         ],
     ),
+    ("chladni_page", &["http", "python"]),
     ("chladni_spectral", &["work", "store", "queue", "http", "cli", "python"]),
     ("chladni_work", &["queue", "http", "cli", "python"]),
     ("numpy", &["python"]),

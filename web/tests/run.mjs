@@ -14,6 +14,7 @@ import { counts, kit, pictures } from "./kit.mjs";
 import { looks } from "./looks.mjs";
 import { queue } from "./queue.mjs";
 import { studio } from "./studio.mjs";
+import { widget } from "./widget.mjs";
 
 if (!browserPath()) {
   console.log("skipped: no Chromium is installed (Debian: apt-get install chromium)");
@@ -22,7 +23,7 @@ if (!browserPath()) {
 const site = await start();
 const { test, keep, saved, changed, datum, onSurface, upload, compute, violations } = kit(site);
 /** Tests of one subject, each in a file of its own; `--only=NAME` runs them alone. */
-const SUBJECTS = { looks, fields, studio, queue };
+const SUBJECTS = { looks, fields, studio, queue, widget };
 const only = process.argv.find((argument) => argument.startsWith("--only="))?.slice(7);
 
 try {
