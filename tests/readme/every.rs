@@ -21,6 +21,7 @@ const RUN: &[(&str, &str, &str)] = &[
     ("gradients.md", "sh", "requests_of_the_pages_on_uses_are_answered"),
     ("languages.md", "matlab", "the_example_for_octave_runs_and_is_the_one_that_the_page_shows"),
     ("numbering.md", "python", "python/tests/test_docs.py"),
+    ("operations.md", "sh", "commands_of_the_manual_run"),
     ("operator-families.md", "sh", "requests_of_the_pages_on_uses_are_answered"),
     ("problems.md", "rust", "the_lines_of_rust_are_these"),
     ("problems.md", "sh", "commands_of_the_manual_run"),

@@ -80,7 +80,7 @@ fn commands_of_the_manual_run() {
         std::fs::write(folder.path().join(name), text).unwrap();
     }
     let mut script = format!(
-        "url={DOCUMENTED}\n{}chladni() {{ {CHLADNI} \"$@\" >>told 2>&1 || {{ cat told; exit 1; }}; }}\n",
+        "url={DOCUMENTED}\n{}chladni() {{ target/release/chladni \"$@\" >>told 2>&1 || {{ cat told; exit 1; }}; }}\n",
         functions()
     );
     script += "mkdir shapes scans\n";
