@@ -31,7 +31,7 @@ COPY README.md ./
 COPY migrations migrations
 COPY openapi openapi
 COPY benches benches
-# The build script makes the web page and the manual and embeds them; an image without them would be a surprise.
+# Build scripts make the web page and the manual and embed them; an image without them would be a surprise.
 COPY build.rs ./
 COPY build build
 COPY docs docs

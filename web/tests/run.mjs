@@ -45,6 +45,10 @@ async function everything() {
   const page = await site.open();
 
   await test("an empty page offers surfaces, and one click leads to a swinging mode", async () => {
+    // What each tab is for can be read before there is anything to work on.
+    await page.getByRole("tab", { name: "Vibration" }).click();
+    await page.locator("#panel-vibration .about").getByText("thin shell").waitFor();
+    await page.getByRole("tab", { name: "Modes" }).click();
     await keep(page, "welcome");
     await page.locator(".welcome").getByRole("button", { name: "bell" }).click();
     await page.waitForFunction(() => document.body.dataset.mode === "12" && window.chladni.viewer.moving);
@@ -299,7 +303,10 @@ async function everything() {
   });
 
   await test("a family of operators is solved again as its parameter moves", async () => {
+    await page.getByRole("tab", { name: "Vibration" }).click();
+    await page.locator("#panel-vibration .expected").getByText(/^Takes .*up to [\d.]+ MB\.$/).waitFor();
     await page.getByRole("tab", { name: "Family" }).click();
+    await page.locator("#panel-family .expected").getByText(/^Takes .*up to [\d.]+ MB\.$/).waitFor();
     await compute(page, { Dimension: "150" });
     await changed(page, "family");
     const shown = await picture(page);
