@@ -13,6 +13,7 @@ COPY Cargo.toml Cargo.lock ./
 COPY crates/algebra/Cargo.toml crates/algebra/
 COPY crates/base/Cargo.toml crates/base/
 COPY crates/mesh/Cargo.toml crates/mesh/
+COPY crates/page/Cargo.toml crates/page/
 COPY crates/spectral/Cargo.toml crates/spectral/
 COPY crates/work/Cargo.toml crates/work/
 # A member of the workspace that the image does without: its placeholder stays.
@@ -30,7 +31,7 @@ COPY README.md ./
 COPY migrations migrations
 COPY openapi openapi
 COPY benches benches
-# The build script makes the web page and the manual and embeds them; an image without them would be a surprise.
+# Build scripts make the web page and the manual and embed them; an image without them would be a surprise.
 COPY build.rs ./
 COPY build build
 COPY docs docs

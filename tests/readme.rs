@@ -1,5 +1,10 @@
 //! What the documentation shows has to work as pasted, and what it lists has to be whole.
 
+#[path = "readme/every.rs"]
+mod every;
+#[path = "readme/requests.rs"]
+mod requests;
+
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -79,6 +84,9 @@ mesh=$(upload torus 4000)
 other=$(upload knot 4000)
 exact=$(eigenbasis "$mesh" '{"method": "hsim", "count": 210, "tolerance": 1e-4}')
 approximate=$(eigenbasis "$mesh" '{"method": "approximate", "count": 510}')
+small=$(upload torus 800)
+family=$(made "{\"kind\": \"operator_family\", \"mesh\": \"$small\", \"parameters\": {\"dimension\": 240}}")
+shell=$(made "{\"kind\": \"vibration_basis\", \"mesh\": \"$small\", \"parameters\": {\"count\": 12, \"thickness\": 0.01}}")
 basis=$approximate
 camel1=$exact; camel2=$approximate; horse=$(eigenbasis "$other" '{"method": "approximate", "count": 510}')
 standing=$basis; galloping=$horse
@@ -101,18 +109,21 @@ fn requests_of_the_pages_on_uses_are_answered() {
         "distances.md",
         "filtering.md",
         "functional-maps.md",
+        "gradients.md",
+        "operator-families.md",
         "shape-dna.md",
         "signatures.md",
+        "vibration.md",
     ] {
-        // Files of one's own and the command line are the reader's.
+        // Those with files of one's own are run with the command line.
         for block in blocks(name, "sh").into_iter().filter(|block| block.contains("$url") && !block.contains("homer")) {
             count += block.matches("curl ").count();
             script += &format!("echo '== {name}'\n{block}");
         }
     }
-    assert!(count >= 12, "{count}");
+    assert!(count >= 18, "{count}");
     let told = shell(&script, &server, folder.path());
-    for (name, magic) in [("back.ply", &b"ply"[..]), ("sharp.ply", b"ply")] {
+    for (name, magic) in [("back.ply", &b"ply"[..]), ("sharp.ply", b"ply"), ("tap.wav", b"RIFF")] {
         assert!(std::fs::read(folder.path().join(name)).unwrap().starts_with(magic), "{name}");
     }
     assert!(std::fs::metadata(folder.path().join("distances.f32")).unwrap().len() > 10_000);
@@ -205,6 +216,7 @@ fn shell(lines: &str, server: &Server, folder: &Path) -> String {
     told
 }
 
+/// A page of the manual, or with its path from there another text.
 fn page(name: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name)).unwrap()
 }

@@ -22,6 +22,7 @@ from ._native import SOLVER_VERSION, __version__, get_threads, set_threads
 from ._operators import Operators, operators
 from ._pencil import Eigenpairs, eigsh
 from ._solve import eigs
+from ._vibration import Vibration, vibration
 
 __all__ = [
     "SOLVER_VERSION",
@@ -50,6 +51,7 @@ __all__ = [
     "RemoteBasis",
     "SolveError",
     "UnprovenError",
+    "Vibration",
     "__version__",
     "eigs",
     "eigsh",
@@ -58,6 +60,7 @@ __all__ = [
     "get_threads",
     "operators",
     "set_threads",
+    "vibration",
 ]
 
 for _name in __all__:

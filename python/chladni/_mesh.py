@@ -354,10 +354,12 @@ def arrays_of(something: Any) -> tuple[Any, Any]:
         return something[0], something[1]
     if hasattr(something, "points"):
         if hasattr(something, "cells_dict"):
+            # meshio names kinds of cells, the grids of pyvista number them as VTK does: 5 is a triangle.
             cells = something.cells_dict
-            if "triangle" not in cells:
-                raise _arrays.parameter_error(f"the mesh has no triangles; its cells are {', '.join(cells) or 'none'}")
-            return something.points, cells["triangle"]
+            triangles = next((key for key in cells if key in ("triangle", 5)), None)
+            if triangles is None:
+                raise _arrays.parameter_error(f"the mesh has no triangles; its cells are {', '.join(map(str, cells)) or 'none'}")
+            return something.points, cells[triangles]
         if hasattr(something, "faces"):
             return something.points, regular_faces(something.faces)
     if hasattr(something, "vertices"):

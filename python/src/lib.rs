@@ -12,6 +12,8 @@ mod maps;
 mod mesh;
 mod pencil;
 mod threads;
+mod vibration;
+mod view;
 mod watch;
 
 use pyo3::prelude::*;
@@ -32,6 +34,10 @@ mod _native {
     use super::pencil::pencil;
     #[pymodule_export]
     use super::threads::{get_threads, set_threads};
+    #[pymodule_export]
+    use super::vibration::{NativeVibration, vibration};
+    #[pymodule_export]
+    use super::view::viewer;
 
     use pyo3::prelude::*;
 

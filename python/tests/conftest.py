@@ -1,4 +1,9 @@
-"""Shapes that several tests share."""
+"""Shapes, and a server, that several tests share."""
+
+import os
+import re
+import signal
+import subprocess
 
 import numpy as np
 import pytest
@@ -48,3 +53,24 @@ def knot() -> chladni.Mesh:
 @pytest.fixture(scope="session")
 def knot_basis(knot: chladni.Mesh) -> chladni.Basis:
     return chladni.eigs(knot, k=40, method="hsim")
+
+
+@pytest.fixture(scope="session")
+def server(tmp_path_factory):
+    """The address of a server of the tests' own, with an empty folder. Needs the binary, as ``CHLADNI_BINARY``."""
+    binary = os.environ.get("CHLADNI_BINARY", "")
+    if not os.path.exists(binary):
+        pytest.skip("CHLADNI_BINARY names no binary of the service")
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("CHLADNI_")}
+    data = tmp_path_factory.mktemp("server") / "data"
+    command = [binary, "serve", "--listen", "127.0.0.1:0", "--data", str(data), "--workers", "1"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment)
+    address = None
+    for line in process.stdout:
+        if found := re.search(r"http://127\.0\.0\.1:\d+", line):
+            address = found[0]
+            break
+    assert address, "the server did not say where it listens"
+    yield address
+    process.send_signal(signal.SIGKILL)
+    process.wait()

@@ -1,8 +1,6 @@
 """The same on a server: answers are those of here. Needs the binary, as ``CHLADNI_BINARY``."""
 
 import os
-import re
-import signal
 import subprocess
 import sys
 import textwrap
@@ -12,28 +10,12 @@ import pytest
 
 import chladni
 
-BINARY = os.environ.get("CHLADNI_BINARY", "")
-needs_server = pytest.mark.skipif(not os.path.exists(BINARY), reason="CHLADNI_BINARY names no binary of the service")
-
 
 @pytest.fixture(scope="module")
-def client(tmp_path_factory):
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("CHLADNI_")}
-    data = tmp_path_factory.mktemp("server") / "data"
-    command = [BINARY, "serve", "--listen", "127.0.0.1:0", "--data", str(data), "--workers", "1"]
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment)
-    address = None
-    for line in server.stdout:
-        if found := re.search(r"http://127\.0\.0\.1:\d+", line):
-            address = found[0]
-            break
-    assert address, "the server did not say where it listens"
-    yield chladni.Client(address)
-    server.send_signal(signal.SIGKILL)
-    server.wait()
+def client(server):
+    return chladni.Client(server)
 
 
-@needs_server
 def test_answers_are_those_of_here(client, knot, tmp_path):
     vertices = np.concatenate([[[7.0, 7, 7]], knot.vertices])
     arguments = {"vertices": vertices, "faces": knot.faces + 1, "k": 30, "method": "hsim"}
@@ -58,7 +40,6 @@ def test_answers_are_those_of_here(client, knot, tmp_path):
     assert client.upload(vertices, knot.faces + 1) == client.upload(vertices, knot.faces + 1)
 
 
-@needs_server
 def test_pairs_of_matrices_are_those_of_here(client):
     import scipy.sparse
 
@@ -84,7 +65,6 @@ def test_pairs_of_matrices_are_those_of_here(client):
         client.eigsh(problem, 3, M)
 
 
-@needs_server
 def test_refusals_are_the_servers_sentences(client, knot):
     with pytest.raises(chladni.ClientError, match="count") as caught:
         client.eigs(knot, k=0)
@@ -94,7 +74,6 @@ def test_refusals_are_the_servers_sentences(client, knot):
     assert caught.value.status in (400, 404) and caught.value.problem["status"] == caught.value.status
 
 
-@needs_server
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_an_interrupt_cancels_the_job(client, tmp_path):
     script = f"""

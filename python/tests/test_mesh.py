@@ -58,11 +58,12 @@ def test_meshes_of_other_libraries_by_their_looks(knot, expected):
         SimpleNamespace(vertices=v, faces=f),
         SimpleNamespace(points=v, faces=padded),
         SimpleNamespace(points=v, cells_dict={"triangle": f, "line": f[:, :2]}),
+        SimpleNamespace(points=v, cells_dict={np.uint8(3): f[:, :2], np.uint8(5): f}),
         SimpleNamespace(vertices=v, triangles=f),
         (v, f),
     ]:
         assert np.allclose(spectrum(mesh), expected, atol=1e-9)
-    for broken in [SimpleNamespace(points=v, cells_dict={"quad": f}), SimpleNamespace(points=v, faces=padded[:-1]), object(), v]:
+    for broken in [SimpleNamespace(points=v, cells_dict={"quad": f}), SimpleNamespace(points=v, cells_dict={np.uint8(9): f}), SimpleNamespace(points=v, faces=padded[:-1]), object(), v]:
         with pytest.raises(chladni.ParameterError):
             chladni.Mesh(broken)
 

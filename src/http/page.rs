@@ -10,8 +10,8 @@ use super::embedded::{ASKED_EACH_TIME, Files, NEVER_CHANGES};
 use super::problem::{self, Problem};
 use super::state::AppState;
 
-/// Every file of the page, from the build script.
-static FILES: Files = Files::new(include!(concat!(env!("OUT_DIR"), "/page.rs")));
+/// Every file of the page.
+static FILES: Files = Files::new(chladni_page::FILES);
 
 /// Nothing from elsewhere, no inline script or style, no frame.
 pub const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; \

@@ -3,6 +3,7 @@
 import { ApiError, get, hasInside, key, meshContent, post, recent, remove, rename, save, type Basis, type BasisSummary, type Job, type Kind, type Mesh, type Page, type Parameters } from "./api";
 import type { Beside } from "./beside";
 import { h } from "./dom";
+import type { FaceField } from "./files";
 import { prepared } from "./geometry";
 import { Jobs } from "./jobs";
 import { pack, read, unpack, write, type Place } from "./place";
@@ -37,7 +38,7 @@ export class App {
   /** A second surface, once one was shown beside the first. */
   beside: Beside | null = null;
   /** What the open tab shows beside the surface that is worth keeping. */
-  kept: { lines: number[][][] | null; sound: ArrayBuffer | null } = { lines: null, sound: null };
+  kept: { lines: number[][][] | null; sound: ArrayBuffer | null; field: FaceField | null } = { lines: null, sound: null, field: null };
   readonly jobs = new Jobs(() => this.emit("jobs"), (job) => this.finished(job), (error) => this.fail(error));
   /** Whether the next mode that is shown begins to swing by itself. */
   swinging = false;
@@ -156,7 +157,7 @@ export class App {
       if (!place.mesh) {
         const first = this.meshes[0];
         if (first) await this.open(first.id, false);
-        else this.panel?.show();
+        else this.tab(place.tab, false);
       } else if (moved) await this.open(place.mesh, false, true);
       else this.tab(place.tab, false);
     } catch (error) {
@@ -276,7 +277,7 @@ export class App {
     // What an earlier tab has asked for is not put into this one.
     this.using += 1;
     this.viewer.cursor.leave();
-    this.kept = { lines: null, sound: null };
+    this.kept = { lines: null, sound: null, field: null };
     recent.shown = null;
     this.viewer.onClick = this.viewer.onStroke = null;
     this.viewer.onStrokeEnd = () => {};

@@ -44,6 +44,7 @@ export function slider(
   range: { min: number; max: number; step: number; value: number },
   input: (value: number) => void,
   format: (value: number) => string = (value) => String(value),
+  hint?: string,
 ): { element: HTMLElement; control: HTMLInputElement; set: (value: number) => void } {
   const output = h("output", {}, format(range.value));
   const control = h("input", { type: "range", "aria-label": label, min: String(range.min), max: String(range.max), step: String(range.step) });
@@ -56,7 +57,7 @@ export function slider(
     control.value = String(value);
     output.textContent = format(control.valueAsNumber);
   };
-  return { element: h("label", { class: "field slider" }, h("span", {}, label), control, output), control, set };
+  return { element: h("label", { class: "field slider", title: hint }, h("span", {}, label), control, output), control, set };
 }
 
 /** 134345 as 134,345. */

@@ -11,6 +11,12 @@ export interface Coloured {
   colours: Uint8Array;
 }
 
+/** A field on the faces, so many numbers for each: a vector, or the two of a tensor. */
+export interface FaceField {
+  values: Float32Array;
+  columns: number;
+}
+
 export function obj({ positions: p, triangles: t }: Surface): Blob {
   const lines = new Lines();
   for (let v = 0; v < p.length; v += 3) lines.add(`v ${shortest(p[v])} ${shortest(p[v + 1])} ${shortest(p[v + 2])}`);
@@ -40,7 +46,7 @@ export function ply({ positions: p, triangles: t }: Surface, shown: Coloured | n
 }
 
 /** PolyData of VTK, as ParaView and PyVista read it. */
-export function vtp({ positions: p, triangles: t }: Surface, shown: Coloured | null): Blob {
+export function vtp({ positions: p, triangles: t }: Surface, shown: Coloured | null, field?: FaceField): Blob {
   const vertices = p.length / 3, faces = t.length / 3;
   const lines = new Lines();
   lines.add('<?xml version="1.0"?>');
@@ -50,6 +56,17 @@ export function vtp({ positions: p, triangles: t }: Surface, shown: Coloured | n
     lines.add(`<PointData Scalars="value"><DataArray type="Float32" Name="value" format="ascii">`);
     for (const value of shown.values) lines.add(shortest(value));
     lines.add("</DataArray></PointData>");
+  }
+  if (field) {
+    // Of a tensor its eigendirections times their eigenvalues: two vectors.
+    const parts = field.columns / 3;
+    lines.add("<CellData>");
+    for (let part = 0; part < parts; part++) {
+      lines.add(`<DataArray type="Float32" Name="${parts === 1 ? "field" : `field_${part + 1}`}" NumberOfComponents="3" format="ascii">`);
+      for (let at = 3 * part; at < field.values.length; at += field.columns) lines.add(Array.from(field.values.subarray(at, at + 3), shortest).join(" "));
+      lines.add("</DataArray>");
+    }
+    lines.add("</CellData>");
   }
   lines.add('<Points><DataArray type="Float32" NumberOfComponents="3" format="ascii">');
   for (let v = 0; v < p.length; v += 3) lines.add(`${shortest(p[v])} ${shortest(p[v + 1])} ${shortest(p[v + 2])}`);
@@ -87,9 +104,10 @@ export function csv({ positions: p }: Surface, shown: Coloured, vertex: string):
   return lines.blob("text/csv");
 }
 
-/** Numbers as an array of NumPy. */
-export function npy(values: Float32Array | Int32Array): Blob {
-  const text = `{'descr': '${values instanceof Int32Array ? "<i4" : "<f4"}', 'fortran_order': False, 'shape': (${values.length},), }`;
+/** Numbers as an array of NumPy; with `columns`, as rows of so many. */
+export function npy(values: Float32Array | Int32Array, columns?: number): Blob {
+  const shape = columns ? `${values.length / columns}, ${columns}` : `${values.length},`;
+  const text = `{'descr': '${values instanceof Int32Array ? "<i4" : "<f4"}', 'fortran_order': False, 'shape': (${shape}), }`;
   // Magic, version and length of the header; the data begin at a multiple of 64.
   const padded = `${text.padEnd(Math.ceil((text.length + 11) / 64) * 64 - 11)}\n`;
   const head = new Uint8Array([0x93, ...new TextEncoder().encode("NUMPY"), 1, 0, padded.length & 255, padded.length >> 8]);
@@ -107,10 +125,11 @@ export function pairs(points: Int32Array, confidences: Float32Array, numbering: 
 /** What is asked of the thread that writes files. */
 export type Order =
   | { kind: "obj"; surface: Surface }
-  | { kind: "ply" | "vtp"; surface: Surface; shown: Coloured | null }
+  | { kind: "ply"; surface: Surface; shown: Coloured | null }
+  | { kind: "vtp"; surface: Surface; shown: Coloured | null; field?: FaceField }
   | { kind: "glb"; surface: Surface; shown: Coloured | null; axes: [axis: number, sign: number][] }
   | { kind: "csv"; surface: Surface; shown: Coloured; vertex: string }
-  | { kind: "npy"; values: Float32Array | Int32Array }
+  | { kind: "npy"; values: Float32Array | Int32Array; columns?: number }
   | { kind: "pairs"; points: Int32Array; confidences: Float32Array; numbering: string };
 
 /** Writes a file. */
@@ -118,10 +137,10 @@ export async function written(order: Order): Promise<Blob> {
   switch (order.kind) {
     case "obj": return obj(order.surface);
     case "ply": return ply(order.surface, order.shown);
-    case "vtp": return vtp(order.surface, order.shown);
+    case "vtp": return vtp(order.surface, order.shown, order.field);
     case "glb": return glb(turned(order.surface, order.axes), order.shown);
     case "csv": return csv(order.surface, order.shown, order.vertex);
-    case "npy": return npy(order.values);
+    case "npy": return npy(order.values, order.columns);
     case "pairs": return pairs(order.points, order.confidences, order.numbering);
   }
 }

@@ -2,6 +2,7 @@
 
 import { key } from "./api";
 import { App } from "./app";
+import { codeFoot } from "./copy";
 import { h } from "./dom";
 import { library } from "./library";
 import { Look } from "./panels/look";
@@ -46,6 +47,7 @@ function start(viewer: Viewer) {
     panel.element.setAttribute("aria-labelledby", `tab-${panel.id}`);
     panel.element.hidden = true;
     panel.element.prepend(h("p", { class: "dim about" }, panel.about, " ", h("a", { href: `docs/guide/${panel.guide}`, target: "_blank", "aria-label": `${panel.title} in the manual` }, "Manual")));
+    panel.element.append(codeFoot(app, panel));
     tabs.append(h("button", { role: "tab", id: `tab-${panel.id}`, "aria-controls": `panel-${panel.id}`, onclick: () => app.tab(panel.id) }, panel.title));
   });
   const showTabs = () => {

@@ -1,8 +1,7 @@
-// What stands over the surface: which way is up, its edges, and everything on the screen as a file or as a request.
+// What stands over the surface: which way is up, its edges, and everything on the screen as a file.
 
-import { kept, movedSurface, recent } from "./api";
+import { kept, movedSurface } from "./api";
 import type { App } from "./app";
-import { curl, python, type Request } from "./code";
 import { brief, choice, field, h, slider } from "./dom";
 import type { Coloured, Order } from "./files";
 import { records } from "./film";
@@ -14,10 +13,6 @@ import { AXES, UPWARD, type Up } from "./upright";
 
 /** Seconds of a film: one turn of the surface. */
 const FILM = 6;
-
-/** Whether these parameters are all there: of long lists the server keeps only a hash beside a basis. */
-const whole = (value: unknown): boolean =>
-  !value || typeof value !== "object" || ((Array.isArray(value) || !("blake3" in value)) && Object.values(value).every(whole));
 
 export function toolbar(app: App, look: Look): HTMLElement {
   const { viewer } = app;
@@ -58,20 +53,6 @@ export function toolbar(app: App, look: Look): HTMLElement {
     }
   };
   const coloured = (): Coloured | null => look.coloured();
-  const copy = async (text: string, what: string) => {
-    try {
-      await navigator.clipboard.writeText(text);
-      app.toast("note", "Copied", `${what} is on the clipboard.`);
-    } catch {
-      // Without the right to the clipboard, the text can still be taken by hand.
-      const box = h("textarea", { readOnly: true, rows: 8, "aria-label": `${what}: copy it from here` });
-      box.value = text;
-      box.addEventListener("blur", () => box.remove());
-      bar.append(box);
-      box.focus();
-      box.select();
-    }
-  };
   const item = (text: string, act: () => unknown) =>
     h("button", { class: "quiet", onclick: () => {
       save.open = false;
@@ -80,14 +61,12 @@ export function toolbar(app: App, look: Look): HTMLElement {
   const group = (title: string, items: (HTMLElement | false)[]) => items.some(Boolean) && h("div", {}, h("h3", {}, title), ...items);
   const fill = () => {
     const shown = coloured();
-    const { lines, sound } = app.kept;
-    const request = recent.shown;
-    const basis = app.basis;
-    const job: Request | null = basis && whole(basis.parameters) ? { method: "POST", path: kept("/v1/jobs", "POST"), body: { kind: basis.kind, mesh: basis.mesh, parameters: basis.parameters } } : null;
+    const { lines, sound, field } = app.kept;
     const groups = [
       group("Picture", [item("PNG", async () => download(await viewer.snapshot(), "png")), records() && item(`Film of a turn, ${FILM} s`, async () => {
         app.toast("note", "Recording", `The surface turns once, for ${FILM} seconds.`);
-        download(await viewer.film(FILM), "webm");
+        const film = await viewer.film(FILM);
+        download(film, film.type.includes("mp4") ? "mp4" : "webm");
       }), lines !== null && item("Lines as SVG", async () => {
         const { width, height, runs } = viewer.drawn(lines);
         download(svg(runs, width, height, Math.max(0.6, width / 1200)), "svg");
@@ -95,9 +74,8 @@ export function toolbar(app: App, look: Look): HTMLElement {
       group("Surface as shown", [item("OBJ", () => surface({ kind: "obj", surface: viewer.shape()! }, "obj")), item(shown ? "PLY with colours" : "PLY", () => surface({ kind: "ply", surface: viewer.shape()!, shown: coloured() }, "ply")),
         item("GLB", () => surface({ kind: "glb", surface: viewer.shape()!, shown: coloured(), axes: AXES[viewer.up] }, "glb")), item("VTP (ParaView)", () => file({ kind: "vtp", surface: viewer.shape()!, shown: coloured() }, "vtp"))]),
       shown && group("Values at the vertices", [item("CSV", () => file({ kind: "csv", surface: viewer.shape()!, shown: coloured()!, vertex: renumbered() ? "kept_vertex" : "vertex" }, "csv")), item("NPY (NumPy)", () => file({ kind: "npy", values: coloured()!.values }, "npy"))]),
+      field && group("Field on the faces", [item("Field as NPY", () => file({ kind: "npy", values: field.values, columns: field.columns }, "npy")), item("Field as VTP", () => file({ kind: "vtp", surface: viewer.shape()!, shown: coloured(), field }, "vtp"))]),
       sound && group("Sound", [item("WAV", () => download(new Blob([sound], { type: "audio/wav" }), "wav"))]),
-      request && group("Copy the request", [item("as curl", () => copy(curl(request), "The request for curl")), item("as Python", () => copy(python(request), "The request in Python"))]),
-      job && group("Copy the job", [item("as curl", () => copy(curl(job), "The job for curl")), item("as Python", () => copy(python(job), "The job in Python"))]),
     ];
     menu.replaceChildren(...groups.filter((part): part is HTMLDivElement => Boolean(part)));
   };

@@ -69,6 +69,14 @@ export async function fields(site) {
     const rows = String(await saved(page, "CSV")).trim().split("\n");
     assert.equal(rows.length, (await page.evaluate(() => window.chladni.app.mesh.vertices)) + 1);
     assert.ok(rows.slice(1).every((row) => Number(row.split(",")[4]) >= 0));
+    // The vectors themselves, one for each face.
+    const faces = await page.evaluate(() => window.chladni.app.mesh.faces);
+    const array = await saved(page, "Field as NPY");
+    assert.match(array.subarray(0, 128).toString("latin1"), new RegExp(`'shape': \\(${faces}, 3\\)`));
+    const paraview = String(await saved(page, "Field as VTP"));
+    const vectors = /<CellData>\n<DataArray [^>]*NumberOfComponents="3"[^>]*>\n([^<]*)<\/DataArray>/.exec(paraview)[1].trim().split("\n").map((row) => row.split(" ").map(Number));
+    assert.equal(vectors.length, faces);
+    vectors[17].forEach((x, k) => assert.ok(Math.abs(x - array.readFloatLE(array.length - 12 * faces + 12 * 17 + 4 * k)) < 1e-6));
     await page.getByLabel("colour by length").uncheck();
     await page.locator(".legend").waitFor({ state: "hidden" });
     assert.deepEqual(await picture(page), plain);

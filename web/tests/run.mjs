@@ -14,6 +14,7 @@ import { counts, kit, pictures } from "./kit.mjs";
 import { looks } from "./looks.mjs";
 import { queue } from "./queue.mjs";
 import { studio } from "./studio.mjs";
+import { widget } from "./widget.mjs";
 
 if (!browserPath()) {
   console.log("skipped: no Chromium is installed (Debian: apt-get install chromium)");
@@ -22,7 +23,7 @@ if (!browserPath()) {
 const site = await start();
 const { test, keep, saved, changed, datum, onSurface, upload, compute, violations } = kit(site);
 /** Tests of one subject, each in a file of its own; `--only=NAME` runs them alone. */
-const SUBJECTS = { looks, fields, studio, queue };
+const SUBJECTS = { looks, fields, studio, queue, widget };
 const only = process.argv.find((argument) => argument.startsWith("--only="))?.slice(7);
 
 try {
@@ -44,6 +45,10 @@ async function everything() {
   const page = await site.open();
 
   await test("an empty page offers surfaces, and one click leads to a swinging mode", async () => {
+    // What each tab is for can be read before there is anything to work on.
+    await page.getByRole("tab", { name: "Vibration" }).click();
+    await page.locator("#panel-vibration .about").getByText("thin shell").waitFor();
+    await page.getByRole("tab", { name: "Modes" }).click();
     await keep(page, "welcome");
     await page.locator(".welcome").getByRole("button", { name: "bell" }).click();
     await page.waitForFunction(() => document.body.dataset.mode === "12" && window.chladni.viewer.moving);
@@ -97,22 +102,25 @@ async function everything() {
 
   await test("a copied request does by hand what the page did", async () => {
     await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
-    const copied = async (part, name) => {
-      await page.locator(".save summary").click();
-      await page.locator(".menu div", { has: page.getByRole("heading", { name: part }) }).getByRole("button", { name }).click();
-      await page.locator(".toast").getByText(part.slice(9), { exact: false }).first().waitFor();
+    const copied = async (name) => {
+      await page.locator(".panel:not([hidden])").getByRole("button", { name, exact: true }).click();
+      await page.locator(".toast").getByText("is on the clipboard").first().waitFor();
       const text = await page.evaluate(() => navigator.clipboard.readText());
       while (await page.locator(".toast").count()) await page.getByRole("button", { name: "Close" }).first().click();
       return text;
     };
     const vertices = await page.evaluate(() => window.chladni.app.mesh.vertices);
-    execFileSync("sh", ["-c", await copied("Copy the request", "as curl")], { cwd: site.folder });
+    execFileSync("sh", ["-c", await copied("Copy the request as curl")], { cwd: site.folder });
     assert.equal(readFileSync(join(site.folder, "answer.bin")).length, 4 * vertices);
     // The other form, as far as it goes without NumPy.
-    assert.match(await copied("Copy the request", "as Python"), /^import json, urllib\.request\nimport numpy as np\n[^]*"Accept": "application\/octet-stream"[^]*np\.frombuffer/);
+    assert.match(await copied("Copy the request as Python"), /^import json, urllib\.request\nimport numpy as np\n[^]*"Accept": "application\/octet-stream"[^]*np\.frombuffer/);
     const known = await page.evaluate(() => window.chladni.app.basis.id);
-    const answer = execFileSync(process.env.CHLADNI_PYTHON ?? "python3", ["-c", `${await copied("Copy the job", "as Python")}print(result["basis"])`]);
+    const answer = execFileSync(process.env.CHLADNI_PYTHON ?? "python3", ["-c", `${await copied("Copy the job as Python")}print(result["basis"])`]);
     assert.equal(String(answer).trim(), known);
+    // So does the form of another job, before it is sent.
+    await page.locator(".panel:not([hidden]) .new > summary").first().click();
+    assert.match(await copied("Copy the new job as curl"), /^curl -sS '[^']*\/v1\/jobs\?numbering=kept' [^]*"kind":"eigenbasis","mesh":"[0-9a-f]+","parameters":\{"count":200,/);
+    await page.locator(".panel:not([hidden]) .new > summary").first().click();
   });
 
   await test("edges come and go, and the surface goes on changing after them", async () => {
@@ -295,7 +303,10 @@ async function everything() {
   });
 
   await test("a family of operators is solved again as its parameter moves", async () => {
+    await page.getByRole("tab", { name: "Vibration" }).click();
+    await page.locator("#panel-vibration .expected").getByText(/^Takes .*up to [\d.]+ MB\.$/).waitFor();
     await page.getByRole("tab", { name: "Family" }).click();
+    await page.locator("#panel-family .expected").getByText(/^Takes .*up to [\d.]+ MB\.$/).waitFor();
     await compute(page, { Dimension: "150" });
     await changed(page, "family");
     const shown = await picture(page);
@@ -525,9 +536,8 @@ async function everything() {
       await changed(visitor, "mode");
       // What is copied names the key, and does not hold it; without a clipboard the text stands there to be taken.
       await visitor.evaluate(() => Object.defineProperty(navigator, "clipboard", { value: undefined }));
-      await visitor.locator(".save summary").click();
-      await visitor.locator(".menu div", { has: visitor.getByRole("heading", { name: "Copy the job" }) }).getByRole("button", { name: "as curl" }).click();
-      const text = await visitor.locator(".stagebar textarea").inputValue();
+      await visitor.locator(".panel:not([hidden])").getByRole("button", { name: "Copy the job as curl" }).click();
+      const text = await visitor.locator("textarea.by-hand").inputValue();
       assert.ok(text.includes("$CHLADNI_KEY") && !text.includes(secret), text);
       for (const [name, begin] of [[/Download as NPZ/, "PK"], ["metadata", "{"]]) {
         const [file] = await Promise.all([visitor.waitForEvent("download"), visitor.getByRole("link", { name }).click()]);

@@ -129,9 +129,8 @@ export async function studio(site) {
     assert.notDeepEqual(await right(), before);
     await page.getByLabel("Colours end at").fill("");
     await page.getByLabel("Colours end at").press("Enter");
-    await page.locator(".save summary").click();
     await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
-    await page.locator(".menu div", { has: page.getByRole("heading", { name: "Copy the request" }) }).getByRole("button", { name: "as curl" }).click();
+    await page.locator("#panel-maps").getByRole("button", { name: "Copy the request as curl" }).click();
     await page.locator(".toast").waitFor();
     assert.match(await page.evaluate(() => navigator.clipboard.readText()), /\/v1\/functional-maps/);
     await page.getByRole("button", { name: "Close" }).first().click();

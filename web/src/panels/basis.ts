@@ -106,11 +106,12 @@ export function eigenForm(app: App, look?: Look): HTMLElement {
   };
   const form = h("form", { class: "form", onsubmit: (event: Event) => {
     event.preventDefault();
-    if (!potentials.hidden && potential.value === "values" && !shown()) return app.toast("error", "Nothing is shown that can be a potential", `Show a function on the surface first, a distance for instance. It has to be finite everywhere, and on ${grouped(MOST_VALUES)} vertices at most.`);
+    if (missing()) return app.toast("error", "Nothing is shown that can be a potential", `Show a function on the surface first, a distance for instance. It has to be finite everywhere, and on ${grouped(MOST_VALUES)} vertices at most.`);
     void app.submit("eigenbasis", parameters());
   } }, field("Eigenpairs", count), field("Method", method), tolerances, accuracies, field("Operator", operator), potentials, strength.element, t.element, boundaries, certified,
     h("button", { class: "primary" }, "Compute"));
-  form.append(expected(app, form, "eigenbasis", () => parameters(false)));
+  const missing = () => !potentials.hidden && potential.value === "values" && !shown();
+  form.append(expected(app, form, "eigenbasis", () => parameters(false), () => (missing() ? null : parameters())));
   return form;
 }
 

@@ -2,6 +2,7 @@
 
 import { ApiError, post, type Kind, type Parameters } from "../api";
 import type { App } from "../app";
+import { asCode, jobRequest } from "../copy";
 import { bytes, h, seconds } from "../dom";
 import { latest } from "../latest";
 
@@ -16,8 +17,11 @@ interface Estimate {
 /** Longer than this is worth a warning, in seconds. */
 const LONG = 30;
 
-/** A line under a form: time and memory of the job that it would send. It follows what is typed. */
-export function expected<K extends Kind>(app: App, form: HTMLFormElement, kind: K, parameters: () => Parameters<K>): HTMLElement {
+/**
+ * What stands under a form: time and memory of the job that it would send, as `parameters` say, which follows what is typed; and that job to be copied as code.
+ * `sent` gives the parameters with all lists, or promises them, where they are longer than an estimate needs; null where there is nothing to be sent.
+ */
+export function expected<K extends Kind>(app: App, form: HTMLFormElement, kind: K, parameters: () => Parameters<K>, sent: () => unknown = parameters): HTMLElement {
   const line = h("p", { class: "dim expected", "aria-live": "polite" });
   const ask = latest<Parameters<K>>(async (wish) => {
     const mesh = app.mesh?.id;
@@ -45,5 +49,9 @@ export function expected<K extends Kind>(app: App, form: HTMLFormElement, kind: 
   for (const happening of ["mesh", "tab"] as const) app.on(happening, soon);
   // A form that is unfolded asks too.
   new ResizeObserver(soon).observe(form);
-  return line;
+  return h("div", {}, line, asCode(app, "new job", async () => {
+    const mesh = app.mesh?.id;
+    const wish = mesh && (await sent());
+    return wish ? jobRequest(kind, mesh, wish) : null;
+  }));
 }

@@ -6,6 +6,7 @@ import { brief, field, grouped, h, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, ticks, type Frame } from "../plot";
 import { basisHead } from "./basis";
+import { expected } from "./expected";
 import { diverging, type Look } from "./look";
 
 interface Wish {
@@ -64,8 +65,8 @@ export function familyPanel(app: App, look: Look): Panel {
     app.keep({ extrinsic: t.control.valueAsNumber, strength } satisfies State);
     ask({ basis, extrinsic: t.control.valueAsNumber, curvature: strength > 0 ? 10 ** (strength - 3) : 0, mode: mode.control.valueAsNumber });
   };
-  const t = slider("Extrinsic t", { min: 0, max: 1, step: 0.01, value: 0 }, update, (value) => value.toFixed(2));
-  const potential = slider("Curvature", { min: 0, max: 4, step: 0.1, value: 0 }, update, (value) => (value ? brief(10 ** (value - 3)) : "0"));
+  const t = slider("Extrinsic t", { min: 0, max: 1, step: 0.01, value: 0 }, update, (value) => value.toFixed(2), "0 is the Laplacian, which bending does not change; 1 sees how the surface lies in space");
+  const potential = slider("Curvature", { min: 0, max: 4, step: 0.1, value: 0 }, update, (value) => (value ? brief(10 ** (value - 3)) : "0"), "The potential of curvature: eigenfunctions avoid places that are bent much");
   const mode = slider("Mode", { min: 0, max: SHOWN - 1, step: 1, value: 5 }, (value) => {
     app.go({ mode: value });
     before = null;
@@ -104,10 +105,13 @@ export function familyPanel(app: App, look: Look): Panel {
 
 function form(app: App): HTMLElement {
   const dimension = h("input", { type: "number", min: "10", max: "4000", value: "500" });
-  return h("form", { class: "form", onsubmit: (event: Event) => {
+  const parameters = () => ({ dimension: dimension.valueAsNumber });
+  const made = h("form", { class: "form", onsubmit: (event: Event) => {
     event.preventDefault();
-    void app.submit("operator_family", { dimension: dimension.valueAsNumber });
+    void app.submit("operator_family", parameters());
   } }, field("Dimension", dimension, "Columns of the space"), h("button", { class: "primary" }, "Compute"));
+  made.append(expected(app, made, "operator_family", parameters));
+  return made;
 }
 
 function paint({ context: c, width, height, ink, faint, accent }: Frame, values: number[], plain: number[], mode: number) {

@@ -55,7 +55,7 @@ export function fieldForm(app: App, design: () => Promise<{ basis: Basis; values
     if (!app.mesh) return app.fail(new ApiError({ type: "", title: "No surface is open", detail: "Open one first." }));
     adapted().then((more) => app.submit("field_basis", { ...parameters(), ...more })).catch(app.fail);
   } }, field("Field", kinds), field("Dimension", dimension, "Columns of the space"), field("Columns", adapt, "Where they are small and dense"), field("Accuracy", accuracy), boundaries, h("button", { class: "primary" }, "Compute"));
-  made.append(expected(app, made, "field_basis", parameters));
+  made.append(expected(app, made, "field_basis", parameters, async () => ({ ...parameters(), ...(await adapted()) })));
   return made;
 }
 

@@ -109,6 +109,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
       app.viewer.overlay("glyphs", glyphs.object);
     }
     glyphs.set(vectors);
+    app.kept.field = { values: vectors, columns: kind() === "tensor" ? 6 : 3 };
     if (coloured.checked) look.show(sequential(lengths(vectors, surface, kind() === "tensor" ? 6 : 3), 0.995));
     else if (look.values) look.show(null);
     look.element.hidden = !coloured.checked;
@@ -284,18 +285,18 @@ export function fieldsPanel(app: App, look: Look): Panel {
     update();
     settled();
   };
-  const knob = (label: string, range: { min: number; max: number; step: number; value: number }, format: (value: number) => string) => {
-    const made = slider(label, range, update, format);
+  const knob = (label: string, range: { min: number; max: number; step: number; value: number }, format: (value: number) => string, hint: string) => {
+    const made = slider(label, range, update, format, hint);
     made.control.addEventListener("change", release);
     return made;
   };
-  const strength = knob("Strength", { min: -2, max: 2, step: 0.1, value: 0 }, (value) => brief(10 ** value));
-  const smooth = knob("Smoothness", { min: -4, max: 1, step: 0.1, value: 0 }, (value) => brief(10 ** value));
-  const bending = knob("Biharmonic", { min: 0.05, max: 1, step: 0.05, value: 0.05 }, brief);
-  const alignment = knob("Curvature", { min: 0, max: 5, step: 0.1, value: 0 }, (value) => (value ? brief(value) : "ignored"));
-  const along = knob("Along", { min: -5, max: 5, step: 0.25, value: 3 }, brief);
-  const across = knob("Across", { min: -5, max: 5, step: 0.25, value: 0 }, brief);
-  const which = knob("Eigenfield", { min: 0, max: 1, step: 1, value: 0 }, grouped);
+  const strength = knob("Strength", { min: -2, max: 2, step: 0.1, value: 0 }, (value) => brief(10 ** value), "How firmly the field follows a stroke: 1 to a percent, 0.1 to a tenth");
+  const smooth = knob("Smoothness", { min: -4, max: 1, step: 0.1, value: 0 }, (value) => brief(10 ** value), "How much the field resists to being turned, against strokes and curvature");
+  const bending = knob("Biharmonic", { min: 0.05, max: 1, step: 0.05, value: 0.05 }, brief, "How far the field goes on in the direction of a stroke before it gives way");
+  const alignment = knob("Curvature", { min: 0, max: 5, step: 0.1, value: 0 }, (value) => (value ? brief(value) : "ignored"), "How strongly the field is pulled to the directions in which the surface bends most and least");
+  const along = knob("Along", { min: -5, max: 5, step: 0.25, value: 3 }, brief, "Curvature along a stroke, in units of one over the radius");
+  const across = knob("Across", { min: -5, max: 5, step: 0.25, value: 0 }, brief, "Curvature across a stroke, in units of one over the radius");
+  const which = knob("Eigenfield", { min: 0, max: 1, step: 1, value: 0 }, grouped, "The smoothest fields of all, in order; they are shown while nothing is drawn");
   const exact = h("input", { type: "checkbox", checked: true, onchange: () => release() });
   const exactly = h("label", { class: "row", title: "A field of length 1 with these singularities and no others, on any mesh; it is not of the space" }, exact, "singularities exactly");
   const coloured = h("input", { type: "checkbox", onchange: () => release() });

@@ -85,11 +85,13 @@ export class HodgeModes {
       this.app.viewer.overlay("glyphs", this.glyphs.object);
     }
     this.glyphs.set(vectors);
+    this.app.kept.field = { values: vectors, columns: 3 };
     this.app.viewer.draw();
   }
 
   hide() {
     this.glyphs = null;
+    this.app.kept.field = null;
     this.app.viewer.overlay("glyphs", null);
   }
 }

@@ -19,6 +19,8 @@ interface Comparison {
 const LAPLACIANS = new Set<unknown>(["auto", "laplace", "robust"]);
 /** The most shapes that are compared here. */
 const MOST = 100;
+/** Letters of a name in the plot. */
+const LONGEST = 22;
 
 export function shapesPanel(app: App, look: Look): Panel {
   let bases: BasisSummary[] = [];
@@ -125,6 +127,8 @@ function paint({ context: c, width, height, write, accent, second }: Frame, foun
   c.textBaseline = "middle";
   // Boxes that are taken: first all dots, then the names as they are written.
   const taken: [x: number, y: number, half: number, high: number][] = found.labels.map((_, k) => [...at(k), 5, 5]);
+  // A long name would lie over half of the others; the list under the plot has it in full.
+  const names = found.labels.map((label) => (label.length > LONGEST ? `${label.slice(0, LONGEST - 1)}…` : label));
   found.labels.forEach((_, k) => {
     c.fillStyle = k === here ? second : accent;
     c.beginPath();
@@ -134,13 +138,13 @@ function paint({ context: c, width, height, write, accent, second }: Frame, foun
   const order = found.labels.map((_, k) => k).sort((a, b) => Number(b === here || b === over) - Number(a === here || a === over));
   for (const k of order) {
     const [x, y] = at(k);
-    const half = c.measureText(found.labels[k]).width / 2;
+    const half = c.measureText(names[k]).width / 2;
     const middle = Math.min(Math.max(x, half + 2), width - half - 2);
     const free = (v: number) => !taken.some(([p, q, w, h], i) => i !== k && Math.abs(p - middle) < w + half + 3 && Math.abs(q - v) < h + 6);
     // Above or below; names for which there is no room are left out, and pointing at one shows it.
     const row = [y - 13, y + 13].find(free) ?? (k === over || k === here ? y - 13 : undefined);
     if (row === undefined) continue;
     taken.push([middle, row, half, 6]);
-    write(found.labels[k], middle, row);
+    write(names[k], middle, row);
   }
 }

@@ -1,12 +1,13 @@
 // Vibration: tap the surface, watch it ring slowly, and hear it as it would sound.
 
-import { postNumbers, send, type Basis } from "../api";
+import { postNumbers, send, type Basis, type Parameters } from "../api";
 import type { App, Panel } from "../app";
 import { brief, choice, field, grouped, h, plural, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, type Frame } from "../plot";
 import type { Hit } from "../surface";
 import { basisHead } from "./basis";
+import { expected } from "./expected";
 import type { Look } from "./look";
 import { Clamp, showHeld } from "./clamp";
 
@@ -237,19 +238,24 @@ function form(app: App, clamp: Clamp): HTMLElement {
   const material = choice(Object.entries(MATERIALS).map(([key, { name }]) => [key, name]), "bronze", () => {});
   const size = h("input", { type: "number", min: "0.01", max: "100", step: "any", value: "0.3" });
   const thickness = h("input", { type: "number", min: "0.01", max: "50", step: "any", value: "4" });
-  return h("form", { class: "form", onsubmit: (event: Event) => {
-    event.preventDefault();
+  const parameters = (whole = true): Parameters<"vibration_basis"> => {
     const { young, poisson, density } = MATERIALS[material.value];
     // Meshes have no unit of length. With one unit as s metres, frequencies stay right where Young's modulus is divided by s².
     const metres = size.valueAsNumber / (2 * app.viewer.radius);
-    void app.submit("vibration_basis", {
+    return {
       count: count.valueAsNumber,
       thickness: thickness.valueAsNumber / 1000 / metres,
       material: { young: young / metres ** 2, poisson, density },
-      ...(clamp.vertices.length > 0 ? { clamped: clamp.vertices } : {}),
-    });
+      ...(whole && clamp.vertices.length > 0 ? { clamped: clamp.vertices } : {}),
+    };
+  };
+  const made = h("form", { class: "form", onsubmit: (event: Event) => {
+    event.preventDefault();
+    void app.submit("vibration_basis", parameters());
   } }, field("Modes", count), field("Material", material), field("Size, m", size, "The diameter of the surface"), field("Wall, mm", thickness, "The thickness of the shell"), clamp.element,
     h("button", { class: "primary" }, "Compute"));
+  made.append(expected(app, made, "vibration_basis", () => parameters(false), () => parameters()));
+  return made;
 }
 
 function paint({ context: c, width, height, ink, faint, accent }: Frame, frequencies: number[]) {
