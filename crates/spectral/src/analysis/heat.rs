@@ -24,7 +24,7 @@ const SHORTEST: f64 = 1.0 / 200.0;
 const FLOOR: f64 = 1e-9;
 
 /// From so many sources on a panel takes less time than as many columns, one after the other.
-const FEW: usize = 12;
+const FEW: usize = 8;
 
 /// Both factors of a mesh, and what gradients need of it.
 pub struct HeatGeodesics {
