@@ -50,7 +50,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   const head = basisHead(app, () => panel, "basis", eigenForm(app, look));
   const body = h("div", {});
   const note = h("p", { class: "dim", "aria-live": "polite" });
-  const facts = h("dl", { class: "facts-list" });
+  const facts = h("dl", { class: "facts-list wide" });
   let beside: Beside | null = null;
   let theirs: BasisSummary | null = null;
   let wantedBasis: string | undefined;
