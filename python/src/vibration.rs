@@ -70,7 +70,7 @@ impl NativeVibration {
 
     /// What was done, as JSON.
     fn metadata(&self) -> PyResult<String> {
-        Ok(text(&self.modes.metadata)?)
+        text(&self.modes.metadata)
     }
 
     /// Displacements (times, 3 n) in f32, a row for each time, of the vertices of the arrays; the request is that of the API.
@@ -80,7 +80,7 @@ impl NativeVibration {
         let frames = watch::run(py, None, |monitor| {
             Ok(request.told_frames(&to, request.frames(&self.modes, MOST_NUMBERS, monitor)?))
         })?;
-        Ok(arrays::vector(py, frames.numbers).reshape([frames.rows, frames.columns])?)
+        arrays::vector(py, frames.numbers).reshape([frames.rows, frames.columns])
     }
 
     /// Pressures at the listener, and as JSON how many modes are heard.

@@ -6,6 +6,7 @@ use std::path::Path;
 /// Pages and languages whose blocks are all run, and by what.
 const RUN: &[(&str, &str, &str)] = &[
     ("../README.md", "python", "python/tests/test_docs.py"),
+    ("../README.md", "sh", "commands_of_the_manual_run"),
     ("api.md", "bash", "the_walk_with_curl_works_as_pasted"),
     ("api.md", "python", "the_walk_with_curl_works_as_pasted"),
     ("batch.md", "sh", "commands_of_the_manual_run"),

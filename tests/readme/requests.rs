@@ -66,7 +66,7 @@ fn commands_of_the_manual_run() {
     let data = folder.path().join("data");
     let server = Server::start(&data);
     // The matrices of a chain, as Matrix Market: files are told by their first bytes.
-    let rows = 60;
+    let rows = 240;
     let mut stiffness = format!("%%MatrixMarket matrix coordinate real symmetric\n{rows} {rows} {}\n", 2 * rows - 1);
     let mut mass = format!("%%MatrixMarket matrix coordinate real symmetric\n{rows} {rows} {rows}\n");
     for row in 1..=rows {

@@ -1,13 +1,16 @@
 // What the tests of the page share: how one is run, and what they do over and over.
 
 import assert from "node:assert/strict";
-import { mkdirSync, readFileSync } from "node:fs";
+import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { basename, join } from "node:path";
 import { drawn, ROOT } from "./harness.mjs";
 
 export const pictures = process.argv.includes("--pictures");
 const shots = join(ROOT, "web", "tests", "pictures");
 if (pictures) mkdirSync(shots, { recursive: true });
+
+/** Pictures that the manual shows. */
+const MANUAL = { singularities: "fields.png", comparison: "comparing-bases.png" };
 
 /** How many tests passed and failed. */
 export const counts = { passed: 0, failed: 0 };
@@ -33,7 +36,8 @@ export function kit(site) {
   const keep = async (page, name) => {
     if (!pictures) return;
     await drawn(page);
-    await page.screenshot({ path: join(shots, `${name}.png`) });
+    const picture = await page.screenshot({ path: join(shots, `${name}.png`) });
+    if (MANUAL[name]) writeFileSync(join(ROOT, "docs", "pictures", MANUAL[name]), picture);
   };
   /** What the menu saves under this name. */
   const saved = async (page, name) => {

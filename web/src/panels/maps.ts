@@ -50,7 +50,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   const head = basisHead(app, () => panel, "basis", eigenForm(app, look));
   const body = h("div", {});
   const note = h("p", { class: "dim", "aria-live": "polite" });
-  const facts = h("dl", { class: "facts-list" });
+  const facts = h("dl", { class: "facts-list wide" });
   let beside: Beside | null = null;
   let theirs: BasisSummary | null = null;
   let wantedBasis: string | undefined;
@@ -400,8 +400,7 @@ export function mapsPanel(app: App, look: Look, stage: HTMLElement): Panel {
   const files = h("div", { hidden: true }, h("h3", {}, "Correspondence"), numberingField, h("div", { class: "row wrap" },
     button("CSV", "csv", "For each vertex of the other surface that of this one, and the confidence"),
     button("NPY", "npy", "The same as int32 for NumPy, −1 where a vertex has none"),
-    button("PLY, coloured", "ply", "The other surface with the colours that were carried to it, and the confidence as value")),
-    h("p", { class: "dim" }, "The request itself, for curl or Python, is under “Save”."));
+    button("PLY, coloured", "ply", "The other surface with the colours that were carried to it, and the confidence as value")));
   const tools = h("div", { hidden: true }, hint, list, h("div", { class: "row" }, undo, clear),
     field("Show", kinds), mode.element, look.element, h("label", { class: "row" }, signatures, "also match heat kernels"), start.element, size.element, note, facts, matrix.canvas, files);
   matrix.canvas.hidden = true;
