@@ -159,16 +159,16 @@ fn divide(pivoting: Option<&Pivoting>, node: &Node, inverse: &[f64], top: &mut [
         top.iter_mut().zip(inverse).for_each(|(x, d)| *x *= d);
         return;
     };
-    let beside = &pivoting.beside[node.start..node.start + node.columns];
+    let off_diagonal = &pivoting.off_diagonal[node.start..node.start + node.columns];
     let mut k = 0;
     while k < top.len() {
-        if beside[k] == 0.0 || k + 1 == top.len() {
+        if off_diagonal[k] == 0.0 || k + 1 == top.len() {
             top[k] *= inverse[k];
             k += 1;
         } else {
             let (x, y) = (top[k], top[k + 1]);
-            top[k] = inverse[k] * x + beside[k] * y;
-            top[k + 1] = beside[k] * x + inverse[k + 1] * y;
+            top[k] = inverse[k] * x + off_diagonal[k] * y;
+            top[k + 1] = off_diagonal[k] * x + inverse[k + 1] * y;
             k += 2;
         }
     }

@@ -373,3 +373,21 @@ fn attributes_of_other_faces_are_refused() {
         assert_eq!(refused.kind(), std::io::ErrorKind::InvalidInput);
     }
 }
+
+#[test]
+fn values_and_names_beyond_the_limits_are_not_kept() {
+    let limits = ReadLimits { vertices: 5, groups: 2, ..ReadLimits::default() };
+    let mut text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned();
+    // Of seven coordinates five are kept; the last three are named by their distance from the end, whatever was kept.
+    (0..7).for_each(|k| writeln!(text, "vt {k} 0").unwrap());
+    text.push_str("f 1/1 2/5 3/6\nf 1/-3 2/-2 3/-1\n");
+    let found = read(text.as_bytes(), MeshFormat::Obj, &limits).unwrap().attributes.unwrap();
+    let texture = found.attributes.texture.unwrap();
+    assert_eq!((texture.values.len(), texture.corners), (5, vec![[0, 4, NONE], [4, NONE, NONE]]));
+    assert_eq!(found.missing, 3);
+    let mut text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned();
+    (0..4).for_each(|k| writeln!(text, "usemtl m{k}\nf 1 2 3").unwrap());
+    text.push_str("usemtl m1\nf 1 2 3\n");
+    let found = read(text.as_bytes(), MeshFormat::Obj, &limits).unwrap().attributes.unwrap();
+    assert_eq!(found.attributes.materials.names, [b"m0".to_vec(), b"m1".to_vec()]);
+}

@@ -14,7 +14,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     let mut text = Text::new(bytes);
     let mut builder = Builder::new(limits);
     let mut groups = 0usize;
-    let mut found = Found::default();
+    let mut found = Found::new(limits);
     while text.any() {
         let word = text.token();
         match word {

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use super::text::Text;
-use super::{RawAttributes, RawMesh};
+use super::{RawAttributes, RawMesh, ReadLimits};
 use crate::attributes::{Attributes, Labels, Layer, NONE};
 
 /// A reference to a line that is not there; no layer has so many values.
@@ -12,13 +12,25 @@ const MISSING: u32 = NONE - 1;
 
 /// The values of `vt` or `vn` lines and, corner after corner, which of them are named.
 struct Named<const N: usize> {
+    /// The first lines, as many as there may be vertices: corners that name a later one name what is not there.
     values: Vec<[f64; N]>,
+    most: usize,
+    /// All lines, those that are not kept among them.
+    lines: usize,
     /// Corners after the last one that names a value are not there.
     corners: Vec<u32>,
 }
 
 impl<const N: usize> Named<N> {
+    fn new(most: usize) -> Self {
+        Self { values: Vec::new(), most, lines: 0, corners: Vec::new() }
+    }
+
     fn value(&mut self, text: &mut Text) {
+        self.lines += 1;
+        if self.lines > self.most {
+            return;
+        }
         let mut value = [0.0; N];
         for (k, slot) in value.iter_mut().enumerate() {
             // `vt u` alone is a texture of one dimension.
@@ -40,7 +52,7 @@ impl<const N: usize> Named<N> {
             Some(index) if index > 0 => u32::try_from(index - 1).unwrap_or(MISSING).min(MISSING),
             Some(index) if index < 0 => {
                 let back = usize::try_from(index.unsigned_abs()).unwrap_or(usize::MAX);
-                self.values.len().checked_sub(back).map_or(MISSING, |index| index as u32)
+                self.lines.checked_sub(back).map_or(MISSING, |index| u32::try_from(index).unwrap_or(MISSING))
             }
             _ => MISSING,
         };
@@ -50,7 +62,7 @@ impl<const N: usize> Named<N> {
 
     /// The layer of these triangles, whose corners are told by their numbers in the file; and how many corners name what is not there.
     fn layer(self, triangles: &[[u32; 3]]) -> (Option<Layer<N>>, usize) {
-        let Self { values, mut corners } = self;
+        let Self { values, mut corners, .. } = self;
         let mut missing = 0;
         for index in corners.iter_mut().filter(|index| **index != NONE) {
             let there = values.get(*index as usize).is_some_and(|value| value.iter().all(|x| x.is_finite()));
@@ -66,16 +78,21 @@ impl<const N: usize> Named<N> {
 }
 
 /// Names, and from which polygon on each of them holds.
-#[derive(Default)]
 struct Names {
+    /// Different ones, so many at most; a further one counts as none.
     names: Vec<Vec<u8>>,
+    most: usize,
     numbers: HashMap<Vec<u8>, u32>,
     from: Vec<[u32; 2]>,
 }
 
 impl Names {
+    fn new(most: usize) -> Self {
+        Self { names: Vec::new(), most, numbers: HashMap::new(), from: Vec::new() }
+    }
+
     fn begin(&mut self, polygon: usize, name: Vec<u8>) {
-        let number = match name.is_empty() {
+        let number = match name.is_empty() || (self.names.len() >= self.most && !self.numbers.contains_key(&name)) {
             true => NONE,
             false => *self.numbers.entry(name).or_insert_with_key(|name| {
                 self.names.push(name.clone());
@@ -123,21 +140,19 @@ pub(super) struct Found {
     corners: usize,
 }
 
-impl Default for Found {
-    fn default() -> Self {
+impl Found {
+    pub fn new(limits: &ReadLimits) -> Self {
         Self {
-            texture: Named { values: Vec::new(), corners: Vec::new() },
-            normals: Named { values: Vec::new(), corners: Vec::new() },
-            groups: Names::default(),
-            objects: Names::default(),
-            materials: Names::default(),
+            texture: Named::new(limits.vertices),
+            normals: Named::new(limits.vertices),
+            groups: Names::new(limits.groups),
+            objects: Names::new(limits.groups),
+            materials: Names::new(limits.groups),
             libraries: Vec::new(),
             corners: 0,
         }
     }
-}
 
-impl Found {
     /// A statement that is neither a vertex nor a face; `polygons` have been read.
     pub fn statement(&mut self, word: &[u8], text: &mut Text, polygons: usize) {
         match word {
