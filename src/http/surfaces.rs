@@ -87,6 +87,13 @@ impl Surface {
         }
         let position = |row: usize| std::array::from_fn(|axis| functions.column(axis)[row]);
         let positions: Vec<[f64; 3]> = (0..vertices).map(position).collect();
+        // Files that hold single precision would hold infinities.
+        if !matches!(self.format, SurfaceFormat::Obj)
+            && let Some(vertex) = positions.iter().position(|p| p.iter().any(|x| x.abs() > f64::from(f32::MAX)))
+        {
+            let detail = format!("The position of vertex {vertex} does not fit into single precision, which a {media_type} holds.");
+            return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
+        }
         let attributes = self.attributes.as_ref().map(|attributes| attributes.moved(&self.mesh, &positions));
         let moved = TriangleMesh { positions, faces: self.mesh.faces.clone() };
         let mut bytes = Vec::new();

@@ -199,8 +199,12 @@ fn refusals(state: &AppState, health: &StoreHealth) -> Vec<&'static str> {
 )]
 async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
     let metrics = &state.metrics;
-    match state.store.job_counts().await {
-        Ok(counts) => {
+    // The health of the store comes first: where the database does not answer, nothing else is asked of it, and the scrape is back in time to say so.
+    let health = state.store_health().await;
+    let counts = if health.database_up { Some(state.store.job_counts().await) } else { None };
+    match counts {
+        None => {}
+        Some(Ok(counts)) => {
             let mut kinds: Vec<&str> = chladni_work::KINDS.to_vec();
             kinds.extend(counts.iter().map(|(kind, ..)| kind.as_str()));
             for kind in kinds {
@@ -211,9 +215,8 @@ async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
             }
         }
         // The other metrics matter most when the store is in trouble.
-        Err(error) => tracing::warn!(%error, "jobs cannot be counted"),
+        Some(Err(error)) => tracing::warn!(%error, "jobs cannot be counted"),
     }
-    let health = state.store_health().await;
     metrics.blob_bytes.set(health.blob_bytes as i64);
     metrics.wal_bytes.set(health.wal_bytes as i64);
     for (database, bytes) in health.database_bytes {
@@ -222,17 +225,20 @@ async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
     metrics.free_bytes.set(health.free_bytes.unwrap_or_default() as i64);
     metrics.least_free_bytes.set(health.least_free_bytes as i64);
     metrics.ready.set(i64::from(refusals(&state, &health).is_empty()));
-    if let Some(seconds) = queue_age_seconds(&state).await {
+    if health.database_up
+        && let Some(seconds) = queue_age_seconds(&state).await
+    {
         metrics.queue_age_seconds.set(i64::try_from(seconds).unwrap_or(i64::MAX));
     }
     metrics.store_info.reset();
     metrics.store_info.with_label_values(&[health.database, health.content]).set(1);
     metrics.database_up.set(i64::from(health.database_up));
     metrics.content_up.set(i64::from(health.content_up));
-    // Classes go as their last worker does.
+    // Classes go as their last worker does. They are read before the old ones are dropped, so that no other scrape finds none.
+    let classes = if health.database_up { worker_classes(&state).await } else { Vec::new() };
     metrics.workers.reset();
     metrics.worker_seats.reset();
-    for class in worker_classes(&state).await {
+    for class in classes {
         let memory = class.memory_bytes.to_string();
         let kinds = if class.kinds.is_empty() { "all".to_owned() } else { class.kinds.join("+") };
         let labels = [memory.as_str(), kinds.as_str(), class.solver_version.as_str()];

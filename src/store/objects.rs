@@ -108,7 +108,8 @@ impl Objects {
     /// Asks the store for an object that nobody has.
     pub async fn reach(&self) -> Result<(), StoreError> {
         match self.store.head(&Path::from("b/nothing")).await {
-            Ok(_) | Err(object_store::Error::NotFound { .. }) => Ok(()),
+            // Who may not list a bucket is told that it may not see an object that is not there.
+            Ok(_) | Err(object_store::Error::NotFound { .. } | object_store::Error::PermissionDenied { .. }) => Ok(()),
             Err(error) => Err(unavailable(&error)),
         }
     }
@@ -412,12 +413,15 @@ impl Objects {
         if let Some(mut parts) = upload.parts.take() {
             let _ = parts.abort().await;
         }
-        let _ = self.store.delete(&upload.path).await;
-        // What cannot be cleared now is collected later.
-        let _ = sql::query("UPDATE blobs SET state = 'gone' WHERE id = ?1 AND state = 'pending'")
+        // The row first: where it is no longer pending, its object is in use, though the answer that said so was lost. What cannot be cleared now is collected
+        // later.
+        let given_up = sql::query("UPDATE blobs SET state = 'gone' WHERE id = ?1 AND state = 'pending'")
             .bind(upload.id)
             .execute(self.records.on())
             .await;
+        if given_up.is_ok_and(|done| done.rows_affected() > 0) {
+            let _ = self.store.delete(&upload.path).await;
+        }
     }
 
     /// Keeps content that is about to be referred to. False where it is not there.

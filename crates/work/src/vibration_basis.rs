@@ -154,6 +154,10 @@ impl VibrationBasisParameters {
             let reason = "is for shells; faces of a solid all of whose corners are held cannot turn anyway".to_owned();
             return Err(value("clamped_rotations", reason));
         }
+        if read.clamped_rotations && read.clamped.len() < 2 {
+            let reason = "needs clamped vertices: an edge is held by its two ends".to_owned();
+            return Err(value("clamped_rotations", reason));
+        }
         if let Some((name, ..)) = BELONGINGS.iter().find(|(_, method, given)| *method != read.method && given(&read)) {
             return Err(value(name, format!("is not a parameter of the method \"{}\"", read.method.name())));
         }
