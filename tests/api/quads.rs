@@ -1,6 +1,6 @@
 //! Parametrisations along cross fields, over HTTP.
 
-use chladni_mesh::shape::Shape;
+use chladni_mesh::shape::{Shape, generate};
 use serde_json::{Value, json};
 
 use crate::common::{problem, text};
@@ -21,18 +21,13 @@ async fn a_surface_is_parametrised_along_fields_of_three_sources() {
     assert_eq!(numbers(&plain["coordinates"]["values"]).len(), 6 * faces);
     assert_eq!(plain["misfit"], Value::Null);
     // Along given directions: those around the axis, which are smooth, so that nothing is singular and the cut is that of the handle.
-    let content: Value =
-        app.get(&format!("/v1/meshes/{}/frames", text(&mesh["id"]))).send().await.unwrap().json().await.unwrap();
-    let frames = numbers(&content["values"]);
-    let up: Vec<f64> = frames
-        .chunks(6)
-        .flat_map(|f| {
-            // The vertical axis turned by 90° in the plane of the face runs around it.
-            let (x, y) = (f[2], f[5]);
-            [0, 1, 2].map(|i| -y * f[i] + x * f[3 + i])
-        })
-        .collect();
-    let table = json!({"table": {"columns": 3, "values": up}});
+    let torus = generate(Shape::Torus, 600).unwrap();
+    let around = |face: &[u32; 3]| {
+        let p = [0, 1].map(|i| face.iter().map(|&v| torus.positions[v as usize][i]).sum::<f64>());
+        [-p[1], p[0], 0.0]
+    };
+    let around: Vec<f64> = torus.faces.iter().flat_map(around).collect();
+    let table = json!({"table": {"columns": 3, "values": around}});
     let around: Value = ask("", json!({"field": table, "creases": null, "integers": true})).await.json().await.unwrap();
     assert_eq!(around["singularities"], json!([]));
     assert!(around["misfit"].as_f64().unwrap() < 1e-6 && around["inverted"] == json!([]), "{}", around["misfit"]);

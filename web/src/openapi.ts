@@ -988,6 +988,28 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/meshes/{id}/quads": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Parametrises a surface along a cross field
+         * @description A cross field that runs along creases and boundaries, or one of a basis, or a table, is combed and cut open at its singular vertices, and integrated: coordinates whose gradients are nearest to its
+         *     directions, and which go on across the cut by quarter turns and translations. With `integers` the lines of whole numbers meet there, so that they are the edges of quads, for a program that takes
+         *     them out, such as libQEx. The order in which vertices are eliminated is found at the first request about a mesh, and kept.
+         */
+        post: operations["parametriseQuads"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/meshes/{id}/vector-transport": {
         parameters: {
             query?: never;
@@ -1405,10 +1427,25 @@ export interface components {
              */
             vertices: number;
         };
+        /** @description A field of a basis on the same mesh. */
+        BasisField: {
+            /** @description `{"design": …}`, `{"coefficients": […]}` or `{"eigenfield": k}`. */
+            field: components["schemas"]["FieldSource"];
+            /** @description The id of the basis. */
+            id: string;
+        };
         /** @description Links of a basis. */
         BasisLinks: {
             /** @description Its factors or its columns as NPZ, safetensors or MatrixMarket. */
             content: string;
+            /** @description Of a field basis: designs, a `POST`; null for others, as are the next three. */
+            design: string | null;
+            /** @description Its approximate eigenfields. */
+            eigenfields: string | null;
+            /** @description Fur along a field, a `POST`. */
+            fur: string | null;
+            /** @description Hatchings along a field, a `POST`. */
+            hatching: string | null;
             /** @description Its mesh; null where it has none. */
             mesh: string | null;
             /** @description Its eigenfunctions on the vertices; null where they are no functions on vertices. */
@@ -1474,6 +1511,10 @@ export interface components {
          *       "kind": "eigenbasis",
          *       "links": {
          *         "content": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/content",
+         *         "design": null,
+         *         "eigenfields": null,
+         *         "fur": null,
+         *         "hatching": null,
          *         "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
          *         "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes",
          *         "pencil": null,
@@ -1789,6 +1830,46 @@ export interface components {
          * @enum {string}
          */
         Construction: "heat" | "radial";
+        /** @description What the smoothest cross field is to follow. */
+        CrossRequest: {
+            /** @description Whether the field runs along boundaries. By default `true`. */
+            boundary?: boolean;
+            /** @description Directions that are met exactly. */
+            constraints?: components["schemas"]["Pin"][];
+            /**
+             * Format: double
+             * @description From how many degrees between the normals of its faces on an edge is a crease, which the field runs along on both sides; null for none. By default `35.0`.
+             */
+            creases?: number | null;
+            /**
+             * Format: double
+             * @description The weight of the distance to the principal directions of curvature, on the surface of unit area: from a hundred on they are followed closely.
+             */
+            curvature?: number;
+        };
+        /** @description Which cross field: exactly one of the three. */
+        CrossSource: components["schemas"]["CrossSourceAligned"] | components["schemas"]["CrossSourceTable"] | components["schemas"]["CrossSourceBasis"];
+        /** @description The smoothest one of all that follow creases and boundaries. */
+        CrossSourceAligned: {
+            /** @description The smoothest one of all that follow creases and boundaries. */
+            aligned: components["schemas"]["CrossRequest"];
+        };
+        /** @description A field of a basis: of 4-vectors, or of what has directions to be completed to crosses, vectors, 2-vectors and tensors. */
+        CrossSourceBasis: {
+            /** @description A field of a basis: of 4-vectors, or of what has directions to be completed to crosses, vectors, 2-vectors and tensors. */
+            basis: components["schemas"]["BasisField"];
+        };
+        /**
+         * @description A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the frame of the face, two numbers whose angle is four
+         *     times that of the directions.
+         */
+        CrossSourceTable: {
+            /**
+             * @description A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the frame of the face, two numbers whose angle is four
+             *     times that of the directions.
+             */
+            table: components["schemas"]["Table"];
+        };
         /**
          * @description Eigenvalues that lie so close together that they count as one, of which not all are delivered: any functions of the cluster's eigenspace could
          *     stand for those that are, and another computation may give others.
@@ -1798,6 +1879,18 @@ export interface components {
             end: number;
             /** @description The index of its first eigenvalue among all, from 0. */
             first: number;
+        };
+        /** @description A cut edge. */
+        CutEdge: {
+            /** @description Its faces. */
+            faces: number[];
+            /**
+             * Format: int32
+             * @description From the first face to the second.
+             */
+            quarters: number;
+            /** @description Its vertices, in the direction in which the first face runs along it. */
+            vertices: number[];
         };
         /** @description Damping `α M + β K`. */
         DampingRequest: {
@@ -4707,6 +4800,62 @@ export interface components {
              * @description The largest residual of a mode.
              */
             largest_residual: number;
+        };
+        /** @description A cross field on the surface cut open, and coordinates along it. */
+        QuadsAnswer: {
+            /** @description For each face the coordinates `u`, `v` of its three corners, six numbers; whole numbers are grid lines. */
+            coordinates: components["schemas"]["Table"];
+            /** @description By how many degrees the field misses the creases and boundaries that it was to follow: the mean by length, and the most. */
+            crease_error: number[] | null;
+            /** @description The cut: for each of its edges, its two vertices and the quarter turns by which the directions of the second face are further than those of the first. */
+            cut: components["schemas"]["CutEdge"][];
+            /**
+             * Format: double
+             * @description The root of the mean square, by area, of how far the gradients of the coordinates are from the directions, where 1 is the length of those.
+             */
+            deviation: number;
+            /** @description For each face one of its four directions in ℝ³, along which `u` grows; the same one from face to face, but across the cut. */
+            directions: components["schemas"]["Table"];
+            /** @description Faces that are turned over in the coordinates. */
+            inverted: number[];
+            /**
+             * Format: double
+             * @description With `integers`, how far the worst of the whole numbers is from one: beyond rounding errors, they contradict each other.
+             */
+            misfit: number | null;
+            /** @description The singular vertices. */
+            singularities: components["schemas"]["SingularVertex"][];
+            /**
+             * Format: double
+             * @description The length between grid lines: half of what was asked for where `integers` can be had only so.
+             */
+            spacing: number;
+        };
+        /** @description A seamless parametrisation along a cross field. */
+        QuadsRequest: {
+            /**
+             * Format: double
+             * @description From how many degrees between the normals of its faces on an edge is to lie on a grid line, where the field runs along it; null for none. Boundaries are as
+             *     `field` says, or are followed. By default `35.0`.
+             */
+            creases?: number | null;
+            /** @description The field. */
+            field?: components["schemas"]["CrossSource"];
+            /**
+             * @description Whether grid lines meet across the cut: singular vertices lie on crossings of them, and translations across the cut are whole. Without it the
+             *     parametrisation is seamless alone, which costs one solve.
+             */
+            integers?: boolean;
+            /**
+             * Format: double
+             * @description The length between grid lines in the units of the mesh; without it, a thirtieth of the root of the area.
+             */
+            spacing?: number | null;
+            /**
+             * Format: int32
+             * @description How often faces that are turned over are made stiffer, at most; each time costs a factorisation. By default `5`.
+             */
+            stiffening?: number;
         };
         /** @description The choices of the radial construction; the default is the thesis'. */
         RadialParameters: {
@@ -10321,6 +10470,136 @@ export interface operations {
             };
             /** @description A problem: body-too-slow */
             408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unsupported-content-encoding or unsupported-media-type */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: invalid-request, no-field-surface or invalid-design */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    parametriseQuads: {
+        parameters: {
+            query?: {
+                /**
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
+                 *     nearest.
+                 */
+                extend?: "none" | "nearest";
+                /** @description The whole answer as JSON, or one file, of the mesh as it is kept: OBJ with texture coordinates, legacy VTK, or the field as Directional reads it. */
+                format?: "json" | "obj" | "vtk" | "rawfield" | "matching" | "singularities";
+                /**
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
+                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 */
+                numbering?: "file" | "kept";
+            };
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the mesh
+                 * @example 0f6d2c4ab1e84cf29be2e3f0b5d1a7c3
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["QuadsRequest"];
+            };
+        };
+        responses: {
+            /** @description The coordinates */
+            200: {
+                headers: {
+                    "Server-Timing"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["QuadsAnswer"];
+                    "model/obj": string;
+                    "text/plain": string;
+                };
+            };
+            /** @description A problem: invalid-query, damaged-content-encoding, body-incomplete or invalid-json */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-basis or unknown-mesh */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: not-acceptable */
+            406: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-slow */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: basis-kind or basis-without-mesh */
+            409: {
                 headers: {
                     [name: string]: unknown;
                 };
