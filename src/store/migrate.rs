@@ -193,7 +193,9 @@ impl Store {
                 if chunks.is_empty() {
                     break;
                 }
-                chunks.iter().for_each(|chunk| drop(hasher.update(chunk)));
+                for chunk in &chunks {
+                    hasher.update(chunk);
+                }
                 to.write_chunks(&mut writing, &chunks).await?;
             }
             if hasher.finalize().to_hex().as_str() != hash {

@@ -132,7 +132,7 @@ export interface paths {
         /**
          * Tells whether the server takes work
          * @description Where it does not, the problem's `reasons` tell a full disk (`storage-full`), databases that were removed or replaced (`storage-replaced`), a store that cannot be written for another
-         *     cause (`storage-unavailable`), dead workers (`workers-dead`) and a server that shuts down (`draining`) apart.
+         *     cause (`storage-unavailable`: a database that does not answer, where one is shared), an object store that does not answer (`content-unavailable`), dead workers (`workers-dead`) and a server that shuts down (`draining`) apart.
          */
         get: operations["ready"];
         put?: never;
@@ -4875,9 +4875,21 @@ export interface components {
          * @description Whether the server takes work.
          * @example {
          *       "blob_bytes": 73400320,
-         *       "free_bytes": 53687091200,
+         *       "content": "s3",
+         *       "database": "postgresql",
+         *       "free_bytes": null,
+         *       "queue_age_seconds": 3,
          *       "status": "ready",
-         *       "wal_bytes": 131072
+         *       "wal_bytes": 0,
+         *       "workers": [
+         *         {
+         *           "kinds": [],
+         *           "memory_bytes": 68719476736,
+         *           "processes": 3,
+         *           "seats": 12,
+         *           "solver_version": "0.1.0+5"
+         *         }
+         *       ]
          *     }
          */
         Readiness: {
@@ -4886,11 +4898,20 @@ export interface components {
              * @description Bytes of all stored content.
              */
             blob_bytes: number;
+            /** @description What keeps the content: `sqlite`, or `s3` or `files` where processes share it. */
+            content: string;
+            /** @description What keeps the records: `sqlite`, or `postgresql` where processes share them. */
+            database: string;
             /**
              * Format: int64
              * @description Free bytes on the disk of the data folder, where the system tells.
              */
             free_bytes: number | null;
+            /**
+             * Format: int64
+             * @description Seconds for which the job has waited that waits for longest and could run; 0 where none waits.
+             */
+            queue_age_seconds: number;
             /** @description `ready`. */
             status: string;
             /**
@@ -4898,6 +4919,8 @@ export interface components {
              * @description Bytes of the write-ahead logs.
              */
             wal_bytes: number;
+            /** @description The workers that were heard of within a minute, by what they have; empty where this process shares its jobs with none. */
+            workers: components["schemas"]["WorkerClass"][];
         };
         /**
          * @description Why the Laplacian is made so.
@@ -5968,6 +5991,28 @@ export interface components {
              */
             harmonic?: number;
         };
+        /** @description Workers that have the same. */
+        WorkerClass: {
+            /** @description The kinds of job that they take; all where it is empty. */
+            kinds: string[];
+            /**
+             * Format: int64
+             * @description Bytes of memory that the jobs of one of them may need together.
+             */
+            memory_bytes: number;
+            /**
+             * Format: int64
+             * @description How many they are.
+             */
+            processes: number;
+            /**
+             * Format: int64
+             * @description Jobs that they run at once, all together.
+             */
+            seats: number;
+            /** @description The version of their solver. */
+            solver_version: string;
+        };
     };
     responses: {
         /** @description A problem: scope-missing or origin-not-allowed */
@@ -6486,6 +6531,11 @@ export interface operations {
                  * @example bytes=0-1023
                  */
                 Range?: string | null;
+                /**
+                 * @description `redirect`: an NPZ is rather fetched from the object store, where the server keeps content in one
+                 * @example redirect
+                 */
+                Prefer?: string | null;
             };
             path: {
                 /**
@@ -6529,6 +6579,15 @@ export interface operations {
             /** @description The content is as `If-None-Match` names it */
             304: {
                 headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description With `Prefer: redirect`: where the NPZ lies, for five minutes. Whoever has this address needs no key; `ETag` is the BLAKE3 hash of what it gives */
+            307: {
+                headers: {
+                    ETag?: string;
+                    Location?: string;
                     [name: string]: unknown;
                 };
                 content?: never;
