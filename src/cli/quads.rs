@@ -50,7 +50,7 @@ pub fn quads(arguments: QuadsArguments) -> Result<ExitCode, CliError> {
     let request: QuadsRequest =
         serde_json::from_value(value).map_err(|error| CliError::Usage(format!("--request: {error}")))?;
     if matches!(request.field, CrossSource::Basis(_)) {
-        let reason = "--request: a field of a basis is on a server; write it with `chladni design --form frames` and give it as a table";
+        let reason = "--request: a field of a basis is on a server; write it with `chladni design --form world --numbering kept` and give its rows as a table";
         return Err(CliError::Usage(reason.to_owned()));
     }
     let vtk = arguments.output.as_ref().is_some_and(|path| path.extension().is_none_or(|ending| ending != "obj"));

@@ -80,6 +80,12 @@ pub(super) struct WorkerClass {
 }
 
 /// Living workers by what they have; none where they cannot be asked for.
+/// Memory in whole GiB: what a worker finds free when it starts is the same to the byte for no two, and a metric of a label for each process is of no use.
+fn memory_class(bytes: u64) -> u64 {
+    const GIB: u64 = 1 << 30;
+    if bytes < GIB { bytes } else { bytes / GIB * GIB }
+}
+
 async fn worker_classes(state: &AppState) -> Vec<WorkerClass> {
     let workers = state.store.workers().await.unwrap_or_else(|error| {
         tracing::warn!(%error, "the workers cannot be counted");
@@ -87,9 +93,10 @@ async fn worker_classes(state: &AppState) -> Vec<WorkerClass> {
     });
     let mut classes: Vec<WorkerClass> = Vec::new();
     for worker in workers {
+        let memory_bytes = memory_class(worker.memory_bytes);
         let known = classes.iter_mut().find(|class| {
             (class.memory_bytes, &class.kinds, &class.solver_version)
-                == (worker.memory_bytes, &worker.kinds, &worker.solver_version)
+                == (memory_bytes, &worker.kinds, &worker.solver_version)
         });
         match known {
             Some(class) => {
@@ -97,7 +104,7 @@ async fn worker_classes(state: &AppState) -> Vec<WorkerClass> {
                 class.seats += worker.seats;
             }
             None => classes.push(WorkerClass {
-                memory_bytes: worker.memory_bytes,
+                memory_bytes,
                 kinds: worker.kinds,
                 solver_version: worker.solver_version,
                 processes: 1,

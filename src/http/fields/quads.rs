@@ -7,7 +7,7 @@ use axum::http::HeaderMap;
 use chladni_algebra::FactorError;
 use chladni_base::Monitor;
 use chladni_spectral::field::quad::{QuadError, VertexOrder, crosses_of};
-use chladni_work::design::{BasisField, CrossSource, Crosses, DesignFault, QuadsAnswer, QuadsFormat, QuadsRequest};
+use chladni_work::design::{BasisField, CrossSource, Crosses, DesignFault, Quads, QuadsAnswer, QuadsFormat, QuadsRequest};
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -93,6 +93,9 @@ async fn parametrise(
     let surface = cache::surface(&state, &id).await?;
     let to = numbered.on_frames(&state, &id).await?;
     request.field.translate(&to, surface.surface.mesh().positions.len())?;
+    if query.format == QuadsFormat::Json {
+        Quads::in_numbering_of(&to)?;
+    }
     let mut memory = state.memory();
     body::reserve(&mut memory, BYTES_PER_FACE * surface.surface.faces() as u64)?;
     let crosses = match &request.field {
@@ -182,7 +185,7 @@ impl From<QuadError> for Problem {
             QuadError::Parameter { name, .. } => {
                 Self::within(&problem::INVALID_DESIGN, "quads", text).with("parameter", name)
             }
-            QuadError::Rounding { .. } => Self::within(&problem::INVALID_DESIGN, "quads", text),
+            QuadError::Rounding { .. } | QuadError::Seams { .. } => Self::within(&problem::INVALID_DESIGN, "quads", text),
             QuadError::Factor(FactorError::Promise { .. }) => Self::within(&problem::INVALID_DESIGN, "memory", text),
             QuadError::Field { .. } | QuadError::Factor(_) => Self::internal(error),
             QuadError::Cancelled(cancelled) => cancelled.into(),

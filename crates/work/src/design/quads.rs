@@ -314,15 +314,24 @@ impl QuadsRequest {
 }
 
 impl Quads {
+    /// Whether an answer can be given in the numbering of the file: known before anything is computed.
+    ///
+    /// # Errors
+    /// [`DesignFault::Request`] where its faces have other corners.
+    pub fn in_numbering_of(to: &Translation) -> Result<(), DesignFault> {
+        if to.turned_faces() > 0 || to.divides_faces() {
+            let reason = "faces of the file were turned over or divided, so that corners are those of the kept mesh: ask with numbering=kept, or for a file";
+            return Err(refused("numbering", "numbering", reason));
+        }
+        Ok(())
+    }
+
     /// The answer in the numbering of the file.
     ///
     /// # Errors
     /// [`DesignFault::Request`] where its faces have other corners.
     pub fn answer(&self, surface: &FieldSurface, to: &Translation) -> Result<QuadsAnswer, DesignFault> {
-        if to.turned_faces() > 0 || to.divides_faces() {
-            let reason = "faces of the file were turned over or divided, so that corners are those of the kept mesh: ask with numbering=kept, or for a file";
-            return Err(refused("numbering", "numbering", reason));
-        }
+        Self::in_numbering_of(to)?;
         let dual = surface.dual();
         let table = |columns: usize, values: Vec<f64>| Table { columns, values: to.push_faces(&values, columns) };
         let directions = self.combed.directions.iter().enumerate();

@@ -9,7 +9,7 @@ use chladni_mesh::dual::NO_FACE;
 
 use super::super::basis::FieldSurface;
 use super::super::poisson::Factor;
-use super::super::principal::{curvature_tensors, principal_directions};
+use super::super::principal::{DirectionField, curvature_tensors, principal_directions};
 use super::{QuadError, creases};
 use crate::operator::frames::{Planar, multiply, normalise, power};
 use crate::operator::transport::{FieldKind, transport_stiffness};
@@ -43,6 +43,12 @@ pub struct CrossField {
     /// By how many degrees it misses them: the mean by length, over both sides, and the most. A face with two creases that stand at no right angle can follow one of them.
     pub crease_error: [f64; 2],
 }
+
+/// A curvature of which less than this is left on the surface of unit area is rounding errors.
+const FLAT: f64 = 1e-6;
+
+/// A component that is pulled by less than this in all is taken for flat.
+const NO_PULL: f64 = 1e-9;
 
 /// Steps of inverse iteration where nothing is held.
 const STEPS: usize = 24;
@@ -165,11 +171,14 @@ fn smoothest(
     let kind = FieldKind::NVector { n: 4 };
     let areas = surface.frames().areas();
     let stiffness = transport_stiffness::<2>(kind, surface.dual(), surface.frames()).to_sparse();
-    // A surface without curvature pulls nowhere.
-    let pull = (curvature > 0.0).then(|| curvature_tensors(surface).ok()).flatten();
-    let pull = pull.and_then(|tensors| principal_directions(&tensors, 4));
+    let pull = if curvature > 0.0 { pull(surface) } else { None };
     let (components, count) = surface.dual().components();
-    let mut bound = vec![pull.is_some(); count];
+    // A component without curvature is pulled nowhere.
+    let mut pulled = vec![0.0; count];
+    if let Some(pull) = &pull {
+        (0..faces).for_each(|face| pulled[components[face] as usize] += areas[face] * pull.weights[face]);
+    }
+    let mut bound: Vec<bool> = pulled.into_iter().map(|weight| weight > NO_PULL).collect();
     for (face, held) in held.iter().enumerate() {
         bound[components[face] as usize] |= held.is_some();
     }
@@ -208,6 +217,18 @@ fn smoothest(
         }
     }
     Ok(field.into_iter().zip(held).map(|(value, held)| held.unwrap_or_else(|| normalise(value))).collect())
+}
+
+/// Directions of curvature with their weights; faces that are flat up to rounding have none.
+fn pull(surface: &FieldSurface) -> Option<DirectionField> {
+    let tensors = curvature_tensors(surface).ok()?;
+    let mut field = principal_directions(&tensors, 4)?;
+    let unit = surface.frames().area().sqrt();
+    for (weight, tensor) in field.weights.iter_mut().zip(tensors.chunks_exact(3)) {
+        let size = unit * tensor.iter().map(|x| x * x).sum::<f64>().sqrt();
+        *weight *= size / (size + FLAT);
+    }
+    Some(field)
 }
 
 /// The field of least energy for its length, on each component.

@@ -11,7 +11,7 @@ use super::super::poisson::Factor;
 use super::rounding;
 use super::seams::Seams;
 use super::system::Parts;
-use super::{Combed, QuadError};
+use super::{Combed, MOST_ROUNDED, QuadError};
 use crate::operator::frames::{Planar, conjugate, multiply};
 
 /// Up to so many vertices the order of minimum degree is found faster than it costs more fill.
@@ -115,8 +115,12 @@ pub fn parametrise(
     if let Some(&edge) = parameters.creases.iter().find(|&&edge| edge as usize >= combed.cut.len()) {
         return Err(QuadError::Parameter { name: "crease", value: f64::from(edge), range: "no edge of the surface" });
     }
-    let seams = Seams::new(surface, combed);
+    let seams = Seams::new(surface, combed)?;
     let parts = Parts { surface, combed, seams: &seams, spacing, creases: &parameters.creases };
+    let whole = parameters.integers.then(|| parts.whole_unknowns());
+    if let Some((unknowns, _)) = whole.as_ref().filter(|(unknowns, _)| unknowns.len() > MOST_ROUNDED) {
+        return Err(QuadError::Rounding { count: unknowns.len() });
+    }
     let mut stiffness = vec![1.0; surface.faces()];
     let mut rounds = 0;
     monitor.checkpoint()?;
@@ -148,8 +152,7 @@ pub fn parametrise(
         inverted = turned_over(&coordinates);
     }
     let (mut misfit, mut halved) = (None, false);
-    if parameters.integers {
-        let (unknowns, leading) = parts.whole_unknowns();
+    if let Some((unknowns, leading)) = whole {
         let mut most = rounding::round(&factor, &mut solution, (&unknowns, leading), monitor)?;
         halved = most > 0.25;
         if halved {

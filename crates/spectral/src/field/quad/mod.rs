@@ -80,6 +80,14 @@ pub enum QuadError {
         /// How many.
         count: usize,
     },
+    /// So many seams meet at vertices that the equations would not fit.
+    #[error("{count} seams and more cross around vertex {vertex}: take a smoother field, with fewer singular vertices")]
+    Seams {
+        /// A vertex where they meet.
+        vertex: u32,
+        /// How many of them, at least.
+        count: usize,
+    },
     /// Equations were not solved.
     #[error("the equations on the surface could not be solved: {0}")]
     Factor(#[from] FactorError),

@@ -5,7 +5,7 @@
 use chladni_base::Monitor;
 
 use super::super::poisson::Factor;
-use super::{MOST_ROUNDED, QuadError};
+use super::QuadError;
 
 /// Columns of one solve.
 const AT_ONCE: usize = 32;
@@ -19,7 +19,7 @@ const WHOLE: f64 = 1e-3;
 /// Rounds unknowns of a solution, the `leading` ones of them before the others. How far the worst of them is from a whole number after it: a half where whole numbers of the others force it.
 ///
 /// # Errors
-/// [`QuadError::Rounding`], or cancellation.
+/// Cancellation.
 pub(super) fn round(
     factor: &Factor,
     solution: &mut [f64],
@@ -27,9 +27,6 @@ pub(super) fn round(
     monitor: &dyn Monitor,
 ) -> Result<f64, QuadError> {
     let k = unknowns.len();
-    if k > MOST_ROUNDED {
-        return Err(QuadError::Rounding { count: k });
-    }
     // Row `j` is how all of them follow a pull at the `j`-th.
     let mut compliance: Vec<Vec<f64>> = Vec::with_capacity(k);
     for some in unknowns.chunks(AT_ONCE) {

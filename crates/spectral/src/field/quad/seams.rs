@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use super::super::basis::FieldSurface;
 use super::super::harmonic::rim;
 use super::super::loops::ends;
-use super::Combed;
+use super::{Combed, QuadError};
 
 /// A complex number of whole parts.
 pub(super) type Whole = [i32; 2];
@@ -47,8 +47,17 @@ struct Part {
     quarters: i32,
 }
 
+/// Entries that corners beyond seams may give the equations, for each face and beside these. On ordinary fields corners lie beyond two or three seams; where a thousand
+/// meet at a vertex, each corner would name all of them.
+const ENTRIES_PER_FACE: usize = 64;
+const ENTRIES: usize = 1 << 20;
+
 impl Seams {
-    pub fn new(surface: &FieldSurface, combed: &Combed) -> Self {
+    /// The seams of a combed field.
+    ///
+    /// # Errors
+    /// [`QuadError::Seams`].
+    pub fn new(surface: &FieldSurface, combed: &Combed) -> Result<Self, QuadError> {
         let (mesh, dual) = (surface.mesh(), surface.dual());
         let vertices = mesh.positions.len();
         let (parts, count) = parts(surface, combed);
@@ -63,6 +72,7 @@ impl Seams {
             ends(surface, edge as usize).into_iter().for_each(|v| seams.on_cut[v as usize] = true);
         }
         let mut corners = Vec::new();
+        let mut entries = 0usize;
         for vertex in (0..vertices as u32).filter(|&v| seams.on_cut[v as usize]) {
             let closed = dual.fan(mesh, vertex, &mut corners);
             let mut quarters = 0i32;
@@ -70,6 +80,11 @@ impl Seams {
             for (at, &corner) in corners.iter().enumerate() {
                 seams.quarters[corner as usize] = quarters.rem_euclid(4) as u8;
                 if !shifts.is_empty() {
+                    // Two rows for each of two edges, of the terms of two corners.
+                    entries = entries.saturating_add(16 * (shifts.len() + 1).pow(2));
+                    if entries > ENTRIES_PER_FACE * surface.faces() + ENTRIES {
+                        return Err(QuadError::Seams { vertex, count: shifts.len() });
+                    }
                     seams.shifts.insert(corner, shifts.clone());
                 }
                 // Counter-clockwise across the edge opposite to corner k + 1: from the right side to the left one, seen from the vertex.
@@ -91,7 +106,7 @@ impl Seams {
                 seams.closures.push((vertex, [own[0] - 1, own[1]], shifts));
             }
         }
-        seams
+        Ok(seams)
     }
 }
 
