@@ -192,6 +192,7 @@ const COVERED: &[&str] = &[
     "decompress",
     "distances",
     "meshDistances",
+    "parametriseQuads",
     "signatures",
     "similarPoints",
     "valueGradient",
