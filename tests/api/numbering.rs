@@ -193,6 +193,7 @@ const COVERED: &[&str] = &[
     "distances",
     "meshDistances",
     "writeMovedSurface",
+    "parametriseQuads",
     "signatures",
     "similarPoints",
     "valueGradient",
