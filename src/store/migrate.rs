@@ -41,6 +41,12 @@ pub enum MigrationError {
         /// The row.
         id: String,
     },
+    /// Something takes jobs there.
+    #[error("worker {id} takes jobs of the database: no server and no worker may run on it until everything is copied")]
+    InUse {
+        /// The worker.
+        id: String,
+    },
     /// A record is not what it was.
     #[error("{table}: {id} differs from what is in the folder, in {column}")]
     Differs {
@@ -89,6 +95,9 @@ impl Store {
     /// [`MigrationError`]; what was copied stays, and another call goes on.
     pub async fn migrate_to(&self, to: &Store) -> Result<Migrated, MigrationError> {
         let mut done = Migrated::default();
+        if let Some(worker) = to.workers().await?.into_iter().next() {
+            return Err(MigrationError::InUse { id: worker.id });
+        }
         for (table, order, key, _) in TABLES {
             self.refuse_others(to, table, order, key).await?;
         }
@@ -286,11 +295,17 @@ fn value(row: &Row, kind: &Kind) -> Result<Value, sqlx::Error> {
     })
 }
 
-/// Writes a row, unless it is there.
+/// Writes a row, over what an earlier copy wrote: a server may have run on the folder since, and each use of a mesh changes its record.
 async fn insert(to: &Store, table: &str, key: &str, kinds: &[Kind], row: &Row) -> Result<(), MigrationError> {
     let names: Vec<&str> = kinds.iter().map(|kind| kind.name.as_str()).collect();
     let places = vec!["?"; names.len()].join(", ");
-    let text = format!("INSERT INTO {table} ({}) VALUES ({places}) ON CONFLICT ({key}) DO NOTHING", names.join(", "));
+    let own: Vec<String> =
+        names.iter().filter(|name| **name != key).map(|name| format!("{name} = excluded.{name}")).collect();
+    let text = format!(
+        "INSERT INTO {table} ({}) VALUES ({places}) ON CONFLICT ({key}) DO UPDATE SET {}",
+        names.join(", "),
+        own.join(", ")
+    );
     let mut query = sql::query(AssertSqlSafe(text));
     for kind in kinds {
         query = query.bind(value(row, kind)?);
