@@ -240,7 +240,8 @@ impl NativeBasis {
         let (basis, to) = (&self.basis, self.translation(nearest));
         request.translate(&to, basis.vertices()).map_err(Failure::from)?;
         let mesh = self.mesh.as_ref().map(|body| body.mesh());
-        let found = watch::run(py, None, |monitor| Ok(request.told(&to, request.distances(basis, mesh, monitor)?)))?;
+        let found =
+            watch::run(py, None, |monitor| Ok(request.translated(&to, request.distances(basis, mesh, monitor)?)))?;
         arrays::table(py, found)
     }
 

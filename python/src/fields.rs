@@ -91,14 +91,14 @@ impl NativeFields {
                 Some(wanted) => {
                     let faces = setting.faces(wanted, monitor)?;
                     let numbers = written_at(frames, kind, form, &faces, setting.lifted_at(&designed, &faces)?);
-                    (numbers, Some(faces.iter().map(|&face| to.told_face(face)).collect::<Vec<_>>()))
+                    (numbers, Some(faces.iter().map(|&face| to.file_face(face)).collect::<Vec<_>>()))
                 }
             };
             let about = json!({
                 "harmonic_energy": designed.design.harmonic_energy,
                 "biharmonic_energy": designed.design.biharmonic_energy,
                 "alignment_energy": designed.design.alignment_energy,
-                "faces": designed.constraints.iter().map(|constraint| to.told_face(constraint.face)).collect::<Vec<_>>(),
+                "faces": designed.constraints.iter().map(|constraint| to.file_face(constraint.face)).collect::<Vec<_>>(),
                 "residuals": designed.design.residuals,
                 "error": designed.error,
                 "field_faces": field_faces,

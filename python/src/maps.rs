@@ -84,11 +84,11 @@ pub fn functional_map<'py>(
 
 /// A map of points as the arrays number them: from vertices of `from` to those of `onto`; −1 and NaN where a vertex was dropped.
 fn told<'py>(py: Python<'py>, map: PointMap, onto: &Translation, from: &Translation) -> Points<'py> {
-    let points: Vec<f64> = map.points.into_iter().map(|point| f64::from(onto.told_vertex(point))).collect();
+    let points: Vec<f64> = map.points.into_iter().map(|point| f64::from(onto.file_vertex(point))).collect();
     let confidences: Vec<f64> = map.confidences.into_iter().map(f64::from).collect();
     let (matched, points, confidences) = match map.matched {
         Some(matched) => {
-            let matched: Vec<i64> = matched.into_iter().map(|vertex| i64::from(from.told_vertex(vertex))).collect();
+            let matched: Vec<i64> = matched.into_iter().map(|vertex| i64::from(from.file_vertex(vertex))).collect();
             (Some(arrays::vector(py, matched)), points, confidences)
         }
         None => (None, from.push(&points, 1), from.push(&confidences, 1)),

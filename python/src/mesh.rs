@@ -251,7 +251,7 @@ impl NativeMesh {
                 }
             };
             let found = request.geodesics(&prepared, monitor)?;
-            Ok(request.told(&to, found))
+            Ok(request.translated(&to, found))
         })?;
         arrays::table(py, found)
     }

@@ -78,7 +78,7 @@ impl NativeVibration {
         let request = self.request(request)?;
         let to = self.body.translation(false);
         let frames = watch::run(py, None, |monitor| {
-            Ok(request.told_frames(&to, request.frames(&self.modes, MOST_NUMBERS, monitor)?))
+            Ok(request.translated_frames(&to, request.frames(&self.modes, MOST_NUMBERS, monitor)?))
         })?;
         arrays::vector(py, frames.numbers).reshape([frames.rows, frames.columns])
     }

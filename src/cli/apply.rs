@@ -136,7 +136,7 @@ pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
     request.translate(&to, basis.vertices()).map_err(refused)?;
     let table =
         request.distances(&basis, Some(&mesh), &Unwatched).map_err(|error| CliError::Refused(error.to_string()))?;
-    let table = request.told(&to, table);
+    let table = request.translated(&to, table);
     match output {
         None => print(&chladni_work::table::Table::from(&table)),
         Some(file) => array(&file, &table),
@@ -193,8 +193,8 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
     let designed = setting.design(&request, &Unwatched).map_err(refused)?;
     let sampled =
         request.faces.as_ref().map(|wanted| setting.faces(wanted, &Unwatched)).transpose().map_err(refused)?;
-    let told = |faces: &Vec<u32>| faces.iter().map(|&face| to.told_face(face)).collect::<Vec<_>>();
-    let field_faces = sampled.as_ref().map(told);
+    let file_faces = |faces: &Vec<u32>| faces.iter().map(|&face| to.file_face(face)).collect::<Vec<_>>();
+    let field_faces = sampled.as_ref().map(file_faces);
     let Some(file) = output else {
         let design = designed.design;
         return print(&json!({
@@ -202,7 +202,7 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
             "harmonic_energy": design.harmonic_energy,
             "biharmonic_energy": design.biharmonic_energy,
             "alignment_energy": design.alignment_energy,
-            "faces": designed.constraints.iter().map(|constraint| to.told_face(constraint.face)).collect::<Vec<_>>(),
+            "faces": designed.constraints.iter().map(|constraint| to.file_face(constraint.face)).collect::<Vec<_>>(),
             "residuals": design.residuals,
             "error": designed.error,
             "field_faces": field_faces,

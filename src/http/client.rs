@@ -127,12 +127,12 @@ impl ClientState {
     ///
     /// # Errors
     /// Whatever `work` answers.
-    pub async fn take_in<T: Send + 'static>(
+    pub async fn on_intake_pool<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> Result<T, Problem> + Send + 'static,
     ) -> Result<T, Problem> {
         self.turn.step_aside();
-        self.state.take_in(work).await
+        self.state.on_intake_pool(work).await
     }
 
     /// Runs a synchronous solve on its own small pool, so that neither jobs nor uploads starve it; clients take turns at it. Where the client goes away the work is
@@ -254,7 +254,7 @@ mod tests {
                     gate.recv().unwrap();
                     Ok(())
                 };
-                client.take_in(work).await
+                client.on_intake_pool(work).await
             })
         };
         tokio::task::spawn_blocking(move || running.recv().unwrap()).await.unwrap();

@@ -231,7 +231,7 @@ async fn basis_content(
     if let BasisStorage::Dense(layout) = &record.storage {
         let (hash, columns) = (&record.content_hash, layout.start..layout.end);
         if format == Format::Safetensors {
-            let head = state.take_in(move || Ok(Bytes::from(formats::safetensors::dense_head(&basis)?))).await?;
+            let head = state.on_intake_pool(move || Ok(Bytes::from(formats::safetensors::dense_head(&basis)?))).await?;
             let length = head.len() as u64 + (columns.end - columns.start);
             let whole = immutable("-safetensors", "safetensors", length);
             return Ok(match whole.wanted(&headers)? {
@@ -245,7 +245,7 @@ async fn basis_content(
         }
         return matrix_market_stream(&immutable("-mtx", "mtx.zip", 0), &headers, basis);
     }
-    let bytes = state.take_in(move || Ok(Bytes::from(written(&basis)?))).await?;
+    let bytes = state.on_intake_pool(move || Ok(Bytes::from(written(&basis)?))).await?;
     let (suffix, extension) =
         if format == Format::Safetensors { ("-safetensors", "safetensors") } else { ("-mtx", "mtx.zip") };
     immutable(suffix, extension, bytes.len() as u64).answer(&headers, bytes)

@@ -96,7 +96,7 @@ async fn distances(
         .solve("distances", move |monitor| {
             let begin = Instant::now();
             let table = request.distances(&basis, mesh.as_deref(), monitor)?;
-            Answer::table(&request.told(&to, table), raw, query.dtype, begin)
+            Answer::table(&request.translated(&to, table), raw, query.dtype, begin)
         })
         .await
 }
@@ -158,7 +158,7 @@ async fn on_mesh(
         .solve("distances", move |monitor| {
             let begin = Instant::now();
             let table = request.geodesics(&prepared, monitor)?;
-            Answer::table(&request.told(&to, table), raw, dtype, begin)
+            Answer::table(&request.translated(&to, table), raw, dtype, begin)
         })
         .await
 }

@@ -249,7 +249,7 @@ async fn map_functions(
                 }
                 None => None,
             };
-            let forward = told(found.to_source, &to_source, &to_target);
+            let forward = translated(found.to_source, &to_source, &to_target);
             if raw && query.points {
                 let points: Vec<u32> = forward.points.iter().map(|point| point.unwrap_or(u32::MAX)).collect();
                 return Ok(Answer::new(binary::encode_u32(&points), OCTETS, begin)
@@ -265,7 +265,7 @@ async fn map_functions(
                 matched: forward.matched,
                 points: forward.points,
                 confidences: forward.confidences,
-                inverse: found.to_target.map(|inverse| told(inverse, &to_target, &to_source)),
+                inverse: found.to_target.map(|inverse| translated(inverse, &to_target, &to_source)),
                 carried,
                 descriptor_residual: found.descriptor_residual,
                 orthogonality_defect: found.orthogonality_defect,
@@ -279,12 +279,12 @@ async fn map_functions(
 }
 
 /// A map of points as the files number them: from vertices of `from` to those of `onto`.
-fn told(PointMap { matched, points, confidences }: PointMap, onto: &Translation, from: &Translation) -> Inverse {
-    let points: Vec<Option<u32>> = points.into_iter().map(|point| Some(onto.told_vertex(point))).collect();
+fn translated(PointMap { matched, points, confidences }: PointMap, onto: &Translation, from: &Translation) -> Inverse {
+    let points: Vec<Option<u32>> = points.into_iter().map(|point| Some(onto.file_vertex(point))).collect();
     let confidences: Vec<Option<f32>> = confidences.into_iter().map(Some).collect();
     match matched {
         Some(matched) => {
-            let matched = matched.into_iter().map(|vertex| from.told_vertex(vertex)).collect();
+            let matched = matched.into_iter().map(|vertex| from.file_vertex(vertex)).collect();
             Inverse { matched: Some(matched), points, confidences }
         }
         // A point for every vertex: one for each of the file.

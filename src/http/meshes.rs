@@ -196,7 +196,7 @@ async fn upload(
     let bytes = sent.bytes;
     let (most_bytes, mut memory) = (state.config.limits.max_body_bytes, state.memory());
     let new = state
-        .take_in(move || {
+        .on_intake_pool(move || {
             let source_bytes = bytes.len() as u64;
             let raw = read(&bytes, format, &limits)?;
             let made = subdivided_bytes(&raw, subdivisions);
@@ -424,7 +424,7 @@ async fn content(
     let mesh = state.store.load_mesh(&record.id).await?;
     let attributes = state.store.load_attributes(&record.id).await?;
     let work = move || Ok(Bytes::from(written(&mesh, attributes.as_deref(), format).map_err(Problem::internal)?));
-    let bytes = state.take_in(work).await?;
+    let bytes = state.on_intake_pool(work).await?;
     let (media_type, extension) = match format {
         Written::Ply => (ply, "ply"),
         Written::Obj => (obj, "obj"),

@@ -100,7 +100,7 @@ async fn upload(
     check_name(name.as_deref(), &problem::INVALID_QUERY)?;
     let (limits, memory) = (state.config.limits.clone(), state.memory());
     let new = state
-        .take_in(move || {
+        .on_intake_pool(move || {
             let new = pencil_upload::read(sent, name, &limits, memory);
             // The share of the body budget is held until the bytes are gone.
             drop(body);

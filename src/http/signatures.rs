@@ -241,7 +241,7 @@ async fn similar_points(
             }
             let vertices = nearest_items(&differences, request.count.min(told));
             let differences = vertices.iter().map(|&vertex| differences[vertex as usize]).collect();
-            let vertices = vertices.into_iter().map(|vertex| to.told_vertex(vertex)).collect();
+            let vertices = vertices.into_iter().map(|vertex| to.file_vertex(vertex)).collect();
             Answer::json(&SimilarAnswer { vertices, differences }, begin)
         })
         .await

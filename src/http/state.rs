@@ -220,7 +220,7 @@ impl AppState {
     ///
     /// # Errors
     /// Whatever `work` answers.
-    pub async fn take_in<T: Send + 'static>(
+    pub async fn on_intake_pool<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> Result<T, Problem> + Send + 'static,
     ) -> Result<T, Problem> {

@@ -91,7 +91,9 @@ impl Surface {
         if !matches!(self.format, SurfaceFormat::Obj)
             && let Some(vertex) = positions.iter().position(|p| p.iter().any(|x| x.abs() > f64::from(f32::MAX)))
         {
-            let detail = format!("The position of vertex {vertex} does not fit into single precision, which a {media_type} holds.");
+            let detail = format!(
+                "The position of vertex {vertex} does not fit into single precision, which a {media_type} holds."
+            );
             return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
         }
         let attributes = self.attributes.as_ref().map(|attributes| attributes.moved(&self.mesh, &positions));
@@ -171,7 +173,7 @@ async fn moved_surface(
     let surface = surface.ok_or_else(|| Problem::internal("a media type of surfaces"))?;
     let sent = read::<Table>(&state, &headers, body).await?;
     state
-        .take_in(move || {
+        .on_intake_pool(move || {
             let begin = Instant::now();
             let rows = surface.vertices();
             let positions = match sent {

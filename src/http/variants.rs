@@ -18,7 +18,7 @@ pub fn name(document: &mut Value) {
         let tag = common_tag(&others);
         let mut mapping = Map::new();
         for mut variant in others {
-            let Some(suffix) = told_apart_by(&variant) else {
+            let Some(suffix) = discriminating_member(&variant) else {
                 choices.push(variant);
                 continue;
             };
@@ -68,7 +68,7 @@ fn common_tag(variants: &[Value]) -> Option<String> {
 }
 
 /// What tells a variant that is an object from others: the value of its tag, or its only member.
-fn told_apart_by(variant: &Value) -> Option<String> {
+fn discriminating_member(variant: &Value) -> Option<String> {
     if let Some((_, value)) = tag(variant) {
         return Some(value.to_owned());
     }

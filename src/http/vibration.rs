@@ -94,15 +94,17 @@ async fn simulate(
                 .with("chladni-modes", sound.modes)
                 .with("chladni-modes-too-high", sound.too_high));
         }
-        let (most, numbers) =
-            (if raw { MOST_FRAME_BYTES / 4 } else { MOST_JSON_NUMBERS }, request.told_numbers(&to, modes.vertices()));
+        let (most, numbers) = (
+            if raw { MOST_FRAME_BYTES / 4 } else { MOST_JSON_NUMBERS },
+            request.answered_numbers(&to, modes.vertices()),
+        );
         if numbers > most {
             return Err(SimulationFault::Times { times: request.times.len(), numbers, most }.into());
         }
         if !raw {
-            return Answer::json(&request.told(&to, request.answer(&modes, most, monitor)?), begin);
+            return Answer::json(&request.translated(&to, request.answer(&modes, most, monitor)?), begin);
         }
-        let frames = request.told_frames(&to, request.frames(&modes, most, monitor)?);
+        let frames = request.translated_frames(&to, request.frames(&modes, most, monitor)?);
         let bytes: Vec<u8> = frames.numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
         Ok(Answer::new(bytes, OCTETS, begin)
             .with("chladni-rows", frames.rows)

@@ -144,7 +144,7 @@ pub(super) async fn run(
                     settled = true;
                 }
             }
-            () = told(&mut draining) => {
+            () = signalled(&mut draining) => {
                 monitor.cancel();
                 if !settled {
                     settle(shared, &job.kind, Ending::Released, token).await;
@@ -177,7 +177,7 @@ async fn load_subject(
         let verdict = tokio::select! {
             () = tokio::time::sleep(STORE_PAUSE) => continue,
             Some(verdict) = verdict.recv() => verdict,
-            () = told(&mut draining) => {
+            () = signalled(&mut draining) => {
                 settle(shared, &job.kind, Ending::Released, token).await;
                 return Ok(None);
             }
@@ -301,7 +301,7 @@ fn stage_words(monitor: &AttemptMonitor) -> String {
 }
 
 /// Waits until a flag is raised.
-pub(super) async fn told(flag: &mut watch::Receiver<bool>) {
+pub(super) async fn signalled(flag: &mut watch::Receiver<bool>) {
     // An error means that whoever might raise it is gone: that counts too.
     let _ = flag.wait_for(|&raised| raised).await;
 }

@@ -140,7 +140,7 @@ impl Monitor for AttemptMonitor {
 
     fn checkpoint(&self) -> Result<(), Cancelled> {
         self.hear();
-        self.faults.meet(FailPoint::MidRun);
+        self.faults.reach(FailPoint::MidRun);
         if self.cancelled.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) }
     }
 

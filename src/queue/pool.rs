@@ -207,7 +207,7 @@ async fn work(shared: Arc<Shared>, worker: usize, share: usize) {
                 tokio::select! {
                     () = shared.store.work().notified() => {}
                     () = tokio::time::sleep(IDLE) => {}
-                    () = attempt::told(&mut stopping) => {}
+                    () = attempt::signalled(&mut stopping) => {}
                 }
             }
             Err(_) => {

@@ -375,7 +375,7 @@ impl Store {
             #[cfg(feature = "cluster")]
             _ => return Err(another_place()),
         }
-        self.faults().meet(FailPoint::MidChunks);
+        self.faults().reach(FailPoint::MidChunks);
         Ok(())
     }
 
@@ -385,7 +385,7 @@ impl Store {
             (Blobs::Chunks(blobs), Writing::Chunks { id, .. }) => self.finish_chunks(blobs, *id, hash, bytes).await?,
             #[cfg(feature = "cluster")]
             (Blobs::Objects(objects), Writing::Objects(upload)) => {
-                self.faults().meet(FailPoint::BeforeBlobReady);
+                self.faults().reach(FailPoint::BeforeBlobReady);
                 let damaged = match objects.place(hash).await? {
                     Some(place) if self.is_damaged(hash).await? => Some(place.id),
                     _ => None,
@@ -397,7 +397,7 @@ impl Store {
         }
         self.inner.known.whole(hash);
         self.count_reusable().await?;
-        self.faults().meet(FailPoint::AfterBlobReady);
+        self.faults().reach(FailPoint::AfterBlobReady);
         Ok(())
     }
 
@@ -407,7 +407,7 @@ impl Store {
         if found_bytes != bytes || found != hash {
             return Err(self.inner.known.damage(hash, "what was read back is not what was written"));
         }
-        self.faults().meet(FailPoint::BeforeBlobReady);
+        self.faults().reach(FailPoint::BeforeBlobReady);
         let other = match self.blob_place(hash).await {
             Ok(other) => Some((other.id, self.verify_blob(hash).await.is_ok())),
             Err(_) => None,

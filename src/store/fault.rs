@@ -130,8 +130,8 @@ impl Faults {
         Ok(Self::armed(point, action, passes))
     }
 
-    /// Meets a point. Does nothing unless it is armed.
-    pub fn meet(&self, point: FailPoint) {
+    /// Reaches a point. Does nothing unless it is armed.
+    pub fn reach(&self, point: FailPoint) {
         let Some(armed) = &self.0 else { return };
         if armed.point != point {
             return;

@@ -68,7 +68,7 @@ impl Store {
             };
             transaction.commit().await?;
             self.use_mesh(&new.mesh);
-            self.faults().meet(FailPoint::AfterEnqueue);
+            self.faults().reach(FailPoint::AfterEnqueue);
             if enqueued.outcome == EnqueueOutcome::Created {
                 self.announce(&enqueued.record);
             }

@@ -140,7 +140,7 @@ impl Store {
         let (deaths, interruptions): (i64, i64) = (row.try_get("deaths")?, row.try_get("interruptions")?);
         let alone = (deaths > 0 && !company.isolated) || interruptions >= SUSPICIOUS_INTERRUPTIONS;
         self.announce(&job);
-        self.faults().meet(FailPoint::AfterClaim);
+        self.faults().reach(FailPoint::AfterClaim);
         Ok(Some(Claim { job, token, alone }))
     }
 
@@ -253,7 +253,7 @@ impl Store {
         product: Product,
         stage_seconds: Vec<(String, f64)>,
     ) -> Result<CompleteAnswer, StoreError> {
-        self.faults().meet(FailPoint::BeforeChunks);
+        self.faults().reach(FailPoint::BeforeChunks);
         // Before the lock, which may not be taken twice.
         let numbering = self.numbering_of(&product).await?;
         let (written, answer) = {
@@ -319,9 +319,9 @@ impl Store {
         .bind(job.id.to_string())
         .fetch_one(transaction.on())
         .await?;
-        self.faults().meet(FailPoint::BeforeComplete);
+        self.faults().reach(FailPoint::BeforeComplete);
         transaction.commit().await?;
-        self.faults().meet(FailPoint::AfterComplete);
+        self.faults().reach(FailPoint::AfterComplete);
         written.remember(self, id);
         self.announce(&job_from_row(&row)?);
         Ok(CompleteAnswer::Stored(id))

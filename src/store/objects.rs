@@ -419,7 +419,7 @@ impl Objects {
             .bind(upload.id)
             .execute(self.records.on())
             .await;
-        if given_up.is_ok_and(|done| done.rows_affected() > 0) {
+        if given_up.is_ok_and(|rows| rows > 0) {
             let _ = self.store.delete(&upload.path).await;
         }
     }

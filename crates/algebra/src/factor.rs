@@ -404,7 +404,8 @@ impl Factor<'_> {
     #[cfg(test)]
     pub(crate) fn numbers(&self) -> FactorNumbers {
         let pivoting = self.pivoting.as_ref();
-        let pivoting = pivoting.map(|own| Pivoting { order: own.order.clone(), off_diagonal: own.off_diagonal.clone() });
+        let pivoting =
+            pivoting.map(|own| Pivoting { order: own.order.clone(), off_diagonal: own.off_diagonal.clone() });
         FactorNumbers { values: self.values.clone(), inverse: self.inverse.clone(), pivoting }
     }
 

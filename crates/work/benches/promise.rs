@@ -92,7 +92,7 @@ impl Monitor for Promise {
 }
 
 /// Bytes that a line of this process's status tells.
-fn told(name: &str) -> u64 {
+fn memory_line(name: &str) -> u64 {
     let text = std::fs::read_to_string("/proc/self/status").expect("the kernel tells of memory");
     let line = text.lines().find_map(|line| line.strip_prefix(name)).unwrap_or_default();
     line.trim_matches([':', ' ', '\t', 'k', 'B']).parse::<u64>().map_or(0, |kilobytes| kilobytes << 10)
@@ -107,13 +107,13 @@ fn child(job: usize, name: &str, vertices: usize) {
     // The thread pool and what it holds are there before the job.
     rayon::broadcast(|_| ());
     std::fs::write("/proc/self/clear_refs", "5").expect("the peak can be begun anew");
-    let before = told("VmRSS");
+    let before = memory_line("VmRSS");
     let outcome = match parameters.run(&mesh, &Promise(promise)) {
         Ok(outcome) => format!("{} pairs", outcome.product.summary().count),
         Err(JobError::Cancelled(_)) => "cancelled".to_owned(),
         Err(error) => error.kind().to_owned(),
     };
-    println!("{promise}\t{}\t{outcome}", told("VmHWM").saturating_sub(before));
+    println!("{promise}\t{}\t{outcome}", memory_line("VmHWM").saturating_sub(before));
 }
 
 fn main() -> ExitCode {

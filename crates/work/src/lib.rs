@@ -422,7 +422,7 @@ pub fn abbreviated(parameters: &serde_json::Value) -> serde_json::Value {
         serde_json::Value::Object(members) => {
             members.iter().map(|(name, value)| (name.clone(), abbreviated(value))).collect()
         }
-        serde_json::Value::Array(values) if values.len() > LONGEST_LIST => told(values),
+        serde_json::Value::Array(values) if values.len() > LONGEST_LIST => abbreviated_list(values),
         other => other.clone(),
     }
 }
@@ -434,13 +434,13 @@ pub const LONGEST_LIST: usize = 16;
 pub fn abbreviate(parameters: &mut serde_json::Value) {
     match parameters {
         serde_json::Value::Object(members) => members.values_mut().for_each(abbreviate),
-        serde_json::Value::Array(values) if values.len() > LONGEST_LIST => *parameters = told(values),
+        serde_json::Value::Array(values) if values.len() > LONGEST_LIST => *parameters = abbreviated_list(values),
         _ => {}
     }
 }
 
 /// The number of values in a long list, and their hash.
-fn told(values: &[serde_json::Value]) -> serde_json::Value {
+fn abbreviated_list(values: &[serde_json::Value]) -> serde_json::Value {
     let mut hasher = blake3::Hasher::new();
     values.iter().filter_map(serde_json::Value::as_f64).for_each(|x| {
         hasher.update(&x.to_le_bytes());

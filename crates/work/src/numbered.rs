@@ -171,7 +171,7 @@ impl DistanceRequest {
     }
 
     /// Brings an answer back: a row for each vertex is one for each of the file; pairs stay as they are.
-    pub fn told(&self, to: &Translation, answer: DenseMatrix) -> DenseMatrix {
+    pub fn translated(&self, to: &Translation, answer: DenseMatrix) -> DenseMatrix {
         if self.pairs.is_empty() { push(to, answer) } else { answer }
     }
 }
@@ -208,12 +208,12 @@ impl SimulateRequest {
     }
 
     /// The numbers that an answer in the numbering of the file has, of an object of so many vertices.
-    pub fn told_numbers(&self, to: &Translation, rows: usize) -> usize {
+    pub fn answered_numbers(&self, to: &Translation, rows: usize) -> usize {
         if self.is_of_all(to) { self.times.len().saturating_mul(3 * to.rows(rows)) } else { 0 }
     }
 
     /// Brings an answer back.
-    pub fn told(&self, to: &Translation, mut answer: SimulateAnswer) -> SimulateAnswer {
+    pub fn translated(&self, to: &Translation, mut answer: SimulateAnswer) -> SimulateAnswer {
         if self.is_of_all(to) {
             answer.displacements.iter_mut().flatten().for_each(|frame| *frame = to.push(frame, 3));
         }
@@ -221,7 +221,7 @@ impl SimulateRequest {
     }
 
     /// Brings frames back.
-    pub fn told_frames(&self, to: &Translation, mut frames: crate::simulate::Frames) -> crate::simulate::Frames {
+    pub fn translated_frames(&self, to: &Translation, mut frames: crate::simulate::Frames) -> crate::simulate::Frames {
         if self.is_of_all(to) && frames.columns > 0 {
             let pushed: Vec<Vec<f32>> = frames.numbers.chunks_exact(frames.columns).map(|f| to.push(f, 3)).collect();
             frames.columns = pushed.first().map_or(frames.columns, Vec::len);

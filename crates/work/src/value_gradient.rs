@@ -60,7 +60,7 @@ pub fn gradient(
     let mut all = vec![0.0; count];
     all[..weights.len()].copy_from_slice(weights);
     let gradient = value_gradient(basis, elements, mass, &all, monitor)?;
-    Ok(told(&gradient, to))
+    Ok(translated(&gradient, to))
 }
 
 /// The gradient of a loss by the positions of the vertices, `n × 3`, in the numbering of `to`: `weights` are its derivatives by the eigenvalues, from the
@@ -88,7 +88,7 @@ pub fn loss_gradient(
     };
     let problem = problem_of(basis, None)?.assemble(mesh, solid, monitor)?.problem;
     let loss = LossDerivatives { values: weights, functions: &derivatives };
-    Ok(told(&mode_gradient(basis, &problem, of, loss, monitor)?, to))
+    Ok(translated(&mode_gradient(basis, &problem, of, loss, monitor)?, to))
 }
 
 /// What the operator of a basis was assembled of.
@@ -108,7 +108,7 @@ fn made_of<'a>(
 }
 
 /// A gradient as those see it who number vertices otherwise.
-fn told(gradient: &[[f64; 3]], to: &Translation) -> DenseMatrix {
+fn translated(gradient: &[[f64; 3]], to: &Translation) -> DenseMatrix {
     let rows = to.pull_adjoint(gradient.as_flattened(), 3);
     let mut table = DenseMatrix::zeros(rows.len() / 3, 3);
     for axis in 0..3 {

@@ -169,7 +169,7 @@ pub fn receipt(
     hashes: (&Value, &str),
     seconds: f64,
 ) -> Value {
-    told(&basis.into(), parameters.canonical(), outcome, hashes, seconds)
+    receipt_of(&basis.into(), parameters.canonical(), outcome, hashes, seconds)
 }
 
 /// The same of vibration modes; eigenvalues, bounds, distances and shifts are squared angular frequencies.
@@ -185,11 +185,11 @@ pub fn modes_receipt(
     let operator = json!({"elastic": {"thickness": parameters.thickness, "material": parameters.material}});
     let boundary = if parameters.clamped.is_empty() { "free" } else { "clamped" };
     let judged = json!({ "operator": operator, "mass": "lumped", "boundary": boundary });
-    told(&pairs, judged, outcome, hashes, seconds)
+    receipt_of(&pairs, judged, outcome, hashes, seconds)
 }
 
 /// `problem` has the operator, its mass and its boundary condition.
-fn told(
+fn receipt_of(
     pairs: &Pairs<'_>,
     problem: Value,
     outcome: &Verification,
@@ -259,7 +259,7 @@ pub fn pencil_receipt(
     };
     let boundary = if has_fixed { "dirichlet" } else { "none" };
     let judged = json!({ "operator": "pencil", "mass": mass, "boundary": boundary });
-    told(&basis.into(), judged, outcome, (hashes, hash), seconds)
+    receipt_of(&basis.into(), judged, outcome, (hashes, hash), seconds)
 }
 
 #[cfg(test)]

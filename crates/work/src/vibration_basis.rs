@@ -398,6 +398,9 @@ mod tests {
         assert_eq!(name(json!({"thickness": 1.0, "count": 3, "clamped": [10]})), "clamped");
         let solid = VibrationBasisParameters::parse(&json!({"count": 3, "clamped": [1], "clamped_rotations": true}));
         assert!(matches!(solid, Err(ParameterError::Value { name: "clamped_rotations", .. })));
+        let free = json!({"count": 3, "thickness": 0.1, "clamped": [1], "clamped_rotations": true});
+        let free = VibrationBasisParameters::parse(&free);
+        assert!(matches!(free, Err(ParameterError::Value { name: "clamped_rotations", .. })));
         assert_eq!(name(json!({"thickness": 1.0, "count": 3, "clamped": [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]})), "clamped");
     }
 }

@@ -232,7 +232,7 @@ fn worker(
         let outcome = match outcome {
             Ok(outcome) => outcome,
             Err(error) if fails_for_all(&error, &arguments.output) => return Err(error),
-            Err(error) => Outcome::Failed(told(&error, mesh)),
+            Err(error) => Outcome::Failed(message(&error, mesh)),
         };
         lines.tell(mesh, &outcome, began.elapsed().as_secs_f64())?;
     }
@@ -250,7 +250,7 @@ fn fails_for_all(error: &CliError, folder: &Path) -> bool {
 }
 
 /// The reason alone: the line begins with the name.
-fn told(error: &CliError, mesh: &Path) -> String {
+fn message(error: &CliError, mesh: &Path) -> String {
     let whole = error.to_string();
     whole.strip_prefix(&format!("{}: ", mesh.display())).unwrap_or(&whole).to_owned()
 }

@@ -12,7 +12,7 @@ use utoipa_axum::routes;
 use super::design::read;
 use super::octets;
 use super::patience::Patience;
-use super::solve::{self, Ready};
+use super::solve::{self, LoadedBasis};
 use crate::http::client::ClientState;
 use crate::http::docs::Binary;
 use crate::http::exchange::{Answer, JSON, OCTETS};
@@ -62,14 +62,14 @@ async fn comb(
     let begin = Instant::now();
     let raw = extract::negotiated(&headers, &[JSON, OCTETS])? == OCTETS;
     let mut request: FurRequest = read(&state, &headers, content).await?;
-    let ready = Ready::load(&state, id).await?;
-    let to = numbered.on_basis(&state, id, &ready.fields.metadata).await?;
-    request.translate(&to, ready.kind(), ready.vertices())?;
-    request.check(&ready)?;
-    let field = solve::lifted(&state, &ready, &request.field).await?;
+    let loaded = LoadedBasis::load(&state, id).await?;
+    let to = numbered.on_basis(&state, id, &loaded.fields.metadata).await?;
+    request.translate(&to, loaded.kind(), loaded.vertices())?;
+    request.check(&loaded)?;
+    let field = solve::lifted(&state, &loaded, &request.field).await?;
     state
         .solve("fur", move |_| {
-            let strands = request.strands(&ready, &field)?;
+            let strands = request.strands(&loaded, &field)?;
             let rows: Vec<f64> = strands.iter().flat_map(|strand| strand.root.into_iter().chain(strand.tip)).collect();
             let rows = to.push_faces(&rows, 6);
             if !raw {
@@ -115,19 +115,19 @@ async fn hatch(
     if drawn && request.camera.is_none() {
         return Err(Problem::within(&problem::INVALID_DESIGN, "camera", "camera: is missing; an SVG needs one."));
     }
-    let ready = Ready::load(&state, id).await?;
-    let to = numbered.on_basis(&state, id, &ready.fields.metadata).await?;
-    request.field.translate(&to, ready.kind(), ready.vertices())?;
-    let field = solve::lifted(&state, &ready, &request.field).await?;
+    let loaded = LoadedBasis::load(&state, id).await?;
+    let to = numbered.on_basis(&state, id, &loaded.fields.metadata).await?;
+    request.field.translate(&to, loaded.kind(), loaded.vertices())?;
+    let field = solve::lifted(&state, &loaded, &request.field).await?;
     state
         .solve("hatching", move |monitor| {
-            let lines = request.lines(&ready, field, &Patience::new(begin, PATIENCE, monitor)).map_err(too_long)?;
+            let lines = request.lines(&loaded, field, &Patience::new(begin, PATIENCE, monitor)).map_err(too_long)?;
             if !drawn {
                 let mut lines: Vec<Line> = lines.into_iter().map(Line::from).collect();
-                lines.iter_mut().flat_map(|line| &mut line.faces).for_each(|face| *face = to.told_face(*face));
+                lines.iter_mut().flat_map(|line| &mut line.faces).for_each(|face| *face = to.file_face(*face));
                 return Answer::json(&HatchingAnswer { lines }, begin);
             }
-            let drawing = request.drawing(&ready, &lines)?;
+            let drawing = request.drawing(&loaded, &lines)?;
             Ok(Answer::new(drawing.into_bytes(), SVG, begin).with("chladni-lines", lines.len()))
         })
         .await

@@ -13,19 +13,19 @@ use crate::http::client::ClientState;
 use crate::http::problem::Problem;
 use crate::http::slots::Turn;
 
-type Kept = Arc<dyn Any + Send + Sync>;
+type Entry = Arc<dyn Any + Send + Sync>;
 
 #[derive(Debug, Clone, Copy)]
 struct ByBytes;
 
-impl Weighter<String, (Kept, u64)> for ByBytes {
-    fn weight(&self, _key: &String, value: &(Kept, u64)) -> u64 {
+impl Weighter<String, (Entry, u64)> for ByBytes {
+    fn weight(&self, _key: &String, value: &(Entry, u64)) -> u64 {
         value.1.max(1)
     }
 }
 
 /// What outlives a request.
-pub struct FieldCache(Option<Cache<String, (Kept, u64), ByBytes>>);
+pub struct FieldCache(Option<Cache<String, (Entry, u64), ByBytes>>);
 
 impl std::fmt::Debug for FieldCache {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -49,7 +49,7 @@ impl FieldCache {
     ) -> Result<Arc<T>, Problem> {
         let made = async {
             let (value, bytes) = make.await?;
-            Ok::<_, Problem>((Arc::new(value) as Kept, bytes))
+            Ok::<_, Problem>((Arc::new(value) as Entry, bytes))
         };
         let found = match self.0.as_ref().map(|cache| (cache, cache.get(&key))) {
             Some((_, Some((found, _)))) => found,

@@ -79,7 +79,7 @@ async fn decompose(
             let _memory = memory;
             let answer = request.decompose(&surface.surface, &decomposition)?;
             monitor.checkpoint()?;
-            Answer::json(&answer.told(&to), begin)
+            Answer::json(&answer.translated(&to), begin)
         })
         .await
 }

@@ -13,7 +13,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::octets::Encoding;
-use super::solve::{self, Ready};
+use super::solve::{self, LoadedBasis};
 use crate::http::body;
 use crate::http::client::ClientState;
 use crate::http::docs::Binary;
@@ -152,22 +152,22 @@ async fn design(
     let begin = Instant::now();
     let raw = answer_type(&headers, false, &[])? == OCTETS;
     let mut request: DesignRequest = read(&state, &headers, content).await?;
-    let ready = Ready::load(&state, id).await?;
-    let to = numbered.on_basis(&state, id, &ready.fields.metadata).await?;
-    request.translate(&to, ready.kind(), ready.vertices())?;
-    let designed = solve::design(&state, &ready, &request).await?;
+    let loaded = LoadedBasis::load(&state, id).await?;
+    let to = numbered.on_basis(&state, id, &loaded.fields.metadata).await?;
+    request.translate(&to, loaded.kind(), loaded.vertices())?;
+    let designed = solve::design(&state, &loaded, &request).await?;
     let form = query.form.or((raw || request.faces.is_some()).then_some(Form::World));
     let some = match &request.faces {
         None => None,
-        Some(wanted) => Some(solve::faces(&state, &ready, wanted).await?),
+        Some(wanted) => Some(solve::faces(&state, &loaded, wanted).await?),
     };
     state
         .solve("lift", move |_| {
-            let (kind, surface) = (ready.kind(), &ready.surface.surface);
+            let (kind, surface) = (loaded.kind(), &loaded.surface.surface);
             let sought = query.singularities && !raw;
             let is_whole = sought || (form.is_some() && some.is_none());
-            let field = if is_whole { ready.lifted(&designed)? } else { Vec::new() };
-            let part = some.as_deref().map(|faces| ready.lifted_at(&designed, faces)).transpose()?;
+            let field = if is_whole { loaded.lifted(&designed)? } else { Vec::new() };
+            let part = some.as_deref().map(|faces| loaded.lifted_at(&designed, faces)).transpose()?;
             let design = designed.design;
             let matching = designed.exact.map(|exact| exact.matching);
             let found = match sought {
@@ -183,7 +183,7 @@ async fn design(
                 let energies = [Some(design.harmonic_energy), Some(design.biharmonic_energy), design.alignment_energy];
                 let energies: Vec<String> = energies.iter().flatten().map(f64::to_string).collect();
                 let residual = design.residuals.iter().copied().fold(0.0, f64::max);
-                let named = |row: usize| some.as_deref().map_or(row as u32, |faces| to.told_face(faces[row]));
+                let named = |row: usize| some.as_deref().map_or(row as u32, |faces| to.file_face(faces[row]));
                 let bytes = query.encoding.bytes(written(form), form.columns(kind), named)?;
                 let answer = described(bytes, rows, (form, query.encoding), kind, begin)
                     .with("chladni-energies", energies.join(", "))
@@ -198,14 +198,14 @@ async fn design(
                     harmonic_energy: design.harmonic_energy,
                     biharmonic_energy: design.biharmonic_energy,
                     alignment_energy: design.alignment_energy,
-                    faces: designed.constraints.iter().map(|constraint| to.told_face(constraint.face)).collect(),
+                    faces: designed.constraints.iter().map(|constraint| to.file_face(constraint.face)).collect(),
                     residuals: design.residuals,
                     error: designed.error,
                     coefficients: design.coefficients,
                     field: form.map(|form| LiftedField {
                         form: form.name(),
                         columns: form.columns(kind),
-                        faces: some.as_ref().map(|faces| faces.iter().map(|&face| to.told_face(face)).collect()),
+                        faces: some.as_ref().map(|faces| faces.iter().map(|&face| to.file_face(face)).collect()),
                         values: written(form),
                     }),
                     // A sum of whole numbers: without singular vertices it is 0, not -0.
@@ -216,12 +216,12 @@ async fn design(
                     matching: matching.map(|matching| {
                         matching
                             .iter()
-                            .map(|m| MatchedFaces { faces: m.faces.map(|face| to.told_face(face)), turns: m.turns })
+                            .map(|m| MatchedFaces { faces: m.faces.map(|face| to.file_face(face)), turns: m.turns })
                             .collect()
                     }),
                     singularities: found.map(|found| {
                         let told =
-                            |s: &Singularity| SingularVertex { vertex: to.told_vertex(s.vertex), index: s.index() };
+                            |s: &Singularity| SingularVertex { vertex: to.file_vertex(s.vertex), index: s.index() };
                         found.iter().map(told).collect()
                     }),
                 },

@@ -11,7 +11,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::octets;
-use super::solve::Ready;
+use super::solve::LoadedBasis;
 use crate::http::client::ClientState;
 use crate::http::docs::Binary;
 use crate::http::exchange::{Answer, OCTETS};
@@ -76,10 +76,10 @@ async fn eigenfields(
 ) -> Result<Answer, Problem> {
     let begin = Instant::now();
     let npy = extract::negotiated(&headers, &[NPY, OCTETS])? == NPY;
-    let ready = Ready::load(&state, id).await?;
-    let model = ready.model();
-    let via = numbered.on_basis(&state, id, &ready.fields.metadata).await?;
-    let (kind, form, faces) = (ready.kind(), query.form, via.faces(ready.surface.surface.faces()));
+    let loaded = LoadedBasis::load(&state, id).await?;
+    let model = loaded.model();
+    let via = numbered.on_basis(&state, id, &loaded.fields.metadata).await?;
+    let (kind, form, faces) = (loaded.kind(), query.form, via.faces(loaded.surface.surface.faces()));
     let (from, to) = (query.from, query.to.unwrap_or(query.from.saturating_add(1)));
     let count = model.dimension();
     let refused = |detail: String| Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail).with("count", count));
@@ -100,8 +100,8 @@ async fn eigenfields(
             bytes.reserve_exact((to - from) * one);
             for k in from..to {
                 monitor.checkpoint()?;
-                let field = ready.lift(&model.eigenfield(k))?;
-                let written = written_as(ready.surface.surface.frames(), kind, form, field);
+                let field = loaded.lift(&model.eigenfield(k))?;
+                let written = written_as(loaded.surface.surface.frames(), kind, form, field);
                 bytes.extend_from_slice(&octets::to_bytes(via.push_faces(&written, columns)));
             }
             Ok(Answer::new(bytes, if npy { NPY } else { OCTETS }, begin)

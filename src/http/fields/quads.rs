@@ -7,7 +7,9 @@ use axum::http::HeaderMap;
 use chladni_algebra::FactorError;
 use chladni_base::Monitor;
 use chladni_spectral::field::quad::{QuadError, VertexOrder, crosses_of};
-use chladni_work::design::{BasisField, CrossSource, Crosses, DesignFault, Quads, QuadsAnswer, QuadsFormat, QuadsRequest};
+use chladni_work::design::{
+    BasisField, CrossSource, Crosses, DesignFault, Quads, QuadsAnswer, QuadsFormat, QuadsRequest,
+};
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -17,7 +19,7 @@ use uuid::Uuid;
 use super::cache;
 use super::design::read;
 use super::patience::Patience;
-use super::solve::{self, Ready};
+use super::solve::{self, LoadedBasis};
 use crate::http::body;
 use crate::http::client::ClientState;
 use crate::http::convert::sentence;
@@ -143,16 +145,16 @@ async fn of_basis(
         Problem::within(&problem::INVALID_DESIGN, "basis", format!("field.basis.{place}: {reason}."))
     };
     let id = Uuid::parse_str(&wanted.id).map_err(|_| refused("id", format!("{:?} is no id of a basis", wanted.id)))?;
-    let ready = Ready::load(state, id).await?;
+    let loaded = LoadedBasis::load(state, id).await?;
     let own = state.store.basis(id).await?.mesh;
     if own != mesh {
         return Err(refused("id", format!("the basis lives on the mesh {own}, not on this one")));
     }
     let mut field = wanted.field.clone();
-    let to = numbered.on_basis(state, id, &ready.fields.metadata).await?;
-    field.translate(&to, ready.kind(), ready.vertices())?;
-    let lifted = solve::lifted(state, &ready, &field).await?;
-    let crosses = crosses_of(ready.kind(), &lifted).ok_or_else(|| {
+    let to = numbered.on_basis(state, id, &loaded.fields.metadata).await?;
+    field.translate(&to, loaded.kind(), loaded.vertices())?;
+    let lifted = solve::lifted(state, &loaded, &field).await?;
+    let crosses = crosses_of(loaded.kind(), &lifted).ok_or_else(|| {
         refused(
             "id",
             "the fields of the basis make no crosses: it has to be of vectors, n-vectors with n 1, 2 or 4, or tensors"
@@ -185,7 +187,9 @@ impl From<QuadError> for Problem {
             QuadError::Parameter { name, .. } => {
                 Self::within(&problem::INVALID_DESIGN, "quads", text).with("parameter", name)
             }
-            QuadError::Rounding { .. } | QuadError::Seams { .. } => Self::within(&problem::INVALID_DESIGN, "quads", text),
+            QuadError::Rounding { .. } | QuadError::Seams { .. } => {
+                Self::within(&problem::INVALID_DESIGN, "quads", text)
+            }
             QuadError::Factor(FactorError::Promise { .. }) => Self::within(&problem::INVALID_DESIGN, "memory", text),
             QuadError::Field { .. } | QuadError::Factor(_) => Self::internal(error),
             QuadError::Cancelled(cancelled) => cancelled.into(),

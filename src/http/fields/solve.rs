@@ -32,20 +32,20 @@ const VECTORS: u64 = 16;
 
 /// A field basis at hand, with the surface it lives on.
 #[derive(Clone)]
-pub struct Ready {
+pub struct LoadedBasis {
     /// The identifier of the basis.
     pub id: String,
     setting: Setting,
 }
 
-impl Deref for Ready {
+impl Deref for LoadedBasis {
     type Target = Setting;
     fn deref(&self) -> &Setting {
         &self.setting
     }
 }
 
-impl Ready {
+impl LoadedBasis {
     /// Vertices of the surface.
     pub fn vertices(&self) -> usize {
         self.surface.surface.mesh().positions.len()
@@ -71,17 +71,17 @@ impl Ready {
 ///
 /// # Errors
 /// `invalid-design/…` names what does not fit.
-pub async fn design(state: &ClientState, ready: &Ready, request: &DesignRequest) -> Result<Designed, Problem> {
+pub async fn design(state: &ClientState, loaded: &LoadedBasis, request: &DesignRequest) -> Result<Designed, Problem> {
     request.check()?;
     let (weights, full) = (request.weights, request.weights.literal());
-    let model = if full { full_energy_model(state, ready).await? } else { ready.model() };
-    let constraints = request.resolve(&ready.surface, ready.kind())?;
-    let (key, goal, per_face) = goal(state, ready, &model, request).await?;
+    let model = if full { full_energy_model(state, loaded).await? } else { loaded.model() };
+    let constraints = request.resolve(&loaded.surface, loaded.kind())?;
+    let (key, goal, per_face) = goal(state, loaded, &model, request).await?;
     let exact = goal.exact(request);
-    let weighted = if per_face || full || ready.fields.ritz.is_none() {
+    let weighted = if per_face || full || loaded.fields.ritz.is_none() {
         let shares = [goal.alignment.as_ref().map_or(0.0, |a| a.1), goal.prescription.as_ref().map_or(0.0, |p| p.1)];
         let key = format!("{key} {:?} {:?} {full} {shares:?}", weights.harmonic, weights.bending());
-        let own = ready.clone();
+        let own = loaded.clone();
         let make = move |_: &dyn Monitor| {
             let weighted = own.weighted(&model, weights, goal)?;
             let bytes = weighted.bytes();
@@ -92,7 +92,7 @@ pub async fn design(state: &ClientState, ready: &Ready, request: &DesignRequest)
         // What stays while a stroke is dragged is factored once.
         let share = goal.alignment.as_ref().map_or(0.0, |a| a.1);
         let key = format!("{key} {:?} {:?} {share:?} many", weights.harmonic, weights.bending());
-        let own = ready.clone();
+        let own = loaded.clone();
         let make = move |_: &dyn Monitor| {
             let bytes = model.bytes_of_many();
             Ok((own.weighted(&model, weights, goal)?, bytes))
@@ -100,34 +100,34 @@ pub async fn design(state: &ClientState, ready: &Ready, request: &DesignRequest)
         cache::kept(state, "weights", &key, make).await?
     } else {
         // Without weights per face everything is diagonal: nothing is worth keeping.
-        Arc::new(ready.weighted(&model, weights, goal)?)
+        Arc::new(loaded.weighted(&model, weights, goal)?)
     };
-    let (block, faces) = (ready.kind().block() as u64, ready.surface.surface.faces() as u64);
+    let (block, faces) = (loaded.kind().block() as u64, loaded.surface.surface.faces() as u64);
     let full: Option<Arc<FullSpace>> = match request.needs_full_space() {
         false => None,
         true => {
-            let own = ready.clone();
+            let own = loaded.clone();
             let (mut memory, levels) = (state.memory(), LEVEL_BYTES * block * block * faces);
             let make = move |monitor: &dyn Monitor| {
                 body::reserve(&mut memory, levels)?;
                 Ok(own.full_space(monitor)?)
             };
-            Some(cache::kept(state, "full-space", &ready.id, make).await?)
+            Some(cache::kept(state, "full-space", &loaded.id, make).await?)
         }
     };
     let mut memory = state.memory();
     if full.is_some() {
         body::reserve(&mut memory, 8 * VECTORS * block * faces)?;
     }
-    let (ready, request) = (ready.clone(), request.clone());
+    let (loaded, request) = (loaded.clone(), request.clone());
     let solve = move |monitor: &dyn Monitor| {
         let _memory = memory;
-        let mut designed = ready.solve(&weighted, constraints)?;
+        let mut designed = loaded.solve(&weighted, constraints)?;
         if let Some(full) = full {
             let patience = Patience::new(Instant::now(), PATIENCE, monitor);
-            ready.judge(&full, &weighted, &request, &mut designed, &patience).map_err(too_long)?;
+            loaded.judge(&full, &weighted, &request, &mut designed, &patience).map_err(too_long)?;
         }
-        Ok(ready.exactly(exact, designed))
+        Ok(loaded.exactly(exact, designed))
     };
     state.solve("design", solve).await
 }
@@ -148,55 +148,55 @@ fn too_long(fault: DesignFault) -> Problem {
 ///
 /// # Errors
 /// `invalid-design/faces` names the face.
-pub async fn faces(state: &ClientState, ready: &Ready, wanted: &FacesRequest) -> Result<Arc<Vec<u32>>, Problem> {
-    let (own, wanted) = (ready.clone(), wanted.clone());
+pub async fn faces(state: &ClientState, loaded: &LoadedBasis, wanted: &FacesRequest) -> Result<Arc<Vec<u32>>, Problem> {
+    let (own, wanted) = (loaded.clone(), wanted.clone());
     let FacesRequest::Sample(sample) = wanted else { return Ok(Arc::new(own.faces(&wanted, &Unwatched)?)) };
     let make = move |monitor: &dyn Monitor| {
         let faces = own.faces(&FacesRequest::Sample(sample), monitor)?;
         let bytes = 4 * faces.len() as u64;
         Ok((faces, bytes))
     };
-    cache::kept(state, "face-sample", &format!("{} {}", ready.id, sample.sample), make).await
+    cache::kept(state, "face-sample", &format!("{} {}", loaded.id, sample.sample), make).await
 }
 
 /// The stored numbers of all faces of the field that a request names.
 ///
 /// # Errors
 /// Those of [`design`].
-pub async fn lifted(state: &ClientState, ready: &Ready, source: &FieldSource) -> Result<Vec<f32>, Problem> {
-    let own = ready.clone();
+pub async fn lifted(state: &ClientState, loaded: &LoadedBasis, source: &FieldSource) -> Result<Vec<f32>, Problem> {
+    let own = loaded.clone();
     if let FieldSource::Design(request) = source {
         request.of_all_faces()?;
-        let designed = design(state, ready, request).await?;
+        let designed = design(state, loaded, request).await?;
         return state.solve("lift", move |_| Ok(own.lifted(&designed)?)).await;
     }
-    let coefficients = source.coefficients(ready)?.unwrap_or_default();
+    let coefficients = source.coefficients(loaded)?.unwrap_or_default();
     state.solve("lift", move |_| Ok(own.lift(&coefficients)?)).await
 }
 
 /// The model whose biharmonic energy is that of the whole mesh.
-async fn full_energy_model(state: &ClientState, ready: &Ready) -> Result<DesignModel, Problem> {
-    let own = ready.clone();
+async fn full_energy_model(state: &ClientState, loaded: &LoadedBasis) -> Result<DesignModel, Problem> {
+    let own = loaded.clone();
     let make = move |monitor: &dyn Monitor| Ok(own.full_energy_model(monitor)?);
-    let model: Arc<DesignModel> = cache::kept(state, "energy", &ready.id, make).await?;
+    let model: Arc<DesignModel> = cache::kept(state, "energy", &loaded.id, make).await?;
     Ok(model.as_ref().clone())
 }
 
 /// What a request wants to be close to, under which key the weighted model of it is kept, and whether weights differ from face to face.
 async fn goal(
     state: &ClientState,
-    ready: &Ready,
+    loaded: &LoadedBasis,
     model: &DesignModel,
     request: &DesignRequest,
 ) -> Result<(String, Goal, bool), Problem> {
-    let (mut key, mut goal, mut per_face) = (ready.id.clone(), Goal::default(), false);
+    let (mut key, mut goal, mut per_face) = (loaded.id.clone(), Goal::default(), false);
     if let Some(wanted) = &request.alignment {
         // With weights per face an alignment brings the energies that it is added to.
         let energy = if request.weights.literal() { " literal" } else { "" };
-        key = format!("{}{energy} {}", ready.id, fingerprint(wanted));
-        let (ready, model, own) = (ready.clone(), model.clone(), wanted.clone());
+        key = format!("{}{energy} {}", loaded.id, fingerprint(wanted));
+        let (loaded, model, own) = (loaded.clone(), model.clone(), wanted.clone());
         let make = move |_: &dyn Monitor| {
-            let alignment = ready.alignment(&model, &own)?;
+            let alignment = loaded.alignment(&model, &own)?;
             let bytes = alignment.bytes();
             Ok((alignment, bytes))
         };
@@ -204,9 +204,9 @@ async fn goal(
         per_face = wanted.per_face.is_some();
     }
     if let Some(wanted) = &request.singularities {
-        key = format!("{} singular {:?}", ready.id, numerators(&wanted.at, ready.kind())?);
-        let (ready, model, own) = (ready.clone(), model.clone(), wanted.clone());
-        let make = move |monitor: &dyn Monitor| Ok(ready.prescription(&model, &own, monitor)?);
+        key = format!("{} singular {:?}", loaded.id, numerators(&wanted.at, loaded.kind())?);
+        let (loaded, model, own) = (loaded.clone(), model.clone(), wanted.clone());
+        let make = move |monitor: &dyn Monitor| Ok(loaded.prescription(&model, &own, monitor)?);
         goal.prescription = Some((cache::kept(state, "singularities", &key, make).await?, wanted.weight));
     }
     Ok((key, goal, per_face))

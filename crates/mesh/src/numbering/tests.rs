@@ -90,12 +90,12 @@ proptest! {
                 Some(v) => {
                     let kept = found.unwrap();
                     prop_assert_eq!(checked.mesh.positions[kept as usize], clean.positions[*v as usize]);
-                    prop_assert_eq!(order[to.told_vertex(kept) as usize], Some(*v));
+                    prop_assert_eq!(order[to.file_vertex(kept) as usize], Some(*v));
                 }
             }
         }
         for face in 0..clean.faces.len() as u32 {
-            prop_assert_eq!(to.told_face(to.face(face).unwrap()), face);
+            prop_assert_eq!(to.file_face(to.face(face).unwrap()), face);
         }
     }
 

@@ -233,7 +233,7 @@ impl Translation {
     }
 
     /// A kept vertex as the answer names it; for one made by subdivision, the lower end of its edge.
-    pub fn told_vertex(&self, kept: u32) -> u32 {
+    pub fn file_vertex(&self, kept: u32) -> u32 {
         self.of_vertices().map_or(kept, |numbering| numbering.file_vertex(kept))
     }
 
@@ -243,7 +243,7 @@ impl Translation {
     }
 
     /// A kept face as the answer names it.
-    pub fn told_face(&self, kept: u32) -> u32 {
+    pub fn file_face(&self, kept: u32) -> u32 {
         self.of_faces().map_or(kept, |numbering| numbering.file_face(kept))
     }
 

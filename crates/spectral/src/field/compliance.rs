@@ -2,7 +2,7 @@
 
 use chladni_algebra::DenseMatrix;
 
-use super::constraints::{Condition, Give};
+use super::constraints::{Condition, Slack};
 
 /// Constraints without repetitions, and what a reduced space has them move by.
 pub(super) struct Compliance {
@@ -10,7 +10,7 @@ pub(super) struct Compliance {
     /// The numbers that are wanted, `block` for each face.
     pub values: Vec<f64>,
     /// The inverses of the weights, 0 of those that are met exactly.
-    pub gives: Vec<f64>,
+    pub slacks: Vec<f64>,
     /// What unit pulls at the numbers move them by, without what has no energy.
     pub moved: DenseMatrix,
 }
@@ -18,12 +18,12 @@ pub(super) struct Compliance {
 impl Compliance {
     /// Of conditions whose numbers unit pulls move by `moved`.
     pub fn new(conditions: &[Condition], moved: DenseMatrix, b: usize) -> Self {
-        let hard = |c: &Condition| matches!(c.give, Give::Share(_));
-        let gives = gives(&moved, conditions, b).into_iter().enumerate();
-        let gives = gives.map(|(i, give)| if hard(&conditions[i / b]) { 0.0 } else { give }).collect();
+        let hard = |c: &Condition| matches!(c.slack, Slack::Share(_));
+        let slacks = slacks(&moved, conditions, b).into_iter().enumerate();
+        let slacks = slacks.map(|(i, slack)| if hard(&conditions[i / b]) { 0.0 } else { slack }).collect();
         let faces = conditions.iter().map(|c| c.face).collect();
         let values = conditions.iter().flat_map(|c| c.value.into_iter().take(b)).collect();
-        Self { faces, values, gives, moved }
+        Self { faces, values, slacks, moved }
     }
 }
 
@@ -33,17 +33,17 @@ pub(super) fn mean_of_diagonal(moved: &DenseMatrix) -> f64 {
     (0..k).map(|i| moved.column(i)[i]).sum::<f64>() / k.max(1) as f64
 }
 
-/// By how much each number of conditions gives way to a unit pull, where pulls move them by `moved`.
-pub(super) fn gives(moved: &DenseMatrix, conditions: &[Condition], b: usize) -> Vec<f64> {
+/// By how much each number of conditions slacks way to a unit pull, where pulls move them by `moved`.
+pub(super) fn slacks(moved: &DenseMatrix, conditions: &[Condition], b: usize) -> Vec<f64> {
     let mean = mean_of_diagonal(moved);
-    let give = |(at, condition): (usize, &Condition)| match condition.give {
-        Give::Weight(give) => give,
-        Give::Share(share) => share * mean,
-        Give::Own(share) => {
+    let slack = |(at, condition): (usize, &Condition)| match condition.slack {
+        Slack::Weight(slack) => slack,
+        Slack::Share(share) => share * mean,
+        Slack::Own(share) => {
             let own = (b * at..b * (at + 1)).map(|i| moved.column(i)[i]);
             // A pull moves everything somewhere; if not, the mean does.
             share * (own.sum::<f64>() / b as f64).max(1e-6 * mean)
         }
     };
-    conditions.iter().enumerate().flat_map(|one| std::iter::repeat_n(give(one), b)).collect()
+    conditions.iter().enumerate().flat_map(|one| std::iter::repeat_n(slack(one), b)).collect()
 }

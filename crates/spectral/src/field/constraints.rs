@@ -61,12 +61,12 @@ const NEAR: f64 = 0.3;
 pub(super) struct Condition {
     pub face: u32,
     pub value: [f64; 3],
-    pub give: Give,
+    pub slack: Slack,
 }
 
 /// By how much a condition may be missed.
 #[derive(Clone, Copy)]
-pub(super) enum Give {
+pub(super) enum Slack {
     /// The inverse of a weight.
     Weight(f64),
     /// A share of what a unit pull moves.
@@ -75,7 +75,7 @@ pub(super) enum Give {
     Own(f64),
 }
 
-impl From<Hold> for Give {
+impl From<Hold> for Slack {
     fn from(hold: Hold) -> Self {
         match hold {
             Hold::Strength(strength) => Self::Own(1.0 / (FIRM * strength)),
@@ -89,7 +89,7 @@ impl From<Hold> for Give {
 pub(super) fn conditions(kept: &[usize], constraints: &[Constraint]) -> Vec<Condition> {
     let condition = |&c: &usize| {
         let Constraint { face, value, hold } = constraints[c];
-        Condition { face, value, give: hold.into() }
+        Condition { face, value, slack: hold.into() }
     };
     kept.iter().map(condition).collect()
 }
@@ -97,7 +97,7 @@ pub(super) fn conditions(kept: &[usize], constraints: &[Constraint]) -> Vec<Cond
 impl Condition {
     /// Lets a share give way less.
     pub fn harden(&mut self) {
-        if let Give::Share(share) = &mut self.give {
+        if let Slack::Share(share) = &mut self.slack {
             *share /= HARDER;
         }
     }

@@ -11,17 +11,17 @@ use crate::field::{
 use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::FieldOperator;
 
-struct Ready {
+struct Setup {
     surface: FieldSurface,
     basis: FieldBasis,
     model: DesignModel,
 }
 
-fn ready(shape: Shape, vertices: usize, field: FieldKind, dimension: usize) -> Ready {
+fn set_up(shape: Shape, vertices: usize, field: FieldKind, dimension: usize) -> Setup {
     let surface = FieldSurface::new(generate(shape, vertices).unwrap()).unwrap();
     let basis = field_basis(&surface, &FieldParameters::new(field, dimension), &Unwatched).unwrap();
     let model = DesignModel::new(&basis, &Unwatched).unwrap();
-    Ready { surface, basis, model }
+    Setup { surface, basis, model }
 }
 
 const HARMONIC: EnergyWeights = EnergyWeights { harmonic: 1.0, biharmonic: 0.0 };
@@ -36,7 +36,7 @@ fn hard(face: u32, x: f64, y: f64) -> Constraint {
 }
 
 /// The dense system of the same problem, assembled and solved directly.
-fn directly(r: &Ready, weights: EnergyWeights, constraints: &[Constraint]) -> Vec<f64> {
+fn directly(r: &Setup, weights: EnergyWeights, constraints: &[Constraint]) -> Vec<f64> {
     let d = r.model.dimension();
     let (s, m) = (r.basis.stiffness.to_dense(), r.basis.mass.to_dense());
     let mut inverse = s.clone();
@@ -66,7 +66,7 @@ fn directly(r: &Ready, weights: EnergyWeights, constraints: &[Constraint]) -> Ve
 
 #[test]
 fn soft_constraints_give_what_the_assembled_system_gives() {
-    let r = ready(Shape::Sphere, 642, FieldKind::Vector {}, 80);
+    let r = set_up(Shape::Sphere, 642, FieldKind::Vector {}, 80);
     let constraints = [soft(5, 1.0, 0.0, 100.0), soft(400, 0.0, 2.0, 1.0), soft(5, 0.0, 1.0, 3.0)];
     for weights in [HARMONIC, MIXED, EnergyWeights { harmonic: 0.0, biharmonic: 1.0 }] {
         let design = r.model.weighted(weights, None).unwrap().solve(&r.basis, &constraints).unwrap();
@@ -85,7 +85,7 @@ fn soft_constraints_give_what_the_assembled_system_gives() {
 #[test]
 fn hard_constraints_are_met_and_are_the_limit_of_soft_ones() {
     for field in [FieldKind::Vector {}, FieldKind::NVector { n: 4 }] {
-        let r = ready(Shape::Sphere, 642, field, 120);
+        let r = set_up(Shape::Sphere, 642, field, 120);
         let faces = [3u32, 200, 611, 900];
         let constraints: Vec<Constraint> = faces.iter().map(|&f| hard(f, 0.6, -0.8)).collect();
         let model = r.model.weighted(MIXED, None).unwrap();
@@ -103,7 +103,7 @@ fn hard_constraints_are_met_and_are_the_limit_of_soft_ones() {
 }
 
 /// Strokes over many faces: as many numbers as the space has, or more.
-fn strokes(r: &Ready, count: usize, turn: f64, hold: Hold) -> Vec<Constraint> {
+fn strokes(r: &Setup, count: usize, turn: f64, hold: Hold) -> Vec<Constraint> {
     let faces = r.surface.faces();
     (0..count)
         .map(|k| {
@@ -120,7 +120,7 @@ fn distance(a: &Design, b: &[f64]) -> f64 {
 
 #[test]
 fn many_constraints_give_what_the_assembled_system_gives_whatever_was_asked_before() {
-    let r = ready(Shape::Sphere, 642, FieldKind::Vector {}, 120);
+    let r = set_up(Shape::Sphere, 642, FieldKind::Vector {}, 120);
     for weights in [HARMONIC, MIXED] {
         let model = r.model.weighted(weights, None).unwrap();
         let mut constraints = strokes(&r, 150, 0.3, Hold::Weight(20.0));
@@ -150,7 +150,7 @@ fn many_constraints_give_what_the_assembled_system_gives_whatever_was_asked_befo
 
 #[test]
 fn few_and_many_constraints_are_held_by_the_same_strengths_and_hard_ones_exactly() {
-    let r = ready(Shape::Torus, 600, FieldKind::NVector { n: 2 }, 150);
+    let r = set_up(Shape::Torus, 600, FieldKind::NVector { n: 2 }, 150);
     let model = r.model.weighted(MIXED, None).unwrap();
     // Eighteen constraints are few, nineteen many: the nineteenth hardly pulls.
     let mut constraints = strokes(&r, 17, 0.0, Hold::Strength(1.0));
@@ -168,7 +168,7 @@ fn few_and_many_constraints_are_held_by_the_same_strengths_and_hard_ones_exactly
 
 #[test]
 fn many_constraints_on_a_flat_sheet_leave_a_parallel_field_as_it_is() {
-    let r = ready(Shape::Rectangle, 500, FieldKind::NVector { n: 1 }, 60);
+    let r = set_up(Shape::Rectangle, 500, FieldKind::NVector { n: 1 }, 60);
     let faces = r.surface.faces();
     let direction = |face: usize| {
         let own = r.surface.frames().from_world(face, [0.6, 0.8, 0.0]);
@@ -194,7 +194,7 @@ fn many_constraints_on_a_flat_sheet_leave_a_parallel_field_as_it_is() {
 
 #[test]
 fn a_designed_field_has_less_energy_than_others_that_meet_the_constraints() {
-    let r = ready(Shape::Torus, 600, FieldKind::NVector { n: 2 }, 100);
+    let r = set_up(Shape::Torus, 600, FieldKind::NVector { n: 2 }, 100);
     let constraints = [hard(10, 1.0, 0.0), hard(500, 0.0, 1.0)];
     let first = r.model.weighted(HARMONIC, None).unwrap().solve(&r.basis, &constraints).unwrap();
     let other =
@@ -206,7 +206,7 @@ fn a_designed_field_has_less_energy_than_others_that_meet_the_constraints() {
 
 #[test]
 fn alignment_pulls_towards_the_field_and_weights_per_face_say_where() {
-    let r = ready(Shape::Sphere, 642, FieldKind::Vector {}, 200);
+    let r = set_up(Shape::Sphere, 642, FieldKind::Vector {}, 200);
     let areas = r.surface.frames().areas();
     let target: Vec<f64> = (0..r.surface.faces())
         .flat_map(|f| {
@@ -235,7 +235,7 @@ fn alignment_pulls_towards_the_field_and_weights_per_face_say_where() {
 
 #[test]
 fn what_cannot_be_designed_is_named() {
-    let r = ready(Shape::Sphere, 162, FieldKind::Vector {}, 20);
+    let r = set_up(Shape::Sphere, 162, FieldKind::Vector {}, 20);
     let solve = |constraints: &[Constraint]| r.model.weighted(HARMONIC, None).unwrap().solve(&r.basis, constraints);
     assert_eq!(solve(&[]), Err(DesignError::NoData));
     let faces = r.surface.faces();
@@ -267,7 +267,7 @@ fn what_cannot_be_designed_is_named() {
 #[test]
 fn fields_without_energy_are_free() {
     // Parallel fields on a flat sheet have no transport energy: two kernel dimensions.
-    let r = ready(Shape::Rectangle, 400, FieldKind::NVector { n: 1 }, 60);
+    let r = set_up(Shape::Rectangle, 400, FieldKind::NVector { n: 1 }, 60);
     let f = 100usize;
     let along = r.surface.frames().from_world(f, [1.0, 0.0, 0.0]);
     let design =
@@ -284,7 +284,7 @@ fn fields_without_energy_are_free() {
 
 #[test]
 fn sparse_factors_give_what_ritz_coordinates_give() {
-    let r = ready(Shape::Torus, 800, FieldKind::Vector {}, 150);
+    let r = set_up(Shape::Torus, 800, FieldKind::Vector {}, 150);
     let sparse = DesignModel::sparse(&r.basis);
     assert!(sparse.values().is_empty() && sparse.dimension() == 152);
     let constraints = [hard(10, 1.0, 0.0), soft(500, 0.0, 1.0, 50.0), hard(900, 0.3, 0.2)];
@@ -314,7 +314,7 @@ fn sparse_factors_give_what_ritz_coordinates_give() {
 
 #[test]
 fn the_literal_biharmonic_energy_is_larger_and_pulls_designs_away() {
-    let r = ready(Shape::Sphere, 1500, FieldKind::NVector { n: 4 }, 200);
+    let r = set_up(Shape::Sphere, 1500, FieldKind::NVector { n: 4 }, 200);
     let energy = literal_biharmonic(&r.surface, &r.basis, FieldBoundary::Tangential, &Unwatched).unwrap();
     let literal = r.model.clone().with_biharmonic(&r.basis, energy).unwrap();
     let constraints: Vec<Constraint> = (0..10).map(|i| hard(250 * i, f64::from(i).cos(), f64::from(i).sin())).collect();
@@ -344,7 +344,7 @@ fn the_literal_biharmonic_energy_is_larger_and_pulls_designs_away() {
 }
 
 /// The singularities of a design with some prescribed, as they were prescribed.
-fn designed(r: &Ready, prescribed: &[Prescribed], constraints: &[Constraint]) -> Vec<Prescribed> {
+fn designed(r: &Setup, prescribed: &[Prescribed], constraints: &[Constraint]) -> Vec<Prescribed> {
     let field = PrescribedField::new(&r.surface, r.basis.kind, prescribed, &Unwatched).unwrap();
     let prescription = r.model.prescription(&r.basis, &r.surface, field).unwrap();
     let model = r.model.weighted_with(MIXED, Vec::new(), Some((Arc::new(prescription), 100.0))).unwrap();
@@ -357,18 +357,18 @@ fn designed(r: &Ready, prescribed: &[Prescribed], constraints: &[Constraint]) ->
 #[test]
 fn designed_fields_have_their_prescribed_singularities() {
     let at = |vertex, numerator| Prescribed { vertex, numerator };
-    let r = ready(Shape::Sphere, 2562, FieldKind::Vector {}, 200);
+    let r = set_up(Shape::Sphere, 2562, FieldKind::Vector {}, 200);
     for prescribed in [vec![at(7, 1), at(2000, 1)], vec![at(7, 1), at(900, 1), at(1500, 1), at(2200, -1)]] {
         for constraints in [vec![], vec![soft(100, 1.0, 0.0, 10.0)], vec![hard(3000, 0.2, 0.5)]] {
             let found = designed(&r, &prescribed, &constraints);
             assert!(prescribed.iter().all(|p| found.contains(p)), "{prescribed:?} {found:?}");
         }
     }
-    let r = ready(Shape::Sphere, 2562, FieldKind::NVector { n: 4 }, 200);
+    let r = set_up(Shape::Sphere, 2562, FieldKind::NVector { n: 4 }, 200);
     let prescribed: Vec<Prescribed> = (0..8).map(|i| at(310 * i + 11, 1)).collect();
     let found = designed(&r, &prescribed, &[]);
     assert!(prescribed.iter().all(|p| found.contains(p)), "{prescribed:?} {found:?}");
-    let r = ready(Shape::Genus(2), 3000, FieldKind::Vector {}, 200);
+    let r = set_up(Shape::Genus(2), 3000, FieldKind::Vector {}, 200);
     let prescribed = [at(50, -1), at(2500, -1)];
     let found = designed(&r, &prescribed, &[soft(100, 1.0, 0.0, 10.0)]);
     assert!(prescribed.iter().all(|p| found.contains(p)), "{prescribed:?} {found:?}");

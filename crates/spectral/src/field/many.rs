@@ -38,14 +38,14 @@ pub(super) struct Many {
     /// What a unit pull on a face moves there: the mean over its numbers.
     moved: Mutex<HashMap<u32, f64>>,
     /// Of designs before, the latest first: one for each hand that drags.
-    kept: Mutex<Vec<Kept>>,
+    kept: Mutex<Vec<CachedDesign>>,
 }
 
 /// Hands that may drag at once on one choice of weights before they cost each other a factor.
 const MOST_KEPT: usize = 3;
 
 /// What a design has left.
-struct Kept {
+struct CachedDesign {
     /// Its soft constraints.
     last: Vec<Held>,
     base: Arc<Base>,
@@ -241,11 +241,11 @@ impl Many {
             let mean = (0..k).map(|i| system.column(i)[i]).sum::<f64>() / k as f64;
             let mut missing = DenseMatrix::zeros(k, 1);
             for i in 0..k {
-                let (give, value) = match added.get(i / b) {
+                let (slack, value) = match added.get(i / b) {
                     Some(held) => (1.0 / held.weight, 0.0),
                     None => (HARD * mean, hard[i / b - added.len()].value[i % b]),
                 };
-                system.column_mut(i)[i] += give;
+                system.column_mut(i)[i] += slack;
                 let reached: f64 = rows.column(i).iter().zip(halves.column(k)).map(|(r, g)| r * g).sum();
                 missing.column_mut(0)[i] = value - reached;
             }
@@ -306,8 +306,9 @@ impl Many {
                 return Ok(Some(base));
             }
             // What has stayed since a design before will stay: most of what is dragged has left its faces.
-            let stayed =
-                |kept: &Kept| held.iter().filter(|own| kept.last.contains_face(own)).copied().collect::<Vec<_>>();
+            let stayed = |kept: &CachedDesign| {
+                held.iter().filter(|own| kept.last.contains_face(own)).copied().collect::<Vec<_>>()
+            };
             let before = kept.iter().map(stayed).position(|stayed| held.len() - stayed.len() <= most);
             if let Some(at) = before {
                 of = stayed(&kept.remove(at));
@@ -326,7 +327,7 @@ impl Many {
         };
         let Some(base) = base.map(Arc::new) else { return Ok(None) };
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.insert(0, Kept { last: held.to_vec(), base: base.clone() });
+        kept.insert(0, CachedDesign { last: held.to_vec(), base: base.clone() });
         kept.truncate(MOST_KEPT);
         Ok(Some(base))
     }

@@ -399,12 +399,12 @@ impl<'a, const B: usize> Pulls<'a, B> {
         monitor: &'a dyn Monitor,
     ) -> Result<Self, RefineError> {
         let mut matrix = compliance.moved.clone();
-        for (i, give) in compliance.gives.iter().enumerate() {
+        for (i, slack) in compliance.slacks.iter().enumerate() {
             let own = matrix.column(i)[i];
-            matrix.column_mut(i)[i] += give + MISSING * own;
+            matrix.column_mut(i)[i] += slack + MISSING * own;
         }
         let precondition = factored(matrix, &compliance.faces, B)?;
-        let k = compliance.gives.len();
+        let k = compliance.slacks.len();
         let kernel = response.kernel();
         let at_faces: Vec<Vec<f64>> = kernel.iter().map(|field| at_faces::<B>(&compliance.faces, field)).collect();
         let idle = if k > 0 { held(&at_faces, &precondition)? } else { Vec::new() };
@@ -463,7 +463,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
             let close = (least * (first / size).sqrt()).clamp(least, COARSEST_RESPONSE);
             let moved = self.respond(&direction, close)?;
             let mut image = at_faces::<B>(&self.compliance.faces, &moved);
-            image.iter_mut().zip(&self.compliance.gives).zip(&direction).for_each(|((q, give), y)| *q += give * y);
+            image.iter_mut().zip(&self.compliance.slacks).zip(&direction).for_each(|((q, slack), y)| *q += slack * y);
             let curvature = product(&direction, &image);
             if !(curvature > 0.0) {
                 return Err(RefineError::NotConverged { tolerance: self.tolerance });

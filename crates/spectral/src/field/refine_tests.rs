@@ -60,11 +60,11 @@ impl Problem {
         (0..n).for_each(|i| matrix.column_mut(i)[i] += held[i]);
         let mut right = force.to_vec();
         let mut fixed = vec![None; n];
-        for (i, (&value, &give)) in compliance.values.iter().zip(&compliance.gives).enumerate() {
+        for (i, (&value, &slack)) in compliance.values.iter().zip(&compliance.slacks).enumerate() {
             let at = b * compliance.faces[i / b] as usize + i % b;
-            if give > 0.0 {
-                matrix.column_mut(at)[at] += 1.0 / give;
-                right[at] += value / give;
+            if slack > 0.0 {
+                matrix.column_mut(at)[at] += 1.0 / slack;
+                right[at] += value / slack;
             } else {
                 fixed[at] = Some(value);
             }
@@ -89,10 +89,10 @@ impl Problem {
         let (n, b, root) = (self.masses.len(), self.basis.space.block(), weights.biharmonic.sqrt());
         let mut held = vec![0.0; n];
         let mut right = PanelMatrix::zeros(2 * n, 1);
-        for (i, (&value, &give)) in compliance.values.iter().zip(&compliance.gives).enumerate() {
+        for (i, (&value, &slack)) in compliance.values.iter().zip(&compliance.slacks).enumerate() {
             let at = b * compliance.faces[i / b] as usize + i % b;
-            held[at] += 1.0 / give;
-            right.panels_mut()[0][at * PANEL_WIDTH] += value / give;
+            held[at] += 1.0 / slack;
+            right.panels_mut()[0][at * PANEL_WIDTH] += value / slack;
         }
         let mut entries = Vec::new();
         for i in 0..n {

@@ -122,7 +122,7 @@ pub fn streamlines(
             continue;
         }
         if let Some(line) = hatching.lay(&seed, parameters.least_length * parameters.spacing) {
-            seeds.extend(hatching.beside(&line));
+            seeds.extend(hatching.seeds_around(&line));
         }
     }
     Ok(hatching.lines)
@@ -338,7 +338,7 @@ impl Hatching<'_> {
     }
 
     /// Seeds of its own kind on either side of a line, a spacing away, and of the others on it.
-    fn beside(&self, line: &Streamline) -> Vec<Seed> {
+    fn seeds_around(&self, line: &Streamline) -> Vec<Seed> {
         let frames = self.surface.frames();
         let scale = 1.0 / frames.area().sqrt();
         let mut seeds = Vec::new();

@@ -8,8 +8,8 @@ use crate::basis::FieldBasis;
 use crate::operator::frames::Planar;
 
 use super::alignment::{Alignment, Prescription};
-use super::compliance::{Compliance, gives, mean_of_diagonal};
-use super::constraints::{Condition, Give, HARD, check, conditions, near, residuals, without_repetitions};
+use super::compliance::{Compliance, mean_of_diagonal, slacks};
+use super::constraints::{Condition, HARD, Slack, check, conditions, near, residuals, without_repetitions};
 use super::design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, add_row, length};
 use super::idle::{self, Idle, Kernel};
 use super::many::{Many, Setting};
@@ -208,14 +208,14 @@ impl WeightedModel {
         };
         let mut rows = self.rows(basis, &conditions);
         let mut found = start.clone();
-        self.meet(&rows, &conditions, b, &mut found)?;
+        self.satisfy(&rows, &conditions, b, &mut found)?;
         if let (Some(turn), Some((prescription, _))) = (turn, &self.prescription) {
             let own = conditions.len();
             conditions.extend(self.around(basis, prescription, turn, &found.field));
             rows = self.rows(basis, &conditions);
             for _ in 0..ROUNDS {
                 found = start.clone();
-                self.meet(&rows, &conditions, b, &mut found)?;
+                self.satisfy(&rows, &conditions, b, &mut found)?;
                 let mut at = own;
                 let mut met = true;
                 for fan in prescription.field.fans() {
@@ -301,7 +301,7 @@ impl WeightedModel {
                 .map(|&(face, size)| Condition {
                     face,
                     value: target.value(face as usize, turn).map(|v| v * size),
-                    give: Give::Share(AROUND),
+                    slack: Slack::Share(AROUND),
                 })
                 .collect();
             let rows = self.rows(basis, &conditions);
@@ -321,7 +321,7 @@ impl WeightedModel {
     }
 
     /// Changes a field so that it meets conditions.
-    fn meet(
+    fn satisfy(
         &self,
         rows: &DenseMatrix,
         conditions: &[Condition],
@@ -358,7 +358,7 @@ impl WeightedModel {
             return Kernel::Coordinates(&self.kernel);
         }
         let held = self.prescription.is_some() || !self.alignments.is_empty();
-        if held || !conditions.iter().any(|c| matches!(c.give, Give::Own(_))) {
+        if held || !conditions.iter().any(|c| matches!(c.slack, Slack::Own(_))) {
             return Kernel::Coordinates(&[]);
         }
         self.idle().map_or(Kernel::Coordinates(&[]), Kernel::Fields)
@@ -397,8 +397,8 @@ impl WeightedModel {
             }
         };
         let mean = mean_of_diagonal(&system);
-        for (i, give) in gives(&system, conditions, b).into_iter().enumerate() {
-            system.column_mut(i)[i] += give;
+        for (i, slack) in slacks(&system, conditions, b).into_iter().enumerate() {
+            system.column_mut(i)[i] += slack;
         }
         // Right-hand sides: what is missing, and the rows of the kernel.
         let mut rhs = DenseMatrix::zeros(k, 1 + free);
@@ -424,7 +424,7 @@ impl WeightedModel {
                 let mut rest = DenseMatrix::zeros(k, 1);
                 for i in 0..k {
                     let own: f64 = system.column(i).iter().zip(&y).map(|(s, y)| s * y).sum();
-                    let hard = matches!(conditions[i / b].give, Give::Share(share) if share == HARD);
+                    let hard = matches!(conditions[i / b].slack, Slack::Share(share) if share == HARD);
                     let given = if hard { HARD * mean * y[i] } else { 0.0 };
                     rest.column_mut(0)[i] = right.column(0)[i] - own + given;
                 }

@@ -137,7 +137,7 @@ const MOST: f64 = 1e100;
 
 impl DecompositionAnswer {
     /// The answer in the numbering of the file.
-    pub fn told(mut self, to: &Translation) -> Self {
+    pub fn translated(mut self, to: &Translation) -> Self {
         for part in [&mut self.gradient, &mut self.cogradient, &mut self.harmonic] {
             *part = to.push_faces(part, self.columns);
         }

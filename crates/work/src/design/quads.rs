@@ -340,8 +340,8 @@ impl Quads {
             let corners = surface.mesh().faces[faces[0] as usize];
             let k = dual.slot(faces[0], edge as u32);
             CutEdge {
-                vertices: [1, 2].map(|i| to.told_vertex(corners[(k + i) % 3])),
-                faces: faces.map(|face| to.told_face(face)),
+                vertices: [1, 2].map(|i| to.file_vertex(corners[(k + i) % 3])),
+                faces: faces.map(|face| to.file_face(face)),
                 quarters: self.combed.jumps[edge],
             }
         });
@@ -353,9 +353,9 @@ impl Quads {
                 .combed
                 .singularities
                 .iter()
-                .map(|s| SingularVertex { vertex: to.told_vertex(s.vertex), index: s.index() })
+                .map(|s| SingularVertex { vertex: to.file_vertex(s.vertex), index: s.index() })
                 .collect(),
-            inverted: self.parametrisation.inverted.iter().map(|&face| to.told_face(face)).collect(),
+            inverted: self.parametrisation.inverted.iter().map(|&face| to.file_face(face)).collect(),
             deviation: self.parametrisation.deviation,
             crease_error: self.crease_error,
             misfit: self.parametrisation.misfit,

@@ -43,10 +43,10 @@ impl TransportRequest {
 /// # Errors
 /// [`DesignFault::Transport`] names the face that no vector reaches, in the numbering of the request.
 pub fn carried(heat: &VectorHeat, sources: &[VectorSource], to: &Translation) -> Result<Vec<f32>, DesignFault> {
-    let told = |face: usize| u32::try_from(face).map_or(face, |kept| to.told_face(kept) as usize);
+    let named = |face: usize| u32::try_from(face).map_or(face, |kept| to.file_face(kept) as usize);
     let field = heat.carried(sources).map_err(|error| match error {
-        TransportError::OutOfReach { face } => TransportError::OutOfReach { face: told(face) },
-        TransportError::Cancelling { face } => TransportError::Cancelling { face: told(face) },
+        TransportError::OutOfReach { face } => TransportError::OutOfReach { face: named(face) },
+        TransportError::Cancelling { face } => TransportError::Cancelling { face: named(face) },
         other => other,
     })?;
     Ok(field.into_iter().map(|x| x as f32).collect())

@@ -174,7 +174,7 @@ fn the_number_of_threads_changes_no_bit() {
 }
 
 /// Two surfaces side by side in one mesh.
-fn beside(mut left: TriangleMesh, right: &TriangleMesh) -> TriangleMesh {
+fn joined(mut left: TriangleMesh, right: &TriangleMesh) -> TriangleMesh {
     let shift = left.positions.len() as u32;
     left.positions.extend(right.positions.iter().map(|p| [p[0] + 10.0, p[1], p[2]]));
     left.faces.extend(right.faces.iter().map(|face| face.map(|v| v + shift)));
@@ -185,7 +185,7 @@ fn beside(mut left: TriangleMesh, right: &TriangleMesh) -> TriangleMesh {
 fn heat_does_not_jump_between_components() {
     let (left, right) = (generate(Shape::Sphere, 9_000).unwrap(), generate(Shape::Torus, 4_000).unwrap());
     let border = left.positions.len();
-    let start = Start::new(beside(left, &right), 60);
+    let start = Start::new(joined(left, &right), 60);
     let space = start.smooth(&HeatParameters::default()).unwrap();
     assert_partition_of_unity(&space);
     let mut side = vec![None; space.columns()];
@@ -207,7 +207,7 @@ fn needles_specks_and_flat_faces_are_survived() {
     pulled.positions[a as usize] = pulled.positions[b as usize];
     let mut speck = generate(Shape::Sphere, 100).unwrap();
     speck.positions.iter_mut().for_each(|p| *p = p.map(|x| 1e-7 * x));
-    let dusty = beside(generate(Shape::Sphere, 20_000).unwrap(), &speck);
+    let dusty = joined(generate(Shape::Sphere, 20_000).unwrap(), &speck);
     for mesh in [squeezed, pulled, dusty] {
         for d in [1, 2, 100] {
             let start = Start::new(mesh.clone(), d);
