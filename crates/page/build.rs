@@ -59,7 +59,10 @@ fn main() -> Result<(), Box<dyn Error>> {
             fs::write(&plain, without(&reason.to_string()))?;
             files.push(("index.html".to_owned(), plain));
             // The manual has it as well.
-            files.push(("icon.svg".to_owned(), web.join("public/icon.svg")));
+            let icon = web.join("public/icon.svg");
+            if icon.is_file() {
+                files.push(("icon.svg".to_owned(), icon));
+            }
         }
     }
     files.sort();

@@ -9,6 +9,7 @@ import numpy as np
 
 from . import _arrays, _native
 from ._basis import _plain
+from ._errors import ParameterError
 from ._mesh import Mesh, as_mesh
 
 __all__ = ["Vibration", "vibration"]
@@ -89,9 +90,11 @@ class Vibration:
         >>> bell.simulate([0.0, 0.1], [{"impulse": {"vertex": 5, "momentum": [0, 0, 0.01]}}]).shape == (2, len(bell.mesh.vertices), 3)
         True
         """
+        if "give" in request:
+            raise ParameterError("give: displacements are what is given here")
         wish = {"times": np.asarray(times, dtype=float).tolist(), "loads": loads, "damping": _damping(damping), **request}
         found = self._core.simulate(json.dumps(wish, default=_plain))
-        return found.reshape(len(found), -1, 3)
+        return found.reshape(found.shape[0], found.shape[1] // 3, 3)
 
     def sound(
         self,

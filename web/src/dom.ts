@@ -48,6 +48,7 @@ export function slider(
 ): { element: HTMLElement; control: HTMLInputElement; set: (value: number) => void } {
   const output = h("output", {}, format(range.value));
   const control = h("input", { type: "range", "aria-label": label, min: String(range.min), max: String(range.max), step: String(range.step) });
+  if (hint) control.setAttribute("aria-description", hint);
   control.value = String(range.value);
   control.addEventListener("input", () => {
     output.textContent = format(control.valueAsNumber);

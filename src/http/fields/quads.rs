@@ -170,7 +170,7 @@ fn too_long(fault: DesignFault) -> Problem {
         DesignFault::Cancelled(_) => Problem::within(
             &problem::INVALID_DESIGN,
             "quads",
-            "The coordinates were not found within the time of a request; ask without integers, or for less stiffening.",
+            "The field and its coordinates were not found within the time of a request. Where the server is not busy otherwise, ask without integers or for less stiffening, or give the field.",
         ),
         other => other.into(),
     }
@@ -182,6 +182,9 @@ impl From<QuadError> for Problem {
         match error {
             QuadError::NoDirection { face } => {
                 Self::within(&problem::INVALID_DESIGN, "direction", text).with("face", face)
+            }
+            QuadError::Contradiction { face } => {
+                Self::within(&problem::INVALID_DESIGN, "contradiction", text).with("face", face)
             }
             QuadError::Face { face, .. } => Self::within(&problem::INVALID_DESIGN, "face", text).with("face", face),
             QuadError::Parameter { name, .. } => {

@@ -367,6 +367,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
     },
     hide() {
       look.element.hidden = false;
+      app.kept.field = null;
       for (const name of ["glyphs", "strokes", "singularities", "lines"]) app.viewer.overlay(name, null);
       glyphs = null;
       app.viewer.onStroke = null;

@@ -4,6 +4,8 @@
 //! wanted `w Σ_f a_f s_f |u_f − κ_f|²` with the principal directions `κ` and how clear they are, `s`. Where nothing is held the field of least energy and length 1 is taken, by inverse
 //! iteration (Knöppel, Crane, Pinkall and Schröder 2013). One sparse factor of the faces that are free.
 
+use std::collections::HashMap;
+
 use chladni_base::{Monitor, SplitMix64};
 use chladni_mesh::dual::NO_FACE;
 
@@ -50,6 +52,9 @@ const FLAT: f64 = 1e-6;
 /// A component that is pulled by less than this in all is taken for flat.
 const NO_PULL: f64 = 1e-9;
 
+/// Crosses of unit length that differ by less are the same.
+const SAME: f64 = 1e-6;
+
 /// Steps of inverse iteration where nothing is held.
 const STEPS: usize = 24;
 
@@ -86,13 +91,21 @@ impl CrossField {
                 held[side.face] = Some(power(side.along, 4));
             }
         }
+        // Directions that are given go before creases.
+        let mut given: HashMap<u32, Planar> = HashMap::new();
         for (at, &(face, direction)) in parameters.directions.iter().enumerate() {
             let Some(held) = held.get_mut(face as usize) else { return Err(QuadError::Face { at, face, faces }) };
             let length = direction[0].hypot(direction[1]);
             if !(length > 0.0 && length.is_finite()) {
                 return Err(QuadError::NoDirection { face: face as usize });
             }
-            *held = Some(power(direction.map(|x| x / length), 4));
+            let cross = power(direction.map(|x| x / length), 4);
+            if let Some(before) = given.insert(face, cross)
+                && (before[0] - cross[0]).hypot(before[1] - cross[1]) > SAME
+            {
+                return Err(QuadError::Contradiction { face });
+            }
+            *held = Some(cross);
         }
         monitor.checkpoint()?;
         let field = smoothest(surface, &held, curvature, monitor)?;

@@ -72,6 +72,12 @@ pub enum QuadError {
         /// How many faces there are.
         faces: usize,
     },
+    /// Two directions that are to be met exactly on one face make different crosses.
+    #[error("two directions on face {face} are to be met exactly, and make different crosses")]
+    Contradiction {
+        /// The face.
+        face: u32,
+    },
     /// Too many coordinates would have to be rounded.
     #[error(
         "{count} coordinates would have to be rounded, more than {MOST_ROUNDED}: take a smoother field, with fewer singular vertices, or leave grid lines apart at the cut"
