@@ -359,8 +359,8 @@ export interface paths {
          *
          *     JSON, or raw numbers for speed: with `Content-Type: application/octet-stream` the body is little-endian values, vertex after
          *     vertex and, within a vertex, function after function, of the type `dtype`; the transfer function stands in the query. The answer
-         *     is of the same kind unless `Accept` says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`. The mesh of `model/ply` has the kept
-         *     vertices in their order, which for points without faces is not that of the file.
+         *     is of the same kind unless `Accept` says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`. A surface (`model/ply`, `model/obj`, `model/gltf-binary`) has the kept
+         *     vertices in their order, which for points without faces is not that of the file, and the texture coordinates, normals and names that the mesh came with; normals turn with their faces.
          */
         post: operations["filter"];
         delete?: never;
@@ -843,6 +843,9 @@ export interface paths {
          *     Where repairs renumber vertices or faces, the report has the member `file`, and all other routes take and give the numbering of the file unless
          *     they are asked for `numbering=kept`; so two files with the same surface and other numbers are two meshes.
          *
+         *     Texture coordinates, normals and the names of groups, objects and materials of an OBJ are kept, each corner's own, so that seams split no vertex; the report
+         *     counts them in its member `attributes`, and whatever surface goes out has them. They are part of the mesh: with others it is another one.
+         *
          *     The mesh is checked; repairs that lose nothing are done and listed in the report. The same content has the same id: sending
          *     it again answers 200 with what is stored.
          */
@@ -890,9 +893,11 @@ export interface paths {
         };
         /**
          * Gets the content of a mesh
-         * @description By `Accept` or `format`: PLY (the default; binary, little-endian), OBJ, or buffers for web clients
+         * @description By `Accept` or `format`: PLY (the default; binary, little-endian), OBJ, binary glTF, or buffers for web clients
          *     (`application/vnd.chladni.mesh`): all little-endian and aligned to four bytes, the number of vertices n and of faces f as u32,
          *     then 3n positions as f32, then 3f vertex indices as u32.
+         *
+         *     Texture coordinates, normals and names that the file had come back in all of them but buffers.
          */
         get: operations["getMeshContent"];
         put?: never;
@@ -1004,6 +1009,30 @@ export interface paths {
          *     them out, such as libQEx. The order in which vertices are eliminated is found at the first request about a mesh, and kept.
          */
         post: operations["parametriseQuads"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/meshes/{id}/surface": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Writes a mesh whose vertices have moved
+         * @description The faces of the mesh with other positions (a mode that swings, a simulation, whatever a client computes), with all else that its file had: texture coordinates, names
+         *     of groups, objects and materials, and normals, which turn with their faces. By `Accept` or `format`: PLY (the default), OBJ or binary glTF.
+         *
+         *     The body is a JSON table of three columns with a row for each vertex, or, with `Content-Type: application/octet-stream`, little-endian numbers of the type
+         *     `dtype`, vertex after vertex. The surface that is answered has the kept vertices in their order.
+         */
+        post: operations["writeMovedSurface"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1296,6 +1325,21 @@ export interface components {
             shift: number;
             /** @description Pairs of which enclosures do not let one tell which are nearer, delivered or not; empty where these pairs are proven to be the nearest. */
             ties: components["schemas"]["NearPair"][];
+        };
+        /** @description How much a file says beside positions and faces. */
+        AttributeReport: {
+            /** @description Names of groups. */
+            groups: number;
+            /** @description Names of materials. */
+            materials: number;
+            /** @description Corners of faces that name a texture coordinate or a normal which the file does not have, or which is not finite; they have none. */
+            missing: number;
+            /** @description Normals of the file. */
+            normals: number;
+            /** @description Names of objects. */
+            objects: number;
+            /** @description Texture coordinates of the file. */
+            texture_coordinates: number;
         };
         /**
          * @description Two bases, compared.
@@ -2742,6 +2786,8 @@ export interface components {
             clamped: number;
             /** @description Faces or tetrahedra too flat to resist in a defined way: they contribute nothing. */
             flat_elements: number;
+            /** @description Edges of a shell about which no face can turn, since rotations are held there. */
+            held_edges: number;
             /**
              * Format: double
              * @description The mass of the object, in units of the input.
@@ -3913,6 +3959,7 @@ export interface components {
              * @description Total area, in squared units of the input.
              */
             area: number;
+            attributes: components["schemas"]["AttributeReport"] | null;
             /** @description Edges with one face. */
             boundary_edges: number;
             /**
@@ -5805,6 +5852,11 @@ export interface components {
              */
             clamped?: number[];
             /**
+             * @description Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a moment: a hinge. By default `false`.
+             * @example true
+             */
+            clamped_rotations?: boolean;
+            /**
              * @description Modes, rigid motions included. By default `100`.
              * @example 60
              */
@@ -5848,6 +5900,11 @@ export interface components {
         /** @description The fast approximation: modes of a space of local functions, refined on the mesh. */
         VibrationByApproximationShown: {
             clamped?: number[] | components["schemas"]["AbbreviatedList"];
+            /**
+             * @description Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a moment: a hinge.
+             * @example true
+             */
+            clamped_rotations?: boolean;
             /**
              * @description Modes, rigid motions included.
              * @example 60
@@ -5901,6 +5958,11 @@ export interface components {
              */
             clamped?: number[];
             /**
+             * @description Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a moment: a hinge. By default `false`.
+             * @example true
+             */
+            clamped_rotations?: boolean;
+            /**
              * @description Modes, rigid motions included. By default `100`.
              * @example 60
              */
@@ -5934,6 +5996,11 @@ export interface components {
         /** @description HSIM: modes to a tolerance, proven complete, dense. */
         VibrationByHsimShown: {
             clamped?: number[] | components["schemas"]["AbbreviatedList"];
+            /**
+             * @description Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a moment: a hinge.
+             * @example true
+             */
+            clamped_rotations?: boolean;
             /**
              * @description Modes, rigid motions included.
              * @example 60
@@ -6527,15 +6594,15 @@ export interface operations {
             };
             header?: {
                 /**
-                 * @description One range of bytes
-                 * @example bytes=0-1023
-                 */
-                Range?: string | null;
-                /**
                  * @description `redirect`: an NPZ is rather fetched from the object store, where the server keeps content in one
                  * @example redirect
                  */
                 Prefer?: string | null;
+                /**
+                 * @description One range of bytes
+                 * @example bytes=0-1023
+                 */
+                Range?: string | null;
             };
             path: {
                 /**
@@ -6678,6 +6745,8 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["Table"];
                     "application/octet-stream": Blob;
+                    "model/gltf-binary": Blob;
+                    "model/obj": Blob;
                     "model/ply": Blob;
                 };
             };
@@ -7217,6 +7286,8 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["Table"];
                     "application/octet-stream": Blob;
+                    "model/gltf-binary": Blob;
+                    "model/obj": Blob;
                     "model/ply": Blob;
                 };
             };
@@ -7762,6 +7833,8 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["ProjectAnswer"];
                     "application/octet-stream": Blob;
+                    "model/gltf-binary": Blob;
+                    "model/obj": Blob;
                     "model/ply": Blob;
                 };
             };
@@ -10059,7 +10132,7 @@ export interface operations {
         parameters: {
             query?: {
                 /** @description Takes the place of `Accept`. */
-                format?: "ply" | "obj" | "buffers";
+                format?: "ply" | "obj" | "glb" | "buffers";
             };
             header?: {
                 /**
@@ -10088,6 +10161,7 @@ export interface operations {
                 content: {
                     "application/octet-stream": Blob;
                     "application/vnd.chladni.mesh": Blob;
+                    "model/gltf-binary": Blob;
                     "model/obj": Blob;
                     "model/ply": Blob;
                 };
@@ -10101,6 +10175,7 @@ export interface operations {
                 content: {
                     "application/octet-stream": Blob;
                     "application/vnd.chladni.mesh": Blob;
+                    "model/gltf-binary": Blob;
                     "model/obj": Blob;
                     "model/ply": Blob;
                 };
@@ -10685,6 +10760,147 @@ export interface operations {
                 };
             };
             /** @description A problem: invalid-request, no-field-surface or invalid-design */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    writeMovedSurface: {
+        parameters: {
+            query?: {
+                /** @description The type of the numbers of a raw body. */
+                dtype?: "f32" | "f64";
+                /**
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
+                 *     nearest.
+                 */
+                extend?: "none" | "nearest";
+                /** @description Takes the place of `Accept`. */
+                format?: "ply" | "obj" | "glb";
+                /**
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
+                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 */
+                numbering?: "file" | "kept";
+            };
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the mesh
+                 * @example 0f6d2c4ab1e84cf29be2e3f0b5d1a7c3
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        /** @description The positions */
+        requestBody: {
+            content: {
+                /**
+                 * @example {
+                 *       "columns": 3,
+                 *       "values": [
+                 *         0,
+                 *         0,
+                 *         0.5,
+                 *         1,
+                 *         0,
+                 *         0.5,
+                 *         0,
+                 *         1,
+                 *         0.5
+                 *       ]
+                 *     }
+                 */
+                "application/json": components["schemas"]["Table"];
+                "application/octet-stream": Blob;
+            };
+        };
+        responses: {
+            /** @description The surface */
+            200: {
+                headers: {
+                    "Server-Timing"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "model/gltf-binary": Blob;
+                    "model/obj": Blob;
+                    "model/ply": Blob;
+                };
+            };
+            /** @description A problem: damaged-content-encoding, body-incomplete, invalid-json or invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-mesh */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: not-acceptable */
+            406: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-slow */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unsupported-content-encoding or unsupported-media-type */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: invalid-request or invalid-function */
             422: {
                 headers: {
                     [name: string]: unknown;
