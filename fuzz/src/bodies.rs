@@ -148,6 +148,11 @@ pub fn seeds() -> Vec<(String, Vec<u8>)> {
             let body = json!({"field": {"columns": 2, "values": values}}).to_string();
             add(at, json.unwrap_or(0), 0, body.as_bytes(), 98);
         }
+        if operation.path.ends_with("{id}/surface") {
+            let values: Vec<f64> = sphere().positions.iter().flatten().map(|x| 1.5 * x).collect();
+            let body = json!({"columns": 3, "values": values}).to_string();
+            add(at, json.unwrap_or(0), 0, body.as_bytes(), 98);
+        }
         for (media, name) in operation.media_types.iter().enumerate() {
             let body: &[u8] = match name.as_str() {
                 "application/x-matrix-market" => PATH.as_bytes(),

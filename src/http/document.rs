@@ -25,7 +25,7 @@ const ABSENT: &[(&str, &[&str])] = &[
     ("Interval", &["from"]),
     ("FunctionOperator", &["domain"]),
     ("HodgeOperator", &["domain"]),
-    ("MeshReport", &["points", "solid", "subdivisions", "surface", "file"]),
+    ("MeshReport", &["points", "solid", "subdivisions", "surface", "file", "attributes"]),
     ("OperatorReport", &["flat_tetrahedra"]),
     ("FieldBasisDetails", &["dense_solver"]),
     ("OperatorFamilyDetails", &["dense_solver"]),

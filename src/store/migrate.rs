@@ -95,11 +95,11 @@ impl Store {
     /// [`MigrationError`]; what was copied stays, and another call goes on.
     pub async fn migrate_to(&self, to: &Store) -> Result<Migrated, MigrationError> {
         let mut done = Migrated::default();
-        if let Some(worker) = to.workers().await?.into_iter().next() {
-            return Err(MigrationError::InUse { id: worker.id });
-        }
         for (table, order, key, _) in TABLES {
             self.refuse_others(to, table, order, key).await?;
+        }
+        if let Some(worker) = to.workers().await?.into_iter().next() {
+            return Err(MigrationError::InUse { id: worker.id });
         }
         for (table, order, key, content) in TABLES {
             let kinds = self.kinds(table).await?;

@@ -396,7 +396,7 @@ impl Objects {
         .execute(transaction.on())
         .await;
         match made {
-            Ok(made) if made == 0 => {
+            Ok(0) => {
                 Err(StoreError::Unavailable { detail: "the upload took too long and was given up".to_owned() })
             }
             Ok(_) => {
@@ -482,7 +482,7 @@ impl Objects {
              WHERE (state = 'ready' AND condemned_ms <= ?2 AND NOT {REFERENCED}) OR (state = 'pending' AND touched_ms <= ?2)"
         );
         sql::query(sqlx::AssertSqlSafe(delete)).bind(now_ms).bind(before_ms).execute(self.records.on()).await?;
-        Ok(Look { condemned: condemned, deleted: self.delete_gone().await? })
+        Ok(Look { condemned, deleted: self.delete_gone().await? })
     }
 
     async fn delete_gone(&self) -> Result<u64, StoreError> {

@@ -1,6 +1,6 @@
 // What stands over the surface: which way is up, its edges, and everything on the screen as a file.
 
-import { kept, movedSurface } from "./api";
+import { movedSurface } from "./api";
 import type { App } from "./app";
 import { brief, choice, field, h, slider } from "./dom";
 import type { Coloured, Order } from "./files";

@@ -244,7 +244,7 @@ fn normals_follow_a_surface_that_bends() {
         for (&v, &index) in face.iter().zip(corners) {
             let [x, _, z] = bent[v as usize];
             // Second order inside, half a face on the border.
-            let border = v as usize % (n + 1) == 0 || v as usize % (n + 1) == n;
+            let border = (v as usize).is_multiple_of(n + 1) || v as usize % (n + 1) == n;
             let bound = if border { 0.6 * step } else { step };
             assert!(angle(moved.values[index as usize], [-x, 0.0, -z]) < bound, "{v}");
         }

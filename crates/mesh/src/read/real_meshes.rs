@@ -40,6 +40,9 @@ fn referenced(mesh: &RawMesh) -> usize {
     used.into_iter().filter(|&used| used).count()
 }
 
+/// Indices, values and how many of these make one.
+type Layer = fn(&tobj::Mesh) -> (&[u32], &[f64], usize);
+
 #[test]
 fn every_mesh_has_its_vertices_and_faces() {
     let Some(folder) = folder() else { return };
@@ -139,7 +142,7 @@ fn obj_agrees_with_another_reader() {
         let Some(own) = ours.attributes.as_ref().map(|own| &own.attributes).filter(|_| differing == 0) else {
             continue;
         };
-        let read = |of: fn(&tobj::Mesh) -> (&[u32], &[f64], usize)| -> Vec<f64> {
+        let read = |of: Layer| -> Vec<f64> {
             let corners = models.iter().map(|model| of(&model.mesh)).flat_map(|(indices, values, width)| {
                 indices.iter().flat_map(move |&v| &values[width * v as usize..width * (v as usize + 1)])
             });

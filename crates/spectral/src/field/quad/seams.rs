@@ -23,6 +23,9 @@ pub(super) fn quarter_turned([x, y]: Whole, quarters: i32) -> Whole {
     }
 }
 
+/// Translations with their factors.
+pub(super) type Shifts = Vec<(u32, Whole)>;
+
 /// The seams of a cut surface.
 pub(super) struct Seams {
     /// How many seams there are.
@@ -30,9 +33,9 @@ pub(super) struct Seams {
     /// For each corner `3 · face + k` the quarters by which the coordinates of its vertex are turned there.
     pub quarters: Vec<u8>,
     /// For corners where there are any, the translations with their factors.
-    pub shifts: HashMap<u32, Vec<(u32, Whole)>>,
+    pub shifts: HashMap<u32, Shifts>,
     /// For nodes: the factor of the coordinates of the vertex, and those of translations, that add up to zero.
-    pub closures: Vec<(u32, Whole, Vec<(u32, Whole)>)>,
+    pub closures: Vec<(u32, Whole, Shifts)>,
     /// Whether a vertex lies on the cut.
     pub on_cut: Vec<bool>,
 }

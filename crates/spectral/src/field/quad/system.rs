@@ -278,8 +278,11 @@ fn real(terms: &[(u32, Whole)], part: Real) -> Vec<(u32, f64)> {
     sum
 }
 
-/// A matrix from entries that are told twice, in the same order: once to be counted.
-fn gather(size: usize, visit: &dyn Fn(&mut dyn FnMut(u32, u32, f64))) -> SparseMatrix {
+/// What takes an entry: row, column, value.
+type Put<'a> = dyn FnMut(u32, u32, f64) + 'a;
+
+/// A matrix from entries that are visited twice, in the same order: once to be counted.
+fn gather(size: usize, visit: &dyn Fn(&mut Put<'_>)) -> SparseMatrix {
     let mut begins = vec![0usize; size + 1];
     visit(&mut |row, _, _| begins[row as usize + 1] += 1);
     for row in 0..size {
