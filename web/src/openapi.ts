@@ -3959,7 +3959,7 @@ export interface components {
              * @description Total area, in squared units of the input.
              */
             area: number;
-            attributes: components["schemas"]["AttributeReport"] | null;
+            attributes?: components["schemas"]["AttributeReport"] | null;
             /** @description Edges with one face. */
             boundary_edges: number;
             /**
