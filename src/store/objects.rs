@@ -396,9 +396,7 @@ impl Objects {
         .execute(transaction.on())
         .await;
         match made {
-            Ok(0) => {
-                Err(StoreError::Unavailable { detail: "the upload took too long and was given up".to_owned() })
-            }
+            Ok(0) => Err(StoreError::Unavailable { detail: "the upload took too long and was given up".to_owned() }),
             Ok(_) => {
                 transaction.commit().await?;
                 Ok(Finished::Ready)
