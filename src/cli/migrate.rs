@@ -29,10 +29,11 @@ const EXAMPLES: &str = "\
 Examples:
   chladni migrate --data /srv/chladni --to postgres://chladni@db/chladni --objects s3://spectra/lab
 
-No server may run on the folder, and no server or worker on the places that it goes to. Nothing of the folder is taken
-away; it is opened as a server opens it, so that jobs that ran when it was last used wait again. Where the copy was
-interrupted, the same command goes on: content that is there already is not copied again. Identifiers, jobs that wait and
-keys of requests that were sent twice stay what they are. Start servers once it has ended.
+No server may run on the folder, and no server or worker on the places that it goes to. Nothing is
+taken away from the folder; it is opened as a server opens it, so that jobs that ran when it was
+last used wait again. Where the copy was interrupted, the same command goes on: content that is
+there already is not copied again. Identifiers, waiting jobs and idempotency keys stay what they
+are. Start servers once it has ended.
 
 Exit codes: 0 all was copied and verified; 3 it was not, and why.";
 
