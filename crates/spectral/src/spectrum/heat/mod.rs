@@ -9,6 +9,7 @@
 //! A fine mesh is coarsened first (`level`), the columns are diffused on the coarse level (`panel`), and local smoothing
 //! on the way back removes what the coarse level cannot represent.
 
+mod assemble;
 mod coarsen;
 mod level;
 mod panel;

@@ -7,20 +7,22 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use chladni_algebra::simd::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
+use super::assemble::{Part, WidestRows, assemble, most_entries};
 use super::level::Level;
 use chladni_algebra::SparseMatrix;
 use chladni_base::{Cancelled, Monitor};
 
 /// Columns of a panel.
-const WIDTH: usize = 16;
+pub(super) const WIDTH: usize = 16;
 /// More iterations than any solve of a heat step should take; a solve that reaches it is used as it is.
 const MOST_ITERATIONS: usize = 400;
 
-type Lanes = [f32; WIDTH];
+pub(super) type Lanes = [f32; WIDTH];
 
 /// The heat steps to take; lengths and times on unit area.
 #[derive(Debug, Clone, Copy)]
@@ -41,25 +43,48 @@ pub(super) fn diffuse(
     heat: &Heat,
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, Cancelled> {
-    let supports = supports(columns);
-    let panels = panels(columns, peaks);
+    let (supports, panels) = (supports(columns), panels(columns, peaks));
     let done = AtomicUsize::new(0);
-    let parts: Vec<Part> = panels
+    let solve = |scratch: &mut Scratch, lanes: &Vec<u32>| {
+        monitor.checkpoint()?;
+        let patch = Patch::grow(level, &supports, lanes, heat, scratch);
+        let values = patch.solve(columns, lanes, heat, monitor)?;
+        let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
+        monitor.progress(finished as f64 / panels.len() as f64);
+        Ok(Part { lanes: lanes.clone(), vertices: patch.vertices, values })
+    };
+    let scratch = || Scratch::new(level.vertices());
+    let (most, entries) = (most_entries(columns.rows()), AtomicUsize::new(0));
+    let parts: Result<Vec<Part>, Ended> = panels
         .par_iter()
-        .map_init(
-            || Scratch::new(level.vertices()),
-            |scratch, lanes| {
-                monitor.checkpoint()?;
-                let patch = Patch::grow(level, &supports, lanes, heat, scratch);
-                let values = patch.solve(columns, lanes, heat, monitor)?;
-                let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
-                monitor.progress(finished as f64 / panels.len() as f64);
-                Ok(Part { lanes: lanes.clone(), vertices: patch.vertices, values })
-            },
-        )
-        .collect::<Result<_, Cancelled>>()?;
+        .map_init(scratch, |scratch, lanes| {
+            let part = solve(scratch, lanes).map_err(Ended::Cancelled)?;
+            let own = part.entries(heat.drop);
+            if entries.fetch_add(own, Ordering::Relaxed) + own > most { Err(Ended::Everywhere) } else { Ok(part) }
+        })
+        .collect();
+    let parts = match parts {
+        Ok(parts) => parts,
+        Err(Ended::Cancelled(cancelled)) => return Err(cancelled),
+        Err(Ended::Everywhere) => {
+            done.store(0, Ordering::Relaxed);
+            let rows = Mutex::new(WidestRows::new(columns.rows()));
+            panels.par_iter().map_init(scratch, |scratch, lanes| solve(scratch, lanes)).try_for_each(|part| {
+                rows.lock().unwrap_or_else(PoisonError::into_inner).add(&part?, heat.drop);
+                Ok(())
+            })?;
+            return Ok(rows.into_inner().unwrap_or_else(PoisonError::into_inner).finish(columns));
+        }
+    };
     monitor.checkpoint()?;
     Ok(assemble(columns, &parts, heat.drop))
+}
+
+/// Why not all panels are there.
+enum Ended {
+    Cancelled(Cancelled),
+    /// Columns reach so far that their entries take more memory than those of a surface's.
+    Everywhere,
 }
 
 /// The vertices of each column: offsets and vertices.
@@ -450,54 +475,4 @@ impl WithSimd for Turn<'_> {
             }
         }
     }
-}
-
-/// A solved panel.
-struct Part {
-    lanes: Vec<u32>,
-    vertices: Vec<u32>,
-    values: Vec<Lanes>,
-}
-
-/// Puts the panels together as rows, without entries below `least`. A row that would be empty keeps its entries of before.
-fn assemble(columns: &SparseMatrix<f32>, parts: &[Part], least: f32) -> SparseMatrix<f32> {
-    let n = columns.rows();
-    let mut counts = vec![0usize; n];
-    for part in parts {
-        for (&v, row) in part.vertices.iter().zip(&part.values) {
-            counts[v as usize] += row[..part.lanes.len()].iter().filter(|&&x| x >= least).count();
-        }
-    }
-    let mut offsets = Vec::with_capacity(n + 1);
-    let mut end = 0;
-    offsets.push(end);
-    for (v, &count) in counts.iter().enumerate() {
-        end += if count > 0 { count } else { columns.row(v).0.len() };
-        offsets.push(end);
-    }
-    let mut next = offsets.clone();
-    let mut entries = vec![(0u32, 0f32); end];
-    for part in parts {
-        for (&v, row) in part.vertices.iter().zip(&part.values) {
-            for (&lane, &x) in part.lanes.iter().zip(row) {
-                if x >= least {
-                    entries[next[v as usize]] = (lane, x);
-                    next[v as usize] += 1;
-                }
-            }
-        }
-    }
-    for v in 0..n {
-        let row = &mut entries[offsets[v]..offsets[v + 1]];
-        if counts[v] > 0 {
-            row.sort_unstable_by_key(|entry| entry.0);
-        } else {
-            let (indices, values) = columns.row(v);
-            for (entry, (&column, &value)) in row.iter_mut().zip(indices.iter().zip(values)) {
-                *entry = (column, value);
-            }
-        }
-    }
-    let (indices, values) = entries.into_iter().unzip();
-    SparseMatrix::from_sorted_parts(n, columns.columns(), offsets, indices, values)
 }
