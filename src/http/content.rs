@@ -42,8 +42,8 @@ pub struct Immutable {
     pub length: u64,
 }
 
-/// What a request wants of immutable content.
-pub enum Wanted {
+/// What the conditions and the range of a request come to.
+pub enum Conditional {
     /// It has it already: the answer is there.
     Known(Response),
     /// These bytes, under this head.
@@ -55,12 +55,12 @@ impl Immutable {
     ///
     /// # Errors
     /// `range-not-satisfiable`.
-    pub fn wanted(&self, headers: &HeaderMap) -> Result<Wanted, Problem> {
+    pub fn conditional(&self, headers: &HeaderMap) -> Result<Conditional, Problem> {
         let tag = conditional::strong(&self.tag)?;
         if conditional::matches(headers, &tag) {
             let mut response = StatusCode::NOT_MODIFIED.into_response();
             self.describe(&mut response, tag);
-            return Ok(Wanted::Known(response));
+            return Ok(Conditional::Known(response));
         }
         let range = conditional::range(headers, self.length, &tag)?;
         let status = if range.is_some() { StatusCode::PARTIAL_CONTENT } else { StatusCode::OK };
@@ -76,7 +76,7 @@ impl Immutable {
         }
         let range = range.unwrap_or(0..self.length);
         head.insert(header::CONTENT_LENGTH, HeaderValue::from(range.end - range.start));
-        Ok(Wanted::Bytes(range, response))
+        Ok(Conditional::Bytes(range, response))
     }
 
     fn describe(&self, response: &mut Response, tag: ETag) {
@@ -92,9 +92,9 @@ impl Immutable {
     /// # Errors
     /// `range-not-satisfiable`.
     pub fn answer(self, headers: &HeaderMap, bytes: Bytes) -> Result<Response, Problem> {
-        match self.wanted(headers)? {
-            Wanted::Known(response) => Ok(response),
-            Wanted::Bytes(range, mut response) => {
+        match self.conditional(headers)? {
+            Conditional::Known(response) => Ok(response),
+            Conditional::Bytes(range, mut response) => {
                 *response.body_mut() = Body::from(bytes.slice(range.start as usize..range.end as usize));
                 Ok(response)
             }
@@ -206,9 +206,9 @@ async fn basis_content(
     };
     let written: fn(&Basis) -> Result<Vec<u8>, FormatError> = match format {
         Format::Npz => {
-            return match immutable("", "npz", record.bytes).wanted(&headers)? {
-                Wanted::Known(response) => Ok(response),
-                Wanted::Bytes(range, mut response) => {
+            return match immutable("", "npz", record.bytes).conditional(&headers)? {
+                Conditional::Known(response) => Ok(response),
+                Conditional::Bytes(range, mut response) => {
                     if prefers_redirect(&headers)
                         && let Some(elsewhere) = elsewhere(&state, &record, media_type).await?
                     {
@@ -234,9 +234,9 @@ async fn basis_content(
             let head = state.on_intake_pool(move || Ok(Bytes::from(formats::safetensors::dense_head(&basis)?))).await?;
             let length = head.len() as u64 + (columns.end - columns.start);
             let whole = immutable("-safetensors", "safetensors", length);
-            return Ok(match whole.wanted(&headers)? {
-                Wanted::Known(response) => response,
-                Wanted::Bytes(range, mut response) => {
+            return Ok(match whole.conditional(&headers)? {
+                Conditional::Known(response) => response,
+                Conditional::Bytes(range, mut response) => {
                     state.store.check_content(hash, &columns).await?;
                     *response.body_mut() = head_and_blob(&state, hash, head, columns, range);
                     response

@@ -34,7 +34,7 @@ const MOST_BYTES: u64 = 1 << 16;
 /// What is wanted of the pairs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
-enum Wanted {
+enum SpectrumDetail {
     /// Eigenvalues alone.
     #[default]
     Eigenvalues,
@@ -62,7 +62,7 @@ struct SpectrumRequest {
     /// What is wanted of them.
     #[serde(default)]
     #[schema(inline)]
-    give: Wanted,
+    give: SpectrumDetail,
     /// With `modes` or `coefficients`: this pair alone, counted from 0, in one column. What shows one function needs no others.
     mode: Option<usize>,
 }
@@ -134,9 +134,9 @@ async fn family_spectrum(
                 found.coefficients = DenseMatrix::from_columns(column.len(), 1, column).unwrap_or_default();
             }
             let matrix = match request.give {
-                Wanted::Eigenvalues => None,
-                Wanted::Coefficients => Some(found.coefficients),
-                Wanted::Modes => Some(
+                SpectrumDetail::Eigenvalues => None,
+                SpectrumDetail::Coefficients => Some(found.coefficients),
+                SpectrumDetail::Modes => Some(
                     family
                         .lift(&found.coefficients)
                         .map(|modes| push(&to, modes))
@@ -151,8 +151,8 @@ async fn family_spectrum(
             }
             let table = |wanted| matrix.as_ref().filter(|_| request.give == wanted).map(binary::to_table);
             let answer = SpectrumAnswer {
-                coefficients: table(Wanted::Coefficients),
-                modes: table(Wanted::Modes),
+                coefficients: table(SpectrumDetail::Coefficients),
+                modes: table(SpectrumDetail::Modes),
                 eigenvalues: found.eigenvalues,
             };
             Answer::json(&answer, begin)

@@ -11,7 +11,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::client::ClientState;
-use super::content::{Immutable, Wanted};
+use super::content::{Immutable, Conditional};
 use super::extract::{self, QueryOf};
 use super::ids::ProblemId;
 use super::named::{self, RenameRequest};
@@ -265,9 +265,9 @@ async fn content(state: ClientState, ProblemId(id): ProblemId, headers: HeaderMa
         file_name: format!("problem-{}.npz", record.id),
         length: record.bytes,
     };
-    Ok(match immutable.wanted(&headers)? {
-        Wanted::Known(response) => response,
-        Wanted::Bytes(range, mut response) => {
+    Ok(match immutable.conditional(&headers)? {
+        Conditional::Known(response) => response,
+        Conditional::Bytes(range, mut response) => {
             state.store.check_content(&record.content_hash, &range).await?;
             *response.body_mut() = Body::from_stream(state.store.blob_stream(&record.content_hash, range));
             response

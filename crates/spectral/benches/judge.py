@@ -4,7 +4,7 @@ tolerance that was refused for rounding could have been kept.
     python3 crates/spectral/benches/judge.py PROGRAM --solves 1000 --seed 1 [--multiple]
 
 PROGRAM is the compiled bench; of the problems with multiple eigenvalues, those of more than 1,500 unknowns are left to its own judgement. It runs in batches, whose records are removed. Where a pencil is graded, low eigenvalues come from the inverse, M x = v (S + cM) x,
-since LAPACK's errors are relative to the largest eigenvalue. Exits with 1 where an answer that is called complete is not.
+since LAPACK's errors are relative to the largest eigenvalue; where an interval and LAPACK disagree, eigenvalues are counted in 60 digits (mpmath). Exits with 1 where an answer that is called complete is not.
 """
 
 import argparse
@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 
+import mpmath
 import numpy as np
 import scipy.linalg
 
@@ -71,6 +72,32 @@ def spectrum(stiffness, mass):
     values, slack = np.where(better, others, values), np.where(better, reach, slack)
     vectors = np.where(better, turned / np.sqrt(np.abs(np.einsum("ij,ij->j", turned, mass @ turned))), vectors)
     return values, slack, vectors
+
+
+def counted(stiffness, mass, shift):
+    """How many eigenvalues lie below a shift, by elimination in 60 digits."""
+    mpmath.mp.dps = 60
+    n, number = len(stiffness), mpmath.mpf
+    rows = [{j: number(stiffness[i, j]) - number(shift) * number(mass[i, j]) for j in np.flatnonzero(stiffness[i] + 1j * mass[i])} for i in range(n)]
+    below = 0
+    for i in range(n):
+        pivot = rows[i].get(i, number(0))
+        below += pivot < 0
+        for r in [r for r in rows[i] if r > i]:
+            factor = rows[i][r] / pivot
+            for c, value in rows[i].items():
+                if c > i:
+                    rows[r][c] = rows[r].get(c, number(0)) - factor * value
+    return below
+
+
+def outside(stiffness, mass, values, bounds, suspects):
+    """The first of the suspects whose interval, by counts at its ends, does not hold the eigenvalue of its index."""
+    for k in suspects:
+        reach = bounds[k] + 4 * EPS * abs(values[k])
+        if not counted(stiffness, mass, values[k] - reach) <= k < counted(stiffness, mass, values[k] + reach):
+            return k
+    return None
 
 
 def least_residual(stiffness, mass, value, x, shift):
@@ -148,10 +175,13 @@ def judge(header, matrices, values, bounds, columns, tally, say):
         tally["false"] += 1
         say("FALSE: a residual is beyond the tolerance")
     error = np.abs(values - exact[:m])
-    if not np.all(error <= bounds + slack[:m]):
-        k = int(np.argmax(error - bounds - slack[:m]))
-        tally["outside their bounds"] += 1
-        say(f"MISSED: value {k} of {m} is {values[k]!r}, not {exact[k]!r}: bound {bounds[k]:.1e}, LAPACK {slack[k]:.1e}")
+    suspects = np.flatnonzero(error > bounds + slack[:m])
+    if len(suspects):
+        # LAPACK's own error is only estimated: who is right is counted.
+        k = outside(stiffness, mass, values, bounds, suspects)
+        tally["outside their bounds" if k is not None else "within their bounds by 60 digits, not by LAPACK"] += 1
+        if k is not None:
+            say(f"MISSED: value {k} of {m} is {values[k]!r}, not {exact[k]!r}: bound {bounds[k]:.1e}, LAPACK {slack[k]:.1e}")
 
 
 def main():

@@ -30,6 +30,14 @@ fn a_large_constant_potential_makes_no_tolerance_too_tight() {
 }
 
 #[test]
+fn copies_of_a_single_unknown_are_one_eigenvalue_and_not_its_roundings() {
+    // Forty disks with one vertex inside each: the stiffness is a multiple of the mass, but for its last digits.
+    let summary = exact_cases::run(&Campaign { first: 418_059, ..campaign(Family::Hard, 4) }, |_| {});
+    assert!(summary.lines.is_empty(), "{}", summary.lines.join("\n"));
+    assert_eq!((summary.complete, summary.solves), (4, 4), "{:?}", summary.failures);
+}
+
+#[test]
 fn multiple_eigenvalues_are_cut_anywhere() {
     let summary = exact_cases::run(&campaign(Family::Multiple, 60), |_| {});
     assert!(summary.lines.is_empty(), "{}", summary.lines.join("\n"));

@@ -94,14 +94,14 @@ fn kind(text: &str) -> Result<String, String> {
 }
 
 /// What is computed of each mesh.
-enum Wanted {
+enum Computed {
     Operators { pairs: usize },
     Job(Box<JobParameters>),
 }
 
 impl BatchArguments {
     /// What is wanted, and all of it that a result depends on.
-    fn wanted(&self) -> Result<(Wanted, Value), CliError> {
+    fn wanted(&self) -> Result<(Computed, Value), CliError> {
         let mut given = serde_json::Map::new();
         if let Some(count) = self.count {
             given.insert("count".to_owned(), json!(count));
@@ -117,11 +117,11 @@ impl BatchArguments {
             if pairs == 0 {
                 return Err(CliError::Usage("--count 0: at least one eigenpair is required".to_owned()));
             }
-            (Wanted::Operators { pairs }, json!({"count": pairs}))
+            (Computed::Operators { pairs }, json!({"count": pairs}))
         } else {
             let job = JobParameters::parse(&self.kind, &Value::Object(given))?;
             let parameters = job.canonical();
-            (Wanted::Job(Box::new(job)), parameters)
+            (Computed::Job(Box::new(job)), parameters)
         };
         let settings = json!({
             "kind": self.kind, "parameters": parameters, "merge": self.merge, "solver_version": SOLVER_VERSION,
@@ -209,7 +209,7 @@ struct Shared {
 /// Takes meshes until there are none left.
 fn worker(
     arguments: &BatchArguments,
-    wanted: &Wanted,
+    wanted: &Computed,
     meshes: &[PathBuf],
     next: &AtomicUsize,
     shared: &Shared,
@@ -226,8 +226,8 @@ fn worker(
             _ if fs::metadata(mesh).is_ok_and(|found| !found.is_file()) => {
                 Err(CliError::mesh(mesh, "it is not a regular file"))
             }
-            Wanted::Operators { pairs } => operators::one(arguments, mesh, *pairs, shared),
-            Wanted::Job(job) => one(arguments, mesh, job, &shared.promises),
+            Computed::Operators { pairs } => operators::one(arguments, mesh, *pairs, shared),
+            Computed::Job(job) => one(arguments, mesh, job, &shared.promises),
         });
         let outcome = match outcome {
             Ok(outcome) => outcome,
