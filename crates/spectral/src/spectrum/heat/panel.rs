@@ -36,6 +36,7 @@ pub(super) struct Heat {
 
 /// Diffuses `columns` (rows: vertices of `level`) and returns every entry of at least `heat.drop`; rows are not normalised.
 /// `peaks` is a vertex in the middle of each column; panels are gathered around them.
+#[allow(clippy::redundant_closure)] // the closure is lent to two loops
 pub(super) fn diffuse(
     level: &Level,
     columns: &SparseMatrix<f32>,
