@@ -11,7 +11,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::client::ClientState;
-use super::content::{Immutable, Conditional};
+use super::content::{Conditional, Immutable};
 use super::extract::{self, QueryOf};
 use super::ids::ProblemId;
 use super::named::{self, RenameRequest};
