@@ -4,7 +4,8 @@ tolerance that was refused for rounding could have been kept.
     python3 crates/spectral/benches/judge.py PROGRAM --solves 1000 --seed 1 [--multiple]
 
 PROGRAM is the compiled bench; of the problems with multiple eigenvalues, those of more than 1,500 unknowns are left to its own judgement. It runs in batches, whose records are removed. Where a pencil is graded, low eigenvalues come from the inverse, M x = v (S + cM) x,
-since LAPACK's errors are relative to the largest eigenvalue; where an interval and LAPACK disagree, eigenvalues are counted in 60 digits (mpmath). Exits with 1 where an answer that is called complete is not.
+since LAPACK's errors are relative to the largest eigenvalue. Where an interval and LAPACK disagree, eigenvalues are counted in 60 digits, by mpmath.
+Exits with 1 where an answer that is called complete is not.
 """
 
 import argparse
@@ -75,13 +76,16 @@ def spectrum(stiffness, mass):
 
 
 def counted(stiffness, mass, shift):
-    """How many eigenvalues lie below a shift, by elimination in 60 digits."""
-    mpmath.mp.dps = 60
+    """How many eigenvalues lie below a shift, a number of mpmath, by elimination in as many digits as it works with."""
     n, number = len(stiffness), mpmath.mpf
-    rows = [{j: number(stiffness[i, j]) - number(shift) * number(mass[i, j]) for j in np.flatnonzero(stiffness[i] + 1j * mass[i])} for i in range(n)]
+    rows = [
+        {j: number(stiffness[i, j]) - shift * number(mass[i, j]) for j in np.flatnonzero((stiffness[i] != 0) | (mass[i] != 0))} for i in range(n)
+    ]
     below = 0
     for i in range(n):
         pivot = rows[i].get(i, number(0))
+        if pivot == 0:
+            raise ZeroDivisionError(f"row {i} has no pivot at {shift}: what is counted here needs another order")
         below += pivot < 0
         for r in [r for r in rows[i] if r > i]:
             factor = rows[i][r] / pivot
@@ -92,11 +96,12 @@ def counted(stiffness, mass, shift):
 
 
 def outside(stiffness, mass, values, bounds, suspects):
-    """The first of the suspects whose interval, by counts at its ends, does not hold the eigenvalue of its index."""
-    for k in suspects:
-        reach = bounds[k] + 4 * EPS * abs(values[k])
-        if not counted(stiffness, mass, values[k] - reach) <= k < counted(stiffness, mass, values[k] + reach):
-            return k
+    """The first of the suspects whose interval, by counts at its ends in 60 digits, does not hold the eigenvalue of its index."""
+    with mpmath.workdps(60):
+        for k in suspects:
+            value, bound = mpmath.mpf(values[k]), mpmath.mpf(bounds[k])
+            if not counted(stiffness, mass, value - bound) <= k < counted(stiffness, mass, value + bound):
+                return k
     return None
 
 

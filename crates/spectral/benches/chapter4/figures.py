@@ -25,7 +25,7 @@ def figure5(runs, large, pictures=None):
         "Manifold Harmonics": (runs.peer, "manifold_harmonics", 1000),
         "LOBPCG": (runs.peer, "lobpcg", 250),
     }
-    counts = (50, 100, 250, 500, 1000, 2500, 5000)
+    counts = (50, 100, 250, 500, 1000, 2500, 5000) if large else (50, 100, 250, 500)
     thesis = {count: row[4] for count, row in TABLE6["Rocker Arm 270k"].items()}
     rows, curves = [], {name: [] for name in solvers}
     for count in counts:

@@ -18,7 +18,7 @@ use chladni_algebra::SparseMatrix;
 use chladni_base::{Cancelled, Monitor};
 
 /// Columns of a panel.
-pub(super) const WIDTH: usize = 16;
+const WIDTH: usize = 16;
 /// More iterations than any solve of a heat step should take; a solve that reaches it is used as it is.
 const MOST_ITERATIONS: usize = 400;
 
@@ -34,9 +34,9 @@ pub(super) struct Heat {
     pub tolerance: f32,
 }
 
-/// Diffuses `columns` (rows: vertices of `level`) and returns every entry of at least `heat.drop`; rows are not normalised.
+/// Diffuses `columns` (rows: vertices of `level`) and returns every entry of at least `heat.drop`, or the largest of each row where columns reach
+/// everywhere; rows are not normalised.
 /// `peaks` is a vertex in the middle of each column; panels are gathered around them.
-#[allow(clippy::redundant_closure)] // the closure is lent to two loops
 pub(super) fn diffuse(
     level: &Level,
     columns: &SparseMatrix<f32>,
@@ -68,9 +68,10 @@ pub(super) fn diffuse(
         Ok(parts) => parts,
         Err(Ended::Cancelled(cancelled)) => return Err(cancelled),
         Err(Ended::Everywhere) => {
+            // Again from the beginning: what is not kept is never held.
             done.store(0, Ordering::Relaxed);
             let rows = Mutex::new(WidestRows::new(columns.rows()));
-            panels.par_iter().map_init(scratch, |scratch, lanes| solve(scratch, lanes)).try_for_each(|part| {
+            panels.par_iter().map_init(scratch, &solve).try_for_each(|part| {
                 rows.lock().unwrap_or_else(PoisonError::into_inner).add(&part?, heat.drop);
                 Ok(())
             })?;
@@ -84,7 +85,7 @@ pub(super) fn diffuse(
 /// Why not all panels are there.
 enum Ended {
     Cancelled(Cancelled),
-    /// Columns reach so far that their entries take more memory than those of a surface's.
+    /// Columns reach so far that their entries take more memory than those of a surface do.
     Everywhere,
 }
 

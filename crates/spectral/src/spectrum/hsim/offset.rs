@@ -7,8 +7,8 @@ use super::level::NO_KERNEL;
 /// Sums of a row are off by at most this for each entry, relative to the magnitudes that they sum.
 const UNIT: f64 = 2.0 * f64::EPSILON;
 
-/// A matrix so small beside the multiple that was taken off it is what the roundings of the assembly left. Eigenvalues of surfaces under a potential of 1e12
-/// are a hundred times as large.
+/// A matrix so small beside the multiple that was taken off it is what the roundings of the assembly left. The Laplacian of a surface is a hundred times as
+/// large even beside a constant potential of 1e12 on unit area.
 const ROUNDINGS: f64 = 1e-12;
 
 /// The stiffness without the largest multiple of the mass that leaves no row with a negative sum, and that multiple: for the Laplacian plus a
