@@ -8,14 +8,14 @@ const LEAF: usize = 8;
 
 /// Boxes over the faces of a mesh, from the leaves up. Takes about 12 bytes a face.
 #[derive(Debug, Clone)]
-pub struct FaceTree {
+pub struct FaceHierarchy {
     /// Faces along a space-filling curve; each run of [`LEAF`] is a leaf.
     order: Vec<u32>,
     /// For each level the boxes of its nodes, leaves first; two nodes of a level make one of the next.
     levels: Vec<Vec<[[f32; 3]; 2]>>,
 }
 
-impl FaceTree {
+impl FaceHierarchy {
     /// Builds the tree in `O(f log f)`.
     pub fn new(mesh: &TriangleMesh) -> Self {
         let centres = TriangleMesh {
@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn the_nearest_face_is_that_of_an_exhaustive_search() {
         let mesh = generate(Shape::Torus, 700).unwrap();
-        let tree = FaceTree::new(&mesh);
+        let tree = FaceHierarchy::new(&mesh);
         let mut random = SplitMix64::new(3);
         for _ in 0..200 {
             let point = [0, 1, 2].map(|_| 6.0 * random.unit() - 3.0);
@@ -177,10 +177,10 @@ mod tests {
     #[test]
     fn nothing_is_near_where_there_is_nothing() {
         let none = TriangleMesh::default();
-        assert_eq!(FaceTree::new(&none).nearest(&none, [0.0; 3]), None);
+        assert_eq!(FaceHierarchy::new(&none).nearest(&none, [0.0; 3]), None);
         let mesh = generate(Shape::Sphere, 42).unwrap();
-        assert_eq!(FaceTree::new(&mesh).nearest(&mesh, [f64::NAN, 0.0, 0.0]), None);
-        assert!(FaceTree::new(&mesh).nearest(&mesh, [1e9, 0.0, 0.0]).is_some());
+        assert_eq!(FaceHierarchy::new(&mesh).nearest(&mesh, [f64::NAN, 0.0, 0.0]), None);
+        assert!(FaceHierarchy::new(&mesh).nearest(&mesh, [1e9, 0.0, 0.0]).is_some());
     }
 
     #[test]

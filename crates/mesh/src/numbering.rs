@@ -8,7 +8,7 @@ mod translation;
 
 use std::sync::OnceLock;
 
-use super::nearest::FaceTree;
+use super::nearest::FaceHierarchy;
 use super::repair::DROPPED;
 use super::{TriangleMesh, subdivide};
 
@@ -283,7 +283,7 @@ pub(crate) fn nearest_vertices(mesh: &[[f64; 3]], positions: &[[f64; 3]]) -> Vec
     // A vertex is a triangle without extent.
     let points =
         TriangleMesh { positions: mesh.to_vec(), faces: (0..mesh.len() as u32).map(|vertex| [vertex; 3]).collect() };
-    let tree = FaceTree::new(&points);
+    let tree = FaceHierarchy::new(&points);
     use rayon::prelude::*;
     positions.par_iter().map(|&point| tree.nearest(&points, point).map_or(DROPPED, |(vertex, _)| vertex)).collect()
 }

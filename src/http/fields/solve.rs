@@ -73,7 +73,7 @@ impl LoadedBasis {
 /// `invalid-design/…` names what does not fit.
 pub async fn design(state: &ClientState, loaded: &LoadedBasis, request: &DesignRequest) -> Result<Designed, Problem> {
     request.check()?;
-    let (weights, full) = (request.weights, request.weights.literal());
+    let (weights, full) = (request.weights, request.weights.full_biharmonic());
     let model = if full { full_energy_model(state, loaded).await? } else { loaded.model() };
     let constraints = request.resolve(&loaded.surface, loaded.kind())?;
     let (key, goal, per_face) = goal(state, loaded, &model, request).await?;
@@ -192,7 +192,7 @@ async fn goal(
     let (mut key, mut goal, mut per_face) = (loaded.id.clone(), Goal::default(), false);
     if let Some(wanted) = &request.alignment {
         // With weights per face an alignment brings the energies that it is added to.
-        let energy = if request.weights.literal() { " literal" } else { "" };
+        let energy = if request.weights.full_biharmonic() { " full" } else { "" };
         key = format!("{}{energy} {}", loaded.id, fingerprint(wanted));
         let (loaded, model, own) = (loaded.clone(), model.clone(), wanted.clone());
         let make = move |_: &dyn Monitor| {

@@ -365,7 +365,7 @@ pub(super) fn restricted(
 ///
 /// # Errors
 /// [`FieldError`]: a basis of another surface, or the work was cancelled.
-pub fn literal_biharmonic(
+pub fn full_biharmonic(
     surface: &FieldSurface,
     basis: &FieldBasis,
     boundary: FieldBoundary,

@@ -7,7 +7,7 @@
 //! minimisers are useless. New weights then cost nothing and `k` constraints a system of their own size:
 //! `z = z₀ + K⁻¹Cᵀ (W⁻¹ + C K⁻¹ Cᵀ)⁻¹ (c − C z₀)`, where hard constraints have `W⁻¹ = 0` (the Schur complement).
 //!
-//! In larger spaces, for alignments with weights per face and for the literal biharmonic energy `K⁻¹` is a sparse factor (see [`super::pencil`]), made once
+//! In larger spaces, for alignments with weights per face and for the full biharmonic energy `K⁻¹` is a sparse factor (see [`super::pencil`]), made once
 //! for given weights.
 
 use std::sync::{Arc, OnceLock};
@@ -277,14 +277,14 @@ impl DesignModel {
     }
 
     /// The same space with the biharmonic energy of a given matrix, `d × d`, in the place of `B̃ = S̄ M̄⁻¹ S̄`: for comparison, with
-    /// `B̄ = UᵀSM⁻¹SU` of [`super::literal_biharmonic`]. Weights then take a sparse factorisation.
+    /// `B̄ = UᵀSM⁻¹SU` of [`super::full_biharmonic`]. Weights then take a sparse factorisation.
     ///
     /// # Errors
     /// [`DesignError::Length`]: a basis or a matrix of another size.
     pub fn with_biharmonic(self, basis: &FieldBasis, energy: SparseMatrix) -> Result<Self, DesignError> {
         length("the space", basis.stiffness.rows(), self.dimension)?;
         length("the biharmonic energy", energy.rows().max(energy.columns()), self.dimension)?;
-        Ok(Self { pencil: Some(Arc::new(Pencil::new(basis).with_literal(energy))), ..self })
+        Ok(Self { pencil: Some(Arc::new(Pencil::new(basis).with_full_biharmonic(energy))), ..self })
     }
 
     /// The Ritz values, ascending, on the surface of unit area: approximate eigenvalues of the field's Laplacian.

@@ -6,7 +6,7 @@ use chladni_mesh::shape::{Shape, generate};
 
 use super::*;
 use crate::field::{
-    FieldParameters, FieldSurface, Prescribed, PrescribedField, field_basis, literal_biharmonic, singularities,
+    FieldParameters, FieldSurface, Prescribed, PrescribedField, field_basis, full_biharmonic, singularities,
 };
 use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::FieldOperator;
@@ -313,13 +313,13 @@ fn sparse_factors_give_what_ritz_coordinates_give() {
 }
 
 #[test]
-fn the_literal_biharmonic_energy_is_larger_and_pulls_designs_away() {
+fn the_full_biharmonic_energy_is_larger_and_pulls_designs_away() {
     let r = set_up(Shape::Sphere, 1500, FieldKind::NVector { n: 4 }, 200);
-    let energy = literal_biharmonic(&r.surface, &r.basis, FieldBoundary::Tangential, &Unwatched).unwrap();
-    let literal = r.model.clone().with_biharmonic(&r.basis, energy).unwrap();
+    let energy = full_biharmonic(&r.surface, &r.basis, FieldBoundary::Tangential, &Unwatched).unwrap();
+    let full = r.model.clone().with_biharmonic(&r.basis, energy).unwrap();
     let constraints: Vec<Constraint> = (0..10).map(|i| hard(250 * i, f64::from(i).cos(), f64::from(i).sin())).collect();
     let weights = EnergyWeights { harmonic: 0.0, biharmonic: 1.0 };
-    let design = literal.weighted(weights, None).unwrap().solve(&r.basis, &constraints).unwrap();
+    let design = full.weighted(weights, None).unwrap().solve(&r.basis, &constraints).unwrap();
     assert!(design.residuals.iter().all(|x| *x < 1e-4), "{:?}", design.residuals);
     // Of the lifted field, assembled on the mesh.
     let operator = FieldOperator::<2>::assemble(

@@ -11,7 +11,7 @@ use chladni_mesh::dual::NO_FACE;
 use crate::operator::hodge::FieldBoundary;
 
 use super::basis::FieldSurface;
-use super::loops::{FaceTree, Form, closed_forms, closed_loops, ends};
+use super::loops::{DualTree, Form, closed_forms, closed_loops, ends};
 use super::poisson::{self, PoissonError};
 
 /// The most harmonic fields that are computed: each is a dense column.
@@ -48,7 +48,7 @@ pub fn harmonic_fields(
     boundary: FieldBoundary,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Vec<f64>>, HarmonicError> {
-    let tree = FaceTree::new(surface);
+    let tree = DualTree::new(surface);
     let forms = match boundary {
         FieldBoundary::Tangential => closed_forms(surface, &tree),
         FieldBoundary::Clamped if !surface.dual().is_closed() => return Ok(Vec::new()),

@@ -11,7 +11,7 @@ use super::basis::FieldSurface;
 pub(super) type Form = Vec<(u32, f64)>;
 
 /// A spanning tree of the faces of each component.
-pub(super) struct FaceTree {
+pub(super) struct DualTree {
     /// For each face the half-edge `3 · face + k` towards its parent, [`NO_FACE`] at a root.
     pub parent: Vec<u32>,
     depth: Vec<u32>,
@@ -21,7 +21,7 @@ pub(super) struct FaceTree {
     pub order: Vec<u32>,
 }
 
-impl FaceTree {
+impl DualTree {
     pub fn new(surface: &FieldSurface) -> Self {
         let dual = surface.dual();
         let faces = surface.faces();
@@ -87,7 +87,7 @@ impl FaceTree {
 
 /// The forms of independent loops, and of paths from one boundary to another: `2g` and, with `b` boundaries, `b − 1` more. They span the first
 /// cohomology of the surface.
-pub(super) fn closed_forms(surface: &FieldSurface, tree: &FaceTree) -> Vec<Form> {
+pub(super) fn closed_forms(surface: &FieldSurface, tree: &DualTree) -> Vec<Form> {
     let (mesh, dual) = (surface.mesh(), surface.dual());
     let (components, count) = dual.components();
     // The tree of vertices, by union of sets, among the edges that are not crossed; what closes a circle is left over.
@@ -119,7 +119,7 @@ pub(super) fn closed_forms(surface: &FieldSurface, tree: &FaceTree) -> Vec<Form>
 
 /// The forms of independent closed loops that are not those around single vertices inside: `2g` and, with `b` boundaries, `b − 1` more. They generate
 /// the first homology of the surface.
-pub(super) fn closed_loops(surface: &FieldSurface, tree: &FaceTree) -> Vec<Form> {
+pub(super) fn closed_loops(surface: &FieldSurface, tree: &DualTree) -> Vec<Form> {
     let (mesh, dual) = (surface.mesh(), surface.dual());
     let (components, count) = dual.components();
     // The boundaries of a component count as one vertex.

@@ -41,7 +41,7 @@ mod whole;
 
 pub use adaptive::adaptive_weights;
 pub use alignment::{Alignment, Prescription};
-pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis, literal_biharmonic};
+pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis, full_biharmonic};
 pub use decomposition::{HodgeDecomposition, HodgeParts};
 pub use design::{BENDING, Constraint, Design, DesignError, DesignModel, EnergyWeights, Hold, MOST_DIMENSIONS};
 pub use drawing::{Camera, MOST_PIXELS, svg};

@@ -42,14 +42,14 @@ pub(super) fn within_surfaces(entries: usize, nonzeros: usize, nodes: usize) -> 
     Ok(())
 }
 
-/// `S̄`, `M̄`, and `B̄` where the biharmonic energy is the literal one.
+/// `S̄`, `M̄`, and `B̄` where the biharmonic energy is the full one.
 #[derive(Debug, Clone)]
 pub(super) struct Pencil {
     block: usize,
     groups: usize,
     pub stiffness: SparseMatrix,
     pub mass: SparseMatrix,
-    pub literal: Option<SparseMatrix>,
+    pub full_biharmonic: Option<SparseMatrix>,
     structure: OnceLock<Result<Arc<Structure>, FactorError>>,
 }
 
@@ -67,12 +67,12 @@ struct Structure {
 
 impl PartialEq for Pencil {
     fn eq(&self, other: &Self) -> bool {
-        (self.block, self.groups, &self.stiffness, &self.mass, &self.literal)
-            == (other.block, other.groups, &other.stiffness, &other.mass, &other.literal)
+        (self.block, self.groups, &self.stiffness, &self.mass, &self.full_biharmonic)
+            == (other.block, other.groups, &other.stiffness, &other.mass, &other.full_biharmonic)
     }
 }
 
-/// What is added up: `A = harmonic S̄ + biharmonic B̄ + Σ weight G`, besides `biharmonic S̄ M̄⁻¹ S̄` without a literal `B̄`.
+/// What is added up: `A = harmonic S̄ + biharmonic B̄ + Σ weight G`, besides `biharmonic S̄ M̄⁻¹ S̄` without a full `B̄`.
 pub(super) struct Sum<'a> {
     pub harmonic: f64,
     pub biharmonic: f64,
@@ -85,12 +85,12 @@ impl Pencil {
     pub fn new(basis: &FieldBasis) -> Self {
         let (block, groups) = (basis.space.block(), basis.space.groups());
         let (stiffness, mass) = (basis.stiffness.clone(), basis.mass.clone());
-        Self { block, groups, stiffness, mass, literal: None, structure: OnceLock::new() }
+        Self { block, groups, stiffness, mass, full_biharmonic: None, structure: OnceLock::new() }
     }
 
     /// The same with a biharmonic energy of its own.
-    pub fn with_literal(self, literal: SparseMatrix) -> Self {
-        Self { literal: Some(literal), structure: OnceLock::new(), ..self }
+    pub fn with_full_biharmonic(self, energy: SparseMatrix) -> Self {
+        Self { full_biharmonic: Some(energy), structure: OnceLock::new(), ..self }
     }
 
     pub fn size(&self) -> usize {
@@ -113,7 +113,7 @@ impl Pencil {
 
     /// Unknowns of the system for each column: `x` and `y`, or `x` alone.
     fn copies(&self) -> usize {
-        if self.literal.is_some() { 1 } else { 2 }
+        if self.full_biharmonic.is_some() { 1 } else { 2 }
     }
 
     fn structure(&self) -> Result<Arc<Structure>, FactorError> {
@@ -122,7 +122,7 @@ impl Pencil {
 
     fn analyse(&self) -> Result<Structure, FactorError> {
         let nodes = self.node(self.size());
-        let matrices = [Some(&self.stiffness), Some(&self.mass), self.literal.as_ref()];
+        let matrices = [Some(&self.stiffness), Some(&self.mass), self.full_biharmonic.as_ref()];
         let (mut offsets, mut indices, mut row) = (vec![0usize], Vec::new(), Vec::new());
         for node in 0..nodes {
             row.clear();
@@ -208,8 +208,8 @@ impl Pencil {
                 for &(gram, weight) in &sum.grams {
                     add((0, 0), gram, weight);
                 }
-                match &self.literal {
-                    Some(literal) => add((0, 0), literal, sum.biharmonic),
+                match &self.full_biharmonic {
+                    Some(full) => add((0, 0), full, sum.biharmonic),
                     None => {
                         add((0, 1), &self.stiffness, root);
                         add((1, 0), &self.stiffness, root);
@@ -275,7 +275,7 @@ impl SparseInverse {
         }
     }
 
-    /// `M̄⁻¹ S̄ x` for `x = K⁻¹ f`, whose `S̄ x` is `image`; `None` for a literal biharmonic energy, whose system does not hold it.
+    /// `M̄⁻¹ S̄ x` for `x = K⁻¹ f`, whose `S̄ x` is `image`; `None` for a full biharmonic energy, whose system does not hold it.
     pub fn laplacian(&self, f: &[f64], image: &[f64]) -> Option<Vec<f64>> {
         let mut panel = vec![0.0; self.rows * PANEL_WIDTH];
         for (at, &(x, y)) in self.places.iter().enumerate() {
@@ -343,7 +343,7 @@ mod tests {
         let matrix = SparseMatrix::from_sorted_parts(n as usize, n as usize, offsets, indices, values);
         let (stiffness, mass) = (matrix.clone(), matrix);
         let (block, groups) = (2, n as usize / 2);
-        let pencil = Pencil { block, groups, stiffness, mass, literal: None, structure: OnceLock::new() };
+        let pencil = Pencil { block, groups, stiffness, mass, full_biharmonic: None, structure: OnceLock::new() };
         let refused = pencil.structure().unwrap_err();
         assert!(matches!(refused, FactorError::Promise { bytes, promised, .. } if bytes > promised), "{refused}");
     }

@@ -16,7 +16,7 @@ use crate::operator::frames::{Planar, conjugate, multiply, normalise};
 use crate::operator::transport::{FieldKind, edge_weight, turn};
 
 use super::basis::FieldSurface;
-use super::loops::{FaceTree, closed_loops, ends};
+use super::loops::{DualTree, closed_loops, ends};
 use super::poisson::{self, PoissonError};
 use super::singularity::{Matching, least_angles};
 
@@ -131,7 +131,7 @@ impl PrescribedField {
     ) -> Result<Self, PrescribedError> {
         let turning = check(surface, kind, prescribed)?;
         monitor.checkpoint().map_err(PoissonError::Cancelled)?;
-        let tree = FaceTree::new(surface);
+        let tree = DualTree::new(surface);
         let connection = Connection::new(surface, kind);
         let turns = connection.turns(turning, &tree, monitor)?;
         let phases = connection.integrate(&turns, &tree);
@@ -325,7 +325,7 @@ impl<'a> Connection<'a> {
     }
 
     /// The turns of least energy with a given sum around each inner vertex that close along every loop.
-    fn turns(&self, turning: Vec<f64>, tree: &FaceTree, monitor: &dyn Monitor) -> Result<Vec<f64>, PrescribedError> {
+    fn turns(&self, turning: Vec<f64>, tree: &DualTree, monitor: &dyn Monitor) -> Result<Vec<f64>, PrescribedError> {
         let dual = self.surface.dual();
         // Where loops cross edges, from the lower face to the upper one or back.
         let loops: Vec<Vec<(u32, f64)>> = closed_loops(self.surface, tree)
@@ -431,7 +431,7 @@ impl<'a> Connection<'a> {
     }
 
     /// The phases of a field with these turns, 1 at the root of each component.
-    fn integrate(&self, turns: &[f64], tree: &FaceTree) -> Vec<Planar> {
+    fn integrate(&self, turns: &[f64], tree: &DualTree) -> Vec<Planar> {
         let dual = self.surface.dual();
         let mut phases = vec![[1.0, 0.0]; self.surface.faces()];
         for &face in &tree.order {

@@ -1,14 +1,16 @@
 //! Solving for fields: a model with weights, and what constraints add to it.
 
+mod multipliers;
+
 use std::sync::{Arc, OnceLock};
 
-use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, SparseMatrix, solve_definite};
+use chladni_algebra::{DenseMatrix, SparseMatrix};
 
 use crate::basis::FieldBasis;
 use crate::operator::frames::Planar;
 
 use super::alignment::{Alignment, Prescription};
-use super::compliance::{Compliance, mean_of_diagonal, slacks};
+use super::compliance::Compliance;
 use super::constraints::{Condition, HARD, Slack, check, conditions, near, residuals, without_repetitions};
 use super::design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, add_row, length};
 use super::idle::{self, Idle, Kernel};
@@ -18,9 +20,6 @@ use super::refine_response as whole;
 
 /// Ritz values below this share of the largest count as zero.
 const KERNEL: f64 = 1e-10;
-
-/// Steps that take back, where it matters, what hard constraints give way.
-const REFINEMENTS: usize = 2;
 
 /// What the faces around a prescribed singularity give way, as such a share. A space is hardly able to give them all what they should have: forced to, it gets other
 /// singularities. Where a field does not have the singularity yet, its faces give way less.
@@ -104,8 +103,8 @@ impl DesignModel {
         let uniform = alignments.iter().filter(|a| a.0.gram.is_none()).map(|a| a.1).sum::<f64>()
             + prescription.as_ref().map_or(0.0, |p| p.1);
         let mut kernel = Vec::new();
-        let literal = self.pencil.as_ref().is_some_and(|pencil| pencil.literal.is_some());
-        let diagonal = self.has_ritz() && !literal && alignments.iter().all(|a| a.0.gram.is_none());
+        let full = self.pencil.as_ref().is_some_and(|pencil| pencil.full_biharmonic.is_some());
+        let diagonal = self.has_ritz() && !full && alignments.iter().all(|a| a.0.gram.is_none());
         let mut pencil = None;
         let inverse = if diagonal {
             let values = self.values();
@@ -371,88 +370,6 @@ impl WeightedModel {
         Some(self.idle.get_or_init(|| idle::find(|x| inverse.apply(x), &pencil.mass, floor)))
     }
 
-    /// What pulls at each constrained number; puts the part of the solution that has no energy into `z`.
-    fn multipliers(
-        &self,
-        rows: &DenseMatrix,
-        solved: &DenseMatrix,
-        conditions: &[Condition],
-        (b, kernel): (usize, Kernel<'_>),
-        z: &mut [f64],
-    ) -> Result<Vec<f64>, DesignError> {
-        let (d, k, free) = (rows.rows(), rows.columns(), kernel.count());
-        let misfit = || DesignError::Length { what: "constraints", got: k, wanted: d };
-        let mut system = match &self.inverse {
-            Inverse::Ritz(diagonal) => {
-                // Half of K⁻¹ on either side keeps the product symmetric.
-                let mut scaled = rows.clone();
-                for column in 0..k {
-                    scaled.column_mut(column).iter_mut().zip(diagonal).for_each(|(x, d)| *x *= d.sqrt());
-                }
-                scaled.transposed_times(&scaled).ok_or_else(misfit)?
-            }
-            Inverse::Sparse(_) => {
-                // Only the lower triangle is read.
-                rows.transposed_times(solved).ok_or_else(misfit)?
-            }
-        };
-        let mean = mean_of_diagonal(&system);
-        for (i, slack) in slacks(&system, conditions, b).into_iter().enumerate() {
-            system.column_mut(i)[i] += slack;
-        }
-        // Right-hand sides: what is missing, and the rows of the kernel.
-        let mut rhs = DenseMatrix::zeros(k, 1 + free);
-        for i in 0..k {
-            let reached: f64 = rows.column(i).iter().zip(z.iter()).map(|(r, z)| r * z).sum();
-            rhs.column_mut(0)[i] = conditions[i / b].value[i % b] - reached;
-            for j in 0..free {
-                rhs.column_mut(1 + j)[i] = kernel.along(j, rows.column(i));
-            }
-        }
-        let right = rhs.clone();
-        let factor = DefiniteFactor::new(system.clone()).map_err(|error| match error {
-            DefiniteError::NotPositiveDefinite { pivot } => {
-                DesignError::Dependent { face: conditions[(pivot / b).min(conditions.len() - 1)].face }
-            }
-            other => DesignError::Factor(other),
-        })?;
-        factor.solve(&mut rhs).map_err(DesignError::Factor)?;
-        let mut y = rhs.column(0).to_vec();
-        if matches!(self.inverse, Inverse::Sparse(_)) {
-            // There a pull moves what has nearly no energy so far that the share of it is much: without it, by refinement.
-            for _ in 0..REFINEMENTS {
-                let mut rest = DenseMatrix::zeros(k, 1);
-                for i in 0..k {
-                    let own: f64 = system.column(i).iter().zip(&y).map(|(s, y)| s * y).sum();
-                    let hard = matches!(conditions[i / b].slack, Slack::Share(share) if share == HARD);
-                    let given = if hard { HARD * mean * y[i] } else { 0.0 };
-                    rest.column_mut(0)[i] = right.column(0)[i] - own + given;
-                }
-                factor.solve(&mut rest).map_err(DesignError::Factor)?;
-                y.iter_mut().zip(rest.column(0)).for_each(|(y, r)| *y += r);
-            }
-        }
-        if free > 0 {
-            let products = right.transposed_times(&rhs).ok_or_else(misfit)?;
-            let mut square = DenseMatrix::zeros(free, free);
-            let mut known = DenseMatrix::zeros(free, 1);
-            let largest = (0..free).map(|j| products.column(1 + j)[1 + j]).fold(0.0, f64::max);
-            for j in 0..free {
-                square.column_mut(j).copy_from_slice(&products.column(1 + j)[1..]);
-                // Where constraints do not say how much of the kernel there is, as little as possible.
-                square.column_mut(j)[j] += 1e-9 * largest + f64::MIN_POSITIVE;
-                known.column_mut(0)[j] = products.column(0)[1 + j];
-            }
-            solve_definite(square, &mut known).map_err(DesignError::Factor)?;
-            for j in 0..free {
-                let amount = known.column(0)[j];
-                kernel.add(j, amount, z);
-                y.iter_mut().zip(rhs.column(1 + j)).for_each(|(y, t)| *y -= amount * t);
-            }
-        }
-        Ok(y)
-    }
-
     /// Whether designs stay close to prescribed singularities.
     pub(super) fn is_prescribed(&self) -> bool {
         self.prescription.is_some()
@@ -544,8 +461,8 @@ impl WeightedModel {
                 } else {
                     Vec::new()
                 };
-                let biharmonic = match &pencil.literal {
-                    Some(literal) => product(&literal.multiply(own).ok_or_else(misfit)?, own),
+                let biharmonic = match &pencil.full_biharmonic {
+                    Some(full) => product(&full.multiply(own).ok_or_else(misfit)?, own),
                     None => inverse.laplacian(&found.force, &image).map_or(0.0, |y| product(&y, &image)),
                 };
                 (own.iter().map(|&v| v as f32).collect(), ritz, product(&image, own), biharmonic)

@@ -60,7 +60,7 @@ const SINGLE: f64 = 1.0 / 16_777_216.0;
 
 /// What is asked of a measurement.
 #[derive(Clone, Copy)]
-struct Wanted {
+struct KernelAndGoal {
     /// Values up to this count as zero.
     kernel: f64,
     /// The largest relative error that is good enough.
@@ -127,7 +127,7 @@ impl<'a> Energy<'a> {
         let Some(lifter) = RowLifter::new(&space, coefficients) else {
             panic!("{} coefficients for {} columns", coefficients.rows(), space.columns())
         };
-        let wanted = Wanted { kernel, goal };
+        let limits = KernelAndGoal { kernel, goal };
         let panels = ritz.len().div_ceil(LIFT_WIDTH);
         let done = AtomicUsize::new(0);
         // A thread takes a workspace that another panel left: fresh memory costs as much as a cycle.
@@ -145,7 +145,7 @@ impl<'a> Energy<'a> {
                 let mut density = None;
                 for (half, theta) in theta.chunks(CYCLE_WIDTH).enumerate() {
                     monitor.checkpoint()?;
-                    measures.extend(self.half(workspace, half, theta, &residuals[half], wanted, &mut density));
+                    measures.extend(self.half(workspace, half, theta, &residuals[half], limits, &mut density));
                 }
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 monitor.progress(done as f64 / panels as f64);
@@ -162,7 +162,7 @@ impl<'a> Energy<'a> {
                 self.order.iter().zip(own).for_each(|(&row, value)| sum[row as usize] += value);
             }
         }
-        self.narrow(&lifter, ritz, &mut measures, wanted, monitor)?;
+        self.narrow(&lifter, ritz, &mut measures, limits, monitor)?;
         Ok((measures, density))
     }
 
@@ -188,10 +188,10 @@ impl<'a> Energy<'a> {
         half: usize,
         ritz: &[f64],
         residuals: &Residuals,
-        wanted: Wanted,
+        limits: KernelAndGoal,
         density: &mut Density,
     ) -> Vec<Measure> {
-        let Wanted { kernel, goal } = wanted;
+        let KernelAndGoal { kernel, goal } = limits;
         let positive = ritz.iter().map(|theta| theta + self.floor).find(|&theta| theta > kernel);
         let sigma = SHIFT * positive.unwrap_or(1.0);
         let mut enclosed = self.step(workspace, half, sigma, Step { first: true, keep: workspace.keep });

@@ -55,8 +55,8 @@ pub struct Weights {
     /// dimension of the basis. By default a twentieth of `harmonic`.
     #[cfg_attr(feature = "schema", schema(minimum = 0.0))]
     pub biharmonic: Option<f64>,
-    /// Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the literal one of the whole mesh
-    /// restricted to the space, which sees the noise of its columns. The second is for comparison; every choice of weights costs a factorisation.
+    /// Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the full (unreduced) one of the whole
+    /// mesh restricted to the space, which sees the noise of its columns. The second is for comparison; every choice of weights costs a factorisation.
     #[serde(default)]
     pub biharmonic_energy: BiharmonicEnergy,
 }
@@ -69,8 +69,9 @@ pub enum BiharmonicEnergy {
     /// `S̄ M̄⁻¹ S̄`.
     #[default]
     Projected,
-    /// `UᵀSM⁻¹SU`.
-    Literal,
+    /// `UᵀSM⁻¹SU`, in older clients' words `literal`.
+    #[serde(alias = "literal")]
+    Full,
 }
 
 impl Weights {
@@ -79,9 +80,9 @@ impl Weights {
         self.biharmonic.unwrap_or(BENDING * self.harmonic)
     }
 
-    /// Whether the design has to do with the literal biharmonic energy.
-    pub fn literal(&self) -> bool {
-        self.bending() > 0.0 && self.biharmonic_energy == BiharmonicEnergy::Literal
+    /// Whether the design has to do with the full biharmonic energy.
+    pub fn full_biharmonic(&self) -> bool {
+        self.bending() > 0.0 && self.biharmonic_energy == BiharmonicEnergy::Full
     }
 }
 

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
-use chladni_mesh::nearest::FaceTree;
+use chladni_mesh::nearest::FaceHierarchy;
 use chladni_mesh::sample::farthest_points;
 use chladni_spectral::basis::StoredFields;
 use chladni_spectral::field::{
     Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, FieldSurface, FullSpace, Hold, Matching,
-    Prescribed, PrescribedField, Prescription, WeightedModel, literal_biharmonic,
+    Prescribed, PrescribedField, Prescription, WeightedModel, full_biharmonic,
 };
 use chladni_spectral::operator::transport::FieldKind;
 
@@ -30,7 +30,7 @@ pub struct Surface {
     /// Mesh, dual graph and frames.
     pub surface: FieldSurface,
     /// The faces in a tree.
-    pub tree: FaceTree,
+    pub tree: FaceHierarchy,
     /// The diagonal of the box around the mesh: points further away than that are not meant for this surface.
     pub reach: f64,
 }
@@ -41,7 +41,7 @@ impl Surface {
     /// # Errors
     /// [`DesignFault::Field`] names the edge, vertex or faces where it is no oriented manifold.
     pub fn new(mesh: &TriangleMesh) -> Result<Self, DesignFault> {
-        let tree = FaceTree::new(mesh);
+        let tree = FaceHierarchy::new(mesh);
         let extent = |i: usize| {
             let along = mesh.faces.iter().flatten().filter_map(|&v| mesh.positions.get(v as usize)).map(|p| p[i]);
             let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
@@ -142,7 +142,7 @@ impl Setting {
             .and_then(|provenance| provenance.field_boundary(self.kind()))
             .map_err(|error| refused("weight", "weights.biharmonic_energy", error))?;
         let basis = &self.fields.basis;
-        let energy = literal_biharmonic(&self.surface.surface, basis, boundary, monitor)?;
+        let energy = full_biharmonic(&self.surface.surface, basis, boundary, monitor)?;
         let bytes = 12 * (energy.entries() + basis.stiffness.entries() + basis.mass.entries()) as u64;
         Ok((self.model().with_biharmonic(basis, energy)?, bytes))
     }
@@ -227,7 +227,7 @@ impl Setting {
     /// [`DesignFault`].
     pub fn design(&self, request: &DesignRequest, monitor: &dyn Monitor) -> Result<Designed, DesignFault> {
         request.check()?;
-        let model = if request.weights.literal() { self.full_energy_model(monitor)?.0 } else { self.model() };
+        let model = if request.weights.full_biharmonic() { self.full_energy_model(monitor)?.0 } else { self.model() };
         let constraints = request.resolve(&self.surface, self.kind())?;
         let mut goal = Goal::default();
         if let Some(wanted) = &request.alignment {

@@ -1,0 +1,138 @@
+//! Lagrange multipliers: what pulls at each constrained number so that the constraints are met.
+
+use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, solve_definite};
+
+use super::super::compliance::{mean_of_diagonal, slacks};
+use super::super::constraints::{Condition, HARD, Slack};
+use super::super::design::DesignError;
+use super::super::idle::Kernel;
+use super::{Inverse, WeightedModel};
+
+/// Steps that take back, where it matters, what hard constraints give way.
+const REFINEMENTS: usize = 2;
+
+/// The system for the multipliers, `C K⁻¹ Cᵀ` with what each constraint gives way on its diagonal.
+struct System {
+    matrix: DenseMatrix,
+    factor: DefiniteFactor,
+    /// Mean of the diagonal before constraints gave way.
+    mean: f64,
+}
+
+impl WeightedModel {
+    /// What pulls at each constrained number; puts the part of the solution that has no energy into `z`.
+    pub(super) fn multipliers(
+        &self,
+        rows: &DenseMatrix,
+        solved: &DenseMatrix,
+        conditions: &[Condition],
+        (b, kernel): (usize, Kernel<'_>),
+        z: &mut [f64],
+    ) -> Result<Vec<f64>, DesignError> {
+        let system = System::new(self.compliance_of(rows, solved)?, conditions, b)?;
+        let right = right_hand_sides(rows, conditions, (b, kernel), z);
+        let mut solutions = right.clone();
+        system.factor.solve(&mut solutions).map_err(DesignError::Factor)?;
+        let mut y = solutions.column(0).to_vec();
+        if matches!(self.inverse, Inverse::Sparse(_)) {
+            system.refine(right.column(0), conditions, b, &mut y)?;
+        }
+        if kernel.count() > 0 {
+            let amounts = amounts_of_kernel(&right, &solutions)?;
+            for (j, &amount) in amounts.iter().enumerate() {
+                kernel.add(j, amount, z);
+                y.iter_mut().zip(solutions.column(1 + j)).for_each(|(y, t)| *y -= amount * t);
+            }
+        }
+        Ok(y)
+    }
+
+    /// `C K⁻¹ Cᵀ`: how far a pull at one constrained number moves each other.
+    fn compliance_of(&self, rows: &DenseMatrix, solved: &DenseMatrix) -> Result<DenseMatrix, DesignError> {
+        let product = match &self.inverse {
+            Inverse::Ritz(diagonal) => {
+                // Half of K⁻¹ on either side keeps the product symmetric.
+                let mut scaled = rows.clone();
+                for column in 0..rows.columns() {
+                    scaled.column_mut(column).iter_mut().zip(diagonal).for_each(|(x, d)| *x *= d.sqrt());
+                }
+                scaled.transposed_times(&scaled)
+            }
+            Inverse::Sparse(_) => rows.transposed_times(solved),
+        };
+        product.ok_or_else(|| misfit(rows))
+    }
+}
+
+impl System {
+    fn new(mut matrix: DenseMatrix, conditions: &[Condition], b: usize) -> Result<Self, DesignError> {
+        let mean = mean_of_diagonal(&matrix);
+        for (i, slack) in slacks(&matrix, conditions, b).into_iter().enumerate() {
+            matrix.column_mut(i)[i] += slack;
+        }
+        let factor = DefiniteFactor::new(matrix.clone()).map_err(|error| match error {
+            DefiniteError::NotPositiveDefinite { pivot } => {
+                DesignError::Dependent { face: conditions[(pivot / b).min(conditions.len() - 1)].face }
+            }
+            other => DesignError::Factor(other),
+        })?;
+        Ok(Self { matrix, factor, mean })
+    }
+
+    /// Has hard constraints give way no longer. Where `K⁻¹` is a sparse factor, a pull moves what has nearly no energy so far that the share of it
+    /// which they give way is much.
+    fn refine(&self, right: &[f64], conditions: &[Condition], b: usize, y: &mut [f64]) -> Result<(), DesignError> {
+        let k = y.len();
+        for _ in 0..REFINEMENTS {
+            let mut rest = DenseMatrix::zeros(k, 1);
+            for i in 0..k {
+                let own: f64 = self.matrix.column(i).iter().zip(y.iter()).map(|(s, y)| s * y).sum();
+                let hard = matches!(conditions[i / b].slack, Slack::Share(share) if share == HARD);
+                let given = if hard { HARD * self.mean * y[i] } else { 0.0 };
+                rest.column_mut(0)[i] = right[i] - own + given;
+            }
+            self.factor.solve(&mut rest).map_err(DesignError::Factor)?;
+            y.iter_mut().zip(rest.column(0)).for_each(|(y, r)| *y += r);
+        }
+        Ok(())
+    }
+}
+
+/// `k × (1 + f)`: what is missing at each constrained number, and there the values of the `f` fields of the kernel.
+fn right_hand_sides(
+    rows: &DenseMatrix,
+    conditions: &[Condition],
+    (b, kernel): (usize, Kernel<'_>),
+    z: &[f64],
+) -> DenseMatrix {
+    let (k, free) = (rows.columns(), kernel.count());
+    let mut right = DenseMatrix::zeros(k, 1 + free);
+    for i in 0..k {
+        let reached: f64 = rows.column(i).iter().zip(z.iter()).map(|(r, z)| r * z).sum();
+        right.column_mut(0)[i] = conditions[i / b].value[i % b] - reached;
+        for j in 0..free {
+            right.column_mut(1 + j)[i] = kernel.along(j, rows.column(i));
+        }
+    }
+    right
+}
+
+/// How much of each field of the kernel there is; where constraints do not say, as little as possible.
+fn amounts_of_kernel(right: &DenseMatrix, solutions: &DenseMatrix) -> Result<Vec<f64>, DesignError> {
+    let free = right.columns() - 1;
+    let products = right.transposed_times(solutions).ok_or_else(|| misfit(right))?;
+    let largest = (0..free).map(|j| products.column(1 + j)[1 + j]).fold(0.0, f64::max);
+    let mut square = DenseMatrix::zeros(free, free);
+    let mut known = DenseMatrix::zeros(free, 1);
+    for j in 0..free {
+        square.column_mut(j).copy_from_slice(&products.column(1 + j)[1..]);
+        square.column_mut(j)[j] += 1e-9 * largest + f64::MIN_POSITIVE;
+        known.column_mut(0)[j] = products.column(0)[1 + j];
+    }
+    solve_definite(square, &mut known).map_err(DesignError::Factor)?;
+    Ok(known.column(0).to_vec())
+}
+
+fn misfit(rows: &DenseMatrix) -> DesignError {
+    DesignError::Length { what: "constraints", got: rows.columns(), wanted: rows.rows() }
+}
