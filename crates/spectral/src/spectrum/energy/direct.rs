@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::super::approximate::ApproximationError;
 use super::super::shifted::ShiftedPencil;
 use super::rows::Enclosure;
-use super::{CLOSE, Energy, HALVES, Measure, SHIFT, Wanted, Workspace};
+use super::{CLOSE, Energy, HALVES, KernelAndGoal, Measure, SHIFT, Workspace};
 use chladni_algebra::{CYCLE_WIDTH, CycleRow, Factor, LIFT_WIDTH, PANEL_WIDTH, RowLifter};
 use chladni_base::{Cancelled, Monitor, Share};
 
@@ -63,18 +63,18 @@ impl Energy<'_> {
         lifter: &RowLifter<'_>,
         ritz: &[f64],
         measures: &mut [Measure],
-        wanted: Wanted,
+        limits: KernelAndGoal,
         monitor: &dyn Monitor,
     ) -> Result<(), Cancelled> {
         let is_wide = |panel: usize| {
             let pairs = panel * LIFT_WIDTH..ritz.len().min((panel + 1) * LIFT_WIDTH);
             pairs.into_iter().any(|k| {
                 let value = ritz[k] + self.floor;
-                value > wanted.kernel && measures[k].bound > WIDE * value
+                value > limits.kernel && measures[k].bound > WIDE * value
             })
         };
         let wide: Vec<usize> = (0..ritz.len().div_ceil(LIFT_WIDTH)).filter(|&panel| is_wide(panel)).collect();
-        let Some(lowest) = ritz.iter().map(|theta| theta + self.floor).find(|&theta| theta > wanted.kernel) else {
+        let Some(lowest) = ritz.iter().map(|theta| theta + self.floor).find(|&theta| theta > limits.kernel) else {
             return Ok(());
         };
         if wide.is_empty() || self.size() > MOST_FACTORED {
