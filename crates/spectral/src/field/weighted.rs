@@ -11,7 +11,7 @@ use crate::operator::frames::Planar;
 
 use super::alignment::{Alignment, Prescription};
 use super::compliance::Compliance;
-use super::constraints::{Condition, HARD, Slack, check, conditions, near, residuals, without_repetitions};
+use super::constraints::{Condition, Slack, check, conditions, near, residuals, without_repetitions};
 use super::design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, add_row, length};
 use super::idle::{self, Idle, Kernel};
 use super::many::{Many, Setting};
