@@ -59,6 +59,7 @@ impl Bench {
             work_key: self.next().to_string(),
             solver_version: "1".to_owned(),
             memory_bytes: 0,
+            most_bytes: u64::MAX,
         };
         self.store.enqueue(new).await.unwrap();
     }

@@ -178,6 +178,10 @@ pub struct Config {
     #[arg(long, value_name = "FAULT", env = "CHLADNI_FAULT", hide = true)]
     pub fault: Option<String>,
 
+    /// Take jobs of the kind `idle` as well, which wait for `seconds`: for trials of what is around them
+    #[arg(long, env = "CHLADNI_IDLE_JOBS", hide = true)]
+    pub idle_jobs: bool,
+
     /// What a request may ask for.
     #[command(flatten)]
     pub limits: Limits,
@@ -425,6 +429,7 @@ impl Default for Config {
             drain_seconds: Duration::from_secs(30),
             max_attempts: 3,
             fault: None,
+            idle_jobs: false,
             limits: Limits::default(),
             logs: LogSettings::default(),
         }

@@ -1,6 +1,8 @@
 //! Two servers and their workers, as processes of their own, share a PostgreSQL and a store of objects. Workers are killed at every point.
 #![cfg(all(unix, feature = "cluster"))]
 
+#[path = "common/places.rs"]
+mod places;
 #[path = "common/postgres.rs"]
 mod postgres;
 mod process;
@@ -8,193 +10,17 @@ mod process;
 mod s3;
 
 use std::{
-    io::{BufRead, BufReader},
     os::unix::process::ExitStatusExt,
-    path::Path,
-    process::{Child, Command, Stdio},
+    process::Command,
     time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
-use chladni::store::{
-    BasisFilter, JobFilter, JobStatus, PageRequest, SharedPlaces, Store, StoreOptions,
-    fault::{FailPoint, Faults},
-};
+use chladni::store::fault::{FailPoint, Faults};
+use places::{LEASE, Places, Pooler};
 use process::{PATIENCE, Server};
 use serde_json::Value;
-use tempfile::TempDir;
 
 const SIGKILL: i32 = 9;
-const LEASE: Duration = Duration::from_secs(3);
-
-/// Where processes share what they have.
-struct Places {
-    database: String,
-    /// Where a pooler stands before the database: the way around it, and the process.
-    pooler: Option<(String, Pooler)>,
-    objects: String,
-    /// Where the objects are in a store that speaks S3: what the processes are told of it, and where the tests find it.
-    s3: Option<(Vec<(&'static str, String)>, String)>,
-    folder: TempDir,
-}
-
-/// A PgBouncer that gives connections out by transaction.
-struct Pooler(Child);
-
-impl Pooler {
-    /// One before a database of the tests, and its address; `None` where it is not installed, which is said.
-    fn before(database: &str, folder: &Path) -> Option<(Self, String)> {
-        let binary = Path::new("/usr/sbin/pgbouncer");
-        if !binary.exists() {
-            eprintln!("skipped: PgBouncer is not installed");
-            return None;
-        }
-        let (rest, sockets) = database.split_once("?host=").unwrap();
-        let name = rest.rsplit_once('/').unwrap().1;
-        let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let settings = format!(
-            "[databases]\n{name} = host={sockets} user=postgres\n[pgbouncer]\nlisten_addr = 127.0.0.1\nlisten_port = {port}\nunix_socket_dir =\n\
-             auth_type = any\npool_mode = transaction\ndefault_pool_size = 4\nmax_client_conn = 200\n"
-        );
-        let file = folder.join("pgbouncer.ini");
-        std::fs::write(&file, settings).unwrap();
-        // It refuses to run as root.
-        let mut command = if rustix::process::getuid().is_root() {
-            use std::os::unix::fs::PermissionsExt;
-            std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0o755)).unwrap();
-            let mut command = Command::new("setpriv");
-            command.args(["--reuid=postgres", "--regid=postgres", "--clear-groups"]).arg(binary);
-            command
-        } else {
-            Command::new(binary)
-        };
-        let process = command.arg("-q").arg(&file).stderr(Stdio::null()).spawn().unwrap();
-        let begun = Instant::now();
-        while std::net::TcpStream::connect(("127.0.0.1", port)).is_err() {
-            assert!(begun.elapsed() < PATIENCE, "PgBouncer does not start");
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        Some((Self(process), format!("postgres://postgres@127.0.0.1:{port}/{name}?sslmode=disable")))
-    }
-}
-
-impl Drop for Pooler {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-impl Places {
-    /// Fresh ones; `None` where PostgreSQL is not installed, which is said.
-    fn new() -> Option<Self> {
-        let server = postgres::server()?;
-        let folder = tempfile::tempdir().unwrap();
-        let objects = format!("file://{}", folder.path().join("objects").display());
-        Some(Self { database: server.database_of(folder.path()), pooler: None, objects, s3: None, folder })
-    }
-
-    /// The same with objects in a store that speaks S3, whose requests are signed.
-    fn over_s3() -> Option<Self> {
-        let mut places = Self::new()?;
-        let [signed, open] = [true, false].map(|signed| s3::of_folder(places.folder.path(), signed));
-        let keys = s3::KEYS.map(|(name, value)| (name, value.to_owned()));
-        places.objects = signed.objects;
-        places.s3 = Some((keys.into_iter().chain([("AWS_ENDPOINT", signed.endpoint)]).collect(), open.objects));
-        Some(places)
-    }
-
-    fn settings(&self) -> Vec<&str> {
-        let mut settings = vec!["--database", &self.database, "--objects", &self.objects, "--lease-seconds", "3"];
-        if let Some((direct, _)) = &self.pooler {
-            settings.extend(["--database-direct", direct]);
-        }
-        settings
-    }
-
-    fn environment(&self) -> Vec<(&str, &str)> {
-        let told = self.s3.iter().flat_map(|(told, _)| told);
-        told.map(|(name, value)| (*name, value.as_str())).collect()
-    }
-
-    /// A server that leaves jobs to others. A data folder is none of its business.
-    fn server(&self) -> Server {
-        let nowhere = Path::new("/nonexistent/chladni-data");
-        Server::start_in(nowhere, &[&self.settings()[..], &["--workers", "0"]].concat(), &self.environment())
-    }
-
-    fn worker(&self, settings: &[&str]) -> Worker {
-        Worker::start(&[&self.settings()[..], settings].concat(), &self.environment())
-    }
-
-    /// Looks at everything that must hold of what is stored.
-    async fn check(&self) -> usize {
-        let objects = self.s3.as_ref().map_or(&self.objects, |(_, open)| open).clone();
-        let direct = self.pooler.as_ref().map(|(direct, _)| direct.clone());
-        let shared = SharedPlaces { database: self.database.clone(), direct, objects };
-        let options = StoreOptions { shared: Some(shared), ..StoreOptions::new(self.folder.path()) };
-        let store = Store::open(options).await.unwrap();
-        let page = PageRequest { limit: PageRequest::MOST, from: None };
-        let jobs = store.jobs(&JobFilter::default(), &page).await.unwrap().items;
-        let bases = store.bases(&BasisFilter::default(), &page).await.unwrap().items;
-        for job in &jobs {
-            assert!(job.attempt <= job.max_attempts);
-            assert_eq!(job.status == JobStatus::Succeeded, job.basis.is_some(), "{job:?}");
-        }
-        for basis in &bases {
-            let job = jobs.iter().find(|job| job.id == basis.job).unwrap();
-            assert_eq!((job.status, job.basis), (JobStatus::Succeeded, Some(basis.id)));
-            // Loading verifies the hash.
-            assert_eq!(store.load_basis(basis.id).await.unwrap().eigenvalues, basis.eigenvalues);
-        }
-        assert_eq!(bases.len(), jobs.iter().filter(|job| job.basis.is_some()).count());
-        let examined = store.examine(false).await.unwrap();
-        assert!(examined.findings.iter().all(|finding| finding.what.contains("nothing refers to it")), "{examined:?}");
-        store.close().await;
-        jobs.len()
-    }
-}
-
-/// A worker process.
-struct Worker(Child);
-
-impl Worker {
-    fn start(settings: &[&str], environment: &[(&str, &str)]) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_chladni"))
-            .args(["worker", "--threads", "1", "--gpu", "off", "--log-level", "error", "--heartbeat-seconds", "0.2"])
-            .args(settings)
-            .envs(environment.iter().copied())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        assert_eq!(line, "working\n");
-        Self(process)
-    }
-
-    /// Waits until the process has ended by itself, and says how.
-    fn ended(mut self) -> Option<i32> {
-        let begun = Instant::now();
-        loop {
-            if let Some(status) = self.0.try_wait().unwrap() {
-                return status.signal();
-            }
-            assert!(begun.elapsed() < PATIENCE, "the worker is still alive");
-            std::thread::sleep(Duration::from_millis(5));
-        }
-    }
-
-    fn signal(&self, signal: rustix::process::Signal) {
-        rustix::process::kill_process(rustix::process::Pid::from_child(&self.0), signal).unwrap();
-    }
-}
-
-impl Drop for Worker {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn two_servers_and_two_workers_are_one_service() {
@@ -453,6 +279,20 @@ async fn a_folder_is_moved_where_many_share_it_however_often_that_is_killed() {
     // Another time there is nothing to do.
     let again = migrate(&[]);
     assert_eq!(serde_json::from_slice::<Value>(&again.stdout).unwrap()["written"], 0, "{again:?}");
+    // Every object is damaged, one altogether. The next copy mends what is referred to: a mesh and two bases.
+    let objects = std::fs::read_dir(places.folder.path().join("s3/spectra/lab/one/b")).unwrap();
+    let objects: Vec<_> = objects.map(|entry| entry.unwrap().path()).filter(|path| path.is_file()).collect();
+    for object in &objects {
+        let mut bytes = std::fs::read(object).unwrap();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        std::fs::write(object, bytes).unwrap();
+    }
+    let largest = objects.iter().max_by_key(|path| path.metadata().unwrap().len()).unwrap();
+    std::fs::remove_file(largest).unwrap();
+    let mended = migrate(&[]);
+    assert_eq!(serde_json::from_slice::<Value>(&mended.stdout).unwrap()["written"], 3, "{mended:?}");
+    assert_eq!(serde_json::from_slice::<Value>(&migrate(&[]).stdout).unwrap()["written"], 0);
     let server = places.server();
     for ((job, basis), (bytes, records)) in bases.iter().zip(&before) {
         assert!(content(&server, basis).await == *bytes);
@@ -470,6 +310,21 @@ async fn a_folder_is_moved_where_many_share_it_however_often_that_is_killed() {
         !refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains("nothing else"),
         "{refused:?}"
     );
+}
+
+#[test]
+fn a_worker_with_wrong_keys_says_so_at_once() {
+    let Some(places) = Places::over_s3() else { return };
+    let mut environment = places.environment();
+    environment.push(("AWS_SECRET_ACCESS_KEY", "a guess"));
+    let begun = Instant::now();
+    let mut settings = places.settings();
+    settings.extend(["--threads", "1", "--gpu", "off", "--log-level", "error"]);
+    let refused =
+        Command::new(env!("CARGO_BIN_EXE_chladni")).arg("worker").args(settings).envs(environment).output().unwrap();
+    let told = String::from_utf8_lossy(&refused.stderr);
+    assert!(!refused.status.success() && told.contains("the storage refuses"), "{refused:?}");
+    assert!(begun.elapsed() < PATIENCE / 4);
 }
 
 #[test]

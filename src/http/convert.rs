@@ -49,6 +49,9 @@ impl From<StoreError> for Problem {
             StoreError::QueueFull { limit, .. } => {
                 Self::new(&problem::QUEUE_FULL, text).with("limit", limit).retry_after(10)
             }
+            StoreError::JobTooLarge { needed, limit } => {
+                Self::new(&problem::JOB_TOO_LARGE, text).with("estimate", needed).with("limit", limit)
+            }
             StoreError::StorageFull { detail } => {
                 tracing::warn!(detail, "storage full");
                 Self::new(&problem::STORAGE_FULL, "The storage is full. Nothing was stored.").retry_after(60)
@@ -56,6 +59,10 @@ impl From<StoreError> for Problem {
             StoreError::Busy { detail } => {
                 tracing::warn!(detail, "storage busy");
                 Self::new(&problem::STORAGE_BUSY, "The storage is busy. Nothing was stored; try again.").retry_after(1)
+            }
+            StoreError::Unavailable { detail } => {
+                tracing::warn!(detail, "storage unavailable");
+                Self::new(&problem::STORAGE_UNAVAILABLE, "The storage does not answer. Try again.").retry_after(5)
             }
             StoreError::Moved { .. } => Self::new(&problem::STORAGE_REPLACED, text),
             StoreError::Damaged { hash, how } => {

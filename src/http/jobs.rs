@@ -88,14 +88,6 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
     let key = idempotency_key(&headers)?;
     let mut request = read(&state, &headers, body).await?;
     let Planned { source, parameters, estimate, limit, .. } = plan(&state, &numbered, &mut request).await?;
-    if estimate > limit {
-        return Err(Problem::new(
-            &problem::JOB_TOO_LARGE,
-            format!("The job needs about {estimate} bytes of memory; {limit} is the most that one may have here."),
-        )
-        .with("estimate", estimate)
-        .with("limit", limit));
-    }
     let canonical = parameters.canonical();
     let brief = chladni_work::abbreviated(&canonical);
     let idempotency = key.map(|key| IdempotencyKey {
@@ -115,6 +107,7 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
             max_attempts: state.config.max_attempts,
             solver_version: SOLVER_VERSION.to_owned(),
             memory_bytes: estimate,
+            most_bytes: limit,
         })
         .await?;
     let (record, outcome) = (enqueued.record, enqueued.outcome);
@@ -165,11 +158,11 @@ pub(super) async fn plan(
     if request.kind == ProductKind::PencilBasis.name() {
         return plan_on_problem(state, request).await;
     }
-    let given = mesh_of(request)?;
+    let given = mesh_of(state, request)?;
     let found = state.store.mesh(&given).await;
     if found.is_err() {
         // What can be told without a mesh is told first.
-        JobParameters::read(&request.kind, &request.parameters)?;
+        parameters_of(state, request)?;
     }
     let mesh = found.map_err(|error| match error {
         StoreError::NotFound { .. } => Problem::new(
@@ -187,7 +180,7 @@ pub(super) async fn plan(
     };
     let to = numbered.on_mesh(state, &mesh.id).await?.turning(mesh.turned_faces());
     translate_parameters(&mut request.parameters, &to, size)?;
-    let parameters = JobParameters::read(&request.kind, &request.parameters)?;
+    let parameters = parameters_of(state, request)?;
     request.parameters = Packed::Null;
     parameters.check_mesh(size)?;
     Ok(Planned {
@@ -199,11 +192,17 @@ pub(super) async fn plan(
     })
 }
 
+/// What a request asks for.
+fn parameters_of(state: &ClientState, request: &JobRequest) -> Result<JobParameters, Problem> {
+    let read = if state.config.idle_jobs { JobParameters::read_any } else { JobParameters::read };
+    Ok(read(&request.kind, &request.parameters)?)
+}
+
 /// The mesh that a request names.
-fn mesh_of(request: &JobRequest) -> Result<String, Problem> {
+fn mesh_of(state: &ClientState, request: &JobRequest) -> Result<String, Problem> {
     let refused = |reason: &str| Err(Problem::new(&problem::INVALID_REQUEST, reason));
     if !chladni_work::KINDS.contains(&request.kind.as_str()) {
-        JobParameters::read(&request.kind, &request.parameters)?;
+        parameters_of(state, request)?;
     }
     match (&request.mesh, &request.pencil) {
         (_, Some(_)) => refused("pencil: belongs to jobs of the kind \"pencil_basis\"."),

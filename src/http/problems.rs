@@ -37,7 +37,7 @@ pub const SOLVE: List = &[
 pub const PAGE: List = &[&problem::INVALID_QUERY, &problem::INVALID_CURSOR];
 
 /// What whatever writes to the store may answer.
-pub const WRITE: List = &[&problem::STORAGE_FULL, &problem::STORAGE_BUSY];
+pub const WRITE: List = &[&problem::STORAGE_FULL, &problem::STORAGE_BUSY, &problem::STORAGE_UNAVAILABLE];
 
 /// The responses of a route for the kinds in `lists`: one for each status.
 pub fn responses(lists: &[&[&'static Kind]]) -> BTreeMap<String, RefOr<Response>> {

@@ -141,7 +141,7 @@ async fn verify_basis(state: ClientState, BasisId(id): BasisId, headers: HeaderM
         JobParameters::Eigenbasis(parameters) => verify_eigenbasis(state, record, parameters).await,
         JobParameters::VibrationBasis(parameters) => verify_vibration(state, record, parameters).await,
         JobParameters::PencilBasis(parameters) => verify_pencil(state, record, parameters).await,
-        JobParameters::FieldBasis(_) | JobParameters::OperatorFamily(_) => {
+        JobParameters::FieldBasis(_) | JobParameters::OperatorFamily(_) | JobParameters::Idle(_) => {
             // It is of another kind, and this says so.
             Err(find_kind(&state, id, ProductKind::Eigenbasis)
                 .await

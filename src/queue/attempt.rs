@@ -172,6 +172,13 @@ async fn load_subject(
             Err(error) if shared.store.is_shared() && error.is_retryable() && begun.elapsed() < SUBJECT_PATIENCE => {
                 tracing::warn!(%error, "what the job is about cannot be read yet");
             }
+            // The job is as good as before, and another worker may be let in.
+            Err(error @ StoreError::Refused { .. }) => {
+                tracing::error!(%error, "what the job is about may not be read; this process takes no jobs until it may");
+                shared.note_refusal();
+                settle(shared, &job.kind, Ending::Released, token).await;
+                return Ok(None);
+            }
             loaded => return loaded.map(Some),
         }
         let verdict = tokio::select! {
@@ -234,6 +241,10 @@ async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &Attemp
         Err(error) => {
             let name = match &error {
                 StoreError::StorageFull { .. } => "storage-full",
+                StoreError::Refused { .. } => {
+                    shared.note_refusal();
+                    "storage-refused"
+                }
                 _ => "storage-unavailable",
             };
             settle(shared, kind, Ending::Failed(problem(name, &error), true), token).await;

@@ -3,10 +3,10 @@
 use std::{
     panic::AssertUnwindSafe,
     sync::{
-        Arc,
+        Arc, Mutex, PoisonError,
         atomic::{AtomicUsize, Ordering},
     },
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use futures_util::FutureExt;
@@ -60,6 +60,8 @@ impl Default for WorkerOptions {
 
 /// An idle worker looks at the queue this often, beside being rung for.
 const IDLE: Duration = Duration::from_millis(500);
+/// A process whom the storage refuses asks this often whether it is let in, and takes no jobs until then.
+const REFUSED_PAUSE: Duration = Duration::from_secs(5);
 /// Attempts that hang cannot be ended, only left behind, and each keeps its threads and memory: with so many, no more jobs
 /// are claimed.
 const MOST_LEFT_BEHIND: usize = 4;
@@ -75,12 +77,35 @@ pub(super) struct Shared {
     pub budget: Arc<Budget>,
     /// True from when running jobs go back to the queue.
     pub give_back: watch::Sender<bool>,
+    /// Since when the storage has refused this process, where it did.
+    pub refused: Mutex<Option<Instant>>,
     /// What this process has for jobs, under a name that no other has.
     own: Worker,
     stopping: watch::Sender<bool>,
 }
 
 impl Shared {
+    /// Remembers that the storage refused this process.
+    pub fn note_refusal(&self) {
+        *self.refused.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+    }
+
+    /// Whether the storage lets this process in, as far as is known: after a refusal it is asked, now and then.
+    async fn is_let_in(&self) -> bool {
+        let refused = *self.refused.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(since) = refused else { return true };
+        if since.elapsed() < REFUSED_PAUSE {
+            return false;
+        }
+        if let Err(error) = self.store.reach_content().await {
+            tracing::error!(%error, "no jobs are taken");
+            self.note_refusal();
+            return false;
+        }
+        *self.refused.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        true
+    }
+
     fn stopping(&self) -> bool {
         *self.stopping.borrow()
     }
@@ -135,6 +160,7 @@ impl WorkerPool {
             runner,
             observer,
             left_behind: Arc::default(),
+            refused: Mutex::default(),
             give_back: watch::Sender::new(false),
             stopping: watch::Sender::new(false),
             options,
@@ -221,7 +247,7 @@ async fn work(shared: Arc<Shared>, worker: usize, share: usize) {
 /// Claims and runs a job; `None` where there is none to do.
 async fn one_job(shared: &Arc<Shared>, worker: &str, pool: &rayon::ThreadPool) -> Option<Threads> {
     // On a full disk no result could be stored: the job had better wait.
-    if shared.hanging() >= MOST_LEFT_BEHIND || !shared.store.has_space() {
+    if shared.hanging() >= MOST_LEFT_BEHIND || !shared.store.has_space() || !shared.is_let_in().await {
         return None;
     }
     match shared.budget.claim(worker, &shared.options).await {

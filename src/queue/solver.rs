@@ -5,6 +5,7 @@ use std::sync::Arc;
 use chladni_base::Monitor;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::spectrum::pencil::Matrices;
+use chladni_work::packed::Packed;
 use chladni_work::{JobError, JobParameters};
 
 use super::{JobFailure, Outcome, Runner, Watch};
@@ -47,7 +48,8 @@ impl Runner for Solver {
 }
 
 fn parameters(job: &JobRecord) -> Result<JobParameters, JobFailure> {
-    JobParameters::parse(&job.kind, &job.parameters).map_err(JobError::from).map_err(failure)
+    // What is in the queue was let in, trials as well.
+    JobParameters::read_any(&job.kind, &Packed::from(&job.parameters)).map_err(JobError::from).map_err(failure)
 }
 
 fn solve(

@@ -14,7 +14,7 @@ use super::{
     BasisFilter, BasisRecord, BasisStorage, JobRecord, Page, PageRequest, Store, StoreError, Weighed, blobs,
     catalog::Transaction,
     detached, from_json,
-    jobs::{job_from_row, uuid_column},
+    jobs::{self, job_from_row, uuid_column},
     meshes::push_filter,
     sql::{self, QueryBuilder, Row},
     to_json,
@@ -67,10 +67,11 @@ impl Store {
     async fn delete_basis_now(&self, id: Uuid) -> Result<(), StoreError> {
         let _alone = self.inner.blob_use.write().await;
         let mut transaction = self.inner.catalog.write().await?;
-        let jobs = sql::query("UPDATE jobs SET basis = NULL, revision = revision + 1 WHERE basis = ? RETURNING *")
-            .bind(id.to_string())
-            .fetch_all(transaction.on())
-            .await?;
+        let jobs =
+            sql::query(jobs::returning!("UPDATE jobs SET basis = NULL, revision = revision + 1 WHERE basis = ?"))
+                .bind(id.to_string())
+                .fetch_all(transaction.on())
+                .await?;
         let hash: Option<String> = sql::query_scalar("DELETE FROM bases WHERE id = ? RETURNING content_hash")
             .bind(id.to_string())
             .fetch_optional(transaction.on())

@@ -10,7 +10,7 @@ use tokio::sync::mpsc;
 use uuid::Uuid;
 
 #[cfg(feature = "cluster")]
-use super::objects::{Objects, Upload};
+use super::objects::{Objects, Sealed, Upload};
 use super::{
     Store, StoreError,
     database::{Database, WriteTransaction},
@@ -385,12 +385,13 @@ impl Store {
             (Blobs::Chunks(blobs), Writing::Chunks { id, .. }) => self.finish_chunks(blobs, *id, hash, bytes).await?,
             #[cfg(feature = "cluster")]
             (Blobs::Objects(objects), Writing::Objects(upload)) => {
+                let sealed = objects.seal(upload, bytes).await?;
                 self.faults().reach(FailPoint::BeforeBlobReady);
-                let damaged = match objects.place(hash).await? {
-                    Some(place) if self.is_damaged(hash).await? => Some(place.id),
-                    _ => None,
-                };
-                objects.finish(upload, hash, bytes, damaged, self.now_ms()).await?;
+                // What was made is there as a whole: a database that is away is no reason to make it again.
+                match upload.patient {
+                    true => self.patiently(|| Box::pin(self.make_ready(objects, &sealed, hash))).await?,
+                    false => self.make_ready(objects, &sealed, hash).await?,
+                }
             }
             #[cfg(feature = "cluster")]
             _ => return Err(another_place()),
@@ -399,6 +400,16 @@ impl Store {
         self.count_reusable().await?;
         self.faults().reach(FailPoint::AfterBlobReady);
         Ok(())
+    }
+
+    /// Makes an object ready that is there as a whole.
+    #[cfg(feature = "cluster")]
+    pub(super) async fn make_ready(&self, objects: &Objects, sealed: &Sealed, hash: &str) -> Result<(), StoreError> {
+        let damaged = match objects.place(hash).await? {
+            Some(place) if place.id != sealed.id && self.is_damaged(hash).await? => Some(place.id),
+            _ => None,
+        };
+        objects.make_ready(sealed, hash, damaged, self.now_ms()).await
     }
 
     /// Verifies the chunks that were written and makes their blob ready.

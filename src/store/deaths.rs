@@ -12,7 +12,7 @@ use super::{
     FailAnswer, JobProblem, JobRecord, JobStatus, Reaped, Store, StoreError, StoreOptions,
     catalog::Transaction,
     detached,
-    jobs::job_from_row,
+    jobs::{self, job_from_row},
     leases::{expiry, finish, leased_row, requeue},
     sql,
 };
@@ -39,7 +39,7 @@ impl Store {
             std::fs::read_to_string(&mark).ok().map(|text| text.trim().to_owned()).filter(|text| !text.is_empty());
         let now_ms = self.now_ms();
         let mut transaction = self.inner.catalog.write().await?;
-        let rows = sql::query("SELECT * FROM jobs WHERE status = 'processing'").fetch_all(transaction.on()).await?;
+        let rows = sql::query(jobs::select!("WHERE status = 'processing'")).fetch_all(transaction.on()).await?;
         let mut reaped = Vec::with_capacity(rows.len());
         for row in &rows {
             let job = job_from_row(row)?;

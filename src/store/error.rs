@@ -63,6 +63,14 @@ pub enum StoreError {
         /// The most that may.
         limit: u64,
     },
+    /// A job that nobody can run: it needs more memory than any worker has, or than one may have.
+    #[error("the job needs about {needed} bytes of memory; {limit} is the most that one may have here")]
+    JobTooLarge {
+        /// About how many bytes it needs.
+        needed: u64,
+        /// The most that one may have.
+        limit: u64,
+    },
     /// A page cursor was not made by this store.
     #[error("the page cursor {cursor:?} is not one of this service")]
     InvalidCursor {
@@ -162,7 +170,14 @@ pub enum StoreError {
         /// What the operating system said.
         source: std::io::Error,
     },
-    /// Anything else: the store is shut, or the database refused.
+    /// The database or the object store answers, and refuses: by keys, a password or rights that are wrong, or for want of the bucket or the database. Only
+    /// who runs the service can change that, so that nothing is tried again.
+    #[error("the storage refuses: {detail}")]
+    Refused {
+        /// What it said.
+        detail: String,
+    },
+    /// Anything else: the store is shut, or the database does not answer.
     #[error("the storage is unavailable: {detail}")]
     Unavailable {
         /// What happened.
@@ -192,6 +207,7 @@ impl From<sqlx::Error> for StoreError {
                 Trouble::Busy => Self::Busy { detail },
                 Trouble::Full => Self::StorageFull { detail },
                 Trouble::Corrupt => Self::Corrupt { detail },
+                Trouble::Refused => Self::Refused { detail },
                 Trouble::Other => Self::Unavailable { detail },
             },
             sqlx::Error::PoolTimedOut => Self::Busy { detail },
@@ -207,6 +223,7 @@ enum Trouble {
     Busy,
     Full,
     Corrupt,
+    Refused,
     Other,
 }
 
@@ -219,6 +236,8 @@ fn trouble(code: &str) -> Trouble {
             "53100" => Trouble::Full,
             // Damaged data or index.
             "XX001" | "XX002" => Trouble::Corrupt,
+            // Who it is, what it may do, and whether there is such a database or table: no outage.
+            _ if ["28", "3D", "42"].iter().any(|class| code.starts_with(class)) => Trouble::Refused,
             // Shutdowns (57P) and lost connections (08) among them: trying again later may work.
             _ => Trouble::Other,
         };
@@ -244,7 +263,10 @@ mod tests {
         }
         assert_eq!([trouble("13"), trouble("53100")], [Trouble::Full; 2]);
         assert_eq!([trouble("11"), trouble("26"), trouble("XX001")], [Trouble::Corrupt; 3]);
-        for code in ["1", "19", "57P01", "08006", "words"] {
+        for code in ["28P01", "28000", "3D000", "42501", "42P01"] {
+            assert_eq!(trouble(code), Trouble::Refused, "{code}");
+        }
+        for code in ["1", "19", "57P01", "57P03", "08006", "25006", "words"] {
             assert_eq!(trouble(code), Trouble::Other, "{code}");
         }
     }

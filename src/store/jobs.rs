@@ -19,16 +19,32 @@ const MOST_RACES: usize = 20;
 /// For so long a repeated request with the same idempotency key is answered with the job of the first.
 const KEY_LIFE_MS: i64 = 7 * 24 * 3600 * 1000;
 
-/// Selects jobs as they are shown: of parameters that have a short form, which may be megabytes, nothing is read.
-macro_rules! shown {
+/// The columns of a job, with its parameters as they are shown: those in full may be megabytes, and lie elsewhere.
+macro_rules! columns {
     () => {
-        "SELECT sequence, id, kind, mesh, CASE WHEN brief IS NULL THEN parameters END AS parameters, brief, priority, status, stage, progress, detail,
-            stage_seconds, attempt, max_attempts, cancel_requested, basis, problem, work_key, solver_version, created_ms, enqueued_ms, not_before_ms,
-            started_ms, finished_ms, memory_bytes, revision FROM jobs"
+        "jobs.sequence AS sequence, id, kind, mesh, priority, status, stage, progress, detail, stage_seconds, attempt, max_attempts, cancel_requested, basis, problem,
+            work_key, solver_version, created_ms, enqueued_ms, not_before_ms, started_ms, finished_ms, memory_bytes, revision, deaths, interruptions,
+            (SELECT shown FROM job_parameters WHERE job_parameters.job = jobs.id) AS parameters"
     };
 }
 
-const ONE: &str = concat!(shown!(), " WHERE id = ?");
+/// Selects jobs; what follows says which.
+macro_rules! select {
+    ($which:literal) => {
+        concat!("SELECT ", $crate::store::jobs::columns!(), " FROM jobs ", $which)
+    };
+}
+
+/// A statement that changes jobs and gives them as they are now.
+macro_rules! returning {
+    ($change:literal) => {
+        concat!($change, " RETURNING ", $crate::store::jobs::columns!())
+    };
+}
+
+pub(super) use {columns, returning, select};
+
+const ONE: &str = select!("WHERE id = ?");
 
 impl Store {
     /// Enqueues a job once: the same idempotency key gives the job that it gave before, and equal work that waits, runs or is
@@ -101,20 +117,20 @@ impl Store {
         require_source(on, &new.kind, &new.mesh).await?;
         // A job that is asked to stop will not do the work.
         // Kept, lest a key be written down for a job that is deleted meanwhile.
-        let same = on.keeping(
-            "SELECT * FROM jobs WHERE work_key = ?
+        let same = on.keeping(select!(
+            "WHERE work_key = ?
                AND ((status IN ('enqueued', 'processing') AND cancel_requested = 0) OR (status = 'succeeded' AND basis IS NOT NULL))
-             ORDER BY sequence DESC LIMIT 1",
-        );
+             ORDER BY sequence DESC LIMIT 1"
+        ));
         let same = sql::query(same).bind(&new.work_key).fetch_optional(on.on()).await?;
         let (record, outcome) = match same {
             Some(row) => {
                 // Whoever is in more of a hurry moves the work that both wait for.
                 let job = job_from_row(&row)?;
-                let raised = sql::query(
+                let raised = sql::query(returning!(
                     "UPDATE jobs SET priority = ?1, revision = revision + 1
-                     WHERE id = ?2 AND status = 'enqueued' AND priority < ?1 RETURNING *",
-                )
+                     WHERE id = ?2 AND status = 'enqueued' AND priority < ?1"
+                ))
                 .bind(new.priority)
                 .bind(job.id.to_string())
                 .fetch_optional(on.on())
@@ -151,27 +167,43 @@ impl Store {
         new: &NewJob,
         now_ms: i64,
     ) -> Result<Option<JobRecord>, StoreError> {
+        if new.memory_bytes > new.most_bytes {
+            return Err(StoreError::JobTooLarge { needed: new.memory_bytes, limit: new.most_bytes });
+        }
         self.check_queue(on).await?;
-        let row = sql::query(
-            "INSERT INTO jobs (id, kind, mesh, parameters, priority, status, max_attempts, work_key, solver_version,
-                created_ms, enqueued_ms, not_before_ms, memory_bytes, brief)
-             VALUES (?1, ?2, ?3, ?4, ?5, 'enqueued', ?6, ?7, ?8, ?9, ?9, ?9, ?10, ?11)
-             ON CONFLICT (work_key) WHERE status IN ('enqueued', 'processing') AND cancel_requested = 0 DO NOTHING RETURNING *",
+        let id = Uuid::now_v7();
+        let inserted = sql::query(
+            "INSERT INTO jobs (id, kind, mesh, priority, status, max_attempts, work_key, solver_version,
+                created_ms, enqueued_ms, not_before_ms, memory_bytes)
+             VALUES (?1, ?2, ?3, ?4, 'enqueued', ?5, ?6, ?7, ?8, ?8, ?8, ?9)
+             ON CONFLICT (work_key) WHERE status IN ('enqueued', 'processing') AND cancel_requested = 0 DO NOTHING",
         )
-        .bind(Uuid::now_v7().to_string())
+        .bind(id.to_string())
         .bind(&new.kind)
         .bind(&new.mesh)
-        .bind(to_json(&new.parameters)?)
         .bind(new.priority)
         .bind(i64::from(new.max_attempts.max(1)))
         .bind(&new.work_key)
         .bind(&new.solver_version)
         .bind(now_ms)
         .bind(i64::try_from(new.memory_bytes).unwrap_or(i64::MAX))
-        .bind(new.brief.as_ref().map(to_json).transpose()?)
-        .fetch_optional(on.on())
+        .execute(on.on())
         .await?;
-        row.as_ref().map(job_from_row).transpose()
+        if inserted == 0 {
+            return Ok(None);
+        }
+        let whole = to_json(&new.parameters)?;
+        let (shown, whole) = match &new.brief {
+            Some(brief) => (to_json(brief)?, Some(whole)),
+            None => (whole, None),
+        };
+        sql::query("INSERT INTO job_parameters (job, shown, whole) VALUES (?, ?, ?)")
+            .bind(id.to_string())
+            .bind(shown)
+            .bind(whole)
+            .execute(on.on())
+            .await?;
+        sql::query(ONE).bind(id.to_string()).fetch_one(on.on()).await.map(|row| job_from_row(&row))?.map(Some)
     }
 
     async fn check_queue(&self, on: &mut Transaction) -> Result<(), StoreError> {
@@ -199,7 +231,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`].
     pub async fn job_parameters(&self, id: Uuid) -> Result<serde_json::Value, StoreError> {
-        let text: Option<String> = sql::query_scalar("SELECT parameters FROM jobs WHERE id = ?")
+        let text: Option<String> = sql::query_scalar("SELECT COALESCE(whole, shown) FROM job_parameters WHERE job = ?")
             .bind(id.to_string())
             .fetch_optional(self.inner.catalog.reader())
             .await?;
@@ -211,7 +243,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::InvalidCursor`].
     pub async fn jobs(&self, filter: &JobFilter, page: &PageRequest) -> Result<Page<JobRecord>, StoreError> {
-        let mut query = QueryBuilder::new(concat!(shown!(), " WHERE sequence < "));
+        let mut query = QueryBuilder::new(select!("WHERE sequence < "));
         query.push_bind(page.below()?);
         push_filter(&mut query, "status", filter.status.map(JobStatus::as_str));
         push_filter(&mut query, "kind", filter.kind.as_deref());
@@ -258,14 +290,14 @@ impl Store {
 
     async fn cancel_job_now(&self, id: Uuid) -> Result<JobRecord, StoreError> {
         let mut transaction = self.inner.catalog.write().await?;
-        let changed = sql::query(
+        let changed = sql::query(returning!(
             "UPDATE jobs SET
                 status = CASE status WHEN 'enqueued' THEN 'canceled' ELSE status END,
                 finished_ms = CASE status WHEN 'enqueued' THEN ?1 ELSE finished_ms END,
                 cancel_requested = CASE status WHEN 'enqueued' THEN 0 ELSE 1 END,
                 revision = revision + 1
-             WHERE id = ?2 AND (status = 'enqueued' OR (status = 'processing' AND cancel_requested = 0)) RETURNING *",
-        )
+             WHERE id = ?2 AND (status = 'enqueued' OR (status = 'processing' AND cancel_requested = 0))"
+        ))
         .bind(self.now_ms())
         .bind(id.to_string())
         .fetch_optional(transaction.on())
@@ -350,13 +382,13 @@ impl Store {
         }
         require_source(on, &job.kind, &job.mesh).await?;
         self.check_queue(on).await?;
-        let row = sql::query(
+        let row = sql::query(returning!(
             "UPDATE jobs SET status = 'enqueued', attempt = 0, cancel_requested = 0, problem = NULL, basis = NULL, deaths = 0,
                 interruptions = 0, stage = NULL,
                 progress = NULL, detail = NULL, stage_seconds = '[]', enqueued_ms = ?1, not_before_ms = ?1, started_ms = NULL,
                 finished_ms = NULL, revision = revision + 1
-             WHERE id = ?2 RETURNING *",
-        )
+             WHERE id = ?2"
+        ))
         .bind(self.now_ms())
         .bind(id.to_string())
         .fetch_one(on.on())
@@ -442,7 +474,7 @@ async fn require_source(on: &mut Transaction, kind: &str, id: &str) -> Result<()
 
 /// Reads a job within a transaction, in which nobody else changes it.
 pub(super) async fn read_job(on: &mut Transaction, id: Uuid) -> Result<JobRecord, StoreError> {
-    sql::query(on.locking("SELECT * FROM jobs WHERE id = ?"))
+    sql::query(on.locking(select!("WHERE id = ?")))
         .bind(id.to_string())
         .fetch_optional(on.on())
         .await?
@@ -454,24 +486,15 @@ fn unknown_job(id: Uuid) -> StoreError {
     StoreError::NotFound { resource: "job", id: id.to_string() }
 }
 
+/// A job with its parameters as they are shown.
 pub(super) fn job_from_row(row: &Row) -> Result<JobRecord, StoreError> {
-    let shown = if row.try_get::<Option<&str>, _>("brief")?.is_some() { "brief" } else { "parameters" };
-    job_with(row, shown)
-}
-
-/// The same with its parameters in full.
-pub(super) fn whole_job_from_row(row: &Row) -> Result<JobRecord, StoreError> {
-    job_with(row, "parameters")
-}
-
-fn job_with(row: &Row, parameters: &str) -> Result<JobRecord, StoreError> {
     let basis: Option<&str> = row.try_get("basis")?;
     let problem: Option<&str> = row.try_get("problem")?;
     Ok(JobRecord {
         id: uuid_column(row, "id")?,
         kind: row.try_get("kind")?,
         mesh: row.try_get("mesh")?,
-        parameters: from_json(parameters, row.try_get(parameters)?)?,
+        parameters: from_json("parameters", row.try_get("parameters")?)?,
         priority: row.try_get("priority")?,
         status: status_column(row)?,
         stage: row.try_get("stage")?,

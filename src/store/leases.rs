@@ -1,7 +1,10 @@
 //! Jobs as workers see them. A claim gives a lease; every later write carries its token, so a worker that lost its lease
 //! changes nothing.
 
-use std::time::Duration;
+use std::{
+    sync::{Mutex, PoisonError},
+    time::Duration,
+};
 
 use chladni_spectral::basis::Product;
 use uuid::Uuid;
@@ -13,7 +16,8 @@ use super::{
     deaths::SUSPICIOUS_INTERRUPTIONS,
     detached,
     fault::FailPoint,
-    jobs::{job_from_row, uuid_column, whole_job_from_row},
+    from_json,
+    jobs::{self, job_from_row, uuid_column},
     sql::{self, QueryBuilder},
     to_json,
 };
@@ -106,6 +110,28 @@ pub struct Reaped {
     pub job: JobRecord,
 }
 
+/// What an earlier try to complete a job has written, if its commit came through: the answer that says so may be lost with the connection.
+#[derive(Debug, Default)]
+pub(super) struct Tried(Mutex<Option<(Uuid, i64)>>);
+
+impl Tried {
+    fn note(&self, basis: Uuid, now_ms: i64) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((basis, now_ms));
+    }
+
+    /// The basis, where it is there.
+    async fn found(&self, on: &mut Transaction) -> Result<Option<Uuid>, StoreError> {
+        let tried = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some((basis, created_ms)) = tried else { return Ok(None) };
+        let found: Option<i64> = sql::query_scalar("SELECT sequence FROM bases WHERE id = ? AND created_ms = ?")
+            .bind(basis.to_string())
+            .bind(created_ms)
+            .fetch_optional(on.on())
+            .await?;
+        Ok(found.map(|_| basis))
+    }
+}
+
 impl Store {
     /// Claims the ready job of the highest priority, the oldest among equals; `None` where none is ready. Each job is
     /// claimed by one worker only. An empty `kinds` claims every kind.
@@ -136,7 +162,10 @@ impl Store {
         let row = query.build().fetch_optional(transaction.on()).await?;
         transaction.commit().await?;
         let Some(row) = row else { return Ok(None) };
-        let job = whole_job_from_row(&row)?;
+        let mut job = job_from_row(&row)?;
+        if let Some(whole) = row.try_get::<Option<&str>, _>("whole")? {
+            job.parameters = from_json("whole", whole)?;
+        }
         let (deaths, interruptions): (i64, i64) = (row.try_get("deaths")?, row.try_get("interruptions")?);
         let alone = (deaths > 0 && !company.isolated) || interruptions >= SUSPICIOUS_INTERRUPTIONS;
         self.announce(&job);
@@ -184,7 +213,12 @@ impl Store {
                 query.push(" AND deaths = 0");
             }
         }
-        query.push(if shared { " RETURNING jobs.*" } else { " RETURNING *" });
+        // Whoever does the job needs its parameters in full.
+        query.push(concat!(
+            " RETURNING ",
+            jobs::columns!(),
+            ", (SELECT whole FROM job_parameters WHERE job_parameters.job = jobs.id) AS whole"
+        ));
         query
     }
 
@@ -200,7 +234,6 @@ impl Store {
     ) -> Result<HeartbeatAnswer, StoreError> {
         let expires_ms = expiry(self.now_ms(), lease);
         let mut transaction = self.inner.catalog.write().await?;
-        // The parameters of a job may be megabytes: only what is asked for comes back.
         let beaten = match progress {
             None => sql::query(
                 "UPDATE jobs SET lease_expires_ms = ? WHERE lease_token = ? AND status = 'processing'
@@ -260,7 +293,9 @@ impl Store {
             let _in_use = self.inner.blob_use.read().await;
             let written = self.put_product(token, product, numbering).await?;
             // Nothing is visible where it fails. Where the records are shared, locks are held for a moment and a database that restarts is back soon.
-            let answer = self.patiently(|| Box::pin(self.make_visible(token, written.as_ref(), &stage_seconds))).await;
+            let tried = Tried::default();
+            let answer =
+                self.patiently(|| Box::pin(self.make_visible(token, written.as_ref(), &stage_seconds, &tried))).await;
             (written, answer)
         };
         if let Some(written) = written
@@ -282,18 +317,26 @@ impl Store {
         Ok(asked == Some(false))
     }
 
-    async fn make_visible(
+    pub(super) async fn make_visible(
         &self,
         token: Uuid,
         written: Option<&WrittenBasis>,
         stage_seconds: &[(String, f64)],
+        tried: &Tried,
     ) -> Result<CompleteAnswer, StoreError> {
         let now_ms = self.now_ms();
         let reached = self.content_generation().await?;
         let mut transaction = self.inner.catalog.write().await?;
         let Some(job) = leased_job(&mut transaction, token).await? else {
+            let done = tried.found(&mut transaction).await?;
             transaction.rollback().await?;
-            return Ok(CompleteAnswer::Lost);
+            return Ok(match (done, written) {
+                (Some(id), Some(written)) => {
+                    written.remember(self, id);
+                    CompleteAnswer::Stored(id)
+                }
+                _ => CompleteAnswer::Lost,
+            });
         };
         transaction.remember(reached).await?;
         if job.cancel_requested {
@@ -308,11 +351,11 @@ impl Store {
             return Ok(CompleteAnswer::Lost);
         };
         let id = written.insert(&mut transaction, &job, stage_seconds, now_ms).await?;
-        let row = sql::query(
+        let row = sql::query(jobs::returning!(
             "UPDATE jobs SET status = 'succeeded', basis = ?, stage = NULL, progress = 1, detail = NULL, stage_seconds = ?, problem = NULL,
                 lease_token = NULL, lease_expires_ms = NULL, finished_ms = ?, revision = revision + 1
-             WHERE id = ? RETURNING *",
-        )
+             WHERE id = ?"
+        ))
         .bind(id.to_string())
         .bind(to_json(stage_seconds)?)
         .bind(now_ms)
@@ -320,6 +363,7 @@ impl Store {
         .fetch_one(transaction.on())
         .await?;
         self.faults().reach(FailPoint::BeforeComplete);
+        tried.note(id, now_ms);
         transaction.commit().await?;
         self.faults().reach(FailPoint::AfterComplete);
         written.remember(self, id);
@@ -414,8 +458,7 @@ impl Store {
     pub(super) async fn reap_leases(&self, until_ms: i64) -> Result<Vec<Reaped>, StoreError> {
         let now_ms = self.now_ms();
         let mut transaction = self.inner.catalog.write().await?;
-        let expired =
-            transaction.locking_free("SELECT * FROM jobs WHERE status = 'processing' AND lease_expires_ms < ?");
+        let expired = transaction.locking_free(jobs::select!("WHERE status = 'processing' AND lease_expires_ms < ?"));
         let rows = sql::query(expired).bind(until_ms).fetch_all(transaction.on()).await?;
         let mut reaped = Vec::with_capacity(rows.len());
         for row in &rows {
@@ -499,7 +542,7 @@ async fn leased_job(on: &mut Transaction, token: Uuid) -> Result<Option<JobRecor
 
 /// The row of the job that a lease is on, in which nobody else changes it.
 pub(super) async fn leased_row(on: &mut Transaction, token: Uuid) -> Result<Option<sql::Row>, StoreError> {
-    let held = on.locking("SELECT * FROM jobs WHERE lease_token = ? AND status = 'processing'");
+    let held = on.locking(jobs::select!("WHERE lease_token = ? AND status = 'processing'"));
     Ok(sql::query(held).bind(token.to_string()).fetch_optional(on.on()).await?)
 }
 
@@ -511,11 +554,11 @@ pub(super) async fn requeue(
     now_ms: i64,
     not_before_ms: i64,
 ) -> Result<JobRecord, StoreError> {
-    let row = sql::query(
+    let row = sql::query(jobs::returning!(
         "UPDATE jobs SET status = 'enqueued', attempt = ?, problem = ?, stage = NULL, progress = NULL, detail = NULL,
             enqueued_ms = ?, not_before_ms = ?, lease_token = NULL, lease_expires_ms = NULL, revision = revision + 1
-         WHERE id = ? RETURNING *",
-    )
+         WHERE id = ?"
+    ))
     .bind(i64::from(attempt))
     .bind(problem.map(to_json).transpose()?)
     .bind(now_ms)
@@ -533,11 +576,11 @@ pub(super) async fn finish(
     problem: Option<&JobProblem>,
     now_ms: i64,
 ) -> Result<JobRecord, StoreError> {
-    let row = sql::query(
+    let row = sql::query(jobs::returning!(
         "UPDATE jobs SET status = ?, problem = ?, cancel_requested = 0, lease_token = NULL, lease_expires_ms = NULL,
             finished_ms = ?, revision = revision + 1
-         WHERE id = ? RETURNING *",
-    )
+         WHERE id = ?"
+    ))
     .bind(status.as_str())
     .bind(problem.map(to_json).transpose()?)
     .bind(now_ms)

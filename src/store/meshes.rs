@@ -5,7 +5,7 @@ use std::{io::Write, sync::Arc};
 use super::sources::{NewSource, SourceKind};
 use super::{
     JobRecord, MeshRecord, NewMesh, Page, PageRequest, Store, StoreError, Stored, Weighed, blobs, detached, from_json,
-    jobs::job_from_row,
+    jobs::{self, job_from_row},
     sql::{self, QueryBuilder, Row},
 };
 use bytes::Bytes;
@@ -165,28 +165,28 @@ impl Store {
                 bases: bases as u64,
             });
         }
-        let mut changed = sql::query(
+        let mut changed = sql::query(jobs::returning!(
             "UPDATE jobs SET status = 'canceled', finished_ms = ?, revision = revision + 1
-             WHERE mesh = ? AND status = 'enqueued' RETURNING *",
-        )
+             WHERE mesh = ? AND status = 'enqueued'"
+        ))
         .bind(self.now_ms())
         .bind(id)
         .fetch_all(transaction.on())
         .await?;
         changed.extend(
-            sql::query(
+            sql::query(jobs::returning!(
                 "UPDATE jobs SET cancel_requested = 1, revision = revision + 1
-                 WHERE mesh = ? AND status = 'processing' AND cancel_requested = 0 RETURNING *",
-            )
+                 WHERE mesh = ? AND status = 'processing' AND cancel_requested = 0"
+            ))
             .bind(id)
             .fetch_all(transaction.on())
             .await?,
         );
         changed.extend(
-            sql::query(
+            sql::query(jobs::returning!(
                 "UPDATE jobs SET basis = NULL, revision = revision + 1
-                 WHERE basis IN (SELECT id FROM bases WHERE mesh = ?) RETURNING *",
-            )
+                 WHERE basis IN (SELECT id FROM bases WHERE mesh = ?)"
+            ))
             .bind(id)
             .fetch_all(transaction.on())
             .await?,

@@ -20,9 +20,10 @@ const ROWS: i64 = 20;
 const CHUNKS: usize = 32;
 
 /// What is copied: the table, the column that orders it, that by which a row is known, and whether it refers to content. Each refers to those before.
-const TABLES: [(&str, &str, &str, bool); 4] = [
+const TABLES: [(&str, &str, &str, bool); 5] = [
     ("meshes", "sequence", "id", true),
     ("jobs", "sequence", "id", false),
+    ("job_parameters", "job", "job", false),
     ("bases", "sequence", "id", true),
     ("idempotency_keys", "idempotency_key", "idempotency_key", false),
 ];
@@ -221,7 +222,32 @@ impl Store {
         Ok(())
     }
 
-    /// Compares every record, and reads all content back.
+    /// Reads content from beginning to end, and gives its bytes; `None` where it is not what was stored, or not there.
+    async fn read_back(&self, hash: &str) -> Result<Option<u64>, StoreError> {
+        let place = self.blob_place(hash).await?;
+        let read = match &self.inner.blobs {
+            Blobs::Objects(objects) => objects.hash(place.id).await,
+            Blobs::Chunks(blobs) => self.hash_chunks(blobs, place.id).await.map(|(hash, bytes, _)| (hash, bytes)),
+        };
+        match read {
+            Ok((found, bytes)) => Ok((found == hash && bytes == place.bytes).then_some(bytes)),
+            Err(StoreError::Corrupt { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Forgets an object that is damaged, so that its content can be written anew.
+    async fn give_up_content(&self, hash: &str) -> Result<(), StoreError> {
+        let Blobs::Objects(objects) = &self.inner.blobs else { return Ok(()) };
+        sql::query("UPDATE blobs SET state = 'gone', touched_ms = ? WHERE hash = ? AND state = 'ready'")
+            .bind(self.now_ms())
+            .bind(hash)
+            .execute(objects.records.on())
+            .await?;
+        Ok(())
+    }
+
+    /// Compares every record, and reads all content back. Content of an earlier copy that is damaged is copied once more.
     async fn verify_copy(&self, to: &Store, done: &mut Migrated) -> Result<(), MigrationError> {
         for (table, order, key, content) in TABLES {
             let kinds = self.kinds(table).await?;
@@ -245,17 +271,14 @@ impl Store {
                     }
                     if content {
                         let hash: String = row.try_get("content_hash")?;
-                        let place = to.blob_place(&hash).await?;
-                        let (found, bytes) = match &to.inner.blobs {
-                            Blobs::Objects(objects) => objects.hash(place.id).await?,
-                            Blobs::Chunks(blobs) => {
-                                to.hash_chunks(blobs, place.id).await.map(|(hash, n, _)| (hash, n))?
-                            }
-                        };
-                        if found != hash || bytes != place.bytes {
-                            return Err(differs("its content"));
+                        let mut bytes = to.read_back(&hash).await?;
+                        if bytes.is_none() {
+                            // An earlier copy that was damaged since, or on its way.
+                            to.give_up_content(&hash).await?;
+                            self.copy_content(to, &hash, done).await?;
+                            bytes = to.read_back(&hash).await?;
                         }
-                        done.verified_bytes += bytes;
+                        done.verified_bytes += bytes.ok_or_else(|| differs("its content"))?;
                     }
                 }
             }

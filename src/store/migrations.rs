@@ -20,6 +20,7 @@ const META: &[(&str, &str)] = &[
     ("0007_last_use", include_str!("../../migrations/meta/0007_last_use.sql")),
     ("0008_brief_parameters", include_str!("../../migrations/meta/0008_brief_parameters.sql")),
     ("0009_problems", include_str!("../../migrations/meta/0009_problems.sql")),
+    ("0010_job_parameters", include_str!("../../migrations/meta/0010_job_parameters.sql")),
 ];
 
 /// The steps of `blobs.db`.
@@ -31,7 +32,10 @@ const BLOBS: &[(&str, &str)] = &[
 
 /// The steps of a shared database.
 #[cfg(feature = "cluster")]
-const POSTGRES: &[(&str, &str)] = &[("0001_shared", include_str!("../../migrations/postgres/0001_shared.sql"))];
+const POSTGRES: &[(&str, &str)] = &[
+    ("0001_shared", include_str!("../../migrations/postgres/0001_shared.sql")),
+    ("0002_job_parameters", include_str!("../../migrations/postgres/0002_job_parameters.sql")),
+];
 
 /// Makes the tables of a shared database, one process after the other where several start at once.
 #[cfg(feature = "cluster")]
@@ -47,6 +51,12 @@ pub(super) async fn run_postgres(pool: &sqlx::PgPool) -> Result<(), StoreError> 
     steps.set_locking(false);
     steps.run(&mut *transaction).await.map_err(failed)?;
     Ok(transaction.commit().await?)
+}
+
+/// Makes the tables of a shared database as they were at first.
+#[cfg(all(test, feature = "cluster"))]
+pub(super) fn postgres_at_first() -> Migrator {
+    migrator(&POSTGRES[..1])
 }
 
 /// What makes the tables of `meta.db`.
@@ -68,7 +78,7 @@ fn migrator(steps: &'static [(&'static str, &'static str)]) -> Migrator {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     #[test]
@@ -91,6 +101,28 @@ mod tests {
                 assert!(!sql.starts_with("-- no-transaction"));
             }
         }
+    }
+
+    /// Jobs as they were before their parameters had a table: one with a short form, one without.
+    pub(crate) const OLD_JOBS: &str = "INSERT INTO jobs (id, kind, mesh, parameters, brief, priority, status, max_attempts, work_key, solver_version,
+            created_ms, enqueued_ms, not_before_ms)
+        VALUES ('019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f1', 'k', 'm', '{\"a\": [1, 2]}', '{\"a\": \"2\"}', 0, 'enqueued', 3, 'w1', '1', 1, 1, 1),
+            ('019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2', 'k', 'm', '{\"b\": 1}', NULL, 0, 'enqueued', 3, 'w2', '1', 1, 1, 1)";
+
+    #[tokio::test]
+    async fn parameters_of_jobs_that_exist_move_to_their_table() {
+        use sqlx::Connection;
+        let mut database = sqlx::SqliteConnection::connect("sqlite::memory:").await.unwrap();
+        migrator(&META[..9]).run(&mut database).await.unwrap();
+        sqlx::query(OLD_JOBS).execute(&mut database).await.unwrap();
+        meta().run(&mut database).await.unwrap();
+        let moved: Vec<(String, Option<String>)> =
+            sqlx::query_as("SELECT shown, whole FROM jobs JOIN job_parameters ON job = id ORDER BY sequence")
+                .fetch_all(&mut database)
+                .await
+                .unwrap();
+        let expected = [(r#"{"a": "2"}"#, Some(r#"{"a": [1, 2]}"#)), (r#"{"b": 1}"#, None)];
+        assert_eq!(moved, expected.map(|(shown, whole)| (shown.to_owned(), whole.map(str::to_owned))));
     }
 
     /// What `sqlx::migrate!` put into databases that exist.

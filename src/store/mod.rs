@@ -270,6 +270,12 @@ impl Store {
         options.clock = options.clock.shared();
         postgres.set(&options.clock).await?;
         let objects = objects::Objects::open(&places.objects, postgres.clone())?;
+        // One that does not answer yet is waited for when it is needed; one that refuses will go on refusing.
+        if let Ok(Err(error @ StoreError::Refused { .. })) =
+            tokio::time::timeout(HEALTH_PATIENCE, objects.reach()).await
+        {
+            return Err(error);
+        }
         tracing::info!(objects = objects.name(), "records and content are shared with other processes");
         let store = Self::new(options, Catalog::Postgres(postgres), Blobs::Objects(objects), None)?;
         let hearing = hearing::Hearing::start(Arc::downgrade(&store.inner));
@@ -431,6 +437,14 @@ impl Store {
             }),
             blob_bytes,
         }
+    }
+
+    /// Asks whether what keeps the content lets this process in.
+    ///
+    /// # Errors
+    /// [`StoreError::Refused`] where it does not, [`StoreError::Unavailable`] where it does not answer.
+    pub async fn reach_content(&self) -> Result<(), StoreError> {
+        self.inner.blobs.reach().await
     }
 
     /// Whether new content would be accepted, as far as free space goes.

@@ -14,6 +14,7 @@ use object_store::{
     prefix::PrefixStore,
     signer::{SignedUrlOptions, Signer},
 };
+use tokio::task::{JoinError, JoinSet};
 use uuid::Uuid;
 
 use super::{
@@ -21,12 +22,14 @@ use super::{
     blobs::{BlobPlace, CHUNK_BYTES},
     orphans::{Look, REPRIEVE_MS},
     postgres::Postgres,
-    s3::S3,
+    s3::{S3, failure, is_missing, said},
     sql,
 };
 
 /// Bytes of one part of an upload; S3 wants 5 MiB at least.
 const PART_BYTES: usize = 8 << 20;
+/// Parts of one upload that are on their way at once: with the one that is filled and what waits for it, 56 MiB of memory.
+const PARTS_AT_ONCE: usize = 4;
 /// Chunks that are read at once: bytes of one request.
 const CHUNKS_AT_ONCE: u64 = 32;
 /// For how long a signed address is good.
@@ -61,10 +64,21 @@ pub(super) struct Upload {
     id: i64,
     path: Path,
     /// Whether a store that does not answer is waited for.
-    patient: bool,
+    pub(super) patient: bool,
     /// Where there is more than one part.
     parts: Option<Box<dyn MultipartUpload>>,
+    /// Parts that are on their way.
+    flying: JoinSet<Result<(), object_store::Error>>,
     piece: BytesMut,
+    hashes: Vec<u8>,
+    bytes: u64,
+}
+
+/// An object that is there as a whole, and seen by nobody yet.
+#[derive(Debug)]
+pub(super) struct Sealed {
+    /// Of its row.
+    pub id: i64,
     hashes: Vec<u8>,
     bytes: u64,
 }
@@ -107,10 +121,13 @@ impl Objects {
 
     /// Asks the store for an object that nobody has.
     pub async fn reach(&self) -> Result<(), StoreError> {
-        match self.store.head(&Path::from("b/nothing")).await {
+        // Not its head alone: an answer without a body does not say what is missing.
+        match self.store.get_range(&Path::from("b/nothing"), 0..1).await {
+            Ok(_) => Ok(()),
+            Err(error) if is_missing(&error) => Ok(()),
             // Who may not list a bucket is told that it may not see an object that is not there.
-            Ok(_) | Err(object_store::Error::NotFound { .. } | object_store::Error::PermissionDenied { .. }) => Ok(()),
-            Err(error) => Err(unavailable(&error)),
+            Err(error) if said(&error).contains("AccessDenied") => Ok(()),
+            Err(error) => Err(failure(&error)),
         }
     }
 
@@ -194,8 +211,8 @@ impl Objects {
     ) -> Result<Result<Bytes, String>, StoreError> {
         let bytes = match self.store.get_range(path, range.clone()).await {
             Ok(bytes) => bytes,
-            Err(object_store::Error::NotFound { .. }) => return Ok(Err("is missing".to_owned())),
-            Err(error) => return Err(unavailable(&error)),
+            Err(error) if is_missing(&error) => return Ok(Err("is missing".to_owned())),
+            Err(error) => return Err(failure(&error)),
         };
         if bytes.len() as u64 != range.end - range.start {
             return Ok(Err(format!("has {} of {} bytes", bytes.len(), range.end - range.start)));
@@ -213,9 +230,9 @@ impl Objects {
     /// The hash of an object and its bytes, read from beginning to end.
     pub async fn hash(&self, id: i64) -> Result<(String, u64), StoreError> {
         let path = self.path(id).await?;
-        let missing = |error: object_store::Error| match error {
-            object_store::Error::NotFound { .. } => StoreError::Corrupt { detail: "its object is missing".to_owned() },
-            error => unavailable(&error),
+        let missing = |error: object_store::Error| match is_missing(&error) {
+            true => StoreError::Corrupt { detail: "its object is missing".to_owned() },
+            false => failure(&error),
         };
         // In pieces: a request has its time, and an object may take longer.
         let size = self.patient.head(&path).await.map_err(missing)?.size;
@@ -236,8 +253,8 @@ impl Objects {
     pub async fn is_there(&self, place: BlobPlace) -> Result<bool, StoreError> {
         match self.store.head(&self.path(place.id).await?).await {
             Ok(found) => Ok(found.size == place.bytes),
-            Err(object_store::Error::NotFound { .. }) => Ok(false),
-            Err(error) => Err(unavailable(&error)),
+            Err(error) if is_missing(&error) => Ok(false),
+            Err(error) => Err(failure(&error)),
         }
     }
 
@@ -268,6 +285,7 @@ impl Objects {
             path: Path::from(object),
             patient,
             parts: None,
+            flying: JoinSet::new(),
             piece: BytesMut::new(),
             hashes: Vec::new(),
             bytes: 0,
@@ -316,23 +334,21 @@ impl Objects {
                     .for_upload(upload.patient)
                     .put_multipart(&upload.path)
                     .await
-                    .map_err(|error| unavailable(&error))?;
+                    .map_err(|error| failure(&error))?;
                 upload.parts.insert(parts)
             }
         };
-        let piece = PutPayload::from_bytes(upload.piece.split().freeze());
-        parts.put_part(piece).await.map_err(|error| unavailable(&error))
+        while upload.flying.len() >= PARTS_AT_ONCE
+            && let Some(part) = upload.flying.join_next().await
+        {
+            landed(part)?;
+        }
+        upload.flying.spawn(parts.put_part(PutPayload::from_bytes(upload.piece.split().freeze())));
+        Ok(())
     }
 
-    /// Ends an upload, and makes the content ready under its hash in the place of a damaged one.
-    pub async fn finish(
-        &self,
-        upload: &mut Upload,
-        hash: &str,
-        bytes: u64,
-        damaged: Option<i64>,
-        now_ms: i64,
-    ) -> Result<(), StoreError> {
+    /// Ends the writing of an upload: its object is there from then on, and seen by nobody.
+    pub async fn seal(&self, upload: &mut Upload, bytes: u64) -> Result<Sealed, StoreError> {
         if upload.bytes != bytes {
             return Err(StoreError::Corrupt { detail: format!("{} of {bytes} bytes were written", upload.bytes) });
         }
@@ -340,29 +356,49 @@ impl Objects {
             if !upload.piece.is_empty() {
                 self.write_part(upload).await?;
             }
-            if let Some(parts) = &mut upload.parts {
-                parts.complete().await.map_err(|error| unavailable(&error))?;
+            while let Some(part) = upload.flying.join_next().await {
+                landed(part)?;
+            }
+            if let Some(parts) = &mut upload.parts
+                && let Err(error) = parts.complete().await
+            {
+                // Where only the answer was lost, a second try finds that there is no such upload any more; the object is there.
+                let there = self.for_upload(upload.patient).head(&upload.path).await;
+                if !there.is_ok_and(|found| found.size == bytes) {
+                    return Err(failure(&error));
+                }
             }
         } else {
             let whole = PutPayload::from_bytes(upload.piece.split().freeze());
-            self.for_upload(upload.patient).put(&upload.path, whole).await.map_err(|error| unavailable(&error))?;
+            self.for_upload(upload.patient).put(&upload.path, whole).await.map_err(|error| failure(&error))?;
         }
         upload.parts = None;
-        let found = self.for_upload(upload.patient).head(&upload.path).await.map_err(|error| unavailable(&error))?.size;
+        let found = self.for_upload(upload.patient).head(&upload.path).await.map_err(|error| failure(&error))?.size;
         if found != bytes {
             return Err(StoreError::Corrupt { detail: format!("the object has {found} of {bytes} bytes") });
         }
+        Ok(Sealed { id: upload.id, hashes: std::mem::take(&mut upload.hashes), bytes })
+    }
+
+    /// Makes what was sealed ready under its hash, in the place of a damaged one. Where the answer of the database was lost, it may be asked again.
+    pub async fn make_ready(
+        &self,
+        sealed: &Sealed,
+        hash: &str,
+        damaged: Option<i64>,
+        now_ms: i64,
+    ) -> Result<(), StoreError> {
         for _ in 0..3 {
-            if self.make_ready(upload, hash, damaged, now_ms).await? == Finished::Ready {
+            if self.try_ready(sealed, hash, damaged, now_ms).await? == Finished::Ready {
                 return Ok(());
             }
         }
         Err(StoreError::Busy { detail: format!("content {hash} comes and goes") })
     }
 
-    async fn make_ready(
+    async fn try_ready(
         &self,
-        upload: &mut Upload,
+        sealed: &Sealed,
         hash: &str,
         damaged: Option<i64>,
         now_ms: i64,
@@ -380,6 +416,11 @@ impl Objects {
                 .bind(hash)
                 .fetch_optional(transaction.on())
                 .await?;
+        if other == Some(sealed.id) {
+            // It was made ready before, and the answer that said so was lost.
+            transaction.commit().await?;
+            return Ok(Finished::Ready);
+        }
         let made = sql::query(match other {
             // Someone else wrote the same content meanwhile.
             Some(_) => {
@@ -389,14 +430,16 @@ impl Objects {
                 "UPDATE blobs SET state = 'ready', hash = ?2, bytes = ?3, chunk_hashes = ?4 WHERE id = ?1 AND state = 'pending'"
             }
         })
-        .bind(upload.id)
+        .bind(sealed.id)
         .bind(hash)
-        .bind(upload.bytes as i64)
-        .bind(upload.hashes.clone())
+        .bind(sealed.bytes as i64)
+        .bind(sealed.hashes.clone())
         .execute(transaction.on())
         .await;
         match made {
-            Ok(0) => Err(StoreError::Unavailable { detail: "the upload took too long and was given up".to_owned() }),
+            Ok(0) if other.is_none() => {
+                Err(StoreError::Unavailable { detail: "the upload took too long and was given up".to_owned() })
+            }
             Ok(_) => {
                 transaction.commit().await?;
                 Ok(Finished::Ready)
@@ -408,6 +451,7 @@ impl Objects {
 
     /// Gives an upload up.
     pub async fn abandon(&self, upload: &mut Upload) {
+        upload.flying.shutdown().await;
         if let Some(mut parts) = upload.parts.take() {
             let _ = parts.abort().await;
         }
@@ -492,7 +536,8 @@ impl Objects {
         for row in rows {
             let (id, object): (i64, String) = (row.try_get("id")?, row.try_get("object")?);
             match self.store.delete(&Path::from(object)).await {
-                Ok(()) | Err(object_store::Error::NotFound { .. }) => {}
+                Ok(()) => {}
+                Err(error) if is_missing(&error) => {}
                 Err(error) => {
                     // One that cannot be deleted now must not keep those behind it.
                     tracing::warn!(%error, "an object that nothing refers to cannot be deleted");
@@ -514,6 +559,10 @@ impl Objects {
     }
 }
 
-fn unavailable(error: &object_store::Error) -> StoreError {
-    StoreError::Unavailable { detail: format!("the object store: {error}") }
+/// What became of a part that was on its way.
+fn landed(part: Result<Result<(), object_store::Error>, JoinError>) -> Result<(), StoreError> {
+    match part {
+        Ok(sent) => sent.map_err(|error| failure(&error)),
+        Err(error) => Err(StoreError::Unavailable { detail: format!("a task ended early: {error}") }),
+    }
 }

@@ -63,7 +63,10 @@ impl Postgres {
             let first = tokio::time::timeout(busy_timeout * 2, options.connect())
                 .await
                 .map_err(|_| unreachable(format!("no answer within {} s", (busy_timeout * 2).as_secs_f64())))?
-                .map_err(|error| unreachable(error.to_string()))?;
+                .map_err(|error| match StoreError::from(error) {
+                    StoreError::Refused { detail } => StoreError::Refused { detail: format!("the database: {detail}") },
+                    other => unreachable(other.to_string()),
+                })?;
             let _ = first.close().await;
         }
         let connections = |most: u32| {

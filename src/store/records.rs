@@ -208,6 +208,8 @@ pub struct NewJob {
     pub solver_version: String,
     /// An estimate of the memory that it needs while it runs.
     pub memory_bytes: u64,
+    /// The most memory that a new job may need. What is there already, whoever can or cannot do it anew, is found all the same.
+    pub most_bytes: u64,
 }
 
 /// A client's promise that requests with the same key are the same request.

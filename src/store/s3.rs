@@ -1,4 +1,4 @@
-//! Objects in a store that speaks S3: how its address is read, and how long it is waited for.
+//! Objects in a store that speaks S3: how its address is read, how long it is waited for, and what its failures mean.
 
 use std::{sync::Once, time::Duration};
 
@@ -6,6 +6,8 @@ use object_store::{
     BackoffConfig, ClientConfigKey, RetryConfig,
     aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey, Checksum},
 };
+
+use super::StoreError;
 
 /// A request that got no byte for so long is given up, and tried again.
 const SILENCE: Duration = Duration::from_secs(10);
@@ -106,6 +108,45 @@ fn install_cryptography() {
     });
 }
 
+/// What a store says that will say the same however often it is asked.
+const REFUSALS: [&str; 7] = [
+    "NoSuchBucket",
+    "InvalidBucketName",
+    "InvalidAccessKeyId",
+    "SignatureDoesNotMatch",
+    "AuthorizationHeaderMalformed",
+    "PermanentRedirect",
+    "incorrectly configured region",
+];
+
+/// What a store answered, for people: its own code and words where it has any.
+pub(super) fn said(error: &object_store::Error) -> String {
+    let text = error.to_string();
+    let within = |name: &str| {
+        let rest = text.split_once(&format!("<{name}>"))?.1;
+        Some(rest.split_once("</")?.0.trim()).filter(|own| !own.is_empty())
+    };
+    match (within("Code"), within("Message")) {
+        (Some(code), Some(message)) => format!("{code}: {message}"),
+        (Some(code), None) => code.to_owned(),
+        _ => text,
+    }
+}
+
+/// Whether an object is not there. Where its whole bucket is not, nothing is known of it.
+pub(super) fn is_missing(error: &object_store::Error) -> bool {
+    matches!(error, object_store::Error::NotFound { .. }) && !said(error).contains(REFUSALS[0])
+}
+
+/// What went wrong, as an error. Whom the store does not let in, and a bucket that is not there, are no outage that passes.
+pub(super) fn failure(error: &object_store::Error) -> StoreError {
+    let said = said(error);
+    let refused = REFUSALS.iter().any(|words| said.contains(words))
+        || matches!(error, object_store::Error::PermissionDenied { .. } | object_store::Error::Unauthenticated { .. });
+    let detail = format!("the object store: {said}");
+    if refused { StoreError::Refused { detail } } else { StoreError::Unavailable { detail } }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -127,6 +168,23 @@ mod tests {
         ] {
             let refusal = S3::open(address).unwrap_err();
             assert!(refusal.contains(said) && !refusal.contains('\n'), "{address}: {refusal}");
+        }
+    }
+
+    #[test]
+    fn refusals_are_told_from_outages() {
+        let says = |text: &str| object_store::Error::Generic { store: "S3", source: text.to_owned().into() };
+        let missing =
+            |text: &str| object_store::Error::NotFound { path: "b/x".to_owned(), source: text.to_owned().into() };
+        let body = |code: &str| format!("status 404: <Error><Code>{code}</Code><Message>so it is</Message></Error>");
+        assert!(is_missing(&missing("no body")) && is_missing(&missing(&body("NoSuchKey"))));
+        let no_bucket = missing(&body("NoSuchBucket"));
+        assert!(!is_missing(&no_bucket));
+        let told = failure(&no_bucket).to_string();
+        assert_eq!(told, "the storage refuses: the object store: NoSuchBucket: so it is");
+        assert!(matches!(failure(&says(&body("SignatureDoesNotMatch"))), StoreError::Refused { .. }));
+        for outage in ["connection refused".to_owned(), body("SlowDown"), body("InternalError")] {
+            assert!(matches!(failure(&says(&outage)), StoreError::Unavailable { .. }), "{outage}");
         }
     }
 }

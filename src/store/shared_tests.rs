@@ -3,6 +3,7 @@
 
 use std::cell::Cell;
 
+use chladni_spectral::basis::{DenseFunctions, Precision};
 use object_store::{ObjectStoreExt, path::Path};
 
 use super::*;
@@ -80,6 +81,9 @@ mod over_s3 {
         large_content_goes_in_parts_and_comes_in_ranges: large_content,
         a_store_that_refuses_and_cuts_is_asked_again: refusals_and_cuts,
         a_store_that_is_away_is_told_and_a_result_waits_for_it: away,
+        who_is_refused_is_told_at_once: refused,
+        a_result_survives_a_database_that_goes_away_before_it_is_seen: database_away,
+        completing_twice_is_completing_once: completing_twice,
     );
 }
 
@@ -160,7 +164,7 @@ async fn columns() {
     let store = Store::open(options(&folder)).await.unwrap();
     let other = tempfile::tempdir().unwrap();
     let own = Store::open(StoreOptions { shared: None, ..options(&other) }).await.unwrap();
-    for table in ["meshes", "jobs", "idempotency_keys", "bases", "health"] {
+    for table in ["meshes", "jobs", "job_parameters", "idempotency_keys", "bases", "health"] {
         let theirs = sql::query(
             "SELECT column_name, data_type, CAST(CASE WHEN is_nullable = 'YES' THEN 0 ELSE 1 END AS BIGINT) AS needed
              FROM information_schema.columns WHERE table_name = ? ORDER BY column_name",
@@ -192,6 +196,28 @@ async fn columns() {
             .collect();
         assert!(ours.len() > 1 && ours == theirs, "{table}:\n{ours:?}\n{theirs:?}");
     }
+}
+
+#[test]
+fn parameters_of_jobs_that_exist_move_to_their_table() {
+    sharing(parameters_move);
+}
+
+#[tokio::main(flavor = "current_thread")]
+async fn parameters_move() {
+    let folder = tempfile::tempdir().unwrap();
+    let address = options(&folder).shared.unwrap().database;
+    let pool = sqlx::PgPool::connect(&address).await.unwrap();
+    migrations::postgres_at_first().run(&pool).await.unwrap();
+    sqlx::query(migrations::tests::OLD_JOBS).execute(&pool).await.unwrap();
+    pool.close().await;
+    let store = Store::open(options(&folder)).await.unwrap();
+    let jobs = store.jobs(&JobFilter::default(), &PageRequest::default()).await.unwrap().items;
+    assert_eq!(jobs.iter().map(|job| job.parameters.clone()).collect::<Vec<_>>(), [json!({"b": 1}), json!({"a": "2"})]);
+    assert_eq!(store.job_parameters(jobs[1].id).await.unwrap(), json!({"a": [1, 2]}));
+    let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
+    assert_eq!((claim.job.id, claim.job.parameters), (jobs[1].id, json!({"a": [1, 2]})));
+    assert_eq!(store.job(jobs[1].id).await.unwrap().parameters, json!({"a": "2"}));
 }
 
 #[test]
@@ -547,4 +573,225 @@ async fn away() {
     assert_eq!((job.status, job.attempt), (JobStatus::Succeeded, 1));
     // What was begun in vain is not seen.
     assert_eq!(store.pieces_of_content().await, 2);
+}
+
+/// A basis in columns, whose content is made while it is written.
+fn dense(seed: f64) -> Basis {
+    let columns = DenseMatrix::from_columns(40, 2, (0..80).map(|i| f64::from(i).mul_add(seed, 1.0).sin()).collect());
+    let columns = DenseFunctions::from_columns(&columns.unwrap(), Precision::F64);
+    Basis { functions: Functions::Dense(columns), ..basis(seed, 40) }
+}
+
+#[tokio::main(flavor = "multi_thread", worker_threads = 2)]
+async fn refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let places = options(&folder);
+    let shared = places.shared.clone().unwrap();
+    // There is no such database.
+    let database = shared.database.replacen("/of_", "/not_", 1);
+    let told = Store::open(StoreOptions { shared: Some(SharedPlaces { database, ..shared }), ..places }).await;
+    let told = told.unwrap_err();
+    assert!(matches!(told, StoreError::Refused { .. }), "{told:?}");
+    // Rights that are taken away while a result is written: it is told with the next answer.
+    let store = Store::open(options(&folder)).await.unwrap();
+    let id = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    store.enqueue(new_job(&id, "w")).await.unwrap();
+    let claim = store.claim("one", &[], LEASE).await.unwrap().unwrap();
+    let open = s3_server::of_folder(folder.path(), false);
+    open.faults.forbid.store(true, Ordering::Relaxed);
+    let before = open.faults.requests.load(Ordering::Relaxed);
+    let told = store.complete(claim.token, dense(1.0), vec![]).await.unwrap_err();
+    assert!(matches!(&told, StoreError::Refused { detail } if detail.contains("AccessDenied")), "{told:?}");
+    assert!(open.faults.requests.load(Ordering::Relaxed) < before + 5, "it was asked again and again");
+    open.faults.forbid.store(false, Ordering::Relaxed);
+    // The lease still holds.
+    assert!(matches!(store.complete(claim.token, dense(1.0), vec![]).await, Ok(CompleteAnswer::Stored(_))));
+}
+
+/// Sends everybody away from the database of a folder, or lets them in again.
+fn close_database(folder: &TempDir, closed: bool) {
+    let server = server::server().unwrap();
+    let address = server.database_of(folder.path());
+    let name = address.split_once("?host=").unwrap().0.rsplit_once('/').unwrap().1;
+    assert!(server.psql("postgres", &format!("ALTER DATABASE {name} ALLOW_CONNECTIONS {}", !closed)));
+    if closed {
+        let end = format!("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = '{name}'");
+        assert!(server.psql("postgres", &end));
+    }
+}
+
+#[tokio::main(flavor = "multi_thread", worker_threads = 2)]
+async fn database_away() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, _other) = pair(&folder).await;
+    let server = s3_server::of_folder(folder.path(), false);
+    let id = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    store.enqueue(new_job(&id, "w")).await.unwrap();
+    let claim = store.claim("one", &[], LEASE).await.unwrap().unwrap();
+    server.faults.refuse.store(u64::MAX, Ordering::Relaxed);
+    let before = server.faults.met.load(Ordering::Relaxed);
+    let completing = tokio::spawn({
+        let store = store.clone();
+        async move { store.complete(claim.token, dense(1.0), vec![]).await }
+    });
+    // Its object is on its way; then the database goes.
+    while server.faults.met.load(Ordering::Relaxed) < before + 2 {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    close_database(&folder, true);
+    assert!(store.job(claim.job.id).await.is_err());
+    let written = server.faults.requests.load(Ordering::Relaxed);
+    server.faults.refuse.store(0, Ordering::Relaxed);
+    // The object and a look at it.
+    while server.faults.requests.load(Ordering::Relaxed) < written + 2 {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    assert!(!completing.is_finished());
+    close_database(&folder, false);
+    assert!(matches!(completing.await.unwrap(), Ok(CompleteAnswer::Stored(_))));
+    let job = store.job(claim.job.id).await.unwrap();
+    assert_eq!((job.status, job.attempt), (JobStatus::Succeeded, 1));
+    assert_eq!(store.pieces_of_content().await, 2, "the mesh and the basis, each once");
+}
+
+#[tokio::main(flavor = "multi_thread", worker_threads = 2)]
+async fn completing_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, _other) = pair(&folder).await;
+    let Blobs::Objects(objects) = &store.inner.blobs else { panic!("the content is shared") };
+    // Content: the answer to the first try is lost.
+    let bytes = Bytes::from_static(b"made once");
+    let hash = blobs::hash_of(&bytes).await.unwrap();
+    for equal_content_came_first in [false, true] {
+        let mut upload = objects.begin(&hash, bytes.len() as u64, true, store.now_ms()).await.unwrap();
+        objects.write(&mut upload, &[bytes.clone()], store.now_ms()).await.unwrap();
+        let sealed = objects.seal(&mut upload, bytes.len() as u64).await.unwrap();
+        let ready = objects.place(&hash).await.unwrap();
+        assert_eq!(ready.is_some(), equal_content_came_first);
+        for _ in 0..2 {
+            store.make_ready(objects, &sealed, &hash).await.unwrap();
+            let now = objects.place(&hash).await.unwrap().unwrap();
+            assert_eq!(now, ready.unwrap_or(now));
+            assert_eq!(store.blob_bytes(&hash, 0..now.bytes).await.unwrap(), bytes);
+        }
+    }
+    // A job likewise.
+    let id = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    store.enqueue(new_job(&id, "w")).await.unwrap();
+    let claim = store.claim("one", &[], LEASE).await.unwrap().unwrap();
+    let written = store.put_product(claim.token, dense(1.0).into(), None).await.unwrap();
+    let tried = leases::Tried::default();
+    let first = store.make_visible(claim.token, written.as_ref(), &[], &tried).await.unwrap();
+    assert!(matches!(first, CompleteAnswer::Stored(_)));
+    assert_eq!(store.make_visible(claim.token, written.as_ref(), &[], &tried).await.unwrap(), first);
+    // Whoever has not tried has lost it.
+    let stranger = leases::Tried::default();
+    let void = store.make_visible(claim.token, written.as_ref(), &[], &stranger).await.unwrap();
+    assert_eq!(void, CompleteAnswer::Lost);
+}
+
+#[test]
+fn what_is_there_is_found_whoever_can_do_it_anew() {
+    sharing(found_anyhow);
+}
+
+#[tokio::main(flavor = "current_thread")]
+async fn found_anyhow() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(options(&folder)).await.unwrap();
+    let id = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    let idempotency = Some(IdempotencyKey { key: "k".to_owned(), request_hash: "r".to_owned() });
+    let large = NewJob { memory_bytes: 1000, most_bytes: 1000, idempotency, ..new_job(&id, "w") };
+    let made = store.enqueue(large.clone()).await.unwrap();
+    assert_eq!(made.outcome, EnqueueOutcome::Created);
+    // The worker that could do it has gone.
+    let replayed = store.enqueue(NewJob { most_bytes: 999, ..large.clone() }).await.unwrap();
+    assert_eq!((replayed.outcome, replayed.record.id), (EnqueueOutcome::Replayed, made.record.id));
+    let same = NewJob { most_bytes: 999, idempotency: None, ..large.clone() };
+    let same = store.enqueue(same).await.unwrap();
+    assert_eq!((same.outcome, same.record.id), (EnqueueOutcome::SameWork, made.record.id));
+    let new = NewJob { most_bytes: 999, idempotency: None, work_key: "other".to_owned(), ..large };
+    let refused = store.enqueue(new).await.unwrap_err();
+    assert!(matches!(refused, StoreError::JobTooLarge { needed: 1000, limit: 999 }), "{refused:?}");
+}
+
+#[test]
+fn every_schedule_of_leases_goes_as_the_model_says_where_records_are_shared() {
+    sharing(lease_model::schedules);
+}
+
+/// Figures of one large transfer: `CHLADNI_LARGE_OBJECTS` is the address of a store that nobody has to sign for, and `CHLADNI_LARGE_MB` how much.
+#[test]
+#[ignore = "figures, with an object store of its own"]
+fn a_large_object_goes_and_comes_in_little_memory() {
+    sharing(large_object);
+}
+
+/// Most bytes that were resident since the last call.
+fn peak() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let line = status.lines().find(|line| line.starts_with("VmHWM:")).unwrap();
+    std::fs::write("/proc/self/clear_refs", "5").unwrap();
+    line.split_whitespace().nth(1).unwrap().parse::<u64>().unwrap() << 10
+}
+
+#[tokio::main(flavor = "multi_thread", worker_threads = 2)]
+async fn large_object() {
+    let objects = std::env::var("CHLADNI_LARGE_OBJECTS").expect("CHLADNI_LARGE_OBJECTS");
+    let megabytes: u64 = std::env::var("CHLADNI_LARGE_MB").map_or(1000, |text| text.parse().unwrap());
+    let bytes = megabytes * 1_000_000;
+    let folder = tempfile::tempdir().unwrap();
+    let mut options = options(&folder);
+    options.shared.as_mut().unwrap().objects = objects;
+    let store = Store::open(options).await.unwrap();
+    let id = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    store.enqueue(new_job(&id, "w")).await.unwrap();
+    let claim = store.claim("one", &[], Duration::from_secs(3600)).await.unwrap().unwrap();
+    let fill = move |out: &mut dyn std::io::Write| {
+        let (mut state, mut piece) = (1u64, vec![0u8; 1 << 16]);
+        let mut left = bytes as usize;
+        while left > 0 {
+            for word in piece.as_chunks_mut::<8>().0 {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                *word = state.to_le_bytes();
+            }
+            let taken = left.min(piece.len());
+            out.write_all(&piece[..taken]).unwrap();
+            left -= taken;
+        }
+    };
+    // What a copy takes: from a file to a file, to the disk.
+    let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+    fill(&mut std::io::BufWriter::new(std::fs::File::create(&one).unwrap()));
+    std::fs::File::open(&one).unwrap().sync_all().unwrap();
+    let begun = std::time::Instant::now();
+    std::fs::copy(&one, &two).unwrap();
+    std::fs::File::open(&two).unwrap().sync_all().unwrap();
+    let copy = begun.elapsed().as_secs_f64();
+    std::fs::remove_file(&one).unwrap();
+    std::fs::remove_file(&two).unwrap();
+    peak();
+    let before = peak();
+    let begun = std::time::Instant::now();
+    let make = move |out: &mut blobs::PieceWriter| {
+        fill(out);
+        Ok(())
+    };
+    let (_, hash, written) = store.put_made(bytes, claim.token, make).await.unwrap().unwrap();
+    let (up, up_peak) = (begun.elapsed().as_secs_f64(), peak() - before);
+    assert_eq!(written, bytes);
+    let before = peak();
+    let begun = std::time::Instant::now();
+    let (mut read, mut stream) = (0, Box::pin(store.blob_stream(&hash, 0..bytes)));
+    while let Some(piece) = stream.next().await {
+        read += piece.unwrap().len() as u64;
+    }
+    let (down, down_peak) = (begun.elapsed().as_secs_f64(), peak() - before);
+    assert_eq!(read, bytes);
+    println!(
+        "{megabytes} MB: copy {copy:.2} s; up {up:.2} s, {:.0} MB resident; down {down:.2} s, {:.0} MB resident",
+        up_peak as f64 / 1e6,
+        down_peak as f64 / 1e6
+    );
 }

@@ -20,6 +20,9 @@ use tempfile::TempDir;
 use super::{fault::Faults, *};
 
 #[cfg(test)]
+#[path = "lease_model_tests.rs"]
+mod lease_model;
+#[cfg(test)]
 #[path = "shared_tests.rs"]
 mod shared;
 
@@ -99,6 +102,7 @@ pub(crate) fn new_job(mesh: &str, work: &str) -> NewJob {
         work_key: work.to_owned(),
         solver_version: "1".to_owned(),
         memory_bytes: 0,
+        most_bytes: u64::MAX,
     }
 }
 

@@ -1,5 +1,7 @@
 //! A PostgreSQL of its own for the tests of one process: made in a temporary folder, reached by a socket in it, and gone with the process.
 
+#![allow(dead_code)]
+
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
@@ -55,18 +57,13 @@ impl Server {
             server=$!
             chmod 755 "$folder"
             cat >/dev/null
-            kill -INT "$server" 2>/dev/null; wait "$server" || true
+            # It may have been started anew since.
+            kill -INT "$(head -n 1 data/postmaster.pid)" 2>/dev/null || true
+            wait "$server" || true
+            while [ -e data/postmaster.pid ] && kill -0 "$(head -n 1 data/postmaster.pid)" 2>/dev/null; do sleep 0.1; done
             cd /; rm -rf "$folder"
         "#;
-        // The server refuses to run as root.
-        let mut command = if is_root() {
-            let mut command = Command::new("setpriv");
-            command.args(["--reuid=postgres", "--regid=postgres", "--clear-groups", "sh"]);
-            command
-        } else {
-            Command::new("sh")
-        };
-        let keeper = command
+        let keeper = as_postgres(Path::new("sh"))
             .args(["-c", script, "sh"])
             .args([&folder, &binaries])
             .stdin(Stdio::piped())
@@ -93,6 +90,39 @@ impl Server {
             .is_ok_and(|status| status.success())
     }
 
+    /// Kills the server at once, with all that serve connections, as a machine that loses power would, but for what the system has still to write.
+    pub fn crash(&self) {
+        let pid = std::fs::read_to_string(self.folder.join("data/postmaster.pid"));
+        let Some(pid) = pid.ok().and_then(|text| text.lines().next().map(str::to_owned)) else { return };
+        let _ = Command::new("kill").args(["-KILL", &pid]).status();
+        // Those that serve connections see it and end.
+        let ended = || Command::new("pgrep").args(["-P", &pid]).stdout(Stdio::null()).status();
+        let begun = Instant::now();
+        while ended().is_ok_and(|status| status.success()) && begun.elapsed() < Duration::from_secs(10) {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Starts the server anew after a [`crash`](Self::crash), and waits until it answers.
+    pub fn start_anew(&self) {
+        let options = format!("-k {} -c listen_addresses= -c fsync=off -c max_connections=400", self.folder.display());
+        let begun = Instant::now();
+        loop {
+            let mut command = as_postgres(&self.binaries.join("pg_ctl"));
+            command.args(["start", "-W", "-D"]).arg(self.folder.join("data"));
+            command.arg("-l").arg(self.folder.join("server.log")).args(["-o", &options]);
+            let _ = command.current_dir(&self.folder).stdout(Stdio::null()).stderr(Stdio::null()).status();
+            let asked = Instant::now();
+            while asked.elapsed() < Duration::from_secs(10) {
+                if self.psql("postgres", "SELECT 1") {
+                    return;
+                }
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            assert!(begun.elapsed() < Duration::from_secs(120), "PostgreSQL does not start: see {:?}", self.folder);
+        }
+    }
+
     /// The address of a database, which is made where it is missing. Every folder has one.
     pub fn database_of(&self, folder: &Path) -> String {
         let name: String = folder
@@ -106,6 +136,16 @@ impl Server {
         self.psql("postgres", &format!("CREATE DATABASE {name}"));
         format!("postgres://postgres@localhost/{name}?host={}", self.folder.display())
     }
+}
+
+/// A command as a user that the server runs as, which refuses to run as root.
+fn as_postgres(program: &Path) -> Command {
+    if !is_root() {
+        return Command::new(program);
+    }
+    let mut command = Command::new("setpriv");
+    command.args(["--reuid=postgres", "--regid=postgres", "--clear-groups"]).arg(program);
+    command
 }
 
 fn is_root() -> bool {

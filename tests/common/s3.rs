@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
     sync::{
         Arc, Mutex, OnceLock,
-        atomic::{AtomicU64, Ordering},
+        atomic::{AtomicBool, AtomicU64, Ordering},
     },
 };
 
@@ -37,6 +37,8 @@ pub const KEYS: [(&str, &str); 3] = [
 pub struct Faults {
     /// So many of the next answers are a status of 500.
     pub refuse: AtomicU64,
+    /// Whether nobody is let in.
+    pub forbid: AtomicBool,
     /// So many of the next answers to a GET end in the middle.
     pub cut: AtomicU64,
     /// Requests that arrived.
@@ -119,6 +121,12 @@ async fn answer(
         let _ = request.into_body().collect().await;
         let body = http_body_util::Empty::new().map_err(|never| match never {}).boxed_unsync();
         return Ok(Response::builder().status(500).body(body).unwrap());
+    }
+    if faults.forbid.load(Ordering::Relaxed) {
+        let _ = request.into_body().collect().await;
+        let told = "<Error><Code>AccessDenied</Code><Message>Access Denied</Message></Error>";
+        let body = http_body_util::Full::new(Bytes::from(told)).map_err(|never| match never {}).boxed_unsync();
+        return Ok(Response::builder().status(403).body(body).unwrap());
     }
     let request = request.map(s3s::Body::from);
     let (head, body) = match service.call(request).await {

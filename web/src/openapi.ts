@@ -6429,7 +6429,7 @@ export interface operations {
                 };
             };
             500: components["responses"]["InternalError"];
-            /** @description A problem: storage-busy */
+            /** @description A problem: storage-busy or storage-unavailable */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -9349,7 +9349,7 @@ export interface operations {
                 };
             };
             500: components["responses"]["InternalError"];
-            /** @description A problem: busy, storage-busy or draining */
+            /** @description A problem: busy, storage-busy, storage-unavailable or draining */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -9495,7 +9495,7 @@ export interface operations {
                 };
             };
             500: components["responses"]["InternalError"];
-            /** @description A problem: storage-busy */
+            /** @description A problem: storage-busy or storage-unavailable */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -9560,7 +9560,7 @@ export interface operations {
                 };
             };
             500: components["responses"]["InternalError"];
-            /** @description A problem: storage-busy */
+            /** @description A problem: storage-busy or storage-unavailable */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -9690,7 +9690,7 @@ export interface operations {
                 };
             };
             500: components["responses"]["InternalError"];
-            /** @description A problem: storage-busy or draining */
+            /** @description A problem: storage-busy, storage-unavailable or draining */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -9882,7 +9882,7 @@ export interface operations {
                 };
             };
             500: components["responses"]["InternalError"];
-            /** @description A problem: busy, storage-busy or draining */
+            /** @description A problem: busy, storage-busy, storage-unavailable or draining */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -10003,7 +10003,7 @@ export interface operations {
                 };
             };
             500: components["responses"]["InternalError"];
-            /** @description A problem: storage-busy */
+            /** @description A problem: storage-busy or storage-unavailable */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -10108,7 +10108,7 @@ export interface operations {
                 };
             };
             500: components["responses"]["InternalError"];
-            /** @description A problem: busy or storage-busy */
+            /** @description A problem: busy, storage-busy or storage-unavailable */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -11261,7 +11261,7 @@ export interface operations {
                 };
             };
             500: components["responses"]["InternalError"];
-            /** @description A problem: busy, storage-busy or draining */
+            /** @description A problem: busy, storage-busy, storage-unavailable or draining */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -11382,7 +11382,7 @@ export interface operations {
                 };
             };
             500: components["responses"]["InternalError"];
-            /** @description A problem: storage-busy */
+            /** @description A problem: storage-busy or storage-unavailable */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -11487,7 +11487,7 @@ export interface operations {
                 };
             };
             500: components["responses"]["InternalError"];
-            /** @description A problem: busy or storage-busy */
+            /** @description A problem: busy, storage-busy or storage-unavailable */
             503: {
                 headers: {
                     [name: string]: unknown;

@@ -11,6 +11,7 @@ pub mod design;
 pub mod distances;
 mod eigenbasis;
 mod field_basis;
+mod idle;
 pub mod numbered;
 mod operator_family;
 pub mod packed;
@@ -41,6 +42,7 @@ pub use eigenbasis::{
 };
 
 pub use field_basis::{FieldBasisParameters, FieldConstruction, FieldName};
+pub use idle::{IDLE, IdleParameters};
 
 use chladni_spectral::field::{DesignError, FieldError};
 pub use operator_family::OperatorFamilyParameters;
@@ -264,6 +266,8 @@ pub enum JobParameters {
     VibrationBasis(VibrationBasisParameters),
     /// Eigenpairs of a pencil that came as matrices.
     PencilBasis(PencilBasisParameters),
+    /// Nothing, for trials.
+    Idle(IdleParameters),
 }
 
 impl JobParameters {
@@ -290,6 +294,17 @@ impl JobParameters {
         }
     }
 
+    /// The same where trials are welcome, which have a kind of their own.
+    ///
+    /// # Errors
+    /// As for [`parse`](Self::parse).
+    pub fn read_any(kind: &str, parameters: &Packed) -> Result<Self, ParameterError> {
+        match kind {
+            IDLE => IdleParameters::read(parameters).map(Self::Idle),
+            kind => Self::read(kind, parameters),
+        }
+    }
+
     /// The kind of job.
     pub fn kind(&self) -> &'static str {
         match self {
@@ -298,6 +313,7 @@ impl JobParameters {
             Self::OperatorFamily(_) => "operator_family",
             Self::VibrationBasis(_) => "vibration_basis",
             Self::PencilBasis(_) => "pencil_basis",
+            Self::Idle(_) => IDLE,
         }
     }
 
@@ -308,6 +324,7 @@ impl JobParameters {
             Self::OperatorFamily(parameters) => parameters,
             Self::VibrationBasis(parameters) => parameters,
             Self::PencilBasis(parameters) => parameters,
+            Self::Idle(parameters) => parameters,
         }
     }
 
@@ -331,7 +348,7 @@ impl JobParameters {
     /// # Errors
     /// [`ParameterError::Value`] where they ask for more than the mesh has, [`ParameterError::NoFaces`] where it has only points and they need more.
     pub fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
-        if mesh.are_points() && !matches!(self, Self::Eigenbasis(_) | Self::PencilBasis(_)) {
+        if mesh.are_points() && !matches!(self, Self::Eigenbasis(_) | Self::PencilBasis(_) | Self::Idle(_)) {
             return Err(ParameterError::NoFaces { kind: self.kind() });
         }
         self.work().check_mesh(mesh)
