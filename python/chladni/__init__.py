@@ -16,7 +16,7 @@ from ._certificate import Around, Certificate, CutCluster, InertiaCount, Interva
 from ._client import Client, RemoteBasis
 from ._errors import Cancelled, ClientError, Error, FormatError, MeshError, ParameterError, SolveError, UnprovenError
 from ._fields import Fields, fields
-from ._maps import FunctionalMap, PointMap, functional_map
+from ._maps import CollectionMap, FunctionalMap, MapCollection, PointMap, functional_map, map_collection
 from ._mesh import Mesh
 from ._native import SOLVER_VERSION, __version__, get_threads, set_threads
 from ._operators import Operators, operators
@@ -32,6 +32,7 @@ __all__ = [
     "Certificate",
     "Client",
     "ClientError",
+    "CollectionMap",
     "CutCluster",
     "Eigenpairs",
     "Error",
@@ -41,6 +42,7 @@ __all__ = [
     "InertiaCount",
     "Interval",
     "LevelReport",
+    "MapCollection",
     "Mesh",
     "MeshError",
     "NearPair",
@@ -58,6 +60,7 @@ __all__ = [
     "fields",
     "functional_map",
     "get_threads",
+    "map_collection",
     "operators",
     "set_threads",
     "vibration",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from . import _arrays, _native
 from ._basis import Basis
 
-__all__ = ["FunctionalMap", "PointMap", "functional_map"]
+__all__ = ["CollectionMap", "FunctionalMap", "MapCollection", "PointMap", "functional_map", "map_collection"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,3 +143,98 @@ def functional_map(
     }
     matrix, there, back, qualities = _native.functional_map(source._core, target._core, json.dumps(request), known)
     return FunctionalMap(matrix, PointMap(*there), None if back is None else PointMap(*back), **dict(qualities))
+
+
+@dataclass(frozen=True, eq=False)
+class CollectionMap:
+    """The map from one shape of a collection to another.
+
+    Attributes
+    ----------
+    source, target : int
+        The places of the shape where functions come from, and of that where they go to.
+    matrix : numpy.ndarray, (k, k)
+        ``C``: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area.
+    to_source : PointMap
+        For all vertices of the target those of the source.
+    disagreement : float
+        How far the map that the points of this pair alone made was from what the collection agrees on.
+    """
+
+    source: int
+    target: int
+    matrix: np.ndarray
+    to_source: PointMap
+    disagreement: float
+
+
+@dataclass(frozen=True, eq=False)
+class MapCollection:
+    """Maps between all shapes of a collection, both ways.
+
+    Attributes
+    ----------
+    maps : dict of (int, int) to CollectionMap
+        By the places of source and target.
+    pairs_error : float
+        The mean distance, over the root of the area, between a vertex and where the maps there and back lead it.
+    triples_error : float or None
+        The same for walks over two other shapes; None for two shapes.
+    largest_error : float
+        The largest mean of a single walk.
+    """
+
+    maps: dict[tuple[int, int], CollectionMap]
+    pairs_error: float
+    triples_error: float | None
+    largest_error: float
+
+
+def map_collection(
+    bases: Sequence[Basis],
+    *,
+    start: int | None = None,
+    pairs: int | None = None,
+    step: int = 5,
+    samples: int = 2000,
+    oriented: bool = True,
+) -> MapCollection:
+    """Map all shapes of a collection to each other, without landmarks.
+
+    First maps follow from wave kernel signatures and the orientation of the surfaces (Ren et al. 2018), are refined by ZoomOut, and made consistent by a
+    latent basis that all shapes have in common (Huang et al. 2020). Shapes are taken to be nearly isometric.
+
+    Parameters
+    ----------
+    bases : sequence of Basis
+        Bases of the shapes, 2 to 32, with their meshes.
+    start, pairs, step : int
+        The size of the first maps (30), of the refined ones (100 or what all bases have), and by how much they grow at once.
+    samples : int
+        Vertices of each surface that stand for it meanwhile.
+    oriented : bool
+        Whether maps keep the orientation that the faces give. Without it nothing tells the sides of a symmetric shape apart.
+
+    Returns
+    -------
+    MapCollection
+
+    Examples
+    --------
+    >>> import chladni, numpy
+    >>> mesh = chladni.Mesh.sample("knot", 1500)
+    >>> bent = [chladni.Mesh(mesh.vertices * [1.0, 1.0, scale], mesh.faces) for scale in (1.0, 1.02, 1.05)]
+    >>> found = chladni.map_collection([chladni.eigs(one, k=50) for one in bent], pairs=50)
+    >>> len(found.maps), found.maps[0, 2].to_source.points.shape
+    (6, (1500,))
+    """
+    request = {
+        "start": start,
+        "pairs": pairs,
+        "step": int(step),
+        "samples": int(samples),
+        "oriented": bool(oriented),
+    }
+    maps, there, around, largest = _native.map_collection([basis._core for basis in bases], json.dumps(request))
+    made = [CollectionMap(source, target, matrix, PointMap(*points), gap) for source, target, matrix, points, gap in maps]
+    return MapCollection({(one.source, one.target): one for one in made}, there, around, largest)

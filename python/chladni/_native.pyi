@@ -86,6 +86,11 @@ def functional_map(
     request: str,
     descriptors: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
 ) -> tuple[NDArray[np.float64], _Points, _Points | None, list[tuple[str, float]]]: ...
+def map_collection(
+    bases: list[Basis], request: str
+) -> tuple[
+    list[tuple[int, int, NDArray[np.float64], _Points, float]], float, float | None, float
+]: ...
 def gradients(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], epsilon: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]: ...

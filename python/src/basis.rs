@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use chladni_algebra::{DenseMatrix, PanelMatrix};
+use chladni_mesh::TriangleMesh;
 use chladni_mesh::numbering::{Numbering, Translation};
 use chladni_spectral::analysis::filter::{Transfer, filter};
 use chladni_spectral::analysis::signature::Signature;
@@ -45,6 +46,11 @@ impl NativeBasis {
     pub fn translation(&self, nearest: bool) -> Translation {
         let to = translation(&self.numbering, nearest);
         if self.is_of_fields() { to.in_frames(2) } else { to }
+    }
+
+    /// The mesh that it was computed on, where that is known.
+    pub fn surface(&self) -> Option<&TriangleMesh> {
+        self.mesh.as_ref().map(|body| body.mesh())
     }
 
     fn is_of_fields(&self) -> bool {

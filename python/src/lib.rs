@@ -27,7 +27,7 @@ mod _native {
     #[pymodule_export]
     use super::learning::gradients;
     #[pymodule_export]
-    use super::maps::functional_map;
+    use super::maps::{functional_map, map_collection};
     #[pymodule_export]
     use super::mesh::{NativeMesh, sample};
     #[pymodule_export]

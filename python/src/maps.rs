@@ -2,6 +2,7 @@
 
 use chladni_mesh::numbering::Translation;
 use chladni_spectral::analysis::functional_map::{MapRequest, PointMap, functional_map as find};
+use chladni_spectral::analysis::map_collection::{CollectionRequest, Shape, map_collection as collect};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -80,6 +81,56 @@ pub fn functional_map<'py>(
     let matrix: Bound<'py, PyArray2<f64>> = arrays::table(py, found.matrix)?;
     let inverse = found.to_target.map(|points| told(py, points, &onto, &from));
     (matrix, told(py, found.to_source, &from, &onto), inverse, qualities).into_pyobject(py)
+}
+
+/// The numbers of a collection's request.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WantedCollection {
+    start: Option<usize>,
+    pairs: Option<usize>,
+    step: usize,
+    samples: usize,
+    oriented: bool,
+}
+
+/// Source, target, matrix, points and disagreement.
+type MapOfCollection<'py> = (usize, usize, Bound<'py, PyArray2<f64>>, Points<'py>, f64);
+
+/// Maps between all shapes: `(maps, there and back, around, largest)`.
+#[pyfunction]
+pub fn map_collection<'py>(
+    py: Python<'py>,
+    bases: Vec<PyRef<'py, NativeBasis>>,
+    request: &str,
+) -> PyResult<Bound<'py, PyTuple>> {
+    let wanted: WantedCollection = parsed("map collection", request)?;
+    let mut shapes = Vec::new();
+    for (place, basis) in bases.iter().enumerate() {
+        let Some(mesh) = basis.surface() else {
+            let message = format!("basis {place} has no mesh: give it one where it is loaded");
+            return Err(Failure::parameter(message).into());
+        };
+        shapes.push(Shape { basis: &basis.basis, mesh });
+    }
+    let defaults = CollectionRequest::default();
+    let most = shapes.iter().map(|shape| shape.basis.count()).min().unwrap_or(0);
+    let pairs = wanted.pairs.unwrap_or(defaults.pairs.min(most));
+    let request = CollectionRequest {
+        start: wanted.start.unwrap_or(defaults.start.min(pairs)),
+        pairs,
+        step: wanted.step,
+        samples: wanted.samples,
+        oriented: wanted.oriented,
+    };
+    let found = watch::run(py, None, |monitor| Ok(collect(&shapes, &request, monitor)?))?;
+    let numberings: Vec<Translation> = bases.iter().map(|basis| basis.translation(false)).collect();
+    let mut maps: Vec<MapOfCollection<'py>> = Vec::with_capacity(found.maps.len());
+    for map in found.maps {
+        let points = told(py, map.to_source, &numberings[map.source], &numberings[map.target]);
+        maps.push((map.source, map.target, arrays::table(py, map.matrix)?, points, map.disagreement));
+    }
+    (maps, found.cycles.pairs, found.cycles.triples, found.cycles.largest).into_pyobject(py)
 }
 
 /// A map of points as the arrays number them: from vertices of `from` to those of `onto`; −1 and NaN where a vertex was dropped.

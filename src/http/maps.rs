@@ -103,13 +103,13 @@ struct FunctionalMapRequest {
 
 /// For vertices of the source those of the target.
 #[derive(Debug, Serialize, ToSchema)]
-struct Inverse {
+pub(super) struct Inverse {
     /// The vertices of the source that were matched; null: all of them, in order.
-    matched: Option<Vec<u32>>,
+    pub matched: Option<Vec<u32>>,
     /// For each of them the vertex of the target that corresponds to it; null at vertices of the source's file that were dropped.
-    points: Vec<Option<u32>>,
+    pub points: Vec<Option<u32>>,
     /// For each of them how well the two agree, from 0 to 1; null where `points` is.
-    confidences: Vec<Option<f32>>,
+    pub confidences: Vec<Option<f32>>,
 }
 
 /// A map between two surfaces, and what tells how good it is.
@@ -279,7 +279,7 @@ async fn map_functions(
 }
 
 /// A map of points as the files number them: from vertices of `from` to those of `onto`.
-fn translated(PointMap { matched, points, confidences }: PointMap, onto: &Translation, from: &Translation) -> Inverse {
+pub(super) fn translated(PointMap { matched, points, confidences }: PointMap, onto: &Translation, from: &Translation) -> Inverse {
     let points: Vec<Option<u32>> = points.into_iter().map(|point| Some(onto.file_vertex(point))).collect();
     let confidences: Vec<Option<f32>> = confidences.into_iter().map(Some).collect();
     match matched {

@@ -47,6 +47,7 @@ mod ids;
 mod jobs;
 mod kinds;
 mod links;
+mod map_collections;
 mod maps;
 mod mesh_maps;
 mod meshes;
@@ -127,6 +128,7 @@ fn routes() -> OpenApiRouter<AppState> {
         .merge(subspaces::routes())
         .merge(value_gradients::routes())
         .merge(maps::routes())
+        .merge(map_collections::routes())
         .merge(fields::routes())
         .merge(family::routes())
         .merge(vibration::routes())

@@ -65,6 +65,7 @@ async fn no_request_is_a_fault_of_the_server() {
         format!("/v1/bases/{basis}/decompress"),
         "/v1/shape-comparisons".to_owned(),
         "/v1/functional-maps".to_owned(),
+        "/v1/map-collections".to_owned(),
         "/v1/bases/%00%ff".to_owned(),
         "/v1/jobs/..%2f..%2fetc".to_owned(),
     ];

@@ -198,6 +198,7 @@ const COVERED: &[&str] = &[
     "similarPoints",
     "valueGradient",
     "functionalMap",
+    "mapCollection",
     "getModes",
     "familySpectrum",
     "simulate",
@@ -462,6 +463,19 @@ async fn vertices_are_those_of_the_file() {
                 &told(&numbers(&b["confidences"]), 1, &case.vertices),
                 "confidences",
             );
+            let points = a["points"].as_array().unwrap();
+            assert_eq!(points.len(), case.vertices.len());
+            for (file, point) in points.iter().enumerate() {
+                let expected = case.vertices[file].map(|kept| b["points"][kept].as_u64().unwrap());
+                assert_eq!(point.as_u64().map(|_| back(point)), expected);
+            }
+        }
+        let body = |path: &str| json!({"bases": [id(path), id(path)], "pairs": 20, "start": 10, "matrices": true});
+        let a = ask(&app, "/v1/map-collections", &body(&dirty)).await;
+        let b = ask(&app, "/v1/map-collections", &body(&clean)).await;
+        for map in 0..2 {
+            let (a, b) = (&a["maps"][map], &b["maps"][map]);
+            assert_close(&numbers(&a["matrix"]["values"]), &numbers(&b["matrix"]["values"]), "map of a collection");
             let points = a["points"].as_array().unwrap();
             assert_eq!(points.len(), case.vertices.len());
             for (file, point) in points.iter().enumerate() {

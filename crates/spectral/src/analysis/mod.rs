@@ -11,6 +11,7 @@ pub mod functional_map;
 pub mod geodesic;
 pub mod heat;
 pub mod kd_tree;
+pub mod map_collection;
 pub mod mode_gradient;
 pub mod projection;
 pub mod scatter;

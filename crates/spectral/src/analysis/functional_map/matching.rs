@@ -20,7 +20,7 @@ const AT_ONCE: usize = 16 * ROWS_AT_ONCE;
 
 /// What a vertex was matched with.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Match {
+pub(in crate::analysis) struct Match {
     /// Which of the points that were searched.
     pub point: u32,
     /// `‖Φ_target(p) − C Φ_source(q)‖²`.
@@ -65,8 +65,12 @@ impl Images {
     /// For each row of `here`, the modes of the target at some vertices, the nearest image. `before`: for the first rows, what they were matched with by
     /// a map that was not much different.
     pub fn nearest(&self, here: &DenseMatrix, before: &[Match]) -> Vec<Match> {
+        self.nearest_to(&rows(here, self.dimensions), before)
+    }
+
+    /// As [`nearest`](Self::nearest), of rows one after the other.
+    fn nearest_to(&self, queries: &[f32], before: &[Match]) -> Vec<Match> {
         let dimensions = self.dimensions;
-        let queries = rows(here, dimensions);
         let search = |(task, queries): (usize, &[f32])| {
             let mut last: Option<u32> = None;
             let mut found = Vec::with_capacity(queries.len() / dimensions);
@@ -102,9 +106,47 @@ impl Images {
     }
 }
 
+/// Points of a surface in a space that several surfaces have in common, and a tree over them.
+pub(in crate::analysis) struct Embedded(Images);
+
+impl Embedded {
+    /// Of some vertices, whose modes are given: their first columns times `embedding`.
+    pub fn new(modes: &DenseMatrix, embedding: &DenseMatrix) -> Result<Self, AnalysisError> {
+        Ok(Self(Images::new(images(modes, embedding)?, embedding.columns())?))
+    }
+
+    /// Of all vertices.
+    pub fn of_all(side: &Side, embedding: &DenseMatrix) -> Result<Self, AnalysisError> {
+        // The image under a map is the same product.
+        Ok(Self(Images::of_all(side, &transposed(embedding))?))
+    }
+
+    /// For each point of another surface the nearest of this one.
+    pub fn nearest(&self, other: &Self, before: &[Match]) -> Vec<Match> {
+        self.0.nearest_to(&other.0.points, before)
+    }
+}
+
+/// ZoomOut: lets a map grow to `size`, by `step` at once. `there` and `here` hold the modes of the source and of the target at samples. Gives the matches of
+/// the last map but one as well; none where the map has its size already.
+pub(in crate::analysis) fn zoom_out(
+    there: &DenseMatrix,
+    here: &DenseMatrix,
+    mut map: DenseMatrix,
+    size: usize,
+    step: usize,
+) -> Result<(DenseMatrix, Vec<Match>), AnalysisError> {
+    let mut matches: Vec<Match> = Vec::new();
+    while map.rows() < size {
+        matches = Images::of(there, &map)?.nearest(here, &matches);
+        map = map_of_points(there, here, &matches, size.min(map.rows() + step))?;
+    }
+    Ok((map, matches))
+}
+
 /// `argmin ‖Φ_target C − Φ_source(T)‖` over matched samples: the map of size `k` that their matches `T` make. `there` and `here` hold the modes of the
 /// source and of the target at the samples.
-pub(super) fn map_of_points(
+pub(in crate::analysis) fn map_of_points(
     there: &DenseMatrix,
     here: &DenseMatrix,
     matches: &[Match],
@@ -144,7 +186,7 @@ fn squared(point: &[f32]) -> f32 {
     point.iter().map(|x| x * x).sum()
 }
 
-pub(super) fn transposed(matrix: &DenseMatrix) -> DenseMatrix {
+pub(in crate::analysis) fn transposed(matrix: &DenseMatrix) -> DenseMatrix {
     let mut turned = DenseMatrix::zeros(matrix.columns(), matrix.rows());
     for column in 0..matrix.columns() {
         matrix.column(column).iter().enumerate().for_each(|(row, &value)| turned.column_mut(row)[column] = value);

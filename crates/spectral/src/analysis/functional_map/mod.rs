@@ -5,13 +5,13 @@
 //! Laplacians; then the points of the target look for their nearest neighbours among the images of those of the source, a larger `C` follows from them,
 //! and so on.
 
-mod matching;
-mod side;
+pub(super) mod matching;
+pub(super) mod side;
 mod transfer;
 
 use chladni_algebra::{DenseMatrix, solve_definite};
 
-use self::matching::{Images, Match, map_of_points, transposed};
+use self::matching::{Images, Match, transposed, zoom_out};
 use self::side::Side;
 use super::error::{self, AnalysisError};
 use super::spectrum::{kernel_size, log_spaced};
@@ -66,6 +66,17 @@ pub struct PointMap {
     /// For each of them how well its embedding `x` agrees with the image `y` of what it is matched with, `1 − ‖x − y‖² / (‖x‖² + ‖y‖²)`: 1 where they are
     /// equal, 0 where they have nothing in common.
     pub confidences: Vec<f32>,
+}
+
+impl PointMap {
+    /// Of all vertices of a surface, in order.
+    pub(super) fn of_all(found: &[Match]) -> Self {
+        Self {
+            matched: None,
+            points: found.iter().map(|one| one.point).collect(),
+            confidences: found.iter().map(|one| one.confidence).collect(),
+        }
+    }
 }
 
 /// A map between two surfaces, and what tells how good it is.
@@ -164,17 +175,11 @@ impl Refined {
         b: &DenseMatrix,
         request: &MapRequest,
     ) -> Result<Self, AnalysisError> {
-        let mut map = first_map(from, to, a, b, request)?;
+        let map = first_map(from, to, a, b, request)?;
         let descriptor_residual = residual(&map, a, b)?;
         let (samples, stand) = (from.samples(request.samples), to.samples(request.samples));
         let (there, here) = (from.at(&samples, request.pairs, "sample")?, to.at(&stand, request.pairs, "sample")?);
-        let mut size = request.start;
-        let mut matches: Vec<Match> = Vec::new();
-        while size < request.pairs {
-            matches = Images::of(&there, &map)?.nearest(&here, &matches);
-            size = request.pairs.min(size + request.step);
-            map = map_of_points(&there, &here, &matches, size)?;
-        }
+        let (map, mut matches) = zoom_out(&there, &here, map, request.pairs, request.step)?;
         let images = Images::of_all(from, &map)?;
         let (matched, found) = if request.all_points {
             (None, images.nearest_of_all(to)?)

@@ -8,7 +8,7 @@ use crate::analysis::signature::Signature;
 use crate::basis::Basis;
 
 /// A surface at unit area: eigenfunctions `φ √A`, eigenvalues `λ A`.
-pub(super) struct Side<'a> {
+pub(in crate::analysis) struct Side<'a> {
     pub basis: &'a Basis,
     pub area: f64,
     /// `λ A`.
