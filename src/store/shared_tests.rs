@@ -665,7 +665,7 @@ async fn completing_twice() {
     let hash = blobs::hash_of(&bytes).await.unwrap();
     for equal_content_came_first in [false, true] {
         let mut upload = objects.begin(&hash, bytes.len() as u64, true, store.now_ms()).await.unwrap();
-        objects.write(&mut upload, &[bytes.clone()], store.now_ms()).await.unwrap();
+        objects.write(&mut upload, std::slice::from_ref(&bytes), store.now_ms()).await.unwrap();
         let sealed = objects.seal(&mut upload, bytes.len() as u64).await.unwrap();
         let ready = objects.place(&hash).await.unwrap();
         assert_eq!(ready.is_some(), equal_content_came_first);

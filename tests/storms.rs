@@ -1,0 +1,439 @@
+//! Storms over servers, workers, the database and the object store that they share: kills, stops, crashes and refusals, while clients submit without
+//! pause. Whatever happens: no job that was acknowledged is lost, none is done twice visibly, nothing is half visible, and what was done is not done
+//! again.
+//!
+//! Each storm has a few rounds, a minute together; `CHLADNI_STORMS=1000` has as many as that.
+#![cfg(all(unix, feature = "cluster"))]
+
+#[path = "common/places.rs"]
+mod places;
+#[path = "common/postgres.rs"]
+mod postgres;
+mod process;
+#[path = "common/s3.rs"]
+mod s3;
+#[path = "common/weed.rs"]
+mod weed;
+
+use std::{
+    collections::HashMap,
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+use chladni::store::fault::FailPoint;
+use places::{LEASE, Places, Worker};
+use process::{PATIENCE, Server};
+use rustix::process::Signal;
+use serde_json::{Value, json};
+use weed::Weed;
+
+const WORKERS: usize = 3;
+const SERVERS: usize = 2;
+
+fn rounds(few: usize) -> usize {
+    std::env::var("CHLADNI_STORMS").ok().and_then(|rounds| rounds.parse().ok()).unwrap_or(few)
+}
+
+/// Numbers at random, the same every time.
+struct Dice(u64);
+
+impl Dice {
+    fn below(&mut self, bound: u64) -> u64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) % bound
+    }
+
+    fn pause(&mut self, least_ms: u64, most_ms: u64) -> Duration {
+        Duration::from_millis(least_ms + self.below(most_ms - least_ms))
+    }
+}
+
+/// What clients know, and where they ask.
+struct Clients {
+    client: reqwest::Client,
+    /// The addresses of the servers that should be there.
+    servers: Mutex<Vec<String>>,
+    mesh: String,
+    /// Jobs that were acknowledged, by their numbers.
+    acknowledged: Mutex<HashMap<u32, String>>,
+    /// Bases of jobs that were seen to be done.
+    seen: Mutex<HashMap<String, String>>,
+    next: AtomicU64,
+    stop: AtomicBool,
+    /// Requests that were answered by an error, or not at all.
+    failed: AtomicU64,
+}
+
+impl Clients {
+    fn server(&self, turn: u64) -> String {
+        let servers = self.servers.lock().unwrap();
+        servers[turn as usize % servers.len()].clone()
+    }
+
+    /// Submits jobs one after the other, each until it is acknowledged.
+    async fn submit(self: Arc<Self>, mut dice: Dice) {
+        while !self.stop.load(Ordering::Relaxed) {
+            let number = self.next.fetch_add(1, Ordering::Relaxed) as u32;
+            let seconds = dice.below(300) as f64 / 1000.0;
+            let request =
+                json!({"kind": "idle", "mesh": self.mesh, "parameters": {"seconds": seconds, "number": number}});
+            let begun = Instant::now();
+            for turn in 0.. {
+                assert!(begun.elapsed() < PATIENCE, "job {number} is not taken");
+                let asked = self.client.post(format!("{}/v1/jobs", self.server(dice.below(8) + turn)));
+                let asked = asked.header("idempotency-key", format!("job {number}")).json(&request);
+                let answer = asked.timeout(Duration::from_secs(20)).send().await;
+                if let Ok(answer) = answer
+                    && answer.status().is_success()
+                    && let Ok(job) = answer.json::<Value>().await
+                {
+                    let id = job["id"].as_str().unwrap().to_owned();
+                    self.acknowledged.lock().unwrap().insert(number, id);
+                    break;
+                }
+                self.failed.fetch_add(1, Ordering::Relaxed);
+                tokio::time::sleep(Duration::from_millis(50)).await;
+            }
+            tokio::time::sleep(dice.pause(100, 400)).await;
+        }
+    }
+
+    /// Looks at jobs at random: what is done stays as it is, and is there as a whole.
+    async fn watch(self: Arc<Self>, mut dice: Dice) {
+        while !self.stop.load(Ordering::Relaxed) {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+            let job = {
+                let acknowledged = self.acknowledged.lock().unwrap();
+                let place = dice.below(acknowledged.len().max(1) as u64) as usize;
+                acknowledged.values().nth(place).cloned()
+            };
+            let Some(job) = job else { continue };
+            let Some((200, job)) = self.get(&format!("/v1/jobs/{job}"), &mut dice).await else { continue };
+            let job: Value = serde_json::from_slice(&job).unwrap();
+            assert!(!["failed", "canceled"].contains(&job["status"].as_str().unwrap()), "{job}");
+            if job["status"] != "succeeded" {
+                continue;
+            }
+            let basis = job["basis"].as_str().unwrap_or_else(|| panic!("done without a result: {job}")).to_owned();
+            let id = job["id"].as_str().unwrap().to_owned();
+            let before = self.seen.lock().unwrap().insert(id, basis.clone());
+            assert!(before.is_none_or(|before| before == basis), "done twice: {job}");
+            if let Some((status, content)) = self.get(&format!("/v1/bases/{basis}/content"), &mut dice).await {
+                assert!(status == 200 && content.starts_with(b"PK"), "{status}: a basis that is seen is there: {job}");
+            }
+        }
+    }
+
+    /// An answer that is no trouble of a server.
+    async fn get(&self, path: &str, dice: &mut Dice) -> Option<(u16, Vec<u8>)> {
+        let asked = self.client.get(format!("{}{path}", self.server(dice.below(8))));
+        let answer = asked.timeout(Duration::from_secs(20)).send().await.ok()?;
+        let status = answer.status().as_u16();
+        if status >= 500 {
+            self.failed.fetch_add(1, Ordering::Relaxed);
+            return None;
+        }
+        // One that is cut in the middle.
+        let length = answer.content_length();
+        let body = answer.bytes().await.ok()?.to_vec();
+        length.is_none_or(|length| length == body.len() as u64).then_some((status, body))
+    }
+
+    /// The time until another job is done.
+    async fn until_done(&self, server: &Server) -> Duration {
+        let begun = Instant::now();
+        let number = self.next.fetch_add(1, Ordering::Relaxed) as u32;
+        let request = json!({"kind": "idle", "mesh": self.mesh, "priority": 100, "parameters": {"number": number}});
+        loop {
+            assert!(begun.elapsed() < PATIENCE);
+            let asked = self.client.post(format!("{}/v1/jobs", server.url)).json(&request);
+            if let Ok(answer) = asked.send().await
+                && answer.status().is_success()
+                && let Ok(job) = answer.json::<Value>().await
+            {
+                let id = job["id"].as_str().unwrap().to_owned();
+                self.acknowledged.lock().unwrap().insert(number, id.clone());
+                if job["status"] == "succeeded" {
+                    return begun.elapsed();
+                }
+            }
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    }
+}
+
+/// Everything that runs.
+struct Scene {
+    places: Places,
+    weed: Option<Weed>,
+    servers: Vec<Server>,
+    workers: Vec<Worker>,
+    clients: Arc<Clients>,
+    tasks: Vec<tokio::task::JoinHandle<()>>,
+    dice: Dice,
+}
+
+const SERVER: &[&str] = &["--workers", "0", "--idle-jobs", "--max-attempts", "1000", "--max-queued-jobs", "1000000"];
+const WORKER: &[&str] = &["--jobs-in", "threads", "--workers", "2"];
+
+impl Scene {
+    async fn begin(places: Places, weed: Option<Weed>, seed: u64) -> Self {
+        let servers: Vec<Server> = (0..SERVERS).map(|_| places.server_with(SERVER)).collect();
+        let workers = (0..WORKERS).map(|_| places.worker(WORKER)).collect();
+        let mesh = servers[0].upload().await;
+        let clients = Arc::new(Clients {
+            client: process::cryptography::client(),
+            servers: Mutex::new(servers.iter().map(|server| server.url.clone()).collect()),
+            mesh,
+            acknowledged: Mutex::default(),
+            seen: Mutex::default(),
+            next: AtomicU64::new(0),
+            stop: AtomicBool::new(false),
+            failed: AtomicU64::new(0),
+        });
+        let mut tasks = Vec::new();
+        for k in 0..3 {
+            tasks.push(tokio::spawn(Arc::clone(&clients).submit(Dice(seed + k))));
+            tasks.push(tokio::spawn(Arc::clone(&clients).watch(Dice(seed + 100 + k))));
+        }
+        Self { places, weed, servers, workers, clients, tasks, dice: Dice(seed) }
+    }
+
+    fn any_worker(&mut self) -> usize {
+        self.dice.below(WORKERS as u64) as usize
+    }
+
+    fn replace_worker(&mut self, place: usize, settings: &[&str]) {
+        self.workers[place] = self.places.worker(&[WORKER, settings].concat());
+    }
+
+    /// Dropping a worker or a server kills it.
+    fn kill_worker(&mut self) {
+        let place = self.any_worker();
+        self.replace_worker(place, &[]);
+    }
+
+    /// A worker dies at a point that has a name.
+    async fn kill_at_a_point(&mut self) {
+        let points: Vec<_> = FailPoint::ALL.into_iter().filter(|&point| point != FailPoint::AfterEnqueue).collect();
+        let point = points[self.dice.below(points.len() as u64) as usize];
+        let fault = format!("{}:kill:{}", point.name(), self.dice.below(3));
+        let place = self.any_worker();
+        self.replace_worker(place, &["--fault", &fault]);
+        let begun = Instant::now();
+        // Not every point is on the way of such jobs.
+        while begun.elapsed() < Duration::from_secs(2) && self.workers[place].0.try_wait().unwrap().is_none() {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        self.replace_worker(place, &[]);
+    }
+
+    fn kill_server(&mut self) {
+        let place = self.dice.below(SERVERS as u64) as usize;
+        let server = self.places.server_with(SERVER);
+        self.clients.servers.lock().unwrap()[place] = server.url.clone();
+        // The one that it takes the place of is killed in the middle of whatever it does.
+        self.servers[place] = server;
+    }
+
+    /// A worker is stopped until its leases have run out, and comes back.
+    async fn zombie(&mut self) {
+        let place = self.any_worker();
+        self.workers[place].signal(Signal::STOP);
+        tokio::time::sleep(LEASE + self.dice.pause(200, 2000)).await;
+        self.workers[place].signal(Signal::CONT);
+    }
+
+    /// The database crashes, and is back after a while.
+    async fn database_crash(&mut self, away: Duration) -> Duration {
+        let database = postgres::server().unwrap();
+        database.crash();
+        tokio::time::sleep(away).await;
+        database.start_anew();
+        let back = self.clients.until_done(&self.servers[0]).await;
+        println!("  a job was done {:.2} s after the database was back", back.as_secs_f64());
+        back
+    }
+
+    /// The object store refuses, cuts answers, stops or is killed.
+    async fn objects_away(&mut self) {
+        let away = self.dice.pause(200, 4000);
+        let Some(weed) = &mut self.weed else {
+            let faults = &s3::of_folder(self.places.folder.path(), true).faults;
+            faults.cut.store(3, Ordering::Relaxed);
+            faults.refuse.store(if self.dice.below(2) == 0 { 10 } else { u64::MAX }, Ordering::Relaxed);
+            tokio::time::sleep(away).await;
+            faults.refuse.store(0, Ordering::Relaxed);
+            faults.cut.store(0, Ordering::Relaxed);
+            return;
+        };
+        if self.dice.below(2) == 0 {
+            weed.signal(Signal::STOP);
+            tokio::time::sleep(away).await;
+            weed.signal(Signal::CONT);
+        } else {
+            weed.kill();
+            tokio::time::sleep(away).await;
+            weed.start_anew();
+        }
+    }
+
+    /// Waits until everything is done, and looks at all of it.
+    async fn end(mut self) {
+        self.clients.stop.store(true, Ordering::Relaxed);
+        for task in self.tasks.drain(..) {
+            task.await.unwrap();
+        }
+        let acknowledged = self.clients.acknowledged.lock().unwrap().clone();
+        let begun = Instant::now();
+        let mut done = HashMap::new();
+        for (number, id) in &acknowledged {
+            let job = self.servers[0].finished(id).await;
+            assert_eq!(job["status"], "succeeded", "{job}");
+            assert_eq!(job["parameters"]["number"], *number, "{job}");
+            let basis = job["basis"].as_str().unwrap().to_owned();
+            if let Some(before) = self.clients.seen.lock().unwrap().get(id) {
+                assert_eq!(*before, basis, "done again: {job}");
+            }
+            assert!(done.insert(basis, *number).is_none(), "two jobs with one result: {job}");
+        }
+        let failed = self.clients.failed.load(Ordering::Relaxed);
+        let (all, waited) = (acknowledged.len(), begun.elapsed().as_secs_f64());
+        println!("{all} jobs acknowledged, all done {waited:.1} s after the last; {failed} requests failed");
+        assert!(all > 20, "only {all} jobs");
+        drop(self.workers);
+        let jobs = self.places.check_all(&done).await;
+        assert_eq!(jobs, all, "a job that nobody asked for, or twice the same");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn kills_stops_and_crashes_lose_nothing_and_do_nothing_twice() {
+    let Some(places) = Places::over_s3() else { return };
+    let mut scene = Scene::begin(places, None, 11).await;
+    let begun = Instant::now();
+    for round in 0..rounds(10) {
+        let pause = scene.dice.pause(50, 800);
+        tokio::time::sleep(pause).await;
+        match round % 10 {
+            0 | 6 => scene.kill_worker(),
+            1 | 7 => scene.kill_server(),
+            2 => scene.zombie().await,
+            3 | 8 => {
+                let away = if round % 10 == 3 { Duration::ZERO } else { scene.dice.pause(100, 3000) };
+                scene.database_crash(away).await;
+            }
+            4 | 9 => scene.objects_away().await,
+            _ => scene.kill_at_a_point().await,
+        }
+    }
+    println!("{} rounds in {:.0} s", rounds(10), begun.elapsed().as_secs_f64());
+    scene.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_real_store_that_is_stopped_and_killed_loses_nothing() {
+    let Some(mut places) = Places::new() else { return };
+    let Some(weed) = Weed::start(places.folder.path()) else { return };
+    places.objects = "s3://spectra/lab/one".to_owned();
+    let keys = s3::KEYS.map(|(name, value)| (name, value.to_owned()));
+    let told = keys.into_iter().chain([("AWS_ENDPOINT", weed.endpoint())]).collect();
+    places.s3 = Some((told, weed.objects()));
+    let mut scene = Scene::begin(places, Some(weed), 12).await;
+    for round in 0..rounds(4) {
+        let pause = scene.dice.pause(100, 1500);
+        tokio::time::sleep(pause).await;
+        match round % 8 {
+            5 => scene.kill_worker(),
+            7 => scene.zombie().await,
+            _ => scene.objects_away().await,
+        }
+    }
+    scene.end().await;
+}
+
+/// Jobs from their submission to their results by so many worker processes: `CHLADNI_JOBS` of them, which sleep for `CHLADNI_SLEEP` seconds. With a sleep the jobs
+/// are there before the workers, and the efficiency is told.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "figures, minutes"]
+async fn throughput() {
+    let number = |name: &str, usual: f64| std::env::var(name).map_or(usual, |text| text.parse().unwrap());
+    let (workers, seconds) = (number("CHLADNI_WORKER_PROCESSES", 16.0) as usize, number("CHLADNI_SLEEP", 0.0));
+    let jobs = number("CHLADNI_JOBS", 1000.0) as u32;
+    let Some(places) = Places::new() else { return };
+    let server = places.server_with(SERVER);
+    let mesh = server.upload().await;
+    let begin = || (0..workers).map(|_| places.worker(&["--jobs-in", "threads", "--lease-seconds", "30"]));
+    let mut running: Vec<Worker> = if seconds == 0.0 { begin().collect() } else { Vec::new() };
+    let begun = Instant::now();
+    let clients = (0..8).map(|client| {
+        let (http, url, mesh) = (server.client.clone(), server.url.clone(), mesh.clone());
+        tokio::spawn(async move {
+            for number in (client..jobs).step_by(8) {
+                let parameters = json!({"seconds": seconds, "number": number});
+                let request = json!({"kind": "idle", "mesh": mesh, "parameters": parameters});
+                let answer = http.post(format!("{url}/v1/jobs")).json(&request).send().await.unwrap();
+                assert!(answer.status().is_success(), "{}", answer.text().await.unwrap());
+            }
+        })
+    });
+    for client in clients.collect::<Vec<_>>() {
+        client.await.unwrap();
+    }
+    println!("{jobs} jobs submitted in {:.2} s", begun.elapsed().as_secs_f64());
+    if seconds > 0.0 {
+        running.extend(begin());
+    }
+    let (mut created, mut started, mut finished, mut waits) = (f64::MAX, f64::MAX, 0f64, Vec::new());
+    let mut from: Option<String> = None;
+    loop {
+        let (path, mut done) = (format!("{}/v1/jobs?limit=200", server.url), true);
+        let mut url = path.clone();
+        loop {
+            let page: Value = server.client.get(&url).send().await.unwrap().json().await.unwrap();
+            for job in page["items"].as_array().unwrap() {
+                done &= job["status"] == "succeeded";
+            }
+            match page["next"].as_str().filter(|_| done) {
+                Some(next) => url = format!("{path}&from={next}"),
+                None => break,
+            }
+        }
+        if done {
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(500)).await;
+    }
+    loop {
+        let mut url = format!("{}/v1/jobs?limit=200", server.url);
+        if let Some(from) = &from {
+            url = format!("{url}&from={from}");
+        }
+        let page: Value = server.client.get(&url).send().await.unwrap().json().await.unwrap();
+        for job in page["items"].as_array().unwrap() {
+            let ms = |name: &str| job[name].as_f64().unwrap();
+            created = created.min(ms("created_ms"));
+            started = started.min(ms("started_ms"));
+            finished = finished.max(ms("finished_ms"));
+            waits.push(ms("finished_ms") - ms("started_ms"));
+        }
+        from = page["next"].as_str().map(str::to_owned);
+        if from.is_none() {
+            break;
+        }
+    }
+    waits.sort_by(f64::total_cmp);
+    let whole = (finished - if seconds > 0.0 { started } else { created }) / 1000.0;
+    println!(
+        "{workers} workers, {jobs} jobs: {whole:.2} s, {:.0} jobs/s, efficiency {:.3}; from claim to result {} ms (median), {} ms (p99)",
+        f64::from(jobs) / whole,
+        f64::from(jobs) * seconds / workers as f64 / whole,
+        waits[waits.len() / 2],
+        waits[waits.len() * 99 / 100],
+    );
+    drop(running);
+}
