@@ -5,7 +5,7 @@
 //! CHLADNI_MESHES=… cargo run --release --example pictures -- filtering # one page
 //! ```
 //!
-//! They are written to `docs/pictures/`, as SVG. Pages of real meshes are skipped where `CHLADNI_MESHES` is not set. A page is one module
+//! They are written to `docs/pictures/`, as SVG or PNG. Pages of real meshes are skipped where `CHLADNI_MESHES` is not set. A page is one module
 //! with a function `draw`; what it measures it prints, and the page quotes.
 
 mod compression;
@@ -15,6 +15,7 @@ mod filtering;
 mod functional_maps;
 mod operator_families;
 mod paint;
+mod plate;
 mod scene;
 mod shape_dna;
 mod signatures;

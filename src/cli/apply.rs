@@ -15,7 +15,7 @@ use chladni_mesh::write::{PlyPrecision, SurfaceFormat};
 use chladni_spectral::analysis::filter::{Transfer, filter};
 use chladni_spectral::basis::{Basis, StoredFields};
 use chladni_spectral::formats::npz;
-use chladni_work::design::{DesignRequest, Form, Setting, Surface, written, written_at};
+use chladni_work::design::{DesignFault, DesignRequest, Form, Setting, Surface, written, written_at};
 use chladni_work::distances::DistanceRequest;
 use serde::de::DeserializeOwned;
 use serde_json::json;
@@ -25,7 +25,7 @@ use super::{CliError, MeshInput, NumberingArguments, read_bytes};
 
 /// A stored basis and the mesh that it lives on.
 #[derive(Debug, clap::Args)]
-struct Stored {
+pub(super) struct Stored {
     /// NPZ file of the basis, from solve, field, run or the API
     #[arg(value_name = "BASIS")]
     basis: PathBuf,
@@ -61,6 +61,16 @@ impl Stored {
             return Err(CliError::mesh(&self.basis, reason));
         }
         Ok((basis, mesh, to, attributes))
+    }
+
+    /// The basis of fields on its surface, and how the request numbers vertices and faces.
+    pub(super) fn fields(&self) -> Result<(Setting, Translation), CliError> {
+        let refused = |fault: DesignFault| CliError::Refused(fault.to_string());
+        let fields: StoredFields = self.read(npz::read_fields)?;
+        let checked = self.input.load_body()?.surface;
+        let to = self.numbered.translation(Arc::new(checked.numbering));
+        let surface = Surface::new(&checked.mesh).map_err(refused)?;
+        Ok((Setting::new(Arc::new(fields), Arc::new(surface)).map_err(refused)?, to))
     }
 }
 
@@ -181,15 +191,12 @@ fn surface_format(path: &Path) -> Result<SurfaceFormat, CliError> {
 
 /// Runs `chladni design`.
 pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
-    let refused = |fault: chladni_work::design::DesignFault| CliError::Refused(fault.to_string());
+    let refused = |fault: DesignFault| CliError::Refused(fault.to_string());
     let mut request: DesignRequest = typed("--request", &arguments.request)?;
     let output = arguments.output.as_deref().map(OutputFile::probe).transpose()?;
-    let fields: StoredFields = arguments.stored.read(npz::read_fields)?;
-    let checked = arguments.stored.input.load_body()?.surface;
-    let to = arguments.stored.numbered.translation(Arc::new(checked.numbering));
-    let surface = Surface::new(&checked.mesh).map_err(refused)?;
-    let setting = Setting::new(Arc::new(fields), Arc::new(surface)).map_err(refused)?;
-    request.translate(&to, setting.kind(), checked.mesh.positions.len()).map_err(refused)?;
+    let (setting, to) = arguments.stored.fields()?;
+    let vertices = setting.surface.surface.mesh().positions.len();
+    request.translate(&to, setting.kind(), vertices).map_err(refused)?;
     let designed = setting.design(&request, &Unwatched).map_err(refused)?;
     let sampled =
         request.faces.as_ref().map(|wanted| setting.faces(wanted, &Unwatched)).transpose().map_err(refused)?;
@@ -231,8 +238,12 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
 }
 
 /// A typed request from the command line.
-fn typed<T: DeserializeOwned>(flag: &str, text: &str) -> Result<T, CliError> {
-    let value = json_argument(flag, text)?;
+pub(super) fn typed<T: DeserializeOwned>(flag: &str, text: &str) -> Result<T, CliError> {
+    fitting(flag, json_argument(flag, text)?)
+}
+
+/// A typed request from a value.
+pub(super) fn fitting<T: DeserializeOwned>(flag: &str, value: serde_json::Value) -> Result<T, CliError> {
     serde_json::from_value(value).map_err(|error| CliError::Usage(format!("{flag}: {error}")))
 }
 

@@ -19,6 +19,7 @@ mod memory;
 #[cfg(feature = "cluster")]
 mod migrate;
 mod output;
+mod pictures;
 mod poison;
 mod private;
 mod progress;
@@ -80,6 +81,8 @@ enum Command {
     Distances(apply::DistancesArguments),
     Filter(apply::FilterArguments),
     Design(apply::DesignArguments),
+    Hatching(pictures::HatchingArguments),
+    Fur(pictures::FurArguments),
     Quads(quads::QuadsArguments),
     Check(check::CheckArguments),
     Verify(Box<verify::VerifyArguments>),
@@ -130,6 +133,8 @@ pub fn main() -> ExitCode {
         Command::Distances(arguments) => apply::distances(arguments),
         Command::Filter(arguments) => apply::filtered(arguments),
         Command::Design(arguments) => apply::design(arguments),
+        Command::Hatching(arguments) => pictures::hatching(arguments),
+        Command::Fur(arguments) => pictures::fur(arguments),
         Command::Quads(arguments) => quads::quads(arguments),
         Command::Check(arguments) => check::check(arguments),
         Command::Verify(arguments) => verify::verify(*arguments),

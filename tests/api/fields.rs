@@ -159,6 +159,7 @@ async fn a_field_follows_strokes_and_is_told_in_every_form() {
         let size = strand[3..].iter().map(|x| x * x).sum::<f32>().sqrt();
         assert!((size - 0.1).abs() < 1e-5);
     }
+    pictures(&app, &basis, &field, faces).await;
     let hatching = json!({"field": {"design": request}, "spacing": 0.1, "camera": {"eye": [0, 0, 5], "target": [0, 0, 0], "width": 200, "height": 200}});
     let (status, lines) = post(&app, &basis, "hatching", &hatching).await;
     assert!(status == 200 && lines["lines"].as_array().unwrap().len() > 5, "{status}");
@@ -483,6 +484,8 @@ async fn what_cannot_be_designed_is_a_problem_that_names_it() {
         (json!({"strokes": [{"points": [[0, 0, 1]]}]}), "points", "2"),
         (json!({"strokes": [{"face": 1, "direction": up, "strength": -1.0}]}), "weight", "strength -1"),
         (json!({"weights": {"harmonic": -1.0}, "strokes": [at(0, &up)]}), "weight", "harmonic"),
+        (json!({"weights": {"harmonic": 1e308}, "strokes": [at(0, &up)]}), "weight", "weights.harmonic"),
+        (json!({"strokes": [{"face": 1, "direction": up, "strength": 1e300}]}), "weight", "strokes[0].strength"),
         (json!({"weights": {"harmonic": 0.0}, "strokes": [at(0, &up)]}), "no-energy", "either"),
         (json!({}), "no-data", "either"),
         (json!({"alignment": {"to": "curvature", "weight": 1.0}}), "alignment", "even n"),
@@ -537,9 +540,50 @@ async fn what_cannot_be_designed_is_a_problem_that_names_it() {
         (422, &json!("/problems/invalid-design/coefficients")),
         "{problem}"
     );
-    let drawn = app.post(&format!("{}/hatching", text(&basis["links"]["self"]))).header("accept", "image/svg+xml");
-    let drawn = drawn.json(&json!({"field": {"eigenfield": 0}})).send().await.unwrap();
-    assert_eq!(drawn.json::<Value>().await.unwrap()["type"], "/problems/invalid-design/camera");
+    let field = json!({"eigenfield": 0});
+    for (part, accept, body, kind) in [
+        ("hatching", "image/svg+xml", json!({"field": field, "camera": {"eye": [0, 0, 4]}}), "invalid-design/camera"),
+        ("hatching", "image/svg+xml", json!({"field": field, "camera": {"from": [0, 0, 0]}}), "invalid-design/camera"),
+        (
+            "hatching",
+            "image/png",
+            json!({"field": field, "camera": {"width": 8000, "height": 8000}}),
+            "invalid-design/camera",
+        ),
+        ("hatching", "image/svg+xml", json!({"field": field, "stroke": 0.0}), "invalid-design/hatching"),
+        ("hatching", "image/svg+xml", json!({"field": field, "tone": {"light": [0, 0, 0]}}), "invalid-design/light"),
+        ("hatching", "image/svg+xml", json!({"field": field, "tone": {"highlight": 1.5}}), "invalid-design/hatching"),
+        ("hatching", "application/json", json!({"field": field, "levels": 9}), "invalid-design/hatching"),
+        ("hatching", "image/svg+xml", json!({"field": field, "pen": "quill"}), "invalid-request"),
+        ("fur", "application/json", json!({"field": field, "length": 0.1, "gravity": 0.5}), "invalid-design/fur"),
+        (
+            "fur",
+            "application/json",
+            json!({"field": field, "length": 0.1, "strands": 10, "points": 1}),
+            "invalid-design/fur",
+        ),
+        ("fur", "application/json", json!({"field": field, "length": 0.1, "strands": 5_000_000}), "invalid-design/fur"),
+        ("fur", "application/json", json!({"field": field, "length": 1e308}), "invalid-design/fur"),
+        ("fur", "image/png", json!({"field": field, "length": 0.1, "gravity": 1e300}), "invalid-design/fur"),
+        ("fur", "image/png", json!({"field": field, "length": 0.1, "clump": 2.0}), "invalid-design/fur"),
+        (
+            "fur",
+            "image/png",
+            json!({"field": field, "length": 0.1, "camera": {"width": 3000, "height": 3000}}),
+            "invalid-design/camera",
+        ),
+        (
+            "fur",
+            "image/png",
+            json!({"field": field, "length": 0.1, "look": {"colour": [1.0, 2.0, 0.0]}}),
+            "invalid-design/fur",
+        ),
+    ] {
+        let url = format!("{}/{part}", text(&basis["links"]["self"]));
+        let answer = app.post(&url).header("accept", accept).json(&body).send().await.unwrap();
+        let problem: Value = answer.json().await.unwrap();
+        assert_eq!(problem["type"], format!("/problems/{kind}"), "{part} {body}: {problem}");
+    }
 
     // A route of one kind is told the other, with both named.
     let (status, problem) = post(
@@ -724,4 +768,32 @@ async fn the_pace_of_a_dragged_stroke_while_a_job_runs() {
     println!("the job was {} at the end", app.state.store.job(job.parse().unwrap()).await.unwrap().status);
     app.post(&format!("/v1/jobs/{job}/cancel")).send().await.unwrap();
     app.finished(&job).await;
+}
+
+/// Strands by area and pictures, which need no camera of the client's own.
+async fn pictures(app: &TestApp, basis: &Value, field: &Value, faces: usize) {
+    let (strands, shape) =
+        raw(app, basis, "fur", &json!({"field": field, "length": 0.1, "strands": 3000, "points": 5})).await;
+    assert!(shape == [3000, 15] && faces != 3000);
+    for strand in strands.chunks_exact(15) {
+        let radius = |p: &[f32]| p.iter().map(|x| x * x).sum::<f32>().sqrt();
+        // The root is on the sphere, the tip is outside.
+        assert!((radius(&strand[..3]) - 1.0).abs() < 0.02 && radius(&strand[12..]) > 1.0, "{strand:?}");
+    }
+    for (part, accept, extra) in [
+        ("hatching", "image/svg+xml", json!({})),
+        ("hatching", "image/png", json!({"pen": "even", "tone": null})),
+        ("fur", "image/png", json!({"length": 0.1, "strands": 3000})),
+    ] {
+        let mut body = json!({"field": field, "camera": {"from": [0, 0, 1], "width": 100, "height": 80}});
+        body.as_object_mut().unwrap().extend(extra.as_object().unwrap().clone());
+        let url = format!("{}/{part}", text(&basis["links"]["self"]));
+        let answer = app.post(&url).header("accept", accept).json(&body).send().await.unwrap();
+        assert_eq!(answer.headers()["content-type"], accept, "{part}: {}", answer.status());
+        let bytes = answer.bytes().await.unwrap();
+        match accept {
+            "image/png" => assert_eq!((&bytes[1..4], &bytes[16..24]), (&b"PNG"[..], &[0, 0, 0, 100, 0, 0, 0, 80][..])),
+            _ => assert!(bytes.starts_with(b"<svg") && bytes.windows(5).filter(|w| w == b"<path").count() > 20),
+        }
+    }
 }

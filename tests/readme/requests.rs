@@ -112,7 +112,16 @@ fn commands_of_the_manual_run() {
     };
     script += five;
     shell(&script, &server, folder.path());
-    for name in ["bunny.npz", "modes.npz", "pairs.npz", "field.npy", "bases/knot.ply.npz"] {
+    for name in [
+        "bunny.npz",
+        "modes.npz",
+        "pairs.npz",
+        "field.npy",
+        "fur.png",
+        "hatching.svg",
+        "hatching.png",
+        "bases/knot.ply.npz",
+    ] {
         assert!(folder.path().join(name).is_file(), "{name}");
     }
     assert_eq!(std::fs::read_dir(folder.path().join("op_cache")).unwrap().count(), 3, "two caches and batch.json");

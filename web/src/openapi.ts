@@ -381,7 +381,8 @@ export interface paths {
         /**
          * Combs fur
          * @description For each face a strand that leans along a vector field: its root (the barycentre of the face) and its tip relative to the root, six numbers in
-         *     the units of the mesh, for a renderer. JSON, or with `Accept: application/octet-stream` little-endian f32.
+         *     the units of the mesh, for a renderer. With `strands` so many, spread by area, that bend, fall and gather in tufts: three numbers for each of their points, the root first.
+         *     JSON, or with `Accept: application/octet-stream` little-endian f32; with `Accept: image/png` a picture of them.
          */
         post: operations["combFur"];
         delete?: never;
@@ -402,7 +403,8 @@ export interface paths {
         /**
          * Draws a hatching
          * @description Evenly spaced streamlines of a field (Jobard and Lefer 1997): of n-fields they follow any of the n directions, of tensor fields the
-         *     eigendirections. As polylines on the surface, or with `Accept: image/svg+xml` as a drawing from a camera, without what the surface hides.
+         *     eigendirections. As polylines on the surface, or with `Accept: image/svg+xml` or `image/png` as a drawing from a camera, without what the surface hides: with more lines where
+         *     it is darker, crossed ones only in shadows, and with silhouettes.
          */
         post: operations["drawHatching"];
         delete?: never;
@@ -1617,29 +1619,31 @@ export interface components {
          * @enum {string}
          */
         Boundary: "neumann" | "dirichlet";
-        /** @description Where a drawing is seen from, in the units of the mesh. */
+        /** @description Where a picture is seen from, in the units of the mesh. Without `eye` it is fitted to the mesh, seen from a direction. */
         CameraRequest: {
             /**
              * Format: double
              * @description The vertical angle of view in degrees. By default `30.0`.
              */
-            angle?: number;
-            /** @description The eye. */
-            eye: number[];
+            angle?: number | null;
+            /** @description The eye; `target` belongs to it. */
+            eye?: number[] | null;
+            /** @description In place of `eye` and `target`: from the mesh to the eye, which is so far away that all of the mesh is seen. `[0.4, 0.3, 1]` where it is left out. */
+            from?: number[] | null;
             /**
              * Format: int32
-             * @description Height of the drawing.
+             * @description Height of the picture. By default `900`.
              */
-            height: number;
-            /** @description What it looks at. */
-            target: number[];
-            /** @description What is up in the drawing. */
-            up?: number[];
+            height?: number | null;
+            /** @description What the eye looks at. */
+            target?: number[] | null;
+            /** @description What is up in the picture: `[0, 1, 0]` where it is left out. */
+            up?: number[] | null;
             /**
              * Format: int32
-             * @description Width of the drawing.
+             * @description Width of the picture. By default `900`.
              */
-            width: number;
+            width?: number | null;
         };
         /** @description Functions to be carried over. */
         Carried: {
@@ -3294,8 +3298,21 @@ export interface components {
         };
         /** @description Functions on the vertices. */
         Functions: components["schemas"]["Named"] | components["schemas"]["Table"];
-        /** @description A coat of fur: one strand for each face. */
+        /** @description A coat of fur: one straight strand for each face, or `strands` by area that bend. */
         FurRequest: {
+            /**
+             * Format: double
+             * @description How much further strands lean at their tip than at their root, in radians: 0.5 where it is left out.
+             */
+            bend?: number | null;
+            camera?: components["schemas"]["CameraRequest"] | null;
+            /**
+             * Format: double
+             * @description How much tips gather in tufts, from 0 to 1: 0.35 where it is left out.
+             */
+            clump?: number | null;
+            /** @description Downwards: `[0, -1, 0]` where it is left out. */
+            down?: number[] | null;
             /** @description `{"design": …}`, `{"coefficients": […]}` or `{"eigenfield": k}`. */
             field: components["schemas"]["FieldSource"];
             /**
@@ -3305,16 +3322,50 @@ export interface components {
             full?: number;
             /**
              * Format: double
+             * @description How much they fall towards `down`, 0.15 where it is left out: 1 turns the tip of a strand that stands across as much downwards as it grows.
+             */
+            gravity?: number | null;
+            /**
+             * Format: double
              * @description The length of strands in the units of the mesh.
              */
             length: number;
             /** @description A factor of the length for each face. */
             lengths?: number[] | null;
+            look?: components["schemas"]["HairRequest"] | null;
+            /**
+             * Format: double
+             * @description How much strands differ, as a share of their length and of a radian: 0.15 where it is left out.
+             */
+            noise?: number | null;
+            /** @description Points of a strand, its root first: 8 where it is left out. */
+            points?: number | null;
+            /**
+             * Format: int64
+             * @description The seed of places and differences: the same one gives the same coat.
+             */
+            seed?: number | null;
+            /** @description So many strands, spread by area; in pictures 200,000 where it is left out. All that follows belongs to them. */
+            strands?: number | null;
             /**
              * Format: double
              * @description How far strands lean at most, in radians from the normal. By default `1.0`.
              */
             tilt?: number;
+        };
+        /** @description How a picture of fur looks. */
+        HairRequest: {
+            /** @description Red, green and blue behind the fur: white where it is left out. */
+            background?: number[] | null;
+            /** @description Red, green and blue from 0 to 1. */
+            colour?: number[] | null;
+            /** @description Towards the light: above the left shoulder of who looks where it is left out. */
+            light?: number[] | null;
+            /**
+             * Format: double
+             * @description The width of strands at their root, in the units of the mesh: as much as covers the surface where it is left out.
+             */
+            thickness?: number | null;
         };
         /**
          * @description A hatching.
@@ -3324,6 +3375,7 @@ export interface components {
          *           "faces": [
          *             17
          *           ],
+         *           "level": 0,
          *           "points": [
          *             [
          *               0.1,
@@ -3354,18 +3406,31 @@ export interface components {
              * @description Shorter lines are left out, in multiples of the spacing. By default `2.0`.
              */
             least_length?: number | null;
+            /**
+             * Format: int32
+             * @description Levels of lines, each at half the distance of the one before, the last at the spacing: of drawings with a tone 3 where it is left out, otherwise 1.
+             */
+            levels?: number | null;
             /** @description Lines at most. By default `100000`. */
             most_lines?: number | null;
             /**
              * Format: double
-             * @description The distance between lines, in units of the square root of the surface's area. By default `0.01`.
+             * @description The width of silhouettes, creases and boundaries in a drawing, in widths of the pen; 0 leaves them out. By default `1.6`.
+             */
+            outline?: number;
+            /** @description Whether lines of a drawing swell where it is darker, or all have the width of the pen, for plotters. */
+            pen?: components["schemas"]["Pen"];
+            /**
+             * Format: double
+             * @description The distance between lines, in units of the square root of the surface's area: of lines 0.01 where it is left out, of drawings four widths of the pen.
              */
             spacing?: number | null;
             /**
              * Format: double
-             * @description The width of lines of an SVG. By default `1.0`.
+             * @description The width of the pen in a drawing, in pixels. By default `1.0`.
              */
             stroke?: number;
+            tone?: components["schemas"]["ToneRequest"] | null;
         };
         /**
          * @description Whether the process answers.
@@ -3732,6 +3797,11 @@ export interface components {
         Line: {
             /** @description The face that each piece lies in: one fewer than points. */
             faces: number[];
+            /**
+             * Format: int32
+             * @description Its level, counted from 0.
+             */
+            level: number;
             /** @description Its points in the units of the mesh: one for each edge that it crosses, and its ends. */
             points: number[][];
         };
@@ -4407,6 +4477,11 @@ export interface components {
             /** @description Pass this as `from` to get the next page; null on the last. */
             next: string | null;
         };
+        /**
+         * @description What a drawing is drawn with.
+         * @enum {string}
+         */
+        Pen: "swelling" | "even";
         /** @description A stored basis. Of the kind `pencil_basis`. */
         PencilBasisBasisResource: components["schemas"]["PencilBasisBasisSummary"] & {
             /**
@@ -5480,6 +5555,23 @@ export interface components {
         };
         /** @description What to align to. */
         Target: components["schemas"]["NamedTarget"] | components["schemas"]["Table"];
+        /** @description How light becomes lines. */
+        ToneRequest: {
+            /**
+             * Format: double
+             * @description The darkness, from 0 to 1, from which on lines are crossed by those of another direction, of 2-fields and vectors by lines across them; 1 and more: never. By default `0.55`.
+             */
+            cross?: number | null;
+            /**
+             * Format: double
+             * @description The brightness, up to 1, from which on the paper stays white. By default `0.8`.
+             */
+            highlight?: number | null;
+            /** @description Towards the light: above the left shoulder of who looks where it is left out. */
+            light?: number[] | null;
+            /** @description Whether the surface throws shadows on itself. By default `true`. */
+            shadows?: boolean | null;
+        };
         /** @description By what each part of a function is multiplied, as a function of the eigenvalue `λ ≥ 0` in 1/length² of the input. */
         Transfer: components["schemas"]["TransferLowPass"] | components["schemas"]["TransferHighPass"] | components["schemas"]["TransferBandPass"] | components["schemas"]["TransferGain"] | components["schemas"]["TransferHeat"] | components["schemas"]["TransferSharpen"] | components["schemas"]["TransferCurve"] | components["schemas"]["TransferSamples"];
         /** @description Keeps `low ≤ λ ≤ high` alone. */
@@ -7407,7 +7499,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description The strands: a row for each face */
+            /** @description The strands: a row for each face, or for each of `strands` */
             200: {
                 headers: {
                     "Chladni-Columns"?: number;
@@ -7431,6 +7523,7 @@ export interface operations {
                      */
                     "application/json": components["schemas"]["Table"];
                     "application/octet-stream": Blob;
+                    "image/png": Blob;
                 };
             };
             /** @description A problem: invalid-query, damaged-content-encoding, body-incomplete or invalid-json */
@@ -7556,6 +7649,7 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["HatchingAnswer"];
+                    "image/png": Blob;
                     "image/svg+xml": string;
                 };
             };

@@ -40,3 +40,29 @@ fn lines_of_a_cross_field_cross_each_other() {
     assert!(one[0] > 0.7 && one[1] < 0.05, "{one:?}");
     assert!(both.iter().all(|share| *share > 0.7 && *share < 1.6), "{both:?}");
 }
+
+#[test]
+fn each_level_lies_between_the_lines_of_those_before() {
+    let surface = FieldSurface::new(generate(Shape::Torus, 3000).unwrap()).unwrap();
+    let field = directed(&surface, 2, |p| [-p[1], p[0], 0.0]);
+    let parameters = HatchingParameters { spacing: 0.02, levels: 3, ..HatchingParameters::default() };
+    let lines = streamlines(&surface, 2, &field, &parameters, &Unwatched).unwrap();
+    let length = |levels: std::ops::Range<u32>| {
+        let pieces = lines.iter().filter(|line| levels.contains(&line.level)).flat_map(|line| line.points.windows(2));
+        pieces.map(|p| (0..3).map(|i| (p[1][i] - p[0][i]).powi(2)).sum::<f64>().sqrt()).sum::<f64>()
+    };
+    // Lines at a distance d have the length area / d.
+    for (levels, spacing) in [(1, 0.08), (2, 0.04), (3, 0.02)] {
+        let share = length(0..levels) * spacing / surface.frames().area().sqrt();
+        assert!(share > 0.7 && share < 1.4, "{levels}: {share}");
+    }
+    // The first levels are the whole of a hatching of fewer.
+    let fewer = HatchingParameters { spacing: 0.08, levels: 1, ..HatchingParameters::default() };
+    let first = streamlines(&surface, 2, &field, &fewer, &Unwatched).unwrap();
+    let coarse = lines.iter().filter(|line| line.level == 0).count();
+    assert!(first.len().abs_diff(coarse) <= 2, "{} {coarse}", first.len());
+    for levels in [0, 7] {
+        let parameters = HatchingParameters { levels, ..parameters };
+        assert!(streamlines(&surface, 2, &field, &parameters, &Unwatched).is_err());
+    }
+}

@@ -44,7 +44,10 @@ pub use alignment::{Alignment, Prescription};
 pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis, full_biharmonic};
 pub use decomposition::{HodgeDecomposition, HodgeParts};
 pub use design::{BENDING, Constraint, Design, DesignError, DesignModel, EnergyWeights, Hold, MOST_DIMENSIONS};
-pub use drawing::{Camera, MOST_PIXELS, svg};
+pub use drawing::{
+    Camera, Coat, CoatParameters, Drawing, HairStyle, HatchedLines, HatchingStyle, MOST_PAINTED, MOST_PIXELS,
+    MOST_POINTS, MOST_STRAND_POINTS, Tone, grow, hatch, paint, png,
+};
 pub use harmonic::{HarmonicError, MOST_HARMONIC, harmonic_fields};
 pub use heat::FieldHeat;
 pub use local::LocalEigenfields;

@@ -2,7 +2,7 @@
 //!
 //! Where a field has several directions, lines cross those of the others and keep their distance only from their own kind: those that run within half the angle between two directions.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::dual::NO_FACE;
@@ -14,11 +14,20 @@ use super::basis::FieldSurface;
 /// Lines are sampled at this share of the spacing.
 const SAMPLE_SHARE: f64 = 0.25;
 
+/// Samples of one line between two looks at whether the work was cancelled.
+const SAMPLES_AT_ONCE: usize = 4096;
+
 /// A line is given up where it crosses so many edges between two samples: it goes round in circles.
 const MOST_IDLE_CROSSINGS: usize = 2000;
 
 /// A line ends after so many times the square root of the area, whatever its way.
 const LONGEST: f64 = 100.0;
+
+/// Levels at most.
+const MOST_LEVELS: u32 = 6;
+
+/// Lines of further levels begin where no other is closer than this share of the spacing: between two lines there is not always a whole spacing on both sides.
+const BETWEEN_SHARE: f64 = 0.75;
 
 /// A line ends where another is closer than this share of the spacing.
 const TEST_SHARE: f64 = 0.6;
@@ -33,11 +42,14 @@ pub struct HatchingParameters {
     pub least_length: f64,
     /// Lines at most.
     pub most_lines: usize,
+    /// How many levels there are, 1 to 6: the lines of the first are `2^(levels − 1)` spacings apart, those of each further one lie between those that are there, at half the
+    /// distance; the last are at the spacing.
+    pub levels: u32,
 }
 
 impl Default for HatchingParameters {
     fn default() -> Self {
-        Self { spacing: 0.01, least_length: 2.0, most_lines: 100_000 }
+        Self { spacing: 0.01, least_length: 2.0, most_lines: 100_000, levels: 1 }
     }
 }
 
@@ -48,6 +60,8 @@ pub struct Streamline {
     pub points: Vec<[f64; 3]>,
     /// The face that each piece lies in: one fewer than points.
     pub faces: Vec<u32>,
+    /// The level that it belongs to, counted from 0.
+    pub level: u32,
 }
 
 /// Why there are no lines.
@@ -99,31 +113,16 @@ pub fn streamlines(
     if !(parameters.least_length >= 0.0 && parameters.least_length.is_finite()) {
         return Err(StreamlineError::Parameter { name: "least_length", value: parameters.least_length });
     }
+    if !(1..=MOST_LEVELS).contains(&parameters.levels) {
+        return Err(StreamlineError::Parameter { name: "levels", value: f64::from(parameters.levels) });
+    }
     monitor.stage("streamlines");
+    let step = SAMPLE_SHARE * parameters.spacing;
     let mut hatching =
-        Hatching { surface, n, field, spacing: parameters.spacing, cells: HashMap::new(), lines: Vec::new() };
-    let mut seeds: std::collections::VecDeque<Seed> = std::collections::VecDeque::new();
-    let mut next_face = 0;
-    while hatching.lines.len() < parameters.most_lines {
-        let Some(seed) = seeds.pop_front() else {
-            if next_face == faces {
-                break;
-            }
-            let place = Place { face: next_face as u32, at: [1.0 / 3.0; 3] };
-            seeds.extend(hatching.families(place, [1.0, 0.0]));
-            next_face += 1;
-            continue;
-        };
-        if next_face.is_multiple_of(256) || seeds.len().is_multiple_of(64) {
-            monitor.checkpoint()?;
-            monitor.progress(next_face as f64 / faces as f64);
-        }
-        if hatching.is_near(&seed.place, seed.along, hatching.spacing, None) {
-            continue;
-        }
-        if let Some(line) = hatching.lay(&seed, parameters.least_length * parameters.spacing) {
-            seeds.extend(hatching.seeds_around(&line));
-        }
+        Hatching { surface, n, field, level: 0, spacing: 0.0, step, cells: HashMap::new(), lines: Vec::new() };
+    for level in 0..parameters.levels {
+        hatching.begin(level, parameters.spacing * f64::from(1u32 << (parameters.levels - 1 - level)));
+        hatching.fill(parameters, monitor)?;
     }
     Ok(hatching.lines)
 }
@@ -157,7 +156,10 @@ struct Hatching<'a> {
     surface: &'a FieldSurface,
     n: u32,
     field: &'a [f32],
+    level: u32,
     spacing: f64,
+    /// The distance of samples along lines.
+    step: f64,
     cells: HashMap<[i32; 3], Vec<Sample>>,
     lines: Vec<Streamline>,
 }
@@ -170,6 +172,46 @@ struct Half {
 }
 
 impl Hatching<'_> {
+    /// Goes on to a level with lines at another spacing: those that are there stay, in cells of its size.
+    fn begin(&mut self, level: u32, spacing: f64) {
+        (self.level, self.spacing) = (level, spacing);
+        for sample in std::mem::take(&mut self.cells).into_values().flatten() {
+            self.cells.entry(self.cell(sample.point)).or_default().push(sample);
+        }
+    }
+
+    /// Lays the lines of a level.
+    fn fill(&mut self, parameters: &HatchingParameters, monitor: &dyn Monitor) -> Result<(), StreamlineError> {
+        let faces = self.surface.faces();
+        let before: Vec<Seed> = self.lines.iter().flat_map(|line| self.seeds_around(line)).collect();
+        let mut seeds = VecDeque::from(before);
+        let apart = if self.level == 0 { 1.0 } else { BETWEEN_SHARE } * self.spacing;
+        let mut next_face = 0;
+        while self.lines.len() < parameters.most_lines {
+            let Some(seed) = seeds.pop_front() else {
+                if next_face == faces {
+                    break;
+                }
+                let place = Place { face: next_face as u32, at: [1.0 / 3.0; 3] };
+                seeds.extend(self.families(place, [1.0, 0.0]));
+                next_face += 1;
+                continue;
+            };
+            if next_face.is_multiple_of(256) || seeds.len().is_multiple_of(64) {
+                monitor.checkpoint()?;
+                let done = f64::from(self.level) + next_face as f64 / faces as f64;
+                monitor.progress(done / f64::from(parameters.levels));
+            }
+            if self.is_near(&seed.place, seed.along, apart, None) {
+                continue;
+            }
+            if let Some(line) = self.lay(&seed, parameters.least_length * self.spacing, monitor)? {
+                seeds.extend(self.seeds_around(&line));
+            }
+        }
+        Ok(())
+    }
+
     /// The positions of the corners of a face in its frame, the first at the origin; unit area.
     fn corners(&self, face: u32) -> [Planar; 3] {
         let e = self.surface.frames().edges(face as usize);
@@ -253,12 +295,13 @@ impl Hatching<'_> {
         line: u32,
         own: &mut HashMap<[i32; 3], Vec<Sample>>,
         sign: f64,
-    ) -> Half {
+        monitor: &dyn Monitor,
+    ) -> Result<Half, Cancelled> {
         let mut half = Half::default();
         let (mut here, mut direction) = (*seed, start);
-        let step = SAMPLE_SHARE * self.spacing;
+        let step = self.step;
         // Where the line was sampled last, and the crossings since.
-        let (mut sampled, mut idle) = (0.0, 0);
+        let (mut sampled, mut idle, mut samples) = (0.0, 0, 0usize);
         while idle < MOST_IDLE_CROSSINGS && half.length < LONGEST {
             idle += 1;
             let Some((k, at, distance)) = self.exit(&here, direction) else { break };
@@ -276,6 +319,10 @@ impl Hatching<'_> {
                     break;
                 }
                 self.insert(own, &place, direction, (line, sign * sampled));
+                samples += 1;
+                if samples % SAMPLES_AT_ONCE == 0 {
+                    monitor.checkpoint()?;
+                }
             }
             if stopped {
                 break;
@@ -290,20 +337,25 @@ impl Hatching<'_> {
             }
             (here, direction) = (place, next);
         }
-        half
+        Ok(half)
     }
 
     /// Lays the line through a seed; `None` where it is too short.
-    fn lay(&mut self, &Seed { place: seed, along: start }: &Seed, least: f64) -> Option<Streamline> {
+    fn lay(
+        &mut self,
+        &Seed { place: seed, along: start }: &Seed,
+        least: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Streamline>, Cancelled> {
         let line = self.lines.len() as u32;
         let mut own = HashMap::new();
         self.insert(&mut own, &seed, start, (line, 0.0));
-        let forward = self.follow(&seed, start, line, &mut own, 1.0);
-        let backward = self.follow(&seed, [-start[0], -start[1]], line, &mut own, -1.0);
+        let forward = self.follow(&seed, start, line, &mut own, 1.0, monitor)?;
+        let backward = self.follow(&seed, [-start[0], -start[1]], line, &mut own, -1.0, monitor)?;
         if forward.length + backward.length < least || forward.places.len() + backward.places.len() == 0 {
-            return None;
+            return Ok(None);
         }
-        let mut laid = Streamline::default();
+        let mut laid = Streamline { level: self.level, ..Streamline::default() };
         for place in backward.places.iter().rev() {
             laid.points.push(self.position(place));
             laid.faces.push(place.face);
@@ -317,7 +369,7 @@ impl Hatching<'_> {
             self.cells.entry(cell).or_default().extend(samples);
         }
         self.lines.push(laid.clone());
-        Some(laid)
+        Ok(Some(laid))
     }
 
     /// The kinds of lines, whichever way they run.

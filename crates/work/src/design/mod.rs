@@ -7,28 +7,35 @@
 //! | `target` | the field that an alignment draws it to |
 //! | `setting` | from a request to coefficients, in steps |
 //! | `forms` | stored numbers as a user reads them |
-//! | `drawing` | fur and hatchings |
+//! | `source` | the field that fur or a hatching is made of |
+//! | `fur`, `hatching` | both, as numbers and as pictures |
+//! | `camera` | where pictures are seen from |
 //! | `transport` | vectors that are carried over a surface |
 //! | `quads` | cross fields that follow creases, and parametrisations along them |
 //! | `decomposition` | the Hodge decomposition of a field that is given |
 //! | `fault` | why not |
 
+mod camera;
 mod decomposition;
-mod drawing;
 mod faces;
 mod fault;
 mod forms;
+mod fur;
+mod hatching;
 mod quads;
 mod request;
 mod setting;
+mod source;
 mod target;
 mod transport;
 
+pub use camera::CameraRequest;
 pub use decomposition::{DecompositionAnswer, DecompositionRequest};
-pub use drawing::{CameraRequest, FieldSource, FurRequest, HatchingAnswer, HatchingRequest, Line};
 pub use faces::{FaceSample, FacesRequest, MOST_SAMPLED};
 pub use fault::DesignFault;
 pub use forms::{Form, written, written_at};
+pub use fur::{FurRequest, HairRequest};
+pub use hatching::{HatchingAnswer, HatchingRequest, Line, Pen, ToneRequest};
 pub use quads::{
     BasisField, CrossRequest, CrossSource, Crosses, CutEdge, Quads, QuadsAnswer, QuadsFormat, QuadsRequest,
 };
@@ -38,4 +45,5 @@ pub use request::{
     SingularVertex, SingularitiesRequest, Stroke, Target, Weights,
 };
 pub use setting::{Designed, ExactField, Goal, Setting, Surface, numerators};
+pub use source::FieldSource;
 pub use transport::{TransportRequest, carried};

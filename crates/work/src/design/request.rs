@@ -10,6 +10,9 @@ use super::{DesignFault, Surface};
 use crate::table::Table;
 use crate::word_or;
 
+/// Weights beyond this are nobody's, and products of them with energies would overflow.
+const MOST_WEIGHT: f64 = 1e12;
+
 /// The most constraints of one design: they make a dense system of their own size.
 pub const MOST_CONSTRAINTS: usize = 2000;
 
@@ -285,10 +288,10 @@ pub(super) fn refused_at(face: u32, within: &'static str, place: &str, reason: i
 }
 
 fn weight_fits(weight: f64, place: &str) -> Result<(), DesignFault> {
-    if weight >= 0.0 && weight.is_finite() {
+    if (0.0..=MOST_WEIGHT).contains(&weight) {
         return Ok(());
     }
-    Err(refused("weight", place, format!("must be a finite number of at least 0, not {weight}")))
+    Err(refused("weight", place, format!("must be a number from 0 to 1e12, not {weight:e}")))
 }
 
 /// The value that a stroke or a pin gives.
@@ -344,6 +347,12 @@ impl DesignRequest {
         }
         self.faces.iter().try_for_each(FacesRequest::check_count)?;
         self.refine.map_or(Ok(()), FullSpace::check_tolerance)?;
+        weight_fits(self.weights.harmonic, "weights.harmonic")?;
+        self.weights.biharmonic.iter().try_for_each(|&weight| weight_fits(weight, "weights.biharmonic"))?;
+        for (at, strength) in self.strokes.iter().enumerate().filter_map(|(at, stroke)| Some((at, stroke.strength?))) {
+            // Negative ones are told with their face.
+            weight_fits(strength.max(0.0), &format!("strokes[{at}].strength"))?;
+        }
         self.alignment.iter().try_for_each(|wanted| weight_fits(wanted.weight, "alignment.weight"))?;
         self.singularities.iter().try_for_each(|wanted| weight_fits(wanted.weight, "singularities.weight"))
     }

@@ -11,6 +11,7 @@ use super::super::poisson::Factor;
 use super::rounding;
 use super::seams::Seams;
 use super::system::Parts;
+use super::untangle::untangle;
 use super::{Combed, MOST_ROUNDED, QuadError};
 use crate::operator::frames::{Planar, conjugate, multiply};
 
@@ -64,7 +65,7 @@ pub struct ParametrisationParameters {
     pub integers: bool,
     /// Edges that are to lie on grid lines.
     pub creases: Vec<u32>,
-    /// How often faces that are turned over are made stiffer, at most.
+    /// How often faces that are turned over are made stiffer, at most; where it is not 0, what is left of them is turned back by moving vertices around it.
     pub stiffening: u32,
 }
 
@@ -161,6 +162,11 @@ pub fn parametrise(
         }
         misfit = Some(most);
         coordinates = parts.coordinates(&solution);
+        inverted = turned_over(&coordinates);
+    }
+    if parameters.stiffening > 0 && !inverted.is_empty() {
+        monitor.checkpoint()?;
+        untangle(&parts, &mut solution, &mut coordinates, inverted);
         inverted = turned_over(&coordinates);
     }
     let areas = surface.frames().areas();

@@ -9,6 +9,7 @@
 //! | `seams` | how coordinates go on across the cut |
 //! | `system` | the equations of the coordinates |
 //! | `integrate` | their solution |
+//! | `untangle` | faces turned back, one vertex at a time |
 //! | `rounding` | quarter turns and whole translations: grid lines that meet across the cut |
 //! | `files` | OBJ, VTK, and the files of Directional |
 
@@ -20,6 +21,7 @@ mod integrate;
 mod rounding;
 mod seams;
 mod system;
+mod untangle;
 
 pub use aligned::{CrossField, CrossParameters, crosses_of};
 pub use combing::{Combed, comb};

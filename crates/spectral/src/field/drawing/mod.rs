@@ -1,0 +1,30 @@
+//! Pictures of what fields are good for: hatchings in ink, and fur, drawn in software.
+//!
+//! | file | what |
+//! |---|---|
+//! | `camera` | where a picture is seen from |
+//! | `screen` | depth and face of the surface at every pixel, and what hides what |
+//! | `light` | normals, brightness and shadows |
+//! | `outline` | silhouettes, creases and boundaries as chains of pieces |
+//! | `hatching` | which parts of lines are drawn, and how wide |
+//! | `ink` | strokes as SVG and as pixels |
+//! | `coat` | strands of fur and their shape |
+//! | `hair` | strands as pixels |
+//! | `png` | the file format |
+
+mod camera;
+mod coat;
+mod hair;
+mod hatching;
+mod ink;
+mod light;
+mod outline;
+mod png;
+mod screen;
+
+pub use camera::{Camera, MOST_PIXELS};
+pub use coat::{Coat, CoatParameters, MOST_POINTS, MOST_STRAND_POINTS, grow};
+pub use hair::{HairStyle, MOST_PAINTED, paint};
+pub use hatching::{HatchedLines, HatchingStyle, Tone, hatch};
+pub use ink::Drawing;
+pub use png::png;

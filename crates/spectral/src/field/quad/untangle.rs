@@ -1,0 +1,135 @@
+//! Faces that are turned over are turned back by moving vertices one by one: each to where the smallest of the faces around it is largest (Freitag and Plassmann 2000).
+//!
+//! The area of a face is linear in the coordinates of one of its vertices, and so this is a linear program in two coordinates and the least area. What ties coordinates to each other
+//! stays: singular vertices, vertices of creases, and boundaries are not moved.
+
+use super::super::loops::ends;
+use super::seams::quarter_turned;
+use super::system::Parts;
+use crate::operator::frames::{Planar, conjugate, multiply};
+
+/// Passes over the faces that are left.
+const PASSES: usize = 60;
+
+/// Vertices with more faces stay: the program is solved by trying three at a time.
+const MOST_FACES: usize = 16;
+
+/// A gain of less than this share of a face is none.
+const GAIN: f64 = 1e-6;
+
+/// An area as it changes with a vertex: at rest, and by its two coordinates; 1 is the area that it should have.
+type Area = (f64, Planar);
+
+/// Moves unknowns and coordinates; `inverted` are the faces turned over.
+pub(super) fn untangle(parts: &Parts, solution: &mut [f64], coordinates: &mut [[Planar; 3]], mut inverted: Vec<u32>) {
+    let (mesh, dual) = (parts.surface.mesh(), parts.surface.dual());
+    let mut fixed = vec![false; mesh.positions.len()];
+    for &edge in parts.creases {
+        ends(parts.surface, edge as usize).into_iter().for_each(|v| fixed[v as usize] = true);
+    }
+    parts.seams.closures.iter().filter(|closure| closure.1 != [0, 0]).for_each(|c| fixed[c.0 as usize] = true);
+    parts.combed.singularities.iter().for_each(|s| fixed[s.vertex as usize] = true);
+    let mut corners = Vec::new();
+    for _ in 0..PASSES {
+        let mut vertices: Vec<u32> = inverted.iter().flat_map(|&face| mesh.faces[face as usize]).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let mut moved = false;
+        for vertex in vertices.into_iter().filter(|&v| !fixed[v as usize]) {
+            if !dual.fan(mesh, vertex, &mut corners) || corners.len() > MOST_FACES {
+                continue;
+            }
+            let areas: Vec<Area> = corners.iter().filter_map(|&corner| area(parts, coordinates, corner)).collect();
+            let Some(step) = best(&areas) else { continue };
+            moved = true;
+            for &corner in &corners {
+                let slot = &mut coordinates[corner as usize / 3][corner as usize % 3];
+                let own = multiply(turn(parts, corner), step);
+                *slot = [slot[0] + own[0], slot[1] + own[1]];
+            }
+            (0..2).for_each(|i| solution[2 * vertex as usize + i] += step[i]);
+        }
+        inverted.retain(|&face| !(doubled(coordinates[face as usize]) > 0.0));
+        if !moved || inverted.is_empty() {
+            break;
+        }
+    }
+}
+
+/// The quarter turn of a corner as a number.
+fn turn(parts: &Parts, corner: u32) -> Planar {
+    quarter_turned([1, 0], i32::from(parts.seams.quarters[corner as usize])).map(f64::from)
+}
+
+/// Twice the area of a face in its coordinates.
+fn doubled([a, b, c]: [Planar; 3]) -> f64 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
+/// The area of the face of a corner, as it changes with the coordinates of the vertex there; `None` where the face itself has none.
+fn area(parts: &Parts, coordinates: &[[Planar; 3]], corner: u32) -> Option<Area> {
+    let (face, k) = (corner as usize / 3, corner as usize % 3);
+    let z = coordinates[face];
+    let (q, r) = (z[(k + 1) % 3], z[(k + 2) % 3]);
+    let wanted = 2.0 * parts.surface.frames().areas()[face] / (parts.spacing * parts.spacing);
+    let slope = multiply([q[1] - r[1], r[0] - q[0]], conjugate(turn(parts, corner)));
+    (wanted > 0.0).then(|| (doubled(z) / wanted, slope.map(|x| x / wanted)))
+}
+
+/// The step by which the least of some areas becomes largest; `None` where it is positive already, or would not grow.
+fn best(areas: &[Area]) -> Option<Planar> {
+    let least = areas.iter().map(|area| area.0).fold(f64::INFINITY, f64::min);
+    if !(least <= 0.0) {
+        return None;
+    }
+    let at = |area: &Area, step: Planar| area.0 + area.1[0] * step[0] + area.1[1] * step[1];
+    let mut found: Option<(f64, Planar)> = None;
+    for i in 0..areas.len() {
+        for j in 0..i {
+            for k in 0..j {
+                // Where three areas are equal.
+                let rows = [j, k].map(|other| {
+                    let slope = [0, 1].map(|x| areas[i].1[x] - areas[other].1[x]);
+                    (slope, areas[other].0 - areas[i].0)
+                });
+                let [(a, p), (b, q)] = rows;
+                let whole = a[0] * b[1] - a[1] * b[0];
+                let step = [(p * b[1] - q * a[1]) / whole, (a[0] * q - b[0] * p) / whole];
+                let value = at(&areas[i], step);
+                let lowest = areas.iter().map(|area| at(area, step)).fold(f64::INFINITY, f64::min);
+                let holds = lowest >= value - 1e-9 * value.abs().max(1.0);
+                if step.iter().all(|x| x.is_finite()) && holds && found.is_none_or(|best| lowest > best.0) {
+                    found = Some((lowest, step));
+                }
+            }
+        }
+    }
+    found.filter(|best| best.0 > least + GAIN).map(|best| best.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The faces between a vertex at the origin and a polygon around it.
+    fn around(polygon: &[Planar]) -> Vec<Area> {
+        let next = |i: usize| polygon[(i + 1) % polygon.len()];
+        polygon
+            .iter()
+            .enumerate()
+            .map(|(i, &q)| {
+                let r = next(i);
+                (doubled([[0.0; 2], q, r]), [q[1] - r[1], r[0] - q[0]])
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_vertex_outside_its_polygon_comes_to_where_the_least_face_is_largest() {
+        let square: Vec<Planar> = [[1.0, 0.0], [3.0, 0.0], [3.0, 2.0], [1.0, 2.0]].to_vec();
+        let step = best(&around(&square)).unwrap();
+        assert!((step[0] - 2.0).abs() < 1e-9 && (step[1] - 1.0).abs() < 1e-9, "{step:?}");
+        let inside: Vec<Planar> = square.iter().map(|p| [p[0] - 2.5, p[1] - 0.5]).collect();
+        assert_eq!(best(&around(&inside)), None);
+    }
+}
