@@ -356,8 +356,8 @@ async fn a_real_store_that_is_stopped_and_killed_loses_nothing() {
     scene.end().await;
 }
 
-/// Jobs from their submission to their results by so many worker processes: `CHLADNI_JOBS` of them, which sleep for `CHLADNI_SLEEP` seconds. With a sleep the jobs
-/// are there before the workers, and the efficiency is told.
+/// Jobs from their submission to their results by so many worker processes: `CHLADNI_JOBS` of them, which sleep for `CHLADNI_SLEEP` seconds. All
+/// workers are there before the first job.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "figures, minutes"]
 async fn throughput() {
@@ -367,8 +367,7 @@ async fn throughput() {
     let Some(places) = Places::new() else { return };
     let server = places.server_with(SERVER);
     let mesh = server.upload().await;
-    let begin = || (0..workers).map(|_| places.worker(&["--jobs-in", "threads", "--lease-seconds", "30"]));
-    let mut running: Vec<Worker> = if seconds == 0.0 { begin().collect() } else { Vec::new() };
+    let running: Vec<Worker> = (0..workers).map(|_| places.worker(&["--jobs-in", "threads"])).collect();
     let begun = Instant::now();
     let clients = (0..8).map(|client| {
         let (http, url, mesh) = (server.client.clone(), server.url.clone(), mesh.clone());
@@ -385,9 +384,6 @@ async fn throughput() {
         client.await.unwrap();
     }
     println!("{jobs} jobs submitted in {:.2} s", begun.elapsed().as_secs_f64());
-    if seconds > 0.0 {
-        running.extend(begin());
-    }
     let (mut created, mut started, mut finished, mut waits) = (f64::MAX, f64::MAX, 0f64, Vec::new());
     let mut from: Option<String> = None;
     loop {

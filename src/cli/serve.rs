@@ -115,7 +115,8 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
     if config.database.is_none() {
         config.limits.max_job_bytes = config.limits.max_job_bytes.min(memory);
     }
-    let store = open_store(&config, &accelerator).await?;
+    // Requests, and what each job needs beside.
+    let store = open_store(&config, &accelerator, 10 + config.workers).await?;
     let workers = start_workers(&config, &store, &metrics, memory).await?;
     let drain = config.drain_seconds;
     let (solve_threads, threads, jobs_at_once) = (config.reduced_solve_threads(), config.job_threads(), config.workers);
@@ -162,8 +163,8 @@ fn memory_for_jobs(config: &Config) -> u64 {
     }
 }
 
-/// Opens the store that is configured.
-async fn open_store(config: &Config, accelerator: &gpu::Accelerator) -> Result<Store, CliError> {
+/// Opens the store that is configured, with so many connections at most where it is shared.
+async fn open_store(config: &Config, accelerator: &gpu::Accelerator, connections: usize) -> Result<Store, CliError> {
     if config.database.is_none() {
         private::data_folder(&config.data)?;
     }
@@ -175,6 +176,7 @@ async fn open_store(config: &Config, accelerator: &gpu::Accelerator) -> Result<S
         }
         _ => None,
     };
+    options.connections = u32::try_from(connections).unwrap_or(u32::MAX);
     options.cache_bytes = config.cache_bytes;
     options.least_free_bytes = config.least_free_bytes;
     options.retention = Retention {
@@ -241,7 +243,8 @@ pub fn work(config: Config) -> Result<ExitCode, CliError> {
         }
         let accelerator = accelerator(&config.gpu).await?;
         let memory = memory_for_jobs(&config);
-        let store = open_store(&config, &accelerator).await?;
+        // A job's heartbeat and its result, and what looks after leases and other processes.
+        let store = open_store(&config, &accelerator, 3 + config.workers).await?;
         let workers = start_workers(&config, &store, &Arc::new(Metrics::new()?), memory).await?;
         writeln!(io::stdout(), "working").map_err(CliError::stdout)?;
         tracing::info!(

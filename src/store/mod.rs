@@ -138,6 +138,8 @@ pub struct StoreOptions {
     pub folder: PathBuf,
     /// Where records and content are shared with other processes; then nothing is in the folder.
     pub shared: Option<SharedPlaces>,
+    /// The most connections to a database that is shared, beside the one that hears: such a database has a hundred, as a rule, for all processes.
+    pub connections: u32,
     /// Bytes of decoded bases and meshes that are kept in memory: a quarter is for meshes, a quarter for chunks of dense bases.
     pub cache_bytes: u64,
     /// New content is refused where it would leave fewer bytes than these free.
@@ -169,6 +171,7 @@ impl StoreOptions {
         Self {
             folder: folder.into(),
             shared: None,
+            connections: 10,
             cache_bytes: 1 << 30,
             least_free_bytes: 256 << 20,
             blob_bytes_limit: None,
@@ -266,7 +269,7 @@ impl Store {
 
     #[cfg(feature = "cluster")]
     async fn open_shared(mut options: StoreOptions, places: &SharedPlaces) -> Result<Self, StoreError> {
-        let postgres = postgres::Postgres::open(places, options.busy_timeout).await?;
+        let postgres = postgres::Postgres::open(places, options.connections, options.busy_timeout).await?;
         options.clock = options.clock.shared();
         postgres.set(&options.clock).await?;
         let objects = objects::Objects::open(&places.objects, postgres.clone())?;

@@ -16,8 +16,6 @@ use super::{
 /// The oldest version that is tested: `14`.
 const LEAST_VERSION: i32 = 140_000;
 const LEAST_VERSION_TEXT: &str = "14";
-/// Connections of one process.
-const CONNECTIONS: u32 = 10;
 /// A process that stops within a transaction holds rows for so long at most; then the database ends its connection.
 const BEGIN: &str = "BEGIN; SET LOCAL idle_in_transaction_session_timeout = 10000; SET LOCAL lock_timeout = 15000";
 
@@ -41,8 +39,8 @@ impl fmt::Debug for Postgres {
 }
 
 impl Postgres {
-    /// Connects, and brings the tables up to date.
-    pub async fn open(places: &SharedPlaces, busy_timeout: Duration) -> Result<Self, StoreError> {
+    /// Connects, by `most` connections and one to hear, and brings the tables up to date.
+    pub async fn open(places: &SharedPlaces, most: u32, busy_timeout: Duration) -> Result<Self, StoreError> {
         let options = |address: &str| {
             PgConnectOptions::from_str(address)
                 .map(|options| options.application_name("chladni").disable_statement_logging())
@@ -80,7 +78,7 @@ impl Postgres {
         }
         migrations::run_postgres(&first).await?;
         first.close().await;
-        let pool = connections(CONNECTIONS).connect_with(shared).await?;
+        let pool = connections(most.max(1)).connect_with(shared).await?;
         Ok(Self { pool, pooler, direct: Arc::new(direct) })
     }
 
