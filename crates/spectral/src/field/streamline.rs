@@ -320,7 +320,7 @@ impl Hatching<'_> {
                 }
                 self.insert(own, &place, direction, (line, sign * sampled));
                 samples += 1;
-                if samples % SAMPLES_AT_ONCE == 0 {
+                if samples.is_multiple_of(SAMPLES_AT_ONCE) {
                     monitor.checkpoint()?;
                 }
             }

@@ -189,7 +189,7 @@ impl FurRequest {
         if !(p.full > 0.0) {
             return wrong("full", format!("is {} and must be greater than 0", p.full));
         }
-        if !(p.noise >= 0.0 && p.noise <= 1.0) {
+        if !(0.0..=1.0).contains(&p.noise) {
             return wrong("noise", format!("is {} and must be from 0 to 1", p.noise));
         }
         if !(0.0..=1.0).contains(&p.clump) {

@@ -1,5 +1,7 @@
 //! Faces that are turned over are turned back by moving vertices one by one: each to where the smallest of the faces around it is largest (Freitag and Plassmann 2000).
 //!
+//! A step that would turn more faces over than it turns back is not taken, so that there are never more of them.
+//!
 //! The area of a face is linear in the coordinates of one of its vertices, and so this is a linear program in two coordinates and the least area. What ties coordinates to each other
 //! stays: singular vertices, vertices of creases, and boundaries are not moved.
 
@@ -104,7 +106,9 @@ fn best(areas: &[Area]) -> Option<Planar> {
             }
         }
     }
-    found.filter(|best| best.0 > least + GAIN).map(|best| best.1)
+    // One face far over is not traded for many that are a little.
+    let over = |step: Planar| areas.iter().filter(|area| !(at(area, step) > 0.0)).count();
+    found.filter(|best| best.0 > least + GAIN && over(best.1) <= over([0.0; 2])).map(|best| best.1)
 }
 
 #[cfg(test)]
@@ -131,5 +135,22 @@ mod tests {
         assert!((step[0] - 2.0).abs() < 1e-9 && (step[1] - 1.0).abs() < 1e-9, "{step:?}");
         let inside: Vec<Planar> = square.iter().map(|p| [p[0] - 2.5, p[1] - 0.5]).collect();
         assert_eq!(best(&around(&inside)), None);
+    }
+    #[test]
+    fn no_step_turns_more_faces_over() {
+        let over = |areas: &[Area], step: Planar| {
+            areas.iter().filter(|a| !(a.0 + a.1[0] * step[0] + a.1[1] * step[1] > 0.0)).count()
+        };
+        let mut random = chladni_base::SplitMix64::new(3);
+        let mut taken = 0;
+        for _ in 0..2000 {
+            let polygon: Vec<Planar> = (0..6).map(|_| [random.signed_unit(), random.signed_unit()]).collect();
+            let areas = around(&polygon);
+            if let Some(step) = best(&areas) {
+                taken += 1;
+                assert!(over(&areas, step) <= over(&areas, [0.0; 2]), "{polygon:?}");
+            }
+        }
+        assert!(taken > 100, "{taken}");
     }
 }
