@@ -54,7 +54,7 @@ fn add(sheet: &mut Sheet, name: &str, mesh: &TriangleMesh, share: f64, eye: [f64
 /// The faces one by one, each divided, and the distance of each vertex from a grid line where 1 is that between two of them.
 fn divided(mesh: &TriangleMesh, found: &Quads) -> (TriangleMesh, Vec<f64>) {
     let n = divisions(mesh.faces.len());
-    let mut fine = TriangleMesh { positions: Vec::new(), faces: Vec::new() };
+    let mut fine = TriangleMesh { positions: Vec::new(), faces: Vec::new(), ..Default::default() };
     let mut distances = Vec::new();
     for (face, z) in mesh.faces.iter().zip(&found.parametrisation.coordinates) {
         let first = fine.positions.len() as u32;
