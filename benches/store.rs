@@ -83,7 +83,7 @@ fn mesh(seed: usize, vertices: usize) -> NewMesh {
         solid: None,
         numbering,
         attributes: None,
-        mesh: Arc::new(TriangleMesh { positions, faces }),
+        mesh: Arc::new(TriangleMesh { positions, faces, ..Default::default() }),
         report: json!({}),
         name: None,
         format: "ply".to_owned(),

@@ -50,7 +50,11 @@ pub fn furthest(mesh: &TriangleMesh, direction: [f64; 3]) -> u32 {
 /// The mesh with other coordinates, a column for each axis.
 pub fn moved(mesh: &TriangleMesh, coordinates: &DenseMatrix) -> TriangleMesh {
     let position = |row: usize| std::array::from_fn(|axis| coordinates.column(axis)[row]);
-    TriangleMesh { positions: (0..mesh.positions.len()).map(position).collect(), faces: mesh.faces.clone() }
+    TriangleMesh {
+        positions: (0..mesh.positions.len()).map(position).collect(),
+        faces: mesh.faces.clone(),
+        ..Default::default()
+    }
 }
 
 /// The coordinates of a mesh, a column for each axis.

@@ -58,7 +58,7 @@ fn displaced(surface: &TriangleMesh, basis: &ModalBasis, mode: usize) -> (Triang
     let factor = 0.12 * extent(surface) / sizes.iter().copied().fold(1e-300, f64::max);
     let positions = surface.positions.iter().zip(moves);
     let positions = positions.map(|(p, u)| std::array::from_fn(|k| p[k] + factor * f64::from(u[k]))).collect();
-    (TriangleMesh { positions, faces: surface.faces.clone() }, sizes)
+    (TriangleMesh { positions, faces: surface.faces.clone(), ..Default::default() }, sizes)
 }
 
 fn extent(mesh: &TriangleMesh) -> f64 {

@@ -13,7 +13,7 @@ pub fn run_job(bytes: &[u8]) {
     let (parameters, mesh) = (&rest[..end], &rest[end + 1..]);
     let limits = ReadLimits { vertices: 300, faces: 600, tetrahedra: 0, ..ReadLimits::default() };
     let Ok(mesh) = read(mesh, MeshFormat::Off, &limits) else { return };
-    let mesh = TriangleMesh { positions: mesh.positions, faces: mesh.faces };
+    let mesh = TriangleMesh { positions: mesh.positions, faces: mesh.faces, ..Default::default() };
     let parameters = if parameters.is_empty() { b"null" } else { parameters };
     let Ok(parameters) = serde_json::from_slice(parameters) else { return };
     let Ok(job) = JobParameters::parse(KINDS[usize::from(kind) % KINDS.len()], &parameters) else { return };

@@ -198,6 +198,7 @@ def map_collection(
     step: int = 5,
     samples: int = 2000,
     oriented: bool = True,
+    polish: bool = True,
 ) -> MapCollection:
     """Map all shapes of a collection to each other, without landmarks.
 
@@ -214,6 +215,8 @@ def map_collection(
         Vertices of each surface that stand for it meanwhile.
     oriented : bool
         Whether maps keep the orientation that the faces give. Without it nothing tells the sides of a symmetric shape apart.
+    polish : bool
+        Whether each pair is refined by itself at the end: nearer to the truth, and a little less consistent.
 
     Returns
     -------
@@ -234,6 +237,7 @@ def map_collection(
         "step": int(step),
         "samples": int(samples),
         "oriented": bool(oriented),
+        "polish": bool(polish),
     }
     maps, there, around, largest = _native.map_collection([basis._core for basis in bases], json.dumps(request))
     made = [CollectionMap(source, target, matrix, PointMap(*points), gap) for source, target, matrix, points, gap in maps]

@@ -280,7 +280,11 @@ class Mesh:
             raise TypeError("a mesh of a solid cannot be pickled; keep its file")
         merged = any(repair["kind"] == "merged_vertices" for repair in self.report["repairs"])
         arguments = (self.vertices, self.faces, int(self.report.get("subdivisions", 0)), "always" if merged else "never")
-        return _rebuild, arguments
+        if not self.report.get("polygons"):
+            return _rebuild, arguments
+        if len(self.face_map) != len(self.faces):
+            raise TypeError("a mesh of polygons some of whose faces were dropped cannot be pickled; keep its file")
+        return _rebuild, (*arguments, self.face_map.tolist())
 
     def __repr__(self) -> str:
         report = self.report
@@ -291,8 +295,10 @@ class Mesh:
         return f"<chladni.Mesh: {len(self.vertices)} vertices, {len(self.faces)} faces{genus}{closed}>"
 
 
-def _rebuild(vertices: np.ndarray, faces: np.ndarray, subdivide: int, merge: str) -> Mesh:
-    return Mesh(vertices, faces, merge=merge, subdivide=subdivide)
+def _rebuild(vertices: np.ndarray, faces: np.ndarray, subdivide: int, merge: str, polygons: list[int] | None = None) -> Mesh:
+    if polygons is None:
+        return Mesh(vertices, faces, merge=merge, subdivide=subdivide)
+    return Mesh._of(_native.Mesh.from_arrays(vertices, faces, merge, subdivide, polygons))
 
 
 def _locked(arrays: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

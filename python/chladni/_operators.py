@@ -193,8 +193,8 @@ def operators(
         The mesh, as for `eigs`.
     k : int
         How many eigenpairs; fewer where the mesh has fewer vertices.
-    operator : {"auto", "laplace", "robust"}
-        The Laplacian: by cotangents as they are, the robust one, or whichever the mesh calls for.
+    operator : {"auto", "laplace", "polygon", "robust"}
+        The Laplacian: by cotangents as they are, of the polygons, the robust one, or whichever the mesh calls for.
     tol : float
         The largest residual of an eigenpair. Results are kept in single precision as a rule, which 1e-6 is enough for.
     regularisation : float
@@ -224,7 +224,7 @@ def operators(
     """
     import scipy.sparse
 
-    _arrays.flag(operator, "operator", ("auto", "laplace", "robust"))
+    _arrays.flag(operator, "operator", ("auto", "laplace", "polygon", "robust"))
     mesh = as_mesh(vertices, faces)
     if mesh.report.get("points"):
         raise _arrays.parameter_error("operators need a surface with faces, and the mesh has only points")

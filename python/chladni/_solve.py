@@ -46,7 +46,7 @@ def eigs(
         percent at most; in seconds where exact pairs take minutes. ``"auto"``: the exact method where that takes about a second or less, the approximation
         otherwise; arguments that belong to one of them choose it. ``"sim"``: plain subspace iteration, a baseline.
     operator : str or dict
-        ``"auto"`` (the Laplacian by cotangents, or the robust one where the mesh calls for it), ``"laplace"``, ``"robust"``, ``"hodge"`` (tangential fields, two rows
+        ``"auto"`` (the Laplacian by cotangents, that of the polygons or the robust one where the mesh calls for it), ``"laplace"``, ``"polygon"``, ``"robust"``, ``"hodge"`` (tangential fields, two rows
         for each face), ``"graph"``, ``"volume"`` (of a solid), ``{"extrinsic": {"t": …}}``, ``{"hamiltonian": {"potential": {"values": …}}}`` with a
         value for each vertex, or ``{"hamiltonian": {"potential": {"curvature": {"t": …}}}}``.
     mass : {"barycentric", "voronoi", "consistent"}

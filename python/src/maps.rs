@@ -92,6 +92,7 @@ struct WantedCollection {
     step: usize,
     samples: usize,
     oriented: bool,
+    polish: bool,
 }
 
 /// Source, target, matrix, points and disagreement.
@@ -122,6 +123,7 @@ pub fn map_collection<'py>(
         step: wanted.step,
         samples: wanted.samples,
         oriented: wanted.oriented,
+        polish: wanted.polish,
     };
     let found = watch::run(py, None, |monitor| Ok(collect(&shapes, &request, monitor)?))?;
     let numberings: Vec<Translation> = bases.iter().map(|basis| basis.translation(false)).collect();

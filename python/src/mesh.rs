@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::check::{CheckOptions, Merge, RepairKind, SurfaceOf};
 use chladni_mesh::numbering::{Extension, Numbering, Translation};
-use chladni_mesh::read::{MeshFormat, RawMesh, ReadLimits, read};
+use chladni_mesh::read::{MeshFormat, Polygons, RawMesh, ReadLimits, read};
 use chladni_mesh::shape::{Shape, generate};
 use chladni_mesh::solid::{CheckedBody, check_body};
 use chladni_spectral::basis::Product;
@@ -36,7 +36,7 @@ pub struct Body {
 
 impl Body {
     fn new(raw: RawMesh, options: &CheckOptions) -> Result<Self, Failure> {
-        let given = TriangleMesh { positions: raw.positions.clone(), faces: raw.faces.clone() };
+        let given = TriangleMesh { positions: raw.positions.clone(), faces: raw.faces.clone(), ..Default::default() };
         let checked = check_body(raw, options)?;
         let numbering = Arc::new(checked.surface.numbering.clone());
         let given = (!numbering.is_identity()).then_some(given);
@@ -118,18 +118,24 @@ pub struct NativeMesh {
 
 #[pymethods]
 impl NativeMesh {
-    /// Checks a mesh of arrays: positions (n, 3) and triangles (f, 3), C-contiguous.
+    /// Checks a mesh of arrays: positions (n, 3) and triangles (f, 3), C-contiguous. `polygons`: which polygon each triangle is a part of.
     #[staticmethod]
+    #[pyo3(signature = (vertices, faces, merge, subdivide, polygons = None))]
     fn from_arrays(
         py: Python<'_>,
         vertices: PyReadonlyArray2<'_, f64>,
         faces: PyReadonlyArray2<'_, i64>,
         merge: &str,
         subdivide: u8,
+        polygons: Option<Vec<u32>>,
     ) -> PyResult<Self> {
         let positions = arrays::rows::<f64, 3>(&vertices, "vertices")?.to_vec();
         let faces = faces_of(arrays::rows::<i64, 3>(&faces, "faces")?, positions.len())?;
-        let raw = RawMesh { positions, faces, ..RawMesh::default() };
+        let polygons = polygons.filter(|of_triangle| of_triangle.len() == faces.len()).map(|of_triangle| {
+            let count = of_triangle.iter().max().map_or(0, |&last| last as usize + 1);
+            Polygons { of_triangle, count }
+        });
+        let raw = RawMesh { positions, faces, polygons, ..RawMesh::default() };
         let options =
             CheckOptions { merge: word::<Merge>("merge", merge)?, subdivisions: subdivide, ..CheckOptions::default() };
         let body = watch::run(py, None, |_| Body::new(raw, &options))?;
@@ -170,7 +176,7 @@ impl NativeMesh {
     /// Positions and triangles, (n, 3) and (f, 3), as they were given.
     fn given<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         match &self.body.given {
-            Some(TriangleMesh { positions, faces }) => pair(py, positions, faces),
+            Some(TriangleMesh { positions, faces, .. }) => pair(py, positions, faces),
             None => self.kept(py),
         }
     }

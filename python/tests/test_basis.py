@@ -137,6 +137,39 @@ def test_maps_find_the_identity(knot, knot_basis):
         chladni.functional_map(knot_basis, other, landmarks=[(0, 2996)])
 
 
+def test_collections_are_mapped_both_ways(knot, knot_basis):
+    order = np.random.default_rng(5).permutation(2996)
+    back = np.argsort(order)
+    other = chladni.eigs(knot.vertices[order], back[knot.faces], k=40, method="hsim")
+    found = chladni.map_collection([knot_basis, other], pairs=40, samples=1000, polish=False)
+    assert set(found.maps) == {(0, 1), (1, 0)} and found.triples_error is None
+    there, again = found.maps[0, 1].to_source, found.maps[1, 0].to_source
+    assert there.points.shape == (2996,) and there.matched is None and (there.confidences <= 1).all()
+    # The knot has symmetries, so that the identity is one map of several; but going there and back leads home.
+    assert (again.points[there.points] == np.arange(2996)).mean() > 0.9 and found.pairs_error < 0.01
+    assert found.maps[1, 0].matrix.shape == (40, 40) and found.maps[1, 0].disagreement < 0.2
+    with pytest.raises(chladni.ParameterError):
+        chladni.map_collection([knot_basis])
+    with pytest.raises(chladni.ParameterError):
+        chladni.map_collection([knot_basis, other], pairs=41)
+
+
+def test_polygons_keep_their_shape(tmp_path):
+    side = np.linspace(0, 1, 9)
+    vertices = np.stack([*np.meshgrid(side, side), np.zeros((9, 9))], axis=-1).reshape(-1, 3)
+    corner = (np.arange(8)[:, None] * 9 + np.arange(8)).ravel()
+    quads = np.stack([corner, corner + 1, corner + 10, corner + 9], axis=1)
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + ["f " + " ".join(str(v + 1) for v in quad) for quad in quads]
+    (tmp_path / "quads.obj").write_text("\n".join(lines))
+    mesh = chladni.Mesh.read(tmp_path / "quads.obj")
+    assert mesh.report["polygons"] == 64 and mesh.faces.shape == (128, 3)
+    assert pickle.loads(pickle.dumps(mesh)).report["polygons"] == 64
+    values = {operator: chladni.eigs(mesh, k=6, operator=operator, method="hsim", tol=1e-9).values for operator in ("auto", "polygon", "laplace")}
+    assert np.array_equal(values["auto"], values["polygon"]) and abs(values["auto"] - values["laplace"]).max() > 0.1
+    # No diagonal tells one direction from the other.
+    assert abs(values["polygon"][1] - values["polygon"][2]) < 1e-7
+
+
 def test_fields_follow_strokes(knot):
     space = chladni.fields(knot, dimension=200)
     field, about = space.design([{"face": 100, "direction": [0, 0, 1]}], [{"face": 4000, "direction": [1, 0, 0]}])

@@ -171,7 +171,7 @@ pub fn filtered(arguments: FilterArguments) -> Result<ExitCode, CliError> {
     mesh.positions.truncate(vertices);
     let positions: Vec<[f64; 3]> = (0..vertices).map(position).collect();
     let attributes = attributes.as_ref().map(|attributes| attributes.moved(&mesh, &positions));
-    let moved = TriangleMesh { positions, faces: std::mem::take(&mut mesh.faces) };
+    let moved = TriangleMesh { positions, faces: std::mem::take(&mut mesh.faces), ..Default::default() };
     output.write(|out| Ok(format.write(&moved, attributes.as_deref(), PlyPrecision::Single, out)?))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -135,7 +135,7 @@ impl SpectrumOf {
     fn new(parameters: &Value, closed: bool) -> Self {
         let operator = match &parameters["operator"] {
             Value::Null => "laplace".to_owned(),
-            Value::String(name) if ["auto", "robust"].contains(&&name[..]) => "laplace".to_owned(),
+            Value::String(name) if ["auto", "polygon", "robust"].contains(&&name[..]) => "laplace".to_owned(),
             Value::String(name) => name.clone(),
             other => other.to_string(),
         };

@@ -3,7 +3,9 @@
 use std::time::Instant;
 
 use axum::http::HeaderMap;
-use chladni_spectral::analysis::map_collection::{CollectionMap, CollectionRequest, MOST_SHAPES, Shape, map_collection};
+use chladni_spectral::analysis::map_collection::{
+    CollectionMap, CollectionRequest, MOST_SHAPES, Shape, map_collection,
+};
 use chladni_spectral::basis::Basis;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -50,6 +52,10 @@ struct MapCollectionRequest {
     #[serde(default = "yes")]
     #[schema(default = true)]
     oriented: bool,
+    /// Whether each pair is refined by itself at the end: nearer to the truth, and a little less consistent.
+    #[serde(default = "yes")]
+    #[schema(default = true)]
+    polish: bool,
     /// Whether the answer has the matrices beside the points.
     #[serde(default)]
     matrices: bool,
@@ -155,24 +161,28 @@ async fn collect_maps(
         step: request.step.unwrap_or(defaults.step),
         samples: request.samples.unwrap_or(defaults.samples),
         oriented: request.oriented,
+        polish: request.polish,
     };
     state
         .solve("map_collection", move |monitor| {
             let begin = Instant::now();
-            let shapes: Vec<Shape<'_>> =
-                bases.iter().zip(&meshes).map(|(basis, mesh)| Shape { basis, mesh }).collect();
+            let shapes: Vec<Shape<'_>> = bases.iter().zip(&meshes).map(|(basis, mesh)| Shape { basis, mesh }).collect();
             let found = map_collection(&shapes, &wanted, monitor)?;
             let told = |map: CollectionMap| {
                 let (onto, from) = (&numberings[map.source], &numberings[map.target]);
                 let Inverse { points, confidences, .. } = translated(map.to_source, onto, from);
                 let matrix = request.matrices.then(|| binary::to_table(&map.matrix));
-                One { source: map.source, target: map.target, points, confidences, disagreement: map.disagreement, matrix }
+                One {
+                    source: map.source,
+                    target: map.target,
+                    points,
+                    confidences,
+                    disagreement: map.disagreement,
+                    matrix,
+                }
             };
-            let cycles = Cycles {
-                pairs: found.cycles.pairs,
-                triples: found.cycles.triples,
-                largest: found.cycles.largest,
-            };
+            let cycles =
+                Cycles { pairs: found.cycles.pairs, triples: found.cycles.triples, largest: found.cycles.largest };
             let answer = MapCollectionAnswer { maps: found.maps.into_iter().map(told).collect(), cycles };
             Answer::json(&answer, begin)
         })

@@ -279,7 +279,11 @@ async fn map_functions(
 }
 
 /// A map of points as the files number them: from vertices of `from` to those of `onto`.
-pub(super) fn translated(PointMap { matched, points, confidences }: PointMap, onto: &Translation, from: &Translation) -> Inverse {
+pub(super) fn translated(
+    PointMap { matched, points, confidences }: PointMap,
+    onto: &Translation,
+    from: &Translation,
+) -> Inverse {
     let points: Vec<Option<u32>> = points.into_iter().map(|point| Some(onto.file_vertex(point))).collect();
     let confidences: Vec<Option<f32>> = confidences.into_iter().map(Some).collect();
     match matched {

@@ -97,7 +97,7 @@ impl Surface {
             return Err(Problem::new(&problem::INVALID_FUNCTION, detail));
         }
         let attributes = self.attributes.as_ref().map(|attributes| attributes.moved(&self.mesh, &positions));
-        let moved = TriangleMesh { positions, faces: self.mesh.faces.clone() };
+        let moved = TriangleMesh { positions, faces: self.mesh.faces.clone(), ..Default::default() };
         let mut bytes = Vec::new();
         self.format
             .write(&moved, attributes.as_deref(), PlyPrecision::Single, &mut bytes)

@@ -11,6 +11,7 @@ use super::{
 use bytes::Bytes;
 use chladni_mesh::attributes::Attributes;
 use chladni_mesh::numbering::Numbering;
+use chladni_mesh::polygons::Polygons;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
 
@@ -358,9 +359,16 @@ fn encode(
     bytes
 }
 
-/// Writes a mesh, and the solid whose surface it is, as the store keeps it, without the numbering and the attributes of its file.
+/// Writes a mesh, and the solid whose surface it is, as the store keeps it, without the attributes of its file, and of its numbering which faces are parts of one
+/// polygon.
 pub(super) fn write_body(mesh: &TriangleMesh, solid: Option<&TetMesh>, out: &mut impl Write) -> std::io::Result<()> {
-    write_whole(mesh, solid, &[], &[], out)
+    // Polygons are told by the numbering, so that something of it goes along.
+    let polygons = mesh.polygons.as_ref().filter(|polygons| polygons.of_face().len() == mesh.faces.len());
+    let numbering = polygons.map(|polygons| {
+        let vertices = solid.map_or(mesh.positions.len(), |solid| solid.positions.len());
+        Numbering::of_polygons(vertices, polygons.of_face()).to_bytes()
+    });
+    write_whole(mesh, solid, &numbering.unwrap_or_default(), &[], out)
 }
 
 /// `numbering` is what [`Numbering::to_bytes`] makes, `attributes` what [`Attributes::to_bytes`] does, or nothing.
@@ -453,7 +461,11 @@ fn decode(bytes: &[u8]) -> Option<Body> {
         |bytes: &[u8]| -> Vec<u32> { bytes.as_chunks::<4>().0.iter().map(|&w| u32::from_le_bytes(w)).collect() };
     let positions = positions.as_chunks::<8>().0.iter().map(|&word| f64::from_le_bytes(word)).collect::<Vec<_>>();
     let positions: &[[f64; 3]] = positions.as_chunks().0;
-    let mesh = TriangleMesh { positions: positions[..surface].to_vec(), faces: numbers(faces).as_chunks().0.to_vec() };
+    let mut mesh = TriangleMesh {
+        positions: positions[..surface].to_vec(),
+        faces: numbers(faces).as_chunks().0.to_vec(),
+        ..Default::default()
+    };
     let solid = is_solid
         .then(|| TetMesh { positions: positions.to_vec(), tetrahedra: numbers(tetrahedra).as_chunks().0.to_vec() });
     let numbering = match numbering.is_empty() {
@@ -464,5 +476,6 @@ fn decode(bytes: &[u8]) -> Option<Body> {
         true => Some(Attributes::from_bytes(attributes, mesh.faces.len())?),
         false => None,
     };
+    mesh.polygons = numbering.as_ref().and_then(Polygons::of).map(Arc::new);
     Some(Body { mesh, solid, numbering, attributes })
 }

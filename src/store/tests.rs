@@ -82,7 +82,7 @@ pub(crate) fn mesh(seed: usize, vertices: usize) -> NewMesh {
         solid: None,
         numbering,
         attributes: None,
-        mesh: Arc::new(TriangleMesh { positions, faces }),
+        mesh: Arc::new(TriangleMesh { positions, faces, ..Default::default() }),
         report: json!({"genus": 0}),
         name: Some(format!("mesh {seed}")),
         format: "ply".to_owned(),

@@ -587,6 +587,34 @@ async fn functions_are_mapped_between_surfaces() {
     problem(raw(&app, url, &rest, words(&[0, 0, 1])).await, 422, "invalid-vertex").await;
 }
 
+/// `tests/api/numbering.rs` has maps of collections that are made.
+#[tokio::test]
+async fn collections_that_cannot_be_mapped_are_refused() {
+    let app = TestApp::start();
+    let basis = app.basis().await;
+    let with = |bases: Value, name: &str, value: Value| {
+        let mut body = json!({"bases": bases});
+        body[name] = value;
+        body
+    };
+    let two = json!([basis, basis]);
+    refused(
+        &app,
+        "/v1/map-collections",
+        &[
+            (json!({"bases": [basis]}), 422, "invalid-analysis", "shapes: must be between 2 and 32, not 1"),
+            (json!({"bases": vec![basis.clone(); 33]}), 422, "invalid-analysis", "at most 32"),
+            (json!({"bases": [basis, "x"]}), 404, "unknown-basis", "x"),
+            (json!({"bases": two}), 422, "invalid-analysis", "pairs: must be"),
+            (with(two.clone(), "step", json!(0)), 422, "invalid-analysis", "must be"),
+            (with(two.clone(), "magic", json!(1)), 422, "invalid-request", "magic"),
+        ],
+    )
+    .await;
+    let response = app.post("/v1/map-collections").body("x").send().await.unwrap();
+    assert!(response.status().is_client_error());
+}
+
 /// Milliseconds of processor time that this process, server and client, has used.
 fn processor_ms() -> f64 {
     let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();

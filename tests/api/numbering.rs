@@ -104,7 +104,13 @@ impl Case {
             faces.push(own.iter().position(|own| *own == corners).filter(|&found| taken.insert(found)));
         }
         assert_eq!(taken.len(), kept.faces.len());
-        Self { dirty, clean, vertices, faces, mesh: TriangleMesh { positions: kept.positions, faces: kept.faces } }
+        Self {
+            dirty,
+            clean,
+            vertices,
+            faces,
+            mesh: TriangleMesh { positions: kept.positions, faces: kept.faces, ..Default::default() },
+        }
     }
 
     /// A vertex of the file and the one of the mesh that it is.

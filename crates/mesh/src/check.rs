@@ -16,6 +16,7 @@ use super::topology::{EdgeTable, MOST_FACES, Topology};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Add;
+use std::sync::Arc;
 
 /// How often a mesh may be divided: 4096 faces for each.
 pub const MOST_SUBDIVISIONS: u8 = 6;
@@ -474,7 +475,7 @@ fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
         nearest,
         inner: 0,
     };
-    let mut mesh = TriangleMesh { positions, faces: faces.corners };
+    let mut mesh = TriangleMesh { positions, faces: faces.corners, ..Default::default() };
     let mut numbering = Numbering::found(numbered, [mesh.positions.len(), mesh.faces.len()]);
     if found.error.is_none() {
         found.error = subdivide(&mut mesh, &mut report, options).err();
@@ -486,6 +487,8 @@ fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
         }
     }
     report.file = FileSize::of(&numbering);
+    mesh.polygons = super::polygons::Polygons::of(&numbering).map(Arc::new);
+    report.polygons = mesh.polygons.as_ref().map_or(0, |polygons| polygons.loops(&mesh.faces).len());
     let attributes = attributes.filter(|attributes| !attributes.is_empty());
     Examined { mesh, report, numbering, attributes, error: found.error }
 }

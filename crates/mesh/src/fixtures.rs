@@ -13,7 +13,7 @@ pub fn grid(side: usize) -> TriangleMesh {
             faces.extend(if (x + y) % 2 == 0 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] });
         }
     }
-    TriangleMesh { positions, faces }
+    TriangleMesh { positions, faces, ..Default::default() }
 }
 
 /// A unit sphere: an octahedron, each face split into `k²`.

@@ -12,6 +12,7 @@ pub mod nearest;
 pub mod npy;
 pub mod numbering;
 pub mod points;
+pub mod polygons;
 pub mod read;
 mod repair;
 mod report;
@@ -32,6 +33,8 @@ pub struct TriangleMesh {
     pub positions: Vec<[f64; 3]>,
     /// `f` faces.
     pub faces: Vec<[u32; 3]>,
+    /// The polygons that faces are parts of, where the file has any of more than three corners.
+    pub polygons: Option<std::sync::Arc<polygons::Polygons>>,
 }
 
 /// A tetrahedral mesh; tetrahedra are positively oriented quadruples of vertex indices.

@@ -44,6 +44,7 @@ mod tests {
         let mesh = TriangleMesh {
             positions: vec![[0.0, 0.0, 5.0], [1.0, 0.0, 5.0], [1.0, 1.0, 5.0], [0.0, 1.0, 5.0]],
             faces: vec![[0, 1, 2], [0, 2, 3]],
+            ..Default::default()
         };
         assert!((surface_area(&mesh) - 1.0).abs() < 1e-15);
         let areas = vertex_areas(&mesh);

@@ -25,6 +25,7 @@ impl FaceHierarchy {
                 .map(|f| [0, 1, 2].map(|i| f.iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>() / 3.0))
                 .collect(),
             faces: Vec::new(),
+            ..Default::default()
         };
         let mut order: Vec<u32> = (0..mesh.faces.len() as u32).collect();
         sort_spatially(&centres, &mut order);

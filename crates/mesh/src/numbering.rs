@@ -231,6 +231,18 @@ impl Numbering {
         self.faces.as_ref().map_or(kept, |faces| faces.get(kept as usize).copied().unwrap_or(DROPPED))
     }
 
+    /// How often every face was divided into four.
+    pub fn subdivisions(&self) -> u8 {
+        self.subdivisions
+    }
+
+    /// A numbering that tells nothing but which polygon each triangle of a mesh is a part of.
+    pub fn of_polygons(vertices: usize, of_face: &[u32]) -> Self {
+        let file = of_face.iter().max().map_or(0, |&last| last as usize + 1);
+        let faces = Some(of_face.to_vec());
+        Self { file: [vertices, file], kept: [vertices, of_face.len()], faces, ..Self::default() }
+    }
+
     /// Whether a face of the file is several kept ones.
     pub fn divides_faces(&self) -> bool {
         self.faces.as_ref().is_some_and(|faces| faces.windows(2).any(|pair| pair[0] == pair[1]))
@@ -281,8 +293,11 @@ pub(crate) fn nearest_vertices(mesh: &[[f64; 3]], positions: &[[f64; 3]]) -> Vec
         return Vec::new();
     }
     // A vertex is a triangle without extent.
-    let points =
-        TriangleMesh { positions: mesh.to_vec(), faces: (0..mesh.len() as u32).map(|vertex| [vertex; 3]).collect() };
+    let points = TriangleMesh {
+        positions: mesh.to_vec(),
+        faces: (0..mesh.len() as u32).map(|vertex| [vertex; 3]).collect(),
+        ..Default::default()
+    };
     let tree = FaceHierarchy::new(&points);
     use rayon::prelude::*;
     positions.par_iter().map(|&point| tree.nearest(&points, point).map_or(DROPPED, |(vertex, _)| vertex)).collect()

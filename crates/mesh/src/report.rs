@@ -45,6 +45,9 @@ pub struct MeshReport {
     /// Whether the file has points without faces. Area and components are then those of the triangles that are made around each point.
     #[serde(default, skip_serializing_if = "is_false")]
     pub points: bool,
+    /// Polygons of more than three corners that keep their shape: the Laplacian is made of them, not of the triangles that they were cut into.
+    #[serde(default, skip_serializing_if = "is_none_of_them")]
+    pub polygons: usize,
     /// What is inside, where the mesh is the surface of a solid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub solid: Option<super::solid::SolidReport>,
@@ -67,6 +70,10 @@ pub struct MeshReport {
 }
 
 fn is_zero(count: &u8) -> bool {
+    *count == 0
+}
+
+fn is_none_of_them(count: &usize) -> bool {
     *count == 0
 }
 

@@ -314,7 +314,7 @@ fn single_sides(tetrahedra: &[[u32; 4]], report: &mut SolidReport) -> Vec<u32> {
 /// The surface of a solid that was checked, for callers that have the solid alone.
 pub fn surface(solid: &TetMesh) -> TriangleMesh {
     let faces = boundary(&solid.tetrahedra, &mut SolidReport::default());
-    TriangleMesh { positions: solid.positions.clone(), faces }
+    TriangleMesh { positions: solid.positions.clone(), faces, ..Default::default() }
 }
 
 #[cfg(test)]

@@ -24,7 +24,7 @@ pub fn subdivided(mesh: &TriangleMesh) -> Option<TriangleMesh> {
         let [ab, bc, ca] = [middle(a, b)?, middle(b, c)?, middle(c, a)?];
         faces.extend([[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]);
     }
-    Some(TriangleMesh { positions, faces })
+    Some(TriangleMesh { positions, faces, ..Default::default() })
 }
 
 /// The ends of the edge that each vertex made by [`subdivided`] halves, in the order of these vertices, told from the faces of a mesh that was
@@ -57,7 +57,7 @@ mod tests {
         let edges = mesh.faces.len() * 3 / 2;
         assert_eq!((fine.faces.len(), fine.positions.len()), (4 * mesh.faces.len(), mesh.positions.len() + edges));
         assert!((surface_area(&fine) / surface_area(&mesh) - 1.0).abs() < 1e-12);
-        let bad = TriangleMesh { positions: vec![[0.0; 3]; 2], faces: vec![[0, 1, 2]] };
+        let bad = TriangleMesh { positions: vec![[0.0; 3]; 2], faces: vec![[0, 1, 2]], ..Default::default() };
         assert_eq!(subdivided(&bad), None);
     }
 }

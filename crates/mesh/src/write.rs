@@ -158,6 +158,7 @@ mod tests {
         TriangleMesh {
             positions: vec![[0.1, -1e-300, 1e300], [0.1 + 0.2, 2.0, -0.0], [3.0, f64::MIN_POSITIVE, 1.0 / 3.0]],
             faces: vec![[0, 1, 2], [2, 1, 0]],
+            ..Default::default()
         }
     }
 

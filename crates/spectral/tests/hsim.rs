@@ -205,7 +205,7 @@ fn where_coarse_levels_know_nothing_of_the_mesh_random_vectors_do() {
             [first, second, third]
         });
         let faces = faces.filter(|[a, b, c]| a != b && b != c && c != a).collect();
-        let mesh = TriangleMesh { positions, faces };
+        let mesh = TriangleMesh { positions, faces, ..Default::default() };
         let problem = operator(&mesh, OperatorKind::Auto, MassKind::Barycentric, Boundary::Neumann).problem;
         let stages = Stages::default();
         let parameters = HsimParameters { wanted: Wanted::Count(50), ..HsimParameters::default() };

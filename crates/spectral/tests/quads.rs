@@ -24,7 +24,7 @@ fn size(a: Planar) -> f64 {
 
 /// A unit cube, each side of `n × n` squares.
 fn cube(n: usize) -> TriangleMesh {
-    let mut mesh = TriangleMesh { positions: Vec::new(), faces: Vec::new() };
+    let mut mesh = TriangleMesh { positions: Vec::new(), faces: Vec::new(), ..Default::default() };
     let mut index = std::collections::HashMap::new();
     for (axis, side) in [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)] {
         let mut at = |i: usize, j: usize| {

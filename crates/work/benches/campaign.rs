@@ -266,7 +266,7 @@ fn with_faces(mesh: &TriangleMesh, mut faces: Vec<[u32; 3]>) -> TriangleMesh {
         }
         *v = *name;
     }
-    TriangleMesh { positions, faces }
+    TriangleMesh { positions, faces, ..Default::default() }
 }
 
 /// A share of the edges between two faces flipped, where both new triangles keep a tenth of the area and face the same way.
@@ -306,7 +306,7 @@ fn flipped(mesh: &TriangleMesh, share: f64) -> TriangleMesh {
             (touched[f], touched[g]) = (true, true);
         }
     }
-    TriangleMesh { positions: mesh.positions.clone(), faces }
+    TriangleMesh { positions: mesh.positions.clone(), faces, ..Default::default() }
 }
 
 /// Squeezed along one direction: the more a face leans, the thinner it gets.

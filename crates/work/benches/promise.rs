@@ -37,7 +37,7 @@ fn soup(vertices: usize) -> TriangleMesh {
         let third = std::iter::repeat_with(other).find(|&v| v != second).unwrap_or(second);
         [first, second, third]
     });
-    TriangleMesh { positions, faces: faces.collect() }
+    TriangleMesh { positions, faces: faces.collect(), ..Default::default() }
 }
 
 /// A vertex with all triangles around it; `rings` of vertices around that, at random radii.
@@ -60,7 +60,7 @@ fn fan(vertices: usize, rings: usize) -> TriangleMesh {
             faces.push([at(ring - 1, k), at(ring, k + 1), at(ring - 1, k + 1)]);
         }
     }
-    TriangleMesh { positions, faces }
+    TriangleMesh { positions, faces, ..Default::default() }
 }
 
 fn mesh(name: &str, vertices: usize) -> TriangleMesh {

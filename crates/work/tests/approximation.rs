@@ -184,7 +184,11 @@ fn a_small_mesh_is_solved_exactly() {
         }];
         assert!((value / unit - expected).abs() < 1e-9, "pair {k}: {}", value / unit);
     }
-    let triangle = TriangleMesh { positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], faces: vec![[0, 1, 2]] };
+    let triangle = TriangleMesh {
+        positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        faces: vec![[0, 1, 2]],
+        ..Default::default()
+    };
     assert_eq!(solve(&triangle, &json!({"count": 1})).eigenvalues.len(), 1);
 }
 

@@ -14,7 +14,11 @@ fn who_has_the_faces_puts_the_positions_together_again() {
     let parameters =
         EigenbasisParameters::parse(&json!({"operator": "graph", "count": 120, "tolerance": 1e-6})).unwrap();
     let sender = parameters.run(&mesh, &Unwatched).unwrap();
-    let faces_alone = TriangleMesh { positions: vec![[0.0; 3]; mesh.positions.len()], faces: mesh.faces.clone() };
+    let faces_alone = TriangleMesh {
+        positions: vec![[0.0; 3]; mesh.positions.len()],
+        faces: mesh.faces.clone(),
+        ..Default::default()
+    };
     let receiver = parameters.run(&faces_alone, &Unwatched).unwrap();
     let mut positions = DenseMatrix::zeros(mesh.positions.len(), 3);
     for axis in 0..3 {

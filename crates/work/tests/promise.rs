@@ -47,7 +47,7 @@ fn soup(vertices: usize, triangles: usize, seed: u64) -> TriangleMesh {
         }
         *corner = *name;
     }
-    TriangleMesh { positions, faces }
+    TriangleMesh { positions, faces, ..Default::default() }
 }
 
 /// A vertex with so many triangles around it, closed to a cone.
@@ -57,6 +57,7 @@ fn fan(valence: u32) -> TriangleMesh {
     TriangleMesh {
         positions: std::iter::once([0.0, 0.0, 0.1]).chain(rim).collect(),
         faces: (0..valence).map(|k| [0, 1 + k, 1 + (k + 1) % valence]).collect(),
+        ..Default::default()
     }
 }
 

@@ -42,7 +42,7 @@ pub struct SolveArguments {
     #[arg(long, value_name = "M", help_heading = "Problem")]
     at_most: Option<usize>,
 
-    /// Operator: auto, laplace, robust; volume, on the tetrahedra of a solid; graph, of the edges alone; extrinsic:T with T from 0 to 1; hamiltonian:T with the potential T (κ1² + κ2²), or
+    /// Operator: auto, laplace, polygon, robust; volume, on the tetrahedra of a solid; graph, of the edges alone; extrinsic:T with T from 0 to 1; hamiltonian:T with the potential T (κ1² + κ2²), or
     /// hamiltonian:@FILE with one number for each vertex
     #[arg(long, value_name = "OPERATOR", help_heading = "Problem")]
     operator: Option<String>,
@@ -232,6 +232,7 @@ mod tests {
         let full = |operator: Value| JobParameters::parse("eigenbasis", &json!({"operator": operator})).unwrap();
         for (text, operator) in [
             ("robust", json!("robust")),
+            ("polygon", json!("polygon")),
             ("extrinsic:0.25", json!({"extrinsic": {"t": 0.25}})),
             ("hamiltonian:2", json!({"hamiltonian": {"potential": {"curvature": {"t": 2.0}}}})),
         ] {

@@ -58,7 +58,7 @@ export function eigenForm(app: App, look?: Look): HTMLElement {
   const tolerance = choice([["1e-2", "1e-2"], ["1e-4", "1e-4"], ["1e-6", "1e-6"], ["1e-9", "1e-9"]], "1e-2", () => {});
   const accuracy = choice([["standard", "standard: 1 %"], ["accurate", "accurate: 0.3 %"]], "standard", () => {});
   const certify = h("input", { type: "checkbox" });
-  const operator = choice([["auto", "Laplace–Beltrami"], ["laplace", "cotangents"], ["robust", "robust Laplacian"],
+  const operator = choice([["auto", "Laplace–Beltrami"], ["laplace", "cotangents"], ["polygon", "of the polygons"], ["robust", "robust Laplacian"],
     ["extrinsic", "extrinsic"], ["hamiltonian", "with a potential"], ["hodge", "Hodge–Laplacian (fields)"], ["volume", "inside of a solid"], ["graph", "graph Laplacian"]], "auto", () => update());
   const t = slider("t", { min: 0, max: 1, step: 0.05, value: 0.5 }, () => {}, (value) => value.toFixed(2));
   const potential = choice([["curvature", "curvature, κ₁² + κ₂²"], ["values", "the values shown"]], "curvature", () => update());
@@ -126,7 +126,7 @@ const REASONS: Record<string, string> = {
 export function certificate(basis: Eigenbasis): HTMLElement {
   const { certificate: proof, eigenvalues, operator, parameters } = basis;
   const made = "laplacian" in operator ? operator : null;
-  const laplacian = made?.laplacian === "robust" ? "the robust Laplacian" : made?.laplacian === "cotangent" ? "the cotangent Laplacian" : "the operator";
+  const laplacian = made?.laplacian === "robust" ? "the robust Laplacian" : made?.laplacian === "cotangent" ? "the cotangent Laplacian" : made?.laplacian === "polygon" ? "the Laplacian of the polygons" : "the operator";
   const reason = made ? (REASONS[made.reason] ?? "") : "";
   const relative = eigenvalues.map((value, k) => proof.bounds[k] / Math.max(value, 1e-300)).slice(1).filter(Number.isFinite).sort((a, b) => a - b);
   const worst = Math.max(...proof.residuals.slice(1), 0);

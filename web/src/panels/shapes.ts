@@ -16,7 +16,7 @@ interface Comparison {
 }
 
 /** Operators whose spectra are alike: Laplacians of the surface itself. */
-const LAPLACIANS = new Set<unknown>(["auto", "laplace", "robust"]);
+const LAPLACIANS = new Set<unknown>(["auto", "laplace", "polygon", "robust"]);
 /** The most shapes that are compared here. */
 const MOST = 100;
 /** Letters of a name in the plot. */

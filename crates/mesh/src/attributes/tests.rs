@@ -256,7 +256,7 @@ fn normals_of_stretched_and_sharp_surfaces_are_those_of_the_new_ones() {
     // An octahedron, each face with its normal: a crease at each edge. Normals of planes turn as the inverse transpose says.
     let (p, f) = (1.0, [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]);
     let positions = vec![[p, 0.0, 0.0], [-p, 0.0, 0.0], [0.0, p, 0.0], [0.0, -p, 0.0], [0.0, 0.0, p], [0.0, 0.0, -p]];
-    let mesh = TriangleMesh { positions, faces: f.to_vec() };
+    let mesh = TriangleMesh { positions, faces: f.to_vec(), ..Default::default() };
     let outward = |positions: &[[f64; 3]], face: [u32; 3]| -> [f64; 3] {
         std::array::from_fn(|k| {
             face.iter().map(|&v| positions[v as usize][k].signum() * f64::from(positions[v as usize][k] != 0.0)).sum()

@@ -136,7 +136,7 @@ fn settle(
     let maps = numbering::Found { file: [given, 0], vertices: moved.then_some(map), faces: None, nearest, inner: 0 };
     examined.numbering = Numbering::found(maps, [order.len(), 0]);
     report.file = FileSize::of(&examined.numbering);
-    examined.mesh = TriangleMesh { positions: local.positions, faces: Vec::new() };
+    examined.mesh = TriangleMesh { positions: local.positions, faces: Vec::new(), ..Default::default() };
     Ok(())
 }
 

@@ -70,6 +70,7 @@ fn what_is_no_oriented_manifold_is_named() {
     let square = |faces: Vec<[u32; 3]>| TriangleMesh {
         positions: (0..7).map(|i| [f64::from(i), f64::from(i * i), f64::from(i % 2)]).collect(),
         faces,
+        ..Default::default()
     };
     let fail = |faces| DualGraph::new(&square(faces)).unwrap_err();
     assert_eq!(fail(vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]]), DualError::NonManifoldEdge { from: 0, to: 1, faces: 3 });

@@ -140,6 +140,7 @@ mod tests {
         let mesh = TriangleMesh {
             positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [1.2, 1.0, 0.0], [0.1, 0.8, 0.0]],
             faces: vec![[0, 1, 2], [0, 2, 3]],
+            ..Default::default()
         };
         let mut cover = IntrinsicTriangulation::tufted_cover(&mesh, 1.0, Rim::Free).unwrap();
         let diagonal = (0..12).find(|&h| cover.faces[h as usize / 3][h as usize % 3] == 0 && h % 3 == 2 && h < 3);
@@ -182,14 +183,18 @@ mod tests {
     #[test]
     fn a_fixed_rim_is_not_flipped() {
         // The long side of an obtuse triangle is flipped across both sheets, unless it is fixed.
-        let mesh = TriangleMesh { positions: vec![[0.0; 3], [4.0, 0.0, 0.0], [2.0, 0.5, 0.0]], faces: vec![[0, 1, 2]] };
+        let mesh = TriangleMesh {
+            positions: vec![[0.0; 3], [4.0, 0.0, 0.0], [2.0, 0.5, 0.0]],
+            faces: vec![[0, 1, 2]],
+            ..Default::default()
+        };
         assert_eq!(flipped(&mesh, Rim::Free).1.count, 1);
         assert_eq!(flipped(&mesh, Rim::Fixed).1.count, 0);
     }
 
     #[test]
     fn faces_glued_to_themselves_and_a_thousand_needles_are_survived() {
-        let mut mesh = TriangleMesh { positions: vec![[0.0; 3], [1.0, 0.0, 0.0]], faces: vec![] };
+        let mut mesh = TriangleMesh { positions: vec![[0.0; 3], [1.0, 0.0, 0.0]], faces: vec![], ..Default::default() };
         for k in 0..1000u32 {
             mesh.positions.push([f64::from(k) / 1000.0, 1e-7 * f64::from(k % 7), 1e-9 * f64::from(k % 3)]);
             mesh.faces.push([0, 1, 2 + k]);

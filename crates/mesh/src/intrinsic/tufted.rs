@@ -206,7 +206,8 @@ mod tests {
     #[test]
     fn pages_of_a_book_are_glued_to_the_next_page_whichever_way_they_run() {
         // Five pages around the z-axis at known angles, in mixed order and orientation.
-        let mut mesh = TriangleMesh { positions: vec![[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], faces: vec![] };
+        let mut mesh =
+            TriangleMesh { positions: vec![[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], faces: vec![], ..Default::default() };
         let order = [3, 0, 4, 1, 2];
         for (k, &place) in order.iter().enumerate() {
             let t = 1.2 * f64::from(place);
@@ -237,7 +238,7 @@ mod tests {
         assert_eq!(cover.faces().len(), 2 * (8 + 2));
         assert!(cover.mollification() > 0.0 && cover.mollification() < 1.1e-5);
         assert!(cover.shapes().iter().all(|shape| shape.area > 0.0));
-        let flat = TriangleMesh { positions: vec![[1.0; 3]; 3], faces: vec![[0, 1, 2]] };
+        let flat = TriangleMesh { positions: vec![[1.0; 3]; 3], faces: vec![[0, 1, 2]], ..Default::default() };
         assert_eq!(IntrinsicTriangulation::tufted_cover(&flat, 1.0, Rim::Free), Err(CoverError::Empty));
         assert_eq!(
             IntrinsicTriangulation::tufted_cover(&TriangleMesh::default(), 1.0, Rim::Free),

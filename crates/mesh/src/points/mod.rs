@@ -58,7 +58,7 @@ pub fn with_local_triangles(positions: &[[f64; 3]], monitor: &dyn Monitor) -> Re
         monitor.checkpoint()?;
         monitor.progress((first + block.len()) as f64 / n as f64);
     }
-    Ok(TriangleMesh { positions: positions.to_vec(), faces })
+    Ok(TriangleMesh { positions: positions.to_vec(), faces, ..Default::default() })
 }
 
 /// The same triangles, each of them once: whom a point has beside it.
@@ -74,7 +74,7 @@ pub fn once_each(local: &TriangleMesh) -> TriangleMesh {
         .collect();
     faces.par_sort_unstable();
     faces.dedup();
-    TriangleMesh { positions: local.positions.clone(), faces }
+    TriangleMesh { positions: local.positions.clone(), faces, ..Default::default() }
 }
 
 #[cfg(test)]

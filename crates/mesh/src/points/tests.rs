@@ -36,5 +36,8 @@ fn the_rim_of_an_open_surface_is_kept() {
     // The hull of the points, which the rim of the grid is next to.
     let area = surface_area(&local) / COVERS;
     assert!((area / (19.0 * 19.0) - 1.0).abs() < 0.02, "{area}");
-    assert!(are_points(&TriangleMesh { positions: mesh.positions.clone(), faces: vec![] }) && !are_points(&mesh));
+    assert!(
+        are_points(&TriangleMesh { positions: mesh.positions.clone(), faces: vec![], ..Default::default() })
+            && !are_points(&mesh)
+    );
 }

@@ -325,7 +325,11 @@ mod tests {
     }
 
     fn area(mesh: &RawMesh) -> f64 {
-        surface_area(&TriangleMesh { positions: mesh.positions.clone(), faces: mesh.faces.clone() })
+        surface_area(&TriangleMesh {
+            positions: mesh.positions.clone(),
+            faces: mesh.faces.clone(),
+            ..Default::default()
+        })
     }
 
     #[test]

@@ -192,7 +192,7 @@ fn what_is_written_reads_back_to_the_last_bit() {
     let Some(folder) = folder() else { return };
     for name in ["rocker-arm.off", "elephant.obj"] {
         let raw = RawMesh { attributes: None, ..load(&folder.join(name)) };
-        let mesh = TriangleMesh { positions: raw.positions.clone(), faces: raw.faces.clone() };
+        let mesh = TriangleMesh { positions: raw.positions.clone(), faces: raw.faces.clone(), ..Default::default() };
         let (mut obj, mut ply) = (Vec::new(), Vec::new());
         write::write_obj(&mesh, &mut obj).unwrap();
         write::write_ply(&mesh, None, &mut ply).unwrap();

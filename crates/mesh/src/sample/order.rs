@@ -77,7 +77,8 @@ mod tests {
 
     #[test]
     fn strange_samples_are_kept() {
-        let mesh = TriangleMesh { positions: vec![[f64::NAN; 3], [1.0; 3], [1.0; 3]], faces: vec![] };
+        let mesh =
+            TriangleMesh { positions: vec![[f64::NAN; 3], [1.0; 3], [1.0; 3]], faces: vec![], ..Default::default() };
         let mut samples = vec![7, 2, 1, 0];
         sort_spatially(&mesh, &mut samples);
         assert_eq!(samples[3], 7);

@@ -100,7 +100,7 @@ fn components_get_samples_in_proportion_to_their_area_and_at_least_one() {
         sphere(40),
         placed(sphere(40), 0.5, [0.0, 0.0, 0.0]),
         placed(sphere(3), 0.001, [3.0, 0.0, 0.0]),
-        TriangleMesh { positions: vec![[9.0; 3]], faces: vec![] },
+        TriangleMesh { positions: vec![[9.0; 3]], faces: vec![], ..Default::default() },
     ]);
     let ends = [sphere(40).positions.len(), 2 * sphere(40).positions.len()];
     for sampler in SAMPLERS {
@@ -113,8 +113,12 @@ fn components_get_samples_in_proportion_to_their_area_and_at_least_one() {
 
 #[test]
 fn meshes_that_are_hardly_one_are_sampled() {
-    let lone = TriangleMesh { positions: vec![[1.0, 2.0, 3.0]; 5], faces: vec![] };
-    let flat = TriangleMesh { positions: vec![[0.0; 3]; 6], faces: vec![[0, 1, 2], [3, 4, 5], [1, 2, 3]] };
+    let lone = TriangleMesh { positions: vec![[1.0, 2.0, 3.0]; 5], faces: vec![], ..Default::default() };
+    let flat = TriangleMesh {
+        positions: vec![[0.0; 3]; 6],
+        faces: vec![[0, 1, 2], [3, 4, 5], [1, 2, 3]],
+        ..Default::default()
+    };
     for sampler in SAMPLERS {
         assert!(sample(sampler, &TriangleMesh::default(), 3, 0).is_empty());
         assert_eq!(sample(sampler, &lone, 3, 0).len(), 3);

@@ -69,7 +69,7 @@ fn finish(rings: &Rings, net: Net) -> Option<TriangleMesh> {
     for _ in 0..ROUNDS[1] {
         smooth(rings, &mut positions, &faces);
     }
-    right.then_some(TriangleMesh { positions, faces })
+    right.then_some(TriangleMesh { positions, faces, ..Default::default() })
 }
 
 /// Rings side by side along x, touching, blended where they meet.

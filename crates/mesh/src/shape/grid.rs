@@ -59,7 +59,7 @@ fn tube(frames: &[Frame], rows: usize, radius: f64) -> TriangleMesh {
             if j % 2 == 0 { faces.extend([[a, b, c], [b, d, c]]) } else { faces.extend([[a, d, c], [a, b, d]]) }
         }
     }
-    TriangleMesh { positions, faces }
+    TriangleMesh { positions, faces, ..Default::default() }
 }
 
 /// Enough samples of the knot for an arc length good to 1e-7.

@@ -27,7 +27,7 @@ pub(super) fn disk(vertices: usize) -> TriangleMesh {
             stitch(&positions, 1 + up_to(k - 2)..first, first..first + count, &mut faces);
         }
     }
-    TriangleMesh { positions, faces }
+    TriangleMesh { positions, faces, ..Default::default() }
 }
 
 /// Fills the gap between two rings, each step by the triangle with the shorter new edge.
@@ -77,5 +77,5 @@ pub(super) fn rectangle(vertices: usize) -> TriangleMesh {
             if (i + j) % 2 == 0 { faces.extend([[a, b, d], [a, d, c]]) } else { faces.extend([[a, b, c], [b, d, c]]) }
         }
     }
-    TriangleMesh { positions, faces }
+    TriangleMesh { positions, faces, ..Default::default() }
 }

@@ -101,7 +101,7 @@ pub(super) fn sphere(vertices: usize) -> TriangleMesh {
             }
         }
     }
-    TriangleMesh { positions, faces }
+    TriangleMesh { positions, faces, ..Default::default() }
 }
 
 /// A point of the sphere from integer weights that sum to `frequency`.

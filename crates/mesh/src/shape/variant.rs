@@ -25,7 +25,7 @@ pub fn noisy(mesh: &TriangleMesh, fraction: f64, seed: u64) -> Result<TriangleMe
         };
         std::array::from_fn(|axis| position[axis] + radius * offset[axis])
     });
-    Ok(TriangleMesh { positions: positions.collect(), faces: mesh.faces.clone() })
+    Ok(TriangleMesh { positions: positions.collect(), faces: mesh.faces.clone(), ..Default::default() })
 }
 
 /// The same surface with its vertices and faces in random order and each face beginning at a random corner. The second value
@@ -43,7 +43,7 @@ pub fn renumbered(mesh: &TriangleMesh, seed: u64) -> (TriangleMesh, Vec<u32>) {
         face.rotate_left(random.below(3));
         face
     });
-    (TriangleMesh { positions, faces: faces.collect() }, numbers)
+    (TriangleMesh { positions, faces: faces.collect(), ..Default::default() }, numbers)
 }
 
 /// The mean over faces of the mean side; 0 without faces.

@@ -193,7 +193,7 @@ pub fn octahedron() -> TriangleMesh {
     let positions =
         vec![[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
     let faces = vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
-    TriangleMesh { positions, faces }
+    TriangleMesh { positions, faces, ..Default::default() }
 }
 
 /// A flat grid of right triangles, `width × height` vertices.
@@ -207,13 +207,13 @@ pub fn grid(width: usize, height: usize) -> TriangleMesh {
             faces.push([at, at + 1 + width as u32, at + width as u32]);
         }
     }
-    TriangleMesh { positions, faces }
+    TriangleMesh { positions, faces, ..Default::default() }
 }
 
 /// So many copies side by side, not joined.
 pub fn copies(one: &TriangleMesh, count: usize) -> TriangleMesh {
     let n = one.positions.len() as u32;
-    let mut mesh = TriangleMesh { positions: Vec::new(), faces: Vec::new() };
+    let mut mesh = TriangleMesh { positions: Vec::new(), faces: Vec::new(), ..Default::default() };
     for copy in 0..count as u32 {
         mesh.positions.extend(one.positions.iter().map(|p| [p[0] + 10.0 * f64::from(copy), p[1], p[2]]));
         mesh.faces.extend(one.faces.iter().map(|face| face.map(|v| v + copy * n)));

@@ -144,7 +144,7 @@ fn of_graph(random: &mut Random) -> Copies {
         one: laplacian(size, &edges),
         count,
         all: laplacian(n, &all),
-        mesh: TriangleMesh { positions: vec![[0.0; 3]; n], faces: Vec::new() },
+        mesh: TriangleMesh { positions: vec![[0.0; 3]; n], faces: Vec::new(), ..Default::default() },
         graph: true,
     }
 }
@@ -203,14 +203,14 @@ pub fn question(seed: u64, index: usize, values: &[f64], graph: bool) -> Questio
 
 fn tetrahedron() -> TriangleMesh {
     let positions = vec![[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
-    TriangleMesh { positions, faces: vec![[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]] }
+    TriangleMesh { positions, faces: vec![[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], ..Default::default() }
 }
 
 /// Every face cut in four, so often; onto the unit sphere if it is to be `round`.
 fn subdivided(mut mesh: TriangleMesh, levels: usize, round: bool) -> TriangleMesh {
     for _ in 0..levels {
         let mut middles = std::collections::BTreeMap::new();
-        let TriangleMesh { positions, faces } = &mut mesh;
+        let TriangleMesh { positions, faces, .. } = &mut mesh;
         let mut middle = |a: u32, b: u32| {
             *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
                 let (p, q) = (positions[a as usize], positions[b as usize]);
@@ -262,5 +262,5 @@ fn cube(cells: usize) -> TriangleMesh {
             }
         }
     }
-    TriangleMesh { positions, faces }
+    TriangleMesh { positions, faces, ..Default::default() }
 }

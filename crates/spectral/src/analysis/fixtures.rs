@@ -12,7 +12,7 @@ use crate::spectrum::hsim::{HsimParameters, Wanted, solve};
 /// The lowest pairs of an operator to a tolerance, in double precision, with the Laplacian noted that it was assembled of.
 pub fn solved(operator: &MeshOperator, vertices: usize, count: usize, tolerance: f64) -> Basis {
     let laplacian = serde_json::to_value(operator.report.laplacian).unwrap();
-    let mesh = TriangleMesh { positions: vec![[0.0; 3]; vertices], faces: Vec::new() };
+    let mesh = TriangleMesh { positions: vec![[0.0; 3]; vertices], faces: Vec::new(), ..Default::default() };
     let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance, ..HsimParameters::default() };
     let pairs = solve(&mesh, &operator.problem, &parameters, false, &Unwatched).unwrap();
     Basis {

@@ -243,7 +243,7 @@ mod tests {
             let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
             [[a, b, c], [a, c, d]]
         });
-        TriangleMesh { positions: (0..side * side).map(place).collect(), faces: faces.collect() }
+        TriangleMesh { positions: (0..side * side).map(place).collect(), faces: faces.collect(), ..Default::default() }
     }
 
     #[test]
@@ -390,7 +390,7 @@ mod tests {
             let told = HeatGeodesics::new(&mesh, Some(time), &Unwatched).unwrap_err().to_string();
             assert!(told.starts_with("time is "), "{told}");
         }
-        let flat = TriangleMesh { positions: vec![[0.0; 3]; 3], faces: vec![[0, 1, 2]] };
+        let flat = TriangleMesh { positions: vec![[0.0; 3]; 3], faces: vec![[0, 1, 2]], ..Default::default() };
         assert!(HeatGeodesics::new(&flat, None, &Unwatched).is_err());
     }
 }

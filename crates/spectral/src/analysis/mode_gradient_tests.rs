@@ -106,7 +106,11 @@ fn gradients_of_functions_are_what_differences_say() {
         (&open, MassKind::Consistent, Boundary::Dirichlet),
     ] {
         let operator = |positions: &[[f64; 3]]| {
-            on_surface(&TriangleMesh { positions: positions.to_vec(), faces: mesh.faces.clone() }, mass, boundary)
+            on_surface(
+                &TriangleMesh { positions: positions.to_vec(), faces: mesh.faces.clone(), ..Default::default() },
+                mass,
+                boundary,
+            )
         };
         // All that the basis has, and a part.
         for counts in [(7, 7), (5, 12)] {
@@ -139,7 +143,7 @@ fn spaces(values: &[f64], functions: &DenseMatrix) -> (f64, Vec<f64>, DenseMatri
 fn a_loss_of_whole_multiplets_has_a_gradient() {
     let mesh = generate(Shape::Sphere, 160).unwrap();
     let operator = |positions: &[[f64; 3]]| {
-        let mesh = TriangleMesh { positions: positions.to_vec(), faces: mesh.faces.clone() };
+        let mesh = TriangleMesh { positions: positions.to_vec(), faces: mesh.faces.clone(), ..Default::default() };
         on_surface(&mesh, MassKind::Barycentric, Boundary::Neumann)
     };
     // One, three and five; beyond them seven.

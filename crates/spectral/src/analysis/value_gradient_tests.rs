@@ -54,7 +54,13 @@ fn gradients_are_what_differences_say_on_surfaces_with_and_without_boundary() {
             let weights = weights(8);
             let gradient = value_gradient(&found, Elements::Triangles(mesh), mass, &weights, &Unwatched).unwrap();
             agrees(&mesh.positions, &weights, &gradient, |positions| {
-                on_surface(&TriangleMesh { positions, faces: mesh.faces.clone() }, mass, boundary, 8).eigenvalues
+                on_surface(
+                    &TriangleMesh { positions, faces: mesh.faces.clone(), ..Default::default() },
+                    mass,
+                    boundary,
+                    8,
+                )
+                .eigenvalues
             });
         }
     }
@@ -103,7 +109,7 @@ fn the_sum_of_a_multiplet_has_a_gradient() {
     let gradient =
         value_gradient(&found, Elements::Triangles(&mesh), MassKind::Barycentric, &weights, &Unwatched).unwrap();
     agrees(&mesh.positions, &weights, &gradient, |positions| {
-        let mesh = TriangleMesh { positions, faces: mesh.faces.clone() };
+        let mesh = TriangleMesh { positions, faces: mesh.faces.clone(), ..Default::default() };
         on_surface(&mesh, MassKind::Barycentric, Boundary::Neumann, 6).eigenvalues
     });
 }
@@ -155,7 +161,7 @@ fn what_has_no_gradient_is_refused_by_name() {
     found.metadata = serde_json::json!({"operator": {"laplacian": "cotangent"}, "parameters": {"operator": {"extrinsic": {"t": 0.5}}}});
     assert!(of(&found, MassKind::Barycentric, &[1.0; 4]).contains("the operator \"extrinsic\""));
     found.metadata = serde_json::json!({"operator": {"laplacian": "cotangent", "reason": "points"}});
-    let points = TriangleMesh { positions: mesh.positions.clone(), faces: Vec::new() };
+    let points = TriangleMesh { positions: mesh.positions.clone(), faces: Vec::new(), ..Default::default() };
     let refused = value_gradient(&found, Elements::Triangles(&points), MassKind::Barycentric, &[1.0; 4], &Unwatched);
     assert!(refused.unwrap_err().to_string().contains("the Laplacian of points"));
     found.metadata = serde_json::json!({});

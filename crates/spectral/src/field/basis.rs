@@ -256,6 +256,7 @@ fn build<const B: usize>(
     let sorted = TriangleMesh {
         positions: surface.mesh.positions.clone(),
         faces: order.iter().map(|&f| surface.mesh.faces[f as usize]).collect(),
+        ..Default::default()
     };
     let local = FieldSurface::new(sorted)?;
     let operator =
@@ -448,6 +449,7 @@ fn spatial_order(mesh: &TriangleMesh) -> Vec<u32> {
             .map(|f| [0, 1, 2].map(|i| f.iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>() / 3.0))
             .collect(),
         faces: Vec::new(),
+        ..Default::default()
     };
     let mut order: Vec<u32> = (0..mesh.faces.len() as u32).collect();
     sort_spatially(&centres, &mut order);

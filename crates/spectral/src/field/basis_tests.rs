@@ -136,6 +136,7 @@ fn surfaces_without_orientation_are_named() {
     let mesh = TriangleMesh {
         positions: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         faces: vec![[0, 1, 2], [0, 1, 3]],
+        ..Default::default()
     };
     let error = FieldSurface::new(mesh).unwrap_err();
     assert!(error.to_string().contains("from vertex 0 to vertex 1"), "{error}");

@@ -9,10 +9,11 @@ use serde::{Deserialize, Serialize};
 use super::curvature::Surface;
 use super::manifold::Topology;
 use super::points::{assemble_local, local_triangles};
+use super::polygon::Refined;
 use super::weighted::{self, Parts};
 use super::{EigenProblem, MassKind, OperatorError, boundary, extrinsic, graph, hamiltonian, laplace, robust};
 
-/// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"robust"`, `"volume"`, `"graph"`, `"hodge"`, `{"extrinsic": {"t": 0.5}}`,
+/// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"polygon"`, `"robust"`, `"volume"`, `"graph"`, `"hodge"`, `{"extrinsic": {"t": 0.5}}`,
 /// `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}`, `{"hamiltonian": {"potential": {"values": [0.0, …]}}}`,
 /// `{"weighted": {"scalars": [1.0, …], "fixed": [0, …]}}`.
 ///
@@ -23,11 +24,14 @@ use super::{EigenProblem, MassKind, OperatorError, boundary, extrinsic, graph, h
 #[cfg_attr(feature = "schema", schema(description = "Which operator is wanted."))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum OperatorKind {
-    /// Laplace–Beltrami: by cotangents where the mesh is manifold, next to none of its triangles thin and none a needle; the robust one otherwise.
+    /// Laplace–Beltrami: by cotangents, or of the polygons where the file has any of more than three corners, where the mesh is manifold, next to none of its
+    /// triangles thin and none a needle; the robust one otherwise.
     #[default]
     Auto,
     /// Laplace–Beltrami by the cotangents of the triangles as they are.
     Laplace,
+    /// Laplace–Beltrami of polygons that keep their shape (Bunge et al. 2020); on triangles that of cotangents.
+    Polygon,
     /// The robust Laplacian (Sharp and Crane 2020).
     Robust,
     /// The extrinsic family (thesis, eq. 2.13): `(1 − t) S + t A`, on the Laplacian that `auto` chooses.
@@ -143,6 +147,8 @@ pub enum Laplacian {
     /// From the cotangents of the triangles as they are.
     #[default]
     Cotangent,
+    /// From the polygons of the file, each with a point in its middle that is no unknown (Bunge et al. 2020).
+    Polygon,
     /// From an intrinsic Delaunay triangulation of the tufted cover (Sharp and Crane 2020).
     Robust,
     /// From linear functions on the tetrahedra of a solid.
@@ -161,6 +167,8 @@ pub enum Reason {
     /// The mesh is manifold and its triangles are fair.
     #[default]
     FairMesh,
+    /// The mesh is manifold and fair, and has polygons of more than three corners.
+    Polygons,
     /// Some edges or vertices are not manifold.
     NonManifold,
     /// More than one face in a thousand is thin.
@@ -197,6 +205,9 @@ pub struct OperatorReport {
     pub delaunay: bool,
     /// Vertices that are no unknowns.
     pub removed_vertices: usize,
+    /// Polygons of more than three corners that the operator is made of.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub polygons: usize,
     /// Tetrahedra too flat to have a volume: they contribute nothing.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub flat_tetrahedra: usize,
@@ -313,8 +324,12 @@ pub(super) fn assemble_on(
     };
     monitor.checkpoint()?;
 
+    let refined = match triangles {
+        Triangles::Surface => refined(&parameters.operator, mesh)?,
+        Triangles::Local => None,
+    };
     let (laplacian, reason) = match triangles {
-        Triangles::Surface => choose(&parameters.operator, mesh, &measured, &topology),
+        Triangles::Surface => choose(&parameters.operator, mesh, &measured, refined.as_ref(), &topology),
         Triangles::Local => choose_local(&parameters.operator, mesh, &measured),
     };
     let mut report = OperatorReport {
@@ -335,6 +350,15 @@ pub(super) fn assemble_on(
             report.massless_vertices = massless;
             (problem, &mesh.faces[..], &measured.shapes[..])
         }
+        Laplacian::Polygon => {
+            let refined = refined.ok_or(OperatorError::NoArea)?;
+            let (problem, massless) = refined.problem(parameters.mass);
+            report.massless_vertices = massless;
+            report.polygons = refined.polygons();
+            report.thin_faces = refined.measured.thin_faces;
+            report.zero_area_faces = refined.measured.zero_area_faces;
+            (problem, &mesh.faces[..], &measured.shapes[..])
+        }
         Laplacian::Robust => {
             let rim = if dirichlet { Rim::Fixed } else { Rim::Free };
             let found;
@@ -353,6 +377,7 @@ pub(super) fn assemble_on(
     let stiffness = match &parameters.operator {
         OperatorKind::Auto
         | OperatorKind::Laplace
+        | OperatorKind::Polygon
         | OperatorKind::Robust
         | OperatorKind::Hodge
         | OperatorKind::Volume
@@ -401,6 +426,14 @@ pub(super) fn assemble_on(
     Ok(MeshOperator { problem, base: Some(laplacian), floor, report })
 }
 
+/// The finer mesh that the Laplacian of polygons is made of, where that may be taken and there are any.
+fn refined(wanted: &OperatorKind, mesh: &TriangleMesh) -> Result<Option<Refined>, OperatorError> {
+    // Potentials and normals are those of triangles.
+    let takes = matches!(wanted, OperatorKind::Auto | OperatorKind::Polygon);
+    let polygons = mesh.polygons.as_ref().filter(|_| takes).map(|polygons| polygons.loops(&mesh.faces));
+    polygons.filter(|polygons| !polygons.is_empty()).map(|polygons| Refined::new(mesh, polygons)).transpose()
+}
+
 /// Which Laplacian to take on local triangulations: cotangents, unless the robust one is asked for or some triangles are thin.
 fn choose_local(wanted: &OperatorKind, mesh: &TriangleMesh, measured: &laplace::Measured) -> (Laplacian, Reason) {
     if *wanted == OperatorKind::Robust {
@@ -420,9 +453,17 @@ fn choose(
     wanted: &OperatorKind,
     mesh: &TriangleMesh,
     measured: &laplace::Measured,
+    refined: Option<&Refined>,
     topology: &Topology,
 ) -> (Laplacian, Reason) {
+    // What is measured is what the operator would be made of.
+    let (measured, faces) =
+        refined.map_or((measured, mesh.faces.len()), |refined| (&refined.measured, refined.faces()));
     match wanted {
+        OperatorKind::Polygon => match refined {
+            Some(_) => (Laplacian::Polygon, Reason::Requested),
+            None => (Laplacian::Cotangent, Reason::Requested),
+        },
         OperatorKind::Laplace | OperatorKind::Weighted(_) => (Laplacian::Cotangent, Reason::Requested),
         OperatorKind::Robust => (Laplacian::Robust, Reason::Requested),
         OperatorKind::Auto
@@ -433,10 +474,12 @@ fn choose(
         | OperatorKind::Graph => {
             if topology.non_manifold_edges + topology.non_manifold_vertices > 0 {
                 (Laplacian::Robust, Reason::NonManifold)
-            } else if 1000 * measured.thin_faces > THIN_PER_MILLE * mesh.faces.len() {
+            } else if 1000 * measured.thin_faces > THIN_PER_MILLE * faces {
                 (Laplacian::Robust, Reason::ThinFaces)
             } else if measured.needles > 0 {
                 (Laplacian::Robust, Reason::Needle)
+            } else if refined.is_some() {
+                (Laplacian::Polygon, Reason::Polygons)
             } else {
                 (Laplacian::Cotangent, Reason::FairMesh)
             }

@@ -173,7 +173,7 @@ pub fn nonconforming_problem(
     let inside = |face: &[u32; 3]| face.iter().all(|&row| (row as usize) < inner);
     let faces = (0..mesh.faces.len()).map(functions).filter(inside).collect();
     let problem = EigenProblem { stiffness, mass: MassMatrix::Diagonal(masses), area: frames.area(), unknowns: None };
-    (TriangleMesh { positions, faces }, (problem, (inner < boundary.len()).then_some(rows)))
+    (TriangleMesh { positions, faces, ..Default::default() }, (problem, (inner < boundary.len()).then_some(rows)))
 }
 
 /// `Σ_f factor ⟨e_i, e_j⟩ / A` for three functions a face, those beyond `size` left out.

@@ -7,6 +7,7 @@ fn tetrahedron() -> TriangleMesh {
     TriangleMesh {
         positions: vec![[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.9, 0.1], [0.3, 0.2, 0.8]],
         faces: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+        ..Default::default()
     }
 }
 
@@ -60,7 +61,11 @@ fn stiffness_is_symmetric_to_the_last_bit_and_has_constants_in_its_kernel() {
 #[test]
 fn stiffness_agrees_with_the_angles_of_a_known_triangle() {
     // A right isosceles triangle: cotangents 0, 1, 1.
-    let mesh = TriangleMesh { positions: vec![[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]], faces: vec![[0, 1, 2]] };
+    let mesh = TriangleMesh {
+        positions: vec![[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]],
+        faces: vec![[0, 1, 2]],
+        ..Default::default()
+    };
     let problem = assemble(&mesh, MassKind::Voronoi).unwrap();
     assert!((problem.area - 2.0).abs() < 1e-15);
     let s = &problem.stiffness;

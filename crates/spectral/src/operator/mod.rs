@@ -16,6 +16,7 @@ pub mod hodge;
 pub mod laplace;
 mod manifold;
 pub mod points;
+mod polygon;
 pub mod robust;
 mod shapes;
 pub mod tangential;

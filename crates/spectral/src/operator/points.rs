@@ -31,6 +31,7 @@ impl OperatorParameters {
             OperatorKind::Auto
             | OperatorKind::Robust
             | OperatorKind::Hamiltonian { potential: Potential::Values(_) } => None,
+            OperatorKind::Polygon => Some("\"polygon\" is made of faces"),
             OperatorKind::Laplace => Some("\"laplace\" is made of faces as they are"),
             OperatorKind::Extrinsic { .. } => Some("\"extrinsic\" is made of the normals of faces"),
             OperatorKind::Hamiltonian { potential: Potential::Curvature { .. } } => {

@@ -6,7 +6,7 @@ use super::super::{Laplacian, MassKind, Reason, assemble, laplace};
 use super::*;
 
 fn points(mesh: &TriangleMesh) -> TriangleMesh {
-    TriangleMesh { positions: mesh.positions.clone(), faces: Vec::new() }
+    TriangleMesh { positions: mesh.positions.clone(), faces: Vec::new(), ..Default::default() }
 }
 
 #[test]
@@ -38,7 +38,7 @@ fn linear_functions_have_a_small_laplacian_inside_of_a_plane() {
     let positions: Vec<[f64; 3]> = (0..900)
         .map(|k| [f64::from(k % 30) + 0.5 * random.unit(), f64::from(k / 30) + 0.5 * random.unit(), 0.0])
         .collect();
-    let cloud = TriangleMesh { positions, faces: Vec::new() };
+    let cloud = TriangleMesh { positions, faces: Vec::new(), ..Default::default() };
     let problem = assemble(&cloud, &OperatorParameters::default(), &Unwatched).unwrap().problem;
     let (mut inside, mut largest) = (0, 0.0f64);
     for (v, p) in cloud.positions.iter().enumerate() {

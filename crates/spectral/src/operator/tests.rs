@@ -110,7 +110,11 @@ fn a_surface_without_boundary_does_not_notice_the_condition() {
     let mesh = sphere(6);
     let made = make(&mesh, OperatorKind::Auto, MassKind::Barycentric, Boundary::Dirichlet);
     assert_eq!((made.problem.unknowns.as_ref(), made.report.removed_vertices), (None, 0));
-    let triangle = TriangleMesh { positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], faces: vec![[0, 1, 2]] };
+    let triangle = TriangleMesh {
+        positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        faces: vec![[0, 1, 2]],
+        ..Default::default()
+    };
     let parameters = OperatorParameters { boundary: Boundary::Dirichlet, ..Default::default() };
     assert_eq!(assemble(&triangle, &parameters, &Unwatched), Err(OperatorError::NoUnknowns { vertices: 3 }));
 }
@@ -192,6 +196,7 @@ fn meshes_that_are_no_surfaces_have_a_laplacian_with_their_components_as_kernel(
     let book = TriangleMesh {
         positions: vec![[0.0; 3], [0.0, 0.0, 1.0], [1.0, 0.0, 0.5], [-0.5, 0.8, 0.5], [-0.5, -0.8, 0.5]],
         faces: vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]],
+        ..Default::default()
     };
     let mut twice = grid(5);
     twice.faces.extend_from_within(3..9);
@@ -444,7 +449,7 @@ fn random_soups_of_triangles_make_well_formed_operators() {
         let unit = [1.0, 1e-9, 1e9][trial % 3] / steps as f64;
         let positions = (0..n).map(|_| std::array::from_fn(|_| below(steps) as f64 * unit)).collect();
         let faces = (0..f).map(|_| std::array::from_fn(|_| below(n) as u32)).collect();
-        let mesh = TriangleMesh { positions, faces };
+        let mesh = TriangleMesh { positions, faces, ..Default::default() };
         for operator in [OperatorKind::Auto, OperatorKind::Robust, curvature(0.5), OperatorKind::Extrinsic { t: 0.5 }] {
             for boundary in [Boundary::Neumann, Boundary::Dirichlet] {
                 let mass = [MassKind::Consistent, MassKind::Barycentric, MassKind::Voronoi][trial % 3];

@@ -171,7 +171,7 @@ mod tests {
 
     /// A sheared grid over the unit square, bent into space.
     fn sheet() -> TriangleMesh {
-        let mut mesh = TriangleMesh { positions: Vec::new(), faces: Vec::new() };
+        let mut mesh = TriangleMesh { positions: Vec::new(), faces: Vec::new(), ..Default::default() };
         for j in 0..8u32 {
             for i in 0..8u32 {
                 let (x, y) = (f64::from(i) / 7.0, f64::from(j) / 7.0);

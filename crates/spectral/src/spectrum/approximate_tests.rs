@@ -69,6 +69,7 @@ fn ritz_values_of_every_operator_lie_above_exact_ones_and_bounds_enclose_one() {
             .map(|p| [p[0], p[1], 0.3 * (4.0 * p[0]).sin() * (3.0 * p[1]).cos()])
             .collect(),
         faces: surface.faces,
+        ..Default::default()
     };
     let wells: Vec<f64> = bent.positions.iter().map(|p| 20.0 * (5.0 * p[0]).sin() - 5.0).collect();
     let values = OperatorKind::Hamiltonian { potential: Potential::Values(wells) };
@@ -251,6 +252,7 @@ fn certified_pairs_enclose_the_exact_ones_index_by_index_or_are_refused() {
             .map(|p| if p[0] > 0.0 { [p[0] * 1e-4, p[1] * 1e-4, p[2] * 1e-4] } else { *p })
             .collect(),
         faces: mesh.faces.clone(),
+        ..Default::default()
     };
     let made = operator(&graded, OperatorKind::Auto, MassKind::Barycentric, Boundary::Neumann);
     match approximate(&graded, &made, &parameters, &Unwatched) {
@@ -294,7 +296,7 @@ fn flipped(mesh: &TriangleMesh, every: usize) -> TriangleMesh {
             (touched[f], touched[g]) = (true, true);
         }
     }
-    TriangleMesh { positions: mesh.positions.clone(), faces }
+    TriangleMesh { positions: mesh.positions.clone(), faces, ..Default::default() }
 }
 
 #[test]

@@ -43,7 +43,7 @@ pub fn solve(
         return Err(HsimError::Parameter { name: "operator", reason });
     };
     // HSIM asks how many vertices there are, and where only for levels that it makes itself.
-    let mesh = TriangleMesh { positions: vec![[0.0; 3]; vertices], faces: Vec::new() };
+    let mesh = TriangleMesh { positions: vec![[0.0; 3]; vertices], faces: Vec::new(), ..Default::default() };
     let (n, q) = (problem.size(), hsim::columns(problem.size(), count));
     if count > n || hsim::is_dense_by_blocks(problem, count) {
         return hsim::solve(&mesh, problem, parameters, false, monitor);

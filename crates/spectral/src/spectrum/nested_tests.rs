@@ -103,7 +103,7 @@ fn graphs_need_no_positions_and_agree_with_the_formula_of_a_torus() {
         let [a, b, c, d] = [vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
         [[a, b, c], [a, c, d]]
     });
-    let mesh = TriangleMesh { positions: vec![[0.0; 3]; m * n], faces: faces.collect() };
+    let mesh = TriangleMesh { positions: vec![[0.0; 3]; m * n], faces: faces.collect(), ..Default::default() };
     let parameters = OperatorParameters { operator: OperatorKind::Graph, ..OperatorParameters::default() };
     let operator = assemble(&mesh, &parameters, &Unwatched).unwrap();
     let mut exact: Vec<f64> = (0..m * n)
@@ -149,7 +149,7 @@ fn components_have_a_constant_each_and_a_bound_is_refused() {
 fn a_count_that_cuts_the_cluster_of_identical_copies_is_met_and_says_so() {
     let one = generate(Shape::Sphere, 250).unwrap();
     let copies = 8;
-    let mut mesh = TriangleMesh { positions: Vec::new(), faces: Vec::new() };
+    let mut mesh = TriangleMesh { positions: Vec::new(), faces: Vec::new(), ..Default::default() };
     for copy in 0..copies {
         let first = mesh.positions.len() as u32;
         mesh.positions.extend(one.positions.iter().map(|p| [p[0] + 3.0 * f64::from(copy), p[1], p[2]]));

@@ -329,7 +329,7 @@ fn faces_without_area_equal_positions_and_units_do_no_harm() {
     let expected = distances(&rough, 9);
     for scale in [1e-30, 1e-6, 1e12, 1e60] {
         let positions = rough.positions.iter().map(|p| p.map(|x| x * scale)).collect();
-        let found = distances(&TriangleMesh { positions, faces: rough.faces.clone() }, 9);
+        let found = distances(&TriangleMesh { positions, faces: rough.faces.clone(), ..Default::default() }, 9);
         assert!(found.iter().zip(&expected).all(|(a, b)| (a / scale - b).abs() < 1e-9), "{scale}");
     }
 }

@@ -30,7 +30,7 @@ pub(in crate::analysis) struct Match {
 }
 
 /// Rows of `Φ_source Cᵀ`, and a tree over them.
-pub(super) struct Images {
+pub(in crate::analysis) struct Images {
     points: Vec<f32>,
     dimensions: usize,
     tree: KdTree,

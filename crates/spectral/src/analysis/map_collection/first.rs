@@ -80,7 +80,8 @@ pub(super) fn commuting(
         return Ok(());
     }
     let weight = weight * (k * k) as f64 / size;
-    let turned: Vec<(DenseMatrix, DenseMatrix)> = xs.iter().zip(ys).map(|(x, y)| (transposed(x), transposed(y))).collect();
+    let turned: Vec<(DenseMatrix, DenseMatrix)> =
+        xs.iter().zip(ys).map(|(x, y)| (transposed(x), transposed(y))).collect();
     for s in 0..k {
         for q in 0..k {
             let into = system.column_mut(s * k + q);

@@ -276,7 +276,7 @@ mod tests {
     fn uneven() -> FieldSurface {
         let plate = generate(Shape::Rectangle, 800).unwrap();
         let positions = plate.positions.iter().map(|p| [p[0].powi(3), p[1], 0.0]).collect();
-        FieldSurface::new(TriangleMesh { positions, faces: plate.faces }).unwrap()
+        FieldSurface::new(TriangleMesh { positions, faces: plate.faces, ..Default::default() }).unwrap()
     }
 
     #[test]

@@ -138,7 +138,7 @@ mod tests {
         }
         // Two faces of a roof of 90 degrees.
         let positions = vec![[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
-        let roof = TriangleMesh { positions, faces: vec![[0, 2, 1], [0, 1, 3]] };
+        let roof = TriangleMesh { positions, faces: vec![[0, 2, 1], [0, 1, 3]], ..Default::default() };
         for normals in corner_normals(&roof) {
             assert!(normals.iter().all(|n| n.iter().filter(|x| x.abs() > 0.999).count() == 1), "{normals:?}");
         }

@@ -62,8 +62,13 @@ pub(in crate::spectrum) fn solve(
     monitor.stage("hierarchy");
     monitor.checkpoint()?;
     let finest = in_order(problem, parameters.wanted, monitor)?;
-    Bench { problem, parameters, monitor, mesh: TriangleMesh { positions: vec![[0.0; 3]; n], faces: Vec::new() } }
-        .solve(finest)
+    Bench {
+        problem,
+        parameters,
+        monitor,
+        mesh: TriangleMesh { positions: vec![[0.0; 3]; n], faces: Vec::new(), ..Default::default() },
+    }
+    .solve(finest)
 }
 
 /// What stays the same in every attempt.

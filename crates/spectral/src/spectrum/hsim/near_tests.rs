@@ -19,7 +19,7 @@ fn parameters(count: usize, tolerance: f64) -> HsimParameters {
 /// The mesh bent along its first axis, as a pose of it.
 fn bent(mesh: &TriangleMesh, by: f64) -> TriangleMesh {
     let positions = mesh.positions.iter().map(|&[x, y, z]| [x, y + by * x * x, z + 0.5 * by * x * y]).collect();
-    TriangleMesh { positions, faces: mesh.faces.clone() }
+    TriangleMesh { positions, faces: mesh.faces.clone(), ..Default::default() }
 }
 
 fn agree(near: &Eigenpairs, plain: &Eigenpairs) {

@@ -95,7 +95,7 @@ fn agree(pairs: &Eigenpairs, exact: &[f64], share: f64, what: &str) {
 
 /// Copies of a mesh side by side.
 pub(super) fn copies(one: &TriangleMesh, count: u32) -> TriangleMesh {
-    let mut mesh = TriangleMesh { positions: Vec::new(), faces: Vec::new() };
+    let mut mesh = TriangleMesh { positions: Vec::new(), faces: Vec::new(), ..Default::default() };
     for copy in 0..count {
         let base = mesh.positions.len() as u32;
         mesh.positions.extend(one.positions.iter().map(|p| [p[0] + 7.0 * f64::from(copy), p[1], p[2]]));
@@ -111,7 +111,7 @@ fn square(k: usize) -> TriangleMesh {
     let cells = (0..k).flat_map(|i| (0..k).map(move |j| (i, j)));
     let faces = cells
         .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]]);
-    TriangleMesh { positions: positions.collect(), faces: faces.collect() }
+    TriangleMesh { positions: positions.collect(), faces: faces.collect(), ..Default::default() }
 }
 
 pub(super) fn rough(shape: Shape, vertices: usize) -> TriangleMesh {
@@ -120,10 +120,15 @@ pub(super) fn rough(shape: Shape, vertices: usize) -> TriangleMesh {
 
 #[test]
 fn the_smallest_meshes_are_solved_for_any_number_of_pairs() {
-    let triangle = TriangleMesh { positions: vec![[0.0; 3], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]], faces: vec![[0, 1, 2]] };
+    let triangle = TriangleMesh {
+        positions: vec![[0.0; 3], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        faces: vec![[0, 1, 2]],
+        ..Default::default()
+    };
     let tetrahedron = TriangleMesh {
         positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         faces: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
+        ..Default::default()
     };
     let icosahedron = generate(Shape::Sphere, 12).unwrap();
     for (name, mesh) in [("triangle", triangle), ("tetrahedron", tetrahedron), ("icosahedron", icosahedron)] {

@@ -98,7 +98,7 @@ fn a_vertex_outside_every_support_becomes_a_sample() {
     let mesh = union(&[
         sphere(12),
         placed(sphere(12), 1.0, [0.0, 0.0, 5.0]),
-        TriangleMesh { positions: vec![[7.0; 3]], faces: vec![] },
+        TriangleMesh { positions: vec![[7.0; 3]], faces: vec![], ..Default::default() },
     ]);
     let connectivity = Connectivity::new(&mesh);
     for distance in DISTANCES {
@@ -148,7 +148,7 @@ fn what_makes_no_space_is_refused_by_name() {
     for sigma in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         assert!(matches!(make(&mesh, &[3], sigma), Err(RadialError::Radius { .. })), "{sigma}");
     }
-    let lone = TriangleMesh { positions: vec![[0.0; 3]; 3], faces: vec![] };
+    let lone = TriangleMesh { positions: vec![[0.0; 3]; 3], faces: vec![], ..Default::default() };
     assert!(matches!(make(&lone, &[0], 10.0), Err(RadialError::Radius { .. })));
     let parameters = RadialParameters::default();
     assert!(matches!(space(&mesh, &connectivity, 0, 0, &parameters, &Unwatched), Err(RadialError::Empty { .. })));

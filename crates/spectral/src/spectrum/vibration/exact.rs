@@ -41,8 +41,11 @@ pub(super) fn modes(
     }
     let size = elastic.problem.size();
     // HSIM asks where the unknowns are, and how many.
-    let places =
-        TriangleMesh { positions: elastic.positions.iter().flat_map(|&p| [p; 3]).collect(), faces: Vec::new() };
+    let places = TriangleMesh {
+        positions: elastic.positions.iter().flat_map(|&p| [p; 3]).collect(),
+        faces: Vec::new(),
+        ..Default::default()
+    };
     let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance, seed, ..HsimParameters::default() };
     if hsim::is_dense(size, count) {
         let space = space::functions(body, elastic, elastic.moving.len(), false, seed, monitor)?;

@@ -42,7 +42,7 @@ pub(super) fn functions(
         }
         ElasticBody::Shell { mesh, .. } => {
             let (positions, faces, rows) = around(&mesh.positions, &mesh.faces, &elastic.moving);
-            (on_surface(&TriangleMesh { positions, faces }, patches, seed, monitor)?, rows)
+            (on_surface(&TriangleMesh { positions, faces, ..Default::default() }, patches, seed, monitor)?, rows)
         }
         ElasticBody::Solid { mesh } if everything => {
             (super::balls::functions(mesh, patches, seed, monitor)?, elastic.moving.clone())

@@ -291,6 +291,6 @@ fn what_is_no_object_is_refused_by_name() {
         dust.faces.push([3 * k, 3 * k + 1, 3 * k + 2]);
     }
     assert!(ask(&dust, 0.1, 10, vec![]).contains("70 parts"));
-    let none = TriangleMesh { positions: vec![[0.0; 3]; 3], faces: vec![[0, 1, 2]] };
+    let none = TriangleMesh { positions: vec![[0.0; 3]; 3], faces: vec![[0, 1, 2]], ..Default::default() };
     assert_eq!(ask(&none, 0.1, 3, vec![]), "the mesh has no area");
 }

@@ -1,0 +1,36 @@
+//! The last steps of a pair, by itself: ZoomOut with more vertices, from a consistent map on.
+
+use chladni_algebra::DenseMatrix;
+
+use super::{CollectionRequest, Side};
+use crate::analysis::error::AnalysisError;
+use crate::analysis::functional_map::matching::{Images, Match, zoom_out};
+
+/// So many vertices stand for a surface, at least.
+const SAMPLES: usize = 5000;
+
+/// The share of the consistent map that is kept: what comes last in the latent basis holds the least.
+const KEPT: f64 = 0.7;
+
+/// The modes of a shape at the vertices that stand for it here, at unit area.
+pub(super) fn modes(side: &Side<'_>, request: &CollectionRequest) -> Result<DenseMatrix, AnalysisError> {
+    side.at(&side.samples(request.samples.max(SAMPLES)), request.pairs, "sample")
+}
+
+/// The map from one shape to another, each with its [`modes`], and for all vertices of that the matches on this one.
+pub(super) fn map(
+    (source, there): (&Side<'_>, &DenseMatrix),
+    (target, here): (&Side<'_>, &DenseMatrix),
+    consistent: &DenseMatrix,
+    request: &CollectionRequest,
+) -> Result<(DenseMatrix, Vec<Match>), AnalysisError> {
+    let size = ((KEPT * consistent.rows() as f64) as usize).max(1);
+    let mut map = DenseMatrix::zeros(size, size);
+    for column in 0..size {
+        map.column_mut(column).copy_from_slice(&consistent.column(column)[..size]);
+    }
+    // Twice the step: what is left to be found is little.
+    let (map, _) = zoom_out(there, here, map, request.pairs, request.step.saturating_mul(2))?;
+    let found = Images::of_all(source, &map)?.nearest_of_all(target)?;
+    Ok((map, found))
+}
