@@ -95,7 +95,7 @@ fn designed(mesh: &TriangleMesh) -> Result<(), Failure> {
         let request: DesignRequest = serde_json::from_value(json!({"strokes": wanted}))?;
         let design = setting.design(&request, &Unwatched)?;
         let field = setting.lifted(&design)?;
-        println!("{n}-field: residuals {:?}", design.design.residuals.iter().fold(0.0f64, |m, &r| m.max(f64::from(r))));
+        println!("{n}-field: residuals {:?}", design.design.residuals.iter().fold(0.0f64, |m, &r| m.max(r)));
         let mut plate = Plate::surface(mesh, &eye, false, |_, _| CLAY);
         ink(&mut plate, &setting, &lines(&setting, n, &field, 0.016)?, &eye, [0.9, 1.5], [0.16, 0.25, 0.45])?;
         let tree = &setting.surface.tree;

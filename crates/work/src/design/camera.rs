@@ -66,7 +66,8 @@ impl CameraRequest {
             (Some(eye), Some(target), None) => Ok(Camera { eye, target, ..frame }),
             (None, None, from) => {
                 let from = from.unwrap_or([0.4, 0.3, 1.0]);
-                if !(frame.angle > 0.0 && frame.angle < 180.0) || !(from.iter().map(|x| x * x).sum::<f64>() > 0.0) {
+                let somewhere = from.iter().map(|x| x * x).sum::<f64>() > 0.0;
+                if !(frame.angle > 0.0 && frame.angle < 180.0 && somewhere) {
                     return wrong(
                         "looks nowhere: its direction is zero, or its angle is not between 0 and 180 degrees",
                     );

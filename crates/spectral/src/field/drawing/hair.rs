@@ -11,6 +11,9 @@ use super::light::{blend, corner_normals, from_light, usual};
 use super::png::png;
 use super::screen::{Screen, fill};
 
+/// An end of a piece of a strand: its place on the picture, its width and its colour.
+type Nib = ([f64; 3], f64, [f64; 3]);
+
 /// Pixels of a picture of fur at most.
 pub const MOST_PAINTED: u64 = 4_194_304;
 
@@ -157,7 +160,7 @@ impl Canvas {
         let mut random = SplitMix64::new(strand as u64);
         let (bright, warm) = (1.0 + 0.22 * random.signed_unit(), 0.05 * random.signed_unit());
         let own = [self.base[0] * (1.0 + warm), self.base[1], self.base[2] * (1.0 - warm)].map(|c| c * bright);
-        let nibs: Vec<Option<([f64; 3], f64, [f64; 3])>> = (0..points.len())
+        let nibs: Vec<Option<Nib>> = (0..points.len())
             .map(|k| {
                 let s = k as f64 / (points.len() - 1) as f64;
                 let (before, after) = (points[k.saturating_sub(1)], points[(k + 1).min(points.len() - 1)]);
@@ -192,7 +195,7 @@ impl Canvas {
     }
 
     /// One piece of a strand, its ends a place, a width and a colour.
-    fn piece(&mut self, a: ([f64; 3], f64, [f64; 3]), b: ([f64; 3], f64, [f64; 3])) {
+    fn piece(&mut self, a: Nib, b: Nib) {
         let size = self.view.size;
         let most = 0.5 * a.1.max(b.1).clamp(1.0, 64.0);
         let range = |i: usize| {
