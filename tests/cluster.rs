@@ -26,7 +26,9 @@ const SIGKILL: i32 = 9;
 async fn two_servers_and_two_workers_are_one_service() {
     let Some(places) = Places::over_s3() else { return };
     let (one, two) = (places.server(), places.server());
-    let _workers = [places.worker(&[]), places.worker(&[])];
+    // Of one class, however much memory is free when they start.
+    let memory = ["--memory-bytes", "4GiB"];
+    let _workers = [places.worker(&memory), places.worker(&memory)];
     let mesh = one.upload().await;
     let mut jobs = Vec::new();
     for count in 4..16 {

@@ -364,7 +364,8 @@ async fn throughput() {
     let number = |name: &str, usual: f64| std::env::var(name).map_or(usual, |text| text.parse().unwrap());
     let (workers, seconds) = (number("CHLADNI_WORKER_PROCESSES", 16.0) as usize, number("CHLADNI_SLEEP", 0.0));
     let jobs = number("CHLADNI_JOBS", 1000.0) as u32;
-    let Some(places) = Places::new() else { return };
+    let Some(mut places) = Places::new() else { return };
+    places.lease = "30";
     let server = places.server_with(SERVER);
     let mesh = server.upload().await;
     let running: Vec<Worker> = (0..workers).map(|_| places.worker(&["--jobs-in", "threads"])).collect();

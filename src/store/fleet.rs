@@ -54,6 +54,12 @@ impl Store {
             .bind(now_ms - SILENCE_MS)
             .execute(self.inner.catalog.reader())
             .await?;
+        #[cfg(feature = "cluster")]
+        if let Some(hearing) = self.inner.hearing.get() {
+            let workers: i64 =
+                sql::query_scalar("SELECT COUNT(*) FROM workers").fetch_one(self.inner.catalog.reader()).await?;
+            hearing.count_workers(workers as u64);
+        }
         Ok(())
     }
 

@@ -6,7 +6,10 @@
 
 use std::{
     collections::HashMap,
-    sync::{Mutex, PoisonError, Weak},
+    sync::{
+        Mutex, PoisonError, Weak,
+        atomic::{AtomicU64, Ordering},
+    },
     time::Duration,
 };
 
@@ -26,6 +29,8 @@ const LOOK: Duration = Duration::from_secs(1);
 const PAUSE: Duration = Duration::from_secs(1);
 /// A look goes back so far, in milliseconds: several looks may fail.
 const LATELY_MS: i64 = 10_000;
+/// So many of the processes that work look for a job that was enqueued elsewhere. The others look within half a second anyway, each at its own time.
+const CALLED: u64 = 4;
 /// Jobs whose revisions are remembered; beyond, all are forgotten, and some changes may be told twice.
 const MOST_REMEMBERED: usize = 10_000;
 
@@ -34,6 +39,10 @@ const MOST_REMEMBERED: usize = 10_000;
 pub(super) struct Hearing {
     revisions: Mutex<HashMap<Uuid, i64>>,
     told: mpsc::UnboundedSender<JobEvent>,
+    /// Tells this process from others.
+    own: Uuid,
+    /// Processes that work, as far as is known.
+    workers: AtomicU64,
     tasks: Vec<JoinHandle<()>>,
 }
 
@@ -52,7 +61,7 @@ impl Hearing {
             tokio::spawn(listen(store.clone())),
             tokio::spawn(look(store)),
         ];
-        Self { revisions: Mutex::default(), told, tasks }
+        Self { revisions: Mutex::default(), told, own: Uuid::now_v7(), workers: AtomicU64::new(1), tasks }
     }
 
     /// Whether a change is news: each is told once here, by whichever way it is heard of first.
@@ -64,6 +73,21 @@ impl Hearing {
         }
         let known = revisions.entry(event.job).or_insert(i64::MIN);
         std::mem::replace(known, event.revision.max(*known)) < event.revision
+    }
+
+    /// Remembers how many processes work.
+    pub fn count_workers(&self, workers: u64) {
+        self.workers.store(workers, Ordering::Relaxed);
+    }
+
+    /// Whether this process is among those that look for a job which was enqueued elsewhere. Were it all of them, each job would be asked for by every idle
+    /// worker, and a database with many had little time for anything else.
+    fn is_called(&self, job: Uuid) -> bool {
+        let workers = self.workers.load(Ordering::Relaxed).max(1);
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(job.as_bytes()).update(self.own.as_bytes());
+        let [a, b, ..] = *hasher.finalize().as_bytes();
+        u64::from(u16::from_be_bytes([a, b])) * workers < CALLED << 16
     }
 
     /// Tells the other processes of a change of this one.
@@ -146,8 +170,10 @@ async fn look(store: Weak<Inner>) {
 impl Store {
     /// Tells listeners of this process of a change that another one made.
     fn hear(&self, event: JobEvent) {
-        if self.inner.hearing.get().is_none_or(|hearing| hearing.is_news(&event)) {
-            self.tell_here(event);
+        let Some(hearing) = self.inner.hearing.get() else { return self.tell_here(event, true) };
+        if hearing.is_news(&event) {
+            let called = hearing.is_called(event.job);
+            self.tell_here(event, called);
         }
     }
 

@@ -500,12 +500,12 @@ impl Store {
         if let Some(hearing) = self.inner.hearing.get() {
             hearing.tell(&event);
         }
-        self.tell_here(event);
+        self.tell_here(event, true);
     }
 
-    /// Tells the listeners of this process.
-    fn tell_here(&self, event: JobEvent) {
-        if event.status == JobStatus::Enqueued {
+    /// Tells the listeners of this process, and its workers where they are called.
+    fn tell_here(&self, event: JobEvent, called: bool) {
+        if called && event.status == JobStatus::Enqueued {
             self.inner.work.notify_one();
         }
         // Nobody listening is no trouble.

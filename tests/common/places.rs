@@ -28,6 +28,8 @@ pub struct Places {
     /// Where the objects are in a store that speaks S3: what the processes are told of it, and where the tests find it.
     pub s3: Option<(Vec<(&'static str, String)>, String)>,
     pub folder: TempDir,
+    /// Seconds of a lease.
+    pub lease: &'static str,
 }
 
 /// A PgBouncer that gives connections out by transaction.
@@ -83,7 +85,7 @@ impl Places {
         let server = postgres::server()?;
         let folder = tempfile::tempdir().unwrap();
         let objects = format!("file://{}", folder.path().join("objects").display());
-        Some(Self { database: server.database_of(folder.path()), pooler: None, objects, s3: None, folder })
+        Some(Self { database: server.database_of(folder.path()), pooler: None, objects, s3: None, folder, lease: "3" })
     }
 
     /// The same with objects in a store that speaks S3, whose requests are signed.
@@ -97,7 +99,8 @@ impl Places {
     }
 
     pub fn settings(&self) -> Vec<&str> {
-        let mut settings = vec!["--database", &self.database, "--objects", &self.objects, "--lease-seconds", "3"];
+        let mut settings =
+            vec!["--database", &self.database, "--objects", &self.objects, "--lease-seconds", self.lease];
         if let Some((direct, _)) = &self.pooler {
             settings.extend(["--database-direct", direct]);
         }
