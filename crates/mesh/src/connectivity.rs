@@ -238,7 +238,8 @@ mod tests {
     #[test]
     fn nothing_and_lone_vertices_have_no_neighbours() {
         assert_eq!(Connectivity::new(&TriangleMesh::default()).vertices(), 0);
-        let lone = Connectivity::new(&TriangleMesh { positions: vec![[0.0; 3]; 3], faces: vec![] });
+        let lone =
+            Connectivity::new(&TriangleMesh { positions: vec![[0.0; 3]; 3], faces: vec![], ..Default::default() });
         assert_eq!((lone.vertices(), lone.neighbours(1).0.len(), lone.faces_around(2).len()), (3, 0, 0));
         assert_eq!((lone.mean_edge(), lone.longest_edge()), (0.0, 0.0));
     }
