@@ -812,6 +812,28 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/map-collections": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Maps all shapes of a collection to each other
+         * @description Without landmarks: first maps follow from wave kernel signatures and the orientation of the surfaces, are refined by ZoomOut (Melzi et al. 2019), and made
+         *     consistent by a latent basis that all shapes have in common (Huang et al. 2020), so that pairs that fail by themselves follow those that agree. The answer
+         *     has a map of points for each ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say.
+         */
+        post: operations["mapCollection"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/meshes": {
         parameters: {
             query?: never;
@@ -3769,7 +3791,7 @@ export interface components {
          * @description How the Laplacian is made.
          * @enum {string}
          */
-        Laplacian: "cotangent" | "robust" | "volume" | "graph";
+        Laplacian: "cotangent" | "polygon" | "robust" | "volume" | "graph";
         /** @description What one level of the hierarchy took. */
         LevelReport: {
             /** @description The size of the level's eigenproblem. */
@@ -3909,6 +3931,113 @@ export interface components {
              * @enum {string}
              */
             of: "file" | "kept";
+        };
+        /**
+         * @description Maps between all shapes, both ways.
+         * @example {
+         *       "cycles": {
+         *         "largest": 0.01,
+         *         "pairs": 0.01,
+         *         "triples": null
+         *       },
+         *       "maps": [
+         *         {
+         *           "confidences": [
+         *             0.98,
+         *             0.95
+         *           ],
+         *           "disagreement": 0.1,
+         *           "matrix": null,
+         *           "points": [
+         *             5,
+         *             9
+         *           ],
+         *           "source": 0,
+         *           "target": 1
+         *         },
+         *         {
+         *           "confidences": [
+         *             0.97,
+         *             0.91
+         *           ],
+         *           "disagreement": 0.1,
+         *           "matrix": null,
+         *           "points": [
+         *             7,
+         *             2
+         *           ],
+         *           "source": 1,
+         *           "target": 0
+         *         }
+         *       ]
+         *     }
+         */
+        MapCollectionAnswer: {
+            /** @description How consistent they are. */
+            cycles: {
+                /**
+                 * Format: double
+                 * @description The largest mean of a single walk.
+                 */
+                largest: number;
+                /**
+                 * Format: double
+                 * @description There and back, the mean over all pairs.
+                 */
+                pairs: number;
+                /**
+                 * Format: double
+                 * @description Over two other shapes, the mean over all triples; null for two shapes.
+                 */
+                triples: number | null;
+            };
+            /** @description A map for each ordered pair of shapes: by source, then by target. */
+            maps: components["schemas"]["MapOfCollection"][];
+        };
+        /**
+         * @description Which shapes, and how they are mapped.
+         * @example {
+         *       "bases": [
+         *         "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10",
+         *         "019aa5d1-0c2b-7aa1-b7f4-5f0d6a1c2e33"
+         *       ],
+         *       "pairs": 100
+         *     }
+         */
+        MapCollectionRequest: {
+            /** @description The ids of the bases, one for each shape: 2 to 32. */
+            bases: string[];
+            /** @description Whether the answer has the matrices beside the points. */
+            matrices?: boolean;
+            /** @description Whether maps keep the orientation that the faces of the meshes give. Without it nothing tells the sides of a symmetric shape apart. By default `true`. */
+            oriented?: boolean;
+            /** @description The size of the refined maps; 100 by default, or as many as all bases have. Shapes times pairs are at most 4,096. */
+            pairs?: number | null;
+            /** @description Whether each pair is refined by itself at the end: nearer to the truth, and a little less consistent. By default `true`. */
+            polish?: boolean;
+            /** @description Vertices of each surface that stand for it meanwhile; 2000 by default. */
+            samples?: number | null;
+            /** @description The size of the first maps; 30 by default. */
+            start?: number | null;
+            /** @description By how much they grow at once; 5 by default. */
+            step?: number | null;
+        };
+        /** @description The map from one shape to another. */
+        MapOfCollection: {
+            /** @description For each of them how well the two agree in the latent space, from 0 to 1; null where `points` is. */
+            confidences: (number | null)[];
+            /**
+             * Format: double
+             * @description How far the map that the points of this pair alone made was from what the collection agrees on: 0 for none.
+             */
+            disagreement: number;
+            matrix: components["schemas"]["Table"] | null;
+            /** @description For each vertex of the target the vertex of the source that corresponds to it; null at vertices of the target's file that were dropped. */
+            points: (number | null)[];
+            /** @description The place in `bases` of the shape where functions come from. */
+            source: number;
+            /** @description The place of the shape where they go to. */
+            target: number;
         };
         /**
          * @description Which mass matrix the hat functions get (`numerics`: per face of area A).
@@ -4070,6 +4199,8 @@ export interface components {
             orientable: boolean;
             /** @description Whether the file has points without faces. Area and components are then those of the triangles that are made around each point. */
             points?: boolean;
+            /** @description Polygons of more than three corners that keep their shape: the Laplacian is made of them, not of the triangles that they were cut into. */
+            polygons?: number;
             /** @description What was done about it; none of it loses anything, but for `LeftOutTetrahedra`, which is done on request alone. */
             repairs: components["schemas"]["Repair"][];
             solid?: components["schemas"]["SolidReport"] | null;
@@ -4329,7 +4460,7 @@ export interface components {
             seed?: number;
         };
         /** @description Which operator is wanted. */
-        OperatorKind: ("auto" | "laplace" | "robust" | "volume" | "graph" | "hodge") | components["schemas"]["OperatorKindExtrinsic"] | components["schemas"]["OperatorKindHamiltonian"] | components["schemas"]["OperatorKindWeighted"];
+        OperatorKind: ("auto" | "laplace" | "polygon" | "robust" | "volume" | "graph" | "hodge") | components["schemas"]["OperatorKindExtrinsic"] | components["schemas"]["OperatorKindHamiltonian"] | components["schemas"]["OperatorKindWeighted"];
         /** @description The extrinsic family (thesis, eq. 2.13): `(1 − t) S + t A`, on the Laplacian that `auto` chooses. */
         OperatorKindExtrinsic: {
             extrinsic: components["schemas"]["OperatorKindExtrinsicMembers"];
@@ -4362,7 +4493,7 @@ export interface components {
             hamiltonian: components["schemas"]["OperatorKindHamiltonianMembersShown"];
         };
         /** @description Which operator is wanted. */
-        OperatorKindShown: ("auto" | "laplace" | "robust" | "volume" | "graph" | "hodge") | components["schemas"]["OperatorKindExtrinsic"] | components["schemas"]["OperatorKindHamiltonianShown"] | components["schemas"]["OperatorKindWeightedShown"];
+        OperatorKindShown: ("auto" | "laplace" | "polygon" | "robust" | "volume" | "graph" | "hodge") | components["schemas"]["OperatorKindExtrinsic"] | components["schemas"]["OperatorKindHamiltonianShown"] | components["schemas"]["OperatorKindWeightedShown"];
         /** @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are held at zero. */
         OperatorKindWeighted: {
             /** @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are held at zero. */
@@ -4440,6 +4571,8 @@ export interface components {
             non_manifold_edges: number;
             /** @description Vertices whose faces form several fans, though none of their edges has three or more faces. */
             non_manifold_vertices: number;
+            /** @description Polygons of more than three corners that the operator is made of. */
+            polygons?: number;
             /** @description Why. */
             reason: components["schemas"]["Reason"];
             /** @description Vertices that are no unknowns. */
@@ -5048,7 +5181,7 @@ export interface components {
          * @description Why the Laplacian is made so.
          * @enum {string}
          */
-        Reason: "requested" | "fair_mesh" | "non_manifold" | "thin_faces" | "points" | "needle";
+        Reason: "requested" | "fair_mesh" | "polygons" | "non_manifold" | "thin_faces" | "points" | "needle";
         /** @description What was judged. */
         ReceiptHashes: {
             /** @description BLAKE3 of the content of the basis, 64 hexadecimal digits. */
@@ -9795,6 +9928,126 @@ export interface operations {
             };
             /** @description A problem: storage-full */
             507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    mapCollection: {
+        parameters: {
+            query?: {
+                /**
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
+                 *     nearest.
+                 */
+                extend?: "none" | "nearest";
+                /**
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
+                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 */
+                numbering?: "file" | "kept";
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["MapCollectionRequest"];
+            };
+        };
+        responses: {
+            /** @description The maps */
+            200: {
+                headers: {
+                    "Server-Timing"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MapCollectionAnswer"];
+                };
+            };
+            /** @description A problem: invalid-query, damaged-content-encoding, body-incomplete or invalid-json */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-basis */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: not-acceptable */
+            406: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-slow */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: basis-kind or basis-without-mesh */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unsupported-content-encoding or unsupported-media-type */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: invalid-request or invalid-analysis */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };
