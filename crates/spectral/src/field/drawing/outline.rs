@@ -68,13 +68,12 @@ fn edges(surface: &FieldSurface) -> Vec<Piece> {
     let (mesh, dual, frames) = (surface.mesh(), surface.dual(), surface.frames());
     let least = CREASE.to_radians().cos();
     let mut pieces = Vec::new();
-    for &[first, second] in dual.edge_faces() {
+    for (edge, &[first, second]) in dual.edge_faces().iter().enumerate() {
         let f = first as usize;
         if second != NO_FACE && dot(frames.normal(f), frames.normal(second as usize)) >= least {
             continue;
         }
-        // Of two faces with two edges in common either would do.
-        let Some(k) = (0..3).find(|&k| dual.neighbours(f)[k] == second) else { continue };
+        let k = dual.slot(first, edge as u32);
         let ends = [mesh.faces[f][(k + 1) % 3], mesh.faces[f][(k + 2) % 3]];
         pieces.push(Piece {
             ends: ends.map(End::Vertex),
