@@ -1635,7 +1635,7 @@ export interface components {
          * @description Which biharmonic energy.
          * @enum {string}
          */
-        BiharmonicEnergy: "projected" | "literal";
+        BiharmonicEnergy: "projected" | "full";
         /**
          * @description What holds at the boundary of the surface.
          * @enum {string}
@@ -6273,8 +6273,8 @@ export interface components {
              */
             biharmonic?: number | null;
             /**
-             * @description Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the literal one of the whole mesh
-             *     restricted to the space, which sees the noise of its columns. The second is for comparison; every choice of weights costs a factorisation.
+             * @description Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the full (unreduced) one of the whole
+             *     mesh restricted to the space, which sees the noise of its columns. The second is for comparison; every choice of weights costs a factorisation.
              */
             biharmonic_energy?: components["schemas"]["BiharmonicEnergy"];
             /**
