@@ -27,7 +27,6 @@ def eigs(
     below: float | None = None,
     between: tuple[float, float] | None = None,
     seed: int = 0,
-    near: Basis | None = None,
     progress: bool | Callable[[str, float], Any] = False,
     **parameters: Any,
 ) -> Basis:
@@ -62,9 +61,6 @@ def eigs(
         All pairs whose eigenvalue is at least the first and below the second.
     seed : int
         Seeds everything that is drawn at random: same seed, same answer.
-    near : Basis, optional
-        A basis of the same faces in another pose, or of another operator: ``"hsim"`` starts from its functions instead of from a hierarchy. The answer is the
-        same, and as proven; it takes less time the nearer the start is.
     progress : bool or callable
         Draw a bar (where tqdm is installed), or call with the stage and the fraction of it that is done.
     **parameters
@@ -90,17 +86,13 @@ def eigs(
     >>> basis = chladni.eigs(mesh, k=20, method="hsim")
     >>> basis.vectors.shape == (len(mesh.vertices), 20), basis.complete, bool(basis.residuals.max() <= 1e-8)
     (True, True, True)
-    >>> pose = chladni.Mesh(mesh.vertices * [1.0, 1.05, 1.0], mesh.faces)
-    >>> moved = chladni.eigs(pose, k=20, near=basis)
-    >>> moved.complete, bool(abs(moved.values - chladni.eigs(pose, k=20, method="hsim").values).max() < 1e-9)
-    (True, True)
     >>> bool(len(chladni.eigs(mesh, below=2.0)) == (chladni.eigs(mesh, k=30).values < 2.0).sum())
     True
     """
     mesh = as_mesh(vertices, faces)
     request = eigenbasis_request(
         k,
-        method="hsim" if near is not None and method == "auto" else method,
+        method=method,
         operator=operator,
         mass=mass,
         boundary=boundary,
@@ -112,7 +104,7 @@ def eigs(
     )
     told, close = _arrays.progress_callback(progress)
     try:
-        native = mesh._core.eigenbasis(request, told, None if near is None else near._core)
+        native = mesh._core.eigenbasis(request, told)
     finally:
         close()
     return Basis._of(native, mesh)

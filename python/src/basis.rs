@@ -5,7 +5,7 @@ use std::io::BufWriter;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use chladni_algebra::{DenseMatrix, PanelMatrix};
+use chladni_algebra::DenseMatrix;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::numbering::{Numbering, Translation};
 use chladni_spectral::analysis::filter::{Transfer, filter};
@@ -63,15 +63,6 @@ impl NativeBasis {
     /// [`Failure`] names the vertex that does not fit.
     pub fn pulled(&self, functions: &PyReadonlyArray2<'_, f64>) -> Result<DenseMatrix, Failure> {
         Ok(pull(&self.translation(false), arrays::functions(functions)?, self.basis.vertices())?)
-    }
-
-    /// The eigenfunctions, a row for each vertex of the kept mesh.
-    pub fn functions(&self) -> Result<PanelMatrix, Failure> {
-        self.of_functions()?;
-        let m = self.basis.count();
-        let mut each = DenseMatrix::zeros(m, m);
-        (0..m).for_each(|k| each.column_mut(k)[k] = 1.0);
-        Ok(PanelMatrix::from_dense(&self.basis.evaluate(&each)?))
     }
 
     fn of_functions(&self) -> Result<(), Failure> {

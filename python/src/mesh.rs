@@ -202,21 +202,16 @@ impl NativeMesh {
         json(&self.body.checked.surface.report)
     }
 
-    /// Runs a job of the kind `eigenbasis` with parameters as JSON, from the eigenfunctions of another pose where they are given.
-    #[pyo3(signature = (parameters, progress=None, near=None))]
+    /// Runs a job of the kind `eigenbasis` with parameters as JSON.
+    #[pyo3(signature = (parameters, progress=None))]
     fn eigenbasis(
         &self,
         py: Python<'_>,
         parameters: &str,
         progress: Option<&Bound<'_, PyAny>>,
-        near: Option<&Bound<'_, NativeBasis>>,
     ) -> PyResult<NativeBasis> {
         let body = Arc::clone(&self.body);
-        let mut job = body.job("eigenbasis", parameters)?;
-        if let (Some(near), JobParameters::Eigenbasis(own)) = (near, &mut job) {
-            let columns = near.get().functions()?;
-            *own = own.clone().near(Arc::new(columns)).map_err(Failure::from)?;
-        }
+        let job = body.job("eigenbasis", parameters)?;
         let outcome = watch::run(py, progress, |monitor| body.run(&job, monitor))?;
         match outcome.product {
             Product::Eigenbasis(basis) => Ok(NativeBasis::new(basis, Some(Arc::clone(&body)), outcome.seconds)),

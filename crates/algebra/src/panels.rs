@@ -65,21 +65,6 @@ impl PanelMatrix {
         Self { rows, columns, panels }
     }
 
-    /// The matrix whose row `i` is row `rows[i]` of this one.
-    ///
-    /// # Panics
-    /// There is no such row.
-    pub fn gathered(&self, rows: &[u32]) -> Self {
-        let mut gathered = Self::zeros(rows.len(), self.columns);
-        gathered.panels.par_iter_mut().zip(&self.panels).for_each(|(to, from)| {
-            let from = from.as_chunks::<PANEL_WIDTH>().0;
-            for (to, &row) in to.as_chunks_mut::<PANEL_WIDTH>().0.iter_mut().zip(rows) {
-                *to = from[row as usize];
-            }
-        });
-        gathered
-    }
-
     /// The number of rows.
     #[inline]
     pub fn rows(&self) -> usize {

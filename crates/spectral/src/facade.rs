@@ -4,7 +4,6 @@ use std::borrow::Cow;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use chladni_algebra::PanelMatrix;
 use chladni_base::{Monitor, Unwatched};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::check::points::{check_points, has_points_alone};
@@ -124,7 +123,7 @@ impl Mesh {
 
     /// A question for the lowest `count` eigenpairs, the constants included; nothing is computed yet.
     pub fn eigen(&self, count: usize) -> Eigen<'_> {
-        Eigen { mesh: self, count, operator: OperatorParameters::default(), seed: 0, near: None, monitor: &Unwatched }
+        Eigen { mesh: self, count, operator: OperatorParameters::default(), seed: 0, monitor: &Unwatched }
     }
 }
 
@@ -135,7 +134,6 @@ pub struct Eigen<'a> {
     count: usize,
     operator: OperatorParameters,
     seed: u64,
-    near: Option<&'a PanelMatrix>,
     monitor: &'a dyn Monitor,
 }
 
@@ -149,13 +147,6 @@ impl<'a> Eigen<'a> {
     /// Seeds what is drawn at random, instead of 0.
     pub fn seed(mut self, seed: u64) -> Self {
         self.seed = seed;
-        self
-    }
-
-    /// Has [`exact`](Self::exact) start from columns with a row for each vertex that are thought to be near the eigenfunctions, such as those of another
-    /// pose of this mesh: [`hsim::solve_near`].
-    pub fn near(mut self, columns: &'a PanelMatrix) -> Self {
-        self.near = Some(columns);
         self
     }
 
@@ -185,10 +176,7 @@ impl<'a> Eigen<'a> {
         let (operator, surface) = self.operator_on()?;
         let wanted = Wanted::Count(self.count);
         let parameters = HsimParameters { wanted, tolerance, seed: self.seed, ..HsimParameters::default() };
-        Ok(match self.near {
-            Some(near) => hsim::solve_near(&surface, &operator.problem, &parameters, near, self.monitor)?,
-            None => hsim::solve(&surface, &operator.problem, &parameters, false, self.monitor)?,
-        })
+        Ok(hsim::solve(&surface, &operator.problem, &parameters, false, self.monitor)?)
     }
 
     /// The pairs in a space of locally supported functions, each with an estimate of its error, which is to be at most `goal` of the value: [`approximate`].

@@ -1,7 +1,5 @@
 //! The methods `hsim` and `sim`: pairs to a tolerance, stored as columns or projected to a compact form.
 
-use std::sync::Arc;
-
 use chladni_algebra::{MassMatrix, PANEL_WIDTH, PanelMatrix, residual_sums};
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
@@ -60,8 +58,6 @@ pub struct Exact {
     pub storage: StorageKind,
     /// The type of the numbers of a dense basis, if one was asked for; else single where it keeps the tolerance.
     pub precision: Option<Precision>,
-    /// Columns that are thought to be near the eigenfunctions, a row for each vertex: see [`hsim::solve_near`]. They are no part of a request.
-    pub near: Option<Arc<PanelMatrix>>,
 }
 
 impl Exact {
@@ -116,7 +112,7 @@ impl Exact {
             subspace_factor: request.subspace_factor,
             seed: 0,
         };
-        Ok(Self { solver, storage, precision: request.precision, near: None })
+        Ok(Self { solver, storage, precision: request.precision })
     }
 
     /// Writes every member of the method.
@@ -209,10 +205,7 @@ impl Exact {
                 let space = subspace(mesh, operator, &functions, monitor)?;
                 hsim::solve_with_space(mesh, problem, &parameters, &space, monitor)?
             }
-            _ => match &self.near {
-                Some(near) if !compact => hsim::solve_near(mesh, problem, &parameters, near, monitor)?,
-                _ => hsim::solve(mesh, problem, &parameters, compact, monitor)?,
-            },
+            _ => hsim::solve(mesh, problem, &parameters, compact, monitor)?,
         };
         self.stored(pairs, operator, monitor)
     }

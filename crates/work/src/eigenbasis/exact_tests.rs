@@ -59,7 +59,7 @@ fn solved(mass: MassKind, count: usize) -> (Eigenpairs, MassMatrix) {
 }
 
 fn exact(storage: StorageKind) -> Exact {
-    Exact { solver: HsimParameters::default(), storage, precision: None, near: None }
+    Exact { solver: HsimParameters::default(), storage, precision: None }
 }
 
 fn defect(basis: &Basis) -> f64 {

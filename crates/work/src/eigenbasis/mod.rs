@@ -9,9 +9,6 @@ mod hodge;
 mod nested;
 mod request;
 
-use std::sync::Arc;
-
-use chladni_algebra::PanelMatrix;
 use chladni_base::Monitor;
 use chladni_mesh::points::{are_points, once_each};
 use chladni_mesh::{TetMesh, TriangleMesh};
@@ -19,7 +16,6 @@ use chladni_spectral::basis::{Basis, Product};
 use chladni_spectral::operator::{
     self, MeshOperator, OperatorError, OperatorKind, OperatorParameters, Potential, points,
 };
-use chladni_spectral::spectrum::hsim::Variant;
 use serde_json::Value;
 
 pub use approximation::{Accuracy, Approximate, Construction};
@@ -287,24 +283,6 @@ impl EigenbasisParameters {
         }
         let solid = solid.ok_or_else(nested::no_solid)?;
         Ok(operator::volume::assemble(solid, self.operator.mass, self.operator.boundary, monitor)?)
-    }
-
-    /// Has the exact method start from columns with a row for each vertex, such as the eigenfunctions of another pose of the mesh.
-    ///
-    /// # Errors
-    /// [`ParameterError::Value`] where the method or the operator has no use for them.
-    pub fn near(mut self, columns: Arc<PanelMatrix>) -> Result<Self, ParameterError> {
-        let nested = self.is_hodge() || self.is_nested();
-        let Method::Exact(exact) = &mut self.method else {
-            return Err(value("near", "belongs to the method \"hsim\"".to_owned()));
-        };
-        if nested || exact.solver.variant != Variant::Sliced || exact.storage != StorageKind::Dense {
-            let reason =
-                "takes the method \"hsim\" with the storage \"dense\", and an operator on the vertices of a surface";
-            return Err(value("near", reason.to_owned()));
-        }
-        exact.near = Some(columns);
-        Ok(self)
     }
 
     /// Computes the basis. Its metadata hold the report of the operator.

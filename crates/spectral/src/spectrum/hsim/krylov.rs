@@ -87,20 +87,18 @@ pub(super) fn start(
     Ok((values, basis))
 }
 
-/// Columns of random numbers.
-pub(super) fn random_block(rows: usize, columns: usize, random: &mut SplitMix64) -> PanelMatrix {
+fn random_block(rows: usize, columns: usize, random: &mut SplitMix64) -> PanelMatrix {
     let mut block = PanelMatrix::zeros(rows, columns);
-    for (panel, first) in block.panels_mut().iter_mut().zip((0..columns).step_by(PANEL_WIDTH)) {
-        let width = PANEL_WIDTH.min(columns - first);
+    for panel in block.panels_mut() {
         for row in panel.as_chunks_mut::<PANEL_WIDTH>().0 {
-            row[..width].iter_mut().for_each(|x| *x = random.signed_unit());
+            row[..columns].iter_mut().for_each(|x| *x = random.signed_unit());
         }
     }
     block
 }
 
 /// `(S − μM)⁻¹ M` times the columns, brought to lengths of about one.
-pub(super) fn solve(level: &Level, kernel: &Kernel<'_>, factor: &Factor<'_>, block: &mut PanelMatrix) {
+fn solve(level: &Level, kernel: &Kernel<'_>, factor: &Factor<'_>, block: &mut PanelMatrix) {
     for panel in block.panels_mut() {
         let mut products = vec![0.0; panel.len()];
         mass_times_panel(&level.mass, panel, &mut products);

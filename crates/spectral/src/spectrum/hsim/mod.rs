@@ -14,7 +14,6 @@ mod judge;
 mod kernel;
 mod krylov;
 mod level;
-mod near;
 mod offset;
 mod polish;
 mod published;
@@ -206,7 +205,7 @@ impl HsimError {
 pub(in crate::spectrum) use bare::{ordering as bare_ordering, plus_mass, solve as solve_bare};
 pub use dense_pairs::repair_bytes;
 pub(in crate::spectrum) use solve::{columns, is_dense, is_dense_by_blocks, solve_from};
-pub use solve::{solve, solve_near, solve_with_space};
+pub use solve::{solve, solve_with_space};
 
 impl HsimParameters {
     /// Checks every parameter against its range.
@@ -271,7 +270,5 @@ impl From<chladni_algebra::FactorError> for HsimError {
 mod bounds_tests;
 #[cfg(test)]
 mod certify_tests;
-#[cfg(test)]
-mod near_tests;
 #[cfg(test)]
 mod tests;

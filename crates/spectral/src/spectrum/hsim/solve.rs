@@ -13,7 +13,6 @@ use super::judge::Count;
 use super::kernel::Kernel;
 use super::krylov;
 use super::level::{Level, NO_KERNEL};
-use super::near;
 use super::offset;
 use super::shifts::factor_near;
 use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Variant, Wanted, published};
@@ -100,28 +99,6 @@ pub fn solve_from(
     climb_and_solve(mesh, problem, parameters, false, Given::Start(vectors, values), monitor)
 }
 
-/// The same with columns that are thought to be near the wanted eigenvectors, lowest first, which may be fewer than are wanted: those of the same
-/// connectivity in another pose, or of another operator. `near` has a row for each vertex of the mesh; lengths and order do not matter much. There is no
-/// hierarchy then; a start that leads nowhere is given up for random vectors, as any other. The baselines and the published variant make no use of it.
-///
-/// # Errors
-/// As for [`solve`], and columns with another number of rows, or with nothing in them to start from.
-pub fn solve_near(
-    mesh: &TriangleMesh,
-    problem: &EigenProblem,
-    parameters: &HsimParameters,
-    near: &PanelMatrix,
-    monitor: &dyn Monitor,
-) -> Result<Eigenpairs, HsimError> {
-    if near.rows() != mesh.positions.len() || near.columns() == 0 {
-        let (rows, columns, vertices) = (near.rows(), near.columns(), mesh.positions.len());
-        let reason =
-            format!("must be columns with a number for each of the {vertices} vertices, not {columns} with {rows}");
-        return Err(HsimError::Parameter { name: "start", reason });
-    }
-    climb_and_solve(mesh, problem, parameters, false, Given::Near(near), monitor)
-}
-
 /// What a caller brings along.
 enum Given<'a> {
     Nothing,
@@ -129,8 +106,6 @@ enum Given<'a> {
     Space(&'a SparseMatrix<f32>),
     /// Ritz pairs on the unknowns.
     Start(PanelMatrix, Vec<f64>),
-    /// Columns on the vertices of the mesh.
-    Near(&'a PanelMatrix),
 }
 
 fn climb_and_solve(
@@ -144,12 +119,8 @@ fn climb_and_solve(
     parameters.check()?;
     let (mut base, offset) = base_level(mesh, problem, !matches!(given, Given::Start(..)))?;
     let n = base.size();
-    let near = match &given {
-        Given::Near(near) if parameters.variant == Variant::Sliced => Some(*near),
-        _ => None,
-    };
     let (given, begun) = match given {
-        Given::Nothing | Given::Near(_) => (None, None),
+        Given::Nothing => (None, None),
         Given::Space(space) => (Some(space), None),
         Given::Start(vectors, values) => {
             base.component.fill(NO_KERNEL);
@@ -175,7 +146,7 @@ fn climb_and_solve(
         // Many small pieces are solved densely, however many there are.
         let rows = || dense_rows(&base.stiffness, &base.mass);
         let pieces = || parameters.levels.is_none() && hierarchy::sizes(rows(), q, None).is_empty();
-        if q == 0 || sizes.is_empty() || near.is_some() || !sliced || begun.is_some() || given.is_none() && pieces() {
+        if q == 0 || sizes.is_empty() || !sliced || begun.is_some() || given.is_none() && pieces() {
             return Ok(None);
         }
         if let Some(given) = given {
@@ -229,12 +200,6 @@ fn climb_and_solve(
             let places = super::level::inverse(&finest.order);
             (vectors.spread(n, &places, &vec![1.0; values.len()]), values, None)
         }
-        (Variant::Sliced, None) if near.is_some() && known < n => {
-            let rows = near.unwrap_or(&PanelMatrix::default()).gathered(&finest.vertices(problem));
-            let q = hierarchy::columns(nontrivial, n - known);
-            let (vectors, values) = near::start(&finest, &kernel, rows, q, parameters.seed, monitor)?;
-            (vectors, values, None)
-        }
         (Variant::Sliced, Some(start)) => {
             reports = start.reports;
             let vectors = prolong(&start.space.select_rows(&finest.order), &start.vectors);
@@ -272,8 +237,7 @@ fn climb_and_solve(
         }
     };
     let task = Task { mesh, problem, parameters, finest: &finest, kernel: &kernel, goal, nontrivial, offset, monitor };
-    let (mut pairs, report) =
-        task.solve_or_begin_again(vectors, values, plain, reports.is_empty() && near.is_none())?;
+    let (mut pairs, report) = task.solve_or_begin_again(vectors, values, plain, reports.is_empty())?;
     if let Wanted::Below { most, .. } | Wanted::Between { most, .. } = parameters.wanted
         && pairs.first + pairs.values.len() > most
     {
@@ -471,7 +435,7 @@ impl Finest {
     }
 
     /// The vertex of each row.
-    pub(super) fn vertices(&self, problem: &EigenProblem) -> Vec<u32> {
+    fn vertices(&self, problem: &EigenProblem) -> Vec<u32> {
         match &problem.unknowns {
             None => self.order.clone(),
             Some(unknowns) => self.order.iter().map(|&unknown| unknowns[unknown as usize]).collect(),
