@@ -15,6 +15,7 @@ use super::{
     Store, StoreError,
     database::{Database, WriteTransaction},
     fault::FailPoint,
+    piece_writer::PieceWriter,
     sql,
 };
 
@@ -255,10 +256,10 @@ impl Store {
     ) -> Result<Option<(T, String, u64)>, StoreError> {
         let (sender, mut pieces) = mpsc::channel(CHUNKS_PER_TRANSACTION);
         let making = tokio::task::spawn_blocking(move || {
-            let mut writer = PieceWriter { sender, hasher: blake3::Hasher::new(), piece: Vec::new() };
+            let mut writer = PieceWriter::new(sender);
             let made = make(&mut writer)?;
-            writer.end().map_err(|error| StoreError::Unavailable { detail: error.to_string() })?;
-            Ok::<_, StoreError>((made, writer.hasher))
+            let hasher = writer.end().map_err(|error| StoreError::Unavailable { detail: error.to_string() })?;
+            Ok::<_, StoreError>((made, hasher))
         });
         let mut batch = Vec::with_capacity(CHUNKS_PER_TRANSACTION);
         while pieces.recv_many(&mut batch, CHUNKS_PER_TRANSACTION).await > 0 {
@@ -578,43 +579,6 @@ impl Store {
             .fetch_one(blobs.reader())
             .await?;
         Ok(bytes as u64)
-    }
-}
-
-/// Takes content on a thread that may block, hashes it and hands it on in pieces of the size of a chunk.
-pub(super) struct PieceWriter {
-    sender: mpsc::Sender<Bytes>,
-    hasher: blake3::Hasher,
-    piece: Vec<u8>,
-}
-
-impl PieceWriter {
-    fn hand_on(&mut self) -> std::io::Result<()> {
-        let piece = std::mem::take(&mut self.piece);
-        // Whoever writes the pieces down has given up, and says why himself.
-        self.sender.blocking_send(piece.into()).map_err(|_| std::io::Error::other("the storage took no more"))
-    }
-
-    fn end(&mut self) -> std::io::Result<()> {
-        if self.piece.is_empty() { Ok(()) } else { self.hand_on() }
-    }
-}
-
-impl std::io::Write for PieceWriter {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        if self.piece.capacity() == 0 {
-            self.piece.reserve_exact(CHUNK_BYTES);
-        }
-        let taken = bytes.len().min(CHUNK_BYTES - self.piece.len());
-        self.piece.extend_from_slice(&bytes[..taken]);
-        self.hasher.update(&bytes[..taken]);
-        if self.piece.len() == CHUNK_BYTES {
-            self.hand_on()?;
-        }
-        Ok(taken)
-    }
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
     }
 }
 

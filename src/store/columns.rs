@@ -10,6 +10,7 @@ use chladni_spectral::formats::{DenseLayout, npz};
 use tokio::runtime::Handle;
 use uuid::Uuid;
 
+use super::piece_writer::PieceWriter;
 use super::{BasisRecord, Inner, Store, StoreError, Weighed, blobs};
 
 /// A dense basis whose content is stored.
@@ -56,7 +57,7 @@ impl Store {
         let (rows, columns) = (basis.vertices(), basis.count());
         let maps = numbering.as_ref().map_or(0, |numbering| 4 * (numbering.file_vertices() + numbering.kept_faces()));
         let expected = basis.stored_bytes() + 8 * rows as u64 + maps as u64;
-        let make = move |out: &mut blobs::PieceWriter| {
+        let make = move |out: &mut PieceWriter| {
             let Basis { functions, eigenvalues, mass, certificate, metadata } = basis;
             let Functions::Dense(dense) = functions else {
                 return Err(StoreError::Unavailable { detail: "the basis is not dense".to_owned() });

@@ -53,6 +53,7 @@ mod objects;
 mod orphans;
 mod page;
 mod pairing;
+mod piece_writer;
 #[cfg(feature = "cluster")]
 mod postgres;
 mod problems;

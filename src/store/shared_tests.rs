@@ -774,7 +774,7 @@ async fn large_object() {
     peak();
     let before = peak();
     let begun = std::time::Instant::now();
-    let make = move |out: &mut blobs::PieceWriter| {
+    let make = move |out: &mut piece_writer::PieceWriter| {
         fill(out);
         Ok(())
     };

@@ -3,6 +3,7 @@
 //! A mesh that is not manifold is usable: the cotangent stiffness adds up face by face. It is reported, and so is everything
 //! else that a client may want to mend. What cannot be used is refused with a [`MeshError`].
 
+use self::extent::{bounding_box, doubled_area, total_area};
 use super::TriangleMesh;
 use super::attributes::Attributes;
 use super::numbering::{self, Numbering, nearest_vertices};
@@ -15,7 +16,6 @@ use super::subdivide::subdivided;
 use super::topology::{EdgeTable, MOST_FACES, Topology};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::ops::Add;
 use std::sync::Arc;
 
 /// How often a mesh may be divided: 4096 faces for each.
@@ -576,36 +576,7 @@ fn tally(indices: &[u32]) -> Tally {
     tally
 }
 
-/// Twice the area of a face.
-fn doubled_area(positions: &[[f64; 3]], face: [u32; 3]) -> f64 {
-    let [p, q, r] = face.map(|v| positions[v as usize]);
-    let (e, f): ([f64; 3], [f64; 3]) = (std::array::from_fn(|i| q[i] - p[i]), std::array::from_fn(|i| r[i] - p[i]));
-    let normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
-    (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]).sqrt()
-}
-
-/// The total area, added up in an order that does not depend on the number of threads. Faces whose area overflows or is not a
-/// number, which only meshes that are refused have, do not count.
-fn total_area(positions: &[[f64; 3]], faces: &[[u32; 3]]) -> f64 {
-    let chunks = faces.par_chunks(1 << 14);
-    let areas = |chunk: &[[u32; 3]]| {
-        chunk.iter().map(|&face| doubled_area(positions, face)).filter(|area| area.is_finite()).fold(0.0, f64::add)
-    };
-    chunks.map(areas).collect::<Vec<f64>>().into_iter().fold(0.0, f64::add) / 2.0
-}
-
-/// The least and greatest coordinates of the finite positions; zeros where there are none.
-fn bounding_box(positions: &[[f64; 3]]) -> [[f64; 3]; 2] {
-    let mut corners = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-    for position in positions.iter().filter(|p| p.iter().all(|x| x.is_finite())) {
-        for axis in 0..3 {
-            corners[0][axis] = corners[0][axis].min(position[axis]);
-            corners[1][axis] = corners[1][axis].max(position[axis]);
-        }
-    }
-    if corners[0][0] > corners[1][0] { [[0.0; 3]; 2] } else { corners }
-}
-
+mod extent;
 pub mod points;
 
 #[cfg(test)]
