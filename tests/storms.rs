@@ -177,6 +177,9 @@ struct Scene {
     dice: Dice,
 }
 
+/// Storms share the PostgreSQL of this process, which one of them kills: they come one after the other.
+static TURNS: tokio::sync::Mutex<()> = tokio::sync::Mutex::const_new(());
+
 const SERVER: &[&str] = &["--workers", "0", "--idle-jobs", "--max-attempts", "1000", "--max-queued-jobs", "1000000"];
 const WORKER: &[&str] = &["--jobs-in", "threads", "--workers", "2"];
 
@@ -313,10 +316,11 @@ impl Scene {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn kills_stops_and_crashes_lose_nothing_and_do_nothing_twice() {
+    let _turn = TURNS.lock().await;
     let Some(places) = Places::over_s3() else { return };
     let mut scene = Scene::begin(places, None, 11).await;
     let begun = Instant::now();
-    for round in 0..rounds(10) {
+    for round in 0..rounds(8) {
         let pause = scene.dice.pause(50, 800);
         tokio::time::sleep(pause).await;
         match round % 10 {
@@ -331,12 +335,13 @@ async fn kills_stops_and_crashes_lose_nothing_and_do_nothing_twice() {
             _ => scene.kill_at_a_point().await,
         }
     }
-    println!("{} rounds in {:.0} s", rounds(10), begun.elapsed().as_secs_f64());
+    println!("{} rounds in {:.0} s", rounds(8), begun.elapsed().as_secs_f64());
     scene.end().await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_real_store_that_is_stopped_and_killed_loses_nothing() {
+    let _turn = TURNS.lock().await;
     let Some(mut places) = Places::new() else { return };
     let Some(weed) = Weed::start(places.folder.path()) else { return };
     places.objects = "s3://spectra/lab/one".to_owned();
@@ -344,7 +349,7 @@ async fn a_real_store_that_is_stopped_and_killed_loses_nothing() {
     let told = keys.into_iter().chain([("AWS_ENDPOINT", weed.endpoint())]).collect();
     places.s3 = Some((told, weed.objects()));
     let mut scene = Scene::begin(places, Some(weed), 12).await;
-    for round in 0..rounds(4) {
+    for round in 0..rounds(3) {
         let pause = scene.dice.pause(100, 1500);
         tokio::time::sleep(pause).await;
         match round % 8 {
@@ -361,6 +366,7 @@ async fn a_real_store_that_is_stopped_and_killed_loses_nothing() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "figures, minutes"]
 async fn throughput() {
+    let _turn = TURNS.lock().await;
     let number = |name: &str, usual: f64| std::env::var(name).map_or(usual, |text| text.parse().unwrap());
     let (workers, seconds) = (number("CHLADNI_WORKER_PROCESSES", 16.0) as usize, number("CHLADNI_SLEEP", 0.0));
     let jobs = number("CHLADNI_JOBS", 1000.0) as u32;
