@@ -30,7 +30,8 @@ pub(super) const DUAL_TO_SURFACE: f32 = 0.83;
 /// Levels are coarsened until there are at most so many nodes a sample.
 const NODES_PER_SAMPLE: usize = 90;
 
-/// The share of the largest block on a node up to which its blocks are shrunk away: some block always stays.
+/// The share of the largest block on a node, and of a column, up to which its blocks are shrunk away: some block always stays. Where a sample lies on a
+/// small tip, what it begins with flows off until the whole column is below the threshold.
 const KEEP_SHARE: f32 = 0.3;
 
 /// How columns are smoothed; lengths and times are relative to the surface of unit area and the number of samples `N`.
@@ -274,7 +275,7 @@ fn divide_by_sums<const B: usize>(columns: &mut [Column<B>], nodes: usize) {
     });
 }
 
-/// Shrinks blocks towards zero and drops those that reach it; each node that any column reaches keeps some.
+/// Shrinks blocks towards zero and drops those that reach it; each node that any column reaches keeps some, and so does each column.
 fn shrink<const B: usize>(columns: &mut [Column<B>], nodes: usize, threshold: f32) {
     let mut strongest = vec![0f32; nodes];
     for column in columns.iter() {
@@ -285,9 +286,10 @@ fn shrink<const B: usize>(columns: &mut [Column<B>], nodes: usize, threshold: f3
     }
     columns.par_iter_mut().for_each(|column| {
         let mut kept = Column { faces: Vec::new(), blocks: Vec::new() };
+        let own = column.blocks.iter().map(magnitude).fold(0f32, f32::max);
         for (&node, block) in column.faces.iter().zip(&column.blocks) {
             let a = magnitude(block);
-            let least = threshold.min(KEEP_SHARE * strongest[node as usize]);
+            let least = threshold.min(KEEP_SHARE * strongest[node as usize]).min(KEEP_SHARE * own);
             if a > least {
                 let factor = ((a - least) / a).powi(2);
                 kept.faces.push(node);

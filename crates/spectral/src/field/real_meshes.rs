@@ -74,6 +74,18 @@ fn designs_have_the_singularities_that_are_prescribed() {
 }
 
 #[test]
+fn no_column_vanishes_where_a_sample_lies_on_a_small_tip() {
+    for (n, dimension, seed) in [(2, 800, 1), (2, 1000, 0), (2, 1200, 2), (2, 1500, 0), (4, 1000, 0)] {
+        let Some(surface) = surface("camelhead.off") else { return };
+        let parameters = FieldParameters { seed, ..FieldParameters::new(FieldKind::NVector { n }, dimension) };
+        let basis = field_basis(&surface, &parameters, &Unwatched).unwrap();
+        let model = DesignModel::new(&basis, &Unwatched).unwrap();
+        assert_eq!(model.values().len(), dimension, "n = {n}, seed {seed}");
+        assert!(model.values().iter().all(|value| value.is_finite() && *value > -1e-6), "n = {n}, seed {seed}");
+    }
+}
+
+#[test]
 fn surfaces_that_are_none_are_refused_by_name() {
     for name in ["moebius.obj", "fan3.obj"] {
         let Some(folder) = std::env::var_os("CHLADNI_MESHES") else { return };
