@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use chladni_base::Unwatched;
 use chladni_spectral::operator::transport::FieldKind;
 use chladni_work::design::{DesignFault, FurRequest, HatchingRequest, Setting};
 use serde_json::{Value, json};
@@ -108,7 +107,7 @@ pub fn fur(arguments: FurArguments) -> Result<ExitCode, CliError> {
     request.translate(&to, setting.kind(), vertices(&setting)).map_err(refused)?;
     request.check(&setting).map_err(refused)?;
     let bars = StageBars::new(arguments.quiet);
-    let field = request.field.lifted(&setting, &Unwatched).map_err(refused)?;
+    let field = request.field.lifted(&setting, &bars).map_err(refused)?;
     let coat = request.coat(&setting, &field, &bars).map_err(refused)?;
     let picture = request.picture(&setting, &coat, &bars).map_err(refused)?;
     bars.finish();

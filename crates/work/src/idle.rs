@@ -22,19 +22,13 @@ const LONGEST: f64 = 3600.0;
 const LOOK: Duration = Duration::from_millis(20);
 
 /// What is to be waited for.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IdleParameters {
     /// Seconds, up to an hour.
     pub seconds: f64,
     /// Tells one job from another. It is the eigenvalue of the function, too.
     pub number: u32,
-}
-
-impl Default for IdleParameters {
-    fn default() -> Self {
-        Self { seconds: 0.0, number: 0 }
-    }
 }
 
 impl IdleParameters {
@@ -80,7 +74,8 @@ impl Work for IdleParameters {
         }
         let n = mesh.positions.len();
         let space = SparseMatrix::from_sorted_parts(n, 1, (0..=n).collect(), vec![0; n], vec![1.0; n]);
-        let coefficients = DenseMatrix::from_columns(1, 1, vec![1.0]).unwrap_or_default();
+        let mut coefficients = DenseMatrix::zeros(1, 1);
+        coefficients.column_mut(0)[0] = 1.0;
         let basis = Basis {
             functions: Functions::Compact(Compact::new(space, coefficients)),
             eigenvalues: vec![f64::from(self.number)],

@@ -18,6 +18,7 @@ use chladni_mesh::TriangleMesh;
 use chladni_mesh::polygons::Loops;
 use rayon::prelude::*;
 
+use super::frames::{cross, dot};
 use super::laplace::{self, Measured};
 use super::{EigenProblem, MassKind, MassMatrix, OperatorError};
 
@@ -223,14 +224,6 @@ fn shares(mesh: &TriangleMesh, corners: &[u32]) -> Vec<f64> {
     (0..3).for_each(|axis| spread[axis][axis] += little);
     let Some(slope) = solved(spread, middle) else { return vec![even; n] };
     points.iter().map(|&p| even + dot(p, slope)).collect()
-}
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// The solution of a symmetric positive definite system of three, by LDLᵀ; `None` where a pivot is next to nothing.

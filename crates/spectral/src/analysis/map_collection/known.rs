@@ -6,6 +6,7 @@ use chladni_mesh::TriangleMesh;
 use super::{CollectionRequest, Shape, Side, transposed_product};
 use crate::analysis::error::AnalysisError;
 use crate::analysis::signature::Signature;
+use crate::operator::frames::{cross, minus};
 
 /// Energies of wave kernel signatures, and which of them are used: neighbours tell nearly the same.
 const ENERGIES: usize = 100;
@@ -78,8 +79,6 @@ fn multiplied(weighted: &DenseMatrix, modes: &DenseMatrix, f: &[f64]) -> Result<
     transposed_product(weighted, &scaled)
 }
 
-type Vector = [f64; 3];
-
 /// `∫ φ_r ⟨n × ∇f, ∇φ_c⟩` for each function `f`. It depends on no scale: gradients have 1/length, the area has length².
 fn turned(
     mesh: &TriangleMesh,
@@ -120,8 +119,5 @@ fn turned(
 
 fn flat(mesh: &TriangleMesh, face: &[u32; 3]) -> bool {
     let [a, b, c] = face.map(|vertex| mesh.positions[vertex as usize]);
-    let minus = |p: Vector, q: Vector| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
-    let (u, v) = (minus(b, a), minus(c, a));
-    let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    normal.iter().all(|&x| x == 0.0)
+    cross(minus(b, a), minus(c, a)) == [0.0; 3]
 }
