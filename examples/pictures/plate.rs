@@ -3,7 +3,7 @@
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::field::{Camera, Drawing, png};
 
-use crate::paint::Colour;
+use crate::paint::{Colour, cross, dot, unit};
 
 /// Samples along each side of a pixel.
 const FINE: usize = 3;
@@ -17,19 +17,6 @@ pub struct Plate {
 
 fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn unit(a: [f64; 3]) -> [f64; 3] {
-    let length = dot(a, a).sqrt().max(1e-300);
-    a.map(|x| x / length)
 }
 
 impl Plate {
