@@ -103,7 +103,7 @@ fn basis(seed: usize) -> Basis {
                 (0..n * row).map(|i| ((i / row * 7) % (d - row) + i % row) as u32).collect(),
                 (0..n * row).map(|i| i as f32).collect(),
             ),
-            DenseMatrix::from_columns(d, m, vec![seed as f64; d * m]).unwrap(),
+            DenseMatrix::from_columns(d, m, vec![seed as f64; d * m]),
         )),
         eigenvalues: (0..m).map(|i| i as f64).collect(),
         mass: MassMatrix::Diagonal(vec![1.0; n]),

@@ -327,13 +327,17 @@ async fn storm_of_cancels() {
     server.stop();
 }
 
+/// A solve that costs little to send and to answer, so that one machine can send ten times what it can do.
+fn compression() -> Value {
+    json!({"pairs": 100, "bits": 12})
+}
+
 /// Milliseconds that synchronous solves of one client take, one after the other for so long, in ascending order; and how many were refused.
 async fn solves(url: &str, client: &reqwest::Client, time: Duration) -> (Vec<f64>, usize) {
     let (mut took, mut refused, since) = (Vec::new(), 0, Instant::now());
     while since.elapsed() < time {
         let begun = Instant::now();
-        let body = json!({"functions": "coordinates", "transfer": {"kind": "curve", "points": [[0.0, 1.0]]}});
-        let answer = client.post(url).json(&body).send().await.unwrap();
+        let answer = client.post(url).json(&compression()).send().await.unwrap();
         let (status, text) = (answer.status(), answer.bytes().await.unwrap());
         match status.as_u16() {
             200 => took.push(1e3 * begun.elapsed().as_secs_f64()),
@@ -346,16 +350,17 @@ async fn solves(url: &str, client: &reqwest::Client, time: Duration) -> (Vec<f64
 }
 
 /// `cargo test --release --test poison -- --ignored --nocapture flood`: synchronous solves of one client while another sends ten times what the server
-/// can do. On loopback, where each address counts as a client.
+/// can do. On loopback, where each address counts as a client. `CHLADNI_FLOOD_ACROSS` is the square root of half the vertices, 100 by default.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes half a minute and the whole machine: the figures of docs/reliability.md"]
 async fn flood() {
     let folder = tempfile::tempdir().unwrap();
     let server = Server::start(folder.path(), &["--gpu", "off"]);
-    let mesh = server.upload().await;
+    let across = std::env::var("CHLADNI_FLOOD_ACROSS").map_or(100, |given| given.parse().unwrap());
+    let mesh = server.upload_off(process::torus_of(2 * across, across)).await;
     let job = server.submit(&mesh, 100).await.unwrap();
     let basis = server.finished(&job).await["basis"].as_str().unwrap().to_owned();
-    let url = format!("{}/v1/bases/{basis}/filter", server.url);
+    let url = format!("{}/v1/bases/{basis}/compress", server.url);
     let of = |address: [u8; 4]| {
         process::cryptography::builder().local_address(std::net::IpAddr::from(address)).build().unwrap()
     };
@@ -399,9 +404,7 @@ async fn flood() {
                     sent.fetch_add(1, Ordering::Relaxed);
                     tokio::spawn(async move {
                         let _place = place;
-                        let body =
-                            json!({"functions": "coordinates", "transfer": {"kind": "curve", "points": [[0.0, 1.0]]}});
-                        if let Ok(answer) = client.post(url).json(&body).send().await {
+                        if let Ok(answer) = client.post(url).json(&compression()).send().await {
                             let _ = answer.bytes().await;
                         }
                     });

@@ -41,8 +41,7 @@ pub fn functions(array: &PyReadonlyArray2<'_, f64>) -> Result<DenseMatrix, Failu
     let [rows, columns] = [array.shape()[0], array.shape()[1]];
     let transposed = array.transpose().map_err(Failure::from)?.readonly();
     let values = transposed.as_slice().map_err(|_| Failure::parameter("functions are not in Fortran order"))?;
-    DenseMatrix::from_columns(rows, columns, values.to_vec())
-        .ok_or_else(|| Failure::parameter("functions have too many values"))
+    Ok(DenseMatrix::from_columns(rows, columns, values.to_vec()))
 }
 
 /// Columns of `rows` values as an array in Fortran order, `rows × k`, without a copy.

@@ -131,22 +131,17 @@ async fn family_spectrum(
                     return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail));
                 }
                 let column = found.coefficients.column(mode).to_vec();
-                found.coefficients = DenseMatrix::from_columns(column.len(), 1, column).unwrap_or_default();
+                found.coefficients = DenseMatrix::from_columns(column.len(), 1, column);
             }
             let matrix = match request.give {
                 SpectrumDetail::Eigenvalues => None,
                 SpectrumDetail::Coefficients => Some(found.coefficients),
-                SpectrumDetail::Modes => Some(
-                    family
-                        .lift(&found.coefficients)
-                        .map(|modes| push(&to, modes))
-                        .ok_or_else(|| Problem::internal("the coefficients do not fit the functions"))?,
-                ),
+                SpectrumDetail::Modes => Some(push(&to, family.lift(&found.coefficients))),
             };
             if raw {
                 let listed: Vec<String> = found.eigenvalues.iter().map(|value| format!("{value:.9e}")).collect();
                 let values = DenseMatrix::from_columns(found.eigenvalues.len(), 1, found.eigenvalues);
-                let matrix = matrix.or(values).unwrap_or_default();
+                let matrix = matrix.unwrap_or(values);
                 return Ok(Answer::raw(&matrix, Dtype::F32, begin).with("chladni-eigenvalues", listed.join(" ")));
             }
             let table = |wanted| matrix.as_ref().filter(|_| request.give == wanted).map(binary::to_table);

@@ -228,7 +228,7 @@ async fn similar_points(
             let signature = request.signature.signature(&basis)?;
             let mut differences = signature.similarity(&basis, request.vertex)?;
             if raw {
-                let table = DenseMatrix::from_columns(differences.len(), 1, differences).unwrap_or_default();
+                let table = DenseMatrix::from_columns(differences.len(), 1, differences);
                 return Ok(Answer::raw(&push(&to, table), query.dtype, begin));
             }
             // What subdivision made is no vertex of the file.

@@ -13,7 +13,7 @@ use super::super::{
 /// A dense basis of so many columns.
 fn dense(seed: f64, vertices: usize, columns: usize, precision: Precision) -> Basis {
     let values = (0..vertices * columns).map(|i| (i as f64 + seed).sin()).collect();
-    let matrix = DenseMatrix::from_columns(vertices, columns, values).unwrap();
+    let matrix = DenseMatrix::from_columns(vertices, columns, values);
     let basis = basis(seed, vertices);
     Basis {
         functions: Functions::Dense(DenseFunctions::from_columns(&matrix, precision)),

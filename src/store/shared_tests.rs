@@ -578,7 +578,7 @@ async fn away() {
 /// A basis in columns, whose content is made while it is written.
 fn dense(seed: f64) -> Basis {
     let columns = DenseMatrix::from_columns(40, 2, (0..80).map(|i| f64::from(i).mul_add(seed, 1.0).sin()).collect());
-    let columns = DenseFunctions::from_columns(&columns.unwrap(), Precision::F64);
+    let columns = DenseFunctions::from_columns(&columns, Precision::F64);
     Basis { functions: Functions::Dense(columns), ..basis(seed, 40) }
 }
 

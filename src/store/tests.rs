@@ -116,10 +116,7 @@ pub(crate) fn basis(seed: f64, vertices: usize) -> Basis {
         vec![1.0; vertices],
     );
     Basis {
-        functions: Functions::Compact(Compact::new(
-            space,
-            DenseMatrix::from_columns(2, 2, vec![1.0, seed, 0.0, 1.0]).unwrap(),
-        )),
+        functions: Functions::Compact(Compact::new(space, DenseMatrix::from_columns(2, 2, vec![1.0, seed, 0.0, 1.0]))),
         eigenvalues: vec![0.0, seed],
         mass: MassMatrix::Diagonal(vec![0.25; vertices]),
         certificate: Certificate {

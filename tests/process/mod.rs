@@ -138,11 +138,16 @@ impl Drop for Server {
 
 /// A torus of 24 × 12 vertices as OFF.
 pub fn torus() -> String {
-    let (around, across) = (24, 12);
+    torus_of(24, 12)
+}
+
+/// A torus of so many vertices around and across, as OFF.
+pub fn torus_of(around: usize, across: usize) -> String {
     let mut text = format!("OFF\n{} {} 0\n", around * across, 2 * around * across);
     for i in 0..around {
         for j in 0..across {
-            let (u, v) = (std::f64::consts::TAU * i as f64 / 24.0, std::f64::consts::TAU * j as f64 / 12.0);
+            let (u, v) =
+                (std::f64::consts::TAU * i as f64 / around as f64, std::f64::consts::TAU * j as f64 / across as f64);
             let radius = 2.0 + 0.7 * v.cos();
             writeln!(text, "{} {} {}", radius * u.cos(), radius * u.sin(), 0.7 * v.sin()).unwrap();
         }

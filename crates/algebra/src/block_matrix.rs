@@ -218,11 +218,17 @@ impl<const B: usize> BlockMatrix<B> {
             .collect()
     }
 
-    /// `y = A x`, in parallel; `None` unless `x` has `B` numbers for each column of blocks.
-    pub fn multiply(&self, x: &[f64]) -> Option<Vec<f64>> {
-        if x.len() != B * self.columns {
-            return None;
-        }
+    /// `y = A x`, in parallel.
+    ///
+    /// # Panics
+    /// Unless `x` has `B` numbers for each column of blocks.
+    pub fn multiply(&self, x: &[f64]) -> Vec<f64> {
+        assert_eq!(
+            x.len(),
+            B * self.columns,
+            "a product of {} columns of blocks of {B} with so many numbers",
+            self.columns
+        );
         let mut y = vec![0.0; B * self.rows];
         y.par_chunks_mut(B * ROWS_PER_TASK).enumerate().for_each(|(task, y)| {
             for (k, y) in y.chunks_exact_mut(B).enumerate() {
@@ -237,7 +243,7 @@ impl<const B: usize> BlockMatrix<B> {
                 }
             }
         });
-        Some(y)
+        y
     }
 
     /// The same pattern with other blocks, of whatever size.
@@ -270,10 +276,13 @@ impl<const B: usize> BlockMatrix<B> {
         Self { rows: self.columns, columns: self.rows, offsets, indices, blocks }
     }
 
-    /// `A C`, in parallel; `None` unless the sizes fit.
-    pub fn times(&self, other: &Self) -> Option<Self> {
-        match self.try_times(other, || Ok::<_, Infallible>(()))? {
-            Ok(product) => Some(product),
+    /// `A C`, in parallel.
+    ///
+    /// # Panics
+    /// Unless `C` has as many rows as `A` columns.
+    pub fn times(&self, other: &Self) -> Self {
+        match self.try_times(other, || Ok::<_, Infallible>(())) {
+            Ok(product) => product,
             Err(never) => match never {},
         }
     }
@@ -282,11 +291,12 @@ impl<const B: usize> BlockMatrix<B> {
     ///
     /// # Errors
     /// That of `look`.
-    pub fn try_times<E: Send>(&self, other: &Self, look: impl Fn() -> Result<(), E> + Sync) -> Option<Result<Self, E>> {
-        if self.columns != other.rows {
-            return None;
-        }
-        let product = Self::try_from_rows(self.rows, other.columns, |r, entries| {
+    ///
+    /// # Panics
+    /// Unless the other matrix has as many rows as this one columns.
+    pub fn try_times<E: Send>(&self, other: &Self, look: impl Fn() -> Result<(), E> + Sync) -> Result<Self, E> {
+        assert_eq!(self.columns, other.rows, "columns of the left factor, rows of the right one");
+        Self::try_from_rows(self.rows, other.columns, |r, entries| {
             let (columns, blocks) = self.row(r);
             let mut places = BlockPlaces::default();
             for (k, (&column, a)) in columns.iter().zip(blocks).enumerate() {
@@ -299,8 +309,7 @@ impl<const B: usize> BlockMatrix<B> {
                 }
             }
             Ok(())
-        });
-        Some(product)
+        })
     }
 
     /// The same matrix of single numbers, zeros inside blocks left out.
@@ -350,12 +359,11 @@ mod tests {
     fn products_and_transposes_are_those_of_the_scalar_matrix() {
         let (a, b) = (scattered(40, 25, 1), scattered(25, 31, 2));
         let x: Vec<f64> = (0..93).map(|i| f64::from(i).sin()).collect();
-        let once = b.to_sparse().multiply(&x).unwrap();
-        let twice = a.to_sparse().multiply(&once).unwrap();
-        let direct = a.times(&b).unwrap().multiply(&x).unwrap();
+        let once = b.to_sparse().multiply(&x);
+        let twice = a.to_sparse().multiply(&once);
+        let direct = a.times(&b).multiply(&x);
         assert!(direct.iter().zip(&twice).all(|(p, q)| (p - q).abs() < 1e-12));
         assert_eq!(a.transpose().to_sparse(), a.to_sparse().transpose());
-        assert!(a.multiply(&x).is_none() && b.times(&a).is_none());
     }
 
     #[test]
@@ -368,10 +376,10 @@ mod tests {
             entries.extend((0..40u32).map(|k| ((r as u32 * 13 + 7 * k) % 200, [[f64::from(k), 2.0], [1.0, 0.25]])));
         });
         let x: Vec<f64> = (0..400).map(|i| f64::from(i % 17) - 8.0).collect();
-        let product = wide.times(&tall).unwrap();
+        let product = wide.times(&tall);
         assert_eq!(product.entries(), 200);
         // All numbers are multiples of a power of two, and small.
-        assert_eq!(product.multiply(&x), wide.multiply(&tall.multiply(&x).unwrap()));
+        assert_eq!(product.multiply(&x), wide.multiply(&tall.multiply(&x)));
     }
 
     #[test]
@@ -382,9 +390,9 @@ mod tests {
             17 => Err("not wanted"),
             _ => Ok(()),
         };
-        assert_eq!(a.try_times(&b, look), Some(Err("not wanted")));
+        assert_eq!(a.try_times(&b, look), Err("not wanted"));
         assert_eq!(looks.into_inner(), 18);
-        assert_eq!(a.try_times(&b, || Ok::<_, ()>(())), a.times(&b).map(Ok));
+        assert_eq!(a.try_times(&b, || Ok::<_, ()>(())), Ok(a.times(&b)));
     }
 
     #[test]

@@ -17,9 +17,17 @@ impl DenseMatrix {
         Self { rows, columns, values: vec![0.0; rows * columns] }
     }
 
-    /// A matrix from its values, column after column; `None` unless there are `rows · columns` of them.
-    pub fn from_columns(rows: usize, columns: usize, values: Vec<f64>) -> Option<Self> {
-        (rows.checked_mul(columns) == Some(values.len())).then_some(Self { rows, columns, values })
+    /// A matrix from its values, column after column.
+    ///
+    /// # Panics
+    /// Unless there are `rows · columns` values. Sizes that come from outside are checked before.
+    pub fn from_columns(rows: usize, columns: usize, values: Vec<f64>) -> Self {
+        assert_eq!(
+            rows.checked_mul(columns),
+            Some(values.len()),
+            "values of a matrix of {rows} rows and {columns} columns"
+        );
+        Self { rows, columns, values }
     }
 
     /// The number of rows.
@@ -78,14 +86,22 @@ impl DenseMatrix {
         Self { rows: self.rows, columns: end - start, values: self.values[start * self.rows..end * self.rows].to_vec() }
     }
 
-    /// `self · other`; `None` unless the sizes fit. On the threads of the pool it is called from where that pays.
-    pub fn times(&self, other: &Self) -> Option<Self> {
-        (self.columns == other.rows).then(|| product(self.view(), other.view()))
+    /// `self · other`, on the threads of the pool it is called from where that pays.
+    ///
+    /// # Panics
+    /// Unless `other` has as many rows as `self` columns.
+    pub fn times(&self, other: &Self) -> Self {
+        assert_eq!(self.columns, other.rows, "columns of the left factor, rows of the right one");
+        product(self.view(), other.view())
     }
 
-    /// `selfᵀ · other`; `None` unless the sizes fit. On the threads of the pool it is called from where that pays.
-    pub fn transposed_times(&self, other: &Self) -> Option<Self> {
-        (self.rows == other.rows).then(|| product(self.view().transpose(), other.view()))
+    /// `selfᵀ · other`, on the threads of the pool it is called from where that pays.
+    ///
+    /// # Panics
+    /// Unless both have as many rows.
+    pub fn transposed_times(&self, other: &Self) -> Self {
+        assert_eq!(self.rows, other.rows, "rows of the two factors");
+        product(self.view().transpose(), other.view())
     }
 
     fn view(&self) -> MatRef<'_, f64> {

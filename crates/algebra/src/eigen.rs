@@ -388,7 +388,7 @@ pub(super) fn standard_lowest(
 ) -> Result<(Vec<f64>, DenseMatrix), EigenError> {
     let d = a.rows();
     if d == 1 {
-        let one = DenseMatrix::from_columns(1, 1, vec![1.0]).unwrap_or_default();
+        let one = DenseMatrix::from_columns(1, 1, vec![1.0]);
         return Ok((a.values().to_vec(), one));
     }
     let reduced = tridiagonalise(a, &|done| {
@@ -421,7 +421,7 @@ pub(super) fn tridiagonal_lowest(
 ) -> Result<(Vec<f64>, DenseMatrix), EigenError> {
     let d = diagonal.len();
     if d == 1 {
-        return Ok((diagonal.to_vec(), DenseMatrix::from_columns(1, 1, vec![1.0]).unwrap_or_default()));
+        return Ok((diagonal.to_vec(), DenseMatrix::from_columns(1, 1, vec![1.0])));
     }
     if d >= LEAST_FEW.max(FEW * count)
         && let Some(found) = lowest_few(diagonal, off_diagonal, count)

@@ -8,7 +8,7 @@ fn random_matrix(n: usize, seed: u64) -> DenseMatrix {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     };
-    DenseMatrix::from_columns(n, n, (0..n * n).map(|_| random()).collect()).unwrap()
+    DenseMatrix::from_columns(n, n, (0..n * n).map(|_| random()).collect())
 }
 
 fn product(a: &DenseMatrix, b: &DenseMatrix) -> DenseMatrix {
@@ -23,7 +23,7 @@ fn product(a: &DenseMatrix, b: &DenseMatrix) -> DenseMatrix {
 
 fn transpose(a: &DenseMatrix) -> DenseMatrix {
     let values = (0..a.rows()).flat_map(|r| (0..a.columns()).map(move |c| a.column(c)[r])).collect();
-    DenseMatrix::from_columns(a.columns(), a.rows(), values).unwrap()
+    DenseMatrix::from_columns(a.columns(), a.rows(), values)
 }
 
 fn symmetric(n: usize, seed: u64) -> DenseMatrix {

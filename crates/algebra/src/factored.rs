@@ -10,24 +10,24 @@ const LEAST_ROWS: usize = 4096;
 /// Tasks that `Uᵀ x` is summed over, at most; fixed, so that the sum does not depend on the number of threads.
 const MOST_TASKS: usize = 32;
 
-/// `U c` for a sparse `U`, `n × d`, and `c`, `d × k`: `n × k`. In f64, in parallel. `None` where sizes do not fit.
-pub fn space_times(space: &SparseMatrix<f32>, coefficients: &DenseMatrix) -> Option<DenseMatrix> {
-    if coefficients.rows() != space.columns() {
-        return None;
-    }
+/// `U c` for a sparse `U`, `n × d`, and `c`, `d × k`: `n × k`. In f64, in parallel.
+///
+/// # Panics
+/// Where sizes do not fit.
+pub fn space_times(space: &SparseMatrix<f32>, coefficients: &DenseMatrix) -> DenseMatrix {
     let mut product = DenseMatrix::zeros(space.rows(), coefficients.columns());
     expanded(space, coefficients, product.values_mut(), |value| value);
-    Some(product)
+    product
 }
 
 /// The same, each number rounded to single precision at the end: `k` columns of `n` numbers, one after the other.
-pub fn space_times_single(space: &SparseMatrix<f32>, coefficients: &DenseMatrix) -> Option<Vec<f32>> {
-    if coefficients.rows() != space.columns() {
-        return None;
-    }
+///
+/// # Panics
+/// Where sizes do not fit.
+pub fn space_times_single(space: &SparseMatrix<f32>, coefficients: &DenseMatrix) -> Vec<f32> {
     let mut product = vec![0.0; space.rows() * coefficients.columns()];
     expanded(space, coefficients, &mut product, |value| value as f32);
-    Some(product)
+    product
 }
 
 fn expanded<T: Send>(
@@ -36,6 +36,7 @@ fn expanded<T: Send>(
     product: &mut [T],
     narrow: impl Fn(f64) -> T + Sync,
 ) {
+    assert_eq!(coefficients.rows(), space.columns(), "rows of the coefficients, columns of the space");
     each_group(coefficients.columns(), |group| match group.len() {
         1 => expand::<1, T>(space, coefficients, group, product, &narrow),
         2 => expand::<2, T>(space, coefficients, group, product, &narrow),
@@ -44,20 +45,25 @@ fn expanded<T: Send>(
     });
 }
 
-/// `Uᵀ M x` for a sparse `U`, `n × d`, a mass `M` and `x`, `n × k`: `d × k`. In f64, in parallel. `None` where sizes do not fit.
+/// `Uᵀ M x` for a sparse `U`, `n × d`, a mass `M` and `x`, `n × k`: `d × k`. In f64, in parallel.
+///
+/// # Panics
+/// Where sizes do not fit.
 pub fn space_transposed_mass_times(
     space: &SparseMatrix<f32>,
     mass: &MassMatrix,
     functions: &DenseMatrix,
-) -> Option<DenseMatrix> {
-    if functions.rows() != space.rows() || mass.size() != space.rows() {
-        return None;
-    }
+) -> DenseMatrix {
+    assert_eq!(
+        [functions.rows(), mass.size()],
+        [space.rows(); 2],
+        "rows of the functions and of the mass, rows of the space"
+    );
     let weighted;
     let (weights, functions) = match mass {
         MassMatrix::Diagonal(weights) => (Some(&weights[..]), functions),
         MassMatrix::Sparse(matrix) | MassMatrix::Weighted(WeightedMass { matrix, .. }) => {
-            weighted = matrix.multiply_dense(functions)?;
+            weighted = matrix.multiply_dense(functions);
             (None, &weighted)
         }
     };
@@ -68,7 +74,7 @@ pub fn space_transposed_mass_times(
         3 | 4 => gather::<4>(space, weights, functions, group, &mut product),
         _ => gather::<8>(space, weights, functions, group, &mut product),
     });
-    Some(product)
+    product
 }
 
 /// Columns in groups of at most eight.
@@ -180,7 +186,6 @@ mod tests {
 
     fn waves(rows: usize, columns: usize) -> DenseMatrix {
         DenseMatrix::from_columns(rows, columns, (0..rows * columns).map(|i| (i as f64 * 0.37).sin()).collect())
-            .unwrap()
     }
 
     #[test]
@@ -194,10 +199,10 @@ mod tests {
         );
         for k in [0, 1, 2, 3, 4, 5, 8, 11] {
             let c = waves(6, k);
-            let product = space_times(&u, &c).unwrap();
+            let product = space_times(&u, &c);
             let x = waves(n, k);
-            let gathered = space_transposed_mass_times(&u, &mass, &x).unwrap();
-            assert_eq!(gathered, space_transposed_mass_times(&u, &diagonal, &x).unwrap());
+            let gathered = space_transposed_mass_times(&u, &mass, &x);
+            assert_eq!(gathered, space_transposed_mass_times(&u, &diagonal, &x));
             for column in 0..k {
                 let mut expected = vec![0.0; 6];
                 for row in 0..n {
@@ -215,11 +220,14 @@ mod tests {
     }
 
     #[test]
-    fn sizes_that_do_not_fit_give_nothing() {
-        let u = space(10, 4);
-        let mass = MassMatrix::Diagonal(vec![1.0; 10]);
-        assert!(space_times(&u, &waves(5, 1)).is_none());
-        assert!(space_transposed_mass_times(&u, &mass, &waves(9, 1)).is_none());
-        assert!(space_transposed_mass_times(&u, &MassMatrix::Diagonal(vec![1.0; 9]), &waves(10, 1)).is_none());
+    #[should_panic = "rows of the coefficients"]
+    fn coefficients_of_another_space_are_a_mistake_of_the_caller() {
+        space_times(&space(10, 4), &waves(5, 1));
+    }
+
+    #[test]
+    #[should_panic = "rows of the mass"]
+    fn a_mass_of_another_space_is_a_mistake_of_the_caller() {
+        space_transposed_mass_times(&space(10, 4), &MassMatrix::Diagonal(vec![1.0; 9]), &waves(10, 1));
     }
 }

@@ -45,8 +45,8 @@ mod tests {
 
     fn gram(columns: &[Vec<f64>]) -> DenseMatrix {
         let (d, n) = (columns.len(), columns[0].len());
-        let matrix = DenseMatrix::from_columns(n, d, columns.concat()).unwrap();
-        matrix.transposed_times(&matrix).unwrap()
+        let matrix = DenseMatrix::from_columns(n, d, columns.concat());
+        matrix.transposed_times(&matrix)
     }
 
     #[test]

@@ -14,11 +14,12 @@ pub struct RowLifter<'a> {
 }
 
 impl<'a> RowLifter<'a> {
-    /// Keeps a copy of `coefficients` in the order that lifting reads it in. `None` unless it has as many rows as `space` columns.
-    pub fn new(space: &'a SparseMatrix<f32>, coefficients: &DenseMatrix) -> Option<Self> {
-        if coefficients.rows() != space.columns() {
-            return None;
-        }
+    /// Keeps a copy of `coefficients` in the order that lifting reads it in.
+    ///
+    /// # Panics
+    /// Unless it has as many rows as `space` columns.
+    pub fn new(space: &'a SparseMatrix<f32>, coefficients: &DenseMatrix) -> Self {
+        assert_eq!(coefficients.rows(), space.columns(), "rows of the coefficients, columns of the space");
         let mut panels = Vec::new();
         for from in (0..coefficients.columns()).step_by(LIFT_WIDTH) {
             let mut panel = vec![[0.0; LIFT_WIDTH]; coefficients.rows()];
@@ -28,7 +29,7 @@ impl<'a> RowLifter<'a> {
             }
             panels.push(panel);
         }
-        Some(Self { space, panels })
+        Self { space, panels }
     }
 
     /// Entries of the columns of panel `p`, `32 p..32 (p + 1)`, in the given rows; zeros for columns that there are not.
@@ -64,8 +65,8 @@ mod tests {
     fn lifted_rows_are_those_of_the_product() {
         let space = SparseMatrix::new(3, 2, vec![0, 1, 1, 3], vec![1, 0, 1], vec![0.5f32, 2.0, -1.0]).unwrap();
         let values: Vec<f64> = (0..80).map(|k| (f64::from(k) * 0.7).sin()).collect();
-        let dense = DenseMatrix::from_columns(2, 40, values).unwrap();
-        let lifter = RowLifter::new(&space, &dense).unwrap();
+        let dense = DenseMatrix::from_columns(2, 40, values);
+        let lifter = RowLifter::new(&space, &dense);
         let mut out = vec![[9.0; LIFT_WIDTH]; 3];
         for panel in [0, 1] {
             lifter.lift(&[2, 0, 1], panel, &mut out);
@@ -75,9 +76,8 @@ mod tests {
                 assert_eq!([out[0][k], out[1][k], out[2][k]], [2.0 * column[0] - column[1], 0.5 * column[1], 0.0]);
             }
         }
-        assert!(RowLifter::new(&space, &DenseMatrix::zeros(3, 1)).is_none());
         let mut none = [[1.0; LIFT_WIDTH]; 1];
-        RowLifter::new(&space, &DenseMatrix::zeros(2, 0)).unwrap().lift(&[2], 0, &mut none);
+        RowLifter::new(&space, &DenseMatrix::zeros(2, 0)).lift(&[2], 0, &mut none);
         assert_eq!(none[0], [0.0; LIFT_WIDTH]);
     }
 }

@@ -42,10 +42,16 @@ impl MassMatrix {
         }
     }
 
-    /// `M x`; `None` unless `x` has `n` entries.
-    pub fn multiply(&self, x: &[f64]) -> Option<Vec<f64>> {
+    /// `M x`.
+    ///
+    /// # Panics
+    /// Unless `x` has `n` entries.
+    pub fn multiply(&self, x: &[f64]) -> Vec<f64> {
         match self {
-            Self::Diagonal(m) => (x.len() == m.len()).then(|| m.iter().zip(x).map(|(m, x)| m * x).collect()),
+            Self::Diagonal(m) => {
+                assert_eq!(x.len(), m.len(), "entries of the vector, rows of the mass");
+                m.iter().zip(x).map(|(m, x)| m * x).collect()
+            }
             Self::Sparse(matrix) | Self::Weighted(WeightedMass { matrix, .. }) => matrix.multiply(x),
         }
     }

@@ -43,18 +43,17 @@ impl Panel {
 
     /// Columns `range` of a dense matrix.
     ///
-    /// `None` where the range leaves the matrix.
-    pub fn from_columns(matrix: &DenseMatrix, range: std::ops::Range<usize>) -> Option<Self> {
-        if range.end > matrix.columns() || range.start > range.end {
-            return None;
-        }
+    /// # Panics
+    /// Where the range leaves the matrix.
+    pub fn from_columns(matrix: &DenseMatrix, range: std::ops::Range<usize>) -> Self {
+        assert!(range.end <= matrix.columns(), "columns {range:?} of a matrix of {}", matrix.columns());
         let mut panel = Self::zeros(matrix.rows(), range.len());
         for (k, column) in range.enumerate() {
             for (row, &value) in matrix.column(column).iter().enumerate() {
                 panel.values[row * panel.width + k] = value;
             }
         }
-        Some(panel)
+        panel
     }
 
     /// The same numbers, column after column.
@@ -139,33 +138,36 @@ pub(crate) fn product_row<T: Scalar>(columns: &[u32], values: &[T], x: &[f64], w
 }
 
 impl<T: Scalar> SparseMatrix<T> {
-    /// `y = A x`, in parallel; `None` unless `x` has as many entries as the matrix columns.
-    pub fn multiply(&self, x: &[f64]) -> Option<Vec<f64>> {
-        if x.len() != self.columns() {
-            return None;
-        }
+    /// `y = A x`, in parallel.
+    ///
+    /// # Panics
+    /// Unless `x` has as many entries as the matrix columns.
+    pub fn multiply(&self, x: &[f64]) -> Vec<f64> {
         let mut y = vec![0.0; self.rows()];
         self.multiply_rows(x, 1, &mut y);
-        Some(y)
+        y
     }
 
-    /// `Y = A X` for a panel, in parallel; `None` unless `X` has as many rows as the matrix columns.
-    pub fn multiply_panel(&self, x: &Panel) -> Option<Panel> {
-        if x.rows() != self.columns() {
-            return None;
-        }
+    /// `Y = A X` for a panel, in parallel.
+    ///
+    /// # Panics
+    /// Unless `X` has as many rows as the matrix columns.
+    pub fn multiply_panel(&self, x: &Panel) -> Panel {
         let mut y = Panel::zeros(self.rows(), x.width());
         self.multiply_rows(x.values(), x.width(), y.values_mut());
-        Some(y)
+        y
     }
 
-    /// `Y = A X` for a dense matrix, in parallel; `None` unless `X` has as many rows as the matrix columns.
-    pub fn multiply_dense(&self, x: &DenseMatrix) -> Option<DenseMatrix> {
-        let product = self.multiply_panel(&Panel::from_columns(x, 0..x.columns())?)?;
-        Some(product.to_columns())
+    /// `Y = A X` for a dense matrix, in parallel.
+    ///
+    /// # Panics
+    /// Unless `X` has as many rows as the matrix columns.
+    pub fn multiply_dense(&self, x: &DenseMatrix) -> DenseMatrix {
+        self.multiply_panel(&Panel::from_columns(x, 0..x.columns())).to_columns()
     }
 
     fn multiply_rows(&self, x: &[f64], width: usize, y: &mut [f64]) {
+        assert_eq!(x.len(), width * self.columns(), "numbers of {width} vectors for {} columns", self.columns());
         if width == 0 {
             return;
         }
@@ -251,7 +253,7 @@ mod tests {
         for width in [0, 1, 3, 8, 13, 16, 29, 32, 40] {
             let mut x = Panel::zeros(23, width);
             x.values_mut().iter_mut().enumerate().for_each(|(i, v)| *v = (i as f64).sin());
-            let y = a.multiply_panel(&x).unwrap();
+            let y = a.multiply_panel(&x);
             for row in 0..37 {
                 for k in 0..width {
                     let expected: f64 = (0..23).map(|c| dense.column(c)[row] * x.row(c)[k]).sum();
@@ -259,8 +261,12 @@ mod tests {
                 }
             }
         }
-        assert!(a.multiply_panel(&Panel::zeros(22, 4)).is_none());
-        assert!(a.multiply(&[0.0; 24]).is_none());
+    }
+
+    #[test]
+    #[should_panic = "numbers of 4 vectors for 23 columns"]
+    fn a_panel_of_another_size_is_a_mistake_of_the_caller() {
+        scattered(37, 23, 5).multiply_panel(&Panel::zeros(22, 4));
     }
 
     #[test]
@@ -276,9 +282,8 @@ mod tests {
 
     #[test]
     fn a_panel_of_columns_holds_those_columns() {
-        let dense = DenseMatrix::from_columns(2, 3, vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]).unwrap();
-        let panel = Panel::from_columns(&dense, 1..3).unwrap();
+        let dense = DenseMatrix::from_columns(2, 3, vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        let panel = Panel::from_columns(&dense, 1..3);
         assert_eq!((panel.rows(), panel.width(), panel.values()), (2, 2, &[3.0, 5.0, 4.0, 6.0][..]));
-        assert!(Panel::from_columns(&dense, 2..4).is_none());
     }
 }

@@ -73,7 +73,7 @@ static CASE: LazyLock<Case> = LazyLock::new(|| {
         metadata: serde_json::Value::Null,
     };
     let coordinates = (0..3).flat_map(|k| mesh.positions.iter().map(move |p| p[k])).collect();
-    let functions = DenseMatrix::from_columns(mesh.positions.len(), 3, coordinates).unwrap();
+    let functions = DenseMatrix::from_columns(mesh.positions.len(), 3, coordinates);
     Case { mesh, problem, space, stiffness, mass, basis, functions }
 });
 
@@ -98,7 +98,7 @@ fn eigen(bencher: Bencher) {
 #[divan::bench(args = [216, 500, 1000, 2000, 5000], max_time = 10)]
 fn dense_eigenproblem(bencher: Bencher, d: usize) {
     let entry = |k: usize| ((k as f64 + 0.5) * 12.9898).sin();
-    let matrix = |values: Vec<f64>| DenseMatrix::from_columns(d, d, values).unwrap();
+    let matrix = |values: Vec<f64>| DenseMatrix::from_columns(d, d, values);
     let a = matrix((0..d * d).map(|k| entry((k / d).max(k % d) * d + (k / d).min(k % d))).collect());
     let b = matrix((0..d * d).map(|k| if k % (d + 1) == 0 { 2.0 } else { 1.0 / d as f64 }).collect());
     bencher.with_inputs(|| (a.clone(), b.clone())).bench_values(|(a, b)| CpuSolver.lowest(a, b, d / 2, &Unwatched));
@@ -134,7 +134,7 @@ fn frame_of_500_modes(bencher: Bencher) {
         affine: DenseMatrix::zeros(12, COUNT),
         functions: ModalFunctions::Compact {
             space: CASE.space.clone(),
-            coefficients: DenseMatrix::from_columns(3 * DIMENSION, COUNT, values).unwrap(),
+            coefficients: DenseMatrix::from_columns(3 * DIMENSION, COUNT, values),
         },
         bounds: vec![0.0; COUNT],
         metadata: serde_json::Value::Null,

@@ -17,10 +17,7 @@ fn python() -> Option<String> {
 fn basis(mass: MassMatrix) -> Basis {
     let space = SparseMatrix::new(3, 2, vec![0, 1, 3, 4], vec![0, 0, 1, 1], vec![1.0, 0.25, 0.75, 1.0]).unwrap();
     Basis {
-        functions: Functions::Compact(Compact::new(
-            space,
-            DenseMatrix::from_columns(2, 2, vec![1.0, 2.0, 3.0, 4.0]).unwrap(),
-        )),
+        functions: Functions::Compact(Compact::new(space, DenseMatrix::from_columns(2, 2, vec![1.0, 2.0, 3.0, 4.0]))),
         eigenvalues: vec![0.0, 3.25],
         mass,
         certificate: Certificate {
@@ -105,7 +102,7 @@ entry = json.loads(raw[8:8 + size])["functions"]
 begin, end = entry["data_offsets"]
 assert (np.frombuffer(raw[8 + size:][begin:end], DTYPE).reshape(entry["shape"]) == F.T).all()
 "#;
-    let columns = DenseMatrix::from_columns(3, 40, (0..120).map(|i| f64::from(i) / 8.0).collect()).unwrap();
+    let columns = DenseMatrix::from_columns(3, 40, (0..120).map(|i| f64::from(i) / 8.0).collect());
     for (precision, dtype) in [(Precision::F32, "np.float32"), (Precision::F64, "np.float64")] {
         let dense = Basis {
             functions: Functions::Dense(DenseFunctions::from_columns(&columns, precision)),

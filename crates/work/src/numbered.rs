@@ -24,10 +24,7 @@ pub fn pull(to: &Translation, functions: DenseMatrix, rows: usize) -> Result<Den
     for column in 0..functions.columns() {
         pulled.extend(to.pull(functions.column(column), rows)?);
     }
-    let Some(pulled) = DenseMatrix::from_columns(rows, functions.columns(), pulled) else {
-        panic!("a translation gives {rows} rows to each function")
-    };
-    Ok(pulled)
+    Ok(DenseMatrix::from_columns(rows, functions.columns(), pulled))
 }
 
 /// Vectors on the vertices of the file as vectors on the first `rows` kept ones.
@@ -48,10 +45,7 @@ pub fn push(to: &Translation, functions: DenseMatrix) -> DenseMatrix {
     let columns = functions.columns();
     let pushed: Vec<f64> = (0..columns).flat_map(|column| to.push(functions.column(column), 1)).collect();
     let rows = pushed.len().checked_div(columns).unwrap_or(0);
-    let Some(pushed) = DenseMatrix::from_columns(rows, columns, pushed) else {
-        panic!("a translation gives {rows} rows to each function")
-    };
-    pushed
+    DenseMatrix::from_columns(rows, columns, pushed)
 }
 
 /// Why a table is no function on the vertices of a mesh.

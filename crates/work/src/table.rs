@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn tables_go_row_after_row_and_what_does_not_fit_is_named() {
-        let matrix = DenseMatrix::from_columns(2, 3, vec![1.0, 4.0, 2.0, 5.0, 3.0, 6.0]).unwrap();
+        let matrix = DenseMatrix::from_columns(2, 3, vec![1.0, 4.0, 2.0, 5.0, 3.0, 6.0]);
         let table = Table::from(&matrix);
         assert_eq!(table.values, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
         assert_eq!(table.matrix(2).unwrap(), matrix);

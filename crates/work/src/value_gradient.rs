@@ -83,9 +83,10 @@ pub fn loss_gradient(
     }
     // Where nothing is translated, the rows may be others; that is told below.
     let rows = if to.is_identity() { functions.rows() } else { n };
-    let Some(derivatives) = DenseMatrix::from_columns(rows, columns, derivatives) else {
+    if derivatives.len() != rows * columns {
         return Err(AnalysisError::Count { what: "values of a derivative", found: rows, least: n, most: n }.into());
-    };
+    }
+    let derivatives = DenseMatrix::from_columns(rows, columns, derivatives);
     let problem = problem_of(basis, None)?.assemble(mesh, solid, monitor)?.problem;
     let loss = LossDerivatives { values: weights, functions: &derivatives };
     Ok(translated(&mode_gradient(basis, &problem, of, loss, monitor)?, to))

@@ -376,7 +376,7 @@ mod tests {
             basis.certificate.bounds.remove(5);
             let rows = columns.len() / 24;
             let kept = [&columns[..5 * rows], &columns[6 * rows..]].concat();
-            let kept = chladni_algebra::DenseMatrix::from_columns(rows, 23, kept).unwrap();
+            let kept = chladni_algebra::DenseMatrix::from_columns(rows, 23, kept);
             basis.functions = Functions::Dense(DenseFunctions::from_columns(&kept, Precision::F64));
             let outcome = judge(&basis, &mesh, None, &problem, &Unwatched).unwrap();
             assert_eq!(outcome.verdict(), "refuted", "{shape}: {:?}", outcome.findings);

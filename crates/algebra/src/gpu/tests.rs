@@ -50,7 +50,7 @@ fn accelerator_of(device: Device) -> Accelerator {
 fn pencil(values: &[f64], seed: u64) -> (DenseMatrix, DenseMatrix) {
     let d = values.len();
     let mut numbers = Numbers(seed);
-    let mut columns = DenseMatrix::from_columns(d, d, numbers.take(d * d)).unwrap();
+    let mut columns = DenseMatrix::from_columns(d, d, numbers.take(d * d));
     // Gram and Schmidt, twice.
     for j in 0..d {
         for _ in 0..2 {
@@ -72,7 +72,7 @@ fn pencil(values: &[f64], seed: u64) -> (DenseMatrix, DenseMatrix) {
         }
     }
     // A = L Q Λ Qᵀ Lᵀ and B = L Lᵀ.
-    let turned = lower.times(&columns).unwrap();
+    let turned = lower.times(&columns);
     let mut scaled = turned.clone();
     (0..d).for_each(|k| scaled.column_mut(k).iter_mut().for_each(|x| *x *= values[k]));
     let transposed = |matrix: &DenseMatrix| {
@@ -82,7 +82,7 @@ fn pencil(values: &[f64], seed: u64) -> (DenseMatrix, DenseMatrix) {
         }
         transposed
     };
-    (scaled.times(&transposed(&turned)).unwrap(), lower.times(&transposed(&lower)).unwrap())
+    (scaled.times(&transposed(&turned)), lower.times(&transposed(&lower)))
 }
 
 /// Checks pairs by their definition, each by itself, and all against the solver on the CPU.
@@ -94,7 +94,7 @@ fn check(a: &DenseMatrix, b: &DenseMatrix, pairs: &EigenPairs, count: usize) {
     for (value, expected) in pairs.values.iter().zip(&expected.values) {
         assert!((value - expected).abs() < 1e-11 * scale, "{value} instead of {expected}");
     }
-    let (ax, bx) = (a.times(&pairs.vectors).unwrap(), b.times(&pairs.vectors).unwrap());
+    let (ax, bx) = (a.times(&pairs.vectors), b.times(&pairs.vectors));
     for k in 0..count {
         let bx = bx.column(k);
         let difference: Vec<f64> = ax.column(k).iter().zip(bx).map(|(ax, bx)| ax - pairs.values[k] * bx).collect();
@@ -102,7 +102,7 @@ fn check(a: &DenseMatrix, b: &DenseMatrix, pairs: &EigenPairs, count: usize) {
         let largest = pairs.vectors.column(k).iter().fold(0.0f64, |m, v| if v.abs() > m.abs() { *v } else { m });
         assert!(largest > 0.0);
     }
-    let gram = pairs.vectors.transposed_times(&bx).unwrap();
+    let gram = pairs.vectors.transposed_times(&bx);
     for i in 0..count {
         for j in 0..count {
             assert!((gram.column(j)[i] - f64::from(u8::from(i == j))).abs() < 1e-11);
@@ -417,7 +417,7 @@ fn path(n: usize, q: usize) -> (SparseMatrix, MassMatrix, PanelMatrix) {
     }
     let stiffness = SparseMatrix::from_sorted_parts(n, n, starts, columns, values);
     let mass = MassMatrix::Diagonal((0..n).map(|k| 1.0 + 0.5 * (k as f64).sin()).collect());
-    let x = DenseMatrix::from_columns(n, q, Numbers(n as u64).take(n * q)).unwrap();
+    let x = DenseMatrix::from_columns(n, q, Numbers(n as u64).take(n * q));
     (stiffness, mass, PanelMatrix::from_dense(&x))
 }
 
@@ -438,7 +438,7 @@ fn products_of_rayleigh_and_ritz_agree_with_those_of_the_cpu_also_in_panels() {
         assert!(largest_difference(a.values(), expected.0.values()) < 1e-11);
         assert!(largest_difference(b.values(), expected.1.values()) < 1e-11);
         assert!(resident.is_some());
-        let z = DenseMatrix::from_columns(37, 33, Numbers(5).take(37 * 33)).unwrap();
+        let z = DenseMatrix::from_columns(37, 33, Numbers(5).take(37 * 33));
         let (mut rotated, mut expected) = (x.clone(), x.clone());
         accelerator.rotate(&mut rotated, resident, &z, &Unwatched).unwrap();
         panel_products::rotate(&mut expected, &z, &Unwatched).unwrap();
@@ -453,7 +453,7 @@ fn products_of_rayleigh_and_ritz_agree_with_those_of_the_cpu_also_in_panels() {
         let starts = (0..=n).map(|row| 2 * row).collect();
         let space =
             SparseMatrix::from_sorted_parts(n, d, starts, places, (0..2 * n).map(|k| 0.1 * (k % 7) as f32).collect());
-        let coefficients = DenseMatrix::from_columns(d, 40, Numbers(6).take(d * 40)).unwrap();
+        let coefficients = DenseMatrix::from_columns(d, 40, Numbers(6).take(d * 40));
         let lifted = accelerator.lift(&space, &coefficients, &Unwatched).unwrap();
         let expected = panel_products::prolong(&space, &PanelMatrix::from_dense(&coefficients));
         for (lifted, expected) in lifted.panels().iter().zip(expected.panels()) {
@@ -476,7 +476,7 @@ fn products_come_back_to_the_cpu_when_the_device_fails() {
     // Lost between two products.
     let (_, _, resident) = accelerator.restrict(&stiffness, &mass, &x, &Unwatched).unwrap();
     accelerator.inject(|faults| faults.lose_after(0));
-    let z = DenseMatrix::from_columns(40, 20, Numbers(5).take(40 * 20)).unwrap();
+    let z = DenseMatrix::from_columns(40, 20, Numbers(5).take(40 * 20));
     let (mut rotated, mut expected) = (x.clone(), x.clone());
     accelerator.rotate(&mut rotated, resident, &z, &Unwatched).unwrap();
     panel_products::rotate(&mut expected, &z, &Unwatched).unwrap();

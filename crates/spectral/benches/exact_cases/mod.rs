@@ -96,8 +96,7 @@ impl Truth {
         let mut wrong = None;
         let mut missed = None;
         let columns = self.columns(pairs);
-        let products: Vec<Vec<f64>> =
-            columns.iter().map(|x| self.problem.mass.multiply(x).unwrap_or_default()).collect();
+        let products: Vec<Vec<f64>> = columns.iter().map(|x| self.problem.mass.multiply(x)).collect();
         let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
         let mut defect = 0f64;
         for (i, x) in columns.iter().enumerate() {
@@ -110,7 +109,7 @@ impl Truth {
         }
         for k in 0..m {
             let value = pairs.values[k] * area;
-            let stiff = self.problem.stiffness.multiply(&columns[k]).unwrap_or_default();
+            let stiff = self.problem.stiffness.multiply(&columns[k]);
             let rest: Vec<f64> = stiff.iter().zip(&products[k]).map(|(s, x)| s - value * x).collect();
             let (part, whole) = (dot(&rest, &rest).sqrt(), dot(&stiff, &stiff).sqrt());
             let floor = 100.0 * f64::EPSILON * self.norm * dot(&columns[k], &columns[k]).sqrt();

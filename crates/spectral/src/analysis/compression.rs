@@ -184,7 +184,7 @@ mod tests {
 
     fn functions(n: usize) -> DenseMatrix {
         let wave = |i: usize| (i as f64 * 0.11).sin() + 0.2 * (i as f64 * 0.31).cos() + 5.0;
-        DenseMatrix::from_columns(n, 2, (0..2 * n).map(wave).collect()).unwrap()
+        DenseMatrix::from_columns(n, 2, (0..2 * n).map(wave).collect())
     }
 
     #[test]

@@ -48,6 +48,6 @@ pub fn chain(n: usize, m: usize) -> Basis {
 /// The same functions as columns.
 pub fn dense(basis: &Basis) -> Basis {
     let modes = basis.lift(0..basis.count()).unwrap();
-    let modes = DenseMatrix::from_columns(basis.vertices(), basis.count(), modes).unwrap();
+    let modes = DenseMatrix::from_columns(basis.vertices(), basis.count(), modes);
     Basis { functions: Functions::Dense(DenseFunctions::from_columns(&modes, Precision::F64)), ..basis.clone() }
 }

@@ -322,7 +322,7 @@ mod tests {
             let here = basis.at_vertices(&[17]).unwrap();
             let weights =
                 (0..basis.count()).map(|k| (-basis.eigenvalues[k] * time).exp() * here.column(k)[0]).collect();
-            basis.evaluate_single(&DenseMatrix::from_columns(basis.count(), 1, weights).unwrap()).unwrap()
+            basis.evaluate_single(&DenseMatrix::from_columns(basis.count(), 1, weights)).unwrap()
         };
         let (short, long) = (u(times[0]), u(times[times.len() - 1]));
         let ladders = [vec![&short[..], &long], vec![&short], vec![&long]];

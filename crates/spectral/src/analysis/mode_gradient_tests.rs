@@ -57,7 +57,7 @@ fn heat(values: &[f64], functions: &DenseMatrix) -> (f64, Vec<f64>, DenseMatrix)
 
 fn first(basis: &Basis, count: usize) -> (Vec<f64>, DenseMatrix) {
     let columns = basis.lift::<f64>(0..count).unwrap();
-    (basis.eigenvalues[..count].to_vec(), DenseMatrix::from_columns(basis.vertices(), count, columns).unwrap())
+    (basis.eigenvalues[..count].to_vec(), DenseMatrix::from_columns(basis.vertices(), count, columns))
 }
 
 /// Compares the gradient of a loss of the first `count` pairs, of `of_all` that are computed, with differences along random motions.

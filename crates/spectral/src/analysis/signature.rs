@@ -111,8 +111,7 @@ impl Signature {
             for (column, factor) in values.chunks_mut(basis.vertices().max(1)).zip(factors) {
                 column.iter_mut().for_each(|value| *value *= factor);
             }
-            let values = DenseMatrix::from_columns(basis.vertices(), *count, values);
-            return values.ok_or(AnalysisError::Basis(crate::basis::BasisError::Inconsistent));
+            return Ok(DenseMatrix::from_columns(basis.vertices(), *count, values));
         }
         let weights = self.weights(&basis.eigenvalues)?.ok_or(AnalysisError::OnlyKernel)?;
         Ok(basis.weighted_squares(&weights)?)
@@ -134,7 +133,7 @@ impl Signature {
         }
         let weights = self.weights(&basis.eigenvalues)?.ok_or(AnalysisError::OnlyKernel)?;
         values.values_mut().iter_mut().for_each(|value| *value *= *value);
-        values.times(&weights).ok_or(AnalysisError::Basis(crate::basis::BasisError::Inconsistent))
+        Ok(values.times(&weights))
     }
 
     /// How far the signature of every vertex is from that of one: heat kernels by `(∫ (k_t(x)/tr − k_t(y)/tr)² d ln t)^½`, as the mean over

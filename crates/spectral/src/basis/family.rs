@@ -45,33 +45,31 @@ impl FamilyBasis {
         matrix
     }
 
-    /// `W c` for coefficients `c`, `d × m`: `n × m`. In f64, in parallel. `None` where sizes do not fit.
-    pub fn lift(&self, coefficients: &DenseMatrix) -> Option<DenseMatrix> {
+    /// `W c` for coefficients `c`, `d × m`: `n × m`. In f64, in parallel.
+    ///
+    /// # Panics
+    /// Unless there are `d` coefficients for each of the `m`.
+    pub fn lift(&self, coefficients: &DenseMatrix) -> DenseMatrix {
         let (n, d, m) = (self.vertices(), self.dimension(), coefficients.columns());
-        if coefficients.rows() != d || self.functions.len() != n * d {
-            return None;
-        }
+        assert_eq!(
+            [coefficients.rows(), self.functions.len()],
+            [d, n * d],
+            "coefficients of a mode, numbers of the space"
+        );
         let mut lifted = DenseMatrix::zeros(n, m);
         let tasks = row_parts(lifted.values_mut(), n, ROWS_PER_TASK);
-        let done: Option<()> = tasks
-            .into_par_iter()
-            .enumerate()
-            .map(|(task, mut columns)| {
-                let (from, rows) = (task * ROWS_PER_TASK, columns.first().map_or(0, |column| column.len()));
-                let mut block = DenseMatrix::zeros(rows, d);
-                for (to, function) in
-                    block.values_mut().chunks_exact_mut(rows.max(1)).zip(self.functions.chunks_exact(n))
-                {
-                    to.iter_mut().zip(&function[from..]).for_each(|(to, &value)| *to = f64::from(value));
-                }
-                let product = block.times(coefficients)?;
-                for (mode, out) in columns.iter_mut().enumerate() {
-                    out.copy_from_slice(product.column(mode));
-                }
-                Some(())
-            })
-            .collect();
-        done.map(|()| lifted)
+        tasks.into_par_iter().enumerate().for_each(|(task, mut columns)| {
+            let (from, rows) = (task * ROWS_PER_TASK, columns.first().map_or(0, |column| column.len()));
+            let mut block = DenseMatrix::zeros(rows, d);
+            for (to, function) in block.values_mut().chunks_exact_mut(rows.max(1)).zip(self.functions.chunks_exact(n)) {
+                to.iter_mut().zip(&function[from..]).for_each(|(to, &value)| *to = f64::from(value));
+            }
+            let product = block.times(coefficients);
+            for (mode, out) in columns.iter_mut().enumerate() {
+                out.copy_from_slice(product.column(mode));
+            }
+        });
+        lifted
     }
 
     /// About the bytes that the family takes as stored.

@@ -242,13 +242,13 @@ impl FieldSpace {
         });
     }
 
-    /// `Uᵀ y` for `block` numbers per face, in double precision. `None` unless `y` fits. Sums are formed in pieces that do not depend on the number of
-    /// threads.
-    pub fn transposed_times(&self, y: &[f64]) -> Option<Vec<f64>> {
+    /// `Uᵀ y` for `block` numbers per face, in double precision. Sums are formed in pieces that do not depend on the number of threads.
+    ///
+    /// # Panics
+    /// Unless `y` has `block` numbers for each face.
+    pub fn transposed_times(&self, y: &[f64]) -> Vec<f64> {
         let b = self.block;
-        if y.len() != b * self.faces() {
-            return None;
-        }
+        assert_eq!(y.len(), b * self.faces(), "numbers of a field of {b} for each of {} faces", self.faces());
         let pieces = 16;
         let length = self.faces().div_ceil(pieces).max(1);
         let sums: Vec<Vec<f64>> = (0..self.faces().div_ceil(length))
@@ -270,7 +270,7 @@ impl FieldSpace {
         for sum in sums {
             total.iter_mut().zip(sum).for_each(|(t, s)| *t += s);
         }
-        Some(total)
+        total
     }
 
     /// The local columns as a matrix of single numbers, `block · F × block · groups`, without stored zeros.

@@ -179,7 +179,7 @@ pub(crate) mod tests {
         Basis {
             functions: Functions::Compact(Compact::new(
                 SparseMatrix::new(3, 2, vec![0, 1, 3, 4], vec![0, 0, 1, 1], vec![1.0, 0.25, 0.75, 1.0]).unwrap(),
-                DenseMatrix::from_columns(2, 2, vec![1.0, 1.0, 0.1, -1.0 / 3.0]).unwrap(),
+                DenseMatrix::from_columns(2, 2, vec![1.0, 1.0, 0.1, -1.0 / 3.0]),
             )),
             eigenvalues: vec![0.0, 3.25],
             mass,
@@ -198,7 +198,7 @@ pub(crate) mod tests {
         let basis = small_basis(false);
         let modes: Vec<f64> = basis.lift(0..2).unwrap();
         let further = (0..3 * more).map(|i| (i as f64 * 0.7).sin());
-        let columns = DenseMatrix::from_columns(3, 2 + more, modes.into_iter().chain(further).collect()).unwrap();
+        let columns = DenseMatrix::from_columns(3, 2 + more, modes.into_iter().chain(further).collect());
         let m = 2 + more;
         Basis {
             functions: Functions::Dense(DenseFunctions::from_columns(&columns, precision)),

@@ -283,7 +283,7 @@ mod tests {
     use crate::basis::tests::small_basis;
 
     fn small_family() -> FamilyBasis {
-        let square = |seed: f64| chladni_algebra::DenseMatrix::from_columns(2, 2, vec![seed, 0.5, 0.5, 1.0]).unwrap();
+        let square = |seed: f64| chladni_algebra::DenseMatrix::from_columns(2, 2, vec![seed, 0.5, 0.5, 1.0]);
         let basis = small_basis(false);
         FamilyBasis {
             functions: (0..6).map(|k| k as f32).collect(),
@@ -298,7 +298,7 @@ mod tests {
     fn small_modes(compact: bool) -> ModalBasis {
         let numbers = |rows: usize, columns: usize| {
             let values = (0..rows * columns).map(|k| (k as f64).sin()).collect();
-            chladni_algebra::DenseMatrix::from_columns(rows, columns, values).unwrap()
+            chladni_algebra::DenseMatrix::from_columns(rows, columns, values)
         };
         let functions = if compact {
             let space = small_basis(false).compact().unwrap().space.clone();

@@ -54,7 +54,6 @@ impl Basis {
         match &self.functions {
             Functions::Compact(Compact { space, coefficients, .. }) if vertices.len() >= MANY_ROWS => {
                 let lifter = RowLifter::new(space, &coefficients.slice_columns(0..modes));
-                let lifter = lifter.ok_or(BasisError::Inconsistent)?;
                 let groups = values.values_mut().par_chunks_mut(vertices.len() * LIFT_WIDTH);
                 groups.enumerate().for_each(|(group, columns)| {
                     let mut panel = vec![[0.0; LIFT_WIDTH]; vertices.len()];
@@ -95,8 +94,8 @@ impl Basis {
         match &self.functions {
             Functions::Compact(compact) => {
                 let ones = MassMatrix::Diagonal(vec![1.0; x.rows()]);
-                let reduced = space_transposed_mass_times(&compact.space, &ones, x).ok_or(BasisError::Inconsistent)?;
-                compact.coefficients.transposed_times(&reduced).ok_or(BasisError::Inconsistent)
+                let reduced = space_transposed_mass_times(&compact.space, &ones, x);
+                Ok(compact.coefficients.transposed_times(&reduced))
             }
             Functions::Dense(dense) => dense.inner_products(x, self.count()),
         }
@@ -412,7 +411,7 @@ fn padded_rows(matrix: &DenseMatrix) -> Vec<[f64; LANES]> {
 /// The same by lifting the modes, some rows and 32 of them at a time.
 fn lifted_squares(compact: &Compact, weights: &DenseMatrix) -> Result<DenseMatrix, BasisError> {
     let (n, m, t) = (compact.space.rows(), compact.coefficients.columns(), weights.columns());
-    let lifter = RowLifter::new(&compact.space, &compact.coefficients).ok_or(BasisError::Inconsistent)?;
+    let lifter = RowLifter::new(&compact.space, &compact.coefficients);
     let mut rows = vec![0.0; n * t];
     rows.par_chunks_mut((ROWS_PER_TASK * t).max(1)).enumerate().for_each(|(task, out)| {
         let from = task * ROWS_PER_TASK;
@@ -457,7 +456,7 @@ mod tests {
         Basis {
             functions: Functions::Compact(Compact::new(
                 SparseMatrix::new(n, d, offsets, indices, values).unwrap(),
-                DenseMatrix::from_columns(d, m, coefficients).unwrap(),
+                DenseMatrix::from_columns(d, m, coefficients),
             )),
             eigenvalues: (0..m).map(|k| k as f64).collect(),
             mass: MassMatrix::Diagonal(vec![1.0; n]),
@@ -476,12 +475,12 @@ mod tests {
         let (n, m) = (ROWS_PER_TASK + 77, 37);
         let basis = compact(n, 40, m);
         let modes: Vec<f64> = basis.lift(0..m).unwrap();
-        let modes = DenseMatrix::from_columns(n, m, modes).unwrap();
+        let modes = DenseMatrix::from_columns(n, m, modes);
         let dense = DenseFunctions::from_columns(&modes, Precision::F64);
         let dense = Basis { functions: Functions::Dense(dense), ..basis.clone() };
         for t in [0, 1, 2, 3, 7, 8, 11] {
             let weights: Vec<f64> = (0..m * t).map(|i| if i % m > 20 { 0.0 } else { (i as f64 * 0.7).cos() }).collect();
-            let weights = DenseMatrix::from_columns(m, t, weights).unwrap();
+            let weights = DenseMatrix::from_columns(m, t, weights);
             let mut expected = DenseMatrix::zeros(n, t);
             for column in 0..t {
                 for mode in 0..m {
@@ -527,7 +526,7 @@ mod tests {
     fn inner_products_take_no_mass() {
         for basis in [compact(500, 20, 33), dense_basis(Precision::F64, 70)] {
             let n = basis.vertices();
-            let x = DenseMatrix::from_columns(n, 2, (0..2 * n).map(|i| (i as f64).cos()).collect()).unwrap();
+            let x = DenseMatrix::from_columns(n, 2, (0..2 * n).map(|i| (i as f64).cos()).collect());
             let found = basis.inner_products(&x).unwrap();
             let modes: Vec<f64> = basis.lift(0..basis.count()).unwrap();
             for (mode, values) in modes.chunks(n).enumerate() {

@@ -64,7 +64,7 @@ fn laplacians<const B: usize>(
     for field in examples {
         monitor.checkpoint()?;
         let size = operator.norm_squared(field);
-        let image = operator.stiffness.multiply(field).unwrap_or_default();
+        let image = operator.stiffness.multiply(field);
         for ((square, own), mass) in squares.iter_mut().zip(image.chunks_exact(B)).zip(&operator.mass) {
             *square += own.iter().map(|v| (v / mass).powi(2)).sum::<f64>() / size.max(f64::MIN_POSITIVE);
         }

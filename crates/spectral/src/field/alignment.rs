@@ -75,7 +75,7 @@ impl DesignModel {
         let weight = |face: usize| areas[face] * weights.map_or(1.0, |w| w[face]);
         let weighted: Vec<f64> = target.iter().enumerate().map(|(i, v)| weight(i / b) * v).collect();
         let constant = weighted.iter().zip(target).map(|(a, b)| a * b).sum();
-        let reduced = basis.space.transposed_times(&weighted).unwrap_or_default();
+        let reduced = basis.space.transposed_times(&weighted);
         let masses = weights.map(|_| Arc::new((0..faces).map(weight).collect::<Vec<f64>>()));
         let gram = match &masses {
             Some(masses) => Some(restricted(&basis.space, masses, &Unwatched).map_err(|error| match error {

@@ -313,7 +313,7 @@ fn bordered<const B: usize>(
     stiffness: SparseMatrix,
     mass: SparseMatrix,
 ) -> (SparseMatrix, SparseMatrix) {
-    let stiffness = border(space, fields, stiffness, |field| operator.stiffness.multiply(field).unwrap_or_default());
+    let stiffness = border(space, fields, stiffness, |field| operator.stiffness.multiply(field));
     let mass = border(space, fields, mass, |field| times_masses(field, &operator.mass, B));
     (stiffness, mass)
 }
@@ -338,7 +338,7 @@ fn border(
         .iter()
         .map(|field| {
             let image = image(field);
-            let mut column = space.transposed_times(&image).unwrap_or_default();
+            let mut column = space.transposed_times(&image);
             column.resize(d, 0.0);
             column.extend(wide.iter().map(|other| other.iter().zip(&image).map(|(a, b)| a * b).sum::<f64>()));
             column
@@ -396,14 +396,14 @@ fn biharmonic<const B: usize>(
         let scale = 1.0 / operator.mass[face];
         entries.extend(columns.iter().zip(blocks).map(|(&c, block)| (c, block.map(|row| row.map(|x| scale * x)))));
     });
-    let square = operator.stiffness.try_times(&scaled, || monitor.checkpoint()).ok_or(Cancelled)??.to_sparse();
+    let square = operator.stiffness.try_times(&scaled, || monitor.checkpoint())?.to_sparse();
     monitor.checkpoint()?;
     let nothing = MassMatrix::Diagonal(vec![0.0; square.rows()]);
     let (local, _) = galerkin(&basis.space.to_sparse(), &square, &nothing, monitor)?;
     Ok(border(&basis.space, basis.space.dense(), local, |field| {
-        let image = operator.stiffness.multiply(field).unwrap_or_default();
+        let image = operator.stiffness.multiply(field);
         let inverse: Vec<f64> = operator.mass.iter().map(|m| 1.0 / m).collect();
-        operator.stiffness.multiply(&times_masses(&image, &inverse, B)).unwrap_or_default()
+        operator.stiffness.multiply(&times_masses(&image, &inverse, B))
     }))
 }
 

@@ -138,14 +138,14 @@ fn without_gradients(
 fn orthonormal(surface: &FieldSurface, fields: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let (rows, columns) = (2 * surface.faces(), fields.len());
     let areas = surface.frames().areas();
-    let Some(mut matrix) = DenseMatrix::from_columns(rows, columns, fields.concat()) else { return Vec::new() };
+    let mut matrix = DenseMatrix::from_columns(rows, columns, fields.concat());
     // Twice: loops that lie close together are nearly dependent.
     for _ in 0..2 {
         let mut weighted = matrix.clone();
         for c in 0..columns {
             weighted.column_mut(c).iter_mut().enumerate().for_each(|(i, x)| *x *= areas[i / 2]);
         }
-        let Some(gram) = matrix.transposed_times(&weighted) else { return Vec::new() };
+        let gram = matrix.transposed_times(&weighted);
         if orthonormalise(&mut matrix, gram).is_err() {
             return Vec::new();
         }

@@ -53,7 +53,7 @@ mod tests {
         let space = space::<B>();
         assert_eq!((space.dimension(), space.faces(), space.entries(), space.uncovered()), (2 * B + 1, 4, 5, None));
         let x: Vec<f64> = (0..space.dimension()).map(|i| (i as f64 * 0.7).cos()).collect();
-        let local = space.to_sparse().multiply(&x[..2 * B]).unwrap();
+        let local = space.to_sparse().multiply(&x[..2 * B]);
         let expected: Vec<f64> =
             local.iter().zip(&space.dense()[0]).map(|(a, &u)| a + f64::from(u) * x[2 * B]).collect();
         let single: Vec<f32> = x.iter().map(|&v| v as f32).collect();
@@ -64,11 +64,11 @@ mod tests {
         assert!(some.iter().zip(&picked).all(|(a, b)| (a - b).abs() < 1e-6));
         assert!(space.lift_faces(&single, &[4]).is_none() && space.lift_faces(&single[1..], &[0]).is_none());
         let y: Vec<f64> = (0..4 * B).map(|i| (i as f64).sin()).collect();
-        let back = space.transposed_times(&y).unwrap();
+        let back = space.transposed_times(&y);
         let (left, right): (f64, f64) =
             (back.iter().zip(&x).map(|(a, b)| a * b).sum(), y.iter().zip(&expected).map(|(a, b)| a * b).sum());
         assert!((left - right).abs() < 1e-12);
-        assert!(space.lift(&single[1..]).is_none() && space.transposed_times(&y[1..]).is_none());
+        assert!(space.lift(&single[1..]).is_none());
         let again = FieldSpace::from_parts(
             B,
             2,

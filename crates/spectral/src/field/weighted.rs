@@ -264,8 +264,7 @@ impl WeightedModel {
         }
         let residuals = residuals(kept, constraints, basis.space.block(), |at, i| reached[at][i]);
         let image = basis.mass.multiply(&field);
-        let misfit = || DesignError::Length { what: "a field", got: field.len(), wanted: model.dimension() };
-        let found = Pull { force: Vec::new(), field: model.project(&image.ok_or_else(misfit)?) };
+        let found = Pull { force: Vec::new(), field: model.project(&image) };
         let coefficients = field.iter().map(|&x| x as f32).collect();
         self.finish(found, None, residuals, Some(coefficients)).map(Some)
     }
@@ -431,8 +430,7 @@ impl WeightedModel {
         let conditions = conditions(&kept, constraints);
         let rows = self.rows(basis, &conditions);
         let solved = self.moved_by(&rows, self.free(&conditions));
-        let misfit = || DesignError::Length { what: "constraints", got: rows.columns(), wanted: rows.rows() };
-        let moved = rows.transposed_times(&solved).ok_or_else(misfit)?;
+        let moved = rows.transposed_times(&solved);
         Ok(Compliance::new(&conditions, moved, b))
     }
 
@@ -455,14 +453,10 @@ impl WeightedModel {
             Inverse::Sparse(inverse) => {
                 let misfit = || DesignError::Length { what: "a field", got: own.len(), wanted: model.dimension() };
                 let pencil = self.pencil.as_ref().ok_or_else(misfit)?;
-                let image = pencil.stiffness.multiply(own).ok_or_else(misfit)?;
-                let ritz = if model.has_ritz() {
-                    model.project(&pencil.mass.multiply(own).ok_or_else(misfit)?)
-                } else {
-                    Vec::new()
-                };
+                let image = pencil.stiffness.multiply(own);
+                let ritz = if model.has_ritz() { model.project(&pencil.mass.multiply(own)) } else { Vec::new() };
                 let biharmonic = match &pencil.full_biharmonic {
-                    Some(full) => product(&full.multiply(own).ok_or_else(misfit)?, own),
+                    Some(full) => product(&full.multiply(own), own),
                     None => inverse.laplacian(&found.force, &image).map_or(0.0, |y| product(&y, &image)),
                 };
                 (own.iter().map(|&v| v as f32).collect(), ritz, product(&image, own), biharmonic)
@@ -488,7 +482,7 @@ impl WeightedModel {
             None if ritz => product(own, own),
             gram => {
                 let mass = gram.or(self.pencil.as_ref().map(|pencil| &pencil.mass));
-                mass.and_then(|mass| mass.multiply(own)).map_or(0.0, |image| product(&image, own))
+                mass.map_or(0.0, |mass| product(&mass.multiply(own), own))
             }
         };
         let mut sum = None;

@@ -165,10 +165,11 @@ impl FaceFrames {
 
     /// The same frames, each turned by its own angle, given as unit numbers: what was `v` in the old frame is `v / turn` in the new
     /// one. Nothing that matters may depend on the choice of frames.
-    pub fn turned(&self, turns: &[Planar]) -> Option<Self> {
-        if turns.len() != self.faces() {
-            return None;
-        }
+    ///
+    /// # Panics
+    /// Unless there is a turn for each face.
+    pub fn turned(&self, turns: &[Planar]) -> Self {
+        assert_eq!(turns.len(), self.faces(), "turns, faces");
         let mut turned = self.clone();
         for (face, &turn) in turns.iter().enumerate() {
             let turn = normalise(turn);
@@ -176,7 +177,7 @@ impl FaceFrames {
             turned.y[face] = self.to_world(face, [-turn[1], turn[0]]);
             turned.edges[face] = self.edges[face].map(|e| multiply(e, conjugate(turn)));
         }
-        Some(turned)
+        turned
     }
 }
 

@@ -96,11 +96,12 @@ pub fn edge_masses(dual: &DualGraph, frames: &FaceFrames) -> Vec<f64> {
     dual.edge_faces().iter().map(|&[a, b]| (area(a) + area(b)) / 3.0).collect()
 }
 
-/// `div X = −M_V⁻¹ Gᵀ M_F X`: for each vertex the divergence of a field of two numbers per face. `None` unless the field fits.
-pub fn divergence(mesh: &TriangleMesh, frames: &FaceFrames, field: &[f64]) -> Option<Vec<f64>> {
-    if field.len() != 2 * frames.faces() || mesh.faces.len() != frames.faces() {
-        return None;
-    }
+/// `div X = −M_V⁻¹ Gᵀ M_F X`: for each vertex the divergence of a field of two numbers per face.
+///
+/// # Panics
+/// Where the field, the frames and the mesh do not have as many faces.
+pub fn divergence(mesh: &TriangleMesh, frames: &FaceFrames, field: &[f64]) -> Vec<f64> {
+    assert_eq!([field.len(), 2 * mesh.faces.len()], [2 * frames.faces(); 2], "numbers of the field, twice the faces");
     let masses = vertex_masses(mesh, frames);
     let mut flow = vec![0.0; masses.len()];
     for (face, x) in field.chunks_exact(2).enumerate() {
@@ -109,14 +110,15 @@ pub fn divergence(mesh: &TriangleMesh, frames: &FaceFrames, field: &[f64]) -> Op
         }
     }
     flow.iter_mut().zip(&masses).for_each(|(f, &m)| *f = if m > 0.0 { *f / m } else { 0.0 });
-    Some(flow)
+    flow
 }
 
-/// `curl* X = M_E⁻¹ G*ᵀ M_F J X`: for each edge the non-conforming curl, the jump of the tangential part. `None` unless the field fits.
-pub fn curl(dual: &DualGraph, frames: &FaceFrames, field: &[f64]) -> Option<Vec<f64>> {
-    if field.len() != 2 * frames.faces() || dual.faces() != frames.faces() {
-        return None;
-    }
+/// `curl* X = M_E⁻¹ G*ᵀ M_F J X`: for each edge the non-conforming curl, the jump of the tangential part.
+///
+/// # Panics
+/// Where the field, the frames and the dual graph do not have as many faces.
+pub fn curl(dual: &DualGraph, frames: &FaceFrames, field: &[f64]) -> Vec<f64> {
+    assert_eq!([field.len(), 2 * dual.faces()], [2 * frames.faces(); 2], "numbers of the field, twice the faces");
     let masses = edge_masses(dual, frames);
     let mut curl = vec![0.0; masses.len()];
     for (face, x) in field.chunks_exact(2).enumerate() {
@@ -125,7 +127,7 @@ pub fn curl(dual: &DualGraph, frames: &FaceFrames, field: &[f64]) -> Option<Vec<
         }
     }
     curl.iter_mut().zip(&masses).for_each(|(c, &m)| *c /= m);
-    Some(curl)
+    curl
 }
 
 /// The eigenproblem of hat functions whose eigenfunctions have the gradients of the Hodge spectrum: cotangents and lumped masses, on unit area, a row

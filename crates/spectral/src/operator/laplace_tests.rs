@@ -37,7 +37,7 @@ fn entry(matrix: &SparseMatrix, row: usize, column: usize) -> f64 {
 }
 
 fn mass_row_sums(mass: &MassMatrix) -> Vec<f64> {
-    mass.multiply(&vec![1.0; mass.size()]).unwrap()
+    mass.multiply(&vec![1.0; mass.size()])
 }
 
 const KINDS: [MassKind; 3] = [MassKind::Consistent, MassKind::Barycentric, MassKind::Voronoi];

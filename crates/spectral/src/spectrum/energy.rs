@@ -124,9 +124,7 @@ impl<'a> Energy<'a> {
         );
         // In the order of the patches: rows all over the memory take three times as long to lift.
         let space = self.in_order(space);
-        let Some(lifter) = RowLifter::new(&space, coefficients) else {
-            panic!("{} coefficients for {} columns", coefficients.rows(), space.columns())
-        };
+        let lifter = RowLifter::new(&space, coefficients);
         let limits = KernelAndGoal { kernel, goal };
         let panels = ritz.len().div_ceil(LIFT_WIDTH);
         let done = AtomicUsize::new(0);

@@ -90,11 +90,11 @@ pub(super) fn hidden(
             .enumerate()
             .for_each(|(row, &place)| to[place as usize] = panel[row * PANEL_WIDTH + column]);
     }
-    let Some(mut projection) = space_transposed_mass_times(space, &problem.mass, &functions) else { return nowhere };
+    let mut projection = space_transposed_mass_times(space, &problem.mass, &functions);
     if solve_definite(reduced.to_dense(), &mut projection).is_err() {
         return nowhere;
     }
-    let Some(held) = space_times(space, &projection) else { return nowhere };
+    let held = space_times(space, &projection);
     functions.values_mut().iter_mut().zip(held.values()).for_each(|(x, held)| *x -= held);
     let density = (0..n)
         .map(|row| {

@@ -188,9 +188,8 @@ fn co_gradients_row(rows: &Option<Vec<u32>>, edge: u32) -> u32 {
 
 /// `‖S x − θ M x‖ / ‖S x‖` of the field of a function: with `S = M_F G M⁻¹ Gᵀ M_F` on gradients both are norms of `M_F G` times functions.
 fn residual(problem: &EigenProblem, u: &[f64], value: f64, norm: impl Fn(&[f64]) -> f64) -> f64 {
-    let (Some(image), MassMatrix::Diagonal(masses)) = (problem.stiffness.multiply(u), &problem.mass) else {
-        return f64::INFINITY;
-    };
+    let MassMatrix::Diagonal(masses) = &problem.mass else { return f64::INFINITY };
+    let image = problem.stiffness.multiply(u);
     let applied: Vec<f64> = image.iter().zip(masses).map(|(s, m)| s / m).collect();
     let rest: Vec<f64> = applied.iter().zip(u).map(|(a, u)| a - value * u).collect();
     (norm(&rest) / norm(&applied).max(f64::MIN_POSITIVE)).sqrt()
@@ -261,13 +260,13 @@ fn merged(
 pub fn defect(frames: &FaceFrames, fields: &PanelMatrix) -> f64 {
     let (rows, columns) = (fields.rows(), fields.columns());
     let values: Vec<f64> = (0..columns).flat_map(|c| fields.column(c)).collect();
-    let Some(x) = DenseMatrix::from_columns(rows, columns, values) else { return f64::INFINITY };
+    let x = DenseMatrix::from_columns(rows, columns, values);
     let mut weighted = x.clone();
     for c in 0..columns {
         let masses = frames.areas().iter().flat_map(|a| [a * frames.area(); 2]);
         weighted.column_mut(c).iter_mut().zip(masses).for_each(|(x, m)| *x *= m);
     }
-    let Some(gram) = x.transposed_times(&weighted) else { return f64::INFINITY };
+    let gram = x.transposed_times(&weighted);
     let deviation = |j: usize, i: usize| (gram.column(j)[i] - f64::from(u8::from(i == j))).abs();
     (0..columns).flat_map(|j| (0..columns).map(move |i| deviation(j, i))).fold(0.0, f64::max)
 }

@@ -348,11 +348,8 @@ impl Deviation {
             })
             .collect();
         monitor.checkpoint()?;
-        let gram =
-            |matrix: &SparseMatrix| matrix.multiply_dense(vectors).and_then(|image| vectors.transposed_times(&image));
-        let (Some(mut mass), Some(mut energy)) = (gram(mass), gram(stiffness)) else {
-            panic!("restricted matrices of {} and {} rows for vectors of {d}", mass.rows(), stiffness.rows())
-        };
+        let gram = |matrix: &SparseMatrix| vectors.transposed_times(&matrix.multiply_dense(vectors));
+        let (mut mass, mut energy) = (gram(mass), gram(stiffness));
         for j in 0..m {
             for i in 0..m {
                 let of_mass = mass.column(j)[i];

@@ -39,7 +39,6 @@ pub(super) fn project(
     monitor: &dyn Monitor,
 ) -> Result<Projected, JobError> {
     let numerical = |reason: String| JobError::from(HsimError::Numerical(reason));
-    let misfit = || numerical("the space and the eigenfunctions do not fit each other".to_owned());
     let (n, d, m) = (space.rows(), space.columns(), vectors.columns());
     // Only the mass is wanted; a stiffness without entries costs nothing.
     let nothing = SparseMatrix::from_sorted_parts(n, n, vec![0; n + 1], Vec::new(), Vec::new());
@@ -53,7 +52,7 @@ pub(super) fn project(
         monitor.checkpoint()?;
         let columns = panel * PANEL_WIDTH..m.min((panel + 1) * PANEL_WIDTH);
         let x = columns_of(vectors, columns.clone());
-        let part = space_transposed_mass_times(&space, mass, &x).ok_or_else(misfit)?;
+        let part = space_transposed_mass_times(&space, mass, &x);
         for (k, column) in columns.enumerate() {
             coefficients.column_mut(column).copy_from_slice(part.column(k));
         }
@@ -67,24 +66,20 @@ pub(super) fn project(
     }
     solve_definite(matrix, &mut coefficients).map_err(|error| numerical(error.to_string()))?;
     monitor.checkpoint()?;
-    let gram = |c: &DenseMatrix| reduced.multiply_dense(c).and_then(|mc| c.transposed_times(&mc)).ok_or_else(misfit);
-    let products = gram(&coefficients)?;
+    let gram = |c: &DenseMatrix| c.transposed_times(&reduced.multiply_dense(c));
+    let products = gram(&coefficients);
     orthonormalise(&mut coefficients, products).map_err(|error| numerical(error.to_string()))?;
-    let defect = defect_of(&gram(&coefficients)?);
+    let defect = defect_of(&gram(&coefficients));
     let mut errors = Vec::with_capacity(m);
     for panel in 0..panels {
         monitor.checkpoint()?;
         let columns = panel * PANEL_WIDTH..m.min((panel + 1) * PANEL_WIDTH);
         let x = columns_of(vectors, columns.clone());
-        let y = space_times(&space, &coefficients.slice_columns(columns.clone())).ok_or_else(misfit)?;
-        let found: Option<Vec<f64>> = (0..columns.len())
-            .into_par_iter()
-            .map(|k| {
-                let lost: Vec<f64> = x.column(k).iter().zip(y.column(k)).map(|(x, y)| x - y).collect();
-                Some(norm(mass, &lost)? / norm(mass, x.column(k))?.max(f64::MIN_POSITIVE))
-            })
-            .collect();
-        errors.extend(found.ok_or_else(misfit)?);
+        let y = space_times(&space, &coefficients.slice_columns(columns.clone()));
+        errors.par_extend((0..columns.len()).into_par_iter().map(|k| {
+            let lost: Vec<f64> = x.column(k).iter().zip(y.column(k)).map(|(x, y)| x - y).collect();
+            norm(mass, &lost) / norm(mass, x.column(k)).max(f64::MIN_POSITIVE)
+        }));
         monitor.progress(0.6 + 0.4 * (panel + 1) as f64 / panels as f64);
     }
     Ok(Projected { compact: Compact::new(space, coefficients), errors, defect })
@@ -98,9 +93,9 @@ fn columns_of(vectors: &PanelMatrix, range: std::ops::Range<usize>) -> DenseMatr
     columns
 }
 
-pub(super) fn norm(mass: &MassMatrix, x: &[f64]) -> Option<f64> {
-    let mx = mass.multiply(x)?;
-    Some(x.iter().zip(&mx).map(|(x, mx)| x * mx).sum::<f64>().max(0.0).sqrt())
+pub(super) fn norm(mass: &MassMatrix, x: &[f64]) -> f64 {
+    let mx = mass.multiply(x);
+    x.iter().zip(&mx).map(|(x, mx)| x * mx).sum::<f64>().max(0.0).sqrt()
 }
 
 pub(super) fn defect_of(gram: &DenseMatrix) -> f64 {

@@ -159,17 +159,17 @@ pub(in crate::analysis) fn map_of_points(
         let slots = pulled.column_mut(column).iter_mut().zip(matches);
         slots.for_each(|(slot, one)| *slot = values[one.point as usize]);
     }
-    let mut gram = here.transposed_times(&here).ok_or(BasisError::Inconsistent)?;
+    let mut gram = here.transposed_times(&here);
     let mean = (0..k).map(|i| gram.column(i)[i]).sum::<f64>() / k as f64;
     (0..k).for_each(|i| gram.column_mut(i)[i] += 1e-9 * mean);
-    let mut map = here.transposed_times(&pulled).ok_or(BasisError::Inconsistent)?;
+    let mut map = here.transposed_times(&pulled);
     solve_definite(gram, &mut map)?;
     Ok(map)
 }
 
 /// The first columns of `modes` times `turned`, row after row.
 fn images(modes: &DenseMatrix, turned: &DenseMatrix) -> Result<Vec<f32>, AnalysisError> {
-    let product = modes.slice_columns(0..turned.rows()).times(turned).ok_or(BasisError::Inconsistent)?;
+    let product = modes.slice_columns(0..turned.rows()).times(turned);
     Ok(rows(&product, turned.columns()))
 }
 

@@ -15,7 +15,7 @@ use self::matching::{Images, Match, transposed, zoom_out};
 use self::side::Side;
 use super::error::{self, AnalysisError};
 use super::spectrum::{kernel_size, log_spaced};
-use crate::basis::{Basis, BasisError};
+use crate::basis::Basis;
 
 pub use self::transfer::Transfer;
 
@@ -203,7 +203,7 @@ impl Refined {
 fn defects(from: &Side, to: &Side, map: &DenseMatrix) -> Result<(f64, f64), AnalysisError> {
     let k = map.columns();
     let (mut defect, mut wrong, mut whole) = (0.0, 0.0, 0.0);
-    let gram = map.transposed_times(map).ok_or(BasisError::Inconsistent)?;
+    let gram = map.transposed_times(map);
     for column in 0..k {
         for row in 0..k {
             let one = if row == column { 1.0 } else { 0.0 };
@@ -238,8 +238,8 @@ fn first_map(
 ) -> Result<DenseMatrix, AnalysisError> {
     let k = request.start;
     let (at, bt) = (transposed(a), transposed(b));
-    let gram = at.transposed_times(&at).ok_or(BasisError::Inconsistent)?;
-    let sides = at.transposed_times(&bt).ok_or(BasisError::Inconsistent)?;
+    let gram = at.transposed_times(&at);
+    let sides = at.transposed_times(&bt);
     let mean = (0..k).map(|i| gram.column(i)[i]).sum::<f64>() / k as f64;
     let largest = from.eigenvalues[k - 1].max(to.eigenvalues[k - 1]).max(f64::MIN_POSITIVE);
     let mut map = DenseMatrix::zeros(k, k);
@@ -257,7 +257,7 @@ fn first_map(
 }
 
 fn residual(map: &DenseMatrix, a: &DenseMatrix, b: &DenseMatrix) -> Result<f64, AnalysisError> {
-    let image = map.times(a).ok_or(BasisError::Inconsistent)?;
+    let image = map.times(a);
     let square = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>();
     let lost = square(&mut image.values().iter().zip(b.values()).map(|(x, y)| x - y));
     let whole = square(&mut b.values().iter().copied());

@@ -62,7 +62,7 @@ fn a_refined_chain_is_mapped_to_a_coarse_one() {
 #[test]
 fn known_functions_serve_as_landmarks_do() {
     let basis = chain(100, 30);
-    let x = DenseMatrix::from_columns(100, 2, (0..200).map(|i| (i as f64 * 0.037).sin()).collect()).unwrap();
+    let x = DenseMatrix::from_columns(100, 2, (0..200).map(|i| (i as f64 * 0.037).sin()).collect());
     let known = basis.project(&x).unwrap();
     let request =
         MapRequest { landmarks: vec![], descriptors: Some((known.clone(), known)), signatures: true, ..request() };
@@ -138,7 +138,7 @@ fn uneven(n: usize, m: usize, strength: f64) -> Basis {
     (0..n).for_each(|i| mass.column_mut(i)[i] = 1.0);
     let pairs = CpuSolver.lowest(stiffness, mass, m, &Unwatched).unwrap();
     let mut basis = chain(n, m);
-    let columns = DenseMatrix::from_columns(n, m, pairs.vectors.values()[..n * m].to_vec()).unwrap();
+    let columns = DenseMatrix::from_columns(n, m, pairs.vectors.values()[..n * m].to_vec());
     basis.functions = Functions::Dense(DenseFunctions::from_columns(&columns, Precision::F64));
     basis.eigenvalues = pairs.values[..m].iter().map(|value| value.max(0.0)).collect();
     basis
@@ -209,7 +209,7 @@ fn units_of_either_surface_do_not_matter_to_the_map_and_functions_keep_their_val
     if let Functions::Compact(compact) = &mut large.functions {
         compact.coefficients.values_mut().iter_mut().for_each(|value| *value /= s);
     }
-    let x = DenseMatrix::from_columns(100, 2, (0..200).map(|i| (i as f64 * 0.037).sin()).collect()).unwrap();
+    let x = DenseMatrix::from_columns(100, 2, (0..200).map(|i| (i as f64 * 0.037).sin()).collect());
     for (source, target) in [(&small, &large), (&large, &small)] {
         let descriptors = Some((source.project(&x).unwrap(), target.project(&x).unwrap()));
         let request = MapRequest { landmarks: vec![], descriptors, signatures: true, ..request() };

@@ -42,7 +42,7 @@ pub(super) fn map(from: &Known<'_>, to: &Known<'_>, oriented: bool) -> Result<De
     let trace = (0..k * k).map(|i| system.column(i)[i]).sum::<f64>() / (k * k) as f64;
     (0..k * k).for_each(|i| system.column_mut(i)[i] += 1e-9 * trace.max(f64::MIN_POSITIVE));
     solve_definite(system, &mut rhs)?;
-    DenseMatrix::from_columns(k, k, rhs.into_values()).ok_or(crate::basis::BasisError::Inconsistent.into())
+    Ok(DenseMatrix::from_columns(k, k, rhs.into_values()))
 }
 
 /// `|1/(√μ − i) − 1/(√λ − i)|²` with both spectra over their largest value, entry after entry of `C`.

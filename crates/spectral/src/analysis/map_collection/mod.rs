@@ -24,7 +24,7 @@ use super::error::{self, AnalysisError};
 use super::functional_map::matching::{Embedded, Match, map_of_points, zoom_out};
 use super::functional_map::side::Side;
 use super::functional_map::{MOST_PAIRS, MOST_SAMPLES, PointMap};
-use crate::basis::{Basis, BasisError};
+use crate::basis::Basis;
 
 pub use self::cycles::CycleErrors;
 
@@ -239,12 +239,12 @@ impl<'a> Known<'a> {
 
 /// The product of matrices whose sizes are known to fit.
 fn product(a: &DenseMatrix, b: &DenseMatrix) -> Result<DenseMatrix, AnalysisError> {
-    a.times(b).ok_or(AnalysisError::Basis(BasisError::Inconsistent))
+    Ok(a.times(b))
 }
 
 /// As [`product`], of the transpose of the first.
 fn transposed_product(a: &DenseMatrix, b: &DenseMatrix) -> Result<DenseMatrix, AnalysisError> {
-    a.transposed_times(b).ok_or(AnalysisError::Basis(BasisError::Inconsistent))
+    Ok(a.transposed_times(b))
 }
 
 #[cfg(test)]

@@ -78,7 +78,7 @@ fn a_symmetric_shape_is_mapped_with_its_sides_whatever_the_order_of_its_vertices
         assert_eq!((map.matrix.rows(), map.to_source.points.len()), (50, first.positions.len()));
         assert!(error(map, &first, |vertex| back[vertex]) < 0.02, "{}", error(map, &first, |vertex| back[vertex]));
         assert!(map.disagreement < 0.1 && map.to_source.matched.is_none());
-        let defect = map.matrix.transposed_times(&map.matrix).unwrap();
+        let defect = map.matrix.transposed_times(&map.matrix);
         assert!((0..30).all(|i| (defect.column(i)[i] - 1.0).abs() < 0.3));
     }
     let there = found.map(1, 0).unwrap();
@@ -121,15 +121,14 @@ fn orientation_tells_left_from_right() {
 fn the_system_of_a_first_map_is_the_energy_that_it_minimises() {
     let k = 4;
     let value = |seed: usize| ((seed * seed + 3 * seed) as f64 * 0.731).sin();
-    let matrix =
-        |seed: usize| DenseMatrix::from_columns(k, k, (0..k * k).map(|i| value(i + 100 * seed)).collect()).unwrap();
+    let matrix = |seed: usize| DenseMatrix::from_columns(k, k, (0..k * k).map(|i| value(i + 100 * seed)).collect());
     let (xs, ys) = ([matrix(1), matrix(2)], [matrix(3), matrix(4)]);
     let mut system = DenseMatrix::zeros(k * k, k * k);
     first::commuting(&mut system, &xs, &ys, 1.0).unwrap();
     let energy = |c: &DenseMatrix| {
         let mut sum = 0.0;
         for (x, y) in xs.iter().zip(&ys) {
-            let (cx, yc) = (c.times(x).unwrap(), y.times(c).unwrap());
+            let (cx, yc) = (c.times(x), y.times(c));
             sum += cx.values().iter().zip(yc.values()).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
         }
         sum
@@ -166,9 +165,8 @@ fn one_map_that_disagrees_is_told_and_overruled() {
         matrix
     };
     let frames: Vec<DenseMatrix> = (0..n).map(|shape| rotation(shape + 1)).collect();
-    let truth = |a: usize, b: usize| {
-        frames[b].times(&crate::analysis::functional_map::matching::transposed(&frames[a])).unwrap()
-    };
+    let truth =
+        |a: usize, b: usize| frames[b].times(&crate::analysis::functional_map::matching::transposed(&frames[a]));
     let mut maps: Maps = Vec::new();
     for a in 0..n {
         for b in (0..n).filter(|&b| b != a) {
@@ -182,7 +180,7 @@ fn one_map_that_disagrees_is_told_and_overruled() {
             assert_eq!(latent.disagreement(a, b) > 0.3, odd, "{a} {b}: {}", latent.disagreement(a, b));
             // In what the latent space holds, five of six dimensions, maps are the true ones.
             let inside = |shape: usize| latent.embedding(shape).unwrap();
-            let image = truth(a, b).times(&inside(a)).unwrap();
+            let image = truth(a, b).times(&inside(a));
             let worst = image.values().iter().zip(inside(b).values()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
             assert!(worst < 0.05, "{a} {b}: {worst}");
         }

@@ -29,7 +29,7 @@ impl WeightedModel {
         (b, kernel): (usize, Kernel<'_>),
         z: &mut [f64],
     ) -> Result<Vec<f64>, DesignError> {
-        let system = System::new(self.compliance_of(rows, solved)?, conditions, b)?;
+        let system = System::new(self.compliance_of(rows, solved), conditions, b)?;
         let right = right_hand_sides(rows, conditions, (b, kernel), z);
         let mut solutions = right.clone();
         system.factor.solve(&mut solutions).map_err(DesignError::Factor)?;
@@ -48,8 +48,8 @@ impl WeightedModel {
     }
 
     /// `C K⁻¹ Cᵀ`: how far a pull at one constrained number moves each other.
-    fn compliance_of(&self, rows: &DenseMatrix, solved: &DenseMatrix) -> Result<DenseMatrix, DesignError> {
-        let product = match &self.inverse {
+    fn compliance_of(&self, rows: &DenseMatrix, solved: &DenseMatrix) -> DenseMatrix {
+        match &self.inverse {
             Inverse::Ritz(diagonal) => {
                 // Half of K⁻¹ on either side keeps the product symmetric.
                 let mut scaled = rows.clone();
@@ -59,8 +59,7 @@ impl WeightedModel {
                 scaled.transposed_times(&scaled)
             }
             Inverse::Sparse(_) => rows.transposed_times(solved),
-        };
-        product.ok_or_else(|| misfit(rows))
+        }
     }
 }
 
@@ -120,7 +119,7 @@ fn right_hand_sides(
 /// How much of each field of the kernel there is; where constraints do not say, as little as possible.
 fn amounts_of_kernel(right: &DenseMatrix, solutions: &DenseMatrix) -> Result<Vec<f64>, DesignError> {
     let free = right.columns() - 1;
-    let products = right.transposed_times(solutions).ok_or_else(|| misfit(right))?;
+    let products = right.transposed_times(solutions);
     let largest = (0..free).map(|j| products.column(1 + j)[1 + j]).fold(0.0, f64::max);
     let mut square = DenseMatrix::zeros(free, free);
     let mut known = DenseMatrix::zeros(free, 1);
@@ -131,8 +130,4 @@ fn amounts_of_kernel(right: &DenseMatrix, solutions: &DenseMatrix) -> Result<Vec
     }
     solve_definite(square, &mut known).map_err(DesignError::Factor)?;
     Ok(known.column(0).to_vec())
-}
-
-fn misfit(rows: &DenseMatrix) -> DesignError {
-    DesignError::Length { what: "constraints", got: rows.columns(), wanted: rows.rows() }
 }

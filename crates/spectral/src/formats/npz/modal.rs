@@ -125,8 +125,7 @@ impl<'a> Archive<'a> {
         let member = self.member(name)?;
         match member.shape[..] {
             [r, c] if member.fortran && c == columns && rows.is_none_or(|rows| rows == r) => {
-                DenseMatrix::from_columns(r, c, member.values("<f8")?)
-                    .ok_or_else(|| wrong(name, "its values do not fill its shape"))
+                Ok(DenseMatrix::from_columns(r, c, member.values("<f8")?))
             }
             _ => Err(wrong(name, format!("its shape is {:?}, and it must have {columns} columns", member.shape))),
         }

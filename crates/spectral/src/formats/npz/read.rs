@@ -182,8 +182,7 @@ impl<'a> Archive<'a> {
                 format!("its shape is {:?}, not ({d}, {m}) in column order", coefficients.shape),
             ));
         }
-        let coefficients = DenseMatrix::from_columns(d, m, coefficients.values("<f8")?)
-            .ok_or_else(|| wrong("coefficients", "its values do not fill its shape"))?;
+        let coefficients = DenseMatrix::from_columns(d, m, coefficients.values("<f8")?);
         Ok(Compact::new(space, coefficients))
     }
 

@@ -167,16 +167,14 @@ fn independent(energy: DenseMatrix, gram: DenseMatrix, stiffest: f64) -> Vec<[f6
         .flat_map(|&k| axes.vectors.column(k).iter().map(move |x| (k, x)))
         .map(|(k, x)| x / axes.values[k].sqrt())
         .collect();
-    let Some(basis) = DenseMatrix::from_columns(6, kept.len(), columns) else { return Vec::new() };
+    let basis = DenseMatrix::from_columns(6, kept.len(), columns);
     let size = kept.len();
-    let Some(reduced) = energy.times(&basis).and_then(|image| basis.transposed_times(&image)) else {
-        return Vec::new();
-    };
+    let reduced = basis.transposed_times(&energy.times(&basis));
     let mut unit = DenseMatrix::zeros(size, size);
     (0..size).for_each(|k| unit.column_mut(k)[k] = 1.0);
     let Ok(pairs) = CpuSolver.lowest(reduced, unit, size, &Unwatched) else { return Vec::new() };
     let free = pairs.values.iter().filter(|&&value| value <= FREE * stiffest.max(1e-300)).count();
-    let Some(combined) = basis.times(&pairs.vectors) else { return Vec::new() };
+    let combined = basis.times(&pairs.vectors);
     (0..free).map(|k| std::array::from_fn(|row| combined.column(k)[row])).collect()
 }
 

@@ -271,7 +271,7 @@ fn rigid_motions_are_the_whole_kernel() {
         assert_eq!((rigid.parts, rigid.motions.len()), (1, 6), "{index}");
         let norm = elastic.problem.stiffness.values().iter().fold(0f64, |most, x| x.abs().max(most));
         for motion in &rigid.motions {
-            let image = elastic.problem.stiffness.multiply(&rigid.displacement(elastic, motion)).unwrap();
+            let image = elastic.problem.stiffness.multiply(&rigid.displacement(elastic, motion));
             assert!(image.iter().all(|x| x.abs() < 1e-12 * norm), "{index}");
         }
         let values = lowest(elastic, 7, all_rows);

@@ -87,9 +87,7 @@ impl Energy<'_> {
         monitor: &dyn Monitor,
     ) -> Result<DenseMatrix, Cancelled> {
         assert_eq!(coefficients.columns(), ritz.len(), "a value for each column");
-        let Some(lifter) = RowLifter::new(space, coefficients) else {
-            panic!("{} coefficients for {} columns", coefficients.rows(), space.columns())
-        };
+        let lifter = RowLifter::new(space, coefficients);
         let panels = ritz.len().div_ceil(LIFT_WIDTH);
         let done = AtomicUsize::new(0);
         let idle: Mutex<Vec<Workspace>> = Mutex::new(Vec::new());

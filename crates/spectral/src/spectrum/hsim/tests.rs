@@ -72,7 +72,7 @@ pub(super) fn solved(
         assert!(squares(whole) <= squares(x) * (1.0 + 1e-12), "{what}: column {k} is not zero off the unknowns");
         let (highest, lowest) = x.iter().fold((0f64, 0f64), |(high, low), &x| (high.max(x), low.min(x)));
         assert!(highest >= -lowest * (1.0 - 1e-12), "{what}: column {k} has the wrong sign: {highest} {lowest}");
-        let mx = problem.mass.multiply(x).unwrap();
+        let mx = problem.mass.multiply(x);
         for (j, y) in inside[..=k].iter().enumerate() {
             let product = problem.area * mx.iter().zip(y).map(|(a, b)| a * b).sum::<f64>();
             let expected = f64::from(u8::from(j == k));

@@ -106,17 +106,18 @@ pub(super) fn modes(
 /// The columns of `G` for those rigid motions that the space holds: of which it holds the share `xᵀ Gᵀ M̄⁻¹ G x = 1`.
 fn held(mass: &DenseMatrix, motions: &[Vec<f64>]) -> Result<Vec<Vec<f64>>, VibrationError> {
     let (size, count) = (mass.rows(), motions.len());
-    let Some(all) = DenseMatrix::from_columns(size, count, motions.concat()).filter(|_| count > 0) else {
+    if count == 0 {
         return Ok(Vec::new());
-    };
+    }
+    let all = DenseMatrix::from_columns(size, count, motions.concat());
     let numerical = |error: &dyn std::fmt::Display| VibrationError::Numerical(error.to_string());
     let mut solved = all.clone();
     solve_definite(mass.clone(), &mut solved).map_err(|error| numerical(&error))?;
-    let shares = all.transposed_times(&solved).unwrap_or_default();
+    let shares = all.transposed_times(&solved);
     let mut identity = DenseMatrix::zeros(count, count);
     (0..count).for_each(|k| identity.column_mut(k)[k] = 1.0);
     let pairs = CpuSolver.lowest(shares, identity, count, &chladni_base::Unwatched)?;
-    let turned = all.times(&pairs.vectors).unwrap_or_default();
+    let turned = all.times(&pairs.vectors);
     Ok((0..count).filter(|&k| pairs.values[k] > HELD).map(|k| turned.column(k).to_vec()).collect())
 }
 

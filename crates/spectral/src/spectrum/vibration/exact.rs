@@ -85,9 +85,8 @@ fn after_rigid(elastic: &ElasticProblem, rigid: &RigidMotions, vectors: &PanelMa
     let mut all = PanelMatrix::zeros(vectors.rows(), 0);
     all.widen(free + vectors.columns());
     let motions: Vec<f64> = rigid.motions.iter().flat_map(|motion| rigid.displacement(elastic, motion)).collect();
-    if let Some(motions) = DenseMatrix::from_columns(vectors.rows(), free, motions) {
-        all.assign(&(0..free).collect::<Vec<_>>(), &PanelMatrix::from_dense(&motions));
-    }
+    let motions = DenseMatrix::from_columns(vectors.rows(), free, motions);
+    all.assign(&(0..free).collect::<Vec<_>>(), &PanelMatrix::from_dense(&motions));
     all.assign(&(free..free + vectors.columns()).collect::<Vec<_>>(), vectors);
     all
 }
@@ -126,10 +125,8 @@ pub(super) fn apart_from_rigid(
 ) -> Result<(), VibrationError> {
     let free = rigid.motions.len();
     let motions: Vec<f64> = rigid.motions.iter().flat_map(|motion| rigid.displacement(elastic, motion)).collect();
-    if let Some(motions) = DenseMatrix::from_columns(elastic.problem.size(), free, motions)
-        && free > 0
-    {
-        let motions = PanelMatrix::from_dense(&motions);
+    if free > 0 {
+        let motions = PanelMatrix::from_dense(&DenseMatrix::from_columns(elastic.problem.size(), free, motions));
         let mass: &MassMatrix = &elastic.problem.mass;
         let products = inner_products(&motions, Weight::Mass(mass), vectors, monitor)?;
         subtract_combinations(vectors, &motions, &products, monitor)?;

@@ -304,7 +304,7 @@ fn bounds(elastic: &ElasticProblem, basis: &ModalBasis, monitor: &dyn Monitor) -
             .flat_map(|&v| [0, 1, 2].map(|axis| f64::from(lifted[3 * v as usize + axis])))
             .collect();
         let value = basis.eigenvalues[mode] / elastic.eigenvalue_scale;
-        let image = elastic.problem.stiffness.multiply(&x).unwrap_or_default();
+        let image = elastic.problem.stiffness.multiply(&x);
         let square: f64 = image.iter().zip(&x).zip(&mass).map(|((kx, x), m)| (kx - value * m * x).powi(2) / m).sum();
         Ok(square.sqrt() * elastic.eigenvalue_scale)
     };
