@@ -116,7 +116,7 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
         config.limits.max_job_bytes = config.limits.max_job_bytes.min(memory);
     }
     // Requests, and what each job needs beside.
-    let store = open_store(&config, &accelerator, 10 + config.workers).await?;
+    let store = open_store(&config, &accelerator, 10 + config.workers, false).await?;
     let workers = start_workers(&config, &store, &metrics, memory).await?;
     let drain = config.drain_seconds;
     let (solve_threads, threads, jobs_at_once) = (config.reduced_solve_threads(), config.job_threads(), config.workers);
@@ -163,8 +163,13 @@ fn memory_for_jobs(config: &Config) -> u64 {
     }
 }
 
-/// Opens the store that is configured, with so many connections at most where it is shared.
-async fn open_store(config: &Config, accelerator: &gpu::Accelerator, connections: usize) -> Result<Store, CliError> {
+/// Opens the store that is configured, with so many connections at most where it is shared, for whoever works alone or for whoever answers as well.
+async fn open_store(
+    config: &Config,
+    accelerator: &gpu::Accelerator,
+    connections: usize,
+    works_alone: bool,
+) -> Result<Store, CliError> {
     if config.database.is_none() {
         private::data_folder(&config.data)?;
     }
@@ -176,6 +181,7 @@ async fn open_store(config: &Config, accelerator: &gpu::Accelerator, connections
         }
         _ => None,
     };
+    options.hears_of_work_alone = works_alone;
     options.connections = u32::try_from(connections).unwrap_or(u32::MAX);
     options.cache_bytes = config.cache_bytes;
     options.least_free_bytes = config.least_free_bytes;
@@ -244,7 +250,7 @@ pub fn work(config: Config) -> Result<ExitCode, CliError> {
         let accelerator = accelerator(&config.gpu).await?;
         let memory = memory_for_jobs(&config);
         // A job's heartbeat and its result, and what looks after leases and other processes.
-        let store = open_store(&config, &accelerator, 3 + config.workers).await?;
+        let store = open_store(&config, &accelerator, 3 + config.workers, true).await?;
         let workers = start_workers(&config, &store, &Arc::new(Metrics::new()?), memory).await?;
         writeln!(io::stdout(), "working").map_err(CliError::stdout)?;
         tracing::info!(

@@ -15,7 +15,7 @@ use utoipa::openapi::path::Operation;
 use utoipa::openapi::{OpenApi, PathItem};
 
 use super::auth::{self, Scope};
-use super::client::client_name;
+use super::client::{SolvePlace, client_name};
 use super::problem::{self, Problem};
 use super::slots::Turn;
 use super::state::AppState;
@@ -99,6 +99,17 @@ pub async fn authorise(
                 // What writes waits for other writes, and must not keep readers waiting meanwhile.
                 Need::Scope(Scope::Read) => {
                     let client = client_name(&state, request.extensions(), &principal.0);
+                    // What only reads and has a body is a solve.
+                    if request.method() == Method::POST {
+                        match SolvePlace::of(&state, &client) {
+                            Ok(place) => request.extensions_mut().insert(place),
+                            Err(refused) => {
+                                let mut response = refused.into_response();
+                                response.extensions_mut().insert(principal);
+                                return response;
+                            }
+                        };
+                    }
                     Turn::of(&state.slots, &client).await
                 }
                 _ => Turn::default(),

@@ -202,6 +202,7 @@ async fn next_frame(state: &ClientState, body: &mut Body) -> Option<Result<Frame
         return frame;
     }
     state.turn.step_aside();
+    state.place.give_back();
     body.frame().await
 }
 

@@ -32,6 +32,41 @@ pub struct ClientState {
     held: Arc<Mutex<Vec<Share>>>,
     /// Where the request stands among those that only read.
     pub(super) turn: Turn,
+    /// Its place among the solves, where it has one already.
+    pub(super) place: SolvePlace,
+}
+
+/// A place among the synchronous solves, taken before a request is read: whoever has too many of them waiting is refused before anything is done for it.
+#[derive(Debug, Clone, Default)]
+pub struct SolvePlace(Arc<Mutex<Option<Share>>>);
+
+impl SolvePlace {
+    /// Takes one for a client.
+    ///
+    /// # Errors
+    /// `busy` where too many solves of this client, or of all, are waiting.
+    pub fn of(state: &AppState, client: &Arc<str>) -> Result<Self, Problem> {
+        Ok(Self(Arc::new(Mutex::new(Some(solve_place(state, client)?)))))
+    }
+
+    /// Gives it back: the client is not through with its request, and others must not wait for that.
+    pub fn give_back(&self) {
+        drop(self.take());
+    }
+
+    fn take(&self) -> Option<Share> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+}
+
+fn solve_place(state: &AppState, client: &Arc<str>) -> Result<Share, Problem> {
+    state.solve_places.take(client, 1).map_err(|refused| {
+        let detail = match refused {
+            Refused::Everyone => "Too many solves are waiting.",
+            Refused::Client | Refused::TooMuch { .. } => "Too many solves of this client are waiting.",
+        };
+        Problem::new(&problem::BUSY, detail).retry_after(1)
+    })
 }
 
 impl Deref for ClientState {
@@ -48,7 +83,8 @@ impl FromRequestParts<AppState> for ClientState {
         let Principal(principal) = parts.extensions.get::<Principal>().cloned().unwrap_or_default();
         let name = client_name(state, &parts.extensions, &principal);
         let turn = parts.extensions.get::<Turn>().cloned().unwrap_or_default();
-        Ok(Self { state: state.clone(), principal, name, held: Arc::default(), turn })
+        let place = parts.extensions.get::<SolvePlace>().cloned().unwrap_or_default();
+        Ok(Self { state: state.clone(), principal, name, held: Arc::default(), turn, place })
     }
 }
 
@@ -145,13 +181,10 @@ impl ClientState {
         operation: &'static str,
         work: impl FnOnce(&dyn Monitor) -> Result<T, Problem> + Send + 'static,
     ) -> Result<T, Problem> {
-        let place = self.solve_places.take(&self.name, 1).map_err(|refused| {
-            let detail = match refused {
-                Refused::Everyone => "Too many solves are waiting.",
-                Refused::Client | Refused::TooMuch { .. } => "Too many solves of this client are waiting.",
-            };
-            Problem::new(&problem::BUSY, detail).retry_after(1)
-        })?;
+        let place = match self.place.take() {
+            Some(place) => place,
+            None => solve_place(&self.state, &self.name)?,
+        };
         // Solves have a line of their own.
         self.turn.step_aside();
         let begin = Instant::now();
@@ -194,7 +227,14 @@ mod tests {
         let store = Store::open(StoreOptions::new(folder)).await.unwrap();
         let config = Config { solve_threads: 1, ..Config::default() };
         let state = AppState::new(store, config, Arc::new(Metrics::new().unwrap()), || true).unwrap();
-        ClientState { state, principal: "a".into(), name: "a".into(), held: Arc::default(), turn: Turn::default() }
+        ClientState {
+            state,
+            principal: "a".into(),
+            name: "a".into(),
+            held: Arc::default(),
+            turn: Turn::default(),
+            place: SolvePlace::default(),
+        }
     }
 
     #[tokio::test(flavor = "multi_thread")]

@@ -48,23 +48,46 @@ type Work = Box<dyn FnOnce() + Send>;
 
 /// Work that waits for the threads of a pool.
 #[derive(Clone, Default)]
-pub struct Turns(Arc<Mutex<Lines<Work>>>);
+pub struct Turns(Arc<Mutex<Seats>>);
+
+#[derive(Default)]
+struct Seats {
+    lines: Lines<Work>,
+    /// Those that work is being done in.
+    taken: usize,
+}
 
 impl Turns {
     /// Has `pool` do the work when it is the client's turn.
+    ///
+    /// No more work is given to the pool than it has threads: a thread that waits for its part of a parallel loop takes up whatever else the pool has to do, and
+    /// would put a whole piece of somebody else's work, and others within that, before the end of its own.
     pub fn spawn(&self, pool: &rayon::ThreadPool, client: &Arc<str>, work: impl FnOnce() + Send + 'static) {
-        self.lock().add(client, Box::new(work));
-        // The pool is asked as often as there is work, for whichever is next by then.
-        let turns = self.clone();
-        pool.spawn(move || {
-            let next = turns.lock().next(|_| true);
-            if let Some((_, work)) = next {
-                work();
-            }
-        });
+        let mut seats = self.lock();
+        seats.lines.add(client, Box::new(work));
+        if seats.taken < pool.current_num_threads() {
+            seats.taken += 1;
+            let turns = self.clone();
+            pool.spawn(move || turns.work());
+        }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Lines<Work>> {
+    /// Does whatever is next, and has the pool go on with the one after it. It goes by way of the pool: a thread that waits for a part of its own work, and does
+    /// this meanwhile, comes back to it after each piece.
+    fn work(self) {
+        let next = {
+            let mut seats = self.lock();
+            let next = seats.lines.next(|_| true);
+            seats.taken -= usize::from(next.is_none());
+            next
+        };
+        if let Some((_, work)) = next {
+            work();
+            rayon::spawn(move || self.work());
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Seats> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -130,5 +153,31 @@ mod tests {
         let order: Vec<i32> = done.iter().collect();
         let expected: Vec<i32> = [0, -1].into_iter().chain(1..50).collect();
         assert_eq!(order, expected);
+    }
+
+    #[test]
+    fn work_that_waits_for_its_own_threads_does_not_take_up_that_of_others() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        let turns = Turns::default();
+        let client: Arc<str> = "busy".into();
+        let (sender, done) = mpsc::channel();
+        // Pieces that are within one another on a thread: a thread that waits for a part of one may take up parts of others, but no whole one.
+        thread_local!(static WITHIN: std::cell::Cell<usize> = const { std::cell::Cell::new(0) });
+        for _ in 0..200 {
+            let sender = sender.clone();
+            turns.spawn(&pool, &client, move || {
+                WITHIN.set(WITHIN.get() + 1);
+                let depth = WITHIN.get();
+                let part = || (0..20_000).map(|i| f64::from(i).sqrt()).sum::<f64>();
+                let sums = rayon::join(|| rayon::join(part, part), || rayon::join(part, part));
+                assert!(sums.0.0 == sums.1.1);
+                WITHIN.set(WITHIN.get() - 1);
+                sender.send(depth).unwrap();
+            });
+        }
+        drop(sender);
+        // Both seats may be given out before either thread takes one up.
+        assert!(done.iter().all(|depth| depth <= 2));
+        assert_eq!(turns.lock().taken, 0);
     }
 }

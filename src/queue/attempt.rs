@@ -17,8 +17,8 @@ use uuid::Uuid;
 
 use super::{JobFailure, Outcome, WorkerOptions, memory::Reservation, monitor::AttemptMonitor, pool::Shared};
 use crate::store::{
-    Claim, CompleteAnswer, FailAnswer, HeartbeatAnswer, JobProblem, JobRecord, JobStatus, Progress, Store, StoreError,
-    Subject,
+    Claim, CompleteAnswer, FailAnswer, HeartbeatAnswer, JobEvent, JobProblem, JobRecord, JobStatus, Progress, Store,
+    StoreError, Subject,
 };
 
 /// How often the heartbeat looks whether there is anything to write down.
@@ -51,11 +51,12 @@ pub(super) enum Threads {
 }
 
 /// Runs one attempt to its end. The job is left in a state that tells the truth, or its lease runs out.
-/// `memory` is held until the work has ended, left behind or not, and its result is stored.
+/// `memory` is held until the work has ended, left behind or not, and its result is stored; `events` are those since before the claim.
 pub(super) async fn run(
     shared: &Arc<Shared>,
     claim: Claim,
     memory: Reservation,
+    events: broadcast::Receiver<JobEvent>,
     threads: &rayon::ThreadPool,
 ) -> Threads {
     let Claim { job, token, .. } = claim;
@@ -67,7 +68,7 @@ pub(super) async fn run(
     let monitor = Arc::new(AttemptMonitor::new(shared.store.faults().clone(), job.memory_bytes));
     let (verdicts, mut verdict) = mpsc::channel(4);
     let beating =
-        Heartbeat { store: shared.store.clone(), job: job.id, token, monitor: Arc::clone(&monitor), verdicts };
+        Heartbeat { store: shared.store.clone(), job: job.id, token, monitor: Arc::clone(&monitor), verdicts, events };
     let beating = AbortOnDrop(tokio::spawn(beating.run(shared.options.clone())));
 
     let total = shared.budget.total();
@@ -356,23 +357,23 @@ struct Heartbeat {
     token: Uuid,
     monitor: Arc<AttemptMonitor>,
     verdicts: mpsc::Sender<Verdict>,
+    /// From before the claim on: a request to stop that came right after it is among them.
+    events: broadcast::Receiver<JobEvent>,
 }
 
 impl Heartbeat {
-    async fn run(self, options: WorkerOptions) {
-        let mut events = self.store.watch_jobs();
+    async fn run(mut self, options: WorkerOptions) {
         let mut look = interval(LOOK.min(options.heartbeat));
         look.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut written = Progress::default();
         let mut beaten = Instant::now();
         let mut refused: Option<Instant> = None;
-        // A request to stop may have come before these events did.
-        let mut ask = true;
+        let mut ask = false;
         let (mut held, mut stalled) = (true, false);
         while !stalled {
             tokio::select! {
                 _ = look.tick() => {}
-                event = events.recv(), if held => match event {
+                event = self.events.recv(), if held => match event {
                     Ok(event) if event.job == self.job && event.cancel_requested => ask = true,
                     // Events were missed; perhaps the one that matters.
                     Err(broadcast::error::RecvError::Lagged(_)) => ask = true,

@@ -250,11 +250,12 @@ async fn one_job(shared: &Arc<Shared>, worker: &str, pool: &rayon::ThreadPool) -
     if shared.hanging() >= MOST_LEFT_BEHIND || !shared.store.has_space() || !shared.is_let_in().await {
         return None;
     }
+    let events = shared.store.watch_jobs();
     match shared.budget.claim(worker, &shared.options).await {
         Ok(Some((claim, memory))) => {
             let job = &claim.job;
             let span = tracing::info_span!("attempt", job = %job.id, kind = job.kind, attempt = job.attempt);
-            Some(attempt::run(shared, claim, memory, pool).instrument(span).await)
+            Some(attempt::run(shared, claim, memory, events, pool).instrument(span).await)
         }
         Ok(None) => None,
         Err(error) => {

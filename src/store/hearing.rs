@@ -2,7 +2,8 @@
 //!
 //! That a job is enqueued, ended or to be stopped is told by `NOTIFY`, after the commit and in a transaction of its own: one that notifies takes a lock
 //! of the whole server when it commits. Each process listens on one connection. Behind it, once a second, it looks at the jobs that run or have changed
-//! lately: progress is heard of that way, and whatever was not heard otherwise.
+//! lately: progress is heard of that way, and whatever was not heard otherwise. A process that only works hears of work, on a channel of its own: that a
+//! job has ended would wake each of many workers for nothing.
 
 use std::{
     collections::HashMap,
@@ -19,10 +20,14 @@ use uuid::Uuid;
 
 use super::{Inner, JobEvent, JobStatus, Store, StoreError, jobs, sql};
 
-/// The channel of the database.
+/// The channel on which processes hear that jobs have ended.
 const CHANNEL: &str = "chladni_jobs";
+/// The channel on which they hear of jobs that are enqueued, or to be stopped.
+const WORK: &str = "chladni_work";
 /// A message of PostgreSQL has 8000 bytes at most.
 const MOST_MESSAGE_BYTES: usize = 7000;
+/// What comes within so long of a message that was told waits for the next one, so that listeners wake once for many jobs.
+const BETWEEN_MESSAGES: Duration = Duration::from_millis(20);
 /// How often a process looks for itself.
 const LOOK: Duration = Duration::from_secs(1);
 /// Pause before a lost connection is tried anew.
@@ -53,13 +58,13 @@ impl Drop for Hearing {
 }
 
 impl Hearing {
-    /// Begins to tell, to listen and to look, for as long as the store lives.
-    pub fn start(store: Weak<Inner>) -> Self {
+    /// Begins to tell, to listen and to look, for as long as the store lives; for what concerns whoever works alone, or for everything.
+    pub fn start(store: Weak<Inner>, work_alone: bool) -> Self {
         let (told, telling) = mpsc::unbounded_channel();
         let tasks = vec![
             tokio::spawn(tell(store.clone(), telling)),
-            tokio::spawn(listen(store.clone())),
-            tokio::spawn(look(store)),
+            tokio::spawn(listen(store.clone(), work_alone)),
+            tokio::spawn(look(store, work_alone)),
         ];
         Self { revisions: Mutex::default(), told, own: Uuid::now_v7(), workers: AtomicU64::new(1), tasks }
     }
@@ -108,29 +113,35 @@ impl Hearing {
 async fn tell(store: Weak<Inner>, mut telling: mpsc::UnboundedReceiver<JobEvent>) {
     let mut events = Vec::new();
     while telling.recv_many(&mut events, 64).await > 0 {
-        let Some(inner) = store.upgrade() else { return };
-        let mut message = String::new();
-        for event in events.drain(..) {
-            let line = written(&event);
-            if message.len() + line.len() >= MOST_MESSAGE_BYTES {
-                send(&inner, std::mem::take(&mut message)).await;
+        {
+            let Some(inner) = store.upgrade() else { return };
+            let mut messages = [(WORK, String::new()), (CHANNEL, String::new())];
+            for event in events.drain(..) {
+                let (channel, message) = &mut messages[usize::from(event.status.is_finished())];
+                let line = written(&event);
+                if message.len() + line.len() >= MOST_MESSAGE_BYTES {
+                    send(&inner, channel, std::mem::take(message)).await;
+                }
+                message.push_str(&line);
             }
-            message.push_str(&line);
+            for (channel, message) in messages.into_iter().filter(|(_, message)| !message.is_empty()) {
+                send(&inner, channel, message).await;
+            }
         }
-        send(&inner, message).await;
+        tokio::time::sleep(BETWEEN_MESSAGES).await;
     }
 }
 
-async fn send(inner: &Inner, message: String) {
-    let sent = sql::query("SELECT 1 FROM (SELECT pg_notify(?, ?)) AS told").bind(CHANNEL).bind(message);
+async fn send(inner: &Inner, channel: &str, message: String) {
+    let sent = sql::query("SELECT 1 FROM (SELECT pg_notify(?, ?)) AS told").bind(channel).bind(message);
     if let Err(error) = sent.fetch_optional(inner.catalog.reader()).await {
         tracing::debug!(%error, "other processes hear of a change a second later");
     }
 }
 
-async fn listen(store: Weak<Inner>) {
+async fn listen(store: Weak<Inner>, work_alone: bool) {
     loop {
-        if let Err(error) = listen_once(&store).await {
+        if let Err(error) = listen_once(&store, work_alone).await {
             tracing::warn!(%error, "changes of other processes are heard of once a second until the database answers");
         }
         if store.strong_count() == 0 {
@@ -140,11 +151,11 @@ async fn listen(store: Weak<Inner>) {
     }
 }
 
-async fn listen_once(store: &Weak<Inner>) -> Result<(), StoreError> {
+async fn listen_once(store: &Weak<Inner>, work_alone: bool) -> Result<(), StoreError> {
     let mut listener: PgListener = {
         let Some(inner) = store.upgrade() else { return Ok(()) };
         let Some(postgres) = inner.catalog.postgres() else { return Ok(()) };
-        postgres.listener(CHANNEL).await?
+        postgres.listener(if work_alone { &[WORK] } else { &[WORK, CHANNEL] }).await?
     };
     // `None` where the connection was lost: what was told meanwhile is found by looking.
     while let Some(notification) = listener.try_recv().await? {
@@ -155,13 +166,13 @@ async fn listen_once(store: &Weak<Inner>) -> Result<(), StoreError> {
     Ok(())
 }
 
-async fn look(store: Weak<Inner>) {
+async fn look(store: Weak<Inner>, work_alone: bool) {
     let mut every = tokio::time::interval(LOOK);
     every.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     loop {
         every.tick().await;
         let Some(inner) = store.upgrade() else { return };
-        if let Err(error) = (Store { inner }).look_at_jobs().await {
+        if let Err(error) = (Store { inner }).look_at_jobs(work_alone).await {
             tracing::debug!(%error, "jobs could not be looked at");
         }
     }
@@ -177,15 +188,21 @@ impl Store {
         }
     }
 
-    async fn look_at_jobs(&self) -> Result<(), StoreError> {
+    /// Workers look for jobs to do by themselves; of those that run they need to know which are to be stopped.
+    async fn look_at_jobs(&self, work_alone: bool) -> Result<(), StoreError> {
         let since_ms = self.now_ms() - LATELY_MS;
-        let rows = sql::query(
-            "SELECT id, revision, status, cancel_requested FROM jobs WHERE status = 'processing' OR finished_ms > ?1
-                OR (status = 'enqueued' AND enqueued_ms > ?1)",
-        )
-        .bind(since_ms)
-        .fetch_all(self.inner.catalog.reader())
-        .await?;
+        let query = if work_alone {
+            sql::query(
+                "SELECT id, revision, status, cancel_requested FROM jobs WHERE status = 'processing' AND cancel_requested <> 0",
+            )
+        } else {
+            sql::query(
+                "SELECT id, revision, status, cancel_requested FROM jobs WHERE status = 'processing' OR finished_ms > ?1
+                    OR (status = 'enqueued' AND enqueued_ms > ?1)",
+            )
+            .bind(since_ms)
+        };
+        let rows = query.fetch_all(self.inner.catalog.reader()).await?;
         for row in &rows {
             self.hear(JobEvent {
                 job: jobs::uuid_column(row, "id")?,

@@ -141,6 +141,8 @@ pub struct StoreOptions {
     pub shared: Option<SharedPlaces>,
     /// The most connections to a database that is shared, beside the one that hears: such a database has a hundred, as a rule, for all processes.
     pub connections: u32,
+    /// Whether nobody asks this process how jobs fare: of what processes tell each other it hears of work alone.
+    pub hears_of_work_alone: bool,
     /// Bytes of decoded bases and meshes that are kept in memory: a quarter is for meshes, a quarter for chunks of dense bases.
     pub cache_bytes: u64,
     /// New content is refused where it would leave fewer bytes than these free.
@@ -173,6 +175,7 @@ impl StoreOptions {
             folder: folder.into(),
             shared: None,
             connections: 10,
+            hears_of_work_alone: false,
             cache_bytes: 1 << 30,
             least_free_bytes: 256 << 20,
             blob_bytes_limit: None,
@@ -282,7 +285,8 @@ impl Store {
         }
         tracing::info!(objects = objects.name(), "records and content are shared with other processes");
         let store = Self::new(options, Catalog::Postgres(postgres), Blobs::Objects(objects), None)?;
-        let hearing = hearing::Hearing::start(Arc::downgrade(&store.inner));
+        let alone = store.inner.options.hears_of_work_alone;
+        let hearing = hearing::Hearing::start(Arc::downgrade(&store.inner), alone);
         let _first = store.inner.hearing.set(hearing);
         Ok(store)
     }

@@ -108,11 +108,11 @@ impl Postgres {
         Ok(())
     }
 
-    /// A connection of its own that hears what is told on a channel.
-    pub async fn listener(&self, channel: &str) -> Result<PgListener, StoreError> {
+    /// A connection of its own that hears what is told on some channels.
+    pub async fn listener(&self, channels: &[&str]) -> Result<PgListener, StoreError> {
         let pool = PgPoolOptions::new().max_connections(1).connect_with(PgConnectOptions::clone(&self.direct)).await?;
         let mut listener = PgListener::connect_with(&pool).await?;
-        listener.listen(channel).await?;
+        listener.listen_all(channels.iter().copied()).await?;
         Ok(listener)
     }
 

@@ -51,6 +51,25 @@ fn the_union_of_the_scalar_spectra_is_that_of_the_assembled_operator() {
 }
 
 #[test]
+fn a_triangle_has_two_fields_and_both_are_gradients() {
+    let corners = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.5, 1.0, 0.0], [2.5, 1.5, 0.3]];
+    for (vertices, faces, co_gradients) in [(3, vec![[0, 1, 2]], 0), (4, vec![[0, 1, 2], [1, 3, 2]], 1)] {
+        let mesh = TriangleMesh { positions: corners[..vertices].to_vec(), faces, ..TriangleMesh::default() };
+        let surface = FieldSurface::new(mesh).unwrap();
+        let (operator, m) = (operator(&surface), 2 * surface.faces());
+        let found = spectrum(&surface, m, 1e-8);
+        let mut mass = DenseMatrix::zeros(m, m);
+        (0..m).for_each(|i| mass.column_mut(i)[i] = operator.mass[i / 2]);
+        let expected = CpuSolver.lowest(operator.stiffness.to_sparse().to_dense(), mass, m, &Unwatched).unwrap();
+        for (value, expected) in found.values.iter().zip(&expected.values) {
+            assert!((value * operator.area - expected).abs() < 1e-9 * expected, "{value} {expected}");
+        }
+        assert_eq!(found.parts.iter().filter(|part| **part == FieldPart::CoGradient).count(), co_gradients);
+        assert!(found.values.len() == m && found.complete);
+    }
+}
+
+#[test]
 fn kernels_of_real_surfaces_have_two_fields_for_each_handle() {
     use chladni_mesh::check::check;
     use chladni_mesh::read::{MeshFormat, read};

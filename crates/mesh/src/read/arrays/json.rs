@@ -16,9 +16,20 @@ pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let read = Whole(&mut reader).deserialize(&mut json).and_then(|()| json.end());
     match (reader.refused, read) {
         (Some(refused), _) => Err(refused),
-        (None, Err(error)) => Err(wrong(MeshFormat::Json, error.to_string())),
+        (None, Err(error)) => Err(wrong(MeshFormat::Json, message(&error))),
         (None, Ok(())) => finish(reader.builder, MeshFormat::Json),
     }
+}
+
+/// What is wrong, without the whole of a long text that stands where it should not.
+fn message(error: &serde_json::Error) -> String {
+    const LONGEST: usize = 160;
+    let whole = error.to_string();
+    if whole.chars().count() <= LONGEST {
+        return whole;
+    }
+    let start: String = whole.chars().take(LONGEST).collect();
+    format!("{start}… at line {} column {}", error.line(), error.column())
 }
 
 struct Reader<'l> {
@@ -194,6 +205,8 @@ mod tests {
             let refused = read(text).unwrap_err().to_string();
             assert!(refused.contains(expected), "{text}: {refused}");
         }
+        let long = read(&format!("{:?}", "a".repeat(5000))).unwrap_err().to_string();
+        assert!(long.len() < 300 && long.contains("line 1"), "{long}");
         let few = ReadLimits { vertices: 1, ..ReadLimits::default() };
         let refused = super::read(br#"{"vertices": [[0,0,0],[1,0,0]]}"#, &few);
         assert_eq!(refused, Err(ReadError::TooManyVertices { limit: 1 }));
