@@ -1,19 +1,30 @@
 //! Whose turn it is: clients take turns, however much one of them has waiting. In one line for all, whoever sends much would have everybody else wait behind it.
+//!
+//! Turns are those of start-time fair queueing (Goyal, Vin and Cheng 1997), each piece of work counted as one: a client that comes, and has had no more than
+//! others lately, is next.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Clients that are remembered while they have nothing waiting; beyond, all are forgotten, and count as if they came for the first time.
+const MOST_REMEMBERED: usize = 10_000;
 
 /// What waits, client by client, each in the order in which it came.
 #[derive(Debug)]
 pub struct Lines<T> {
-    /// The clients that have something waiting, each of them once; the first one is next.
-    clients: VecDeque<Arc<str>>,
+    /// The clients that have something waiting, each of them once, by the round that it is due in and by who came first.
+    due: BTreeMap<(u64, u64), Arc<str>>,
     waiting: HashMap<Arc<str>, VecDeque<T>>,
+    /// The rounds in which clients that have nothing waiting are due again, where those have not come yet.
+    ahead: HashMap<Arc<str>, u64>,
+    /// The round of what was given last.
+    round: u64,
+    come: u64,
 }
 
 impl<T> Default for Lines<T> {
     fn default() -> Self {
-        Self { clients: VecDeque::new(), waiting: HashMap::new() }
+        Self { due: BTreeMap::new(), waiting: HashMap::new(), ahead: HashMap::new(), round: 0, come: 0 }
     }
 }
 
@@ -21,25 +32,41 @@ impl<T> Lines<T> {
     /// Has something wait for the client's turn, behind what the client has waiting already.
     pub fn add(&mut self, client: &Arc<str>, item: T) {
         let own = self.waiting.entry(client.clone()).or_default();
-        if own.is_empty() {
-            self.clients.push_back(client.clone());
-        }
         own.push_back(item);
+        if own.len() == 1 {
+            let round = self.ahead.remove(client).unwrap_or(0).max(self.round);
+            self.enter(round, client.clone());
+        }
     }
 
-    /// What is next, of those clients that `may` have it; its client is last then.
+    /// What is next, of those clients that `may` have it; its client is due again a round later.
     pub fn next(&mut self, may: impl Fn(&Arc<str>) -> bool) -> Option<(Arc<str>, T)> {
-        let at = self.clients.iter().position(may)?;
-        let client = self.clients.remove(at)?;
+        let (&place, _) = self.due.iter().find(|(_, client)| may(client))?;
+        let client = self.due.remove(&place)?;
         let own = self.waiting.get_mut(&client)?;
         let item = own.pop_front()?;
-        // Who has nothing waiting is forgotten, so that the table stays as small as the number of those who have.
+        let again = place.0 + 1;
+        if place.0 > self.round {
+            self.round = place.0;
+            let round = self.round;
+            self.ahead.retain(|_, due| *due > round);
+        }
+        // Who has nothing waiting, and no more than others behind it, is forgotten, so that the tables stay as small as the number of those who have.
         if own.is_empty() {
             self.waiting.remove(&client);
+            if self.ahead.len() >= MOST_REMEMBERED {
+                self.ahead.clear();
+            }
+            self.ahead.insert(client.clone(), again);
         } else {
-            self.clients.push_back(client.clone());
+            self.enter(again, client.clone());
         }
         Some((client, item))
+    }
+
+    fn enter(&mut self, round: u64, client: Arc<str>) {
+        self.come += 1;
+        self.due.insert((round, self.come), client);
     }
 }
 
@@ -114,8 +141,31 @@ mod tests {
         while let Some((_, item)) = lines.next(|_| true) {
             order.push(item);
         }
-        assert_eq!(order, ["b1", "a2", "c1", "b2", "a3", "a4"]);
-        assert!(lines.clients.is_empty() && lines.waiting.is_empty());
+        assert_eq!(order, ["b1", "c1", "a2", "b2", "a3", "a4"]);
+        assert!(lines.due.is_empty() && lines.waiting.is_empty());
+    }
+
+    #[test]
+    fn whoever_comes_again_and_again_takes_turns_with_whoever_waits() {
+        let mut lines = Lines::default();
+        let (flood, other): (Arc<str>, Arc<str>) = ("flood".into(), "other".into());
+        (0..10).for_each(|item| lines.add(&flood, item));
+        let mut order = Vec::new();
+        for item in 100..105 {
+            lines.add(&other, item);
+            order.extend([lines.next(|_| true).unwrap().1, lines.next(|_| true).unwrap().1]);
+        }
+        assert_eq!(order, [0, 100, 1, 101, 2, 102, 3, 103, 4, 104]);
+        // Those who come for the first time do not wait behind what the flood was due before.
+        lines.add(&"new".into(), 200);
+        assert_eq!(lines.next(|_| true).unwrap().1, 200);
+        (0..1000).for_each(|number| {
+            lines.add(&format!("{number}").into(), number);
+            lines.next(|_| true);
+        });
+        assert!(lines.ahead.len() <= 1001);
+        while lines.next(|_| true).is_some() {}
+        assert!(lines.ahead.len() <= 2 && lines.waiting.is_empty(), "{:?}", lines.ahead);
     }
 
     #[test]
@@ -133,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn on_a_pool_whoever_comes_last_waits_for_one_of_the_others() {
+    fn on_a_pool_whoever_has_had_nothing_is_next() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         let turns = Turns::default();
         let (busy, modest): (Arc<str>, Arc<str>) = ("busy".into(), "modest".into());
@@ -151,7 +201,7 @@ mod tests {
         turns.spawn(&pool, &modest, move || sender.send(-1).unwrap());
         go_on.send(()).unwrap();
         let order: Vec<i32> = done.iter().collect();
-        let expected: Vec<i32> = [0, -1].into_iter().chain(1..50).collect();
+        let expected: Vec<i32> = (-1..50).collect();
         assert_eq!(order, expected);
     }
 
