@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic = "rows of the mass"]
+    #[should_panic = "of the mass"]
     fn a_mass_of_another_space_is_a_mistake_of_the_caller() {
         space_transposed_mass_times(&space(10, 4), &MassMatrix::Diagonal(vec![1.0; 9]), &waves(10, 1));
     }
