@@ -386,7 +386,7 @@ mod tests {
                             (0..count).map(|item| square(&queries, row, &all, item)).fold(f64::INFINITY, f64::min);
                         let own = square(&queries, row, &all, one.point as usize);
                         // Coordinates were rounded to single precision.
-                        let rounding = 1e-5 * least + 1e-12;
+                        let rounding = 1e-5 * least + 2e-6 * least.sqrt() + 1e-12;
                         assert!((own - least).abs() <= rounding, "{count} {dimensions} {row}: {own} {least}");
                         assert!((f64::from(one.square) - least).abs() <= rounding);
                         let both = |m: &DenseMatrix, row: usize| {
