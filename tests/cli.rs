@@ -2,6 +2,8 @@
 
 #[path = "cli/batch.rs"]
 mod batch;
+#[path = "cli/collection.rs"]
+mod collection;
 
 use chladni_mesh::shape::{Shape, generate};
 use chladni_mesh::write::write_ply;

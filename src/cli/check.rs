@@ -70,6 +70,10 @@ fn page(report: &MeshReport, refusal: Option<&MeshError>) -> String {
     ] {
         counts.row([name.to_owned(), value]);
     }
+    if report.polygons > 0 {
+        let parts = "their Laplacian, potentials and families keep their shape; all else is made of the triangles they are cut into";
+        counts.row(["polygons".to_owned(), format!("{}: {parts}", grouped(report.polygons))]);
+    }
     if report.points {
         counts.row(["points".to_owned(), "no faces; area and components by triangles around each".to_owned()]);
     }
@@ -153,6 +157,20 @@ mod tests {
         {
             assert!(page.contains(part), "{part} is missing in\n{page}");
         }
+    }
+
+    #[test]
+    fn what_acts_on_polygons_and_what_on_their_triangles_is_told() {
+        let told = |faces: &[u8]| {
+            let cube = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+            let text = [cube.as_bytes(), faces].concat();
+            let raw =
+                chladni_mesh::read::read(&text, chladni_mesh::read::MeshFormat::Obj, &Default::default()).unwrap();
+            let (report, refusal) = inspect_body(raw, &CheckOptions::default());
+            page(&report, refusal.as_ref())
+        };
+        assert!(told(b"f 1 2 3 4\n").contains("1: their Laplacian, potentials and families keep their shape"));
+        assert!(!told(b"f 1 2 3\nf 1 3 4\n").contains("polygons"));
     }
 
     #[test]

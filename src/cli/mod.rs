@@ -15,6 +15,7 @@ mod eigsh;
 mod error;
 mod field;
 mod input;
+mod map_collection;
 mod memory;
 #[cfg(feature = "cluster")]
 mod migrate;
@@ -84,6 +85,7 @@ enum Command {
     Hatching(pictures::HatchingArguments),
     Fur(pictures::FurArguments),
     Quads(quads::QuadsArguments),
+    MapCollection(Box<map_collection::MapCollectionArguments>),
     Check(check::CheckArguments),
     Verify(Box<verify::VerifyArguments>),
     Backup(backup::BackupArguments),
@@ -136,6 +138,7 @@ pub fn main() -> ExitCode {
         Command::Hatching(arguments) => pictures::hatching(arguments),
         Command::Fur(arguments) => pictures::fur(arguments),
         Command::Quads(arguments) => quads::quads(arguments),
+        Command::MapCollection(arguments) => map_collection::collect(*arguments),
         Command::Check(arguments) => check::check(arguments),
         Command::Verify(arguments) => verify::verify(*arguments),
         Command::Backup(arguments) => backup::backup(arguments),

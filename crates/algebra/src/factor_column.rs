@@ -2,6 +2,7 @@
 //! column alone is done in the time in which the factor is read, twice, or less where the right-hand side has few entries.
 
 use super::factor::{FactorNumbers, Node, Pivoting, SymbolicFactor};
+use super::product::Scalar;
 use super::simd::vectorized;
 
 /// Columns of a supernode that are eliminated together: what they share of a row is loaded and stored once.
@@ -12,7 +13,7 @@ impl SymbolicFactor {
     ///
     /// # Panics
     /// Where there are not as many numbers as the matrix has rows, or the factor came from another structure.
-    pub fn solve_column(&self, numbers: &FactorNumbers, x: &mut [f64]) {
+    pub fn solve_column<T: Scalar>(&self, numbers: &FactorNumbers<T>, x: &mut [f64]) {
         let FactorNumbers { values, inverse, pivoting, .. } = numbers;
         let found = (values.len(), inverse.len());
         assert_eq!(found, (self.entries(), self.size()), "numbers of a factor of this structure");
@@ -48,18 +49,18 @@ impl SymbolicFactor {
 }
 
 /// One supernode of a factor.
-struct Part<'a> {
+struct Part<'a, T> {
     /// Where the rows below its columns begin.
     end: usize,
     columns: usize,
     rows: usize,
-    values: &'a [f64],
+    values: &'a [T],
     below: &'a [u32],
 }
 
-impl<'a> Part<'a> {
+impl<'a, T: Scalar> Part<'a, T> {
     #[inline(always)]
-    fn new(symbolic: &'a SymbolicFactor, values: &'a [f64], node: &Node) -> Self {
+    fn new(symbolic: &'a SymbolicFactor, values: &'a [T], node: &Node) -> Self {
         let rows = node.columns + node.pattern.1;
         Self {
             end: node.start + node.columns,
@@ -72,7 +73,7 @@ impl<'a> Part<'a> {
 
     /// The entries of one column of `L` from a row on.
     #[inline(always)]
-    fn column(&self, column: usize, from: usize) -> &'a [f64] {
+    fn column(&self, column: usize, from: usize) -> &'a [T] {
         &self.values[column * self.rows + from..(column + 1) * self.rows]
     }
 
@@ -82,23 +83,23 @@ impl<'a> Part<'a> {
         for j in 0..self.columns {
             let x = top[j];
             let column = &self.column(j, j + 1)[..self.columns - j - 1];
-            top[j + 1..].iter_mut().zip(column).for_each(|(y, l)| *y -= l * x);
+            top[j + 1..].iter_mut().zip(column).for_each(|(y, l)| *y -= l.wide() * x);
         }
         let sums = &mut scratch[..self.below.len()];
         sums.fill(0.0);
         let mut j = 0;
         while j + TOGETHER <= self.columns {
-            let [a, b, c, d]: [&[f64]; TOGETHER] = std::array::from_fn(|k| self.column(j + k, self.columns));
+            let [a, b, c, d]: [&[T]; TOGETHER] = std::array::from_fn(|k| self.column(j + k, self.columns));
             let [p, q, r, s]: [f64; TOGETHER] = std::array::from_fn(|k| top[j + k]);
             let entries = a.iter().zip(b).zip(c.iter().zip(d));
             for (sum, ((a, b), (c, d))) in sums.iter_mut().zip(entries) {
-                *sum += (a * p + b * q) + (c * r + d * s);
+                *sum += (a.wide() * p + b.wide() * q) + (c.wide() * r + d.wide() * s);
             }
             j += TOGETHER;
         }
         for j in j..self.columns {
             let x = top[j];
-            sums.iter_mut().zip(self.column(j, self.columns)).for_each(|(sum, l)| *sum += l * x);
+            sums.iter_mut().zip(self.column(j, self.columns)).for_each(|(sum, l)| *sum += l.wide() * x);
         }
         for (sum, &row) in sums.iter().zip(self.below) {
             tail[row as usize - self.end] -= sum;
@@ -124,15 +125,15 @@ impl<'a> Part<'a> {
 
 /// Eight sums at once, which a vector unit holds in one or two registers.
 #[inline(always)]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+fn dot<T: Scalar>(a: &[T], b: &[f64]) -> f64 {
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
     let mut sums = [0.0; 8];
     for (a, b) in a.iter().zip(b) {
         for k in 0..8 {
-            sums[k] += a[k] * b[k];
+            sums[k] += a[k].wide() * b[k];
         }
     }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a.wide() * b).sum();
     ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + rest
 }
 

@@ -4,6 +4,7 @@
 use pulp::Simd;
 
 use super::factor::{Factor, FactorNumbers, Node, Pivoting, SymbolicFactor};
+use super::product::Scalar;
 use super::{PANEL_WIDTH, panels::PanelRow};
 
 /// Columns of a supernode that are eliminated together: their rows of the panel stay in the first-level cache.
@@ -25,7 +26,7 @@ impl SymbolicFactor {
     ///
     /// # Panics
     /// Where the panel has another number of rows than the matrix, or the numbers came from another structure.
-    pub fn solve_panel(&self, numbers: &FactorNumbers, panel: &mut [f64]) {
+    pub fn solve_panel<T: Scalar>(&self, numbers: &FactorNumbers<T>, panel: &mut [f64]) {
         let FactorNumbers { values, inverse, pivoting, .. } = numbers;
         let found = (values.len(), inverse.len());
         assert_eq!(found, (self.entries(), self.size()), "numbers of a factor of this structure");
@@ -35,14 +36,14 @@ impl SymbolicFactor {
 
 /// What solving needs of a factor.
 #[derive(Clone, Copy)]
-struct Parts<'a> {
+struct Parts<'a, T> {
     symbolic: &'a SymbolicFactor,
-    values: &'a [f64],
+    values: &'a [T],
     inverse: &'a [f64],
     pivoting: Option<&'a Pivoting>,
 }
 
-impl Parts<'_> {
+impl<T: Scalar> Parts<'_, T> {
     fn solve(self, panel: &mut [f64]) {
         assert_eq!(panel.len(), self.symbolic.size() * PANEL_WIDTH, "a row of the panel for each of the matrix");
         let (rows, _) = panel.as_chunks_mut::<PANEL_WIDTH>();
@@ -50,30 +51,34 @@ impl Parts<'_> {
     }
 }
 
-struct Solve<'a> {
-    factor: Parts<'a>,
+struct Solve<'a, T> {
+    factor: Parts<'a, T>,
     x: &'a mut [PanelRow],
 }
 
-impl pulp::WithSimd for Solve<'_> {
+impl<T: Scalar> pulp::WithSimd for Solve<'_, T> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         // As many vectors as leave room in the registers: four rows of accumulators, one row of operands, one factor.
         match (S::F64_LANES, S::REGISTER_COUNT) {
-            (8, 32) => solve::<S, 4, 1>(simd, self.factor, self.x),
-            (8, _) => solve::<S, 2, 2>(simd, self.factor, self.x),
-            (4, _) => solve::<S, 2, 4>(simd, self.factor, self.x),
-            (2, _) => solve::<S, 4, 4>(simd, self.factor, self.x),
-            _ => solve::<S, 4, 8>(simd, self.factor, self.x),
+            (8, 32) => solve::<T, S, 4, 1>(simd, self.factor, self.x),
+            (8, _) => solve::<T, S, 2, 2>(simd, self.factor, self.x),
+            (4, _) => solve::<T, S, 2, 4>(simd, self.factor, self.x),
+            (2, _) => solve::<T, S, 4, 4>(simd, self.factor, self.x),
+            _ => solve::<T, S, 4, 8>(simd, self.factor, self.x),
         }
     }
 }
 
 /// `VECTORS` vectors are handled at once, in `GROUPS` groups that make up a row.
 #[inline(always)]
-fn solve<S: Simd, const VECTORS: usize, const GROUPS: usize>(simd: S, factor: Parts<'_>, x: &mut [PanelRow]) {
+fn solve<T: Scalar, S: Simd, const VECTORS: usize, const GROUPS: usize>(
+    simd: S,
+    factor: Parts<'_, T>,
+    x: &mut [PanelRow],
+) {
     let symbolic = factor.symbolic;
     let mut scratch: Vec<PanelRow> = Vec::new();
     for node in &symbolic.nodes {
@@ -98,21 +103,21 @@ fn solve<S: Simd, const VECTORS: usize, const GROUPS: usize>(simd: S, factor: Pa
 }
 
 /// One supernode of a factor.
-struct NodePart<'a> {
+struct NodePart<'a, T> {
     /// Where the rows below its columns begin.
     end: usize,
     columns: usize,
     rows: usize,
-    values: &'a [f64],
+    values: &'a [T],
     below: &'a [u32],
     inverse: &'a [f64],
     /// The first column, the order of the rows and the entries of `D⁻¹` beside its diagonal.
     pivoting: Option<(usize, &'a [u32], &'a [f64])>,
 }
 
-impl<'a> NodePart<'a> {
+impl<'a, T: Scalar> NodePart<'a, T> {
     #[inline(always)]
-    fn new(factor: Parts<'a>, node: &Node) -> Self {
+    fn new(factor: Parts<'a, T>, node: &Node) -> Self {
         let (columns, end) = (node.columns, node.start + node.columns);
         let rows = columns + node.pattern.1;
         Self {
@@ -234,7 +239,7 @@ impl<'a> NodePart<'a> {
             let x = load::<S, V>(x, group);
             if let Some(factors) = column.get(row..row + R) {
                 for k in 0..R {
-                    let l = simd.splat_f64s(-factors[k]);
+                    let l = simd.splat_f64s(-factors[k].wide());
                     for v in 0..V {
                         acc[k][v] = simd.mul_add_f64s(l, x[v], acc[k][v]);
                     }
@@ -267,7 +272,7 @@ impl<'a> NodePart<'a> {
                 let (these, after) = block.split_at_mut(k + 1);
                 let mut acc = load::<S, V>(&these[k], group);
                 for (j, x) in after.iter().enumerate() {
-                    let l = simd.splat_f64s(-self.values[(from + k) * self.rows + from + k + 1 + j]);
+                    let l = simd.splat_f64s(-self.values[(from + k) * self.rows + from + k + 1 + j].wide());
                     let x = load::<S, V>(x, group);
                     for v in 0..V {
                         acc[v] = simd.mul_add_f64s(l, x[v], acc[v]);
@@ -291,16 +296,16 @@ impl<'a> NodePart<'a> {
         targets: [&PanelRow; R],
     ) -> [[S::f64s; V]; R] {
         let mut acc = targets.map(|target| load::<S, V>(target, group));
-        let columns: [&[f64]; R] = std::array::from_fn(|k| {
+        let columns: [&[T]; R] = std::array::from_fn(|k| {
             let at = (from + k) * self.rows;
             &self.values[at + from + R..at + self.rows]
         });
-        let (within, below): ([&[f64]; R], [&[f64]; R]) =
+        let (within, below): ([&[T]; R], [&[T]; R]) =
             (columns.map(|c| &c[..done.len()]), columns.map(|c| &c[done.len()..][..self.below.len()]));
         for (i, x) in done.iter().enumerate() {
             let x = load::<S, V>(x, group);
             for k in 0..R {
-                let l = simd.splat_f64s(-within[k][i]);
+                let l = simd.splat_f64s(-within[k][i].wide());
                 for v in 0..V {
                     acc[k][v] = simd.mul_add_f64s(l, x[v], acc[k][v]);
                 }
@@ -309,7 +314,7 @@ impl<'a> NodePart<'a> {
         for (i, &row) in self.below.iter().enumerate() {
             let x = load::<S, V>(&tail[row as usize - self.end], group);
             for k in 0..R {
-                let l = simd.splat_f64s(-below[k][i]);
+                let l = simd.splat_f64s(-below[k][i].wide());
                 for v in 0..V {
                     acc[k][v] = simd.mul_add_f64s(l, x[v], acc[k][v]);
                 }
@@ -335,7 +340,7 @@ impl<'a> NodePart<'a> {
         let values = &self.values[column * self.rows + to..(column + 1) * self.rows];
         let below = self.below.iter().map(|&row| &tail[row as usize - self.end]);
         for (&l, x) in values.iter().zip(done.iter().chain(below)) {
-            let (l, x) = (simd.splat_f64s(-l), load::<S, V>(x, group));
+            let (l, x) = (simd.splat_f64s(-l.wide()), load::<S, V>(x, group));
             for v in 0..V {
                 acc[v] = simd.mul_add_f64s(l, x[v], acc[v]);
             }

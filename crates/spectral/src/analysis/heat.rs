@@ -3,13 +3,13 @@
 //! Heat that starts at the sources flows for a short time, `(M + t S) u = δ`; of its gradients the directions are kept, `X = −∇u / |∇u|`, and of all functions
 //! the one whose gradient is nearest to `X` solves `S φ = ∇·X`. Both systems are those of the robust Laplacian (Sharp and Crane 2020), and gradients are taken on its
 //! intrinsic Delaunay triangulation: no weight is negative, so that heat is positive everywhere and is known to full relative precision however small.
+//! Both factors are in single precision: a single source takes the time in which they are read, and distances change by a millionth of the largest
+//! (`docs/decisions/0097-neighbours-in-many-dimensions.md`).
 //!
 //! Nothing but half cotangents `h` and the area `A` is needed of a triangle: with `w_k = h_k (u_i − u_j)` the flux `∫ ∇u · ∇λ_i` of corner `i` is
 //! `w_k − w_j`, and `A |∇u|² = Σ h_k (u_i − u_j)²`.
 
-use chladni_algebra::{
-    DenseMatrix, FactorNumbers, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order,
-};
+use chladni_algebra::{DenseMatrix, FactorNumbers, Ordering, PANEL_WIDTH, SymbolicFactor, fill_reducing_order};
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::intrinsic::IntrinsicTriangulation;
@@ -20,7 +20,8 @@ use crate::operator::robust;
 /// Heat flows at least so long, as a share of the diagonal of the mesh: else it would be below the least number on the far side.
 const SHORTEST: f64 = 1.0 / 200.0;
 
-/// What is added to the stiffness, as a share of the mass, to make it definite: it changes distances by less than rounding does.
+/// What is added to the stiffness, as a share of the mass, to make it definite while it is factored. Potentials are zero at the last vertex of each component then,
+/// so that nothing is divided by the pivot which is all of that.
 const FLOOR: f64 = 1e-9;
 
 /// From so many sources on a panel takes less time than as many columns, one after the other.
@@ -35,36 +36,14 @@ pub struct HeatGeodesics {
     component: Vec<u32>,
     /// Where each vertex is in the order of the factors.
     place: Vec<u32>,
-    heat: Inverse,
-    poisson: Inverse,
+    symbolic: SymbolicFactor,
+    heat: FactorNumbers<f32>,
+    poisson: FactorNumbers<f32>,
 }
 
 impl std::fmt::Debug for HeatGeodesics {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("HeatGeodesics").field("vertices", &self.vertices()).finish_non_exhaustive()
-    }
-}
-
-/// The inverse of a sparse definite matrix.
-struct Inverse {
-    symbolic: SymbolicFactor,
-    numbers: FactorNumbers,
-}
-
-impl Inverse {
-    /// Of `a + shift · b`.
-    fn new(a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Result<Self, AnalysisError> {
-        let symbolic = SymbolicFactor::new(a, b)?;
-        let numbers = symbolic.factor(a, b, -shift)?.into_numbers();
-        Ok(Self { symbolic, numbers })
-    }
-
-    /// For columns row after row, 32 of them or one.
-    fn solve(&self, columns: &mut [f64], width: usize) {
-        match width {
-            1 => self.symbolic.solve_column(&self.numbers, columns),
-            _ => self.symbolic.solve_panel(&self.numbers, columns),
-        }
     }
 }
 
@@ -79,19 +58,24 @@ impl HeatGeodesics {
             error::positive("time", time)?;
         }
         let (problem, triangulation) = robust::triangulated(mesh, monitor)?;
-        let order = fill_reducing_order(&problem.stiffness, Ordering::Amd)?;
+        let order = fill_reducing_order(&problem.stiffness, Ordering::NestedDissection)?;
         monitor.checkpoint()?;
         let (stiffness, mass) = (problem.stiffness.reordered(&order), problem.mass.reordered(&order));
         let area: f64 =
             triangulation.shapes().iter().map(|shape| shape.area).sum::<f64>() / triangulation.sheets() as f64;
         let unit = (problem.area / area).sqrt();
         let time = time.unwrap_or_else(|| default_time(&triangulation, mesh, unit)) / problem.area;
-        let heat = Inverse::new(&stiffness, &mass, 1.0 / time)?;
+        let symbolic = SymbolicFactor::new(&stiffness, &mass)?;
+        let heat = symbolic.factor(&stiffness, &mass, -1.0 / time)?.into_numbers().into_single();
         monitor.checkpoint()?;
-        let poisson = Inverse::new(&stiffness, &mass, FLOOR)?;
+        let mut poisson = symbolic.factor(&stiffness, &mass, -FLOOR)?.into_numbers().into_single();
         let mut place = vec![0; order.len()];
         order.iter().zip(0..).for_each(|(&vertex, at)| place[vertex as usize] = at);
-        Ok(Self { component: components(mesh), unit, place, heat, poisson, triangulation })
+        let component = components(mesh);
+        let mut last = vec![0; order.len()];
+        order.iter().enumerate().for_each(|(at, &vertex)| last[component[vertex as usize] as usize] = at);
+        component.iter().for_each(|&component| poisson.ground(last[component as usize]));
+        Ok(Self { component, unit, place, symbolic, heat, poisson, triangulation })
     }
 
     /// The number of vertices, `n`.
@@ -101,8 +85,15 @@ impl HeatGeodesics {
 
     /// About the bytes that it takes.
     pub fn bytes(&self) -> u64 {
-        let factors = 8 * (self.heat.symbolic.entries() + self.poisson.symbolic.entries());
-        (3 * factors / 2 + 200 * self.vertices() + 100 * self.triangulation.faces().len()) as u64
+        (10 * self.symbolic.entries() + 400 * self.vertices() + 100 * self.triangulation.faces().len()) as u64
+    }
+
+    /// Solves with one of the factors, in place, for columns row after row, 32 of them or one.
+    fn solve(&self, numbers: &FactorNumbers<f32>, columns: &mut [f64], width: usize) {
+        match width {
+            1 => self.symbolic.solve_column(numbers, columns),
+            _ => self.symbolic.solve_panel(numbers, columns),
+        }
     }
 
     /// Distances in the units of the mesh of all vertices from the nearest vertex of each of some groups: `n × groups`, infinite in components without one.
@@ -128,10 +119,10 @@ impl HeatGeodesics {
             for (column, group) in groups.iter().enumerate() {
                 group.iter().for_each(|&source| columns[self.place[source as usize] as usize * width + column] = 1.0);
             }
-            self.heat.solve(&mut columns, width);
+            self.solve(&self.heat, &mut columns, width);
             let mut columns = self.unit_divergence(&columns, count, width);
             monitor.checkpoint()?;
-            self.poisson.solve(&mut columns, width);
+            self.solve(&self.poisson, &mut columns, width);
             for (column, group) in groups.iter().enumerate() {
                 self.finish(&columns[column..], width, group, distances.column_mut(from + column));
             }
@@ -224,6 +215,7 @@ fn components(mesh: &TriangleMesh) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use chladni_algebra::solve_definite;
     use chladni_base::{SplitMix64, Unwatched};
     use chladni_mesh::distance::ExactGeodesics;
     use chladni_mesh::shape::{Shape, generate};
@@ -283,6 +275,46 @@ mod tests {
         }
     }
 
+    /// The same in double precision, with dense systems: the potential of least squares, without a vertex where it is zero.
+    #[test]
+    fn single_precision_of_the_factors_does_not_show() {
+        let mesh = generate(Shape::Torus, 1200).unwrap();
+        let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
+        let n = heat.vertices();
+        let (problem, triangulation) = robust::triangulated(&mesh, &Unwatched).unwrap();
+        let time = default_time(&triangulation, &mesh, heat.unit) / problem.area;
+        let mass = problem.mass.lumped();
+        let system = |entry: &dyn Fn(usize, usize) -> f64| {
+            let mut full = DenseMatrix::zeros(n, n);
+            for row in 0..n {
+                (0..n).for_each(|column| full.column_mut(column)[row] = entry(row, column));
+                let (columns, values) = problem.stiffness.row(row);
+                columns.iter().zip(values).for_each(|(&column, value)| full.column_mut(column as usize)[row] += value);
+            }
+            full
+        };
+        for source in [0, 700] {
+            let mut u = DenseMatrix::zeros(n, 1);
+            u.column_mut(0)[source] = 1.0;
+            let diagonal = |i: usize, j: usize| if i == j { mass[i] / time } else { 0.0 };
+            solve_definite(system(&diagonal), &mut u).unwrap();
+            // Where vertices are in the order of the factors.
+            let at = |v: usize| heat.place[v] as usize;
+            let mut ordered = vec![0.0; n];
+            (0..n).for_each(|v| ordered[at(v)] = u.column(0)[v]);
+            let divergence = heat.unit_divergence(&ordered, 1, 1);
+            let mut potential = DenseMatrix::zeros(n, 1);
+            (0..n).for_each(|v| potential.column_mut(0)[v] = divergence[at(v)]);
+            solve_definite(system(&|_, _| 1.0 / n as f64), &mut potential).unwrap();
+            let base = potential.column(0)[source];
+            let expected: Vec<f64> = potential.column(0).iter().map(|p| ((p - base) * heat.unit).max(0.0)).collect();
+            let found = heat.from_nearest(&[&[source as u32]], &Unwatched).unwrap();
+            let largest = expected.iter().copied().fold(0.0, f64::max);
+            let worst = found.column(0).iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(worst < 1e-5 * largest, "{source}: {worst} of {largest}");
+        }
+    }
+
     #[test]
     fn a_source_alone_is_what_it_is_among_many() {
         let mesh = generate(Shape::Torus, 2000).unwrap();
@@ -310,7 +342,7 @@ mod tests {
             let begin = std::time::Instant::now();
             let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
             let made = begin.elapsed().as_secs_f64();
-            let entries = [heat.heat.symbolic.entries(), heat.poisson.symbolic.entries()];
+            let entries = heat.symbolic.entries();
             let sources: Vec<u32> = (0..32).map(|k| 3001 * k).collect();
             let groups: Vec<&[u32]> = sources.chunks(1).collect();
             let least = |work: &dyn Fn()| {
@@ -327,10 +359,10 @@ mod tests {
             let solve = least(&|| {
                 let mut column = column.clone();
                 column[50_000] = 1.0;
-                heat.heat.solve(&mut column, 1);
+                heat.solve(&heat.heat, &mut column, 1);
             });
             column.fill(1.0);
-            let whole = least(&|| heat.poisson.solve(&mut column.clone(), 1));
+            let whole = least(&|| heat.solve(&heat.poisson, &mut column.clone(), 1));
             let gradients = least(&|| drop(heat.unit_divergence(&column, 1, 1)));
             println!(
                 "{name}: {} vertices, {entries:?} entries, made in {made:.2} s, one source {one:.2} ms (heat {solve:.2}, divergence {gradients:.2}, potential {whole:.2}), 32 sources {all:.1} ms",

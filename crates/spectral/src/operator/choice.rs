@@ -328,6 +328,7 @@ pub(super) fn assemble_on(
         Triangles::Surface => refined(&parameters.operator, mesh)?,
         Triangles::Local => None,
     };
+    let mut of_polygons = None;
     let (laplacian, reason) = match triangles {
         Triangles::Surface => choose(&parameters.operator, mesh, &measured, refined.as_ref(), &topology),
         Triangles::Local => choose_local(&parameters.operator, mesh, &measured),
@@ -351,7 +352,7 @@ pub(super) fn assemble_on(
             (problem, &mesh.faces[..], &measured.shapes[..])
         }
         Laplacian::Polygon => {
-            let refined = refined.ok_or(OperatorError::NoArea)?;
+            let refined = of_polygons.insert(refined.ok_or(OperatorError::NoArea)?);
             let (problem, massless) = refined.problem(parameters.mass);
             report.massless_vertices = massless;
             report.polygons = refined.polygons();
@@ -384,17 +385,29 @@ pub(super) fn assemble_on(
         | OperatorKind::Graph => None,
         OperatorKind::Weighted(parts) => Some(weighted::stiffness(&laplacian, mesh, shapes, measured.scale, parts)),
         OperatorKind::Extrinsic { t } => {
-            let normals = Surface::new(mesh, &measured).normals(&measured.corners);
+            let normals = match &of_polygons {
+                Some(refined) => refined.normals(),
+                None => Surface::new(mesh, &measured).normals(&measured.corners),
+            };
             Some(extrinsic::blend(&laplacian.stiffness, &normals, *t))
         }
-        OperatorKind::Hamiltonian { potential: Potential::Values(values) } => {
-            Some(hamiltonian::add_potential(&laplacian, faces, shapes, values)?)
-        }
-        OperatorKind::Hamiltonian { potential: Potential::Curvature { t } } => {
-            let squares = Surface::new(mesh, &measured).curvatures(&measured.corners).squares();
-            let most = hamiltonian::LARGEST / laplacian.area;
-            let potential: Vec<f64> = squares.iter().map(|square| (t * square).min(most)).collect();
-            Some(hamiltonian::add_potential(&laplacian, faces, shapes, &potential)?)
+        OperatorKind::Hamiltonian { potential } => {
+            let values = match potential {
+                Potential::Values(values) => values,
+                Potential::Curvature { t } => {
+                    let squares = match &of_polygons {
+                        Some(refined) => refined.squared_curvatures(),
+                        None => Surface::new(mesh, &measured).curvatures(&measured.corners).squares(),
+                    };
+                    let most = hamiltonian::LARGEST / laplacian.area;
+                    &squares.iter().map(|square| (t * square).min(most)).collect()
+                }
+            };
+            let scaled = hamiltonian::scaled(&laplacian, values)?;
+            Some(match &of_polygons {
+                Some(refined) => refined.with_potential(&laplacian, &scaled),
+                None => hamiltonian::add_potential(&laplacian, faces, shapes, &scaled),
+            })
         }
     };
     let floor = match &parameters.operator {
@@ -428,10 +441,12 @@ pub(super) fn assemble_on(
 
 /// The finer mesh that the Laplacian of polygons is made of, where that may be taken and there are any.
 fn refined(wanted: &OperatorKind, mesh: &TriangleMesh) -> Result<Option<Refined>, OperatorError> {
-    // Potentials and normals are those of triangles.
-    let takes = matches!(wanted, OperatorKind::Auto | OperatorKind::Polygon);
-    let polygons = mesh.polygons.as_ref().filter(|_| takes).map(|polygons| polygons.loops(&mesh.faces));
-    polygons.filter(|polygons| !polygons.is_empty()).map(|polygons| Refined::new(mesh, polygons)).transpose()
+    // The Hodge–Laplacian and weights are of faces.
+    let takes = matches!(
+        wanted,
+        OperatorKind::Auto | OperatorKind::Polygon | OperatorKind::Extrinsic { .. } | OperatorKind::Hamiltonian { .. }
+    );
+    if takes { Refined::of(mesh) } else { Ok(None) }
 }
 
 /// Which Laplacian to take on local triangulations: cotangents, unless the robust one is asked for or some triangles are thin.

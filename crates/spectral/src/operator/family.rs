@@ -6,7 +6,8 @@ use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 
 use super::curvature::curvatures;
-use super::{MassMatrix, MeshOperator, OperatorError, OperatorParameters, assemble, extrinsic};
+use super::polygon::Refined;
+use super::{Laplacian, MassMatrix, MeshOperator, OperatorError, OperatorParameters, assemble, extrinsic};
 
 /// What a family is made of, on the mesh scaled to unit area, natural boundary, lumped mass.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,12 +29,19 @@ const LARGEST: f64 = 1e12;
 /// [`OperatorError`], as [`assemble`].
 pub fn family(mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<FamilyOperators, OperatorError> {
     let laplacian = assemble(mesh, &OperatorParameters::default(), monitor)?;
-    let surface = curvatures(mesh)?;
+    let refined = if laplacian.report.laplacian == Laplacian::Polygon { Refined::of(mesh)? } else { None };
+    let (normals, squares) = match refined {
+        Some(refined) => (refined.normals(), refined.squared_curvatures()),
+        None => {
+            let surface = curvatures(mesh)?;
+            let squares = surface.squares();
+            (surface.normals, squares)
+        }
+    };
     monitor.checkpoint()?;
     let problem = &laplacian.problem;
-    let extrinsic = extrinsic::blend(&problem.stiffness, &surface.normals, 1.0);
+    let extrinsic = extrinsic::blend(&problem.stiffness, &normals, 1.0);
     let mass = problem.mass.lumped();
-    let squares = surface.squares();
     let weighted = squares.iter().zip(&mass).map(|(square, m)| (square * problem.area).min(LARGEST) * m);
     let curvature = MassMatrix::Diagonal(weighted.collect());
     Ok(FamilyOperators { laplacian, extrinsic, curvature })

@@ -16,19 +16,11 @@ use crate::operator::{EigenProblem, MassMatrix, OperatorError};
 /// Values beyond this times the inverse area drown the Laplacian in rounding errors.
 pub(super) const LARGEST: f64 = 1e12;
 
-/// Adds the potential, one value for each row in 1/length² of the input, to the stiffness of `problem`.
-///
-/// `faces` and `shapes` are the triangles that a consistent mass was made of.
+/// A potential in 1/length² of the input as it is on unit area.
 ///
 /// # Errors
 /// [`OperatorError::Parameter`] names the first vertex whose value is too large for the size of the mesh.
-pub(super) fn add_potential(
-    problem: &EigenProblem,
-    faces: &[[u32; 3]],
-    shapes: &[TriangleShape],
-    potential: &[f64],
-) -> Result<SparseMatrix, OperatorError> {
-    // On unit area.
+pub(super) fn scaled(problem: &EigenProblem, potential: &[f64]) -> Result<Vec<f64>, OperatorError> {
     let scaled: Vec<f64> = potential.iter().map(|v| v * problem.area).collect();
     if let Some(vertex) = scaled.iter().position(|v| !(v.abs() <= LARGEST)) {
         return Err(OperatorError::Parameter {
@@ -39,6 +31,18 @@ pub(super) fn add_potential(
             ),
         });
     }
+    Ok(scaled)
+}
+
+/// Adds a potential, one value for each row on unit area, to the stiffness of `problem`.
+///
+/// `faces` and `shapes` are the triangles that a consistent mass was made of.
+pub(super) fn add_potential(
+    problem: &EigenProblem,
+    faces: &[[u32; 3]],
+    shapes: &[TriangleShape],
+    scaled: &[f64],
+) -> SparseMatrix {
     let stiffness = &problem.stiffness;
     let mut values = stiffness.values().to_vec();
     let place = |row: u32, column: u32| {
@@ -47,7 +51,7 @@ pub(super) fn add_potential(
     };
     match &problem.mass {
         MassMatrix::Diagonal(mass) => {
-            for (row, (m, v)) in mass.iter().zip(&scaled).enumerate() {
+            for (row, (m, v)) in mass.iter().zip(scaled).enumerate() {
                 if let Some(at) = place(row as u32, row as u32) {
                     values[at] += m * v;
                 }
@@ -71,11 +75,11 @@ pub(super) fn add_potential(
             }
         }
     }
-    Ok(SparseMatrix::from_sorted_parts(
+    SparseMatrix::from_sorted_parts(
         stiffness.rows(),
         stiffness.columns(),
         stiffness.offsets().to_vec(),
         stiffness.indices().to_vec(),
         values,
-    ))
+    )
 }

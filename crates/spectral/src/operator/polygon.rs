@@ -18,7 +18,9 @@ use chladni_mesh::TriangleMesh;
 use chladni_mesh::polygons::Loops;
 use rayon::prelude::*;
 
+use super::curvature::Surface;
 use super::frames::{cross, dot};
+use super::hamiltonian;
 use super::laplace::{self, Measured};
 use super::{EigenProblem, MassKind, MassMatrix, OperatorError};
 
@@ -35,6 +37,15 @@ pub(super) struct Refined {
 }
 
 impl Refined {
+    /// That of a mesh; `None` where it has no polygons.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn of(mesh: &TriangleMesh) -> Result<Option<Self>, OperatorError> {
+        let polygons = mesh.polygons.as_ref().map(|polygons| polygons.loops(&mesh.faces));
+        polygons.filter(|polygons| !polygons.is_empty()).map(|polygons| Self::new(mesh, polygons)).transpose()
+    }
+
     /// # Errors
     /// [`OperatorError`], as of the cotangents of the finer mesh.
     pub fn new(mesh: &TriangleMesh, polygons: Loops) -> Result<Self, OperatorError> {
@@ -78,7 +89,7 @@ impl Refined {
     /// The problem on the vertices of the mesh, and the number of those without mass.
     pub fn problem(&self, mass: MassKind) -> (EigenProblem, usize) {
         let (fine, massless) = laplace::cotangent(&self.mesh, &self.measured, 1.0, mass);
-        let n = self.mesh.positions.len() - self.polygons.len();
+        let n = self.vertices();
         let around = Around::new(n, &self.polygons);
         let stiffness = self.restricted(&fine.stiffness, &around);
         let mass = match &fine.mass {
@@ -86,6 +97,43 @@ impl Refined {
             lumped => MassMatrix::Diagonal(self.lumped(&lumped.lumped(), n)),
         };
         (EigenProblem { stiffness, mass, area: fine.area, unknowns: None }, massless)
+    }
+
+    /// The stiffness of that [`problem`](Self::problem) with a potential, one value for each vertex of the mesh on unit area. Lumped masses carry the values of
+    /// their vertices; else values in the middles are those of functions, within what the corners have.
+    pub fn with_potential(&self, problem: &EigenProblem, scaled: &[f64]) -> SparseMatrix {
+        if let MassMatrix::Diagonal(_) = &problem.mass {
+            return hamiltonian::add_potential(problem, &[], &[], scaled);
+        }
+        let mut values = scaled.to_vec();
+        for (polygon, shares) in self.shares.iter().enumerate() {
+            let corners = self.polygons.corners(polygon).iter().map(|&corner| scaled[corner as usize]);
+            let (least, most) =
+                corners.clone().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+            // A share may be negative, and what follows from the least value is to hold.
+            values.push(corners.zip(shares).map(|(v, share)| share * v).sum::<f64>().clamp(least, most));
+        }
+        let (fine, _) = laplace::cotangent(&self.mesh, &self.measured, 1.0, MassKind::Consistent);
+        let stiffness = hamiltonian::add_potential(&fine, &self.mesh.faces, &self.measured.shapes, &values);
+        self.restricted(&stiffness, &Around::new(scaled.len(), &self.polygons))
+    }
+
+    /// Unit normals of the vertices of the mesh.
+    pub fn normals(&self) -> Vec<Vector> {
+        let mut normals = Surface::new(&self.mesh, &self.measured).normals(&self.measured.corners);
+        normals.truncate(self.vertices());
+        normals
+    }
+
+    /// `κ₁² + κ₂²` of the vertices of the mesh.
+    pub fn squared_curvatures(&self) -> Vec<f64> {
+        let mut squares = Surface::new(&self.mesh, &self.measured).curvatures(&self.measured.corners).squares();
+        squares.truncate(self.vertices());
+        squares
+    }
+
+    fn vertices(&self) -> usize {
+        self.mesh.positions.len() - self.polygons.len()
     }
 
     /// `Pᵀ A P`, symmetric to the last bit where `A` is.

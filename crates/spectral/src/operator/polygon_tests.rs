@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::operator::{Boundary, Laplacian, OperatorKind, OperatorParameters, Reason, assemble};
+use crate::operator::{Boundary, Laplacian, OperatorKind, OperatorParameters, Potential, Reason, assemble};
 use chladni_algebra::{CpuSolver, DenseMatrix, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
 use chladni_mesh::fixtures::sphere;
@@ -315,6 +315,101 @@ fn auto_keeps_polygons_and_says_so_unless_the_mesh_is_broken() {
     );
     let dirichlet = OperatorParameters { boundary: Boundary::Dirichlet, ..OperatorParameters::default() };
     assert_eq!(assemble(&mesh, &dirichlet, &Unwatched).unwrap().problem.size(), 16);
+}
+
+/// Values that are linear on a flat polygon are linear in its middle too: the matrix is the integral of `V φ_i φ_j` over the finer mesh, summed over points of a rule
+/// that is exact for cubic functions.
+#[test]
+fn potentials_are_integrated_over_polygons() {
+    let mesh = quads(4, |x, y| [x + 0.06 * (8.0 * y).sin(), y + 0.05 * (9.0 * x).sin(), 0.0]);
+    let values: Vec<f64> = mesh.positions.iter().map(|p| 3.0 + 2.0 * p[0] - p[1]).collect();
+    let n = values.len();
+    let hamiltonian = || OperatorKind::Hamiltonian { potential: Potential::Values(values.clone()) };
+    for kind in [MassKind::Barycentric, MassKind::Consistent] {
+        let (plain, with) = (problem(&mesh, OperatorKind::Polygon, kind), problem(&mesh, hamiltonian(), kind));
+        assert_eq!(plain.mass, with.mass);
+        let added = |i: usize, j: usize| dense(&with.stiffness).column(j)[i] - dense(&plain.stiffness).column(j)[i];
+        if let MassMatrix::Diagonal(mass) = &plain.mass {
+            for i in 0..n {
+                assert!((added(i, i) - plain.area * values[i] * mass[i]).abs() < 1e-12, "{i}");
+            }
+            continue;
+        }
+        let mut expected = DenseMatrix::zeros(n, n);
+        let polygons = mesh.polygons.as_ref().unwrap().loops(&mesh.faces);
+        for polygon in 0..polygons.len() {
+            let (corners, shares) = (polygons.corners(polygon), shares(&mesh, polygons.corners(polygon)));
+            let k = corners.len();
+            // Weights of the corners at a point, and where it is.
+            let at = |i: usize, [a, b, c]: [f64; 3]| {
+                let mut weights: Vec<f64> = shares.iter().map(|share| c * share).collect();
+                weights[i] += a;
+                weights[(i + 1) % k] += b;
+                weights
+            };
+            let place = |weights: &[f64]| -> [f64; 2] {
+                std::array::from_fn(|axis| {
+                    corners.iter().zip(weights).map(|(&v, w)| w * mesh.positions[v as usize][axis]).sum()
+                })
+            };
+            for i in 0..k {
+                let [p, q, r] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|c| place(&at(i, c)));
+                let area = 0.5 * ((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])).abs();
+                let third = 1.0 / 3.0;
+                let mut rule = vec![(-27.0 / 48.0, [third; 3])];
+                for turn in 0..3 {
+                    let mut c = [0.2; 3];
+                    c[turn] = 0.6;
+                    rule.push((25.0 / 48.0, c));
+                }
+                for (weight, c) in rule {
+                    let weights = at(i, c);
+                    let [x, y] = place(&weights);
+                    for (a, &row) in corners.iter().enumerate() {
+                        for (b, &column) in corners.iter().enumerate() {
+                            expected.column_mut(column as usize)[row as usize] +=
+                                weight * area * (3.0 + 2.0 * x - y) * weights[a] * weights[b];
+                        }
+                    }
+                }
+            }
+        }
+        for i in 0..n {
+            for j in 0..n {
+                // On unit area a potential times a mass is what it is on the mesh.
+                assert!((added(i, j) - expected.column(j)[i]).abs() < 1e-12, "{i} {j}");
+            }
+        }
+    }
+}
+
+#[test]
+fn hamiltonians_and_the_extrinsic_family_act_on_polygons() {
+    let kinds = || {
+        [OperatorKind::Extrinsic { t: 0.5 }, OperatorKind::Hamiltonian { potential: Potential::Curvature { t: 0.3 } }]
+    };
+    // On the unit sphere both add a multiple of the mass: t (κ₁² + κ₂²) = 2 t.
+    let mesh = quad_sphere(12);
+    for (operator, added) in kinds().into_iter().zip([1.0, 0.6]) {
+        let parameters = OperatorParameters { operator: operator.clone(), ..OperatorParameters::default() };
+        let report = assemble(&mesh, &parameters, &Unwatched).unwrap().report;
+        assert_eq!((report.laplacian, report.polygons), (Laplacian::Polygon, 6 * 144));
+        let (plain, with) = (
+            spectrum(&problem(&mesh, OperatorKind::Auto, MassKind::Barycentric), 4),
+            spectrum(&problem(&mesh, operator, MassKind::Barycentric), 4),
+        );
+        for (a, b) in plain.iter().zip(&with) {
+            assert!((b - a - added).abs() < 0.05 * added, "{plain:?} {with:?}");
+        }
+    }
+    // Nothing turns on flat quads, and no diagonal is preferred.
+    let flat = quads(9, |x, y| [x, y, 0.0]);
+    let plain = problem(&flat, OperatorKind::Auto, MassKind::Barycentric);
+    for operator in kinds() {
+        let with = problem(&flat, operator, MassKind::Barycentric);
+        let most = plain.stiffness.values().iter().zip(with.stiffness.values()).map(|(a, b)| (a - b).abs());
+        assert!(most.fold(0.0, f64::max) < 1e-12);
+    }
 }
 
 /// A chevron, whose middle lies outside of what its corners span evenly, and a quad without area.

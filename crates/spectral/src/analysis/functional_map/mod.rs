@@ -11,7 +11,7 @@ mod transfer;
 
 use chladni_algebra::{DenseMatrix, solve_definite};
 
-use self::matching::{Images, Match, transposed, zoom_out};
+use self::matching::{Images, Match, Standing, transposed, zoom_out};
 use self::side::Side;
 use super::error::{self, AnalysisError};
 use super::spectrum::{kernel_size, log_spaced};
@@ -178,14 +178,17 @@ impl Refined {
         let map = first_map(from, to, a, b, request)?;
         let descriptor_residual = residual(&map, a, b)?;
         let (samples, stand) = (from.samples(request.samples), to.samples(request.samples));
-        let (there, here) = (from.at(&samples, request.pairs, "sample")?, to.at(&stand, request.pairs, "sample")?);
+        let standing = |side: &Side, chosen: &[u32]| Standing::new(side.at(chosen, request.pairs, "sample")?);
+        let (there, here) = (standing(from, &samples)?, standing(to, &stand)?);
         let (map, mut matches) = zoom_out(&there, &here, map, request.pairs, request.step)?;
         let images = Images::of_all(from, &map)?;
+        matches.iter_mut().for_each(|one| one.point = samples[one.point as usize]);
         let (matched, found) = if request.all_points {
-            (None, images.nearest_of_all(to)?)
+            let before = if stand.len() == to.masses.len() { &matches[..] } else { &[] };
+            (None, images.nearest_of_all(to, before)?)
         } else {
-            matches.iter_mut().for_each(|one| one.point = samples[one.point as usize]);
-            (Some(stand), images.nearest(&here, &matches))
+            let found = images.nearest(&here.modes, &matches);
+            (Some(stand), found)
         };
         let squares: f64 = found.iter().map(|one| f64::from(one.square)).sum();
         let points = PointMap {

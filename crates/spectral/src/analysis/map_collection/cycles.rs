@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{CollectionMap, Shape, Standing};
+use super::{CollectionMap, Samples, Shape};
 
 /// How far points are from where they started after a walk around, as straight distances over the root of the area of their surface.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -17,7 +17,7 @@ pub struct CycleErrors {
 
 impl CycleErrors {
     /// Walks that begin at the samples of each shape.
-    pub(super) fn new(shapes: &[Shape<'_>], standing: &[Standing], maps: &[CollectionMap]) -> Self {
+    pub(super) fn new(shapes: &[Shape<'_>], standing: &[Samples], maps: &[CollectionMap]) -> Self {
         let n = shapes.len();
         let at = |source: usize, target: usize| {
             // By source, then by target, without those to itself.
@@ -27,14 +27,14 @@ impl CycleErrors {
         // A map of points goes from its target to its source.
         let walk = |stops: &[usize]| {
             let first = stops[0];
-            let mut points = standing[first].samples.clone();
+            let mut points = standing[first].vertices.clone();
             for (place, &here) in stops.iter().enumerate() {
                 let next = stops[(place + 1) % stops.len()];
                 let map = at(next, here);
                 points.iter_mut().for_each(|point| *point = map[*point as usize]);
             }
             let positions = &shapes[first].mesh.positions;
-            let gaps = standing[first].samples.iter().zip(&points).map(|(a, b)| {
+            let gaps = standing[first].vertices.iter().zip(&points).map(|(a, b)| {
                 let [a, b] = [a, b].map(|vertex| positions[*vertex as usize]);
                 (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
             });

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use self::known::Known;
 use self::latent::Latent;
 use super::error::{self, AnalysisError};
-use super::functional_map::matching::{Embedded, Match, map_of_points, zoom_out};
+use super::functional_map::matching::{Embedded, Match, Standing, map_of_points, zoom_out};
 use super::functional_map::side::Side;
 use super::functional_map::{MOST_PAIRS, MOST_SAMPLES, PointMap};
 use crate::basis::Basis;
@@ -124,8 +124,7 @@ pub fn map_collection(
     let alone = request.pairs.min(ALONE.max(request.start));
     let mut maps: Maps = each(&pairs, monitor, |&(source, target)| {
         let map = first::map(&known[source], &known[target], request.oriented)?;
-        let ends = (&standing[source].modes, &standing[target].modes);
-        let (map, _) = zoom_out(ends.0, ends.1, map, alone, request.step)?;
+        let (map, _) = zoom_out(&standing[source].all, &standing[target].all, map, alone, request.step)?;
         Ok(((source, target), map))
     })?;
     monitor.stage("consistency");
@@ -135,11 +134,11 @@ pub fn map_collection(
     let order: Vec<usize> = (0..pairs.len()).collect();
     while size < request.pairs {
         let next = request.pairs.min(size + request.step);
-        let embedded = each(&standing, monitor, |own| Embedded::new(&own.modes, &latent.embedding(own.shape)?))?;
+        let embedded = each(&standing, monitor, |own| Embedded::new(&own.all.modes, &latent.embedding(own.shape)?))?;
         let found = each(&order, monitor, |&place| {
             let (source, target) = pairs[place];
             let found = embedded[source].nearest(&embedded[target], &matches[place]);
-            let map = map_of_points(&standing[source].modes, &standing[target].modes, &found, next)?;
+            let map = map_of_points(&standing[source].all, &standing[target].all, &found, next)?;
             Ok((found, (pairs[place], map)))
         })?;
         (matches, maps) = found.into_iter().unzip();
@@ -150,9 +149,9 @@ pub fn map_collection(
     monitor.stage("points");
     let made = match request.polish {
         true => {
-            let modes = each(&known, monitor, |known| polish::modes(&known.side, request))?;
+            let many = each(&known, monitor, |known| polish::standing(&known.side, request))?;
             each(&pairs, monitor, |&(source, target)| {
-                let end = |place: usize| (&known[place].side, &modes[place]);
+                let end = |place: usize| (&known[place].side, &many[place]);
                 polish::map(end(source), end(target), &latent.map(source, target)?, request)
             })?
         }
@@ -183,11 +182,10 @@ impl MapCollection {
 }
 
 /// What stands for a shape while maps are refined.
-struct Standing {
+struct Samples {
     shape: usize,
-    samples: Vec<u32>,
-    /// The modes at the samples, at unit area.
-    modes: DenseMatrix,
+    vertices: Vec<u32>,
+    all: Standing,
 }
 
 /// One thing for each of many, on the threads of the pool; ends where that is asked for.
@@ -226,10 +224,10 @@ fn check(shapes: &[Shape<'_>], request: &CollectionRequest) -> Result<(), Analys
 }
 
 impl<'a> Known<'a> {
-    fn standing(&self, request: &CollectionRequest) -> Result<Standing, AnalysisError> {
-        let samples = self.side.samples(request.samples);
-        let modes = self.side.at(&samples, request.pairs, "sample")?;
-        Ok(Standing { shape: self.place, samples, modes })
+    fn standing(&self, request: &CollectionRequest) -> Result<Samples, AnalysisError> {
+        let vertices = self.side.samples(request.samples);
+        let all = Standing::new(self.side.at(&vertices, request.pairs, "sample")?)?;
+        Ok(Samples { shape: self.place, vertices, all })
     }
 
     fn embedded(&self, embedding: &DenseMatrix) -> Result<Embedded, AnalysisError> {

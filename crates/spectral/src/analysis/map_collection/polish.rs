@@ -4,7 +4,7 @@ use chladni_algebra::DenseMatrix;
 
 use super::{CollectionRequest, Side};
 use crate::analysis::error::AnalysisError;
-use crate::analysis::functional_map::matching::{Images, Match, zoom_out};
+use crate::analysis::functional_map::matching::{Images, Match, Standing, zoom_out};
 
 /// So many vertices stand for a surface, at least.
 const SAMPLES: usize = 5000;
@@ -12,15 +12,15 @@ const SAMPLES: usize = 5000;
 /// The share of the consistent map that is kept: what comes last in the latent basis holds the least.
 const KEPT: f64 = 0.7;
 
-/// The modes of a shape at the vertices that stand for it here, at unit area.
-pub(super) fn modes(side: &Side<'_>, request: &CollectionRequest) -> Result<DenseMatrix, AnalysisError> {
-    side.at(&side.samples(request.samples.max(SAMPLES)), request.pairs, "sample")
+/// The modes of a shape at the vertices that stand for it here.
+pub(super) fn standing(side: &Side<'_>, request: &CollectionRequest) -> Result<Standing, AnalysisError> {
+    Standing::new(side.at(&side.samples(request.samples.max(SAMPLES)), request.pairs, "sample")?)
 }
 
-/// The map from one shape to another, each with its [`modes`], and for all vertices of that the matches on this one.
+/// The map from one shape to another, each with what is [`standing`] for it, and for all vertices of that the matches on this one.
 pub(super) fn map(
-    (source, there): (&Side<'_>, &DenseMatrix),
-    (target, here): (&Side<'_>, &DenseMatrix),
+    (source, there): (&Side<'_>, &Standing),
+    (target, here): (&Side<'_>, &Standing),
     consistent: &DenseMatrix,
     request: &CollectionRequest,
 ) -> Result<(DenseMatrix, Vec<Match>), AnalysisError> {
@@ -30,7 +30,10 @@ pub(super) fn map(
         map.column_mut(column).copy_from_slice(&consistent.column(column)[..size]);
     }
     // Twice the step: what is left to be found is little.
-    let (map, _) = zoom_out(there, here, map, request.pairs, request.step.saturating_mul(2))?;
-    let found = Images::of_all(source, &map)?.nearest_of_all(target)?;
+    let (map, matches) = zoom_out(there, here, map, request.pairs, request.step.saturating_mul(2))?;
+    // Where all vertices stood for both surfaces, their last matches are what they will be matched with, or near it.
+    let all = |side: &Side<'_>, own: &Standing| own.modes.rows() == side.masses.len();
+    let before = if all(source, there) && all(target, here) { &matches[..] } else { &[] };
+    let found = Images::of_all(source, &map)?.nearest_of_all(target, before)?;
     Ok((map, found))
 }

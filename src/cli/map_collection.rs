@@ -1,0 +1,259 @@
+//! `map-collection`: maps between all shapes of a collection, without a server and without landmarks.
+
+use std::collections::HashSet;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::check::{Merge, SurfaceOf};
+use chladni_mesh::numbering::Translation;
+use chladni_spectral::analysis::map_collection::{
+    CollectionMap, CollectionRequest, MOST_SHAPES, MapCollection, Shape, map_collection,
+};
+use chladni_spectral::basis::{Basis, Product};
+use chladni_spectral::formats::npz;
+use chladni_work::JobParameters;
+use serde_json::{Value, json};
+
+use super::input::merge;
+use super::work::{OutputFile, given, insert_named, prepared};
+use super::{CliError, MeshInput, NumberingArguments, StageBars, Table, grouped, memory};
+
+/// Eigenpairs of each shape beyond those of the maps, for its signatures.
+const MORE_PAIRS: usize = 28;
+
+/// Map all shapes of a collection to each other, without landmarks and without a server: poses of one animal, say
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  chladni map-collection cat0.off cat1.off cat2.off -o maps
+  chladni map-collection scans/*.ply --pairs 60 --no-polish -o maps --json
+
+The folder gets SOURCE-to-TARGET.npy for every ordered pair, a vertex of the source for each vertex of the target (int32, -1 for
+vertices that no face uses), SOURCE-to-TARGET-confidences.npy, and maps.json, which lists them with how consistent they are.")]
+pub struct MapCollectionArguments {
+    /// Mesh files, two to 32: shapes that are nearly isometric, of one topology
+    #[arg(value_name = "MESH", required = true)]
+    meshes: Vec<PathBuf>,
+
+    /// Write the maps into this folder
+    #[arg(long, short = 'o', value_name = "FOLDER", help_heading = "Output")]
+    output: PathBuf,
+
+    /// The size of the refined maps
+    #[arg(long, value_name = "K", default_value_t = 100, help_heading = "Method")]
+    pairs: usize,
+
+    /// The size of the first maps; 30, or --pairs where these are fewer
+    #[arg(long, value_name = "K", help_heading = "Method")]
+    start: Option<usize>,
+
+    /// By how much they grow at once
+    #[arg(long, value_name = "K", default_value_t = 5, help_heading = "Method")]
+    step: usize,
+
+    /// Vertices of each surface that stand for it meanwhile
+    #[arg(long, value_name = "N", default_value_t = 2000, help_heading = "Method")]
+    samples: usize,
+
+    /// Let maps turn surfaces inside out: for faces that are not counter-clockwise all the same way. The sides of a symmetric shape cannot be told apart then
+    #[arg(long, help_heading = "Method")]
+    no_orientation: bool,
+
+    /// Leave out the last steps, in which each pair is refined by itself: faster, and a little more consistent
+    #[arg(long, help_heading = "Method")]
+    no_polish: bool,
+
+    /// Any parameter of the job that computes each eigenbasis, as the API takes it, such as method=approximate; may be given several times
+    #[arg(long = "parameter", short = 'p', value_name = "NAME=VALUE", help_heading = "Method")]
+    named: Vec<String>,
+
+    /// Threads; 0 for one per core
+    #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Method")]
+    threads: usize,
+
+    /// Whether vertices at equal positions become one: auto (where the format splits them, as STL does), always, never
+    #[arg(long, value_name = "WHEN", value_parser = merge, default_value = "auto", help_heading = "Input")]
+    merge: Merge,
+
+    #[command(flatten)]
+    numbered: NumberingArguments,
+
+    /// Print maps.json as one line instead of a table
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+
+    /// Draw no progress bars
+    #[arg(long, short = 'q', help_heading = "Output")]
+    quiet: bool,
+}
+
+/// One shape, solved.
+struct Solved {
+    mesh: TriangleMesh,
+    basis: Arc<Basis>,
+    to: Translation,
+}
+
+/// Runs `chladni map-collection`.
+pub fn collect(arguments: MapCollectionArguments) -> Result<ExitCode, CliError> {
+    let files = arguments.meshes.len();
+    if !(2..=MOST_SHAPES).contains(&files) {
+        return Err(CliError::Usage(format!("MESH: {files} files were given; collections are of 2 to {MOST_SHAPES}")));
+    }
+    let job = arguments.job()?;
+    std::fs::create_dir_all(&arguments.output).map_err(|error| CliError::file("write", &arguments.output, error))?;
+    let list = OutputFile::probe(&arguments.output.join("maps.json"))?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(arguments.threads)
+        .build()
+        .map_err(|error| CliError::Service(format!("cannot start {} threads: {error}", arguments.threads)))?;
+    let bars = StageBars::new(arguments.json || arguments.quiet);
+    let (solved, found) = pool.install(|| {
+        let each = |path: &PathBuf| arguments.solved(path, &job, &bars);
+        let solved = arguments.meshes.iter().map(each).collect::<Result<Vec<Solved>, CliError>>()?;
+        let shapes: Vec<Shape<'_>> = solved.iter().map(|own| Shape { basis: &own.basis, mesh: &own.mesh }).collect();
+        let found = map_collection(&shapes, &arguments.request(), &bars);
+        Ok::<_, CliError>((solved, found.map_err(|error| CliError::Refused(error.to_string()))?))
+    })?;
+    bars.finish();
+    let names = names(&arguments.meshes);
+    let mut told = Vec::with_capacity(found.maps.len());
+    for map in &found.maps {
+        told.push(write(map, &solved, &names, &arguments.output)?);
+    }
+    let cycles = &found.cycles;
+    let cycles = json!({"pairs": cycles.pairs, "triples": cycles.triples, "largest": cycles.largest});
+    let whole = json!({"meshes": arguments.meshes, "maps": told, "cycles": cycles});
+    list.write(|out| Ok(writeln!(out, "{whole:#}")?))?;
+    let text = if arguments.json { format!("{whole}\n") } else { table(&found, &solved, &names, &arguments.output) };
+    std::io::stdout().write_all(text.as_bytes()).map_err(CliError::stdout)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+impl MapCollectionArguments {
+    /// How the eigenbasis of each shape is computed.
+    fn job(&self) -> Result<JobParameters, CliError> {
+        let count = json!(self.pairs.saturating_add(MORE_PAIRS));
+        let mut given = given([("method", Some(json!("hsim"))), ("count", Some(count))]);
+        insert_named(&mut given, &self.named)?;
+        Ok(JobParameters::parse("eigenbasis", &Value::Object(given))?)
+    }
+
+    fn request(&self) -> CollectionRequest {
+        CollectionRequest {
+            start: self.start.unwrap_or(CollectionRequest::default().start.min(self.pairs)),
+            pairs: self.pairs,
+            step: self.step,
+            samples: self.samples,
+            oriented: !self.no_orientation,
+            polish: !self.no_polish,
+        }
+    }
+
+    fn solved(&self, path: &Path, job: &JobParameters, bars: &StageBars) -> Result<Solved, CliError> {
+        bars.begin("read");
+        let input = MeshInput {
+            mesh: path.to_owned(),
+            format: None,
+            merge: self.merge,
+            surface: SurfaceOf::Boundary,
+            subdivide: 0,
+        };
+        let body = input.load_body()?;
+        let of_file = |error: CliError| CliError::mesh(path, error);
+        let (job, size, numbering) = prepared(&body, job, &self.numbered).map_err(of_file)?;
+        let needed = job.memory_bytes(size);
+        if let Some(free) = memory::available().filter(|free| needed > *free) {
+            let reason = format!("its basis needs about {needed} bytes of memory and {free} are free");
+            return Err(CliError::mesh(path, reason));
+        }
+        let outcome = job.run_body(&body.surface.mesh, body.solid.as_ref(), bars);
+        let outcome = outcome.map_err(|error| CliError::mesh(path, error))?;
+        match outcome.product {
+            Product::Eigenbasis(basis) if !basis.is_of_solid() => {
+                Ok(Solved { mesh: body.surface.mesh, basis, to: self.numbered.translation(Arc::clone(&numbering)) })
+            }
+            _ => Err(CliError::mesh(path, "collections are of surfaces, and this basis is not of one")),
+        }
+    }
+}
+
+/// What shapes are called in the names of files: as their own files without endings, and with their places before where two would be called the same.
+fn names(meshes: &[PathBuf]) -> Vec<String> {
+    let stem = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let bare = name.strip_suffix(".gz").unwrap_or(&name);
+        bare.rsplit_once('.').map_or(bare, |(stem, _)| stem).to_owned()
+    };
+    let stems: Vec<String> = meshes.iter().map(stem).collect();
+    // Cases may be alike to a file system.
+    let different: HashSet<String> = stems.iter().map(|stem| stem.to_lowercase()).collect();
+    match different.len() == stems.len() {
+        true => stems,
+        false => stems.iter().enumerate().map(|(place, stem)| format!("{place}-{stem}")).collect(),
+    }
+}
+
+/// Writes the points of one map and their confidences, and tells where.
+fn write(map: &CollectionMap, solved: &[Solved], names: &[String], folder: &Path) -> Result<Value, CliError> {
+    let (onto, from) = (&solved[map.source].to, &solved[map.target].to);
+    let points: Vec<Option<u32>> = map.to_source.points.iter().map(|&point| Some(onto.file_vertex(point))).collect();
+    let points: Vec<i32> =
+        from.push(&points, 1).into_iter().map(|point| point.map_or(-1, |point| point as i32)).collect();
+    let confidences: Vec<f32> = from.push(&map.to_source.confidences, 1);
+    let base = format!("{}-to-{}", names[map.source], names[map.target]);
+    let array = |name: &str, descriptor: &str, bytes: Vec<u8>| {
+        let whole = npz::npy(descriptor, false, &[points.len()], &bytes);
+        OutputFile::probe(&folder.join(name))?.write(|out| Ok(out.write_all(&whole)?))
+    };
+    let (file, beside) = (format!("{base}.npy"), format!("{base}-confidences.npy"));
+    array(&file, "<i4", points.iter().flat_map(|point| point.to_le_bytes()).collect())?;
+    array(&beside, "<f4", confidences.iter().flat_map(|value| value.to_le_bytes()).collect())?;
+    Ok(json!({
+        "source": map.source,
+        "target": map.target,
+        "points": file,
+        "confidences": beside,
+        "disagreement": map.disagreement,
+    }))
+}
+
+fn table(found: &MapCollection, solved: &[Solved], names: &[String], folder: &Path) -> String {
+    let mut rows = Table::new(&["source", "target", "vertices", "confidence", "disagreement"]);
+    for map in &found.maps {
+        let confidences = &map.to_source.confidences;
+        let mean = confidences.iter().map(|&c| f64::from(c)).sum::<f64>() / confidences.len().max(1) as f64;
+        rows.row([
+            names[map.source].clone(),
+            names[map.target].clone(),
+            grouped(solved[map.target].mesh.positions.len()),
+            format!("{mean:.3}"),
+            format!("{:.3}", map.disagreement),
+        ]);
+    }
+    let around = found
+        .cycles
+        .triples
+        .map_or(String::new(), |triples| format!(", around over two other shapes {:.2} %", 100.0 * triples));
+    format!(
+        "{rows}\nthere and back {:.2} % of the root of the area{around}, in the mean\n{} maps written to {}\n",
+        100.0 * found.cycles.pairs,
+        grouped(found.maps.len()),
+        folder.display()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shapes_are_called_as_their_files_unless_two_are_called_the_same() {
+        let named = |paths: &[&str]| names(&paths.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert_eq!(named(&["a/cat0.off", "cat.1.ply.gz", "horse"]), ["cat0", "cat.1", "horse"]);
+        assert_eq!(named(&["a/cat.off", "b/Cat.ply"]), ["0-cat", "1-Cat"]);
+    }
+}
