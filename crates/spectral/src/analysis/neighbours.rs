@@ -351,7 +351,7 @@ mod tests {
 
     fn points(count: usize, dimensions: usize, seed: f64) -> DenseMatrix {
         let value = |i: usize| ((i as f64 + seed) * 12.9898).sin() * 43758.547 % 1.0;
-        DenseMatrix::from_columns(count, dimensions, (0..count * dimensions).map(value).collect()).unwrap()
+        DenseMatrix::from_columns(count, dimensions, (0..count * dimensions).map(value).collect())
     }
 
     /// Points of a wrinkled surface, as embeddings have them.
@@ -402,10 +402,9 @@ mod tests {
 
     #[test]
     fn points_that_are_all_one_are_found_and_nothing_is_found_in_nothing() {
-        let same = DenseMatrix::from_columns(900, 2, vec![0.5; 1800]).unwrap();
+        let same = DenseMatrix::from_columns(900, 2, vec![0.5; 1800]);
         let tree = Neighbours::new(&Rows::of(&same, 2)).unwrap();
-        let query =
-            |x: f64, y: f64| tree.nearest(&Rows::of(&DenseMatrix::from_columns(1, 2, vec![x, y]).unwrap(), 2), &[]);
+        let query = |x: f64, y: f64| tree.nearest(&Rows::of(&DenseMatrix::from_columns(1, 2, vec![x, y]), 2), &[]);
         assert_eq!(query(0.5, 0.5)[0].square, 0.0);
         assert_eq!(query(1.5, 0.5)[0].square, 1.0);
         assert!(Neighbours::new(&Rows::of(&same, 0)).is_none());

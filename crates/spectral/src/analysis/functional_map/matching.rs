@@ -112,7 +112,7 @@ pub(in crate::analysis) struct Standing {
 impl Standing {
     /// From modes at some vertices, a row each.
     pub fn new(modes: DenseMatrix) -> Result<Self, AnalysisError> {
-        let gram = modes.transposed_times(&modes).ok_or(BasisError::Inconsistent)?;
+        let gram = modes.transposed_times(&modes);
         Ok(Self { modes, gram })
     }
 }
@@ -151,14 +151,14 @@ pub(in crate::analysis) fn map_of_points(
     (0..k).for_each(|column| gram.column_mut(column).copy_from_slice(&here.gram.column(column)[..k]));
     let mean = (0..k).map(|i| gram.column(i)[i]).sum::<f64>() / k as f64;
     (0..k).for_each(|i| gram.column_mut(i)[i] += 1e-9 * mean);
-    let mut map = here.modes.slice_columns(0..k).transposed_times(&pulled).ok_or(BasisError::Inconsistent)?;
+    let mut map = here.modes.slice_columns(0..k).transposed_times(&pulled);
     solve_definite(gram, &mut map)?;
     Ok(map)
 }
 
 /// The first columns of `modes` times `turned`.
 fn images(modes: &DenseMatrix, turned: &DenseMatrix) -> Result<Rows, AnalysisError> {
-    let product = modes.slice_columns(0..turned.rows()).times(turned).ok_or(BasisError::Inconsistent)?;
+    let product = modes.slice_columns(0..turned.rows()).times(turned);
     Ok(Rows::of(&product, turned.columns()))
 }
 
@@ -168,7 +168,7 @@ fn images_of_all(side: &Side, turned: &DenseMatrix) -> Result<Rows, AnalysisErro
     let mut points = Rows::with_capacity(vertices.len(), turned.columns());
     for block in vertices.chunks(AT_ONCE) {
         let modes = side.at(block, turned.rows(), "sample")?;
-        points.extend(&modes.times(turned).ok_or(BasisError::Inconsistent)?);
+        points.extend(&modes.times(turned));
     }
     Ok(points)
 }
