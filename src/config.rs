@@ -202,23 +202,23 @@ pub struct Keep {
     #[arg(long, value_name = "N", env = "CHLADNI_KEEP_JOBS", help_heading = "Retention")]
     pub keep_jobs: Option<u64>,
 
-    /// Seconds after their last use for which bases are kept
+    /// Seconds after their last use for which bases and fields are kept
     #[arg(long, value_name = "SECONDS", env = "CHLADNI_KEEP_BASIS_SECONDS", value_parser = seconds, help_heading = "Retention")]
     pub keep_basis_seconds: Option<Duration>,
 
-    /// Bases that are kept, the last used ones
+    /// Bases that are kept, the last used ones; fields that were designed in one go with it
     #[arg(long, value_name = "N", env = "CHLADNI_KEEP_BASES", help_heading = "Retention")]
     pub keep_bases: Option<u64>,
 
-    /// Seconds after their last use for which meshes without bases are kept
+    /// Seconds after their last use for which meshes without bases and fields are kept
     #[arg(long, value_name = "SECONDS", env = "CHLADNI_KEEP_MESH_SECONDS", value_parser = seconds, help_heading = "Retention")]
     pub keep_mesh_seconds: Option<Duration>,
 
-    /// Meshes that are kept, the last used ones; those with bases stay
+    /// Meshes that are kept, the last used ones; those with bases or fields stay
     #[arg(long, value_name = "N", env = "CHLADNI_KEEP_MESHES", help_heading = "Retention")]
     pub keep_meshes: Option<u64>,
 
-    /// Bytes of content that are kept: beyond, what was not used for longest goes, bases and meshes without bases
+    /// Bytes of content that are kept: beyond, what was not used for longest goes, fields, bases and meshes without either
     #[arg(long, value_name = "BYTES", env = "CHLADNI_KEEP_BYTES", value_parser = bytes, help_heading = "Retention")]
     pub keep_bytes: Option<u64>,
 }

@@ -43,9 +43,13 @@ pub fn doctor(arguments: DoctorArguments) -> Result<ExitCode, CliError> {
 /// An examination as text for people.
 pub(super) fn page(found: &Examination) -> String {
     let mut counts = Table::new(&["looked at", ""]);
-    for (name, count) in
-        [("meshes", found.meshes), ("bases", found.bases), ("jobs", found.jobs), ("pieces of content", found.blobs)]
-    {
+    for (name, count) in [
+        ("meshes", found.meshes),
+        ("bases", found.bases),
+        ("fields", found.fields),
+        ("jobs", found.jobs),
+        ("pieces of content", found.blobs),
+    ] {
         counts.row([name.to_owned(), grouped(count as usize)]);
     }
     counts.row(["bytes".to_owned(), bytes(found.bytes)]);

@@ -57,9 +57,10 @@ pub fn migrate(arguments: MigrateArguments) -> Result<ExitCode, CliError> {
     let done = copied.map_err(|error| CliError::Service(error.to_string()))?;
     data.print(&done, || {
         format!(
-            "{} meshes, {} bases and {} jobs are in {place} and its database; {} pieces of content were new, {}. {} were read back and compared.",
+            "{} meshes, {} bases, {} fields and {} jobs are in {place} and its database; {} pieces of content were new, {}. {} were read back and compared.",
             grouped(done.meshes as usize),
             grouped(done.bases as usize),
+            grouped(done.fields as usize),
             grouped(done.jobs as usize),
             grouped(done.written as usize),
             bytes(done.written_bytes),

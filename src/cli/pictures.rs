@@ -11,6 +11,25 @@ use super::apply::{Stored, fitting};
 use super::work::{OutputFile, json_argument};
 use super::{CliError, StageBars};
 
+/// What both commands take.
+#[derive(Debug, clap::Args)]
+struct PictureArguments {
+    #[command(flatten)]
+    stored: Stored,
+
+    /// The request, as of the route of the same name under POST /v1/bases/{id}/, as JSON or @FILE
+    #[arg(long, value_name = "JSON", default_value = "{}")]
+    request: String,
+
+    /// Write the picture to this file: .png, or of hatchings .svg
+    #[arg(long, short = 'o', value_name = "FILE")]
+    output: PathBuf,
+
+    /// Draw no progress bars
+    #[arg(long, short = 'q')]
+    quiet: bool,
+}
+
 /// Draw a hatching along a field of a stored space, without a server
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -22,19 +41,7 @@ Examples:
   chladni hatching kitten.npz kitten.obj --request '{\"camera\": {\"from\": [1, 0.3, 0.2]}, \"stroke\": 1.4}' -o kitten.png")]
 pub struct HatchingArguments {
     #[command(flatten)]
-    stored: Stored,
-
-    /// The request of POST /v1/bases/{id}/hatching as JSON, or @FILE
-    #[arg(long, value_name = "JSON", default_value = "{}")]
-    request: String,
-
-    /// Write the drawing to this file: .svg or .png
-    #[arg(long, short = 'o', value_name = "FILE")]
-    output: PathBuf,
-
-    /// Draw no progress bars
-    #[arg(long, short = 'q')]
-    quiet: bool,
+    picture: PictureArguments,
 }
 
 /// Paint fur along a vector field of a stored space, without a server
@@ -48,23 +55,11 @@ Examples:
   chladni fur kitten.npz kitten.obj --request '{\"strands\": 400000, \"gravity\": 0.4, \"look\": {\"colour\": [0.8, 0.5, 0.2]}}' -o kitten.png")]
 pub struct FurArguments {
     #[command(flatten)]
-    stored: Stored,
-
-    /// The request of POST /v1/bases/{id}/fur as JSON, or @FILE
-    #[arg(long, value_name = "JSON", default_value = "{}")]
-    request: String,
-
-    /// Write the picture to this .png file
-    #[arg(long, short = 'o', value_name = "FILE")]
-    output: PathBuf,
-
-    /// Draw no progress bars
-    #[arg(long, short = 'q')]
-    quiet: bool,
+    picture: PictureArguments,
 }
 
 /// Runs `chladni hatching`.
-pub fn hatching(arguments: HatchingArguments) -> Result<ExitCode, CliError> {
+pub fn hatching(HatchingArguments { picture: arguments }: HatchingArguments) -> Result<ExitCode, CliError> {
     let value = object(&arguments.request)?;
     let png = match ending(&arguments.output).as_deref() {
         Some("png") => true,
@@ -93,7 +88,7 @@ pub fn hatching(arguments: HatchingArguments) -> Result<ExitCode, CliError> {
 }
 
 /// Runs `chladni fur`.
-pub fn fur(arguments: FurArguments) -> Result<ExitCode, CliError> {
+pub fn fur(FurArguments { picture: arguments }: FurArguments) -> Result<ExitCode, CliError> {
     let value = object(&arguments.request)?;
     if ending(&arguments.output).as_deref() != Some("png") {
         let reason = format!("--output {}: pictures of fur are written as .png", arguments.output.display());

@@ -48,9 +48,9 @@ pub fn quads(arguments: QuadsArguments) -> Result<ExitCode, CliError> {
     let refused = |fault: DesignFault| CliError::Refused(fault.to_string());
     let value = json_argument("--request", &arguments.request)?;
     let request: QuadsRequest =
-        serde_json::from_value(value).map_err(|error| CliError::Usage(format!("--request: {error}")))?;
-    if matches!(request.field, CrossSource::Basis(_)) {
-        let reason = "--request: a field of a basis is on a server; write it with `chladni design --form world --numbering kept` and give its rows as a table";
+        chladni_work::plain::read(value).map_err(|error| CliError::Usage(format!("--request: {error}")))?;
+    if matches!(request.field, CrossSource::Basis(_) | CrossSource::Stored(_)) {
+        let reason = "--request: fields of a basis and stored fields are on a server; write it with `chladni design --form world --numbering kept` and give its rows as a table";
         return Err(CliError::Usage(reason.to_owned()));
     }
     let vtk = arguments.output.as_ref().is_some_and(|path| path.extension().is_none_or(|ending| ending != "obj"));
@@ -70,8 +70,12 @@ pub fn quads(arguments: QuadsArguments) -> Result<ExitCode, CliError> {
         }
     }
     let mesh = arguments.input.load_body()?.surface.mesh;
-    let surface = Surface::new(&mesh).map_err(refused)?;
+    let mut surface = Surface::new(&mesh).map_err(refused)?;
     let begin = Instant::now();
+    let mut split = Vec::new();
+    if let Some(parts) = request.split(&surface.surface).map_err(refused)? {
+        (surface, split) = (parts.surface, parts.faces);
+    }
     let crosses = request.field.crosses(&surface, &Unwatched).map_err(refused)?;
     let field_seconds = begin.elapsed().as_secs_f64();
     let crosses = crosses.ok_or_else(|| CliError::Usage("--request: a field of a basis".to_owned()))?;
@@ -88,6 +92,7 @@ pub fn quads(arguments: QuadsArguments) -> Result<ExitCode, CliError> {
     let text = if arguments.json {
         let line = json!({
             "faces": faces,
+            "split": split.len(),
             "singularities": found.combed.singularities.len(),
             "cut_edges": found.combed.cut.iter().filter(|cut| **cut).count(),
             "crease_error": found.crease_error,

@@ -21,11 +21,13 @@ impl From<StoreError> for Problem {
                 "problem" => Self::new(&problem::UNKNOWN_PROBLEM, text),
                 "job" => Self::new(&problem::UNKNOWN_JOB, text),
                 "basis" => Self::new(&problem::UNKNOWN_BASIS, text),
+                "field" => Self::new(&problem::UNKNOWN_FIELD, text),
                 _ => Self::new(&problem::NOT_FOUND, "The content was deleted."),
             },
-            StoreError::MeshInUse { unfinished_jobs, bases, .. } => {
-                Self::new(&problem::MESH_IN_USE, text).with("unfinished_jobs", unfinished_jobs).with("bases", bases)
-            }
+            StoreError::MeshInUse { unfinished_jobs, bases, fields, .. } => Self::new(&problem::MESH_IN_USE, text)
+                .with("unfinished_jobs", unfinished_jobs)
+                .with("bases", bases)
+                .with("fields", fields),
             StoreError::BasisKind { basis, kind: ProductKind::PencilBasis, wanted } => Self::new(
                 &problem::BASIS_WITHOUT_MESH,
                 format!(

@@ -4,6 +4,7 @@ use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{FromRequestParts, Path, Query};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
+use chladni_work::plain;
 use serde::de::DeserializeOwned;
 
 use super::problem::{self, Problem};
@@ -97,8 +98,9 @@ pub fn parse_json<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem> {
         let path = error.path().to_string();
         let inner = error.into_inner();
         if inner.is_data() {
-            let place = if path == "." { String::new() } else { format!("{path}: ") };
-            Problem::new(&problem::INVALID_REQUEST, format!("{place}{inner}"))
+            let told = plain::told(&path, &inner.to_string());
+            let end = if told.ends_with('.') { "" } else { "." };
+            Problem::new(&problem::INVALID_REQUEST, format!("{told}{end}"))
         } else {
             Problem::new(&problem::INVALID_JSON, format!("{inner}"))
         }
@@ -190,7 +192,7 @@ mod tests {
     fn json_errors_name_the_place() {
         let refused = parse_json::<Outer>(br#"{"parameters": {"count": "x"}}"#).unwrap_err();
         assert_eq!(refused.kind(), &problem::INVALID_REQUEST);
-        assert!(refused.detail().starts_with("parameters.count: "), "{}", refused.detail());
+        assert!(refused.detail().starts_with("parameters.count must be a whole number"), "{}", refused.detail());
         let refused = parse_json::<Outer>(br#"{"parameters": {"count": 1}, "more": 1}"#).unwrap_err();
         assert!(refused.detail().contains("more"), "{}", refused.detail());
         for text in ["", "{", "nonsense", r#"{"parameters": {"count": 1}} x"#] {

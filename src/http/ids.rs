@@ -107,6 +107,8 @@ ids! {
     ProblemId(String), "problem", UNKNOWN_PROBLEM, "7be0a1d25c9f4e3388d1c6f2904ab57e", |text| MeshId::read(text).map(|id| id.0);
     /// The id of a job.
     JobId(Uuid), "job", UNKNOWN_JOB, "019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2", |text| text.parse().ok();
+    /// The id of a stored field: 32 hexadecimal digits of the hash of all but its name.
+    FieldId(String), "field", UNKNOWN_FIELD, "5c1f7e0a93b84d6f8e21a7b0c4d95f36", |text| MeshId::read(text).map(|id| id.0);
     /// The id of a basis.
     BasisId(Uuid), "basis", UNKNOWN_BASIS, "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", |text| text.parse().ok();
 }

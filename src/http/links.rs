@@ -20,8 +20,10 @@ pub struct BasisLinks {
     pub mesh: Option<String>,
     /// Its problem, of the kind `pencil_basis`; null for others.
     pub pencil: Option<String>,
-    /// Of a field basis: designs, a `POST`; null for others, as are the next three.
+    /// Of a field basis: designs, a `POST`; null for others, as are the next four.
     pub design: Option<String>,
+    /// Designs that are kept, a `POST`; `/v1/fields?basis=` lists them.
+    pub designs: Option<String>,
     /// Its approximate eigenfields.
     pub eigenfields: Option<String>,
     /// Fur along a field, a `POST`.
@@ -43,6 +45,7 @@ impl BasisLinks {
             mesh: source.mesh_link(),
             pencil: source.pencil_link(),
             design: fields("design"),
+            designs: fields("designs"),
             eigenfields: fields("eigenfields"),
             fur: fields("fur"),
             hatching: fields("hatching"),

@@ -6,7 +6,7 @@ use axum::http::request::Parts;
 use axum::http::uri::PathAndQuery;
 use chladni_mesh::numbering::{Extension, NumberingError, Translation};
 use chladni_work::numbered::FunctionError;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::IntoParams;
 use uuid::Uuid;
@@ -16,7 +16,7 @@ use super::convert::sentence;
 use super::problem::{self, Problem};
 
 /// A numbering of vertices and faces.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum NumberingName {
     /// That of the uploaded file: vertices as its lines or entries, polygons as one face, three vertices for each facet of an STL.

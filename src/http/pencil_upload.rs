@@ -222,7 +222,7 @@ fn refused(error: PencilError) -> Problem {
 /// A problem that cannot be deleted.
 pub fn in_use(error: StoreError) -> Problem {
     match error {
-        StoreError::MeshInUse { mesh, unfinished_jobs, bases } => Problem::new(
+        StoreError::MeshInUse { mesh, unfinished_jobs, bases, .. } => Problem::new(
             &problem::PROBLEM_IN_USE,
             format!("Problem {mesh} is in use by {unfinished_jobs} unfinished jobs and {bases} bases."),
         )

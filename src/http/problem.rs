@@ -50,6 +50,8 @@ kinds! {
         "No job has this id.";
     UNKNOWN_BASIS = "unknown-basis", 404, "There is no such basis",
         "No basis has this id. It may have been deleted.";
+    UNKNOWN_FIELD = "unknown-field", 404, "There is no such field",
+        "No stored field has this id. It may have been deleted, or gone with its mesh or its basis.";
     NOT_ACCEPTABLE = "not-acceptable", 406, "No such representation",
         "The resource is not available in any of the media types that Accept names. The detail lists those that are.";
     UNSUPPORTED_MEDIA_TYPE = "unsupported-media-type", 415, "The media type is not supported here",
@@ -89,7 +91,7 @@ kinds! {
     INVALID_RANGE_OF_MODES = "invalid-mode-range", 422, "There are no such modes",
         "`from` must be less than `to`, and `to` at most the number of eigenfunctions of the basis.";
     INVALID_DESIGN = "invalid-design", 422, "The field cannot be designed",
-        "The type goes on with what is wrong, as in invalid-design/face. The detail names the stroke, the constraint or the face.\n\n`face` (it is not there, or none is named), `direction` (zero, or perpendicular to its face), `value` (a stroke has no value, or one of another kind of field), `points` (a line that is no line), `contradiction` (hard constraints want different values on one face), `dependent` (the space cannot meet them all), `weight`, `no-energy` (nothing says what the field is between constraints), `no-data` (there is neither a constraint nor an alignment), `alignment`, `singularities` (they are not inside the surface, or their indices do not add up to the Euler characteristic), `constraints` (too many), `dimension` (the space is too large to design in), `fur`, `hatching`, `camera`, `light` (of a picture), `coefficients`, `eigenfield`, `refine` (a tolerance that is out of range, a design that stands for no field of least energy, or one that takes longer than a request may), `error`, `reach` (no heat arrives at a face), `sources` (their vectors cancel each other), `faces` (of the answer), `encoding` (a number is beyond f16), `field` (one that is to be decomposed or integrated), `basis` (of a field to be integrated), `quads` (a parameter of a parametrisation, or one that takes too long), `creases`, `numbering` (corners of faces that the file has others of), `memory` (a factor of the mesh would need more than those of surfaces do).";
+        "The type goes on with what is wrong, as in invalid-design/face. The detail names the stroke, the constraint or the face.\n\n`face` (it is not there, or none is named), `direction` (zero, or perpendicular to its face), `value` (a stroke has no value, or one of another kind of field), `points` (a line that is no line), `contradiction` (hard constraints want different values on one face), `dependent` (the space cannot meet them all), `weight`, `no-energy` (nothing says what the field is between constraints), `no-data` (there is neither a constraint nor an alignment), `alignment`, `singularities` (they are not inside the surface, or their indices do not add up to the Euler characteristic), `constraints` (too many), `dimension` (the space is too large to design in), `fur`, `hatching`, `camera`, `light` (of a picture), `coefficients`, `eigenfield`, `refine` (a tolerance that is out of range, a design that stands for no field of least energy, or one that takes longer than a request may), `error`, `reach` (no heat arrives at a face), `sources` (their vectors cancel each other), `faces` (of the answer), `encoding` (a number is beyond f16, or is part of no direction), `field` (one that is to be decomposed or integrated), `basis` (of a field to be integrated), `stored` (a stored field is of another mesh, or of a kind that does not fit), `request` (one that is too long to be kept), `quads` (a parameter of a parametrisation, or one that takes too long), `creases`, `numbering` (corners of faces that the file has others of), `memory` (a factor of the mesh would need more than those of surfaces do).";
     NO_FIELD_SURFACE = "no-field-surface", 422, "The mesh is no surface for fields",
         "Tangential fields need an oriented manifold. The detail names the edge, the vertex or the faces where the mesh is none.";
     INVALID_SPECTRUM = "invalid-spectrum", 422, "There is no such spectrum",
@@ -105,7 +107,7 @@ kinds! {
     IDEMPOTENCY_CONFLICT = "idempotency-conflict", 409, "The idempotency key was used for another request",
         "An Idempotency-Key stands for one request. Use a fresh key for another body.";
     MESH_IN_USE = "mesh-in-use", 409, "The mesh is in use",
-        "Unfinished jobs or stored bases refer to the mesh. Delete them first, or pass cascade=true.";
+        "Unfinished jobs, stored bases or stored fields refer to the mesh. Delete them first, or pass cascade=true.";
     PROBLEM_IN_USE = "problem-in-use", 409, "The problem is in use",
         "Unfinished jobs or stored bases refer to the matrices. Delete them first, or pass cascade=true.";
     BASIS_WITHOUT_MESH = "basis-without-mesh", 409, "The basis has no mesh",

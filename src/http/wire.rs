@@ -37,7 +37,8 @@ impl<T: ToSchema> PageOf<T> {
     "report": {"vertices": 2930, "faces": 5856, "edges": 8784, "area": 5.49, "bounding_box": [[-0.48, -0.74, -1.0], [0.48, 0.94, 0.99]],
                "euler_characteristic": 2, "components": 1, "boundary_edges": 0, "boundary_loops": 0, "genus": 0, "closed": true, "manifold": true,
                "orientable": true, "defects": [], "repairs": []},
-    "links": {"self": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "content": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3/content"}
+    "links": {"self": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "content": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3/content",
+              "fields": "/v1/fields?mesh=0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"}
 }))]
 pub struct MeshResource {
     /// 32 hexadecimal digits of the BLAKE3 hash of positions and faces: equal content has an equal id.
@@ -72,13 +73,19 @@ pub struct MeshLinks {
     pub itself: String,
     /// Its content.
     pub content: String,
+    /// The fields that are stored on it.
+    pub fields: String,
 }
 
 impl From<MeshRecord> for MeshResource {
     fn from(record: MeshRecord) -> Self {
         let itself = format!("/v1/meshes/{}", record.id);
         Self {
-            links: MeshLinks { content: format!("{itself}/content"), itself },
+            links: MeshLinks {
+                content: format!("{itself}/content"),
+                fields: format!("/v1/fields?mesh={}", record.id),
+                itself,
+            },
             id: record.id,
             name: record.name,
             format: record.format,
@@ -401,7 +408,7 @@ pub struct BasisSummary {
     "details": null,
     "links": {"self": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "content": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/content",
               "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes", "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "pencil": null,
-              "design": null, "eigenfields": null, "fur": null, "hatching": null}
+              "design": null, "designs": null, "eigenfields": null, "fur": null, "hatching": null}
 }))]
 pub struct BasisResource {
     /// What lists have as well.

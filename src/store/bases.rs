@@ -13,7 +13,9 @@ use uuid::Uuid;
 use super::{
     BasisFilter, BasisRecord, BasisStorage, JobRecord, Page, PageRequest, Store, StoreError, Weighed, blobs,
     catalog::Transaction,
-    detached, from_json,
+    detached,
+    fields::{self, Of},
+    from_json,
     jobs::{self, job_from_row, uuid_column},
     meshes::push_filter,
     sql::{self, QueryBuilder, Row},
@@ -49,7 +51,8 @@ impl Store {
         Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, page))
     }
 
-    /// Deletes a basis. The job that made it stays on record without it; equal work is done anew when it is asked for.
+    /// Deletes a basis, and the fields that were designed in it. The job that made it stays on record without it; equal work is done anew when it is
+    /// asked for.
     ///
     /// # Errors
     /// [`StoreError::NotFound`].
@@ -80,11 +83,13 @@ impl Store {
             transaction.rollback().await?;
             return Err(unknown_basis(id));
         };
+        let mut hashes = fields::take(&mut transaction, Of::Basis, &id.to_string()).await?;
         let jobs = jobs.iter().map(job_from_row).collect::<Result<Vec<JobRecord>, StoreError>>()?;
         transaction.commit().await?;
         self.forget_basis(id, &hash);
         jobs.iter().for_each(|job| self.announce(job));
-        self.delete_unreferenced(&[hash]).await
+        hashes.push(hash);
+        self.delete_unreferenced(&hashes).await
     }
 
     /// A decoded product, from the cache or verified and decoded once however many ask. Of a dense eigenbasis everything but its

@@ -530,10 +530,11 @@ impl Store {
         }
     }
 
-    /// Whether a mesh or a basis has this content.
+    /// Whether a mesh, a basis or a field has this content.
     pub(super) async fn is_referenced(&self, hash: &str) -> Result<bool, StoreError> {
         let references: i64 = sql::query_scalar(
-            "SELECT (SELECT COUNT(*) FROM meshes WHERE content_hash = ?1) + (SELECT COUNT(*) FROM bases WHERE content_hash = ?1)",
+            "SELECT (SELECT COUNT(*) FROM meshes WHERE content_hash = ?1) + (SELECT COUNT(*) FROM bases WHERE content_hash = ?1)
+                + (SELECT COUNT(*) FROM fields WHERE content_hash = ?1)",
         )
         .bind(hash)
         .fetch_one(self.inner.catalog.reader())

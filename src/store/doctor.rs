@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use sqlx::Row;
 
 use super::{
-    BasisFilter, BasisStorage, JobFilter, JobStatus, PageRequest, Store, StoreError,
+    BasisFilter, BasisStorage, FieldFilter, JobFilter, JobStatus, PageRequest, Store, StoreError,
     blobs::{Blobs, delete_blob},
     database::Database,
     sources::SourceKind,
@@ -21,6 +21,8 @@ pub struct Examination {
     pub problems: u64,
     /// Bases that were looked at.
     pub bases: u64,
+    /// Fields that were looked at.
+    pub fields: u64,
     /// Jobs that were looked at.
     pub jobs: u64,
     /// Pieces of content that were hashed.
@@ -64,6 +66,7 @@ impl Store {
         self.examine_meshes(&mut found, &damaged).await?;
         self.examine_problems(&mut found, &damaged).await?;
         self.examine_bases(&mut found, &damaged, repair).await?;
+        self.examine_fields(&mut found, &damaged).await?;
         self.examine_jobs(&mut found, repair).await?;
         Ok(found)
     }
@@ -182,6 +185,25 @@ impl Store {
                 }
             }
             page.from = bases.next;
+            if page.from.is_none() {
+                return Ok(());
+            }
+        }
+    }
+
+    async fn examine_fields(&self, found: &mut Examination, damaged: &HashSet<String>) -> Result<(), StoreError> {
+        let mut page = PageRequest { limit: PageRequest::MOST, from: None };
+        loop {
+            let fields = self.fields(&FieldFilter::default(), &page).await?;
+            for field in fields.items {
+                found.fields += 1;
+                if self.is_dead(&field.content_hash, damaged).await? {
+                    let name = field.name.map_or(String::new(), |name| format!(" ({name})"));
+                    let what = format!("field {}{name}: its content is missing or damaged", field.id);
+                    found.add(what, "upload or design the same field again", false);
+                }
+            }
+            page.from = fields.next;
             if page.from.is_none() {
                 return Ok(());
             }

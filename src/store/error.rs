@@ -9,16 +9,16 @@ pub const DAMAGE: &str = "stored content is damaged:";
 /// Why the store could not do what it was asked to. Nothing of a failed call is visible afterwards.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// No such mesh, job, basis or blob.
+    /// No such mesh, job, basis, field or blob.
     #[error("{resource} {id} is not known")]
     NotFound {
-        /// `mesh`, `job`, `basis` or `blob`.
+        /// `mesh`, `problem`, `job`, `basis`, `field` or `blob`.
         resource: &'static str,
         /// The identifier that was asked for.
         id: String,
     },
     /// A mesh cannot be deleted: something refers to it.
-    #[error("mesh {mesh} is in use by {unfinished_jobs} unfinished jobs and {bases} bases")]
+    #[error("mesh {mesh} is in use by {unfinished_jobs} unfinished jobs, {bases} bases and {fields} fields")]
     MeshInUse {
         /// The mesh.
         mesh: String,
@@ -26,6 +26,8 @@ pub enum StoreError {
         unfinished_jobs: u64,
         /// Bases that were made from it.
         bases: u64,
+        /// Fields on it.
+        fields: u64,
     },
     /// A basis is of another kind than what was asked of it needs.
     #[error("basis {basis} is of the kind {}, not {}", kind.name(), wanted.name())]

@@ -7,6 +7,7 @@ use super::{
     catalog::Transaction,
     detached,
     fault::FailPoint,
+    fields::{self, Of},
     from_json,
     meshes::push_filter,
     sources::SourceKind,
@@ -416,28 +417,28 @@ impl Store {
             }
         };
         transaction.commit().await?;
-        let Some((basis, hash)) = basis else { return Ok(()) };
-        self.forget_basis(basis, &hash);
-        self.delete_unreferenced(&[hash]).await
+        let Some((basis, hashes)) = basis else { return Ok(()) };
+        hashes.first().into_iter().for_each(|hash| self.forget_basis(basis, hash));
+        self.delete_unreferenced(&hashes).await
     }
 
-    /// Deletes the rows of a job, and gives the basis that went with it.
+    /// Deletes the rows of a job, and gives the basis that went with it: its content, and that of the fields designed in it.
     async fn take_job(
         &self,
         on: &mut Transaction,
         id: Uuid,
         cascade: bool,
-    ) -> Result<Option<(Uuid, String)>, StoreError> {
+    ) -> Result<Option<(Uuid, Vec<String>)>, StoreError> {
         let job = read_job(on, id).await?;
         let refuse = |reason: String| Err(StoreError::JobState { job: id, status: job.status, reason });
         if !job.status.is_finished() {
             return refuse("it has to be cancelled before it is deleted".to_owned());
         }
-        let basis = sql::query("SELECT id, content_hash FROM bases WHERE job = ?")
+        let mut basis = sql::query("SELECT id, content_hash FROM bases WHERE job = ?")
             .bind(id.to_string())
             .fetch_optional(on.on())
             .await?
-            .map(|row| Ok::<_, StoreError>((uuid_column(&row, "id")?, row.try_get("content_hash")?)))
+            .map(|row| Ok::<_, StoreError>((uuid_column(&row, "id")?, vec![row.try_get("content_hash")?])))
             .transpose()?;
         if let Some((basis, _)) = &basis
             && !cascade
@@ -450,6 +451,9 @@ impl Store {
             "DELETE FROM jobs WHERE id = ?",
         ] {
             sql::query(sql).bind(id.to_string()).execute(on.on()).await?;
+        }
+        if let Some((basis, hashes)) = &mut basis {
+            hashes.extend(fields::take(on, Of::Basis, &basis.to_string()).await?);
         }
         Ok(basis)
     }

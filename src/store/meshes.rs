@@ -2,6 +2,7 @@
 
 use std::{io::Write, sync::Arc};
 
+use super::fields::{self, Of};
 use super::sources::{NewSource, SourceKind};
 use super::{
     JobRecord, MeshRecord, NewMesh, Page, PageRequest, Store, StoreError, Stored, Weighed, blobs, detached, from_json,
@@ -125,11 +126,11 @@ impl Store {
         row.map(|row| mesh_from_row(&row)).unwrap_or_else(|| Err(unknown_mesh(id)))
     }
 
-    /// Deletes a mesh. With `cascade`, enqueued jobs on it are cancelled, running ones asked to stop, and its bases deleted.
+    /// Deletes a mesh. With `cascade`, enqueued jobs on it are cancelled, running ones asked to stop, and its bases and fields deleted.
     /// Jobs stay on record.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`]; without `cascade`, [`StoreError::MeshInUse`] where unfinished jobs or bases refer to it.
+    /// [`StoreError::NotFound`]; without `cascade`, [`StoreError::MeshInUse`] where unfinished jobs, bases or fields refer to it.
     pub async fn delete_mesh(&self, id: &str, cascade: bool) -> Result<(), StoreError> {
         self.mesh(id).await?;
         self.delete_source(SourceKind::Mesh, id, cascade).await
@@ -152,18 +153,20 @@ impl Store {
         };
         let counts = sql::query(
             "SELECT (SELECT COUNT(*) FROM jobs WHERE mesh = ?1 AND status IN ('enqueued', 'processing')) AS jobs,
-                    (SELECT COUNT(*) FROM bases WHERE mesh = ?1) AS bases",
+                    (SELECT COUNT(*) FROM bases WHERE mesh = ?1) AS bases, (SELECT COUNT(*) FROM fields WHERE mesh = ?1) AS fields",
         )
         .bind(id)
         .fetch_one(transaction.on())
         .await?;
-        let (unfinished, bases) = (counts.try_get::<i64, _>("jobs")?, counts.try_get::<i64, _>("bases")?);
-        if !cascade && unfinished + bases > 0 {
+        let count = |name: &str| counts.try_get::<i64, _>(name);
+        let (unfinished, bases, fields) = (count("jobs")?, count("bases")?, count("fields")?);
+        if !cascade && unfinished + bases + fields > 0 {
             transaction.rollback().await?;
             return Err(StoreError::MeshInUse {
                 mesh: id.to_owned(),
                 unfinished_jobs: unfinished as u64,
                 bases: bases as u64,
+                fields: fields as u64,
             });
         }
         let mut changed = sql::query(jobs::returning!(
@@ -193,6 +196,7 @@ impl Store {
             .await?,
         );
         let mut hashes: Vec<String> = vec![content];
+        hashes.extend(fields::take(&mut transaction, Of::Mesh, id).await?);
         for row in sql::query("DELETE FROM bases WHERE mesh = ? RETURNING id, content_hash")
             .bind(id)
             .fetch_all(transaction.on())

@@ -20,11 +20,12 @@ const ROWS: i64 = 20;
 const CHUNKS: usize = 32;
 
 /// What is copied: the table, the column that orders it, that by which a row is known, and whether it refers to content. Each refers to those before.
-const TABLES: [(&str, &str, &str, bool); 5] = [
+const TABLES: [(&str, &str, &str, bool); 6] = [
     ("meshes", "sequence", "id", true),
     ("jobs", "sequence", "id", false),
     ("job_parameters", "job", "job", false),
     ("bases", "sequence", "id", true),
+    ("fields", "sequence", "id", true),
     ("idempotency_keys", "idempotency_key", "idempotency_key", false),
 ];
 
@@ -75,6 +76,8 @@ pub struct Migrated {
     pub jobs: u64,
     /// Bases.
     pub bases: u64,
+    /// Fields.
+    pub fields: u64,
     /// Pieces of content that were written; those that an earlier copy had written are not among them.
     pub written: u64,
     /// Bytes of them.
@@ -122,6 +125,7 @@ impl Store {
                 "meshes" => done.meshes = count,
                 "jobs" => done.jobs = count,
                 "bases" => done.bases = count,
+                "fields" => done.fields = count,
                 _ => {}
             }
         }

@@ -1,4 +1,4 @@
-//! Jobs, meshes, bases and blobs in SQL: the only room that names sqlx.
+//! Jobs, meshes, bases, fields and blobs in SQL: the only room that names sqlx.
 //!
 //! For one process, two SQLite databases lie in the data folder. `meta.db` knows what there is; `blobs.db` holds content by its BLAKE3 hash.
 //! Content is written first (chunks pending → hash verified → ready), then one transaction in `meta.db` makes it visible, so
@@ -17,7 +17,7 @@
 //! | `blobs.rs`, `orphans.rs` | content in chunks, and what becomes of it when nothing refers to it |
 //! | `backup.rs`, `restore.rs` | copies of a folder in use, and folders made of them |
 //! | `integrity.rs`, `doctor.rs` | whether content is what was stored, and what is done where it is not |
-//! | `meshes.rs`, `problems.rs`, `bases.rs`, `jobs.rs` | what clients see |
+//! | `meshes.rs`, `problems.rs`, `bases.rs`, `fields.rs`, `jobs.rs` | what clients see |
 //! | `sources.rs` | what meshes and problems have in common |
 //! | `last_use.rs`, `retention.rs`, `space.rs` | what is kept, and for how long; room, and how it comes back |
 //! | `columns.rs` | dense bases: written as they are computed, read in chunks |
@@ -35,6 +35,7 @@ mod deaths;
 mod doctor;
 mod error;
 pub mod fault;
+mod fields;
 mod fleet;
 mod folder;
 #[cfg(feature = "cluster")]
@@ -98,9 +99,9 @@ pub use leases::{Claim, Company, CompleteAnswer, FailAnswer, HeartbeatAnswer, Pr
 pub use migrate::{Migrated, MigrationError};
 pub use page::{Page, PageRequest};
 pub use records::{
-    BasisFilter, BasisRecord, BasisStorage, CacheStatistics, EnqueueOutcome, Enqueued, IdempotencyKey, JobEvent,
-    JobFilter, JobProblem, JobRecord, JobStatus, MeshRecord, NewJob, NewMesh, NewProblem, ProblemRecord, StoreHealth,
-    Stored, UnknownStatus,
+    BasisFilter, BasisRecord, BasisStorage, CacheStatistics, EnqueueOutcome, Enqueued, FieldFilter, FieldRecord,
+    IdempotencyKey, JobEvent, JobFilter, JobProblem, JobRecord, JobStatus, MeshRecord, NewField, NewJob, NewMesh,
+    NewProblem, ProblemRecord, StoreHealth, Stored, UnknownStatus,
 };
 pub use restore::restore;
 pub use retention::{Removed, Retention};

@@ -39,9 +39,10 @@ const HASH_BYTES: u64 = 32;
 /// Objects that are deleted in one look.
 const DELETED_AT_ONCE: i64 = 1000;
 
-/// Whether a mesh or a basis has the content of a row of `blobs`.
+/// Whether a mesh, a basis or a field has the content of a row of `blobs`.
 const REFERENCED: &str = "(EXISTS (SELECT 1 FROM meshes WHERE meshes.content_hash = blobs.hash)
-    OR EXISTS (SELECT 1 FROM bases WHERE bases.content_hash = blobs.hash))";
+    OR EXISTS (SELECT 1 FROM bases WHERE bases.content_hash = blobs.hash)
+    OR EXISTS (SELECT 1 FROM fields WHERE fields.content_hash = blobs.hash))";
 
 /// The objects, and the rows that know them.
 pub(super) struct Objects {

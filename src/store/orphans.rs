@@ -80,10 +80,11 @@ impl Store {
                 return Ok(look);
             }
         };
-        let referenced: Vec<String> =
-            sql::query_scalar("SELECT content_hash FROM meshes UNION SELECT content_hash FROM bases")
-                .fetch_all(self.inner.catalog.reader())
-                .await?;
+        let referenced: Vec<String> = sql::query_scalar(
+            "SELECT content_hash FROM meshes UNION SELECT content_hash FROM bases UNION SELECT content_hash FROM fields",
+        )
+        .fetch_all(self.inner.catalog.reader())
+        .await?;
         let referenced: HashSet<String> = referenced.into_iter().collect();
         let rows = sqlx::query("SELECT id, hash, bytes, condemned_ms FROM blobs WHERE state = 'ready'")
             .fetch_all(blobs.reader())

@@ -1,4 +1,4 @@
-//! What the store keeps, as plain types: meshes, jobs and bases.
+//! What the store keeps, as plain types: meshes, jobs, bases and fields.
 
 use std::{fmt, str::FromStr, sync::Arc};
 
@@ -119,6 +119,59 @@ pub struct ProblemRecord {
     pub bytes: u64,
     /// When it was stored, in milliseconds since 1970.
     pub created_ms: i64,
+}
+
+/// A field to be stored: a row of numbers for each face of a mesh.
+#[derive(Debug, Clone)]
+pub struct NewField {
+    /// The mesh.
+    pub mesh: String,
+    /// The basis that it was designed in.
+    pub basis: Option<Uuid>,
+    /// A name for people.
+    pub name: Option<String>,
+    /// Numbers for each face.
+    pub width: usize,
+    /// The numbers, face after face.
+    pub values: Vec<f32>,
+    /// Of a designed one what it is and what it was asked for with, a JSON object; null of others.
+    pub design: Value,
+}
+
+/// A stored field.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FieldRecord {
+    /// The first 32 hexadecimal digits of the BLAKE3 hash of all but the name.
+    pub id: String,
+    /// The mesh.
+    pub mesh: String,
+    /// The basis that it was designed in.
+    pub basis: Option<Uuid>,
+    /// A name for people.
+    pub name: Option<String>,
+    /// Numbers for each face.
+    pub width: u64,
+    /// Faces.
+    pub faces: u64,
+    /// Of a designed one what it is and what it was asked for with, a JSON object; null of others.
+    pub design: Value,
+    /// The BLAKE3 hash of the content, 64 hexadecimal digits: the key of its blob.
+    pub content_hash: String,
+    /// Bytes of the content.
+    pub bytes: u64,
+    /// When it was stored, in milliseconds since 1970.
+    pub created_ms: i64,
+}
+
+/// Which fields a list holds; `None` does not filter.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct FieldFilter {
+    /// Only those on this mesh.
+    pub mesh: Option<String>,
+    /// Only those that were designed in this basis.
+    pub basis: Option<String>,
+    /// Only those whose name contains this. Letters of ASCII are alike in both cases.
+    pub name: Option<String>,
 }
 
 /// A record, and whether this call made it.

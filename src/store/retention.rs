@@ -13,15 +13,15 @@ pub struct Retention {
     pub job_age: Option<Duration>,
     /// The most ended jobs without a stored basis.
     pub jobs: Option<u64>,
-    /// Bases are deleted so long after their last use.
+    /// Bases and fields are deleted so long after their last use; fields that were designed in a basis go with it.
     pub basis_age: Option<Duration>,
     /// The most bases.
     pub bases: Option<u64>,
-    /// Meshes without bases and unfinished jobs are deleted so long after their last use.
+    /// Meshes without bases, fields and unfinished jobs are deleted so long after their last use.
     pub mesh_age: Option<Duration>,
-    /// The most meshes and problems together; those with bases or unfinished jobs stay.
+    /// The most meshes and problems together; those with bases, fields or unfinished jobs stay.
     pub meshes: Option<u64>,
-    /// The most bytes of content: bases and meshes without bases go, whichever was not used for longest.
+    /// The most bytes of content: fields, bases and meshes without either go, whichever was not used for longest.
     pub bytes: Option<u64>,
 }
 
@@ -34,6 +34,8 @@ pub struct Removed {
     pub bases: u64,
     /// Meshes.
     pub meshes: u64,
+    /// Fields, but for those that went with their basis.
+    pub fields: u64,
 }
 
 /// How often a running store looks.
@@ -44,8 +46,11 @@ const AT_ONCE: i64 = 100;
 /// Bases that no unfinished job makes anew.
 const FREE_BASES: &str = "FROM bases WHERE NOT EXISTS
     (SELECT 1 FROM jobs WHERE jobs.id = bases.job AND jobs.status IN ('enqueued', 'processing'))";
+/// Fields: nothing needs them.
+const FREE_FIELDS: &str = "FROM fields WHERE 1 = 1";
 /// Meshes and problems that nothing needs.
 const FREE_MESHES: &str = "FROM meshes WHERE NOT EXISTS (SELECT 1 FROM bases WHERE bases.mesh = meshes.id)
+    AND NOT EXISTS (SELECT 1 FROM fields WHERE fields.mesh = meshes.id)
     AND NOT EXISTS (SELECT 1 FROM jobs WHERE jobs.mesh = meshes.id AND jobs.status IN ('enqueued', 'processing'))";
 /// Ended jobs without a basis.
 const FREE_JOBS: &str = "FROM jobs WHERE status IN ('succeeded', 'failed', 'canceled')
@@ -75,8 +80,10 @@ impl Store {
         self.write_uses().await?;
         let mut removed = Removed::default();
         let before = |age: Duration| self.now_ms().saturating_sub(i64::try_from(age.as_millis()).unwrap_or(i64::MAX));
-        // Bases first: without them meshes and jobs are free.
+        // Fields and bases first: without them meshes and jobs are free.
         if let Some(age) = bounds.basis_age {
+            let ids = self.older("id", FREE_FIELDS, "used_ms", before(age)).await?;
+            self.remove_fields(&ids, &mut removed).await?;
             let ids = self.older("id", FREE_BASES, "used_ms", before(age)).await?;
             self.remove_bases(&ids, &mut removed).await?;
         }
@@ -108,6 +115,7 @@ impl Store {
                 jobs = removed.jobs,
                 bases = removed.bases,
                 meshes = removed.meshes,
+                fields = removed.fields,
                 "deleted what is no longer kept"
             );
         }
@@ -135,7 +143,7 @@ impl Store {
         }
         let sql = format!(
             "SELECT 'basis' AS kind, id, bytes, used_ms {FREE_BASES} UNION ALL SELECT 'mesh', id, bytes, used_ms {FREE_MESHES}
-             ORDER BY used_ms LIMIT {AT_ONCE}"
+             UNION ALL SELECT 'field', id, bytes, used_ms {FREE_FIELDS} ORDER BY used_ms LIMIT {AT_ONCE}"
         );
         let rows = sql::query(sqlx::AssertSqlSafe(sql)).fetch_all(self.inner.catalog.reader()).await?;
         for row in rows {
@@ -145,6 +153,7 @@ impl Store {
             let id: String = row.try_get("id")?;
             match row.try_get::<&str, _>("kind")? {
                 "basis" => self.remove_bases(&[id], removed).await?,
+                "field" => self.remove_fields(&[id], removed).await?,
                 _ => self.remove_meshes(&[id], removed).await?,
             }
             excess = excess.saturating_sub(row.try_get::<i64, _>("bytes")? as u64);
@@ -164,6 +173,13 @@ impl Store {
         for id in ids {
             // Problems are among them; one that is gone already is not told of.
             removed.meshes += gone(self.delete_source(SourceKind::Mesh, id, false).await)?;
+        }
+        Ok(())
+    }
+
+    async fn remove_fields(&self, ids: &[String], removed: &mut Removed) -> Result<(), StoreError> {
+        for id in ids {
+            removed.fields += gone(self.delete_field(id).await)?;
         }
         Ok(())
     }

@@ -161,6 +161,63 @@ async fn a_mesh_is_stored_once_and_comes_back_whole() {
     assert_eq!(*store.load_mesh(&empty.id).await.unwrap(), TriangleMesh::default());
 }
 
+#[tokio::test]
+async fn fields_are_kept_once_and_go_with_their_mesh_or_their_basis() {
+    let (store, _folder) = store().await;
+    let mesh = store.add_mesh(mesh(1, 40)).await.unwrap().record.id;
+    let basis = done(&store, &mesh, 1.0).await;
+    let field = |basis: Option<Uuid>, seed: f32| NewField {
+        mesh: mesh.clone(),
+        basis,
+        name: Some(format!("Field {seed}")),
+        width: 2,
+        values: (0..76).map(|i| seed * i as f32).collect(),
+        design: json!({"seed": seed}),
+    };
+    let first = store.add_field(field(None, 0.5)).await.unwrap();
+    let again = store.add_field(NewField { name: None, ..field(None, 0.5) }).await.unwrap();
+    assert_eq!((first.created, again.created, &again.record), (true, false, &first.record));
+    assert_eq!((first.record.width, first.record.faces, &first.record.design), (2, 38, &json!({"seed": 0.5})));
+    assert_eq!(*store.load_field(&first.record).await.unwrap(), field(None, 0.5).values);
+    // The same numbers in a basis are another field with the same content.
+    let designed = store.add_field(field(Some(basis), 0.5)).await.unwrap().record;
+    assert!(designed.id != first.record.id && designed.content_hash == first.record.content_hash);
+    let other = store.add_field(field(Some(basis), 2.0)).await.unwrap().record;
+    let list = async |filter: FieldFilter| -> Vec<String> {
+        let page = store.fields(&filter, &PageRequest::default()).await.unwrap();
+        page.items.into_iter().map(|record| record.id).collect()
+    };
+    let all = FieldFilter::default();
+    assert_eq!(list(all.clone()).await, [other.id.clone(), designed.id.clone(), first.record.id.clone()]);
+    assert_eq!(list(FieldFilter { name: Some("field 2".to_owned()), ..all.clone() }).await, [other.id.clone()]);
+    assert_eq!(list(FieldFilter { basis: Some(Uuid::nil().to_string()), ..all.clone() }).await, Vec::<String>::new());
+    assert_eq!(store.rename_field(&other.id, Some("x")).await.unwrap().name.as_deref(), Some("x"));
+    for (wrong, resource) in
+        [(NewField { mesh: "0".repeat(32), ..field(None, 1.0) }, "mesh"), (field(Some(Uuid::nil()), 1.0), "basis")]
+    {
+        let refused = store.add_field(wrong).await.unwrap_err();
+        assert!(matches!(&refused, StoreError::NotFound { resource: own, .. } if *own == resource), "{refused}");
+    }
+    // A basis that is made anew keeps its fields; one that is deleted takes them with it, and leaves content that others have.
+    match store.delete_mesh(&mesh, false).await {
+        Err(StoreError::MeshInUse { unfinished_jobs: 0, bases: 1, fields: 3, .. }) => {}
+        other => panic!("{other:?}"),
+    }
+    let job = store.basis(basis).await.unwrap().job;
+    store.redo_job(job).await.unwrap();
+    let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
+    let anew = super::tests::basis(1.0, 40);
+    assert_eq!(store.complete(claim.token, anew, Vec::new()).await.unwrap(), CompleteAnswer::Stored(basis));
+    assert_eq!(list(all.clone()).await.len(), 3);
+    store.delete_basis(basis).await.unwrap();
+    assert_eq!(list(all.clone()).await, [first.record.id.clone()]);
+    assert_eq!(store.load_field(&first.record).await.unwrap().len(), 76);
+    assert!(matches!(store.field(&other.id).await, Err(StoreError::NotFound { resource: "field", .. })));
+    store.delete_mesh(&mesh, true).await.unwrap();
+    assert!(matches!(store.load_field(&first.record).await, Err(StoreError::NotFound { .. })));
+    assert!(list(all).await.is_empty());
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn equal_meshes_that_arrive_at_once_are_one() {
     let (store, _folder) = store().await;

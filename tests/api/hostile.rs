@@ -188,10 +188,13 @@ async fn what_is_no_word_and_no_table_is_told_so() {
         app.post(&format!("/v1/bases/{basis}/filter")).json(&body).send()
     };
     for (functions, words) in [
-        (json!("coordinate"), "functions: unknown variant `coordinate`, expected `coordinates`"),
-        (json!(7), "functions: invalid type: integer `7`, expected the word \"coordinates\" or a table"),
+        (json!("coordinate"), r#"functions must be "coordinates", got "coordinate""#),
+        (json!(7), r#"functions must be the word "coordinates" or a table"#),
         (json!({"columns": 1, "values": [0, "x"]}), "functions.values[1]"),
-        (json!({"columns": 1, "value": []}), "functions.value: unknown field"),
+        (
+            json!({"columns": 1, "value": []}),
+            r#"functions.value is not known here; members are "columns" and "values""#,
+        ),
     ] {
         let refused = problem(ask(functions.clone()).await.unwrap(), 422, "invalid-request").await;
         let detail = refused["detail"].as_str().unwrap();

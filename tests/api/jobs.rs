@@ -63,7 +63,7 @@ async fn what_does_not_fit_is_refused_by_name() {
         (json!({"kind": "eigenbasis"}), 422, "invalid-request", "mesh"),
         (json!({"kind": "eigenbasis", "mesh": mesh, "colour": 1}), 422, "invalid-request", "colour"),
         (json!({"kind": "eigenbasis", "mesh": 7}), 422, "invalid-request", "mesh"),
-        (json!([]), 422, "invalid-request", "JobRequest"),
+        (json!([]), 422, "invalid-request", "the request must be an object, got a list"),
         (json!({"kind": "eigenbasis", "mesh": mesh, "priority": 1000}), 422, "invalid-request", "priority"),
         (json!({"kind": "eigenbasis", "mesh": "x".repeat(3000)}), 404, "unknown-mesh", "xxx"),
         (json!({"kind": "magic", "mesh": mesh}), 422, "invalid-parameter/kind", "magic"),

@@ -31,6 +31,7 @@ mod points;
 mod quads;
 mod samples;
 mod schemas;
+mod stored;
 mod system;
 mod verification;
 mod vibration;

@@ -215,6 +215,9 @@ const COVERED: &[&str] = &[
     "getFrames",
     "decomposeField",
     "transportVectors",
+    "uploadField",
+    "saveDesign",
+    "getFieldContent",
 ];
 
 /// Operations that name vertices or faces, or give functions, and convert nothing, and why.
@@ -229,6 +232,9 @@ const EXEMPT: &[(&str, &str)] = &[
     ("listBases", "counts"),
     ("showBasis", "counts"),
     ("getBasisContent", "has both maps inside"),
+    ("listFields", "counts"),
+    ("showField", "counts, and a request with its numbering"),
+    ("renameField", "counts, and a request with its numbering"),
     ("compareShapes", "its descriptors are spectra"),
 ];
 
@@ -587,7 +593,7 @@ async fn faces_are_those_of_the_file() {
         let zero =
             |values: Vec<f64>| values.into_iter().map(|x| if x.is_nan() { 0.0 } else { x }).collect::<Vec<f64>>();
         let on_file = strokes(p.0, q.0, told(&vectors, 3, &case.faces), zero(told(&factors, 1, &case.faces)));
-        let on_mesh = strokes(p.1, q.1, vectors, factors.clone());
+        let on_mesh = strokes(p.1, q.1, vectors.clone(), factors.clone());
         let a = ask(&app, &format!("{dirty}/design?form=world"), &on_file).await;
         let b = ask(&app, &format!("{clean}/design?form=world"), &on_mesh).await;
         let expected = told(&numbers(&b["field"]["values"]), 3, &case.faces);
@@ -601,6 +607,28 @@ async fn faces_are_those_of_the_file() {
         let all = numbers(&a["field"]["values"]);
         let picked = [&all[3 * q.0..3 * q.0 + 3], &all[3 * p.0..3 * p.0 + 3]].concat();
         assert_close(&numbers(&part["field"]["values"]), &picked, "some faces of a design");
+
+        // The same field and weights by their ids; a design that is saved, and its numbers.
+        let uploaded = async |mesh: &str, columns: usize, values: Vec<f64>| {
+            let table = json!({"columns": columns, "values": values});
+            let url = format!("/v1/meshes/{mesh}/fields");
+            let answer = app.post(&url).json(&table).send().await.unwrap();
+            assert_eq!(answer.status(), 201);
+            answer.json::<Value>().await.unwrap()
+        };
+        let (to, weights) = (numbers(&on_file["alignment"]["to"]["values"]), &on_file["alignment"]["per_face"]);
+        let [to, weights] = [uploaded(&case.dirty, 3, to).await, uploaded(&case.dirty, 1, numbers(weights)).await];
+        let mut named = on_file.clone();
+        named["alignment"]["to"] = json!({"stored": to["id"]});
+        named["alignment"]["per_face"] = json!({"stored": weights["id"]});
+        let by_id = ask(&app, &format!("{dirty}/design?form=world"), &named).await;
+        assert_close(&numbers(&by_id["field"]["values"]), &numbers(&a["field"]["values"]), "stored fields");
+        let back = raw(app.get(&format!("{}/content", text(&to["links"]["self"])))).await;
+        assert_close(&back, &told(&vectors, 3, &case.faces), "content");
+        let saved = app.post(&format!("{dirty}/designs")).json(&json!({"design": named})).send().await.unwrap();
+        let saved: Value = saved.json().await.unwrap();
+        let content = raw(app.get(&format!("{}/content", text(&saved["links"]["self"])))).await;
+        assert_close(&content, &numbers(&a["field"]["values"]), "a saved design");
 
         let source = |face: usize| json!({"sources": [{"face": face, "direction": [0.1, 0.7, 0.3]}]});
         let url = |mesh: &str| format!("/v1/meshes/{mesh}/vector-transport");

@@ -213,7 +213,7 @@ fn parameters_are_taken_and_refused_as_the_document_says() {
                 JobParameters::parse(kind, &all).map(|_| ()).map_err(|error| error.to_string())
             };
             assert_eq!(outcome(json!({})), Ok(()), "{name} {least}");
-            assert!(outcome(json!({"surprise": 1})).unwrap_err().contains("unknown field"), "{name}");
+            assert!(outcome(json!({"surprise": 1})).unwrap_err().contains("surprise is not known here"), "{name}");
             assert_eq!(schema["additionalProperties"], false, "{name}");
             for (member, own) in schema["properties"].as_object().unwrap() {
                 // What is out of bounds is refused, and so is what another method takes.
@@ -295,6 +295,16 @@ async fn answers_are_what_the_document_says() {
     ] {
         solved(&app, &document, &id, kind, parameters).await;
     }
+    let listed: Value = app.get("/v1/bases?kind=field_basis").send().await.unwrap().json().await.unwrap();
+    let design = json!({"design": {"strokes": [{"face": 1, "direction": [0.0, 0.0, 1.0]}]}});
+    let values = vec![1.0; mesh["faces"].as_u64().unwrap() as usize];
+    for (url, body) in [
+        (text(&listed["items"][0]["links"]["designs"]), design),
+        (format!("/v1/meshes/{id}/fields?name=ones"), json!({"values": values})),
+    ] {
+        let field: Value = app.post(&url).json(&body).send().await.unwrap().json().await.unwrap();
+        document.assert_fits(document.schema("FieldResource"), &field, "field");
+    }
     let matrix = "%%MatrixMarket matrix coordinate real symmetric\n3 3 5\n1 1 1\n2 1 -1\n2 2 2\n3 2 -1\n3 3 1\n";
     let pencil: Value = app.post("/v1/problems").body(matrix).send().await.unwrap().json().await.unwrap();
     document.assert_fits(document.schema("ProblemResource"), &pencil, "problem");
@@ -305,6 +315,7 @@ async fn answers_are_what_the_document_says() {
         ("problems", "PageOf_ProblemResource"),
         ("jobs", "PageOf_JobResource"),
         ("bases", "PageOf_BasisSummary"),
+        ("fields", "PageOf_FieldSummary"),
     ] {
         let found: Value = app.get(&format!("/v1/{list}")).send().await.unwrap().json().await.unwrap();
         assert!(!found["items"].as_array().unwrap().is_empty());

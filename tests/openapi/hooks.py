@@ -10,7 +10,7 @@ with open(os.environ["CHLADNI_TEST_OBJECTS"], encoding="utf-8") as _file:
     OBJECTS = json.load(_file)
 
 # Operations that one kind of basis alone has.
-OWN = {"spectrum": "operator_family", "simulate": "vibration_basis", "design": "field_basis", "fur": "field_basis", "hatching": "field_basis", "eigenfields": "field_basis"}
+OWN = {"spectrum": "operator_family", "simulate": "vibration_basis", "design": "field_basis", "designs": "field_basis", "fur": "field_basis", "hatching": "field_basis", "eigenfields": "field_basis"}
 
 
 for _media_type in ("model/obj", "model/ply", "model/off", "model/stl", "model/x-medit", "model/x-vtk", "model/x-gmsh", "model/x-freesurfer", "model/gltf-binary", "model/x-gifti", "application/x-npz"):
@@ -35,6 +35,8 @@ def place(operation, drawn):
     """The id that a path has instead of what was drawn."""
     if "/meshes/" in operation.path:
         return OBJECTS["mesh"]
+    if "/fields/" in operation.path:
+        return OBJECTS["field"]
     if "/jobs/" in operation.path:
         return pick(OBJECTS["jobs"], drawn)
     return basis(operation.path, drawn)

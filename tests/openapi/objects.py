@@ -1,4 +1,4 @@
-"""A mesh and a basis of each kind on a server, for random requests to ask for: python objects.py URL MESH FILE KEY."""
+"""A mesh, a field and a basis of each kind on a server, for random requests to ask for: python objects.py URL MESH FILE KEY."""
 
 import json
 import sys
@@ -21,7 +21,9 @@ def call(url: str, body: bytes | None = None, media_type: str = "application/jso
 
 url, mesh_file, out, key = sys.argv[1:]
 with open(mesh_file, "rb") as file:
-    mesh = call(f"{url}/v1/meshes", file.read(), "model/ply")["id"]
+    stored = call(f"{url}/v1/meshes", file.read(), "model/ply")
+mesh = stored["id"]
+field = call(f"{url}/v1/meshes/{mesh}/fields", json.dumps({"values": [1.0] * stored["faces"]}).encode())["id"]
 jobs, bases = [], []
 for kind, parameters in JOBS:
     job = call(f"{url}/v1/jobs", json.dumps({"kind": kind, "mesh": mesh, "parameters": parameters}).encode())
@@ -30,4 +32,4 @@ for kind, parameters in JOBS:
     jobs.append(job["id"])
     bases.append((kind, done["basis"]))
 with open(out, "w", encoding="utf-8") as file:
-    json.dump({"mesh": mesh, "jobs": jobs, "bases": bases}, file)
+    json.dump({"mesh": mesh, "field": field, "jobs": jobs, "bases": bases}, file)

@@ -282,12 +282,33 @@ export interface paths {
          *     A field of the space of the basis stands for one of all fields of the surface under the same constraints. With `error` the answer says how far it is from that
          *     one, with `refine` that one is the answer, to a tolerance: coefficients stay those of the basis, energies, residuals and the field are those of the refined one.
          *
-         *     With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32 or f16 (`encoding`), face after face, with its shape in
+         *     With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, f16 or octahedral directions (`encoding`), face after face, with its shape in
          *     `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment), the largest residual of a
-         *     constraint in `Chladni-Residual`, and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000 bytes, half of that in f16, whatever the
+         *     constraint in `Chladni-Residual`, and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000 bytes, half of that in f16, a third as octahedral directions, whatever the
          *     surface. Which faces a sample has is in `field.faces` of a JSON answer, and stays the same.
          */
         post: operations["designField"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/bases/{id}/designs": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Saves a design
+         * @description Designs a field and keeps it, with the request that made it: other requests name it by its id as they do uploads, and its numbers can be fetched in every form. It is on the mesh of the basis,
+         *     and is deleted with either.
+         */
+        post: operations["saveDesign"];
         delete?: never;
         options?: never;
         head?: never;
@@ -651,6 +672,74 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/fields": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Lists stored fields
+         * @description Newest first, without the requests of designs.
+         */
+        get: operations["listFields"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/fields/{id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Shows a stored field
+         * @description Of a design with the request that made it.
+         */
+        get: operations["showField"];
+        put?: never;
+        post?: never;
+        /**
+         * Deletes a stored field
+         * @description Requests that name it are refused from then on.
+         */
+        delete: operations["deleteField"];
+        options?: never;
+        head?: never;
+        /**
+         * Renames a stored field
+         * @description The name is for people; the id stays.
+         */
+        patch: operations["renameField"];
+        trace?: never;
+    };
+    "/v1/fields/{id}/content": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Gets the numbers of a stored field
+         * @description By `Accept`: `application/x-npy` (the default), an array of faces × numbers for `numpy.load`; `application/octet-stream`, the same little-endian f32 without a header; JSON.
+         */
+        get: operations["getFieldContent"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/functional-maps": {
         parameters: {
             query?: never;
@@ -968,6 +1057,29 @@ export interface paths {
         get: operations["getFaceMap"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/meshes/{id}/fields": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Uploads a field
+         * @description A table with a row for each face, which requests name by its id from then on, as `{"stored": id}`: a field to align a design to (`alignment.to`: three columns are vectors in ℝ³, or the
+         *     numbers of tensors where the basis is of tensors; two are numbers in the frames of faces), weights of faces (`alignment.per_face`: one column), crosses (`field` of a parametrisation), a field for fur or a hatching.
+         *
+         *     JSON, or with `Content-Type: application/octet-stream` little-endian numbers, face after face. An equal field on the same mesh has the same id. It is deleted with its mesh.
+         */
+        post: operations["uploadField"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1312,7 +1424,7 @@ export interface components {
         /** @description A field to stay close to, with a global weight and optionally one for each face. */
         AlignmentRequest: {
             per_face?: components["schemas"]["PerFace"] | null;
-            /** @description `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that are stored in a face. */
+            /** @description `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that are stored in a face; or the id of a stored field. */
             to: components["schemas"]["Target"];
             /**
              * Format: double
@@ -1497,7 +1609,7 @@ export interface components {
         };
         /** @description A field of a basis on the same mesh. */
         BasisField: {
-            /** @description `{"design": …}`, `{"coefficients": […]}` or `{"eigenfield": k}`. */
+            /** @description `{"design": …}`, `{"coefficients": […]}`, `{"eigenfield": k}` or `{"stored": id}`. */
             field: components["schemas"]["FieldSource"];
             /** @description The id of the basis. */
             id: string;
@@ -1506,8 +1618,10 @@ export interface components {
         BasisLinks: {
             /** @description Its factors or its columns as NPZ, safetensors or MatrixMarket. */
             content: string;
-            /** @description Of a field basis: designs, a `POST`; null for others, as are the next three. */
+            /** @description Of a field basis: designs, a `POST`; null for others, as are the next four. */
             design: string | null;
+            /** @description Designs that are kept, a `POST`; `/v1/fields?basis=` lists them. */
+            designs: string | null;
             /** @description Its approximate eigenfields. */
             eigenfields: string | null;
             /** @description Fur along a field, a `POST`. */
@@ -1580,6 +1694,7 @@ export interface components {
          *       "links": {
          *         "content": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/content",
          *         "design": null,
+         *         "designs": null,
          *         "eigenfields": null,
          *         "fur": null,
          *         "hatching": null,
@@ -1916,9 +2031,14 @@ export interface components {
              * @description The weight of the distance to the principal directions of curvature, on the surface of unit area: from a hundred on they are followed closely.
              */
             curvature?: number;
+            /**
+             * @description Whether faces with several creases at no right angles are split at their barycentres, so that each part follows one of them: without it such a face follows the longest. Whatever is
+             *     answered is then of the mesh with these parts, which files have in the place of the kept one. By default `false`.
+             */
+            split?: boolean;
         };
-        /** @description Which cross field: exactly one of the three. */
-        CrossSource: components["schemas"]["CrossSourceAligned"] | components["schemas"]["CrossSourceTable"] | components["schemas"]["CrossSourceBasis"];
+        /** @description Which cross field: exactly one of the four. */
+        CrossSource: components["schemas"]["CrossSourceAligned"] | components["schemas"]["CrossSourceTable"] | components["schemas"]["CrossSourceBasis"] | components["schemas"]["CrossSourceStored"];
         /** @description The smoothest one of all that follow creases and boundaries. */
         CrossSourceAligned: {
             /** @description The smoothest one of all that follow creases and boundaries. */
@@ -1928,6 +2048,11 @@ export interface components {
         CrossSourceBasis: {
             /** @description A field of a basis: of 4-vectors, or of what has directions to be completed to crosses, vectors, 2-vectors and tensors. */
             basis: components["schemas"]["BasisField"];
+        };
+        /** @description The id of a stored field on the same mesh: a saved design of what `basis` may be of, or an upload of what `table` has. */
+        CrossSourceStored: {
+            /** @description The id of a stored field on the same mesh: a saved design of what `basis` may be of, or an upload of what `table` has. */
+            stored: string;
         };
         /**
          * @description A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the frame of the face, two numbers whose angle is four
@@ -3134,13 +3259,71 @@ export interface components {
              */
             kind: "vector";
         };
+        /** @description Links of a stored field. */
+        FieldLinks: {
+            /** @description The basis it was designed in; null of uploads. */
+            basis: string | null;
+            /** @description Its numbers. */
+            content: string;
+            /** @description Its mesh. */
+            mesh: string;
+            /** @description The field itself. */
+            self: string;
+        };
         /**
          * @description What is stored in a face.
          * @enum {string}
          */
         FieldName: "vector" | "n_vector" | "tensor";
-        /** @description Which field: exactly one of the three. */
-        FieldSource: components["schemas"]["FieldSourceDesign"] | components["schemas"]["FieldSourceCoefficients"] | components["schemas"]["FieldSourceEigenfield"];
+        /**
+         * @description A stored field.
+         * @example {
+         *       "basis": "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10",
+         *       "bytes": 46976,
+         *       "columns": 2,
+         *       "created_ms": 1795269602000,
+         *       "design": {
+         *         "alignment_energy": null,
+         *         "biharmonic_energy": 122.4,
+         *         "error": null,
+         *         "field": {
+         *           "kind": "vector"
+         *         },
+         *         "harmonic_energy": 4.81,
+         *         "numbering": "file",
+         *         "request": {
+         *           "strokes": [
+         *             {
+         *               "direction": [
+         *                 0,
+         *                 0,
+         *                 1
+         *               ],
+         *               "face": 17
+         *             }
+         *           ]
+         *         }
+         *       },
+         *       "faces": 5856,
+         *       "field": {
+         *         "kind": "vector"
+         *       },
+         *       "id": "5c1f7e0a93b84d6f8e21a7b0c4d95f36",
+         *       "links": {
+         *         "basis": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10",
+         *         "content": "/v1/fields/5c1f7e0a93b84d6f8e21a7b0c4d95f36/content",
+         *         "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
+         *         "self": "/v1/fields/5c1f7e0a93b84d6f8e21a7b0c4d95f36"
+         *       },
+         *       "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
+         *       "name": "combed back"
+         *     }
+         */
+        FieldResource: components["schemas"]["FieldSummary"] & {
+            design: components["schemas"]["SavedDesign"] | null;
+        };
+        /** @description Which field: exactly one of the four. */
+        FieldSource: components["schemas"]["FieldSourceDesign"] | components["schemas"]["FieldSourceCoefficients"] | components["schemas"]["FieldSourceEigenfield"] | components["schemas"]["FieldSourceStored"];
         /** @description Coefficients that a design gave. */
         FieldSourceCoefficients: {
             /** @description Coefficients that a design gave. */
@@ -3156,6 +3339,47 @@ export interface components {
             /** @description An approximate eigenfield, counted from 0. */
             eigenfield: number;
         };
+        /** @description The id of a stored field on the same mesh: an upload, or a saved design. */
+        FieldSourceStored: {
+            /** @description The id of a stored field on the same mesh: an upload, or a saved design. */
+            stored: string;
+        };
+        /** @description A stored field, as lists have it. */
+        FieldSummary: {
+            /** @description The basis it was designed in; null of uploads. */
+            basis: string | null;
+            /**
+             * Format: int64
+             * @description Bytes of the stored content.
+             */
+            bytes: number;
+            /**
+             * Format: int64
+             * @description Numbers for each face, as they are kept: of a design those that are stored in a face.
+             */
+            columns: number;
+            /**
+             * Format: int64
+             * @description When it was stored.
+             */
+            created_ms: number;
+            /**
+             * Format: int64
+             * @description Faces of the mesh.
+             */
+            faces: number;
+            field: components["schemas"]["FieldKind"] | null;
+            /** @description 32 hexadecimal digits of the hash of all but the name: equal fields have an equal id. */
+            id: string;
+            /** @description Where to go from here. */
+            links: components["schemas"]["FieldLinks"];
+            /** @description The mesh it is on. */
+            mesh: string;
+            /** @description The name it was given. */
+            name: string | null;
+        };
+        /** @description A table with a row for each face: itself, or the id of one that is stored. */
+        FieldTable: components["schemas"]["Table"] | components["schemas"]["StoredField"];
         /** @description What a file has, and what became of its vertices. */
         FileSize: {
             /** @description Vertices of the file that have no counterpart in the mesh. */
@@ -3335,7 +3559,7 @@ export interface components {
             clump?: number | null;
             /** @description Downwards: `[0, -1, 0]` where it is left out. */
             down?: number[] | null;
-            /** @description `{"design": …}`, `{"coefficients": […]}` or `{"eigenfield": k}`. */
+            /** @description `{"design": …}`, `{"coefficients": […]}`, `{"eigenfield": k}` or `{"stored": id}`. */
             field: components["schemas"]["FieldSource"];
             /**
              * Format: double
@@ -3421,7 +3645,7 @@ export interface components {
         /** @description How lines are laid and drawn. */
         HatchingRequest: {
             camera?: components["schemas"]["CameraRequest"] | null;
-            /** @description `{"design": …}`, `{"coefficients": […]}` or `{"eigenfield": k}`. */
+            /** @description `{"design": …}`, `{"coefficients": […]}`, `{"eigenfield": k}` or `{"stored": id}`. */
             field: components["schemas"]["FieldSource"];
             /**
              * Format: double
@@ -4117,6 +4341,8 @@ export interface components {
         MeshLinks: {
             /** @description Its content. */
             content: string;
+            /** @description The fields that are stored on it. */
+            fields: string;
             /** @description The mesh itself. */
             self: string;
         };
@@ -4223,6 +4449,7 @@ export interface components {
          *       "id": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
          *       "links": {
          *         "content": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3/content",
+         *         "fields": "/v1/fields?mesh=0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
          *         "self": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3"
          *       },
          *       "name": "spot",
@@ -4590,6 +4817,13 @@ export interface components {
             next: string | null;
         };
         /** @description A page of a list, newest first. */
+        PageOf_FieldSummary: {
+            /** @description The items. */
+            items: components["schemas"]["FieldSummary"][];
+            /** @description Pass this as `from` to get the next page; null on the last. */
+            next: string | null;
+        };
+        /** @description A page of a list, newest first. */
         PageOf_JobResource: {
             /** @description The items. */
             items: components["schemas"]["JobResource"][];
@@ -4815,7 +5049,7 @@ export interface components {
             tolerance?: number | null;
         };
         /** @description Weights of faces. */
-        PerFace: components["schemas"]["NamedWeights"] | number[];
+        PerFace: components["schemas"]["NamedWeights"] | number[] | components["schemas"]["StoredField"];
         /** @description A hard constraint: a `face` or `point` with a value, as for strokes. */
         Pin: {
             /** @description A direction in ℝ³, projected to the face; its length is the length of the field. */
@@ -5085,6 +5319,8 @@ export interface components {
              * @description The length between grid lines: half of what was asked for where `integers` can be had only so.
              */
             spacing: number;
+            /** @description With `split` the faces that were split, beside which tables have rows for their parts. */
+            split: components["schemas"]["SplitFace"][];
         };
         /** @description A seamless parametrisation along a cross field. */
         QuadsRequest: {
@@ -5287,6 +5523,62 @@ export interface components {
          * @enum {string}
          */
         Sampling: "poisson_disk" | "farthest_points" | "well_spread";
+        /** @description What a saved design was asked for with, and its energies. */
+        SavedDesign: {
+            /**
+             * Format: double
+             * @description The squared deviation from what the field is aligned to, on the surface of unit area.
+             */
+            alignment_energy: number | null;
+            /**
+             * Format: double
+             * @description The biharmonic energy, on the surface of unit area.
+             */
+            biharmonic_energy: number;
+            /**
+             * Format: double
+             * @description With `refine`, how far the field of the basis is from it, as a share of its length.
+             */
+            error: number | null;
+            /** @description What is stored in a face. */
+            field: components["schemas"]["FieldKind"];
+            /**
+             * Format: double
+             * @description The harmonic energy of the field, on the surface of unit area.
+             */
+            harmonic_energy: number;
+            /**
+             * @description How the request numbers vertices and faces.
+             * @enum {string}
+             */
+            numbering: "file" | "kept";
+            /** @description The request, as it can be sent again. */
+            request: components["schemas"]["DesignRequest"];
+        };
+        /**
+         * @description A design that is to be saved.
+         * @example {
+         *       "design": {
+         *         "strokes": [
+         *           {
+         *             "direction": [
+         *               0,
+         *               0,
+         *               1
+         *             ],
+         *             "face": 17
+         *           }
+         *         ]
+         *       },
+         *       "name": "combed back"
+         *     }
+         */
+        SaveDesignRequest: {
+            /** @description What is asked for, as of `POST /v1/bases/{id}/design`, but for `faces` and `error`. Up to 256 KiB; tables are better uploaded and named by their ids. */
+            design: components["schemas"]["DesignRequest"];
+            /** @description A name for people, at most 200 characters. */
+            name?: string | null;
+        };
         /**
          * @description What makes spectra of shapes of any size comparable.
          * @enum {string}
@@ -5599,6 +5891,21 @@ export interface components {
             /** @description With `modes` or `coefficients`: this pair alone, counted from 0, in one column. What shows one function needs no others. */
             mode?: number | null;
         };
+        /** @description A face that was split at its barycentre. */
+        SplitFace: {
+            /**
+             * Format: int32
+             * @description The face: from now on its part on the edge between its corners 0 and 1.
+             */
+            face: number;
+            /** @description The parts on the edges between corners 1 and 2, and 2 and 0. */
+            parts: number[];
+            /**
+             * Format: int32
+             * @description The new vertex, the last corner of each part.
+             */
+            vertex: number;
+        };
         /** @description Seconds spent in a stage. */
         StageSeconds: {
             /**
@@ -5645,6 +5952,14 @@ export interface components {
          * @enum {string}
          */
         StorageKind: "dense" | "compact";
+        /** @description A stored field by its id. */
+        StoredField: {
+            /**
+             * @description The id: that of an upload (`POST /v1/meshes/{id}/fields`) or of a saved design (`POST /v1/bases/{id}/designs`) on the same mesh.
+             * @example 5c1f7e0a93b84d6f8e21a7b0c4d95f36
+             */
+            stored: string;
+        };
         /**
          * @description A soft constraint: one `face` or `point` with a value, or `points`, a line whose own direction the field is to follow. A value is a
          *     `direction` in ℝ³ or a `frame_direction`; for tensors a `direction` with `values`, or a `tensor`.
@@ -5687,7 +6002,7 @@ export interface components {
             values: number[];
         };
         /** @description What to align to. */
-        Target: components["schemas"]["NamedTarget"] | components["schemas"]["Table"];
+        Target: components["schemas"]["NamedTarget"] | components["schemas"]["FieldTable"];
         /** @description How light becomes lines. */
         ToneRequest: {
             /**
@@ -7065,7 +7380,7 @@ export interface operations {
         parameters: {
             query?: {
                 /** @description How the numbers of a raw answer are written; JSON has them in single precision. */
-                encoding?: "f32" | "f16";
+                encoding?: "f32" | "f16" | "octahedral";
                 /**
                  * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
                  *     nearest.
@@ -7128,7 +7443,7 @@ export interface operations {
             };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
-            /** @description A problem: unknown-basis */
+            /** @description A problem: unknown-basis or unknown-field */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -7194,6 +7509,152 @@ export interface operations {
             500: components["responses"]["InternalError"];
             /** @description A problem: busy */
             503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    saveDesign: {
+        parameters: {
+            query?: {
+                /**
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
+                 *     nearest.
+                 */
+                extend?: "none" | "nearest";
+                /**
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
+                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 */
+                numbering?: "file" | "kept";
+            };
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the basis
+                 * @example 019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SaveDesignRequest"];
+            };
+        };
+        responses: {
+            /** @description An equal field was stored before */
+            200: {
+                headers: {
+                    Location?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FieldResource"];
+                };
+            };
+            /** @description The field is stored; `Location` names it */
+            201: {
+                headers: {
+                    ETag?: string;
+                    Location?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FieldResource"];
+                };
+            };
+            /** @description A problem: invalid-query, damaged-content-encoding, body-incomplete or invalid-json */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-basis or unknown-field */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: not-acceptable */
+            406: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-slow */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: basis-kind or basis-without-mesh */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unsupported-content-encoding or unsupported-media-type */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: invalid-request, invalid-design or no-field-surface */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy, storage-busy, storage-unavailable or draining */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: storage-full */
+            507: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -7670,7 +8131,7 @@ export interface operations {
             };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
-            /** @description A problem: unknown-basis */
+            /** @description A problem: unknown-basis or unknown-field */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -7797,7 +8258,7 @@ export interface operations {
             };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
-            /** @description A problem: unknown-basis */
+            /** @description A problem: unknown-basis or unknown-field */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -9149,6 +9610,359 @@ export interface operations {
                 };
             };
             /** @description A problem: invalid-request or invalid-analysis */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    listFields: {
+        parameters: {
+            query?: {
+                /** @description Only fields that were designed in this basis. */
+                basis?: string;
+                /** @description `next` of the page before. */
+                from?: string;
+                /** @description Items of the page, at most 200. */
+                limit?: number;
+                /** @description Only fields on this mesh. */
+                mesh?: string;
+                /**
+                 * @description Only fields whose name contains this, in capital letters or small ones.
+                 * @example combed
+                 */
+                name?: string;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description A page of fields */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PageOf_FieldSummary"];
+                };
+            };
+            /** @description A problem: invalid-query or invalid-cursor */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            500: components["responses"]["InternalError"];
+        };
+    };
+    showField: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the field
+                 * @example 5c1f7e0a93b84d6f8e21a7b0c4d95f36
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The field */
+            200: {
+                headers: {
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FieldResource"];
+                };
+            };
+            /** @description The field is as `If-None-Match` names it */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-field */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+        };
+    };
+    deleteField: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the field
+                 * @example 5c1f7e0a93b84d6f8e21a7b0c4d95f36
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The field is gone */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-field */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: storage-busy or storage-unavailable */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: storage-full */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    renameField: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the field
+                 * @example 5c1f7e0a93b84d6f8e21a7b0c4d95f36
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["RenameRequest"];
+            };
+        };
+        responses: {
+            /** @description The field under its new name */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FieldResource"];
+                };
+            };
+            /** @description A problem: damaged-content-encoding, body-incomplete or invalid-json */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-field */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-slow */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unsupported-content-encoding or unsupported-media-type */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: invalid-request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy, storage-busy or storage-unavailable */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: storage-full */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    getFieldContent: {
+        parameters: {
+            query?: {
+                /**
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
+                 *     nearest.
+                 */
+                extend?: "none" | "nearest";
+                /** @description How the numbers of a face of a design are written, `world` where it is left out. Uploads are given back as they are. */
+                form?: "world" | "frames" | "roots" | "axes";
+                /**
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
+                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 */
+                numbering?: "file" | "kept";
+            };
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the field
+                 * @example 5c1f7e0a93b84d6f8e21a7b0c4d95f36
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The numbers */
+            200: {
+                headers: {
+                    "Chladni-Columns"?: number;
+                    "Chladni-Dtype"?: string;
+                    "Chladni-Rows"?: number;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "columns": 3,
+                     *       "values": [
+                     *         0.4,
+                     *         0.3,
+                     *         0
+                     *       ]
+                     *     }
+                     */
+                    "application/json": components["schemas"]["Table"];
+                    "application/octet-stream": Blob;
+                    "application/x-npy": Blob;
+                };
+            };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-field or unknown-mesh */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: not-acceptable */
+            406: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: no-field-surface */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -10778,6 +11592,155 @@ export interface operations {
             };
         };
     };
+    uploadField: {
+        parameters: {
+            query?: {
+                /** @description Of raw numbers, how many each face has. */
+                columns?: number;
+                /** @description The type of raw numbers. They are kept in single precision. */
+                dtype?: "f32" | "f64";
+                /**
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
+                 *     nearest.
+                 */
+                extend?: "none" | "nearest";
+                /**
+                 * @description A name for people, at most 200 characters.
+                 * @example combed by hand
+                 */
+                name?: string;
+                /**
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
+                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 */
+                numbering?: "file" | "kept";
+            };
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the mesh
+                 * @example 0f6d2c4ab1e84cf29be2e3f0b5d1a7c3
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        /** @description The numbers */
+        requestBody: {
+            content: {
+                /**
+                 * @example {
+                 *       "columns": 3,
+                 *       "values": [
+                 *         0.4,
+                 *         0.3,
+                 *         0
+                 *       ]
+                 *     }
+                 */
+                "application/json": components["schemas"]["Table"];
+                "application/octet-stream": Blob;
+            };
+        };
+        responses: {
+            /** @description An equal field was stored before */
+            200: {
+                headers: {
+                    Location?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FieldResource"];
+                };
+            };
+            /** @description The field is stored; `Location` names it */
+            201: {
+                headers: {
+                    ETag?: string;
+                    Location?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FieldResource"];
+                };
+            };
+            /** @description A problem: damaged-content-encoding, body-incomplete, invalid-json or invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-mesh */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-slow */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unsupported-content-encoding or unsupported-media-type */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: invalid-request or invalid-design */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy, storage-busy, storage-unavailable or draining */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: storage-full */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     getFrames: {
         parameters: {
             query?: {
@@ -11052,7 +12015,7 @@ export interface operations {
             };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
-            /** @description A problem: unknown-basis or unknown-mesh */
+            /** @description A problem: unknown-basis, unknown-mesh or unknown-field */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -11272,7 +12235,7 @@ export interface operations {
         parameters: {
             query?: {
                 /** @description How the numbers of a raw answer are written; JSON has them in single precision. */
-                encoding?: "f32" | "f16";
+                encoding?: "f32" | "f16" | "octahedral";
                 /**
                  * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
                  *     nearest.

@@ -16,6 +16,7 @@ pub mod numbered;
 mod operator_family;
 pub mod packed;
 mod pencil_basis;
+pub mod plain;
 mod provenance;
 #[cfg(feature = "schema")]
 pub mod schema;
@@ -420,9 +421,9 @@ fn read_parameters<T: serde::de::DeserializeOwned>(kind: &'static str, value: &P
     let value = match value {
         Packed::Null => &empty,
         Packed::Object(_) => value,
-        _ => return Err(form("expected a JSON object".to_owned())),
+        _ => return Err(form("they must be an object".to_owned())),
     };
-    serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string()))
+    plain::read(value).map_err(form)
 }
 
 /// The BLAKE3 hash of something as JSON, 64 hexadecimal digits; the text is not kept.

@@ -2,7 +2,7 @@
 //!
 //! Requests are brought into the numbering of the kept mesh before anything else is done with them; answers are brought back last.
 
-use crate::design::{DesignFault, DesignRequest, FacesRequest, FieldSource, FurRequest, PerFace, Target};
+use crate::design::{DesignFault, DesignRequest, FacesRequest, FieldSource, FieldTable, FurRequest, PerFace, Target};
 use crate::distances::DistanceRequest;
 use crate::packed::Packed;
 use crate::simulate::{InitialRequest, LoadRequest, SimulateAnswer, SimulateRequest};
@@ -260,7 +260,7 @@ impl DesignRequest {
             }
         }
         let Some(alignment) = &mut self.alignment else { return Ok(()) };
-        if let Target::Field(table) = &mut alignment.to {
+        if let Target::Field(FieldTable::Table(table)) = &mut alignment.to {
             let place = "alignment.to";
             if to.divides_faces() && table.columns == kind.block() {
                 return Err(super::design::refused("alignment", place, NumberingError::Frames));
@@ -284,7 +284,7 @@ impl FieldSource {
     pub fn translate(&mut self, to: &Translation, kind: FieldKind, rows: usize) -> Result<(), DesignFault> {
         match self {
             Self::Design(request) => request.translate(to, kind, rows),
-            Self::Coefficients(_) | Self::Eigenfield(_) => Ok(()),
+            Self::Coefficients(_) | Self::Eigenfield(_) | Self::Stored(_) => Ok(()),
         }
     }
 }

@@ -51,6 +51,11 @@ fn numbers<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>
     deserializer.deserialize_seq(Numbers)
 }
 
+/// The same where they may be absent.
+pub(crate) fn some_numbers<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<f64>>, D::Error> {
+    numbers(deserializer).map(Some)
+}
+
 fn one() -> usize {
     1
 }

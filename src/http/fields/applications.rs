@@ -35,7 +35,7 @@ const PNG: &str = "image/png";
 /// How long lines are laid within a request.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-problems!(CombFurProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE]);
+problems!(CombFurProblems: SOLVE BODY JSON [UNKNOWN_FIELD, INVALID_DESIGN, NO_FIELD_SURFACE]);
 
 /// Combs fur
 ///
@@ -112,7 +112,7 @@ fn strands_answer(rows: Vec<f64>, columns: usize, raw: bool, begin: Instant) -> 
         .with("chladni-dtype", "f32"))
 }
 
-problems!(DrawHatchingProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE]);
+problems!(DrawHatchingProblems: SOLVE BODY JSON [UNKNOWN_FIELD, INVALID_DESIGN, NO_FIELD_SURFACE]);
 
 /// Draws a hatching
 ///

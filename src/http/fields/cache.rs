@@ -6,12 +6,14 @@ use std::any::Any;
 use std::sync::Arc;
 
 use chladni_base::Monitor;
-use chladni_work::design::Surface;
+use chladni_work::design::{KeptField, Surface};
 use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
 
 use crate::http::client::ClientState;
-use crate::http::problem::Problem;
+use crate::http::ids::FieldId;
+use crate::http::problem::{self, Problem};
 use crate::http::slots::Turn;
+use crate::store::FieldRecord;
 
 type Entry = Arc<dyn Any + Send + Sync>;
 
@@ -95,4 +97,31 @@ pub async fn surface(state: &ClientState, mesh: &str) -> Result<Arc<Surface>, Pr
         made.await
     };
     state.fields.get(&state.turn, format!("surface {mesh}"), make).await
+}
+
+/// The numbers of a stored field.
+///
+/// # Errors
+/// `unknown-field`, and what loading answers.
+pub async fn stored(state: &ClientState, record: &FieldRecord) -> Result<Arc<KeptField>, Problem> {
+    let make = async {
+        let values = state.store.load_field(record).await?;
+        let kind = serde_json::from_value(record.design["field"].clone()).map_err(Problem::internal)?;
+        let bytes = 4 * values.len() as u64;
+        Ok((KeptField { kind, columns: record.width as usize, values }, bytes))
+    };
+    state.fields.get(&state.turn, format!("stored {}", record.id), make).await
+}
+
+/// The stored field that a request names at some place, if it is on that mesh.
+///
+/// # Errors
+/// `unknown-field`; `invalid-design/stored` where it is on another mesh.
+pub async fn stored_on(state: &ClientState, id: &str, mesh: &str, place: &str) -> Result<KeptField, Problem> {
+    let record = state.store.field(&FieldId::parse(id)?.0).await?;
+    if record.mesh != mesh {
+        let detail = format!("{place}: the field {id} is on the mesh {}, not on this one.", record.mesh);
+        return Err(Problem::within(&problem::INVALID_DESIGN, "stored", detail));
+    }
+    Ok(stored(state, &record).await?.as_ref().clone())
 }

@@ -107,7 +107,7 @@ struct MatchedFaces {
     turns: i32,
 }
 
-problems!(DesignFieldProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE]);
+problems!(DesignFieldProblems: SOLVE BODY JSON [UNKNOWN_FIELD, INVALID_DESIGN, NO_FIELD_SURFACE]);
 
 /// Designs a field
 ///
@@ -119,9 +119,9 @@ problems!(DesignFieldProblems: SOLVE BODY JSON [INVALID_DESIGN, NO_FIELD_SURFACE
 /// A field of the space of the basis stands for one of all fields of the surface under the same constraints. With `error` the answer says how far it is from that
 /// one, with `refine` that one is the answer, to a tolerance: coefficients stay those of the basis, energies, residuals and the field are those of the refined one.
 ///
-/// With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32 or f16 (`encoding`), face after face, with its shape in
+/// With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, f16 or octahedral directions (`encoding`), face after face, with its shape in
 /// `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment), the largest residual of a
-/// constraint in `Chladni-Residual`, and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000 bytes, half of that in f16, whatever the
+/// constraint in `Chladni-Residual`, and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000 bytes, half of that in f16, a third as octahedral directions, whatever the
 /// surface. Which faces a sample has is in `field.faces` of a JSON answer, and stays the same.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/design", tag = "fields", operation_id = "designField",
@@ -155,8 +155,9 @@ async fn design(
     let loaded = LoadedBasis::load(&state, id).await?;
     let to = numbered.on_basis(&state, id, &loaded.fields.metadata).await?;
     request.translate(&to, loaded.kind(), loaded.vertices())?;
-    let designed = solve::design(&state, &loaded, &request).await?;
     let form = query.form.or((raw || request.faces.is_some()).then_some(Form::World));
+    form.filter(|_| raw).map_or(Ok(()), |form| query.encoding.check(loaded.kind(), form))?;
+    let designed = solve::design(&state, &loaded, &request).await?;
     let some = match &request.faces {
         None => None,
         Some(wanted) => Some(solve::faces(&state, &loaded, wanted).await?),
@@ -241,7 +242,7 @@ pub fn described(
 ) -> Answer {
     Answer::new(bytes, OCTETS, begin)
         .with("chladni-rows", faces)
-        .with("chladni-columns", form.columns(kind))
+        .with("chladni-columns", encoding.columns(form.columns(kind)))
         .with("chladni-dtype", encoding.name())
         .with("chladni-form", form.name())
 }

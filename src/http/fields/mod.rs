@@ -8,6 +8,7 @@
 //! | `solve` | from a request to coefficients |
 //! | `octets` | numbers as bytes |
 //! | `design`, `eigenfields`, `frames`, `applications`, `decomposition`, `transport`, `quads` | the routes |
+//! | `stored`, `stored_wire` | fields as resources |
 
 mod applications;
 mod cache;
@@ -19,6 +20,8 @@ mod octets;
 mod patience;
 mod quads;
 mod solve;
+mod stored;
+mod stored_wire;
 mod transport;
 
 pub use cache::{FieldCache, kept};
@@ -40,6 +43,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .merge(decomposition::routes())
         .merge(transport::routes())
         .merge(quads::routes())
+        .merge(stored::routes())
 }
 
 impl From<FieldError> for Problem {

@@ -1,5 +1,6 @@
 //! `POST /meshes/{id}/quads`: a seamless parametrisation along a cross field.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use axum::body::Body;
@@ -56,7 +57,7 @@ struct QuadsQuery {
     format: QuadsFormat,
 }
 
-problems!(ParametriseQuadsProblems: SOLVE BODY JSON [UNKNOWN_MESH, DAMAGED_CONTENT, NO_FIELD_SURFACE, INVALID_DESIGN]);
+problems!(ParametriseQuadsProblems: SOLVE BODY JSON [UNKNOWN_MESH, UNKNOWN_FIELD, DAMAGED_CONTENT, NO_FIELD_SURFACE, INVALID_DESIGN]);
 
 /// Parametrises a surface along a cross field
 ///
@@ -100,8 +101,22 @@ async fn parametrise(
     }
     let mut memory = state.memory();
     body::reserve(&mut memory, BYTES_PER_FACE * surface.surface.faces() as u64)?;
+    // Positions are made anew where faces are split, and the order with them.
+    let (own, asked) = (surface.clone(), request.clone());
+    let parts = state.solve("split", move |_| Ok(asked.split(&own.surface)?)).await?;
+    let (surface, key, split) = match parts {
+        None => (surface, id.clone(), Vec::new()),
+        Some(parts) => {
+            let key = format!("{id} split {}", blake3::hash(bytemuck::cast_slice(&parts.faces)).to_hex());
+            (Arc::new(parts.surface), key, parts.faces)
+        }
+    };
     let crosses = match &request.field {
         CrossSource::Basis(wanted) => of_basis(&state, &id, numbered, wanted).await?,
+        CrossSource::Stored(field) => {
+            let (kept, own) = (cache::stored_on(&state, field, &id, "field.stored").await?, surface.clone());
+            state.solve("cross", move |_| Ok(kept.crosses(&own.surface)?)).await?
+        }
         _ => {
             let (own, field) = (surface.clone(), request.field.clone());
             let make = move |monitor: &dyn Monitor| {
@@ -118,12 +133,13 @@ async fn parametrise(
         let bytes = order.bytes();
         Ok((order, bytes))
     };
-    let order = cache::kept(&state, "order", &id, make).await?;
+    let order = cache::kept(&state, "order", &key, make).await?;
     state
         .solve("quads", move |monitor| {
             let _memory = memory;
             let patience = Patience::new(begin, PATIENCE, monitor);
             let quads = request.quads(&surface.surface, crosses, &order, &patience).map_err(too_long)?;
+            let quads = Quads { split, ..quads };
             if query.format == QuadsFormat::Json {
                 return Answer::json(&quads.answer(&surface.surface, &to)?, begin);
             }

@@ -9,8 +9,8 @@ use chladni_spectral::basis::ProductKind;
 use chladni_spectral::field::{DesignModel, FullSpace};
 use chladni_work::Provenance;
 use chladni_work::design::{
-    AlignmentRequest, DesignFault, DesignRequest, Designed, FacesRequest, FieldSource, Goal, NamedTarget, NamedWeights,
-    PerFace, Setting, Target, numerators,
+    AlignmentRequest, DesignFault, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, KeptFields,
+    NamedTarget, NamedWeights, PerFace, Setting, Target, numerators,
 };
 use uuid::Uuid;
 
@@ -35,6 +35,8 @@ const VECTORS: u64 = 16;
 pub struct LoadedBasis {
     /// The identifier of the basis.
     pub id: String,
+    /// The mesh that it lives on.
+    pub mesh: String,
     setting: Setting,
 }
 
@@ -63,7 +65,7 @@ impl LoadedBasis {
             None => find_kind(state, id, ProductKind::FieldBasis).await?.mesh,
         };
         let surface = cache::surface(state, &mesh).await?;
-        Ok(Self { id: id.to_string(), setting: Setting::new(fields, surface)? })
+        Ok(Self { id: id.to_string(), mesh, setting: Setting::new(fields, surface)? })
     }
 }
 
@@ -166,9 +168,15 @@ pub async fn faces(state: &ClientState, loaded: &LoadedBasis, wanted: &FacesRequ
 pub async fn lifted(state: &ClientState, loaded: &LoadedBasis, source: &FieldSource) -> Result<Vec<f32>, Problem> {
     let own = loaded.clone();
     if let FieldSource::Design(request) = source {
-        request.of_all_faces()?;
+        request.of_all_faces("field.design")?;
         let designed = design(state, loaded, request).await?;
         return state.solve("lift", move |_| Ok(own.lifted(&designed)?)).await;
+    }
+    if let FieldSource::Stored(id) = source {
+        let place = "field.stored";
+        let kept = cache::stored_on(state, id, &loaded.mesh, place).await?;
+        let numbers = move |_: &dyn Monitor| Ok(kept.stored(&own, place)?.into_iter().map(|x| x as f32).collect());
+        return state.solve("lift", numbers).await;
     }
     let coefficients = source.coefficients(loaded)?.unwrap_or_default();
     state.solve("lift", move |_| Ok(own.lift(&coefficients)?)).await
@@ -194,9 +202,10 @@ async fn goal(
         // With weights per face an alignment brings the energies that it is added to.
         let energy = if request.weights.full_biharmonic() { " full" } else { "" };
         key = format!("{}{energy} {}", loaded.id, fingerprint(wanted));
+        let kept = named(state, loaded, wanted).await?;
         let (loaded, model, own) = (loaded.clone(), model.clone(), wanted.clone());
         let make = move |_: &dyn Monitor| {
-            let alignment = loaded.alignment(&model, &own)?;
+            let alignment = loaded.alignment(&model, &own, &kept)?;
             let bytes = alignment.bytes();
             Ok((alignment, bytes))
         };
@@ -212,21 +221,38 @@ async fn goal(
     Ok((key, goal, per_face))
 }
 
+/// The stored fields that an alignment names.
+async fn named(state: &ClientState, loaded: &LoadedBasis, wanted: &AlignmentRequest) -> Result<KeptFields, Problem> {
+    let mut kept = KeptFields::default();
+    if let Target::Field(FieldTable::Stored(field)) = &wanted.to {
+        kept.to = Some(cache::stored_on(state, &field.stored, &loaded.mesh, "alignment.to.stored").await?);
+    }
+    if let Some(PerFace::Stored(field)) = &wanted.per_face {
+        kept.per_face = Some(cache::stored_on(state, &field.stored, &loaded.mesh, "alignment.per_face.stored").await?);
+    }
+    Ok(kept)
+}
+
 /// A hash of all that an alignment depends on but its weight.
 fn fingerprint(wanted: &AlignmentRequest) -> String {
     let mut hasher = blake3::Hasher::new();
-    let mut numbers = |tag: u8, values: &[f64]| {
-        hasher.update(&[tag]);
-        hasher.update(bytemuck::cast_slice(values));
+    let mut part = |tag: u8, bytes: &[u8]| {
+        hasher.update(&[tag]).update(bytes);
     };
     match &wanted.to {
-        Target::Named(NamedTarget::Curvature) => numbers(0, &[]),
-        Target::Field(table) => numbers(1, &[&[table.columns as f64], table.values.as_slice()].concat()),
+        Target::Named(NamedTarget::Curvature) => part(0, &[]),
+        Target::Field(FieldTable::Table(table)) => {
+            part(1, &(table.columns as u64).to_le_bytes());
+            part(1, bytemuck::cast_slice(&table.values));
+        }
+        // Equal ids are equal numbers.
+        Target::Field(FieldTable::Stored(field)) => part(5, field.stored.as_bytes()),
     }
     match &wanted.per_face {
-        None => numbers(2, &[]),
-        Some(PerFace::Named(NamedWeights::Anisotropy)) => numbers(3, &[]),
-        Some(PerFace::Values(values)) => numbers(4, values),
+        None => part(2, &[]),
+        Some(PerFace::Named(NamedWeights::Anisotropy)) => part(3, &[]),
+        Some(PerFace::Values(values)) => part(4, bytemuck::cast_slice(values)),
+        Some(PerFace::Stored(field)) => part(6, field.stored.as_bytes()),
     }
     hasher.finalize().to_hex().to_string()
 }

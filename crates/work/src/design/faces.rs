@@ -1,14 +1,14 @@
 //! The faces that an answer is about: a sample of so many, or a list.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::DesignFault;
 use super::request::{refused, refused_at};
 
 /// Faces that an answer is about.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[cfg_attr(feature = "schema", serde(untagged))]
+#[serde(untagged)]
 pub enum FacesRequest {
     /// So many, spread evenly.
     Sample(FaceSample),
@@ -18,7 +18,7 @@ pub enum FacesRequest {
 
 /// Faces that are spread evenly over a surface, the same in every request: each as far as possible from those before it, so that the first of many are the sample
 /// of few.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct FaceSample {

@@ -28,7 +28,7 @@ const BYTES_PER_POINT: u64 = 2 * 24;
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct FurRequest {
-    /// `{"design": …}`, `{"coefficients": […]}` or `{"eigenfield": k}`.
+    /// `{"design": …}`, `{"coefficients": […]}`, `{"eigenfield": k}` or `{"stored": id}`.
     pub field: FieldSource,
     /// The length of strands in the units of the mesh.
     pub length: f64,

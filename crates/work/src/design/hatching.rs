@@ -30,7 +30,7 @@ const BYTES_PER_PIXEL: u64 = 8;
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct HatchingRequest {
-    /// `{"design": …}`, `{"coefficients": […]}` or `{"eigenfield": k}`.
+    /// `{"design": …}`, `{"coefficients": […]}`, `{"eigenfield": k}` or `{"stored": id}`.
     pub field: FieldSource,
     /// The distance between lines, in units of the square root of the surface's area: of lines 0.01 where it is left out, of drawings four widths of the pen.
     #[serde(default)]

@@ -5,6 +5,7 @@
 //! | `request` | what a design is asked for with, and the constraints that it means |
 //! | `faces` | the faces that its answer is about |
 //! | `target` | the field that an alignment draws it to |
+//! | `stored` | fields that a server keeps, named by their ids |
 //! | `setting` | from a request to coefficients, in steps |
 //! | `forms` | stored numbers as a user reads them |
 //! | `source` | the field that fur or a hatching is made of |
@@ -26,6 +27,7 @@ mod quads;
 mod request;
 mod setting;
 mod source;
+mod stored;
 mod target;
 mod transport;
 
@@ -37,7 +39,8 @@ pub use forms::{Form, written, written_at};
 pub use fur::{FurRequest, HairRequest};
 pub use hatching::{HatchingAnswer, HatchingRequest, Line, Pen, ToneRequest};
 pub use quads::{
-    BasisField, CrossRequest, CrossSource, Crosses, CutEdge, Quads, QuadsAnswer, QuadsFormat, QuadsRequest,
+    BasisField, CrossRequest, CrossSource, Crosses, CutEdge, Quads, QuadsAnswer, QuadsFormat, QuadsRequest, SplitFace,
+    SplitSurface,
 };
 pub(crate) use request::refused;
 pub use request::{
@@ -46,4 +49,5 @@ pub use request::{
 };
 pub use setting::{Designed, ExactField, Goal, Setting, Surface, numerators};
 pub use source::FieldSource;
+pub use stored::{FieldTable, KeptField, KeptFields, StoredField};
 pub use transport::{TransportRequest, carried};

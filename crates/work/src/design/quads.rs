@@ -5,14 +5,15 @@ use chladni_mesh::numbering::{NumberingError, Translation};
 use chladni_spectral::field::FieldSurface;
 use chladni_spectral::field::quad::{
     Combed, CrossField, CrossParameters, Parametrisation, ParametrisationParameters, VertexOrder, comb, creases,
-    parametrise, write_matching, write_obj, write_raw_field, write_singularities, write_vtk,
+    crosses_of, crowded, parametrise, split, write_matching, write_obj, write_raw_field, write_singularities,
+    write_vtk,
 };
 use chladni_spectral::operator::frames::power;
 use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 
 use super::request::{DesignRequest, Pin, SingularVertex, refused};
-use super::{DesignFault, FieldSource, Surface};
+use super::{DesignFault, FieldSource, KeptField, Surface};
 use crate::table::Table;
 
 /// A seamless parametrisation along a cross field.
@@ -52,7 +53,7 @@ fn yes() -> bool {
     true
 }
 
-/// Which cross field: exactly one of the three.
+/// Which cross field: exactly one of the four.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
@@ -64,6 +65,8 @@ pub enum CrossSource {
     Table(Table),
     /// A field of a basis: of 4-vectors, or of what has directions to be completed to crosses, vectors, 2-vectors and tensors.
     Basis(BasisField),
+    /// The id of a stored field on the same mesh: a saved design of what `basis` may be of, or an upload of what `table` has.
+    Stored(String),
 }
 
 impl Default for CrossSource {
@@ -79,7 +82,7 @@ impl Default for CrossSource {
 pub struct BasisField {
     /// The id of the basis.
     pub id: String,
-    /// `{"design": …}`, `{"coefficients": […]}` or `{"eigenfield": k}`.
+    /// `{"design": …}`, `{"coefficients": […]}`, `{"eigenfield": k}` or `{"stored": id}`.
     pub field: FieldSource,
 }
 
@@ -96,6 +99,11 @@ pub struct CrossRequest {
     #[serde(default = "yes")]
     #[cfg_attr(feature = "schema", schema(default = true))]
     pub boundary: bool,
+    /// Whether faces with several creases at no right angles are split at their barycentres, so that each part follows one of them: without it such a face follows the longest. Whatever is
+    /// answered is then of the mesh with these parts, which files have in the place of the kept one.
+    #[serde(default)]
+    #[cfg_attr(feature = "schema", schema(default = false))]
+    pub split: bool,
     /// The weight of the distance to the principal directions of curvature, on the surface of unit area: from a hundred on they are followed closely.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(minimum = 0.0))]
@@ -107,7 +115,7 @@ pub struct CrossRequest {
 
 impl Default for CrossRequest {
     fn default() -> Self {
-        Self { creases: sharp(), boundary: true, curvature: 0.0, constraints: Vec::new() }
+        Self { creases: sharp(), boundary: true, split: false, curvature: 0.0, constraints: Vec::new() }
     }
 }
 
@@ -133,6 +141,20 @@ pub struct QuadsAnswer {
     pub misfit: Option<f64>,
     /// The length between grid lines: half of what was asked for where `integers` can be had only so.
     pub spacing: f64,
+    /// With `split` the faces that were split, beside which tables have rows for their parts.
+    pub split: Vec<SplitFace>,
+}
+
+/// A face that was split at its barycentre.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct SplitFace {
+    /// The face: from now on its part on the edge between its corners 0 and 1.
+    pub face: u32,
+    /// The new vertex, the last corner of each part.
+    pub vertex: u32,
+    /// The parts on the edges between corners 1 and 2, and 2 and 0.
+    pub parts: [u32; 2],
 }
 
 /// A cut edge.
@@ -176,6 +198,17 @@ pub struct Quads {
     pub parametrisation: Parametrisation,
     /// By how many degrees the field misses the creases that it was to follow: the mean by length, and the most.
     pub crease_error: Option<[f64; 2]>,
+    /// The faces that were split.
+    pub split: Vec<u32>,
+}
+
+/// A surface some of whose faces were split.
+#[derive(Debug)]
+pub struct SplitSurface {
+    /// The surface with their parts.
+    pub surface: Surface,
+    /// The faces.
+    pub faces: Vec<u32>,
 }
 
 /// A cross field in stored numbers.
@@ -210,11 +243,11 @@ impl CrossSource {
                 table.values = pulled.map_err(|error| refused("field", "field.table", error))?;
                 Ok(())
             }
-            Self::Basis(_) => Ok(()),
+            Self::Basis(_) | Self::Stored(_) => Ok(()),
         }
     }
 
-    /// The field, where it is not one of a basis.
+    /// The field, where it is not one of a basis, and not stored.
     ///
     /// # Errors
     /// [`DesignFault`] names what does not fit.
@@ -237,8 +270,10 @@ impl CrossSource {
                 let cross = CrossField::aligned(&surface.surface, &parameters, monitor)?;
                 Ok(Some(Crosses { field: cross.field, error: Some(cross.crease_error) }))
             }
-            Self::Table(table) => Ok(Some(Crosses { field: given(&surface.surface, table)?, error: None })),
-            Self::Basis(_) => Ok(None),
+            Self::Table(table) => {
+                Ok(Some(Crosses { field: given(&surface.surface, table, "field.table")?, error: None }))
+            }
+            Self::Basis(_) | Self::Stored(_) => Ok(None),
         }
     }
 
@@ -261,11 +296,11 @@ fn within_field(fault: DesignFault) -> DesignFault {
     }
 }
 
-fn given(surface: &FieldSurface, table: &Table) -> Result<Vec<f32>, DesignFault> {
+fn given(surface: &FieldSurface, table: &Table, place: &str) -> Result<Vec<f32>, DesignFault> {
     let faces = surface.faces();
     if !matches!(table.columns, 2 | 3) || table.values.len() != table.columns * faces {
         let reason = format!("must be a table of {faces} rows, one for each face, with 2 or 3 columns");
-        return Err(refused("field", "field.table", reason));
+        return Err(refused("field", place, reason));
     }
     let mut field = Vec::with_capacity(2 * faces);
     for (face, row) in table.values.chunks_exact(table.columns).enumerate() {
@@ -276,12 +311,33 @@ fn given(surface: &FieldSurface, table: &Table) -> Result<Vec<f32>, DesignFault>
         let length = own[0].hypot(own[1]);
         if !(length > 1e-12 * row.iter().map(|x| x.abs()).fold(0.0, f64::max) && length.is_finite()) {
             let reason = format!("the row of face {face} has no direction in the plane of the face");
-            return Err(super::request::refused_at(face as u32, "field", "field.table", reason));
+            return Err(super::request::refused_at(face as u32, "field", place, reason));
         }
         let unit = own.map(|x| x / length);
         field.extend(if table.columns == 3 { power(unit, 4) } else { unit }.map(|x| x as f32));
     }
     Ok(field)
+}
+
+impl KeptField {
+    /// The crosses that a stored field makes.
+    ///
+    /// # Errors
+    /// [`DesignFault::Request`] says what does not fit.
+    pub fn crosses(&self, surface: &FieldSurface) -> Result<Crosses, DesignFault> {
+        let place = "field.stored";
+        let field = match self.kind {
+            None => {
+                let values = self.values.iter().map(|&x| f64::from(x)).collect();
+                given(surface, &Table { columns: self.columns, values }, place)?
+            }
+            Some(kind) => crosses_of(kind, &self.values).ok_or_else(|| {
+                let reason = "makes no crosses: it has to be of vectors, n-vectors with n 1, 2 or 4, or tensors";
+                refused("field", place, reason)
+            })?,
+        };
+        Ok(Crosses { field, error: None })
+    }
 }
 
 impl QuadsRequest {
@@ -309,7 +365,25 @@ impl QuadsRequest {
             stiffening: self.stiffening,
         };
         let parametrisation = parametrise(surface, &combed, order, &parameters, monitor)?;
-        Ok(Quads { combed, parametrisation, crease_error: crosses.error })
+        Ok(Quads { combed, parametrisation, crease_error: crosses.error, split: Vec::new() })
+    }
+
+    /// The surface with faces of several creases split, where that is asked for; everything is then done on it.
+    ///
+    /// # Errors
+    /// [`DesignFault::Request`] names an angle that is none.
+    pub fn split(&self, surface: &FieldSurface) -> Result<Option<SplitSurface>, DesignFault> {
+        let CrossSource::Aligned(wanted) = &self.field else { return Ok(None) };
+        if !wanted.split {
+            return Ok(None);
+        }
+        if let Some(value) = wanted.creases.filter(|a| !(*a > 0.0 && *a <= 180.0)) {
+            let reason = format!("must be above 0 and up to 180 degrees, not {value}");
+            return Err(refused("creases", "field.aligned.creases", reason));
+        }
+        let faces = crowded(surface, &creases(surface, wanted.creases, wanted.boundary));
+        let parts = Surface::new(&split(surface.mesh(), &faces))?;
+        Ok(Some(SplitSurface { surface: parts, faces }))
     }
 }
 
@@ -329,9 +403,20 @@ impl Quads {
     /// The answer in the numbering of the file.
     ///
     /// # Errors
-    /// [`DesignFault::Request`] where its faces have other corners.
+    /// [`DesignFault::Request`] where its faces have other corners, or were split and are not numbered as those that are kept.
     pub fn answer(&self, surface: &FieldSurface, to: &Translation) -> Result<QuadsAnswer, DesignFault> {
         Self::in_numbering_of(to)?;
+        if !self.split.is_empty() && !to.is_identity() {
+            let reason = "parts of split faces are numbered after those of the kept mesh: ask with numbering=kept, or for a file";
+            return Err(refused("numbering", "numbering", reason));
+        }
+        let count = self.split.len();
+        let (vertices, faces) = (surface.mesh().positions.len() - count, surface.faces() - 2 * count);
+        let parted = |(k, &face): (usize, &u32)| SplitFace {
+            face,
+            vertex: (vertices + k) as u32,
+            parts: [0, 1].map(|i| (faces + 2 * k + i) as u32),
+        };
         let dual = surface.dual();
         let table = |columns: usize, values: Vec<f64>| Table { columns, values: to.push_faces(&values, columns) };
         let directions = self.combed.directions.iter().enumerate();
@@ -360,6 +445,7 @@ impl Quads {
             crease_error: self.crease_error,
             misfit: self.parametrisation.misfit,
             spacing: self.parametrisation.spacing,
+            split: self.split.iter().enumerate().map(parted).collect(),
         })
     }
 

@@ -3,11 +3,11 @@
 use chladni_spectral::field::{BENDING, Constraint, FullSpace, Hold, direction_in_frame};
 use chladni_spectral::operator::frames::power;
 use chladni_spectral::operator::transport::FieldKind;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::faces::FacesRequest;
+use super::stored::{FieldTable, StoredField};
 use super::{DesignFault, Surface};
-use crate::table::Table;
 use crate::word_or;
 
 /// Weights beyond this are nobody's, and products of them with energies would overflow.
@@ -17,7 +17,7 @@ const MOST_WEIGHT: f64 = 1e12;
 pub const MOST_CONSTRAINTS: usize = 2000;
 
 /// What field is wanted. A front-end sends the whole of it again whenever a stroke moves: what does not change costs nothing.
-#[derive(Debug, Clone, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct DesignRequest {
@@ -46,7 +46,7 @@ pub struct DesignRequest {
 }
 
 /// Weights of the energies, on the surface of unit area.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Weights {
@@ -65,7 +65,7 @@ pub struct Weights {
 }
 
 /// Which biharmonic energy.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum BiharmonicEnergy {
@@ -101,7 +101,7 @@ impl Default for Weights {
 
 /// A soft constraint: one `face` or `point` with a value, or `points`, a line whose own direction the field is to follow. A value is a
 /// `direction` in ℝ³ or a `frame_direction`; for tensors a `direction` with `values`, or a `tensor`.
-#[derive(Debug, Clone, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Stroke {
@@ -131,7 +131,7 @@ pub struct Stroke {
 }
 
 /// A hard constraint: a `face` or `point` with a value, as for strokes.
-#[derive(Debug, Clone, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Pin {
@@ -155,39 +155,39 @@ pub struct Pin {
 }
 
 /// A field to stay close to, with a global weight and optionally one for each face.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct AlignmentRequest {
-    /// `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that are stored in a face.
+    /// `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that are stored in a face; or the id of a stored field.
     pub to: Target,
     /// The weight of the squared deviation.
     pub weight: f64,
-    /// A weight for each face, or `anisotropy`: how clearly the principal directions differ, from 0 to 1. Without it all faces count alike.
+    /// A weight for each face, itself or by the id of a stored field, or `anisotropy`: how clearly the principal directions differ, from 0 to 1. Without it all faces count alike.
     #[serde(default)]
     pub per_face: Option<PerFace>,
 }
 
 /// What to align to.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[cfg_attr(feature = "schema", serde(untagged))]
+#[serde(untagged)]
 pub enum Target {
     /// What the server knows of the surface.
     Named(NamedTarget),
-    /// A field.
-    Field(Table),
+    /// A field: itself, or the id of one that is stored.
+    Field(FieldTable),
 }
 
 word_or!(
     Target,
-    "the word \"curvature\" or a table {\"columns\": k, \"values\": […]}",
+    "the word \"curvature\", a table {\"columns\": k, \"values\": […]} or a stored field {\"stored\": id}",
     Named(NamedTarget),
     object Field
 );
 
 /// What the server knows of a surface.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NamedTarget {
@@ -196,20 +196,28 @@ pub enum NamedTarget {
 }
 
 /// Weights of faces.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[cfg_attr(feature = "schema", serde(untagged))]
+#[serde(untagged)]
 pub enum PerFace {
     /// What the server knows of the surface.
     Named(NamedWeights),
     /// One weight for each face, from 0.
     Values(Vec<f64>),
+    /// The same by the id of a stored field of one column.
+    Stored(StoredField),
 }
 
-word_or!(PerFace, "the word \"anisotropy\" or an array of one number for each face", Named(NamedWeights), array Values);
+word_or!(
+    PerFace,
+    "the word \"anisotropy\", an array of one number for each face, or a stored field {\"stored\": id}",
+    Named(NamedWeights),
+    array Values,
+    object Stored
+);
 
 /// Weights that the server knows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NamedWeights {
@@ -218,7 +226,7 @@ pub enum NamedWeights {
 }
 
 /// Prescribed singularities: the smoothest field of unit length that has these and no others is what the design stays close to.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SingularitiesRequest {
@@ -239,7 +247,7 @@ fn hundred() -> f64 {
 }
 
 /// A vertex at which a field is singular.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SingularVertex {
@@ -309,16 +317,16 @@ impl DesignRequest {
         self.error || self.refine.is_some()
     }
 
-    /// Refuses what an answer that is made of the whole field has no place for.
+    /// Refuses what an answer that is made of the whole field has no place for; `place` is where the request stands.
     ///
     /// # Errors
     /// [`DesignFault`] names the member.
-    pub fn of_all_faces(&self) -> Result<(), DesignFault> {
+    pub fn of_all_faces(&self, place: &str) -> Result<(), DesignFault> {
         let given = [("faces", self.faces.is_some()), ("error", self.error)];
         match given.into_iter().find(|one| one.1) {
             Some((name, _)) => Err(refused(
                 name,
-                &format!("field.design.{name}"),
+                &format!("{place}.{name}"),
                 "can be given only where the designed field itself is the answer",
             )),
             None => Ok(()),

@@ -15,6 +15,7 @@ use chladni_spectral::operator::transport::FieldKind;
 
 use super::faces::FacesRequest;
 use super::request::{AlignmentRequest, DesignRequest, SingularVertex, SingularitiesRequest, Weights, refused};
+use super::stored::KeptFields;
 use super::{DesignFault, target};
 use crate::Provenance;
 
@@ -147,12 +148,17 @@ impl Setting {
         Ok((self.model().with_biharmonic(basis, energy)?, bytes))
     }
 
-    /// What an alignment pulls with in a model.
+    /// What an alignment pulls with in a model; `kept` has the stored fields that it names.
     ///
     /// # Errors
     /// [`DesignFault`] names what does not fit the surface or the kind of field.
-    pub fn alignment(&self, model: &DesignModel, wanted: &AlignmentRequest) -> Result<Alignment, DesignFault> {
-        let field = target::field(self, wanted)?;
+    pub fn alignment(
+        &self,
+        model: &DesignModel,
+        wanted: &AlignmentRequest,
+        kept: &KeptFields,
+    ) -> Result<Alignment, DesignFault> {
+        let field = target::field(self, wanted, kept)?;
         let weights = wanted.per_face.is_some().then_some(field.weights.as_slice());
         let areas = self.surface.surface.frames().areas();
         Ok(model.alignment(&self.fields.basis, areas, &field.target, weights)?)
@@ -231,7 +237,7 @@ impl Setting {
         let constraints = request.resolve(&self.surface, self.kind())?;
         let mut goal = Goal::default();
         if let Some(wanted) = &request.alignment {
-            goal.alignment = Some((Arc::new(self.alignment(&model, wanted)?), wanted.weight));
+            goal.alignment = Some((Arc::new(self.alignment(&model, wanted, &KeptFields::default())?), wanted.weight));
         }
         if let Some(wanted) = &request.singularities {
             goal.prescription = Some((Arc::new(self.prescription(&model, wanted, monitor)?.0), wanted.weight));

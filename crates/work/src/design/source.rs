@@ -4,9 +4,10 @@ use chladni_base::Monitor;
 use serde::Deserialize;
 
 use super::request::{DesignRequest, refused};
+use super::stored::nowhere;
 use super::{DesignFault, Setting};
 
-/// Which field: exactly one of the three.
+/// Which field: exactly one of the four.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case", try_from = "Sources")]
@@ -17,6 +18,8 @@ pub enum FieldSource {
     Coefficients(Vec<f32>),
     /// An approximate eigenfield, counted from 0.
     Eigenfield(usize),
+    /// The id of a stored field on the same mesh: an upload, or a saved design.
+    Stored(String),
 }
 
 /// The members that a source may have.
@@ -26,30 +29,34 @@ struct Sources {
     design: Option<DesignRequest>,
     coefficients: Option<Vec<f32>>,
     eigenfield: Option<usize>,
+    stored: Option<String>,
 }
 
 impl TryFrom<Sources> for FieldSource {
     type Error = &'static str;
 
     fn try_from(sources: Sources) -> Result<Self, Self::Error> {
-        match (sources.design, sources.coefficients, sources.eigenfield) {
-            (Some(design), None, None) => Ok(Self::Design(Box::new(design))),
-            (None, Some(coefficients), None) => Ok(Self::Coefficients(coefficients)),
-            (None, None, Some(eigenfield)) => Ok(Self::Eigenfield(eigenfield)),
-            (None, None, None) => Err("a field is given by one of design, coefficients and eigenfield"),
-            _ => Err("a field is given by one of design, coefficients and eigenfield, not by several"),
+        let Sources { design, coefficients, eigenfield, stored } = sources;
+        let given = [design.is_some(), coefficients.is_some(), eigenfield.is_some(), stored.is_some()];
+        if given.iter().filter(|&&given| given).count() > 1 {
+            return Err("a field is given by one of design, coefficients, eigenfield and stored, not by several");
         }
+        let design = design.map(|design| Self::Design(Box::new(design)));
+        let found = design.or(coefficients.map(Self::Coefficients)).or(eigenfield.map(Self::Eigenfield));
+        found
+            .or(stored.map(Self::Stored))
+            .ok_or("a field is given by one of design, coefficients, eigenfield and stored")
     }
 }
 
 impl FieldSource {
-    /// The coefficients that are given, or those of an eigenfield; `None` where a field is to be designed.
+    /// The coefficients that are given, or those of an eigenfield; `None` where a field is to be designed, or is stored.
     ///
     /// # Errors
     /// [`DesignFault::Request`] names what does not fit the basis.
     pub fn coefficients(&self, setting: &Setting) -> Result<Option<Vec<f32>>, DesignFault> {
         match self {
-            Self::Design(_) => Ok(None),
+            Self::Design(_) | Self::Stored(_) => Ok(None),
             Self::Coefficients(given) => {
                 let (found, wanted) = (given.len(), setting.fields.dimension());
                 if found != wanted || !given.iter().all(|x| x.is_finite()) {
@@ -77,6 +84,7 @@ impl FieldSource {
         match (self, self.coefficients(setting)?) {
             (_, Some(coefficients)) => setting.lift(&coefficients),
             (Self::Design(request), None) => setting.lifted(&setting.design(request, monitor)?),
+            (Self::Stored(_), None) => Err(nowhere("field.stored")),
             (_, None) => setting.lift(&[]),
         }
     }

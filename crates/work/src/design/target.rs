@@ -4,10 +4,11 @@ use chladni_spectral::field::{DirectionField, curvature_tensors, direction_in_fr
 use chladni_spectral::operator::transport::FieldKind;
 
 use super::request::{AlignmentRequest, NamedTarget, NamedWeights, PerFace, Target, refused};
+use super::stored::{FieldTable, KeptFields, nowhere};
 use super::{DesignFault, Setting};
 
-/// The field to align to, in stored numbers, and weights of faces.
-pub fn field(setting: &Setting, wanted: &AlignmentRequest) -> Result<DirectionField, DesignFault> {
+/// The field to align to, in stored numbers, and weights of faces; `kept` has the stored fields that the request names.
+pub fn field(setting: &Setting, wanted: &AlignmentRequest, kept: &KeptFields) -> Result<DirectionField, DesignFault> {
     let (surface, kind) = (&setting.surface.surface, setting.kind());
     let faces = surface.faces();
     let curvature = || -> Result<Vec<f64>, DesignFault> {
@@ -32,7 +33,7 @@ pub fn field(setting: &Setting, wanted: &AlignmentRequest) -> Result<DirectionFi
             let reason = "principal directions exist for tensor fields and for n-fields with even n";
             return Err(refused("alignment", "alignment.to", reason));
         }
-        (Target::Field(table), _) => {
+        (Target::Field(FieldTable::Table(table)), _) => {
             let rows = table.values.len().checked_div(table.columns).unwrap_or(0);
             let fits = rows == faces && table.values.len() == rows * table.columns;
             if !fits || !table.values.iter().all(|x| x.is_finite()) {
@@ -40,6 +41,10 @@ pub fn field(setting: &Setting, wanted: &AlignmentRequest) -> Result<DirectionFi
                 return Err(refused("alignment", "alignment.to", reason));
             }
             (given(setting, table.columns, &table.values)?, None)
+        }
+        (Target::Field(FieldTable::Stored(_)), _) => {
+            let place = "alignment.to.stored";
+            (kept.to.as_ref().ok_or_else(|| nowhere(place))?.stored(setting, place)?, None)
         }
     };
     let weights = match (&wanted.per_face, known) {
@@ -53,12 +58,16 @@ pub fn field(setting: &Setting, wanted: &AlignmentRequest) -> Result<DirectionFi
             }
             values.clone()
         }
+        (Some(PerFace::Stored(_)), _) => {
+            let place = "alignment.per_face.stored";
+            kept.per_face.as_ref().ok_or_else(|| nowhere(place))?.weights(setting, place)?
+        }
     };
     Ok(DirectionField { target, weights })
 }
 
 /// A client's field in stored numbers. Three columns are vectors in ℝ³, unless the field is of tensors.
-fn given(setting: &Setting, columns: usize, values: &[f64]) -> Result<Vec<f64>, DesignFault> {
+pub(super) fn given(setting: &Setting, columns: usize, values: &[f64]) -> Result<Vec<f64>, DesignFault> {
     let (kind, frames) = (setting.kind(), setting.surface.surface.frames());
     if columns == kind.block() {
         return Ok(values.to_vec());

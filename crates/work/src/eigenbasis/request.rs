@@ -195,7 +195,7 @@ impl Request {
             Packed::Object(_) => {}
             _ => return Err(form("expected a JSON object".to_owned())),
         }
-        let mut request: Self = serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string()))?;
+        let mut request: Self = crate::plain::read(value).map_err(form)?;
         let given = |name: &str| value.get(name).is_some_and(|value| !value.is_null());
         if request.method == MethodName::Auto {
             request.method = request.method_of_members(given);
@@ -244,7 +244,7 @@ mod tests {
             assert!(!common.contains(name));
             // An unknown member would be refused as such; these are refused for their value or their method.
             let refused = Request::read(&Packed::from(&json!({"method": "magic", *name: []}))).unwrap_err().to_string();
-            assert!(!refused.contains("unknown field"), "{name}: {refused}");
+            assert!(!refused.contains("not known here"), "{name}: {refused}");
         }
     }
 }

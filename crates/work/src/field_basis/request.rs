@@ -100,7 +100,7 @@ impl Request {
         let form = |reason| ParameterError::Form { kind: "field_basis", reason };
         match value {
             Packed::Null => Ok(Self::default()),
-            Packed::Object(_) => serde_path_to_error::deserialize(value).map_err(|error| form(error.to_string())),
+            Packed::Object(_) => crate::plain::read(value).map_err(form),
             _ => Err(form("expected a JSON object".to_owned())),
         }
     }

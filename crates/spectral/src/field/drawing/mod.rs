@@ -22,9 +22,9 @@ mod outline;
 mod png;
 mod screen;
 
+pub use self::png::png;
 pub use camera::{Camera, MOST_PIXELS};
 pub use coat::{Coat, CoatParameters, MOST_POINTS, MOST_STRAND_POINTS, grow};
 pub use hair::{HairStyle, MOST_PAINTED, paint};
 pub use hatching::{HatchedLines, HatchingStyle, Tone, hatch};
 pub use ink::Drawing;
-pub use png::png;

@@ -4,6 +4,7 @@
 //! | file | what |
 //! |---|---|
 //! | `creases` | edges at which the surface is sharp |
+//! | `split` | faces with several of them, split so that each part has one |
 //! | `aligned` | the smoothest cross field of all that follow them |
 //! | `combing` | directions that go on from face to face, the matching, and the cut |
 //! | `seams` | how coordinates go on across the cut |
@@ -20,6 +21,7 @@ mod files;
 mod integrate;
 mod rounding;
 mod seams;
+mod split;
 mod system;
 mod untangle;
 
@@ -28,6 +30,7 @@ pub use combing::{Combed, comb};
 pub use creases::creases;
 pub use files::{write_matching, write_obj, write_raw_field, write_singularities, write_vtk};
 pub use integrate::{Parametrisation, ParametrisationParameters, VertexOrder, parametrise};
+pub use split::{crowded, split};
 
 use chladni_algebra::FactorError;
 use chladni_base::Cancelled;

@@ -17,7 +17,7 @@ use crate::operator::frames::{Planar, conjugate, multiply, power};
 const FIRM: f64 = 1e7;
 
 /// Directions further than this from a crease, in degrees, follow another one.
-const ASTRAY: f64 = 15.0;
+pub(super) const ASTRAY: f64 = 15.0;
 
 /// Of multipliers: equations that say nothing are left undecided by it.
 const SLACK: f64 = 1e-10;

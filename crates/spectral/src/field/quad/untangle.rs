@@ -1,14 +1,15 @@
 //! Faces that are turned over are turned back by moving vertices one by one: each to where the smallest of the faces around it is largest (Freitag and Plassmann 2000).
 //!
-//! A step that would turn more faces over than it turns back is not taken, so that there are never more of them.
+//! A step that would turn more faces over than it turns back is not taken, so that there are never more of them. Those that a step does turn over are visited in their turn.
 //!
 //! The area of a face is linear in the coordinates of one of its vertices, and so this is a linear program in two coordinates and the least area. What ties coordinates to each other
-//! stays: singular vertices, vertices of creases, and boundaries are not moved.
+//! stays: singular vertices and boundaries are not moved, vertices of a crease that is a grid line slide along it.
 
-use super::super::loops::ends;
+use super::super::harmonic::rim;
+use super::aligned::{off, sides};
 use super::seams::quarter_turned;
-use super::system::Parts;
-use crate::operator::frames::{Planar, conjugate, multiply};
+use super::system::{ASTRAY, Parts};
+use crate::operator::frames::{Planar, conjugate, multiply, power};
 
 /// Passes over the faces that are left.
 const PASSES: usize = 60;
@@ -22,40 +23,65 @@ const GAIN: f64 = 1e-6;
 /// An area as it changes with a vertex: at rest, and by its two coordinates; 1 is the area that it should have.
 type Area = (f64, Planar);
 
+/// Which of the two coordinates of a vertex stay.
+type Held = [bool; 2];
+
 /// Moves unknowns and coordinates; `inverted` are the faces turned over.
 pub(super) fn untangle(parts: &Parts, solution: &mut [f64], coordinates: &mut [[Planar; 3]], mut inverted: Vec<u32>) {
     let (mesh, dual) = (parts.surface.mesh(), parts.surface.dual());
-    let mut fixed = vec![false; mesh.positions.len()];
-    for &edge in parts.creases {
-        ends(parts.surface, edge as usize).into_iter().for_each(|v| fixed[v as usize] = true);
-    }
-    parts.seams.closures.iter().filter(|closure| closure.1 != [0, 0]).for_each(|c| fixed[c.0 as usize] = true);
-    parts.combed.singularities.iter().for_each(|s| fixed[s.vertex as usize] = true);
+    let held = held(parts);
     let mut corners = Vec::new();
     for _ in 0..PASSES {
         let mut vertices: Vec<u32> = inverted.iter().flat_map(|&face| mesh.faces[face as usize]).collect();
         vertices.sort_unstable();
         vertices.dedup();
         let mut moved = false;
-        for vertex in vertices.into_iter().filter(|&v| !fixed[v as usize]) {
-            if !dual.fan(mesh, vertex, &mut corners) || corners.len() > MOST_FACES {
+        for vertex in vertices {
+            let held = held[vertex as usize];
+            if held == [true; 2] || !dual.fan(mesh, vertex, &mut corners) || corners.len() > MOST_FACES {
                 continue;
             }
             let areas: Vec<Area> = corners.iter().filter_map(|&corner| area(parts, coordinates, corner)).collect();
-            let Some(step) = best(&areas) else { continue };
+            let Some(step) = best(&areas, held) else { continue };
             moved = true;
             for &corner in &corners {
                 let slot = &mut coordinates[corner as usize / 3][corner as usize % 3];
                 let own = multiply(turn(parts, corner), step);
                 *slot = [slot[0] + own[0], slot[1] + own[1]];
             }
+            inverted.extend(corners.iter().map(|&corner| corner / 3));
             (0..2).for_each(|i| solution[2 * vertex as usize + i] += step[i]);
         }
         inverted.retain(|&face| !(doubled(coordinates[face as usize]) > 0.0));
+        inverted.sort_unstable();
+        inverted.dedup();
         if !moved || inverted.is_empty() {
             break;
         }
     }
+}
+
+/// What stays of the coordinates of each vertex: all of singular ones, and on creases that are grid lines that which is whole there.
+fn held(parts: &Parts) -> Vec<Held> {
+    let mesh = parts.surface.mesh();
+    let mut held = vec![[false; 2]; mesh.positions.len()];
+    for side in sides(parts.surface, parts.creases) {
+        let direction = parts.combed.directions[side.face];
+        if off(&side, power(direction, 4)) > ASTRAY {
+            continue;
+        }
+        let along = multiply(side.along, conjugate(direction));
+        let across = if along[0].abs() > along[1].abs() { 1 } else { 0 };
+        for k in [1, 2].map(|i| (side.slot + i) % 3) {
+            let odd = usize::from(parts.seams.quarters[3 * side.face + k]) % 2;
+            held[mesh.faces[side.face][k] as usize][across ^ odd] = true;
+        }
+    }
+    let boundary = rim(parts.surface);
+    boundary.iter().zip(&mut held).filter(|(rim, _)| **rim).for_each(|(_, held)| *held = [true; 2]);
+    parts.seams.closures.iter().filter(|closure| closure.1 != [0, 0]).for_each(|c| held[c.0 as usize] = [true; 2]);
+    parts.combed.singularities.iter().for_each(|s| held[s.vertex as usize] = [true; 2]);
+    held
 }
 
 /// The quarter turn of a corner as a number.
@@ -78,16 +104,31 @@ fn area(parts: &Parts, coordinates: &[[Planar; 3]], corner: u32) -> Option<Area>
     (wanted > 0.0).then(|| (doubled(z) / wanted, slope.map(|x| x / wanted)))
 }
 
-/// The step by which the least of some areas becomes largest; `None` where it is positive already, or would not grow.
-fn best(areas: &[Area]) -> Option<Planar> {
+/// The step by which the least of some areas becomes largest, without coordinates that stay; `None` where it is positive already, or would not grow.
+fn best(areas: &[Area], held: Held) -> Option<Planar> {
     let least = areas.iter().map(|area| area.0).fold(f64::INFINITY, f64::min);
-    if !(least <= 0.0) {
+    if !(least <= 0.0) || held == [true; 2] {
         return None;
     }
     let at = |area: &Area, step: Planar| area.0 + area.1[0] * step[0] + area.1[1] * step[1];
     let mut found: Option<(f64, Planar)> = None;
+    let mut consider = |first: &Area, step: Planar| {
+        let value = at(first, step);
+        let lowest = areas.iter().map(|area| at(area, step)).fold(f64::INFINITY, f64::min);
+        let holds = lowest >= value - 1e-9 * value.abs().max(1.0);
+        if step.iter().all(|x| x.is_finite()) && holds && found.is_none_or(|best| lowest > best.0) {
+            found = Some((lowest, step));
+        }
+    };
     for i in 0..areas.len() {
         for j in 0..i {
+            if let Some(free) = held.iter().position(|held| !held).filter(|_| held.contains(&true)) {
+                // Where two areas are equal on the line.
+                let mut step = [0.0; 2];
+                step[free] = (areas[j].0 - areas[i].0) / (areas[i].1[free] - areas[j].1[free]);
+                consider(&areas[i], step);
+                continue;
+            }
             for k in 0..j {
                 // Where three areas are equal.
                 let rows = [j, k].map(|other| {
@@ -96,13 +137,7 @@ fn best(areas: &[Area]) -> Option<Planar> {
                 });
                 let [(a, p), (b, q)] = rows;
                 let whole = a[0] * b[1] - a[1] * b[0];
-                let step = [(p * b[1] - q * a[1]) / whole, (a[0] * q - b[0] * p) / whole];
-                let value = at(&areas[i], step);
-                let lowest = areas.iter().map(|area| at(area, step)).fold(f64::INFINITY, f64::min);
-                let holds = lowest >= value - 1e-9 * value.abs().max(1.0);
-                if step.iter().all(|x| x.is_finite()) && holds && found.is_none_or(|best| lowest > best.0) {
-                    found = Some((lowest, step));
-                }
+                consider(&areas[i], [(p * b[1] - q * a[1]) / whole, (a[0] * q - b[0] * p) / whole]);
             }
         }
     }
@@ -131,11 +166,26 @@ mod tests {
     #[test]
     fn a_vertex_outside_its_polygon_comes_to_where_the_least_face_is_largest() {
         let square: Vec<Planar> = [[1.0, 0.0], [3.0, 0.0], [3.0, 2.0], [1.0, 2.0]].to_vec();
-        let step = best(&around(&square)).unwrap();
+        let step = best(&around(&square), [false; 2]).unwrap();
         assert!((step[0] - 2.0).abs() < 1e-9 && (step[1] - 1.0).abs() < 1e-9, "{step:?}");
         let inside: Vec<Planar> = square.iter().map(|p| [p[0] - 2.5, p[1] - 0.5]).collect();
-        assert_eq!(best(&around(&inside)), None);
+        assert_eq!(best(&around(&inside), [false; 2]), None);
     }
+
+    #[test]
+    fn a_vertex_that_is_held_slides() {
+        let polygon: Vec<Planar> = [[1.0, -1.0], [3.0, -1.0], [3.0, 2.0], [1.0, 2.0]].to_vec();
+        let step = best(&around(&polygon), [false, true]).unwrap();
+        assert!(step[1] == 0.0 && step[0] > 1.0 && step[0] < 3.0, "{step:?}");
+        // Along the other coordinate it never comes inside.
+        let over = |step: Planar| {
+            around(&polygon).iter().filter(|a| !(a.0 + a.1[0] * step[0] + a.1[1] * step[1] > 0.0)).count()
+        };
+        assert_eq!(over(step), 0);
+        assert!(best(&around(&polygon), [true, false]).is_none_or(|step| step[0] == 0.0 && over(step) > 0));
+        assert_eq!(best(&around(&polygon), [true; 2]), None);
+    }
+
     #[test]
     fn no_step_turns_more_faces_over() {
         let over = |areas: &[Area], step: Planar| {
@@ -146,7 +196,7 @@ mod tests {
         for _ in 0..2000 {
             let polygon: Vec<Planar> = (0..6).map(|_| [random.signed_unit(), random.signed_unit()]).collect();
             let areas = around(&polygon);
-            if let Some(step) = best(&areas) {
+            if let Some(step) = best(&areas, [false; 2]) {
                 taken += 1;
                 assert!(over(&areas, step) <= over(&areas, [0.0; 2]), "{polygon:?}");
             }

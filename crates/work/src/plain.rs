@@ -1,0 +1,212 @@
+//! What does not fit in a request, in words for who wrote it: serde's own are for programmers.
+
+use serde::de::{Deserialize, Deserializer};
+
+/// Reads a value.
+///
+/// # Errors
+/// Which member does not fit, what it must be and what it is: `count must be a whole number of at least 0, got the string "many"`.
+pub fn read<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<T, String>
+where
+    D::Error: std::fmt::Display,
+{
+    serde_path_to_error::deserialize(from).map_err(|error| told(&error.path().to_string(), &error.inner().to_string()))
+}
+
+/// An error of serde at a path (`.` for the whole) in plain words. What types say themselves stays as it is.
+pub fn told(path: &str, said: &str) -> String {
+    let said = without_place(said);
+    let place = if path == "." { "the request" } else { path };
+    let member = |name: &str| if path == "." { name.to_owned() } else { format!("{path}.{name}") };
+    let parts =
+        |text: &str| text.rsplit_once(", expected ").map(|(found, wanted)| (found.to_owned(), wanted.to_owned()));
+    if let Some((found, wanted)) = said.strip_prefix("invalid type: ").and_then(parts) {
+        return format!("{place} must be {}, got {}", kind(&wanted, false), thing(&found));
+    }
+    if let Some((found, wanted)) = said.strip_prefix("invalid value: ").and_then(parts) {
+        return format!("{place} must be {}, got {}", kind(&wanted, true), thing(&found));
+    }
+    if let Some((found, wanted)) = said.strip_prefix("invalid length ").and_then(parts) {
+        let wanted = kind(&wanted, false);
+        let found = if wanted == "an object" { "a list".to_owned() } else { found };
+        return format!("{place} must be {wanted}, got {found}");
+    }
+    if let Some(name) = said.strip_prefix("missing field ") {
+        return format!("{} is missing", member(name.trim_matches('`')));
+    }
+    if let Some(rest) = said.strip_prefix("unknown field ") {
+        let (name, known) = rest.split_once(", ").unwrap_or((rest, ""));
+        let name = name.trim_matches('`');
+        // The path goes as far as the member, or as what it is in.
+        let place = if path == name || path.ends_with(&format!(".{name}")) { path.to_owned() } else { member(name) };
+        return match known.strip_prefix("expected ") {
+            Some(known) if known.matches('`').count() == 2 => {
+                format!("{place} is not known here; the only member is {}", listed(known, "and"))
+            }
+            Some(known) => format!("{place} is not known here; members are {}", listed(known, "and")),
+            None => format!("{place} is not known here"),
+        };
+    }
+    if let Some((found, wanted)) = said.strip_prefix("unknown variant ").and_then(parts) {
+        return format!("{place} must be {}, got {}", listed(&wanted, "or"), quoted(found.trim_matches('`')));
+    }
+    if let Some(name) = said.strip_prefix("duplicate field ") {
+        return format!("{} is given twice", member(name.trim_matches('`')));
+    }
+    if path == "." { said.to_owned() } else { format!("{path}: {said}") }
+}
+
+/// Without ` at line 1 column 2`: the member is named.
+fn without_place(said: &str) -> &str {
+    let Some((text, place)) = said.rsplit_once(" at line ") else { return said };
+    let number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    match place.split_once(" column ") {
+        Some((line, column)) if number(line) && number(column) => text,
+        _ => said,
+    }
+}
+
+/// What is wanted; `range` where a number is of the right type and out of its range.
+fn kind(wanted: &str, range: bool) -> String {
+    let plain = match wanted {
+        "u8" if range => "a whole number from 0 to 255",
+        "u16" if range => "a whole number from 0 to 65,535",
+        "u32" if range => "a whole number from 0 to 4,294,967,295",
+        "i32" if range => "a whole number from -2,147,483,648 to 2,147,483,647",
+        "u8" | "u16" | "u32" | "u64" | "u128" | "usize" => "a whole number of at least 0",
+        "i8" | "i16" | "i32" | "i64" | "i128" | "isize" => "a whole number",
+        "f32" | "f64" => "a number",
+        "a boolean" => "true or false",
+        "a sequence" => "a list",
+        "a map" => "an object",
+        "string or map" => "a word or an object",
+        "unit" => "null",
+        other => {
+            if let Some(length) = other.strip_prefix("an array of length ") {
+                return format!("a list of {length}");
+            }
+            if other.starts_with("struct ") || other.starts_with("internally tagged enum ") {
+                return "an object".to_owned();
+            }
+            if other.starts_with("enum ") || other.starts_with("variant ") {
+                return "a word or an object".to_owned();
+            }
+            return other.to_owned();
+        }
+    };
+    plain.to_owned()
+}
+
+/// What was found.
+fn thing(found: &str) -> String {
+    if found.starts_with("string ") {
+        return format!("the {found}");
+    }
+    for prefix in ["integer ", "floating point ", "boolean "] {
+        if let Some(value) = found.strip_prefix(prefix) {
+            return value.trim_matches('`').to_owned();
+        }
+    }
+    match found {
+        "map" => "an object".to_owned(),
+        "sequence" => "a list".to_owned(),
+        other => other.to_owned(),
+    }
+}
+
+/// ``one of `a`, `b`, `c` `` as `"a", "b" or "c"`.
+fn listed(names: &str, last: &str) -> String {
+    let names: Vec<String> = names.split('`').skip(1).step_by(2).map(quoted).collect();
+    match names.as_slice() {
+        [others @ .., end] if !others.is_empty() => format!("{} {last} {end}", others.join(", ")),
+        names => names.concat(),
+    }
+}
+
+fn quoted(name: &str) -> String {
+    format!("{name:?}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+    use serde_json::{Value, json};
+
+    #[derive(Debug, Default, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    #[allow(dead_code)]
+    struct Request {
+        count: usize,
+        times: u8,
+        weight: f64,
+        exact: bool,
+        point: Option<[f64; 3]>,
+        names: Vec<String>,
+        pen: Option<Pen>,
+        inner: Option<Inner>,
+        list: Vec<Inner>,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    enum Pen {
+        Even,
+        Swelling,
+        Broad,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    #[allow(dead_code)]
+    struct Inner {
+        face: u32,
+    }
+
+    #[test]
+    fn what_does_not_fit_is_told_by_its_member_and_in_plain_words() {
+        for (value, expected) in [
+            (json!({"count": "many"}), r#"count must be a whole number of at least 0, got the string "many""#),
+            (json!({"count": -3}), "count must be a whole number of at least 0, got -3"),
+            (json!({"count": 1.5}), "count must be a whole number of at least 0, got 1.5"),
+            (json!({"times": 300}), "times must be a whole number from 0 to 255, got 300"),
+            (json!({"weight": null}), "weight must be a number, got null"),
+            (json!({"weight": {}}), "weight must be a number, got an object"),
+            (json!({"exact": 1}), "exact must be true or false, got 1"),
+            (json!({"point": [1, 2]}), "point must be a list of 3, got 2"),
+            (json!({"point": 7}), "point must be a list of 3, got 7"),
+            (json!({"names": "a"}), r#"names must be a list, got the string "a""#),
+            (json!({"names": ["a", 2]}), "names[1] must be a string, got 2"),
+            (json!({"pen": "odd"}), r#"pen must be "even", "swelling" or "broad", got "odd""#),
+            (json!({"inner": {}}), "inner.face is missing"),
+            (json!({"list": [{"face": 1}, {}]}), "list[1].face is missing"),
+            (json!({"list": [{"face": 1, "edge": 2}]}), r#"list[0].edge is not known here; the only member is "face""#),
+            (json!({"inner": [1]}), ""),
+            (json!([]), ""),
+        ] {
+            let refused = read::<Request, &Value>(&value).map(|_| ());
+            match expected.is_empty() {
+                // Lists stand for structs; that is serde's, and no error.
+                true => assert!(refused.is_ok(), "{value}: {refused:?}"),
+                false => assert_eq!(refused.unwrap_err(), expected, "{value}"),
+            }
+        }
+        let refused = read::<Request, &Value>(&json!({"much": 1})).unwrap_err();
+        assert!(refused.starts_with(r#"much is not known here; members are "count", "times""#), "{refused}");
+        let refused = read::<Request, &Value>(&json!("all")).unwrap_err();
+        assert_eq!(refused, r#"the request must be an object, got the string "all""#);
+    }
+
+    #[test]
+    fn a_text_of_a_client_does_not_lead_astray() {
+        let odd = json!({"count": "a, expected b at line 1 column 2"});
+        let refused = read::<Request, &Value>(&odd).unwrap_err();
+        assert_eq!(
+            refused,
+            r#"count must be a whole number of at least 0, got the string "a, expected b at line 1 column 2""#
+        );
+        assert_eq!(told("pen", "a pen draws"), "pen: a pen draws");
+        assert_eq!(told(".", "a pen draws at line 3 column 4"), "a pen draws");
+        assert_eq!(told("pen", "a pen at line three column 4"), "pen: a pen at line three column 4");
+    }
+}
