@@ -39,6 +39,7 @@ struct Operation {
 struct Names {
     mesh: String,
     pencil: String,
+    field: String,
     bases: Vec<String>,
 }
 
@@ -148,6 +149,10 @@ pub fn seeds() -> Vec<(String, Vec<u8>)> {
             let body = json!({"field": {"columns": 2, "values": values}}).to_string();
             add(at, json.unwrap_or(0), 0, body.as_bytes(), 98);
         }
+        if operation.path.ends_with("meshes/{id}/fields") {
+            let body = json!({"columns": 1, "values": vec![0.5; sphere().faces.len()]}).to_string();
+            add(at, json.unwrap_or(0), 0, body.as_bytes(), 98);
+        }
         if operation.path.ends_with("{id}/surface") {
             let values: Vec<f64> = sphere().positions.iter().flatten().map(|x| 1.5 * x).collect();
             let body = json!({"columns": 3, "values": values}).to_string();
@@ -234,6 +239,8 @@ async fn start() -> (Router, Names) {
     let id = |value: &Value| value["id"].as_str().expect("an identifier").to_owned();
     let mesh = id(&ask(&router, "POST", "/v1/meshes?format=ply", "model/ply", ply).await);
     let pencil = id(&ask(&router, "POST", "/v1/problems", "application/x-matrix-market", PATH.into()).await);
+    let field = json!({"columns": 1, "values": vec![0.25; sphere().faces.len()]}).to_string();
+    let field = id(&ask(&router, "POST", &format!("/v1/meshes/{mesh}/fields"), "application/json", field.into()).await);
     let mut bases = Vec::new();
     for (kind, parameters) in BASES {
         let parameters: Value = serde_json::from_str(parameters).expect("parameters are JSON");
@@ -252,7 +259,7 @@ async fn start() -> (Router, Names) {
     }
     // From here on jobs are taken and never begun.
     pool.drain(Duration::from_secs(5)).await;
-    (router, Names { mesh, pencil, bases })
+    (router, Names { mesh, pencil, field, bases })
 }
 
 fn server() -> &'static Server {
@@ -276,6 +283,7 @@ pub fn send_body(bytes: &[u8]) -> Option<(String, StatusCode)> {
     let own = match operation.path.as_str() {
         path if path.starts_with("/v1/meshes") => &server.names.mesh,
         path if path.starts_with("/v1/problems") => &server.names.pencil,
+        path if path.starts_with("/v1/fields") => &server.names.field,
         _ => &server.names.bases[usize::from(*basis) % server.names.bases.len()],
     };
     let mut path = operation.path.replace("{id}", own);
@@ -313,6 +321,9 @@ pub fn send_body(bytes: &[u8]) -> Option<(String, StatusCode)> {
                 ask(&server.router, "POST", &format!("{path}/cancel"), "application/json", Vec::new()).await;
             }
             ask(&server.router, "DELETE", &path, "application/json", Vec::new()).await;
+        }
+        if operation.path.ends_with("/fields") || operation.path.ends_with("/designs") {
+            ask(&server.router, "DELETE", &format!("/v1/fields/{made}"), "application/json", Vec::new()).await;
         }
         status
     });

@@ -163,7 +163,7 @@ mod tests {
             lines.add(&format!("{number}").into(), number);
             lines.next(|_| true);
         });
-        assert!(lines.ahead.len() <= 1001);
+        assert!(lines.ahead.len() <= 1003, "those who came once, the flood and the other");
         while lines.next(|_| true).is_some() {}
         assert!(lines.ahead.len() <= 2 && lines.waiting.is_empty(), "{:?}", lines.ahead);
     }
