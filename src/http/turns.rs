@@ -228,6 +228,9 @@ mod tests {
         drop(sender);
         // Both seats may be given out before either thread takes one up.
         assert!(done.iter().all(|depth| depth <= 2));
-        assert_eq!(turns.lock().taken, 0);
+        // The last one is answered before its thread looks for more.
+        while turns.lock().taken > 0 {
+            std::thread::yield_now();
+        }
     }
 }
