@@ -127,7 +127,7 @@ fn surface(text: &str) -> Result<SurfaceOf, &'static str> {
     }
 }
 
-fn format(text: &str) -> Result<MeshFormat, String> {
+pub(super) fn format(text: &str) -> Result<MeshFormat, String> {
     MeshFormat::from_extension(text).ok_or_else(|| {
         let names: Vec<&str> = MeshFormat::ALL.iter().map(|format| format.name()).collect();
         format!("the formats are {}", names.join(", "))

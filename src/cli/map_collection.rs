@@ -9,6 +9,7 @@ use std::sync::Arc;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::check::{Merge, SurfaceOf};
 use chladni_mesh::numbering::Translation;
+use chladni_mesh::read::MeshFormat;
 use chladni_spectral::analysis::map_collection::{
     CollectionMap, CollectionRequest, MOST_SHAPES, MapCollection, Shape, map_collection,
 };
@@ -17,7 +18,7 @@ use chladni_spectral::formats::npz;
 use chladni_work::JobParameters;
 use serde_json::{Value, json};
 
-use super::input::merge;
+use super::input::{format, merge};
 use super::work::{OutputFile, given, insert_named, prepared};
 use super::{CliError, MeshInput, NumberingArguments, StageBars, Table, grouped, memory};
 
@@ -77,6 +78,10 @@ pub struct MapCollectionArguments {
     /// Whether vertices at equal positions become one: auto (where the format splits them, as STL does), always, never
     #[arg(long, value_name = "WHEN", value_parser = merge, default_value = "auto", help_heading = "Input")]
     merge: Merge,
+
+    /// The format of all meshes; recognised from name and content where it is not given
+    #[arg(long, value_name = "FORMAT", value_parser = format, help_heading = "Input")]
+    format: Option<MeshFormat>,
 
     #[command(flatten)]
     numbered: NumberingArguments,
@@ -157,7 +162,7 @@ impl MapCollectionArguments {
         bars.begin("read");
         let input = MeshInput {
             mesh: path.to_owned(),
-            format: None,
+            format: self.format,
             merge: self.merge,
             surface: SurfaceOf::Boundary,
             subdivide: 0,

@@ -198,10 +198,11 @@ impl Neighbours {
 
     /// For each query the nearest point; of several that are equally near, one of them. `before`: for the first queries, points that may be near. Queries that
     /// follow each other are taken to be near each other.
+    ///
+    /// # Panics
+    /// Where queries have other dimensions than the points.
     pub fn nearest(&self, queries: &Rows, before: &[u32]) -> Vec<Neighbour> {
-        if queries.dimensions != self.dimensions {
-            return Vec::new();
-        }
+        assert_eq!(queries.dimensions, self.dimensions, "dimensions of the queries, dimensions of the points");
         let task = |(task, queries): (usize, &[f32])| {
             let before = before.get(task * QUERIES..).unwrap_or_default();
             vectorized(
@@ -409,6 +410,12 @@ mod tests {
         assert_eq!(query(1.5, 0.5)[0].square, 1.0);
         assert!(Neighbours::new(&Rows::of(&same, 0)).is_none());
         assert!(Neighbours::new(&Rows::of(&DenseMatrix::zeros(0, 2), 2)).is_none());
-        assert!(tree.nearest(&Rows::of(&DenseMatrix::zeros(3, 40), 40), &[]).is_empty());
+    }
+
+    #[test]
+    #[should_panic = "dimensions of the queries"]
+    fn queries_of_other_dimensions_are_a_mistake_of_the_caller() {
+        let tree = Neighbours::new(&Rows::of(&DenseMatrix::zeros(9, 2), 2)).unwrap();
+        tree.nearest(&Rows::of(&DenseMatrix::zeros(3, 40), 40), &[]);
     }
 }

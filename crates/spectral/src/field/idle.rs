@@ -76,7 +76,7 @@ pub(super) fn find(inverse: impl Fn(&mut [f64]), mass: &SparseMatrix, floor: f64
     let count = MOST.min(d);
     let mut random = SplitMix64::new(1);
     let mut x: Vec<f64> = (0..d * count).map(|_| random.signed_unit()).collect();
-    let times = |x: &[f64]| -> Vec<f64> { x.chunks_exact(d.max(1)).flat_map(|column| product(mass, column)).collect() };
+    let times = |x: &[f64]| -> Vec<f64> { x.chunks_exact(d.max(1)).flat_map(|column| mass.multiply(column)).collect() };
     for _ in 0..2 {
         let mut image = times(&x);
         inverse(&mut image);
@@ -105,18 +105,10 @@ pub(super) fn find(inverse: impl Fn(&mut [f64]), mass: &SparseMatrix, floor: f64
             for (column, &v) in x.chunks_exact(d).zip(v) {
                 field.iter_mut().zip(column).for_each(|(u, x)| *u += v / size * x);
             }
-            let image = product(mass, &field);
+            let image = mass.multiply(&field);
             Idle { field, image }
         })
         .collect()
-}
-
-/// `M̄ x`.
-///
-/// # Panics
-/// Where `x` has another size than the matrix.
-fn product(mass: &SparseMatrix, x: &[f64]) -> Vec<f64> {
-    mass.multiply(x)
 }
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -130,7 +122,7 @@ fn orthonormalise(x: &mut [f64], mass: &SparseMatrix) {
         let (before, rest) = x.split_at_mut(at * d);
         let own = &mut rest[..d];
         for _ in 0..2 {
-            let image = product(mass, own);
+            let image = mass.multiply(own);
             let size = dot(&image, own).sqrt().max(f64::MIN_POSITIVE);
             let shares: Vec<f64> = before.chunks_exact(d).map(|column| dot(column, &image)).collect();
             for (column, share) in before.chunks_exact(d).zip(shares) {
@@ -138,7 +130,7 @@ fn orthonormalise(x: &mut [f64], mass: &SparseMatrix) {
             }
             own.iter_mut().for_each(|x| *x /= size);
         }
-        let image = product(mass, own);
+        let image = mass.multiply(own);
         let size = dot(&image, own).sqrt().max(f64::MIN_POSITIVE);
         own.iter_mut().for_each(|x| *x /= size);
     }

@@ -3,7 +3,6 @@
 use chladni_algebra::{DenseMatrix, solve_definite};
 
 use super::known::Known;
-use super::{product, transposed_product};
 use crate::analysis::error::AnalysisError;
 use crate::analysis::functional_map::matching::transposed;
 
@@ -22,9 +21,9 @@ pub(super) fn map(from: &Known<'_>, to: &Known<'_>, oriented: bool) -> Result<De
     let (a, b) = (&from.signatures, &to.signatures);
     let size: f64 = a.values().iter().map(|x| x * x).sum::<f64>() / k as f64;
     let weight = SIGNATURES / size.max(f64::MIN_POSITIVE);
-    let gram = product(a, &transposed(a))?;
+    let gram = a.times(&transposed(a));
     let mut rhs = DenseMatrix::zeros(k * k, 1);
-    let sides = product(b, &transposed(a))?;
+    let sides = b.times(&transposed(a));
     rhs.column_mut(0).iter_mut().zip(sides.values()).for_each(|(slot, value)| *slot = weight * value);
     for column in 0..k {
         for other in 0..k {
@@ -71,8 +70,8 @@ pub(super) fn commuting(
     let trace = |matrix: &DenseMatrix| (0..k).map(|i| matrix.column(i)[i]).sum::<f64>();
     let mut crossed = 0.0;
     for (x, y) in xs.iter().zip(ys) {
-        add(&mut left, &product(x, &transposed(x))?);
-        add(&mut right, &transposed_product(y, y)?);
+        add(&mut left, &x.times(&transposed(x)));
+        add(&mut right, &y.transposed_times(y));
         crossed += trace(x) * trace(y);
     }
     let size = k as f64 * (trace(&left) + trace(&right)) - 2.0 * crossed;

@@ -3,7 +3,7 @@
 use chladni_algebra::DenseMatrix;
 use chladni_mesh::TriangleMesh;
 
-use super::{CollectionRequest, Shape, Side, transposed_product};
+use super::{CollectionRequest, Shape, Side};
 use crate::analysis::error::AnalysisError;
 use crate::analysis::signature::Signature;
 use crate::operator::frames::{cross, minus};
@@ -39,7 +39,7 @@ impl<'a> Known<'a> {
             let weights = side.masses.iter().map(|mass| mass / side.area);
             weighted.column_mut(column).iter_mut().zip(weights).for_each(|(value, weight)| *value *= weight);
         }
-        let coefficients = transposed_product(&weighted, &values)?;
+        let coefficients = weighted.transposed_times(&values);
         let products = (0..values.columns()).map(|of| multiplied(&weighted, &modes, values.column(of)));
         let products = products.collect::<Result<_, _>>()?;
         let turns = match request.oriented {
@@ -76,7 +76,7 @@ fn multiplied(weighted: &DenseMatrix, modes: &DenseMatrix, f: &[f64]) -> Result<
     for column in 0..modes.columns() {
         scaled.column_mut(column).iter_mut().zip(f).for_each(|(value, factor)| *value *= factor);
     }
-    transposed_product(weighted, &scaled)
+    Ok(weighted.transposed_times(&scaled))
 }
 
 /// `∫ φ_r ⟨n × ∇f, ∇φ_c⟩` for each function `f`. It depends on no scale: gradients have 1/length, the area has length².
@@ -112,7 +112,7 @@ fn turned(
                 *slot = counts[face] * ((b - a) * second[face] - (c - a) * first[face]);
             });
         }
-        all.push(transposed_product(&means, &turned)?);
+        all.push(means.transposed_times(&turned));
     }
     Ok(all)
 }

@@ -3,7 +3,7 @@
 use chladni_algebra::{DenseMatrix, lowest_symmetric, solve_definite};
 use chladni_base::{Monitor, Quiet};
 
-use super::{LATENT_SHARE, Maps, product, transposed_product};
+use super::{LATENT_SHARE, Maps};
 use crate::analysis::error::AnalysisError;
 use crate::analysis::functional_map::matching::transposed;
 use crate::basis::BasisError;
@@ -48,7 +48,7 @@ impl Latent {
             let vectors = lowest_symmetric(energy, m, &Quiet(monitor))?.vectors;
             bases = (0..n).map(|shape| part(&vectors, shape, n, k)).collect();
             for ((source, target), map) in maps {
-                let image = product(map, &bases[*source])?;
+                let image = map.times(&bases[*source]);
                 let gaps = image.values().iter().zip(bases[*target].values()).map(|(a, b)| (a - b).powi(2));
                 disagreements[source * n + target] = (gaps.sum::<f64>() / m as f64).sqrt();
             }
@@ -65,7 +65,7 @@ impl Latent {
 
     /// The map between two shapes that goes through the latent space.
     pub fn map(&self, source: usize, target: usize) -> Result<DenseMatrix, AnalysisError> {
-        product(&self.bases[target], &self.inverses[source])
+        Ok(self.bases[target].times(&self.inverses[source]))
     }
 
     /// How far the map of a pair was from the one through the latent space.
@@ -79,7 +79,7 @@ fn energy(n: usize, k: usize, maps: &Maps, disagreements: &[f64]) -> Result<Dens
     let mut energy = DenseMatrix::zeros(n * k, n * k);
     for ((source, target), map) in maps {
         let weight = 1.0 / (disagreements[source * n + target].powi(2) + FORGIVEN);
-        let gram = transposed_product(map, map)?;
+        let gram = map.transposed_times(map);
         for column in 0..k {
             let into = &mut energy.column_mut(source * k + column);
             (0..k).for_each(|row| into[source * k + row] += weight * gram.column(column)[row]);
@@ -106,7 +106,7 @@ fn part(vectors: &DenseMatrix, shape: usize, n: usize, k: usize) -> DenseMatrix 
 
 fn inverse(basis: &DenseMatrix) -> Result<DenseMatrix, AnalysisError> {
     let m = basis.columns();
-    let mut gram = transposed_product(basis, basis)?;
+    let mut gram = basis.transposed_times(basis);
     let mean = (0..m).map(|i| gram.column(i)[i]).sum::<f64>() / m as f64;
     // A shape that none of the others agrees with may have next to no part in some column.
     (0..m).for_each(|i| gram.column_mut(i)[i] += 1e-6 * mean.max(f64::MIN_POSITIVE));

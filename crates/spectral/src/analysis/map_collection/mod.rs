@@ -235,15 +235,5 @@ impl<'a> Known<'a> {
     }
 }
 
-/// The product of matrices whose sizes are known to fit.
-fn product(a: &DenseMatrix, b: &DenseMatrix) -> Result<DenseMatrix, AnalysisError> {
-    Ok(a.times(b))
-}
-
-/// As [`product`], of the transpose of the first.
-fn transposed_product(a: &DenseMatrix, b: &DenseMatrix) -> Result<DenseMatrix, AnalysisError> {
-    Ok(a.transposed_times(b))
-}
-
 #[cfg(test)]
 mod tests;
