@@ -1,14 +1,21 @@
-//! Solving with a sparse factor for 32 right-hand sides at once: rows of a panel are contiguous, so every entry of `L` meets whole
-//! vector registers. Three to six times faster than solving column after column where it was measured.
+//! Solving with a sparse factor for several right-hand sides at once: rows of a panel are contiguous, so every entry of `L` meets whole
+//! vector registers. For 32 of them three to six times faster than solving column after column where it was measured.
+
+mod tree;
 
 use pulp::Simd;
 
+use super::PANEL_WIDTH;
 use super::factor::{Factor, FactorNumbers, Node, Pivoting, SymbolicFactor};
 use super::product::Scalar;
-use super::{PANEL_WIDTH, panels::PanelRow};
+
+pub use tree::{SolveScratch, SolveTree};
 
 /// Columns of a supernode that are eliminated together: their rows of the panel stay in the first-level cache.
 const BLOCK: usize = 16;
+
+/// One row of `W` right-hand sides.
+type Row<const W: usize> = [f64; W];
 
 impl Factor<'_> {
     /// `X ← (A − μB)⁻¹ X` for a panel of 32 columns, row after row.
@@ -16,8 +23,7 @@ impl Factor<'_> {
     /// # Panics
     /// Where the panel has another number of rows than the matrix.
     pub fn solve_panel(&self, panel: &mut [f64]) {
-        let Self { symbolic, values, inverse, pivoting, .. } = self;
-        Parts { symbolic, values, inverse, pivoting: pivoting.as_ref() }.solve(panel);
+        Parts::of(self).solve(panel);
     }
 }
 
@@ -43,68 +49,94 @@ struct Parts<'a, T> {
     pivoting: Option<&'a Pivoting>,
 }
 
+impl<'a> Parts<'a, f64> {
+    fn of(factor: &'a Factor<'_>) -> Self {
+        let Factor { symbolic, values, inverse, pivoting, .. } = factor;
+        Self { symbolic, values, inverse, pivoting: pivoting.as_ref() }
+    }
+}
+
 impl<T: Scalar> Parts<'_, T> {
     fn solve(self, panel: &mut [f64]) {
         assert_eq!(panel.len(), self.symbolic.size() * PANEL_WIDTH, "a row of the panel for each of the matrix");
         let (rows, _) = panel.as_chunks_mut::<PANEL_WIDTH>();
-        pulp::Arch::new().dispatch(Solve { factor: self, x: rows });
+        let SymbolicFactor { nodes, patterns, .. } = self.symbolic;
+        let stretch = Stretch { nodes, first_row: 0, patterns, first_pattern: 0 };
+        pulp::Arch::new().dispatch(Sweep { factor: self, stretch, forward: true, x: &mut *rows });
+        pulp::Arch::new().dispatch(Sweep { factor: self, stretch, forward: false, x: rows });
     }
 }
 
-struct Solve<'a, T> {
-    factor: Parts<'a, T>,
-    x: &'a mut [PanelRow],
+/// Consecutive supernodes, and the rows below them in the numbering of the panel that is solved for.
+#[derive(Clone, Copy)]
+struct Stretch<'a> {
+    nodes: &'a [Node],
+    /// The row of the matrix that comes first in the panel.
+    first_row: usize,
+    /// The patterns of the supernodes, one after the other.
+    patterns: &'a [u32],
+    /// Where they begin among those of all.
+    first_pattern: usize,
 }
 
-impl<T: Scalar> pulp::WithSimd for Solve<'_, T> {
+/// Elimination in the order of the supernodes, or substitution in the opposite one.
+struct Sweep<'a, 'x, T, const W: usize> {
+    factor: Parts<'a, T>,
+    stretch: Stretch<'a>,
+    forward: bool,
+    x: &'x mut [Row<W>],
+}
+
+impl<T: Scalar, const W: usize> pulp::WithSimd for Sweep<'_, '_, T, W> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        // As many vectors as leave room in the registers: four rows of accumulators, one row of operands, one factor.
-        match (S::F64_LANES, S::REGISTER_COUNT) {
-            (8, 32) => solve::<T, S, 4, 1>(simd, self.factor, self.x),
-            (8, _) => solve::<T, S, 2, 2>(simd, self.factor, self.x),
-            (4, _) => solve::<T, S, 2, 4>(simd, self.factor, self.x),
-            (2, _) => solve::<T, S, 4, 4>(simd, self.factor, self.x),
-            _ => solve::<T, S, 4, 8>(simd, self.factor, self.x),
+        // As many vectors as leave room in the registers: `R` rows of accumulators, one row of operands, one factor.
+        match (W, S::F64_LANES, S::REGISTER_COUNT) {
+            (8, 8, _) => self.run::<S, 1, 8>(simd),
+            (8, 4, _) => self.run::<S, 2, 4>(simd),
+            (8, 2, _) => self.run::<S, 4, 2>(simd),
+            (8, _, _) => self.run::<S, 4, 2>(simd),
+            (_, 8, 32) => self.run::<S, 4, 4>(simd),
+            (_, 8, _) => self.run::<S, 2, 4>(simd),
+            (_, 4, _) => self.run::<S, 2, 4>(simd),
+            _ => self.run::<S, 4, 4>(simd),
         }
     }
 }
 
-/// `VECTORS` vectors are handled at once, in `GROUPS` groups that make up a row.
-#[inline(always)]
-fn solve<T: Scalar, S: Simd, const VECTORS: usize, const GROUPS: usize>(
-    simd: S,
-    factor: Parts<'_, T>,
-    x: &mut [PanelRow],
-) {
-    let symbolic = factor.symbolic;
-    let mut scratch: Vec<PanelRow> = Vec::new();
-    for node in &symbolic.nodes {
-        let part = NodePart::new(factor, node);
-        let (head, tail) = x.split_at_mut(node.start + node.columns);
-        let top = &mut head[node.start..];
-        part.permute(top, &mut scratch, true);
-        for group in 0..GROUPS {
-            part.forward::<S, VECTORS>(simd, group, top, tail);
+impl<T: Scalar, const W: usize> Sweep<'_, '_, T, W> {
+    /// `V` vectors of each row are handled at once, `R` rows together.
+    #[inline(always)]
+    fn run<S: Simd, const V: usize, const R: usize>(self, simd: S) {
+        let Self { factor, stretch, forward, x } = self;
+        let groups = W / (V * S::F64_LANES);
+        let mut scratch: Vec<Row<W>> = Vec::new();
+        if forward {
+            for node in stretch.nodes {
+                let (part, top, tail) = NodePart::new(factor, &stretch, node, x);
+                part.permute(top, &mut scratch, true);
+                for group in 0..groups {
+                    part.forward::<S, V, R, W>(simd, group, top, tail);
+                }
+            }
+        } else {
+            for node in stretch.nodes.iter().rev() {
+                let (part, top, tail) = NodePart::new(factor, &stretch, node, x);
+                part.divide(top);
+                for group in 0..groups {
+                    part.backward::<S, V, R, W>(simd, group, top, tail);
+                }
+                part.permute(top, &mut scratch, false);
+            }
         }
-    }
-    for node in symbolic.nodes.iter().rev() {
-        let part = NodePart::new(factor, node);
-        let (head, tail) = x.split_at_mut(node.start + node.columns);
-        let top = &mut head[node.start..];
-        part.divide(top);
-        for group in 0..GROUPS {
-            part.backward::<S, VECTORS>(simd, group, top, tail);
-        }
-        part.permute(top, &mut scratch, false);
     }
 }
 
 /// One supernode of a factor.
 struct NodePart<'a, T> {
-    /// Where the rows below its columns begin.
+    /// Where the rows of the panel after its own begin.
     end: usize,
     columns: usize,
     rows: usize,
@@ -116,25 +148,33 @@ struct NodePart<'a, T> {
 }
 
 impl<'a, T: Scalar> NodePart<'a, T> {
+    /// The supernode, its rows of `x` and those after them.
     #[inline(always)]
-    fn new(factor: Parts<'a, T>, node: &Node) -> Self {
+    fn new<'x, const W: usize>(
+        factor: Parts<'a, T>,
+        stretch: &Stretch<'a>,
+        node: &Node,
+        x: &'x mut [Row<W>],
+    ) -> (Self, &'x mut [Row<W>], &'x mut [Row<W>]) {
         let (columns, end) = (node.columns, node.start + node.columns);
         let rows = columns + node.pattern.1;
-        Self {
-            end,
+        let (head, tail) = x.split_at_mut(end - stretch.first_row);
+        let part = Self {
+            end: end - stretch.first_row,
             columns,
             rows,
             values: &factor.values[node.values..node.values + rows * columns],
-            below: &factor.symbolic.patterns[node.pattern.0..node.pattern.0 + node.pattern.1],
+            below: &stretch.patterns[node.pattern.0 - stretch.first_pattern..][..node.pattern.1],
             inverse: &factor.inverse[node.start..end],
             pivoting: factor
                 .pivoting
                 .map(|p| (node.start, &p.order[node.start..end], &p.off_diagonal[node.start..end])),
-        }
+        };
+        (part, &mut head[node.start - stretch.first_row..], tail)
     }
 
     /// Brings the rows of the supernode into the order of its pivots, or back.
-    fn permute(&self, top: &mut [PanelRow], scratch: &mut Vec<PanelRow>, forward: bool) {
+    fn permute<const W: usize>(&self, top: &mut [Row<W>], scratch: &mut Vec<Row<W>>, forward: bool) {
         let Some((start, order, _)) = self.pivoting else { return };
         if order.iter().enumerate().all(|(k, &row)| row as usize == start + k) {
             return;
@@ -153,7 +193,7 @@ impl<'a, T: Scalar> NodePart<'a, T> {
 
     /// `X ← D⁻¹ X` for the rows of the supernode.
     #[inline(always)]
-    fn divide(&self, top: &mut [PanelRow]) {
+    fn divide<const W: usize>(&self, top: &mut [Row<W>]) {
         if let Some((_, _, off_diagonal)) = self.pivoting {
             let mut k = 0;
             while k < self.columns {
@@ -161,7 +201,7 @@ impl<'a, T: Scalar> NodePart<'a, T> {
                     top[k].iter_mut().for_each(|x| *x *= self.inverse[k]);
                     k += 1;
                 } else {
-                    for column in 0..PANEL_WIDTH {
+                    for column in 0..W {
                         let (x, y) = (top[k][column], top[k + 1][column]);
                         top[k][column] = self.inverse[k] * x + off_diagonal[k] * y;
                         top[k + 1][column] = off_diagonal[k] * x + self.inverse[k + 1] * y;
@@ -178,44 +218,49 @@ impl<'a, T: Scalar> NodePart<'a, T> {
 
     /// `X ← L⁻¹ X` as far as the columns of this supernode act.
     #[inline(always)]
-    fn forward<S: Simd, const V: usize>(&self, simd: S, group: usize, top: &mut [PanelRow], tail: &mut [PanelRow]) {
+    fn forward<S: Simd, const V: usize, const R: usize, const W: usize>(
+        &self,
+        simd: S,
+        group: usize,
+        top: &mut [Row<W>],
+        tail: &mut [Row<W>],
+    ) {
         let mut from = 0;
         while from < self.columns {
             let to = (from + BLOCK).min(self.columns);
             let (done, rest) = top[from..].split_at_mut(to - from);
             for row in 1..to - from {
                 let (above, this) = done.split_at_mut(row);
-                let acc = self.eliminate::<S, V, 1>(simd, group, from, from + row, above, [&this[0]]);
-                store::<S, V>(&mut this[0], group, acc[0]);
+                let acc = self.eliminate::<S, V, 1, W>(simd, group, from, from + row, above, [&this[0]]);
+                store::<S, V, W>(&mut this[0], group, acc[0]);
             }
             let mut row = to;
-            let (fours, ones) = rest.as_chunks_mut::<4>();
-            for four in fours {
-                let acc =
-                    self.eliminate::<S, V, 4>(simd, group, from, row, done, [&four[0], &four[1], &four[2], &four[3]]);
-                for k in 0..4 {
-                    store::<S, V>(&mut four[k], group, acc[k]);
+            let (several, ones) = rest.as_chunks_mut::<R>();
+            for several in several {
+                let acc = self.eliminate::<S, V, R, W>(simd, group, from, row, done, several.each_ref());
+                for k in 0..R {
+                    store::<S, V, W>(&mut several[k], group, acc[k]);
                 }
-                row += 4;
+                row += R;
             }
             for one in ones {
-                let acc = self.eliminate::<S, V, 1>(simd, group, from, row, done, [&*one]);
-                store::<S, V>(one, group, acc[0]);
+                let acc = self.eliminate::<S, V, 1, W>(simd, group, from, row, done, [&*one]);
+                store::<S, V, W>(one, group, acc[0]);
                 row += 1;
             }
-            let (fours, ones) = self.below.as_chunks::<4>();
-            for four in fours {
-                let at = four.map(|row| row as usize - self.end);
-                let acc = self.eliminate::<S, V, 4>(simd, group, from, row, done, at.map(|at| &tail[at]));
-                for k in 0..4 {
-                    store::<S, V>(&mut tail[at[k]], group, acc[k]);
+            let (several, ones) = self.below.as_chunks::<R>();
+            for several in several {
+                let at = several.map(|row| row as usize - self.end);
+                let acc = self.eliminate::<S, V, R, W>(simd, group, from, row, done, at.map(|at| &tail[at]));
+                for k in 0..R {
+                    store::<S, V, W>(&mut tail[at[k]], group, acc[k]);
                 }
-                row += 4;
+                row += R;
             }
             for &one in ones {
                 let at = one as usize - self.end;
-                let acc = self.eliminate::<S, V, 1>(simd, group, from, row, done, [&tail[at]]);
-                store::<S, V>(&mut tail[at], group, acc[0]);
+                let acc = self.eliminate::<S, V, 1, W>(simd, group, from, row, done, [&tail[at]]);
+                store::<S, V, W>(&mut tail[at], group, acc[0]);
                 row += 1;
             }
             from = to;
@@ -224,19 +269,19 @@ impl<'a, T: Scalar> NodePart<'a, T> {
 
     /// `targets − L[row.., from..] · done`, one result for each target.
     #[inline(always)]
-    fn eliminate<S: Simd, const V: usize, const R: usize>(
+    fn eliminate<S: Simd, const V: usize, const R: usize, const W: usize>(
         &self,
         simd: S,
         group: usize,
         from: usize,
         row: usize,
-        done: &[PanelRow],
-        targets: [&PanelRow; R],
+        done: &[Row<W>],
+        targets: [&Row<W>; R],
     ) -> [[S::f64s; V]; R] {
-        let mut acc = targets.map(|target| load::<S, V>(target, group));
+        let mut acc = targets.map(|target| load::<S, V, W>(target, group));
         let columns = self.values[from * self.rows..].chunks_exact(self.rows);
         for (x, column) in done.iter().zip(columns) {
-            let x = load::<S, V>(x, group);
+            let x = load::<S, V, W>(x, group);
             if let Some(factors) = column.get(row..row + R) {
                 for k in 0..R {
                     let l = simd.splat_f64s(-factors[k].wide());
@@ -251,34 +296,40 @@ impl<'a, T: Scalar> NodePart<'a, T> {
 
     /// `X ← L⁻ᵀ X` for the rows of this supernode.
     #[inline(always)]
-    fn backward<S: Simd, const V: usize>(&self, simd: S, group: usize, top: &mut [PanelRow], tail: &[PanelRow]) {
+    fn backward<S: Simd, const V: usize, const R: usize, const W: usize>(
+        &self,
+        simd: S,
+        group: usize,
+        top: &mut [Row<W>],
+        tail: &[Row<W>],
+    ) {
         let mut to = self.columns;
         while to > 0 {
-            let from = to.saturating_sub(4);
+            let from = to.saturating_sub(R);
             let (above, done) = top.split_at_mut(to);
             let block = &mut above[from..];
-            if let [a, b, c, d] = block {
-                let acc = self.substitute::<S, V, 4>(simd, group, from, done, tail, [&*a, &*b, &*c, &*d]);
-                for (row, acc) in [a, b, c, d].into_iter().zip(acc) {
-                    store::<S, V>(row, group, acc);
+            if let Ok(several) = <&mut [Row<W>; R]>::try_from(&mut *block) {
+                let acc = self.substitute::<S, V, R, W>(simd, group, from, done, tail, several.each_ref());
+                for (row, acc) in several.iter_mut().zip(acc) {
+                    store::<S, V, W>(row, group, acc);
                 }
             } else {
                 for (k, row) in block.iter_mut().enumerate() {
-                    let acc = self.substitute_one::<S, V>(simd, group, from + k, to, done, tail, row);
-                    store::<S, V>(row, group, acc);
+                    let acc = self.substitute_one::<S, V, W>(simd, group, from + k, to, done, tail, row);
+                    store::<S, V, W>(row, group, acc);
                 }
             }
             for k in (0..to - from).rev() {
                 let (these, after) = block.split_at_mut(k + 1);
-                let mut acc = load::<S, V>(&these[k], group);
+                let mut acc = load::<S, V, W>(&these[k], group);
                 for (j, x) in after.iter().enumerate() {
                     let l = simd.splat_f64s(-self.values[(from + k) * self.rows + from + k + 1 + j].wide());
-                    let x = load::<S, V>(x, group);
+                    let x = load::<S, V, W>(x, group);
                     for v in 0..V {
                         acc[v] = simd.mul_add_f64s(l, x[v], acc[v]);
                     }
                 }
-                store::<S, V>(&mut these[k], group, acc);
+                store::<S, V, W>(&mut these[k], group, acc);
             }
             to = from;
         }
@@ -286,16 +337,16 @@ impl<'a, T: Scalar> NodePart<'a, T> {
 
     /// `targets − L[.., from..from + R]ᵀ X` over the rows from `from + R` on.
     #[inline(always)]
-    fn substitute<S: Simd, const V: usize, const R: usize>(
+    fn substitute<S: Simd, const V: usize, const R: usize, const W: usize>(
         &self,
         simd: S,
         group: usize,
         from: usize,
-        done: &[PanelRow],
-        tail: &[PanelRow],
-        targets: [&PanelRow; R],
+        done: &[Row<W>],
+        tail: &[Row<W>],
+        targets: [&Row<W>; R],
     ) -> [[S::f64s; V]; R] {
-        let mut acc = targets.map(|target| load::<S, V>(target, group));
+        let mut acc = targets.map(|target| load::<S, V, W>(target, group));
         let columns: [&[T]; R] = std::array::from_fn(|k| {
             let at = (from + k) * self.rows;
             &self.values[at + from + R..at + self.rows]
@@ -303,7 +354,7 @@ impl<'a, T: Scalar> NodePart<'a, T> {
         let (within, below): ([&[T]; R], [&[T]; R]) =
             (columns.map(|c| &c[..done.len()]), columns.map(|c| &c[done.len()..][..self.below.len()]));
         for (i, x) in done.iter().enumerate() {
-            let x = load::<S, V>(x, group);
+            let x = load::<S, V, W>(x, group);
             for k in 0..R {
                 let l = simd.splat_f64s(-within[k][i].wide());
                 for v in 0..V {
@@ -312,7 +363,7 @@ impl<'a, T: Scalar> NodePart<'a, T> {
             }
         }
         for (i, &row) in self.below.iter().enumerate() {
-            let x = load::<S, V>(&tail[row as usize - self.end], group);
+            let x = load::<S, V, W>(&tail[row as usize - self.end], group);
             for k in 0..R {
                 let l = simd.splat_f64s(-below[k][i].wide());
                 for v in 0..V {
@@ -326,21 +377,21 @@ impl<'a, T: Scalar> NodePart<'a, T> {
     /// The same for one column, over the rows from `to` on.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)]
-    fn substitute_one<S: Simd, const V: usize>(
+    fn substitute_one<S: Simd, const V: usize, const W: usize>(
         &self,
         simd: S,
         group: usize,
         column: usize,
         to: usize,
-        done: &[PanelRow],
-        tail: &[PanelRow],
-        target: &PanelRow,
+        done: &[Row<W>],
+        tail: &[Row<W>],
+        target: &Row<W>,
     ) -> [S::f64s; V] {
-        let mut acc = load::<S, V>(target, group);
+        let mut acc = load::<S, V, W>(target, group);
         let values = &self.values[column * self.rows + to..(column + 1) * self.rows];
         let below = self.below.iter().map(|&row| &tail[row as usize - self.end]);
         for (&l, x) in values.iter().zip(done.iter().chain(below)) {
-            let (l, x) = (simd.splat_f64s(-l.wide()), load::<S, V>(x, group));
+            let (l, x) = (simd.splat_f64s(-l.wide()), load::<S, V, W>(x, group));
             for v in 0..V {
                 acc[v] = simd.mul_add_f64s(l, x[v], acc[v]);
             }
@@ -350,13 +401,13 @@ impl<'a, T: Scalar> NodePart<'a, T> {
 }
 
 #[inline(always)]
-fn load<S: Simd, const V: usize>(row: &PanelRow, group: usize) -> [S::f64s; V] {
+fn load<S: Simd, const V: usize, const W: usize>(row: &Row<W>, group: usize) -> [S::f64s; V] {
     let vectors = S::as_simd_f64s(row).0;
     std::array::from_fn(|v| vectors[group * V + v])
 }
 
 #[inline(always)]
-fn store<S: Simd, const V: usize>(row: &mut PanelRow, group: usize, values: [S::f64s; V]) {
+fn store<S: Simd, const V: usize, const W: usize>(row: &mut Row<W>, group: usize, values: [S::f64s; V]) {
     let vectors = S::as_mut_simd_f64s(row).0;
     for v in 0..V {
         vectors[group * V + v] = values[v];

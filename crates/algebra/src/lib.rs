@@ -16,6 +16,7 @@ mod factored;
 mod galerkin;
 pub mod gpu;
 mod independent;
+mod krylov_block;
 mod lift;
 mod mass;
 mod multigrid;
@@ -38,9 +39,14 @@ pub use definite::{DefiniteError, DefiniteFactor, orthonormalise, solve_definite
 pub use dense::{DenseMatrix, row_parts};
 pub use eigen::{ComputedOn, CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};
 pub use factor::{Factor, FactorError, FactorNumbers, SymbolicFactor};
+pub use factor_solve::{SolveScratch, SolveTree};
 pub use factored::{space_times, space_times_single, space_transposed_mass_times};
 pub use galerkin::{GalerkinError, galerkin};
 pub use independent::independent_columns;
+pub use krylov_block::{
+    KRYLOV_WIDTH, KrylovRow, KrylovSquare, append_blocks, basis_products, block_gram, block_products,
+    block_times_square, mass_times_block, subtract_blocks, subtract_from_block,
+};
 pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::{MassMatrix, WeightedMass};
 pub use multigrid::{CYCLE_WIDTH, CycleRow, CycleWorkspace, Multigrid, MultigridError};

@@ -113,6 +113,13 @@ pub enum Weight<'a> {
 }
 
 impl Weight<'_> {
+    fn size(&self) -> usize {
+        match self {
+            Self::Mass(mass) => mass.size(),
+            Self::Stiffness(matrix) => matrix.rows(),
+        }
+    }
+
     /// Some rows of `W x` for one panel.
     fn rows(&self, rows: std::ops::Range<usize>, x: &[PanelRow], out: &mut [PanelRow]) {
         match self {
@@ -152,6 +159,7 @@ fn symmetric_products<const K: usize>(
     monitor: &dyn Monitor,
 ) -> Result<[DenseMatrix; K], Cancelled> {
     let (n, q) = (x.rows(), x.columns());
+    weights.iter().for_each(|weight| assert_eq!(weight.size(), n, "rows of columns and of a weight"));
     let panels: Vec<&[PanelRow]> = x.panels().iter().map(|panel| rows_of(panel)).collect();
     let segments = (n / (32 * ROWS)).clamp(1, 4);
     let segment = n.div_ceil(segments).next_multiple_of(ROWS);
@@ -225,15 +233,16 @@ fn scatter(panel: &[PanelRow], into: &mut [f64], width: usize, k: usize) {
     }
 }
 
-/// `X ← X Z` in place, for `X` of `q` columns and `Z` of `q × p`, `p ≤ q`. Whatever does not fit leaves `X` as it is.
+/// `X ← X Z` in place, for `X` of `q` columns and `Z` of `q × p`, `p ≤ q`.
 ///
 /// # Errors
 /// The monitor asked to stop; `x` is then of no further use.
+///
+/// # Panics
+/// Where sizes do not fit.
 pub fn rotate(x: &mut PanelMatrix, z: &DenseMatrix, monitor: &dyn Monitor) -> Result<(), Cancelled> {
     let (n, q, p) = (x.rows(), x.columns(), z.columns());
-    if z.rows() != q || p > q {
-        return Ok(());
-    }
+    assert!(z.rows() == q && p <= q, "{q} columns times a {}×{p} matrix", z.rows());
     let width = x.panels().len() * PANEL_WIDTH;
     let padded = p.next_multiple_of(PANEL_WIDTH).min(width);
     // Z with the same padding as the panels, so that unused columns come out zero.
@@ -279,6 +288,9 @@ pub fn rotate(x: &mut PanelMatrix, z: &DenseMatrix, monitor: &dyn Monitor) -> Re
 ///
 /// # Errors
 /// The monitor asked to stop.
+///
+/// # Panics
+/// Where sizes do not fit.
 pub fn inner_products(
     x: &PanelMatrix,
     weight: Weight<'_>,
@@ -286,6 +298,7 @@ pub fn inner_products(
     monitor: &dyn Monitor,
 ) -> Result<DenseMatrix, Cancelled> {
     let n = x.rows();
+    assert!(y.rows() == n && weight.size() == n, "products of columns of {n} and {} rows", y.rows());
     let (left, right) = (x.panels().len() * PANEL_WIDTH, y.panels().len() * PANEL_WIDTH);
     let segments = (n / (8 * ROWS)).clamp(1, 8);
     let segment = n.div_ceil(segments).next_multiple_of(ROWS);
@@ -329,10 +342,13 @@ pub fn inner_products(
     Ok(products)
 }
 
-/// `Y ← Y − X C`; whatever does not fit leaves `Y` as it is.
+/// `Y ← Y − X C`.
 ///
 /// # Errors
-/// The monitor asked to stop.
+/// The monitor asked to stop; `y` is then of no further use.
+///
+/// # Panics
+/// Where sizes do not fit.
 pub fn subtract_combinations(
     y: &mut PanelMatrix,
     x: &PanelMatrix,
@@ -340,9 +356,7 @@ pub fn subtract_combinations(
     monitor: &dyn Monitor,
 ) -> Result<(), Cancelled> {
     let (n, q, k) = (x.rows(), x.columns(), y.columns());
-    if y.rows() != n || c.rows() != q || c.columns() != k {
-        return Ok(());
-    }
+    assert_eq!((y.rows(), c.rows(), c.columns()), (n, q, k), "{k} columns less combinations of {q}");
     let (left, right) = (x.panels().len() * PANEL_WIDTH, y.panels().len() * PANEL_WIDTH);
     let mut factor = DenseMatrix::zeros(left, right);
     for column in 0..k {

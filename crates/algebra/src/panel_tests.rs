@@ -233,19 +233,22 @@ fn rotations_and_combinations_agree_with_dense_ones() {
 }
 
 #[test]
-fn what_does_not_fit_changes_nothing() {
+fn sizes_that_do_not_fit_are_a_mistake_of_the_caller() {
+    let panics = |run: &dyn Fn()| std::panic::catch_unwind(std::panic::AssertUnwindSafe(run)).is_err();
     let x = PanelMatrix::from_dense(&random(10, 5, 11));
     for (rows, columns) in [(4, 3), (6, 6), (5, 6)] {
-        let mut same = x.clone();
-        rotate(&mut same, &random(rows, columns, 12), &Unwatched).unwrap();
-        assert_eq!(same, x, "{rows} × {columns}");
+        let z = random(rows, columns, 12);
+        assert!(panics(&|| rotate(&mut x.clone(), &z, &Unwatched).unwrap()), "{rows} × {columns}");
     }
     let y = PanelMatrix::from_dense(&random(10, 3, 13));
     for (rows, columns) in [(4, 3), (5, 2), (3, 5)] {
-        let mut same = y.clone();
-        subtract_combinations(&mut same, &x, &random(rows, columns, 14), &Unwatched).unwrap();
-        assert_eq!(same, y, "{rows} × {columns}");
+        let c = random(rows, columns, 14);
+        assert!(panics(&|| subtract_combinations(&mut y.clone(), &x, &c, &Unwatched).unwrap()), "{rows} × {columns}");
     }
+    let short = PanelMatrix::from_dense(&random(9, 3, 15));
+    let mass = &masses(10)[0];
+    assert!(panics(&|| drop(inner_products(&x, Weight::Mass(mass), &short, &Unwatched))));
+    assert!(panics(&|| drop(gram(mass, &short, &Unwatched))));
 }
 
 #[test]

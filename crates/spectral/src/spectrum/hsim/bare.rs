@@ -14,10 +14,11 @@ use super::dense_pairs::dense_pairs;
 use super::hierarchy;
 use super::kernel::Kernel;
 use super::krylov;
+use super::lanczos;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
 use super::scout::{Scout, fills_in};
-use super::solve::{Estimate, Finest, LARGE, SLACK, Task, estimate};
+use super::solve::{Columns, Estimate, Finest, LARGE, SLACK, Task, estimate, within};
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
 use crate::operator::EigenProblem;
 
@@ -84,8 +85,7 @@ struct Bench<'a> {
 struct Begun {
     values: Vec<f64>,
     vectors: chladni_algebra::PanelMatrix,
-    /// Whether they may have converged.
-    exact: bool,
+    columns: Columns,
 }
 
 impl Bench<'_> {
@@ -133,18 +133,27 @@ impl Bench<'_> {
                     return Err(HsimError::Memory(reason));
                 }
                 let (values, vectors) = dense_pairs(&finest.level, q, self.monitor)?;
-                let exact = true;
                 if kernel > 0 && values.first().is_some_and(|&value| value < 0.0) {
                     finest.level.component.fill(NO_KERNEL);
                     continue;
                 }
-                return Ok(Begun { values, vectors, exact });
+                return Ok(Begun { values, vectors, columns: Columns::Solved });
             }
             let mut scout = Scout::new(&finest.level, &finest.symbolic);
             let bound = match goal {
                 Goal::Below(bound) => Some(bound),
                 Goal::Count(_) => None,
             };
+            let HsimParameters { tolerance, seed, .. } = *self.parameters;
+            let pairs = nontrivial(wanted, kernel, n);
+            if lanczos::pays(n, pairs, tolerance) && (kernel == 0 || scout.is_semidefinite()?) {
+                let wanted = lanczos::Wanted { pairs, columns: q, tolerance, seed };
+                let (level, kernel) = (&finest.level, Kernel::new(&finest.level));
+                if let Some(found) = lanczos::start(level, &finest.symbolic, &kernel, wanted, self.monitor)? {
+                    let columns = if found.orthonormal { Columns::Ritz } else { Columns::Solved };
+                    return Ok(Begun { values: found.values, vectors: found.vectors, columns });
+                }
+            }
             let window = scout.window(q + kernel, bound, kernel > 0, self.monitor)?;
             if kernel > 0 && !window.semidefinite {
                 finest.level.component.fill(NO_KERNEL);
@@ -152,9 +161,8 @@ impl Bench<'_> {
             }
             let factor = window.factor_below(&finest.level, &finest.symbolic)?;
             let kernel = Kernel::new(&finest.level);
-            let seed = self.parameters.seed;
             let (values, vectors) = krylov::start(&finest.level, &kernel, &factor, q, seed, self.monitor)?;
-            return Ok(Begun { values, vectors, exact: false });
+            return Ok(Begun { values, vectors, columns: Columns::Rough });
         }
     }
 
@@ -206,13 +214,9 @@ impl Bench<'_> {
             monitor: self.monitor,
         };
         let values: Vec<f64> = begun.values.iter().map(|&value| up(value)).collect();
-        let solved = task.solve_or_begin_again(begun.vectors, values, None, begun.exact);
+        let solved = task.solve_or_begin_again(begun.vectors, values, None, begun.columns);
         let (mut pairs, report) = solved.map_err(|error| down(error, moved))?;
-        if let Wanted::Below { most, .. } | Wanted::Between { most, .. } = parameters.wanted
-            && pairs.first + pairs.values.len() > most
-        {
-            return Err(HsimError::Count { wanted: pairs.first + pairs.values.len(), most });
-        }
+        within(&pairs, parameters.wanted)?;
         pairs.levels = vec![report];
         move_back(&mut pairs, &finest.level.mass, moved);
         Ok(Bare { pairs, moved })

@@ -53,11 +53,18 @@ impl<'a> Kernel<'a> {
 
     /// The same for one panel of 32 columns.
     pub fn remove_from_panel(&self, panel: &mut [f64]) {
-        let rows = panel.as_chunks_mut::<PANEL_WIDTH>().0;
-        let mut means = vec![[0.0; PANEL_WIDTH]; self.masses.len()];
+        self.remove_from_rows(panel.as_chunks_mut::<PANEL_WIDTH>().0);
+    }
+
+    /// The same for rows of any number of columns.
+    pub fn remove_from_rows<const W: usize>(&self, rows: &mut [[f64; W]]) {
+        if self.masses.is_empty() {
+            return;
+        }
+        let mut means = vec![[0.0; W]; self.masses.len()];
         for ((row, &component), &weight) in rows.iter().zip(self.component).zip(&self.weights) {
             if let Some(mean) = means.get_mut(component as usize) {
-                for k in 0..PANEL_WIDTH {
+                for k in 0..W {
                     mean[k] += weight * row[k];
                 }
             }
@@ -67,7 +74,7 @@ impl<'a> Kernel<'a> {
         }
         for (row, &component) in rows.iter_mut().zip(self.component) {
             if let Some(mean) = means.get(component as usize) {
-                for k in 0..PANEL_WIDTH {
+                for k in 0..W {
                     row[k] -= mean[k];
                 }
             }

@@ -13,6 +13,7 @@ mod iterate;
 mod judge;
 mod kernel;
 mod krylov;
+mod lanczos;
 mod level;
 mod offset;
 mod polish;

@@ -13,6 +13,15 @@ const NEGLIGIBLE: f64 = 1e-10;
 /// Shifts that are tried on the way up.
 const MOST: usize = 8;
 
+/// So many times the wanted number of eigenvalues are aimed at.
+const ABUNDANT: f64 = 1.6;
+
+/// What lies below a shift in the middle, as shares of all that is wanted: aimed at, good enough, and good enough after some shifts, as among multiplets.
+const MIDDLE: f64 = 0.48;
+const MIDDLE_ENOUGH: std::ops::RangeInclusive<f64> = 0.32..=0.62;
+const MIDDLE_AT_LAST: std::ops::RangeInclusive<f64> = 0.1..=0.85;
+const SOME: usize = 3;
+
 /// The window is good that holds between the wanted number of eigenvalues and this many times as many.
 const ENOUGH: usize = 3;
 
@@ -73,6 +82,12 @@ impl<'a> Scout<'a> {
         Ok(below)
     }
 
+    /// Whether no eigenvalue lies below zero, up to rounding.
+    pub fn is_semidefinite(&mut self) -> Result<bool, HsimError> {
+        let zero = NEGLIGIBLE * self.spread();
+        Ok(self.count(-zero)? == 0)
+    }
+
     /// A window that holds the lowest `wanted` eigenvalues, or those below `bound`. With a `kernel`, zero is an eigenvalue.
     pub fn window(
         &mut self,
@@ -83,17 +98,12 @@ impl<'a> Scout<'a> {
     ) -> Result<Window, HsimError> {
         let spread = self.spread();
         let zero = NEGLIGIBLE * spread;
-        let semidefinite = self.count(-zero)? == 0;
+        let semidefinite = self.is_semidefinite()?;
         let base = if semidefinite { -zero } else { self.floor(zero, monitor)? };
         if let Some(bound) = bound {
             return self.tighten(base, bound, kernel && semidefinite, semidefinite);
         }
-        let mut ratios = self.level.ratios();
-        let n = ratios.len();
-        let median = *ratios.select_nth_unstable_by(n / 2, f64::total_cmp).1;
-        // By Weyl's law, in two dimensions or in three.
-        let power = if fills_in(&self.level.stiffness) { 2.0 / 3.0 } else { 1.0 };
-        let mut at = (median * (wanted as f64 / n as f64).powf(power)).max(zero).min(spread);
+        let mut at = self.distance(wanted as f64).max(zero).min(spread);
         let (mut few, mut many): (Tried, Tried) = (None, None);
         for _ in 0..MOST {
             monitor.checkpoint()?;
@@ -106,11 +116,56 @@ impl<'a> Scout<'a> {
                     break;
                 }
             }
-            at = next(few, many, wanted).min(spread - base);
+            at = next(few, many, ABUNDANT * wanted as f64).min(spread - base);
         }
         let high = base + many.or(few).map_or(spread, |(at, _)| at);
         let low = few.filter(|&(_, found)| found == 0).map_or(base, |(at, _)| base + at);
         self.tighten(low, high, kernel && semidefinite, semidefinite)
+    }
+
+    /// A positive shift with about half of the lowest `wanted` eigenvalues below that are not those of the kernel, its factor, and how many lie below; nothing
+    /// where none is found, as among eigenvalues of high multiplicity or many negative ones.
+    pub fn middle(
+        &mut self,
+        wanted: usize,
+        kernel: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<(f64, Factor<'a>, usize)>, HsimError> {
+        let spread = self.spread();
+        let target = MIDDLE * wanted as f64;
+        let mut at = self.distance(target).clamp(NEGLIGIBLE * spread, spread);
+        let (mut few, mut many): (Tried, Tried) = (None, None);
+        for attempt in 0..MOST {
+            monitor.checkpoint()?;
+            let enough = if attempt < SOME { MIDDLE_ENOUGH } else { MIDDLE_AT_LAST };
+            let storage = std::mem::take(&mut self.storage);
+            let (shift, factor) = factor_near(self.level, self.symbolic, at, spread, storage)?;
+            let found = factor.eigenvalues_below().saturating_sub(kernel);
+            if enough.contains(&(found as f64 / wanted as f64)) {
+                return Ok(Some((shift, factor, found)));
+            }
+            self.storage = factor.into_storage();
+            if (found as f64) < target {
+                few = Some((at, found));
+            } else {
+                many = Some((at, found));
+            }
+            at = next(few, many, target).clamp(NEGLIGIBLE * spread, spread);
+        }
+        Ok(None)
+    }
+
+    /// How far above zero so many eigenvalues reach, roughly: by Weyl's law in two dimensions or in three. Where there are positions, the mass is area.
+    fn distance(&self, wanted: f64) -> f64 {
+        let fills_in = fills_in(&self.level.stiffness);
+        if !fills_in && !self.level.positions.is_empty() {
+            let area: f64 = self.level.mass.lumped().iter().sum();
+            return 4.0 * std::f64::consts::PI * wanted / area;
+        }
+        let mut ratios = self.level.ratios();
+        let n = ratios.len();
+        let median = *ratios.select_nth_unstable_by(n / 2, f64::total_cmp).1;
+        median * (wanted / n as f64).powf(if fills_in { 2.0 / 3.0 } else { 1.0 })
     }
 
     /// A shift with no eigenvalue below, where some are negative.
@@ -136,9 +191,8 @@ impl<'a> Scout<'a> {
     }
 }
 
-/// The next distance to try, from one with too few and one with too many eigenvalues.
-fn next(few: Tried, many: Tried, wanted: usize) -> f64 {
-    let target = 1.6 * wanted as f64;
+/// The next distance to try for a number of eigenvalues, from one with too few and one with too many.
+fn next(few: Tried, many: Tried, target: f64) -> f64 {
     match (few, many) {
         (Some((low, below)), Some((high, above))) if below > 0 => {
             // A power law through both, kept inside.

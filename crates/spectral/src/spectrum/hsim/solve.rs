@@ -12,6 +12,7 @@ use super::iterate::{Iteration, Plan};
 use super::judge::Count;
 use super::kernel::Kernel;
 use super::krylov;
+use super::lanczos;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
 use super::shifts::factor_near;
@@ -141,6 +142,14 @@ fn climb_and_solve(
     let nontrivial = |wanted: usize| wanted.saturating_sub(if mixed { 0 } else { known }).max(1).min(n - known);
     let sliced = parameters.variant == Variant::Sliced;
     let sigma = parameters.sigma.unwrap_or(hierarchy::SIGMA);
+    // A small residual takes a Krylov space instead of a hierarchy, unless its levels are asked for.
+    let krylov = |wanted: usize| {
+        let chosen = parameters.levels.is_none() && !keep_space && sliced && begun.is_none() && given.is_none();
+        // What is small, or of small pieces, is solved densely.
+        let q = hierarchy::columns(nontrivial(wanted), n - known);
+        let dense = || hierarchy::sizes(dense_rows(&base.stiffness, &base.mass), q, None).is_empty();
+        chosen && !mixed && lanczos::pays(n, nontrivial(wanted), parameters.tolerance) && !dense()
+    };
     let climb = |q: usize| {
         let mut sizes = hierarchy::sizes(n, q, parameters.levels);
         // Many small pieces are solved densely, however many there are.
@@ -166,7 +175,8 @@ fn climb_and_solve(
     let (finest, start) = match parameters.wanted {
         Wanted::Count(count) => {
             let q = hierarchy::columns(nontrivial(count), n - known);
-            rayon::join(|| Finest::new(&base, q, monitor), || climb(q))
+            let climb = || if krylov(count) { Ok(None) } else { climb(q) };
+            rayon::join(|| Finest::new(&base, q, monitor), climb)
         }
         Wanted::Below { .. } | Wanted::Between { .. } => {
             (Finest::new(&base, hierarchy::columns(100, n), monitor), Ok(None))
@@ -187,10 +197,20 @@ fn climb_and_solve(
         }
     };
     let kernel = Kernel::new(&finest.level);
+    let krylov = krylov(wanted);
     let nontrivial = nontrivial(wanted);
+    let task = Task { mesh, problem, parameters, finest: &finest, kernel: &kernel, goal, nontrivial, offset, monitor };
+    let found = if krylov { task.krylov_start()? } else { None };
+    if let Some(found) = found {
+        let columns = if found.orthonormal { Columns::Ritz } else { Columns::Solved };
+        let (mut pairs, report) = task.solve_or_begin_again(found.vectors, found.values, None, columns)?;
+        within(&pairs, parameters.wanted)?;
+        pairs.levels = vec![report];
+        return Ok(pairs);
+    }
     let start = match parameters.wanted {
-        Wanted::Count(_) => start?,
-        Wanted::Below { .. } | Wanted::Between { .. } => climb(hierarchy::columns(nontrivial, n - known))?,
+        Wanted::Count(_) if !krylov => start?,
+        _ => climb(hierarchy::columns(nontrivial, n - known))?,
     };
     let mut reports = Vec::new();
     let mut space = None;
@@ -236,16 +256,34 @@ fn climb_and_solve(
             })
         }
     };
-    let task = Task { mesh, problem, parameters, finest: &finest, kernel: &kernel, goal, nontrivial, offset, monitor };
-    let (mut pairs, report) = task.solve_or_begin_again(vectors, values, plain, reports.is_empty())?;
-    if let Wanted::Below { most, .. } | Wanted::Between { most, .. } = parameters.wanted
-        && pairs.first + pairs.values.len() > most
-    {
-        return Err(HsimError::Count { wanted: pairs.first + pairs.values.len(), most });
-    }
+    let columns = if reports.is_empty() { Columns::Solved } else { Columns::Rough };
+    let (mut pairs, report) = task.solve_or_begin_again(vectors, values, plain, columns)?;
+    within(&pairs, parameters.wanted)?;
     reports.push(report);
     (pairs.levels, pairs.space) = (reports, space);
     Ok(pairs)
+}
+
+/// Refuses more pairs than an interval may have.
+pub(super) fn within(pairs: &Eigenpairs, wanted: Wanted) -> Result<(), HsimError> {
+    let found = pairs.first + pairs.values.len();
+    match wanted {
+        Wanted::Below { most, .. } | Wanted::Between { most, .. } if found > most => {
+            Err(HsimError::Count { wanted: found, most })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What is known of the columns of a start.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Columns {
+    /// Nothing: they are no more than a start.
+    Rough,
+    /// They may have converged.
+    Solved,
+    /// The same, and they are orthonormal Ritz vectors of their span.
+    Ritz,
 }
 
 /// A count below a bound may be off by so many where eigenvalues lie next to it.
@@ -266,6 +304,16 @@ pub(super) struct Task<'a> {
 }
 
 impl Task<'_> {
+    /// Pairs of a Krylov space, where it holds them.
+    fn krylov_start(&self) -> Result<Option<lanczos::Found>, HsimError> {
+        let Self { finest: Finest { level, symbolic, .. }, kernel, monitor, parameters, nontrivial, .. } = *self;
+        monitor.stage("iterate");
+        let columns = hierarchy::columns(nontrivial, level.size() - kernel.dimension());
+        let (tolerance, seed) = (parameters.tolerance, parameters.seed);
+        let wanted = lanczos::Wanted { pairs: nontrivial, columns, tolerance, seed };
+        lanczos::start(level, symbolic, kernel, wanted, monitor)
+    }
+
     /// As [`Task::solve`]; where that leads nowhere, from all pairs of a dense solve if the problem is small, else from random vectors. A start whose coarse
     /// levels miss what the mesh has, as those of very thin triangles do, may leave some eigenvectors to several slices and others to none.
     pub fn solve_or_begin_again(
@@ -273,16 +321,16 @@ impl Task<'_> {
         vectors: PanelMatrix,
         values: Vec<f64>,
         plain: Option<f64>,
-        exact: bool,
+        columns: Columns,
     ) -> Result<(Eigenpairs, LevelReport), HsimError> {
         let Self { finest, kernel, monitor, .. } = *self;
-        let error = match self.solve(vectors, values, plain, exact) {
+        let error = match self.solve(vectors, values, plain, columns) {
             Err(error) if error.is_of_the_iteration() => error,
             solved => return solved,
         };
         let columns = hierarchy::columns(self.nontrivial, finest.level.size() - kernel.dimension());
         if let Some((values, vectors)) = dense_pairs::instead(&finest.level, columns, kernel.dimension(), monitor)? {
-            return self.solve(vectors, values, None, true);
+            return self.solve(vectors, values, None, Columns::Solved);
         }
         if plain.is_some() {
             // A baseline is what it is.
@@ -291,21 +339,22 @@ impl Task<'_> {
         monitor.stage("repair");
         let of = (&finest.level, &finest.symbolic);
         let (values, vectors) = krylov::afresh(of, kernel, columns, self.parameters.seed.wrapping_add(1), monitor)?;
-        self.solve(vectors, values, None, false)
+        self.solve(vectors, values, None, Columns::Rough)
     }
 
-    /// Iterates from a start, plainly with the given shift or slice by slice, until what was found is proven. `exact`: the start may have converged.
+    /// Iterates from a start, plainly with the given shift or slice by slice, until what was found is proven.
     pub fn solve(
         &self,
         vectors: PanelMatrix,
         values: Vec<f64>,
         plain: Option<f64>,
-        exact: bool,
+        columns: Columns,
     ) -> Result<(Eigenpairs, LevelReport), HsimError> {
         let Self { finest, kernel, monitor, parameters, .. } = *self;
         let n = finest.level.size();
         let mut iteration = Iteration::new(&finest.level, &finest.symbolic, kernel, vectors, values, monitor);
         iteration.offset = self.offset;
+        iteration.ritz = columns == Columns::Ritz;
         let mut plan = Plan {
             wanted: self.nontrivial.min(iteration.values.len()),
             tolerance: parameters.tolerance,
@@ -319,7 +368,7 @@ impl Task<'_> {
                 published::subspace_iteration(&mut iteration, shift, self.nontrivial, parameters.tolerance)?;
                 iteration.require(&plan)?;
             }
-            None if exact => iteration.measure()?,
+            None if columns != Columns::Rough => iteration.measure()?,
             None => {}
         }
         if plain.is_none() {

@@ -564,7 +564,8 @@ fn levels_of_a_surface_squashed_to_a_line_are_as_small_as_others() {
     // Areas would ask for a sample at nearly every vertex.
     let mut mesh = generate(Shape::Torus, 6000).unwrap();
     mesh.positions.iter_mut().for_each(|p| *p = [p[0], 1e-3 * p[1], 1e-5 * p[2]]);
-    let pairs = solve(&mesh, &laplacian(&mesh), &count(20, 1e-2), false, &Unwatched).unwrap();
+    let parameters = HsimParameters { levels: Some(3), ..count(20, 1e-2) };
+    let pairs = solve(&mesh, &laplacian(&mesh), &parameters, false, &Unwatched).unwrap();
     let levels: Vec<usize> = pairs.levels.iter().map(|level| level.dimension).collect();
     assert!(levels.len() > 1 && levels[0] <= 700, "{levels:?}");
     assert_eq!(pairs.values.len(), 20);

@@ -1,0 +1,466 @@
+//! Pairs to a small residual, without a start: block Lanczos on the inverse at one shift in the middle of what is wanted.
+//!
+//! A step of subspace iteration takes a solve for every column, and divides errors by a constant. A Krylov space of narrow blocks grows by powers of the
+//! operator instead: with eight columns in a block, some 2.2 columns for each wanted pair hold all of them to ten digits (Grimes, Lewis and Simon 1994). At
+//! residuals that a subspace iteration reaches in one or two steps it does not pay; below them it is several times cheaper.
+//!
+//! The operator is `T = (S − μM)⁻¹M`, self-adjoint for the inner product of the mass. Its eigenvalues are `ν = 1 / (λ − μ)`: those below the shift are negative,
+//! and the count at `μ` says how many. Blocks are made orthogonal to all before them.
+
+use chladni_algebra::{
+    DenseMatrix, EigenError, Factor, KRYLOV_WIDTH, KrylovRow, KrylovSquare, PANEL_WIDTH, PanelMatrix, SolveScratch,
+    SolveTree, SymbolicFactor, append_blocks, basis_products, block_gram, block_products, block_times_square,
+    lowest_symmetric, mass_times_block, rotate, subtract_blocks, subtract_from_block,
+};
+use chladni_base::{Monitor, Quiet, SplitMix64};
+
+use super::HsimError;
+use super::kernel::Kernel;
+use super::level::Level;
+use super::scout::Scout;
+
+/// What is wanted, beside the kernel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Wanted {
+    /// Pairs that must converge.
+    pub pairs: usize,
+    /// Columns to give back, the others with whatever residual they have.
+    pub columns: usize,
+    /// The residual (4.6).
+    pub tolerance: f64,
+    pub seed: u64,
+}
+
+/// What was found.
+#[derive(Debug)]
+pub(super) struct Found {
+    /// The lowest Ritz values beside the kernel, ascending.
+    pub values: Vec<f64>,
+    /// Their vectors.
+    pub vectors: PanelMatrix,
+    /// Whether these are orthonormal for the mass, and Ritz vectors of their span, up to rounding.
+    pub orthonormal: bool,
+}
+
+/// The shift of the inverse.
+struct Shift<'a> {
+    at: f64,
+    factor: Factor<'a>,
+    /// Eigenvalues below it that are not those of the kernel.
+    below: usize,
+}
+
+/// Columns of the space for each wanted pair, more for each digit of the residual, and some beside them, when convergence is looked at first; then after every
+/// so many more.
+const FIRST_LOOK: (f64, f64, usize) = (1.25, 0.06, 48);
+const NEXT_LOOK: usize = 24;
+
+/// The most columns of the space, for each two wanted pairs and beside them: no more memory than an iteration takes.
+const MOST: (usize, usize) = (5, 96);
+
+/// At that size, this share of the wanted pairs may be left to an iteration.
+const FEW: usize = 8;
+
+/// The space has at most this share of the unknowns.
+const LARGEST_SHARE: usize = 3;
+
+/// A column of a block of which less than this share of the operator's size is left depends on the columns before it.
+const SPENT: f64 = 1e-13;
+
+/// A block is orthonormal to rounding if it was to this before it was made so.
+const ORTHONORMAL: f64 = 1e-6;
+const MOST_TIMES: usize = 3;
+
+/// Products of columns that are less than this are rounding errors, as far as a count needs columns to be orthonormal.
+const NOTHING: f64 = 1e-11;
+
+/// Residuals of eigenvalues below this share of the shift are taken relative to that.
+const LEAST: f64 = 1e-3;
+
+/// Residuals are estimated, and have to be so much smaller than what is wanted.
+const SAFE: f64 = 0.3;
+
+/// Residuals above this take so little of a subspace iteration that on large meshes the space costs more.
+const LOOSE: f64 = 2e-3;
+const LARGE: usize = 60_000;
+
+/// Whether so many pairs of a level of a size, with such residuals, are had for less in a Krylov space than from a hierarchy.
+pub(super) fn pays(size: usize, pairs: usize, tolerance: f64) -> bool {
+    (tolerance <= LOOSE || size <= LARGE) && LARGEST_SHARE * first_look(pairs, tolerance) <= size
+}
+
+/// The columns that the space has when convergence is looked at first.
+fn first_look(pairs: usize, tolerance: f64) -> usize {
+    let (columns, more, beside) = FIRST_LOOK;
+    let digits = -tolerance.log10().clamp(-12.0, -1.0);
+    (((columns + more * digits) * pairs as f64) as usize + beside).next_multiple_of(KRYLOV_WIDTH)
+}
+
+/// As [`pairs`] with a shift that counts find; nothing where they find none, or the space does not hold what is wanted.
+pub(super) fn start(
+    level: &Level,
+    symbolic: &SymbolicFactor,
+    kernel: &Kernel<'_>,
+    wanted: Wanted,
+    monitor: &dyn Monitor,
+) -> Result<Option<Found>, HsimError> {
+    let middle = Scout::new(level, symbolic).middle(wanted.pairs, kernel.dimension(), monitor)?;
+    let Some((at, factor, below)) = middle else { return Ok(None) };
+    pairs(level, symbolic, kernel, &Shift { at, factor, below }, wanted, monitor)
+}
+
+/// The lowest Ritz pairs beside the kernel from one factor. Those that are wanted have converged, or all but a few; nothing where more have not, as where an
+/// eigenvalue has far more eigenvectors than a block has columns.
+fn pairs(
+    level: &Level,
+    symbolic: &SymbolicFactor,
+    kernel: &Kernel<'_>,
+    shift: &Shift<'_>,
+    wanted: Wanted,
+    monitor: &dyn Monitor,
+) -> Result<Option<Found>, HsimError> {
+    let mut space = Space::new(level, symbolic, kernel, shift, wanted, monitor)?;
+    let most = (MOST.0 * wanted.pairs / 2 + MOST.1).min(level.size() / LARGEST_SHARE);
+    let mut look = first_look(wanted.pairs, wanted.tolerance).min(most);
+    loop {
+        while space.columns() < look {
+            let (done, n) = (space.columns(), level.size());
+            monitor.checkpoint()?;
+            monitor.detail(&format!("dimension {n}, a Krylov space of {done} columns, {look} before the next look"));
+            monitor.progress(done as f64 / look as f64);
+            space.grow()?;
+        }
+        let ritz = space.ritz()?;
+        let chosen = ritz.lowest(shift, wanted.columns);
+        let pending = chosen.iter().take(wanted.pairs).filter(|&&k| !(ritz.residuals[k] <= SAFE * wanted.tolerance));
+        let complete = ritz.below() == shift.below && chosen.len() >= wanted.pairs;
+        match pending.count() {
+            0 if complete => return space.vectors(&ritz, &chosen, wanted.pairs).map(Some),
+            few if look == most && complete && few <= wanted.pairs / FEW => {
+                return space.vectors(&ritz, &chosen, wanted.pairs).map(Some);
+            }
+            _ if look == most => return Ok(None),
+            _ => look = (look + NEXT_LOOK).min(most),
+        }
+    }
+}
+
+/// A Krylov space with the operator in it, which is block tridiagonal.
+struct Space<'a> {
+    level: &'a Level,
+    kernel: &'a Kernel<'a>,
+    shift: &'a Shift<'a>,
+    tree: SolveTree<'a>,
+    monitor: &'a dyn Monitor,
+    random: SplitMix64,
+    /// The first blocks, orthonormal for the mass.
+    basis: PanelMatrix,
+    /// The blocks after those of the basis, fewer than make up a panel, and one.
+    open: Vec<Block>,
+    /// The block that comes next.
+    next: Block,
+    /// The products of the operator with each block and the block itself.
+    diagonal: Vec<KrylovSquare>,
+    /// What the product with each block has of the next one.
+    beside: Vec<KrylovSquare>,
+    /// Memory that is used again: fresh memory costs as much as what is done with it.
+    image: Block,
+    inertia: Block,
+    scratch: SolveScratch,
+}
+
+type Block = Vec<KrylovRow>;
+
+/// Blocks that make up a panel of the basis.
+const BLOCKS: usize = PANEL_WIDTH / KRYLOV_WIDTH;
+
+impl<'a> Space<'a> {
+    fn new(
+        level: &'a Level,
+        symbolic: &'a SymbolicFactor,
+        kernel: &'a Kernel<'a>,
+        shift: &'a Shift<'a>,
+        wanted: Wanted,
+        monitor: &'a dyn Monitor,
+    ) -> Result<Self, HsimError> {
+        let mut space = Self {
+            level,
+            kernel,
+            shift,
+            tree: SolveTree::new(symbolic),
+            monitor,
+            random: SplitMix64::new(wanted.seed ^ 0x1a5c_2053),
+            basis: PanelMatrix::zeros(level.size(), 0),
+            open: Vec::new(),
+            next: Vec::new(),
+            diagonal: Vec::new(),
+            beside: Vec::new(),
+            image: Vec::new(),
+            inertia: Vec::new(),
+            scratch: SolveScratch::default(),
+        };
+        // Random vectors hold every frequency alike; solves leave those that are near.
+        let mut block = space.random_block();
+        for _ in 0..2 {
+            block = space.product(&block);
+            space.orthonormalise(&mut block, &mut Vec::new(), 0.0)?;
+        }
+        space.next = block;
+        Ok(space)
+    }
+
+    fn columns(&self) -> usize {
+        self.basis.columns() + KRYLOV_WIDTH * self.open.len()
+    }
+
+    fn random_block(&mut self) -> Block {
+        let mut block: Block =
+            (0..self.level.size()).map(|_| std::array::from_fn(|_| self.random.signed_unit())).collect();
+        self.kernel.remove_from_rows(&mut block);
+        block
+    }
+
+    /// `(S − μM)⁻¹M` times a block, orthogonal to the kernel.
+    fn product(&mut self, block: &[KrylovRow]) -> Block {
+        let mut product = std::mem::take(&mut self.image);
+        mass_times_block(&self.level.mass, block, &mut product);
+        self.tree.solve(&self.shift.factor, &mut product, &mut self.scratch);
+        self.kernel.remove_from_rows(&mut product);
+        product
+    }
+
+    /// Takes the next block into the space and makes the one after it.
+    fn grow(&mut self) -> Result<(), HsimError> {
+        if self.open.len() > BLOCKS {
+            append_blocks(&mut self.basis, &self.open[..BLOCKS]);
+            self.image = self.open.drain(..BLOCKS).next().unwrap_or_default();
+        }
+        let last = std::mem::take(&mut self.next);
+        let mut image = self.product(&last);
+        // What is known to be there first, so that the products with all blocks are of what is left.
+        let mut inertia = std::mem::take(&mut self.inertia);
+        mass_times_block(&self.level.mass, &last, &mut inertia);
+        let diagonal = symmetric(&block_products(&inertia, &image));
+        let size = largest(&diagonal).max(self.beside.last().map_or(0.0, largest));
+        let before = self.open.last().zip(self.beside.last()).map(|(block, beside)| (&block[..], transposed(beside)));
+        subtract_blocks(&mut image, &before.into_iter().chain([(&last[..], diagonal)]).collect::<Vec<_>>());
+        self.diagonal.push(diagonal);
+        self.open.push(last);
+        self.project(&mut image, &mut inertia)?;
+        let beside = self.orthonormalise(&mut image, &mut inertia, size)?;
+        self.inertia = inertia;
+        self.beside.push(beside);
+        self.next = image;
+        Ok(())
+    }
+
+    /// Takes off a block what it has of the space.
+    fn project(&mut self, block: &mut Block, inertia: &mut Block) -> Result<(), HsimError> {
+        mass_times_block(&self.level.mass, block, inertia);
+        let space = (&self.basis, &self.open[..]);
+        let products = basis_products(space, inertia, self.monitor)?;
+        subtract_from_block(block, space, &products, self.monitor)?;
+        Ok(())
+    }
+
+    /// Makes a block that is orthogonal to the space orthonormal; gives `R` with the block as it was equal to the new one times `R`. Columns that depend on
+    /// others, next to the size of the operator, are replaced by random ones.
+    fn orthonormalise(&mut self, block: &mut Block, scratch: &mut Block, size: f64) -> Result<KrylovSquare, HsimError> {
+        let mass = &self.level.mass;
+        let (first, spent) = cholesky(&block_gram(mass, block, scratch), SPENT * size);
+        block_times_square(block, &inverse(&first, &spent));
+        if spent.contains(&true) {
+            let random = self.random_block();
+            let mut fresh = self.product(&random);
+            for _ in 0..2 {
+                let gram = block_gram(mass, &fresh, scratch);
+                scale(&mut fresh, &gram);
+                self.project(&mut fresh, scratch)?;
+            }
+            for (row, fresh) in block.iter_mut().zip(&fresh) {
+                (0..KRYLOV_WIDTH).filter(|&k| spent[k]).for_each(|k| row[k] = fresh[k]);
+            }
+        }
+        // Until it is orthonormal: each time loses digits where columns are nearly dependent.
+        let mut whole = first;
+        for _ in 0..MOST_TIMES {
+            let gram = block_gram(mass, block, scratch);
+            let (again, lost) = cholesky(&gram, 0.0);
+            if lost.contains(&true) {
+                return Err(HsimError::Numerical("a block of a Krylov space is dependent".to_owned()));
+            }
+            block_times_square(block, &inverse(&again, &lost));
+            whole = times(&again, &whole);
+            if defect(&gram) < ORTHONORMAL {
+                break;
+            }
+        }
+        Ok(whole)
+    }
+
+    /// The Ritz pairs of the operator.
+    fn ritz(&self) -> Result<Ritz, HsimError> {
+        let m = self.columns();
+        let mut matrix = DenseMatrix::zeros(m, m);
+        for (block, diagonal) in self.diagonal.iter().enumerate() {
+            let start = block * KRYLOV_WIDTH;
+            for j in 0..KRYLOV_WIDTH {
+                for k in 0..KRYLOV_WIDTH {
+                    matrix.column_mut(start + k)[start + j] = diagonal[j][k];
+                }
+            }
+        }
+        for (block, beside) in self.beside.iter().enumerate().take(self.diagonal.len() - 1) {
+            let start = block * KRYLOV_WIDTH;
+            for j in 0..KRYLOV_WIDTH {
+                for k in 0..KRYLOV_WIDTH {
+                    matrix.column_mut(start + k)[start + KRYLOV_WIDTH + j] = beside[j][k];
+                    matrix.column_mut(start + KRYLOV_WIDTH + j)[start + k] = beside[j][k];
+                }
+            }
+        }
+        let failed = |error: EigenError| match error {
+            EigenError::Cancelled(cancelled) => HsimError::Cancelled(cancelled),
+            error => HsimError::Numerical(error.to_string()),
+        };
+        let pairs = lowest_symmetric(matrix, m, &Quiet(self.monitor)).map_err(failed)?;
+        // What the operator makes of a Ritz vector beside the space, in terms of the next block.
+        let beside = self.beside.last().copied().unwrap_or_default();
+        let rest = |k: usize| -> KrylovRow {
+            let end = &pairs.vectors.column(k)[m - KRYLOV_WIDTH..];
+            std::array::from_fn(|j| (0..KRYLOV_WIDTH).map(|i| beside[j][i] * end[i]).sum())
+        };
+        let rests: Vec<KrylovRow> = (0..m).map(rest).collect();
+        // After one more application `S x − λ M x` is `M` times the rest over `ν²`; and `S x` is about `λ` times a vector of the mean mass.
+        let mut inertia = Vec::new();
+        mass_times_block(&self.level.mass, &self.next, &mut inertia);
+        let squares = block_products(&inertia, &inertia);
+        let mass = self.level.mass.lumped();
+        let mean = mass.iter().map(|m| m * m).sum::<f64>() / mass.iter().sum::<f64>();
+        let residual = |(rest, &nu): (&KrylovRow, &f64)| {
+            let square: f64 = (0..KRYLOV_WIDTH)
+                .map(|j| rest[j] * (0..KRYLOV_WIDTH).map(|k| squares[j][k] * rest[k]).sum::<f64>())
+                .sum();
+            let value = (self.shift.at + nu.recip()).abs().max(LEAST * self.shift.at.abs());
+            (square.max(0.0) / mean).sqrt() / (nu * nu * value)
+        };
+        let residuals = rests.iter().zip(&pairs.values).map(residual).collect();
+        Ok(Ritz { operator: pairs.values, vectors: pairs.vectors, rests, residuals })
+    }
+
+    /// Some Ritz pairs, the first of which are wanted. These get one application of the operator more, which is known already: it takes off what they have of stiff
+    /// directions. It is orthogonal to the space, so that columns stay orthonormal up to its products; the others do without.
+    fn vectors(mut self, ritz: &Ritz, chosen: &[usize], wanted: usize) -> Result<Found, HsimError> {
+        let m = self.columns();
+        let mut coefficients = DenseMatrix::zeros(m + KRYLOV_WIDTH, chosen.len());
+        let mut most = 0f64;
+        for (to, &from) in chosen.iter().enumerate() {
+            let (column, nu) = (coefficients.column_mut(to), ritz.operator[from]);
+            column[..m].copy_from_slice(ritz.vectors.column(from));
+            if to < wanted {
+                column[m..].iter_mut().zip(&ritz.rests[from]).for_each(|(to, rest)| *to = rest / nu);
+                most = most.max(column[m..].iter().map(|x| x * x).sum());
+            }
+        }
+        self.open.push(self.next);
+        self.open.chunks(BLOCKS).for_each(|blocks| append_blocks(&mut self.basis, blocks));
+        drop(self.open);
+        rotate(&mut self.basis, &coefficients, self.monitor)?;
+        let values = chosen.iter().map(|&k| self.shift.at + ritz.operator[k].recip()).collect();
+        Ok(Found { values, vectors: self.basis, orthonormal: most <= NOTHING })
+    }
+}
+
+/// Ritz pairs of the operator in a space.
+struct Ritz {
+    /// The eigenvalues `ν`, ascending.
+    operator: Vec<f64>,
+    /// In terms of the basis.
+    vectors: DenseMatrix,
+    /// What the operator makes of each beside the space, in terms of the next block.
+    rests: Vec<KrylovRow>,
+    /// About the residuals (4.6) of the pencil.
+    residuals: Vec<f64>,
+}
+
+impl Ritz {
+    /// How many lie below the shift.
+    fn below(&self) -> usize {
+        self.operator.partition_point(|&nu| nu < 0.0)
+    }
+
+    /// The lowest by the eigenvalue of the pencil: those below the shift, by descending `ν`, then those above by descending `ν` again.
+    fn lowest(&self, shift: &Shift<'_>, columns: usize) -> Vec<usize> {
+        let below = self.below();
+        // Of the negative ones, the smallest are no eigenvalues yet, where more are there than lie below.
+        let from = below.min(shift.below);
+        (0..from).rev().chain((below..self.operator.len()).rev()).take(columns).collect()
+    }
+}
+
+/// The upper triangular `R` with `RᵀR = G`; the rows of columns of which at most `least` is left after those before are zero, and these are named.
+fn cholesky(gram: &KrylovSquare, least: f64) -> (KrylovSquare, [bool; KRYLOV_WIDTH]) {
+    let (mut r, mut spent) = ([[0.0; KRYLOV_WIDTH]; KRYLOV_WIDTH], [false; KRYLOV_WIDTH]);
+    for k in 0..KRYLOV_WIDTH {
+        let square = gram[k][k] - (0..k).map(|i| r[i][k] * r[i][k]).sum::<f64>();
+        // Less than rounding errors of the difference are nothing.
+        if !(square > least * least && square > CANCELLED * gram[k][k]) {
+            spent[k] = true;
+            continue;
+        }
+        r[k][k] = square.sqrt();
+        for j in k + 1..KRYLOV_WIDTH {
+            let sum: f64 = (0..k).map(|i| r[i][k] * r[i][j]).sum();
+            r[k][j] = (0.5 * (gram[k][j] + gram[j][k]) - sum) / r[k][k];
+        }
+    }
+    (r, spent)
+}
+
+/// A difference of squares that is a smaller share of them is for the most part rounding.
+const CANCELLED: f64 = 1e-14;
+
+/// `R⁻¹`, with the columns of spent ones zero.
+fn inverse(r: &KrylovSquare, spent: &[bool; KRYLOV_WIDTH]) -> KrylovSquare {
+    let mut inverse = [[0.0; KRYLOV_WIDTH]; KRYLOV_WIDTH];
+    for k in (0..KRYLOV_WIDTH).filter(|&k| !spent[k]) {
+        inverse[k][k] = r[k][k].recip();
+        for i in (0..k).rev().filter(|&i| !spent[i]) {
+            let sum: f64 = (i + 1..=k).map(|j| r[i][j] * inverse[j][k]).sum();
+            inverse[i][k] = -sum / r[i][i];
+        }
+    }
+    inverse
+}
+
+/// Brings every column to unit length, by the products of the block with itself.
+fn scale(block: &mut [KrylovRow], gram: &KrylovSquare) {
+    let factors: KrylovRow = std::array::from_fn(|k| if gram[k][k] > 0.0 { gram[k][k].sqrt().recip() } else { 0.0 });
+    block.iter_mut().for_each(|row| row.iter_mut().zip(&factors).for_each(|(x, factor)| *x *= factor));
+}
+
+fn transposed(a: &KrylovSquare) -> KrylovSquare {
+    std::array::from_fn(|j| std::array::from_fn(|k| a[k][j]))
+}
+
+fn symmetric(a: &KrylovSquare) -> KrylovSquare {
+    std::array::from_fn(|j| std::array::from_fn(|k| 0.5 * (a[j][k] + a[k][j])))
+}
+
+fn times(a: &KrylovSquare, b: &KrylovSquare) -> KrylovSquare {
+    std::array::from_fn(|j| std::array::from_fn(|k| (0..KRYLOV_WIDTH).map(|i| a[j][i] * b[i][k]).sum()))
+}
+
+/// The largest entry of `|A − I|`.
+fn defect(a: &KrylovSquare) -> f64 {
+    let entry = |j: usize, k: usize| (a[j][k] - f64::from(u8::from(j == k))).abs();
+    (0..KRYLOV_WIDTH).flat_map(|j| (0..KRYLOV_WIDTH).map(move |k| entry(j, k))).fold(0.0, f64::max)
+}
+
+fn largest(a: &KrylovSquare) -> f64 {
+    a.iter().flatten().fold(0.0, |most, x| x.abs().max(most))
+}
+
+#[cfg(test)]
+#[path = "lanczos_tests.rs"]
+mod tests;
