@@ -169,7 +169,7 @@ async fn load_subject(
     let mut draining = shared.give_back.subscribe();
     let begun = Instant::now();
     loop {
-        match shared.store.load_subject(&job.kind, &job.mesh).await {
+        match shared.store.load_subject(job).await {
             Err(error) if shared.store.is_shared() && error.is_retryable() && begun.elapsed() < SUBJECT_PATIENCE => {
                 tracing::warn!(%error, "what the job is about cannot be read yet");
             }
