@@ -53,11 +53,19 @@ pub(super) async fn plan(state: &ClientState, request: &mut JobRequest) -> Resul
     Ok(Planned {
         source: first.id.clone(),
         bases: shapes.iter().map(|(basis, _)| basis.id).collect(),
-        estimate: parameters.shapes_memory_bytes(&stored, state.config.job_threads()),
+        estimate: parameters.shapes_memory_bytes(&stored, most_threads(state).await?),
         limit: most_bytes(state, &request.kind).await?,
         seconds: None,
         parameters: JobParameters::MapCollection(parameters),
     })
+}
+
+/// The most threads that a job may get, of whichever worker takes it.
+async fn most_threads(state: &ClientState) -> Result<usize, Problem> {
+    let workers = state.store.workers().await?;
+    let shares = workers.iter().map(|worker| worker.threads.div_ceil(worker.seats.max(1)) as usize);
+    let own = state.config.job_threads().div_ceil(state.config.workers.max(1));
+    Ok(shares.max().unwrap_or(own))
 }
 
 /// The bases, each with its mesh.

@@ -226,3 +226,65 @@ impl JobError {
         matches!(self, Self::Analysis(AnalysisError::Basis(BasisError::Unavailable { .. })))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(parameters: Value) -> Result<MapCollectionParameters, ParameterError> {
+        MapCollectionParameters::read(&Packed::from(&parameters))
+    }
+
+    fn shapes(pairs: &[usize]) -> Vec<ShapeSize> {
+        pairs.iter().map(|&pairs| ShapeSize { vertices: 1000, faces: 1996, pairs }).collect()
+    }
+
+    #[test]
+    fn defaults_are_those_of_the_shapes() {
+        let fitted = |parameters: Value, pairs: &[usize]| read(parameters).unwrap().fitted(&shapes(pairs)).unwrap();
+        let sizes = |found: &MapCollectionParameters| (found.pairs.unwrap(), found.start.unwrap());
+        assert_eq!(sizes(&fitted(json!(null), &[128, 128, 200])), (100, 30));
+        assert_eq!(sizes(&fitted(json!({}), &[128, 20])), (20, 20));
+        assert_eq!(sizes(&fitted(json!({"pairs": 60, "start": 10}), &[128; 3])), (60, 10));
+        // Equal work has equal parameters, however much of them was said.
+        let whole = fitted(json!(null), &[128; 2]);
+        assert_eq!(read(whole.canonical()).unwrap(), whole);
+        assert_eq!(whole.fitted(&shapes(&[128; 2])).unwrap(), whole);
+        assert_eq!(fitted(json!({"pairs": 100, "polish": true}), &[128; 2]).canonical(), whole.canonical());
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_by_name() {
+        let points = vec![ShapeSize { faces: 0, ..shapes(&[50])[0] }; 2];
+        for (parameters, shapes, name) in [
+            (json!({}), shapes(&[50]), "bases"),
+            (json!({}), shapes(&[50; 33]), "bases"),
+            (json!({}), vec![ShapeSize { vertices: 60_000_000, faces: 1, pairs: 50 }; 2], "bases"),
+            (json!({"pairs": 51}), shapes(&[50; 2]), "pairs"),
+            (json!({"pairs": 200}), shapes(&[300; 32]), "pairs"),
+            (json!({}), shapes(&[4; 2]), "pairs"),
+            (json!({"start": 41, "pairs": 40}), shapes(&[50; 2]), "start"),
+            (json!({"samples": 50}), shapes(&[50; 2]), "samples"),
+            (json!({}), points.clone(), "oriented"),
+        ] {
+            let refused = read(parameters.clone()).unwrap().fitted(&shapes).unwrap_err();
+            assert!(
+                matches!(refused, ParameterError::Value { name: own, .. } if own == name),
+                "{parameters}: {refused}"
+            );
+        }
+        assert!(read(json!({"oriented": false})).unwrap().fitted(&points).is_ok());
+    }
+
+    #[test]
+    fn more_shapes_and_more_threads_are_promised_more() {
+        let promised = |shapes: usize, vertices: usize, threads: usize| {
+            let size = ShapeSize { vertices, faces: 2 * vertices, pairs: 128 };
+            let stored = vec![StoredShape { size, basis_bytes: 512 * vertices as u64 }; shapes];
+            let sizes: Vec<ShapeSize> = stored.iter().map(|shape| shape.size).collect();
+            read(json!({})).unwrap().fitted(&sizes).unwrap().shapes_memory_bytes(&stored, threads)
+        };
+        assert!(promised(4, 5000, 2) < promised(8, 5000, 2) && promised(4, 5000, 2) < promised(4, 20_000, 2));
+        assert!(promised(4, 5000, 2) < promised(4, 5000, 4) && promised(4, 5000, 4) == promised(4, 5000, 64));
+    }
+}
