@@ -108,7 +108,7 @@ async fn maps_of_a_collection_are_the_same_where_records_are_shared() {
     let folder = tempfile::tempdir().unwrap();
     let (shared, alone) = (places.server(), Server::start(folder.path(), &[]));
     let worker = places.worker(&[]);
-    let mut contents = Vec::new();
+    let (mut contents, mut jobs) = (Vec::new(), Vec::new());
     for server in [&shared, &alone] {
         let mut bases = Vec::new();
         for across in [9, 10, 11] {
@@ -131,6 +131,7 @@ async fn maps_of_a_collection_are_the_same_where_records_are_shared() {
         assert_eq!(maps["maps"].as_array().unwrap().len(), 6, "{maps}");
         let content = server.client.get(format!("{url}/content")).send().await.unwrap().bytes().await.unwrap();
         contents.push(npz::read_maps(&content).unwrap());
+        jobs.push(done);
     }
     let [a, b] = &mut contents[..] else { panic!() };
     // Identifiers are all that differs.
@@ -141,6 +142,16 @@ async fn maps_of_a_collection_are_the_same_where_records_are_shared() {
     assert_eq!(worker.ended(), None);
     shared.stop();
     alone.stop();
+    // A folder that is moved takes what a job works on along.
+    let Some(elsewhere) = Places::new() else { return };
+    let [data, to, objects] =
+        [folder.path().to_str().unwrap(), &elsewhere.database, &elsewhere.objects].map(str::to_owned);
+    let arguments = ["migrate", "--data", &data, "--to", &to, "--objects", &objects];
+    let moved = process::chladni(&arguments);
+    assert!(moved.status.success(), "{moved:?}");
+    let server = elsewhere.server();
+    assert_eq!(server.job_now(jobs[1]["id"].as_str().unwrap()).await, jobs[1]);
+    server.stop();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

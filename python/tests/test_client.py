@@ -41,9 +41,12 @@ def test_answers_are_those_of_here(client, knot, tmp_path):
 
 
 def test_maps_of_a_collection_are_those_of_here(client):
-    mesh = chladni.Mesh.sample("knot", 600)
+    mesh = chladni.Mesh.sample("sphere", 400)
+    x, y, z = mesh.vertices.T
+    # Without symmetries, since maps of symmetric shapes hang on rounding.
+    bumps = np.stack([x, 1.35 * y, 1.8 * z], -1) * (1 + 0.25 * x + 0.2 * y * z + 0.15 * (x * x - 0.5 * y))[:, None]
     # A vertex that nothing uses, so that the numbers of the file are not those of the mesh.
-    bent = [(np.concatenate([[[9.0, 9, 9]], mesh.vertices * [1.0, 1.0, scale]]), mesh.faces + 1) for scale in (1.0, 1.02, 1.05)]
+    bent = [(np.concatenate([[[9.0, 9, 9]], bumps * [1.0, 1.0, scale]]), mesh.faces + 1) for scale in (1.0, 1.02, 1.05)]
     arguments = {"pairs": 40, "start": 20, "step": 10, "samples": 300}
     bases = [client.eigs(*one, k=50, method="hsim", tol=1e-8) for one in bent]
     there = client.map_collection(bases, **arguments)
