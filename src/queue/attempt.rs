@@ -84,7 +84,8 @@ pub(super) async fn run(
         Ok(None) => return Threads::Free,
         Err(error) => {
             let retryable = error.is_retryable();
-            settle(shared, &job.kind, Ending::Failed(problem("mesh-unavailable", &error), retryable), token).await;
+            let name = if job.bases.is_empty() { "mesh-unavailable" } else { "basis-unavailable" };
+            settle(shared, &job.kind, Ending::Failed(problem(name, &error), retryable), token).await;
             return Threads::Free;
         }
     };

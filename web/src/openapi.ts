@@ -4314,7 +4314,7 @@ export interface components {
                 triples: number | null;
             };
             /** @description What solved its dense problems; absent where no graphics card had to do with it. */
-            dense_solver: string[];
+            dense_solver?: string[];
             /** @description Their meshes. */
             meshes: string[];
             /** @description The vertices of each. */
