@@ -52,6 +52,7 @@ impl Bench {
             brief: None,
             kind: "eigenbasis".to_owned(),
             mesh: self.mesh.clone(),
+            bases: Vec::new(),
             parameters: json!({"count": 4}),
             priority: 0,
             idempotency: None,

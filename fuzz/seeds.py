@@ -94,6 +94,7 @@ JOBS = [
     ("operator_family", [{"dimension": 5}]),
     ("vibration_basis", [{"count": 2, "thickness": 0.01}, {"count": 2, "thickness": 0.01, "method": "approximate"}]),
     ("pencil_basis", [{"count": 2}, {"below": 1.0}, {"around": 1.5, "count": 2}, {"between": [0.1, 2.0], "fixed": [0]}]),
+    ("map_collection", [{"pairs": 40, "start": 20}, {"step": 10, "samples": 400, "oriented": False, "polish": False}]),
 ]
 
 

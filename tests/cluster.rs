@@ -16,9 +16,10 @@ use std::{
 };
 
 use chladni::store::fault::{FailPoint, Faults};
+use chladni_spectral::formats::npz;
 use places::{LEASE, Places, Pooler};
 use process::{PATIENCE, Server};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 const SIGKILL: i32 = 9;
 
@@ -98,6 +99,59 @@ async fn two_servers_and_two_workers_are_one_service() {
     assert_eq!(places.check().await, 13);
     one.stop();
     two.stop();
+}
+
+/// Shapes and their bases come from shared places, go to a process, and the maps come back: the files' bytes are those of a server by itself.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn maps_of_a_collection_are_the_same_where_records_are_shared() {
+    let Some(places) = Places::new() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (shared, alone) = (places.server(), Server::start(folder.path(), &[]));
+    let worker = places.worker(&[]);
+    let (mut contents, mut jobs) = (Vec::new(), Vec::new());
+    for server in [&shared, &alone] {
+        let mut bases = Vec::new();
+        for across in [9, 10, 11] {
+            let mesh = server.upload_off(process::torus_of(24, across)).await;
+            let parameters = json!({"method": "hsim", "count": 30, "precision": "f64"});
+            let job = server.submit_with(&mesh, parameters).await.unwrap();
+            bases.push(server.finished(&job).await["basis"].clone());
+        }
+        let request = json!({"kind": "map_collection", "bases": bases, "parameters": {"samples": 200}});
+        let submit = async || {
+            let answer = server.client.post(format!("{}/v1/jobs", server.url)).json(&request).send().await.unwrap();
+            answer.json::<Value>().await.unwrap()
+        };
+        let job = submit().await;
+        let done = server.finished(job["id"].as_str().unwrap()).await;
+        assert_eq!((&done["status"], &done["bases"]), (&"succeeded".into(), &Value::from(bases.clone())), "{done}");
+        assert_eq!(submit().await["id"], job["id"]);
+        let url = format!("{}/v1/bases/{}", server.url, done["basis"].as_str().unwrap());
+        let maps = server.client.get(format!("{url}/maps")).send().await.unwrap().json::<Value>().await.unwrap();
+        assert_eq!(maps["maps"].as_array().unwrap().len(), 6, "{maps}");
+        let content = server.client.get(format!("{url}/content")).send().await.unwrap().bytes().await.unwrap();
+        contents.push(npz::read_maps(&content).unwrap());
+        jobs.push(done);
+    }
+    let [a, b] = &mut contents[..] else { panic!() };
+    // Identifiers are all that differs.
+    b.metadata = a.metadata.clone();
+    assert!(a == b && a.vertex_maps.iter().all(|of_file| !of_file.is_empty()));
+    assert_eq!(places.check().await, 4);
+    worker.signal(rustix::process::Signal::TERM);
+    assert_eq!(worker.ended(), None);
+    shared.stop();
+    alone.stop();
+    // A folder that is moved takes what a job works on along.
+    let Some(elsewhere) = Places::new() else { return };
+    let [data, to, objects] =
+        [folder.path().to_str().unwrap(), &elsewhere.database, &elsewhere.objects].map(str::to_owned);
+    let arguments = ["migrate", "--data", &data, "--to", &to, "--objects", &objects];
+    let moved = process::chladni(&arguments);
+    assert!(moved.status.success(), "{moved:?}");
+    let server = elsewhere.server();
+    assert_eq!(server.job_now(jobs[1]["id"].as_str().unwrap()).await, jobs[1]);
+    server.stop();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

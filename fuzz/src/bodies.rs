@@ -178,7 +178,7 @@ fn sphere() -> TriangleMesh {
 }
 
 /// Bodies for what the document shows none of that fits.
-const MORE: [(&str, &str); 8] = [
+const MORE: [(&str, &str); 9] = [
     ("project", r#"{"functions": "coordinates", "reconstruct": true}"#),
     ("reconstruct", r#"{"columns": 1, "values": [1, 0, 0, 0, 0, 0, 0, 0, 0, 0.5]}"#),
     ("design", r#"{"constraints": [{"face": 3, "direction": [0, 0, 1]}], "strokes": []}"#),
@@ -187,6 +187,7 @@ const MORE: [(&str, &str); 8] = [
     ("similar-points", r#"{"count": 5, "signature": {"kind": "wave_kernel", "count": 40}, "vertex": 3}"#),
     ("fur", r#"{"field": {"design": {}}, "length": 0.1, "tilt": 1.0}"#),
     ("shape-comparisons", r#"{"bases": ["@0", "@1"], "count": 5, "dimensions": 1}"#),
+    ("jobs", r#"{"kind": "map_collection", "bases": ["@1", "@7"]}"#),
 ];
 
 const OCTAHEDRON: &str = "OFF\n6 8 0\n1 0 0\n-1 0 0\n0 1 0\n0 -1 0\n0 0 1\n0 0 -1\n\
@@ -194,7 +195,7 @@ const OCTAHEDRON: &str = "OFF\n6 8 0\n1 0 0\n-1 0 0\n0 1 0\n0 -1 0\n0 0 1\n0 0 -
 const PATH: &str = "%%MatrixMarket matrix coordinate real symmetric\n5 5 9\n1 1 1\n2 2 2\n3 3 2\n4 4 2\n5 5 1\n\
     2 1 -1\n3 2 -1\n4 3 -1\n5 4 -1\n";
 
-/// The bases there are.
+/// The bases there are on the mesh and of the problem; behind them comes one on another mesh.
 const BASES: [(&str, &str); 7] = [
     ("eigenbasis", r#"{"count": 10}"#),
     ("eigenbasis", r#"{"count": 12, "method": "hsim", "precision": "f64"}"#),
@@ -238,14 +239,21 @@ async fn start() -> (Router, Names) {
     write_ply(&sphere(), None, &mut ply).expect("memory takes all");
     let id = |value: &Value| value["id"].as_str().expect("an identifier").to_owned();
     let mesh = id(&ask(&router, "POST", "/v1/meshes?format=ply", "model/ply", ply).await);
+    let mut other = sphere();
+    other.positions.iter_mut().for_each(|at| at[2] *= 1.5);
+    let mut ply = Vec::new();
+    write_ply(&other, None, &mut ply).expect("memory takes all");
+    let other = id(&ask(&router, "POST", "/v1/meshes?format=ply", "model/ply", ply).await);
     let pencil = id(&ask(&router, "POST", "/v1/problems", "application/x-matrix-market", PATH.into()).await);
     let field = json!({"columns": 1, "values": vec![0.25; sphere().faces.len()]}).to_string();
     let field = id(&ask(&router, "POST", &format!("/v1/meshes/{mesh}/fields"), "application/json", field.into()).await);
     let mut bases = Vec::new();
-    for (kind, parameters) in BASES {
+    let on_other = ("eigenbasis", r#"{"count": 10}"#, &other);
+    let all = BASES.iter().map(|&(kind, parameters)| (kind, parameters, &mesh)).chain([on_other]);
+    for (kind, parameters, mesh) in all {
         let parameters: Value = serde_json::from_str(parameters).expect("parameters are JSON");
         let mut job = json!({"kind": kind, "parameters": parameters});
-        let (on, name) = if kind == "pencil_basis" { ("pencil", &pencil) } else { ("mesh", &mesh) };
+        let (on, name) = if kind == "pencil_basis" { ("pencil", &pencil) } else { ("mesh", mesh) };
         job[on] = name.clone().into();
         let job = id(&ask(&router, "POST", "/v1/jobs", "application/json", job.to_string().into()).await);
         // On a busy machine a job may take longer than a request waits for it.

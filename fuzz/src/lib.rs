@@ -54,6 +54,8 @@ pub fn parameters(bytes: &[u8]) {
     let Ok(value) = serde_json::from_slice(bytes) else { return };
     let packed = serde_json::from_slice::<chladni_work::packed::Packed>(bytes);
     let problem = chladni_work::ProblemSize { rows: 1000, entries: 5000, ..Default::default() };
+    let shape = chladni_work::StoredShape { basis_bytes: 1 << 20, ..Default::default() };
+    let shapes = [shape; 3];
     for kind in KINDS {
         // As a server reads them: it accepts what the tree is accepted for, unless it holds too much that is no list of numbers.
         if let Ok(packed) = &packed {
@@ -68,6 +70,7 @@ pub fn parameters(bytes: &[u8]) {
                 let size = chladni_work::MeshSize { vertices: 1000, faces: 2000, ..Default::default() };
                 let promised = match &parameters {
                     JobParameters::PencilBasis(parameters) => parameters.problem_memory_bytes(problem),
+                    JobParameters::MapCollection(parameters) => parameters.shapes_memory_bytes(&shapes, 2),
                     other => other.memory_bytes(size),
                 };
                 assert!(promised > 0);

@@ -8,6 +8,7 @@ import urllib.error
 import urllib.parse
 import urllib.request
 import uuid
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, Callable, cast
 
@@ -17,6 +18,7 @@ from . import _arrays, _native, _pencil
 from ._basis import Basis
 from ._certificate import Certificate
 from ._errors import Cancelled, ClientError, Error, ParameterError, SolveError, UnprovenError
+from ._maps import MapCollection, collection_request
 from ._mesh import Mesh, as_mesh
 from ._solve import eigenbasis_request
 
@@ -246,6 +248,49 @@ class Client:
             vectors = np.empty((int(record["rows"]), 0))
         certificate = Certificate._of_json(json.dumps(record["certificate"]))
         return _pencil.Eigenpairs(values, vectors, certificate, float(record["details"]["moved"]))
+
+    def map_collection(
+        self,
+        bases: Sequence[RemoteBasis | str],
+        *,
+        progress: bool | Callable[[str, float], Any] = False,
+        **arguments: Any,
+    ) -> MapCollection:
+        """Map all shapes of a collection to each other, by the server: arguments are those of `chladni.map_collection`.
+
+        What is found is kept there. Ctrl-C cancels the job.
+
+        Parameters
+        ----------
+        bases : sequence of RemoteBasis or str
+            Bases that the server has, or their identifiers, each of another mesh.
+
+        Returns
+        -------
+        MapCollection
+        """
+        named = [basis if isinstance(basis, str) else basis.id for basis in bases]
+        given = {name: value for name, value in collection_request(**arguments).items() if value is not None}
+        job = self._json("POST", "/v1/jobs", body={"kind": "map_collection", "bases": named, "parameters": given})
+        return self.maps(self._finished(job, progress)["basis"])
+
+    def maps(self, identifier: str) -> MapCollection:
+        """Maps between shapes that the server has: what `map_collection` made once.
+
+        Parameters
+        ----------
+        identifier : str
+            The `basis` of the job.
+
+        Returns
+        -------
+        MapCollection
+        """
+        content, _ = self.call("GET", f"/v1/bases/{urllib.parse.quote(identifier)}/content", query={"format": "npz"})
+        with np.load(io.BytesIO(content)) as arrays:
+            if "disagreements" not in arrays:
+                raise _arrays.parameter_error(f"{identifier} is a basis, and no maps between shapes")
+            return MapCollection._of_npz(arrays)
 
     def _finished(self, job: Any, progress: bool | Callable[[str, float], Any]) -> Any:
         """The job when it has succeeded; an interruption cancels it."""

@@ -189,6 +189,53 @@ class MapCollection:
     triples_error: float | None
     largest_error: float
 
+    @classmethod
+    def _of_npz(cls, arrays: Any) -> MapCollection:
+        """From the members of a stored file: points are those of the files that the shapes came from, where their numbering is known."""
+        shapes = range(len(arrays["vertices"]))
+        files = [arrays[f"vertex_map_{shape}"].astype(np.int64) if f"vertex_map_{shape}" in arrays else None for shape in shapes]
+        maps = {}
+        for source in shapes:
+            for target in shapes:
+                if source == target:
+                    continue
+                points = arrays[f"points_{source}_{target}"].astype(np.int64)
+                confidences = arrays[f"confidences_{source}_{target}"]
+                onto, of_file = files[source], files[target]
+                if onto is not None:
+                    # Where several vertices of a file became one, the first stands for it.
+                    numbers = np.full(int(arrays["vertices"][source]), -1)
+                    kept = np.flatnonzero(onto >= 0)[::-1]
+                    numbers[onto[kept]] = kept
+                    points = numbers[points]
+                if of_file is not None:
+                    points = np.where(of_file >= 0, points[of_file], -1)
+                    confidences = np.where(of_file >= 0, confidences[of_file], np.nan)
+                matrix, gap = arrays[f"matrix_{source}_{target}"], float(arrays["disagreements"][source, target])
+                maps[source, target] = CollectionMap(source, target, matrix, PointMap(None, points, confidences), gap)
+        cycles = json.loads(bytes(arrays["report"]))["cycles"]
+        return cls(maps, cycles["pairs"], cycles["triples"], cycles["largest"])
+
+
+def collection_request(
+    *,
+    start: int | None = None,
+    pairs: int | None = None,
+    step: int = 5,
+    samples: int = 2000,
+    oriented: bool = True,
+    polish: bool = True,
+) -> dict[str, Any]:
+    """The parameters of maps of a collection, as they are asked for by the library and by a server."""
+    return {
+        "start": start,
+        "pairs": pairs,
+        "step": int(step),
+        "samples": int(samples),
+        "oriented": bool(oriented),
+        "polish": bool(polish),
+    }
+
 
 def map_collection(
     bases: Sequence[Basis],
@@ -231,14 +278,7 @@ def map_collection(
     >>> len(found.maps), found.maps[0, 2].to_source.points.shape
     (6, (1500,))
     """
-    request = {
-        "start": start,
-        "pairs": pairs,
-        "step": int(step),
-        "samples": int(samples),
-        "oriented": bool(oriented),
-        "polish": bool(polish),
-    }
+    request = collection_request(start=start, pairs=pairs, step=step, samples=samples, oriented=oriented, polish=polish)
     maps, there, around, largest = _native.map_collection([basis._core for basis in bases], json.dumps(request))
     made = [CollectionMap(source, target, matrix, PointMap(*points), gap) for source, target, matrix, points, gap in maps]
     return MapCollection({(one.source, one.target): one for one in made}, there, around, largest)

@@ -40,6 +40,29 @@ def test_answers_are_those_of_here(client, knot, tmp_path):
     assert client.upload(vertices, knot.faces + 1) == client.upload(vertices, knot.faces + 1)
 
 
+def test_maps_of_a_collection_are_those_of_here(client):
+    mesh = chladni.Mesh.sample("sphere", 400)
+    x, y, z = mesh.vertices.T
+    # Without symmetries, since maps of symmetric shapes hang on rounding.
+    bumps = np.stack([x, 1.35 * y, 1.8 * z], -1) * (1 + 0.25 * x + 0.2 * y * z + 0.15 * (x * x - 0.5 * y))[:, None]
+    # A vertex that nothing uses, so that the numbers of the file are not those of the mesh.
+    bent = [(np.concatenate([[[9.0, 9, 9]], bumps * [1.0, 1.0, scale]]), mesh.faces + 1) for scale in (1.0, 1.02, 1.05)]
+    arguments = {"pairs": 40, "start": 20, "step": 10, "samples": 300}
+    bases = [client.eigs(*one, k=50, method="hsim", tol=1e-8) for one in bent]
+    there = client.map_collection(bases, **arguments)
+    here = chladni.map_collection([basis.download() for basis in bases], **arguments)
+    assert there.maps.keys() == here.maps.keys() and there.pairs_error == pytest.approx(here.pairs_error)
+    for pair, own in here.maps.items():
+        other = there.maps[pair]
+        assert np.array_equal(other.to_source.points, own.to_source.points) and other.to_source.points[0] == -1
+        assert np.allclose(other.matrix, own.matrix) and other.disagreement == pytest.approx(own.disagreement)
+        assert np.allclose(other.to_source.confidences, own.to_source.confidences, equal_nan=True)
+    with pytest.raises(chladni.ClientError, match="once more"):
+        client.map_collection([bases[0], bases[0].id])
+    with pytest.raises(chladni.ParameterError, match="no maps"):
+        client.maps(bases[0].id)
+
+
 def test_pairs_of_matrices_are_those_of_here(client):
     import scipy.sparse
 

@@ -78,15 +78,18 @@ pub async fn on_vertices(state: &ClientState, id: Uuid) -> Result<Arc<Basis>, Pr
     let basis = state.store.load_basis(id).await?;
     match is_of_fields(&basis) {
         false => Ok(basis),
-        true => Err(Problem::new(
-            &problem::BASIS_KIND,
-            format!(
-                "Basis {id} holds eigenfields, two numbers for each face; this route serves functions on vertices."
-            ),
-        )
-        .with("kind", "eigenbasis of fields")
-        .with("kinds", vec![ProductKind::Eigenbasis.name()])),
+        true => Err(of_fields(id)),
     }
+}
+
+/// That a basis is one of eigenfields, where functions on vertices are due.
+pub fn of_fields(id: Uuid) -> Problem {
+    Problem::new(
+        &problem::BASIS_KIND,
+        format!("Basis {id} holds eigenfields, two numbers for each face; this route serves functions on vertices."),
+    )
+    .with("kind", "eigenbasis of fields")
+    .with("kinds", vec![ProductKind::Eigenbasis.name()])
 }
 
 /// Whether the rows of an eigenbasis are numbers of faces.
@@ -120,11 +123,11 @@ async fn show(state: ClientState, BasisId(id): BasisId, headers: HeaderMap) -> R
     Ok(response)
 }
 
-problems!(DeleteBasisProblems: WRITE [UNKNOWN_BASIS]);
+problems!(DeleteBasisProblems: WRITE [UNKNOWN_BASIS, BASIS_IN_USE]);
 
 /// Deletes a basis
 ///
-/// Its content goes with it. An equal job that is submitted later computes it anew.
+/// Its content goes with it. An equal job that is submitted later computes it anew. Refused while a job needs it that waits or runs.
 #[utoipa::path(
     delete, path = "/v1/bases/{id}", tag = "bases", operation_id = "deleteBasis",
     params(BasisId),

@@ -24,6 +24,7 @@ use super::ids::BasisId;
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
+use crate::store::{BasisRecord, MeshRecord};
 
 const SVG: &str = "image/svg+xml";
 
@@ -124,7 +125,7 @@ struct ComparisonAnswer {
 
 /// What a spectrum is of.
 #[derive(Debug, PartialEq, Eq)]
-struct SpectrumOf {
+pub(super) struct SpectrumOf {
     /// The operator, every discretisation of the Laplacian being one.
     operator: String,
     /// The condition at the boundary; `None` where there is none.
@@ -132,6 +133,14 @@ struct SpectrumOf {
 }
 
 impl SpectrumOf {
+    /// That of a stored basis.
+    pub fn of(basis: &BasisRecord, mesh: &MeshRecord) -> Self {
+        // Records of earlier versions have long lists in full.
+        let mut parameters = basis.parameters.clone();
+        chladni_work::abbreviate(&mut parameters);
+        Self::new(&parameters, mesh.report["closed"] == true)
+    }
+
     fn new(parameters: &Value, closed: bool) -> Self {
         let operator = match &parameters["operator"] {
             Value::Null => "laplace".to_owned(),
@@ -163,7 +172,7 @@ fn measure(parameters: &Value, report: &Value) -> f64 {
 }
 
 /// Whether all spectra are of one operator and one condition at the boundary, where there is a boundary.
-fn check_alike(bases: &[(Uuid, SpectrumOf)]) -> Result<(), Problem> {
+pub(super) fn check_alike(bases: &[(Uuid, SpectrumOf)]) -> Result<(), Problem> {
     let with_boundary = bases.iter().find(|(_, of)| of.boundary.is_some());
     for (id, of) in bases {
         let other = bases.first().filter(|(_, first)| first.operator != of.operator);
@@ -239,10 +248,7 @@ async fn compare_shapes(
         }
         // Eigenvalues stand in the record, so no eigenfunction is read.
         let area = measure(&record.parameters, &mesh.report);
-        // Records of earlier versions have long lists in full.
-        let mut parameters = record.parameters.clone();
-        chladni_work::abbreviate(&mut parameters);
-        seen.push((record.id, SpectrumOf::new(&parameters, mesh.report["closed"] == true)));
+        seen.push((record.id, SpectrumOf::of(&record, &mesh)));
         let components = mesh.report["components"].as_u64().unwrap_or(1) as usize;
         let kernel = kernel_of(&record.eigenvalues, components);
         spectra.push(Spectrum { eigenvalues: record.eigenvalues, kernel, area });

@@ -24,10 +24,12 @@ impl From<StoreError> for Problem {
                 "field" => Self::new(&problem::UNKNOWN_FIELD, text),
                 _ => Self::new(&problem::NOT_FOUND, "The content was deleted."),
             },
-            StoreError::MeshInUse { unfinished_jobs, bases, fields, .. } => Self::new(&problem::MESH_IN_USE, text)
+            StoreError::MeshInUse { unfinished_jobs, job, bases, fields, .. } => Self::new(&problem::MESH_IN_USE, text)
                 .with("unfinished_jobs", unfinished_jobs)
+                .with("job", job.map(|job| job.to_string()))
                 .with("bases", bases)
                 .with("fields", fields),
+            StoreError::BasisInUse { job, .. } => Self::new(&problem::BASIS_IN_USE, text).with("job", job.to_string()),
             StoreError::BasisKind { basis, kind: ProductKind::PencilBasis, wanted } => Self::new(
                 &problem::BASIS_WITHOUT_MESH,
                 format!(

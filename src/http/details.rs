@@ -6,6 +6,8 @@ use chladni_spectral::operator::elastic::ElasticReport;
 use chladni_spectral::operator::transport::FieldKind;
 use utoipa::ToSchema;
 
+use super::map_collections::Cycles;
+
 /// A long list of parameters, told by its length and its hash.
 #[derive(ToSchema)]
 #[schema(example = json!({"numbers": 2930, "blake3": "af1349b9f5f9a1a6a0404dea36dcc9499bcb25c9adc112b7cc9a93cae41f3262"}))]
@@ -181,6 +183,23 @@ pub struct PencilBasisDetails {
     dense_solver: Vec<String>,
 }
 
+/// What only maps between shapes have.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct MapCollectionDetails {
+    /// The bases of the shapes, in their order.
+    bases: Vec<String>,
+    /// Their meshes.
+    meshes: Vec<String>,
+    /// The vertices of each.
+    vertices: Vec<u64>,
+    /// How consistent the maps are.
+    #[schema(inline)]
+    cycles: Cycles,
+    /// What solved its dense problems; absent where no graphics card had to do with it.
+    dense_solver: Vec<String>,
+}
+
 /// What is known of vibration modes: proven by HSIM, or estimated for the approximation.
 #[derive(ToSchema)]
 #[serde(untagged)]
@@ -231,6 +250,7 @@ pub struct EstimatedModes {
     OperatorFamilyDetails,
     VibrationBasisDetails,
     VibrationCertificate,
-    PencilBasisDetails
+    PencilBasisDetails,
+    MapCollectionDetails
 )))]
 pub struct Details;

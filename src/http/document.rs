@@ -31,6 +31,7 @@ const ABSENT: &[(&str, &[&str])] = &[
     ("OperatorFamilyDetails", &["dense_solver"]),
     ("VibrationBasisDetails", &["dense_solver"]),
     ("PencilBasisDetails", &["dense_solver"]),
+    ("MapCollectionDetails", &["dense_solver"]),
 ];
 
 /// Makes the document of what the derives say.

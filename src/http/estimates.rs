@@ -40,7 +40,7 @@ struct JobEstimate {
     fits: bool,
 }
 
-problems!(EstimateJobProblems: BODY JSON [INVALID_QUERY, UNKNOWN_MESH, UNKNOWN_PROBLEM, INVALID_PARAMETER]);
+problems!(EstimateJobProblems: BODY JSON [INVALID_QUERY, UNKNOWN_MESH, UNKNOWN_PROBLEM, UNKNOWN_BASIS, BASIS_KIND, INCOMPARABLE_BASES, INVALID_PARAMETER]);
 
 /// Estimates a job
 ///

@@ -6,7 +6,7 @@ use axum::Json;
 use axum::body::Body;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use chladni_spectral::basis::ProductKind;
+use chladni_spectral::basis::{MAP_COLLECTION, ProductKind};
 use chladni_work::numbered::translate_parameters;
 use chladni_work::packed::Packed;
 use chladni_work::{JobParameters, MeshSize, ProblemSize, SOLVER_VERSION};
@@ -15,6 +15,7 @@ use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+use uuid::Uuid;
 
 use super::client::ClientState;
 use super::events::{self, look, next_change};
@@ -25,7 +26,7 @@ use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
 use super::wire::{JobRequest, JobResource, PageOf, Status};
-use super::{body, conditional, exchange};
+use super::{body, conditional, exchange, shapes};
 use crate::store::{EnqueueOutcome, IdempotencyKey, JobFilter, JobRecord, JobStatus, NewJob, StoreError};
 
 /// The largest body of a job: a potential comes with it.
@@ -50,7 +51,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(retry))
 }
 
-problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_QUERY, INVALID_HEADER, UNKNOWN_MESH, UNKNOWN_PROBLEM, INVALID_PARAMETER, JOB_TOO_LARGE, IDEMPOTENCY_CONFLICT, QUEUE_FULL, DRAINING]);
+problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_QUERY, INVALID_HEADER, UNKNOWN_MESH, UNKNOWN_PROBLEM, UNKNOWN_BASIS, BASIS_KIND, INCOMPARABLE_BASES, INVALID_PARAMETER, JOB_TOO_LARGE, IDEMPOTENCY_CONFLICT, QUEUE_FULL, DRAINING]);
 
 /// Submits a job
 ///
@@ -69,6 +70,7 @@ problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_QUERY, INVALID_HEADER, UNK
         ("fields" = (summary = "A space of 4-fields of 2,000 dimensions", value = json!({"kind": "field_basis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"field": "n_vector", "n": 4, "dimension": 2000}}))),
         ("vibration" = (summary = "60 vibration modes of a steel shell of a millimetre, in metres", value = json!({"kind": "vibration_basis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"count": 60, "thickness": 0.001}}))),
         ("family" = (summary = "A family of operators", value = json!({"kind": "operator_family", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"dimension": 780}}))),
+        ("maps" = (summary = "Maps between all of three shapes", value = json!({"kind": "map_collection", "bases": ["019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "019aa5d1-0c2b-7aa1-b7f4-5f0d6a1c2e33", "019aa5d1-4e7f-7b60-8c15-2d90b7f4a6c8"], "parameters": {"pairs": 60}}))),
         ("pencil" = (summary = "The 20 pairs of a problem nearest to 1.5, with three rows at zero", value = json!({"kind": "pencil_basis", "pencil": "7be0a1d25c9f4e3388d1c6f2904ab57e", "parameters": {"count": 20, "around": 1.5, "fixed": [0, 1, 2]}}))),
         ("operator" = (summary = "A Hamiltonian with functions that vanish on the boundary", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"count": 100, "operator": {"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}, "boundary": "dirichlet"}}))),
     )),
@@ -87,19 +89,22 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
     extract::require_json(&headers)?;
     let key = idempotency_key(&headers)?;
     let mut request = read(&state, &headers, body).await?;
-    let Planned { source, parameters, estimate, limit, .. } = plan(&state, &numbered, &mut request).await?;
+    let planned = plan(&state, &numbered, &mut request).await?;
+    let on = planned.on();
+    let Planned { source, bases, parameters, estimate, limit, .. } = planned;
     let canonical = parameters.canonical();
     let brief = chladni_work::abbreviated(&canonical);
     let idempotency = key.map(|key| IdempotencyKey {
         key: format!("{}:{key}", state.principal),
-        request_hash: chladni_work::hash_of(&(&request.kind, &source, &canonical, request.priority)),
+        request_hash: chladni_work::hash_of(&(&request.kind, &on, &canonical, request.priority)),
     });
     let enqueued = state
         .store
         .enqueue(NewJob {
             kind: parameters.kind().to_owned(),
-            work_key: parameters.work_key_of(&source, &canonical),
+            work_key: parameters.work_key_of(&on, &canonical),
             mesh: source,
+            bases,
             brief: (brief != canonical).then_some(brief),
             parameters: canonical,
             priority: request.priority,
@@ -128,6 +133,8 @@ pub(super) async fn read(state: &ClientState, headers: &HeaderMap, body: Body) -
 pub(super) struct Planned {
     /// The mesh or the problem that it is on.
     pub source: String,
+    /// The bases that it is on, where these are several.
+    pub bases: Vec<Uuid>,
     pub parameters: JobParameters,
     /// Of the memory that it needs, in bytes.
     pub estimate: u64,
@@ -137,8 +144,18 @@ pub(super) struct Planned {
     pub seconds: Option<f64>,
 }
 
+impl Planned {
+    /// All that it is on, as one text: what tells equal work.
+    fn on(&self) -> String {
+        match self.bases.is_empty() {
+            true => self.source.clone(),
+            false => self.bases.iter().map(Uuid::to_string).collect::<Vec<_>>().join(","),
+        }
+    }
+}
+
 /// Bytes of memory that one job of a kind may need: what the server allows, and no more than the largest worker has that takes such jobs.
-async fn most_bytes(state: &ClientState, kind: &str) -> Result<u64, Problem> {
+pub(super) async fn most_bytes(state: &ClientState, kind: &str) -> Result<u64, Problem> {
     let allowed = state.config.limits.max_job_bytes;
     Ok(state.store.most_memory_for(kind).await?.map_or(allowed, |most| most.min(allowed)))
 }
@@ -154,6 +171,13 @@ pub(super) async fn plan(
             &problem::INVALID_REQUEST,
             format!("priority: must be between -100 and 100, not {}.", request.priority),
         ));
+    }
+    if request.kind == MAP_COLLECTION {
+        return shapes::plan(state, request).await;
+    }
+    if request.bases.is_some() {
+        let detail = format!("bases: belongs to jobs of the kind \"{MAP_COLLECTION}\".");
+        return Err(Problem::new(&problem::INVALID_REQUEST, detail));
     }
     if request.kind == ProductKind::PencilBasis.name() {
         return plan_on_problem(state, request).await;
@@ -188,6 +212,7 @@ pub(super) async fn plan(
         limit: most_bytes(state, &request.kind).await?,
         seconds: parameters.seconds(size),
         source: mesh.id,
+        bases: Vec::new(),
         parameters,
     })
 }
@@ -239,6 +264,7 @@ async fn plan_on_problem(state: &ClientState, request: &mut JobRequest) -> Resul
         limit: most_bytes(state, &request.kind).await?,
         seconds: None,
         source: problem.id,
+        bases: Vec::new(),
         parameters: JobParameters::PencilBasis(parameters),
     })
 }
@@ -422,7 +448,7 @@ async fn cancel(state: ClientState, JobId(id): JobId) -> Result<Response, Proble
     resource(record, StatusCode::ACCEPTED)
 }
 
-problems!(RetryJobProblems: WRITE [UNKNOWN_JOB, STATE_CONFLICT, DRAINING]);
+problems!(RetryJobProblems: WRITE [UNKNOWN_JOB, UNKNOWN_MESH, UNKNOWN_PROBLEM, UNKNOWN_BASIS, STATE_CONFLICT, DRAINING]);
 
 /// Retries a job
 ///
@@ -456,7 +482,7 @@ struct DeleteQuery {
     cascade: bool,
 }
 
-problems!(DeleteJobProblems: WRITE [INVALID_QUERY, UNKNOWN_JOB, STATE_CONFLICT]);
+problems!(DeleteJobProblems: WRITE [INVALID_QUERY, UNKNOWN_JOB, STATE_CONFLICT, BASIS_IN_USE]);
 
 /// Deletes a job
 ///

@@ -1,6 +1,6 @@
 //! Jobs and bases by kind, in the OpenAPI document: `oneOf` with `kind` as the discriminator, each with parameters and details of its own.
 
-use chladni_spectral::basis::PENCIL;
+use chladni_spectral::basis::{MAP_COLLECTION, PENCIL};
 use chladni_work::LONGEST_LIST;
 use serde_json::{Value, json};
 
@@ -22,7 +22,7 @@ struct Kind {
     always: bool,
 }
 
-const KINDS: [Kind; 5] = [
+const KINDS: [Kind; 6] = [
     Kind {
         name: "eigenbasis",
         prefix: "Eigenbasis",
@@ -63,6 +63,14 @@ const KINDS: [Kind; 5] = [
         details: "PencilBasisDetails",
         always: true,
     },
+    Kind {
+        name: MAP_COLLECTION,
+        prefix: "MapCollection",
+        operator: None,
+        certificate: None,
+        details: "MapCollectionDetails",
+        always: true,
+    },
 ];
 
 impl Kind {
@@ -70,21 +78,31 @@ impl Kind {
         reference(&format!("{}Parameters", self.prefix))
     }
 
-    /// Whether what it works on is a problem; else it is a mesh.
-    fn is_of_problem(&self) -> bool {
-        self.name == PENCIL
+    /// The member by which a request names what it works on.
+    fn named(&self) -> &'static str {
+        match self.name {
+            PENCIL => "pencil",
+            MAP_COLLECTION => "bases",
+            _ => "mesh",
+        }
     }
 
     /// What it works on, as answers have it.
     fn source(&self, of: &Value) -> Value {
         let text = |member: &str| of["properties"][member]["description"].clone();
-        match self.is_of_problem() {
-            true => json!({
+        let mesh = json!({ "type": "string", "description": text("mesh") });
+        match self.named() {
+            "pencil" => json!({
                 // Always null, and yet not of the type `null` alone: openapi-fetch takes members that are never anything else out of its answers.
                 "mesh": { "type": ["string", "null"], "description": text("mesh") },
                 "pencil": { "type": "string", "description": text("pencil") },
             }),
-            false => json!({ "mesh": { "type": "string", "description": text("mesh") } }),
+            // Of what the job made, the bases are told among the details.
+            "bases" if of["properties"]["bases"].is_object() => json!({
+                "mesh": mesh,
+                "bases": { "type": "array", "items": { "type": "string" }, "maxItems": 32, "description": text("bases") },
+            }),
+            _ => json!({ "mesh": mesh }),
         }
     }
 
@@ -108,17 +126,17 @@ pub fn split(document: &mut Value) {
         let mut own = request.clone();
         own["properties"]["kind"] = kind.own();
         own["properties"]["parameters"] = described(kind.parameters(), "Parameters; what is absent takes its default.");
-        let (named, other) = if kind.is_of_problem() { ("pencil", "mesh") } else { ("mesh", "pencil") };
-        own["properties"][named]["type"] = "string".into();
+        let named = kind.named();
+        own["properties"][named]["type"] = if named == "bases" { "array" } else { "string" }.into();
         if let Some(properties) = own["properties"].as_object_mut() {
-            properties.remove(other);
+            properties.retain(|member, _| member == named || !["mesh", "pencil", "bases"].contains(&member.as_str()));
         }
         own["required"] = json!(["kind", named]);
         own
     });
     let job = schemas(document)["JobResource"].take();
     divide(document, "JobResource", &job, |kind| with(kind, "JobFacts", &job, shown(kind)));
-    common(document, "JobFacts", job, &["kind", "parameters", "mesh", "pencil"]);
+    common(document, "JobFacts", job, &["kind", "parameters", "mesh", "pencil", "bases"]);
     let summary = schemas(document)["BasisSummary"].take();
     divide(document, "BasisSummary", &summary, |kind| with(kind, "BasisFacts", &summary, shown(kind)));
     common(document, "BasisFacts", summary, &["kind", "parameters", "mesh", "pencil"]);

@@ -16,6 +16,8 @@ pub struct BasisLinks {
     pub content: String,
     /// Its eigenfunctions on the vertices; null where they are no functions on vertices.
     pub modes: Option<String>,
+    /// Of maps between shapes: the points that correspond; null for others.
+    pub maps: Option<String>,
     /// Its mesh; null where it has none.
     pub mesh: Option<String>,
     /// Its problem, of the kind `pencil_basis`; null for others.
@@ -42,6 +44,7 @@ impl BasisLinks {
         Self {
             content: format!("{itself}/content"),
             modes: of(&[ProductKind::Eigenbasis, ProductKind::PencilBasis], "modes"),
+            maps: of(&[ProductKind::MapCollection], "maps"),
             mesh: source.mesh_link(),
             pencil: source.pencil_link(),
             design: fields("design"),

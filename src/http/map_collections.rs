@@ -3,10 +3,13 @@
 use std::time::Instant;
 
 use axum::http::HeaderMap;
+use chladni_algebra::DenseMatrix;
+use chladni_mesh::numbering::Translation;
+use chladni_spectral::analysis::functional_map::PointMap;
 use chladni_spectral::analysis::map_collection::{
     CollectionMap, CollectionRequest, MOST_SHAPES, Shape, map_collection,
 };
-use chladni_spectral::basis::Basis;
+use chladni_spectral::basis::{Basis, CycleErrors};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
@@ -68,7 +71,7 @@ fn yes() -> bool {
 /// The map from one shape to another.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = MapOfCollection)]
-struct One {
+pub(super) struct One {
     /// The place in `bases` of the shape where functions come from.
     source: usize,
     /// The place of the shape where they go to.
@@ -83,16 +86,36 @@ struct One {
     matrix: Option<Table>,
 }
 
+impl One {
+    /// A map of points for all vertices, as the files number them.
+    pub fn told(
+        (source, target): (usize, usize),
+        points: PointMap,
+        disagreement: f64,
+        matrix: Option<&DenseMatrix>,
+        numberings: &[Translation],
+    ) -> Self {
+        let Inverse { points, confidences, .. } = translated(points, &numberings[source], &numberings[target]);
+        Self { source, target, points, confidences, disagreement, matrix: matrix.map(binary::to_table) }
+    }
+}
+
 /// How consistent the maps are: straight distances over the root of the area between a vertex and where a walk from shape to shape leads it back to.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = CycleErrors)]
-struct Cycles {
+pub(super) struct Cycles {
     /// There and back, the mean over all pairs.
     pairs: f64,
     /// Over two other shapes, the mean over all triples; null for two shapes.
     triples: Option<f64>,
     /// The largest mean of a single walk.
     largest: f64,
+}
+
+impl From<CycleErrors> for Cycles {
+    fn from(CycleErrors { pairs, triples, largest }: CycleErrors) -> Self {
+        Self { pairs, triples, largest }
+    }
 }
 
 /// Maps between all shapes, both ways.
@@ -104,12 +127,12 @@ struct Cycles {
     ],
     "cycles": {"pairs": 0.01, "triples": null, "largest": 0.01}
 }))]
-struct MapCollectionAnswer {
+pub(super) struct MapCollectionAnswer {
     /// A map for each ordered pair of shapes: by source, then by target.
-    maps: Vec<One>,
+    pub maps: Vec<One>,
     /// How consistent they are.
     #[schema(inline)]
-    cycles: Cycles,
+    pub cycles: Cycles,
 }
 
 problems!(MapCollectionProblems: SOLVE BODY JSON [UNKNOWN_BASIS, BASIS_KIND, NOT_ACCEPTABLE, INVALID_ANALYSIS]);
@@ -118,7 +141,8 @@ problems!(MapCollectionProblems: SOLVE BODY JSON [UNKNOWN_BASIS, BASIS_KIND, NOT
 ///
 /// Without landmarks: first maps follow from wave kernel signatures and the orientation of the surfaces, are refined by ZoomOut (Melzi et al. 2019), and made
 /// consistent by a latent basis that all shapes have in common (Huang et al. 2020), so that pairs that fail by themselves follow those that agree. The answer
-/// has a map of points for each ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say.
+/// has a map of points for each ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say. For more than a few shapes there is the job
+/// `map_collection`, which does the same in the queue and keeps what it finds.
 #[utoipa::path(
     post, path = "/v1/map-collections", tag = "analysis", operation_id = "mapCollection",
     params(NumberingQuery),
@@ -169,21 +193,11 @@ async fn collect_maps(
             let shapes: Vec<Shape<'_>> = bases.iter().zip(&meshes).map(|(basis, mesh)| Shape { basis, mesh }).collect();
             let found = map_collection(&shapes, &wanted, monitor)?;
             let told = |map: CollectionMap| {
-                let (onto, from) = (&numberings[map.source], &numberings[map.target]);
-                let Inverse { points, confidences, .. } = translated(map.to_source, onto, from);
-                let matrix = request.matrices.then(|| binary::to_table(&map.matrix));
-                One {
-                    source: map.source,
-                    target: map.target,
-                    points,
-                    confidences,
-                    disagreement: map.disagreement,
-                    matrix,
-                }
+                let matrix = request.matrices.then_some(&map.matrix);
+                One::told((map.source, map.target), map.to_source, map.disagreement, matrix, &numberings)
             };
-            let cycles =
-                Cycles { pairs: found.cycles.pairs, triples: found.cycles.triples, largest: found.cycles.largest };
-            let answer = MapCollectionAnswer { maps: found.maps.into_iter().map(told).collect(), cycles };
+            let maps = found.maps.into_iter().map(told).collect();
+            let answer = MapCollectionAnswer { maps, cycles: found.cycles.into() };
             Answer::json(&answer, begin)
         })
         .await

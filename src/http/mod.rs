@@ -65,11 +65,13 @@ mod problems;
 mod samples;
 mod seats;
 mod serve;
+mod shapes;
 mod shares;
 mod signatures;
 mod slots;
 mod solves;
 mod state;
+mod stored_maps;
 mod subspaces;
 mod surfaces;
 mod system;
@@ -129,6 +131,7 @@ fn routes() -> OpenApiRouter<AppState> {
         .merge(value_gradients::routes())
         .merge(maps::routes())
         .merge(map_collections::routes())
+        .merge(stored_maps::routes())
         .merge(fields::routes())
         .merge(family::routes())
         .merge(vibration::routes())

@@ -19,7 +19,7 @@ use super::problem::{self, Problem};
 use super::shares::Share;
 use super::upload::LONGEST_NAME;
 use crate::config::Limits;
-use crate::store::{NewProblem, StoreError};
+use crate::store::{self, NewProblem, StoreError};
 use std::sync::Arc;
 
 /// The bytes of a factor that proves a mass definite while its upload waits; larger ones are left to jobs.
@@ -222,9 +222,9 @@ fn refused(error: PencilError) -> Problem {
 /// A problem that cannot be deleted.
 pub fn in_use(error: StoreError) -> Problem {
     match error {
-        StoreError::MeshInUse { mesh, unfinished_jobs, bases, .. } => Problem::new(
+        StoreError::MeshInUse { mesh, unfinished_jobs, job, bases, .. } => Problem::new(
             &problem::PROBLEM_IN_USE,
-            format!("Problem {mesh} is in use by {unfinished_jobs} unfinished jobs and {bases} bases."),
+            format!("Problem {mesh} is in use by {}.", store::uses(unfinished_jobs, job, bases, 0)),
         )
         .with("unfinished_jobs", unfinished_jobs)
         .with("bases", bases),

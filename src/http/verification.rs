@@ -123,7 +123,7 @@ problems!(VerifyBasisProblems: SOLVE [BODY_TOO_LARGE, INVALID_ANALYSIS]);
 /// Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem are read again, residuals and inner products are summed from
 /// the functions as they are stored, and where the basis claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as
 /// `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts are squared angular frequencies, in 1/time².
-/// Bases of fields for design and families of operators have no certificate, and nothing to be judged.
+/// Bases of fields for design, families of operators and maps have no certificate, and nothing to be judged.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/verification", tag = "bases", operation_id = "verifyBasis",
     params(BasisId),
@@ -141,7 +141,10 @@ async fn verify_basis(state: ClientState, BasisId(id): BasisId, headers: HeaderM
         JobParameters::Eigenbasis(parameters) => verify_eigenbasis(state, record, parameters).await,
         JobParameters::VibrationBasis(parameters) => verify_vibration(state, record, parameters).await,
         JobParameters::PencilBasis(parameters) => verify_pencil(state, record, parameters).await,
-        JobParameters::FieldBasis(_) | JobParameters::OperatorFamily(_) | JobParameters::Idle(_) => {
+        JobParameters::FieldBasis(_)
+        | JobParameters::OperatorFamily(_)
+        | JobParameters::MapCollection(_)
+        | JobParameters::Idle(_) => {
             // It is of another kind, and this says so.
             Err(find_kind(&state, id, ProductKind::Eigenbasis)
                 .await

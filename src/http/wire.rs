@@ -9,6 +9,7 @@ use chladni_work::packed::Packed;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
+use uuid::Uuid;
 
 use super::links::BasisLinks;
 use crate::store::{BasisRecord, BasisStorage, JobRecord, JobStatus, MeshRecord, Page};
@@ -115,6 +116,10 @@ pub struct JobRequest {
     /// Of the kind `pencil_basis`, in the place of a mesh: the id of the problem.
     #[serde(default)]
     pub pencil: Option<String>,
+    /// Of the kind `map_collection`, in the place of a mesh: the ids of the bases, one for each shape.
+    #[serde(default)]
+    #[schema(min_items = 2, max_items = 32)]
+    pub bases: Option<Vec<String>>,
     /// Parameters of the kind; what is absent takes its default. A parameter of another kind or method is refused by name.
     #[serde(default)]
     #[schema(value_type = Object)]
@@ -243,6 +248,9 @@ pub struct JobResource {
     /// The problem it works on, of the kind `pencil_basis` alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pencil: Option<String>,
+    /// The bases it works on, of the kind `map_collection` alone; `mesh` is that of the first.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bases: Option<Vec<String>>,
     /// The parameters, with every default filled in. Of a long list, such as a potential, `numbers` tells the length and `blake3` the
     /// hash.
     #[schema(value_type = Object)]
@@ -317,6 +325,7 @@ impl From<JobRecord> for JobResource {
             kind: record.kind,
             mesh: source.mesh,
             pencil: source.pencil,
+            bases: (!record.bases.is_empty()).then(|| record.bases.iter().map(Uuid::to_string).collect()),
             parameters: abbreviated(record.parameters),
             priority: record.priority,
             status: record.status.into(),
@@ -407,7 +416,7 @@ pub struct BasisSummary {
                     "projection_errors": [], "largest_projection_error": null},
     "details": null,
     "links": {"self": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "content": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/content",
-              "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes", "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "pencil": null,
+              "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes", "maps": null, "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "pencil": null,
               "design": null, "designs": null, "eigenfields": null, "fur": null, "hatching": null}
 }))]
 pub struct BasisResource {
@@ -425,7 +434,8 @@ pub struct BasisResource {
     #[schema(value_type = Option<Object>)]
     pub certificate: Value,
     /// What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-    /// harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of any kind, where a graphics card took part in it or
+    /// harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
+    /// consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
     /// failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
     #[schema(value_type = Option<Object>)]
     pub details: Value,

@@ -84,7 +84,8 @@ pub(super) async fn run(
         Ok(None) => return Threads::Free,
         Err(error) => {
             let retryable = error.is_retryable();
-            settle(shared, &job.kind, Ending::Failed(problem("mesh-unavailable", &error), retryable), token).await;
+            let name = if job.bases.is_empty() { "mesh-unavailable" } else { "basis-unavailable" };
+            settle(shared, &job.kind, Ending::Failed(problem(name, &error), retryable), token).await;
             return Threads::Free;
         }
     };
@@ -169,7 +170,7 @@ async fn load_subject(
     let mut draining = shared.give_back.subscribe();
     let begun = Instant::now();
     loop {
-        match shared.store.load_subject(&job.kind, &job.mesh).await {
+        match shared.store.load_subject(job).await {
             Err(error) if shared.store.is_shared() && error.is_retryable() && begun.elapsed() < SUBJECT_PATIENCE => {
                 tracing::warn!(%error, "what the job is about cannot be read yet");
             }

@@ -7,7 +7,7 @@ use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
 use chladni_spectral::spectrum::pencil::Matrices;
 
-use crate::store::{JobRecord, JobStatus, Subject};
+use crate::store::{CollectedShape, JobRecord, JobStatus, Subject};
 
 /// Does the work of a job: a pure function of the job and its mesh.
 pub trait Runner: Send + Sync + 'static {
@@ -41,8 +41,20 @@ pub trait Runner: Send + Sync + 'static {
         _matrices: Arc<Matrices>,
         _monitor: &dyn Watch,
     ) -> Result<Outcome, JobFailure> {
-        let detail = format!("jobs of the kind {} are not run here", job.kind);
-        Err(JobFailure::Failed { kind: "invalid-parameters".to_owned(), detail, retryable: false })
+        Err(not_run(job))
+    }
+
+    /// Runs one attempt at a job that works on the shapes of a collection.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    fn run_collection(
+        &self,
+        job: &JobRecord,
+        _shapes: Vec<CollectedShape>,
+        _monitor: &dyn Watch,
+    ) -> Result<Outcome, JobFailure> {
+        Err(not_run(job))
     }
 
     /// Runs one attempt at a job, whatever it works on.
@@ -53,8 +65,14 @@ pub trait Runner: Send + Sync + 'static {
         match subject {
             Subject::Mesh(mesh, solid) => self.run_body(job, mesh, solid, monitor),
             Subject::Problem(matrices) => self.run_problem(job, matrices, monitor),
+            Subject::Collection(shapes) => self.run_collection(job, shapes, monitor),
         }
     }
+}
+
+fn not_run(job: &JobRecord) -> JobFailure {
+    let detail = format!("jobs of the kind {} are not run here", job.kind);
+    JobFailure::Failed { kind: "invalid-parameters".to_owned(), detail, retryable: false }
 }
 
 /// A monitor that also tells whoever passes on what others say: whether the work is cancelled, which is no sign of life, and stages whose names

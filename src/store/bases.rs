@@ -6,7 +6,7 @@ use bytes::Bytes;
 use chladni_mesh::numbering::Numbering;
 use chladni_spectral::basis::family::FamilyBasis;
 use chladni_spectral::basis::modal::ModalBasis;
-use chladni_spectral::basis::{Basis, Product, ProductKind, StoredFields, Summary};
+use chladni_spectral::basis::{Basis, Product, ProductKind, StoredFields, StoredMaps, Summary};
 use chladni_spectral::formats::FormatError;
 use uuid::Uuid;
 
@@ -15,10 +15,10 @@ use super::{
     catalog::Transaction,
     detached,
     fields::{self, Of},
-    from_json,
+    from_json, job_bases,
     jobs::{self, job_from_row, uuid_column},
-    meshes::push_filter,
-    sql::{self, QueryBuilder, Row},
+    page::Listing,
+    sql::{self, Row},
     to_json,
 };
 
@@ -41,21 +41,15 @@ impl Store {
     /// # Errors
     /// [`StoreError::InvalidCursor`].
     pub async fn bases(&self, filter: &BasisFilter, page: &PageRequest) -> Result<Page<BasisRecord>, StoreError> {
-        let mut query = QueryBuilder::new("SELECT * FROM bases WHERE sequence < ");
-        query.push_bind(page.below()?);
-        push_filter(&mut query, "mesh", filter.mesh.as_deref());
-        push_filter(&mut query, "kind", filter.kind.as_deref());
-        query.push(" ORDER BY sequence DESC LIMIT ").push_bind(page.look_ahead());
-        let rows = query.build().fetch_all(self.inner.catalog.reader()).await?;
-        let rows = rows.iter().map(|row| Ok((row.try_get("sequence")?, basis_from_row(row)?)));
-        Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, page))
+        let list = Listing::new(&self.inner.catalog, "SELECT * FROM bases WHERE sequence < ", page)?;
+        list.with("mesh", filter.mesh.as_deref()).with("kind", filter.kind.as_deref()).read(basis_from_row).await
     }
 
     /// Deletes a basis, and the fields that were designed in it. The job that made it stays on record without it; equal work is done anew when it is
     /// asked for.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`].
+    /// [`StoreError::NotFound`]; [`StoreError::BasisInUse`] where a job needs it that waits or runs.
     pub async fn delete_basis(&self, id: Uuid) -> Result<(), StoreError> {
         let store = self.clone();
         detached(async move { store.delete_basis_now(id).await }).await
@@ -75,14 +69,21 @@ impl Store {
                 .bind(id.to_string())
                 .fetch_all(transaction.on())
                 .await?;
-        let hash: Option<String> = sql::query_scalar("DELETE FROM bases WHERE id = ? RETURNING content_hash")
-            .bind(id.to_string())
-            .fetch_optional(transaction.on())
-            .await?;
-        let Some(hash) = hash else {
-            transaction.rollback().await?;
-            return Err(unknown_basis(id));
+        // After the job, as whoever stores a result goes.
+        let known = transaction.locking("SELECT sequence FROM bases WHERE id = ?");
+        let known: Option<i64> = sql::query_scalar(known).bind(id.to_string()).fetch_optional(transaction.on()).await?;
+        let free = match known {
+            Some(_) => job_bases::refuse_needed(&mut transaction, id).await,
+            None => Err(unknown_basis(id)),
         };
+        if let Err(refusal) = free {
+            transaction.rollback().await?;
+            return Err(refusal);
+        }
+        let hash: String = sql::query_scalar("DELETE FROM bases WHERE id = ? RETURNING content_hash")
+            .bind(id.to_string())
+            .fetch_one(transaction.on())
+            .await?;
         let mut hashes = fields::take(&mut transaction, Of::Basis, &id.to_string()).await?;
         let jobs = jobs.iter().map(job_from_row).collect::<Result<Vec<JobRecord>, StoreError>>()?;
         transaction.commit().await?;
@@ -186,6 +187,17 @@ impl Store {
         match self.load_product(id).await? {
             Product::FieldBasis(fields) => Ok(fields),
             other => Err(wrong_kind(id, &other, ProductKind::FieldBasis)),
+        }
+    }
+
+    /// Decoded maps between shapes, as [`load_product`](Self::load_product) gives them.
+    ///
+    /// # Errors
+    /// [`StoreError::BasisKind`] where the basis is of another kind, and those of [`load_product`](Self::load_product).
+    pub async fn load_maps(&self, id: Uuid) -> Result<Arc<StoredMaps>, StoreError> {
+        match self.load_product(id).await? {
+            Product::MapCollection(maps) => Ok(maps),
+            other => Err(wrong_kind(id, &other, ProductKind::MapCollection)),
         }
     }
 }

@@ -18,16 +18,26 @@ pub enum StoreError {
         id: String,
     },
     /// A mesh cannot be deleted: something refers to it.
-    #[error("mesh {mesh} is in use by {unfinished_jobs} unfinished jobs, {bases} bases and {fields} fields")]
+    #[error("mesh {mesh} is in use by {}", uses(*unfinished_jobs, *job, *bases, *fields))]
     MeshInUse {
         /// The mesh.
         mesh: String,
-        /// Jobs on it that are enqueued or processing.
+        /// Jobs on it or on its bases that are enqueued or processing.
         unfinished_jobs: u64,
+        /// The first of them.
+        job: Option<Uuid>,
         /// Bases that were made from it.
         bases: u64,
         /// Fields on it.
         fields: u64,
+    },
+    /// A basis cannot be deleted: a job needs it.
+    #[error("basis {basis} is in use by job {job}, which has not ended")]
+    BasisInUse {
+        /// The basis.
+        basis: Uuid,
+        /// A job that works on it and is enqueued or processing.
+        job: Uuid,
     },
     /// A basis is of another kind than what was asked of it needs.
     #[error("basis {basis} is of the kind {}, not {}", kind.name(), wanted.name())]
@@ -194,6 +204,27 @@ impl StoreError {
     }
 }
 
+/// What refers to a mesh, in words: what there is none of is not told.
+pub fn uses(unfinished_jobs: u64, job: Option<Uuid>, bases: u64, fields: u64) -> String {
+    let named = |count: u64, one: &str, many: &str| match count {
+        0 => None,
+        1 => Some(format!("1 {one}")),
+        count => Some(format!("{count} {many}")),
+    };
+    let jobs = named(unfinished_jobs, "unfinished job", "unfinished jobs");
+    let jobs = jobs.map(|jobs| match (job, unfinished_jobs) {
+        (Some(job), 1) => format!("{jobs}, {job}"),
+        (Some(job), _) => format!("{jobs}, {job} first"),
+        (None, _) => jobs,
+    });
+    let parts: Vec<String> =
+        [jobs, named(bases, "basis", "bases"), named(fields, "field", "fields")].into_iter().flatten().collect();
+    match parts.as_slice() {
+        [others @ .., last] if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+        parts => parts.concat(),
+    }
+}
+
 // SQLite's primary result codes: <https://www.sqlite.org/rescode.html>.
 const BUSY: i32 = 5;
 const LOCKED: i32 = 6;
@@ -256,6 +287,14 @@ fn trouble(code: &str) -> Trouble {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_refers_to_a_mesh_is_told_in_words() {
+        let job = Uuid::nil();
+        assert_eq!(uses(0, None, 1, 0), "1 basis");
+        assert_eq!(uses(1, Some(job), 2, 1), format!("1 unfinished job, {job}, 2 bases and 1 field"));
+        assert_eq!(uses(3, Some(job), 0, 0), format!("3 unfinished jobs, {job} first"));
+    }
 
     #[test]
     fn codes_of_both_databases_are_told_apart() {

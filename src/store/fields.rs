@@ -9,8 +9,8 @@ use super::catalog::Transaction;
 use super::sources::{ID_DIGITS, SourceKind};
 use super::{
     FieldFilter, FieldRecord, NewField, Page, PageRequest, Store, StoreError, Stored, blobs, detached, from_json,
-    meshes::push_filter,
-    sql::{self, QueryBuilder, Row},
+    page::Listing,
+    sql::{self, Row},
     to_json,
 };
 
@@ -98,18 +98,12 @@ impl Store {
     /// # Errors
     /// [`StoreError::InvalidCursor`].
     pub async fn fields(&self, filter: &FieldFilter, page: &PageRequest) -> Result<Page<FieldRecord>, StoreError> {
-        let mut query = QueryBuilder::new("SELECT * FROM fields WHERE sequence < ");
-        query.push_bind(page.below()?);
-        push_filter(&mut query, "mesh", filter.mesh.as_deref());
-        push_filter(&mut query, "basis", filter.basis.as_deref());
-        if let Some(part) = &filter.name {
-            let [before, after] = self.inner.catalog.contains("name");
-            query.push(" AND ").push(&before).push_bind(part).push(&after);
-        }
-        query.push(" ORDER BY sequence DESC LIMIT ").push_bind(page.look_ahead());
-        let rows = query.build().fetch_all(self.inner.catalog.reader()).await?;
-        let rows = rows.iter().map(|row| Ok((row.try_get("sequence")?, field_from_row(row)?)));
-        Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, page))
+        let list = Listing::new(&self.inner.catalog, "SELECT * FROM fields WHERE sequence < ", page)?;
+        list.with("mesh", filter.mesh.as_deref())
+            .with("basis", filter.basis.as_deref())
+            .named(filter.name.as_deref())
+            .read(field_from_row)
+            .await
     }
 
     /// Gives a field another name, or none.

@@ -8,10 +8,10 @@ use super::{
     detached,
     fault::FailPoint,
     fields::{self, Of},
-    from_json,
-    meshes::push_filter,
+    from_json, job_bases,
+    page::Listing,
     sources::SourceKind,
-    sql::{self, QueryBuilder, Row},
+    sql::{self, Row},
     to_json,
 };
 
@@ -25,7 +25,8 @@ macro_rules! columns {
     () => {
         "jobs.sequence AS sequence, id, kind, mesh, priority, status, stage, progress, detail, stage_seconds, attempt, max_attempts, cancel_requested, basis, problem,
             work_key, solver_version, created_ms, enqueued_ms, not_before_ms, started_ms, finished_ms, memory_bytes, revision, deaths, interruptions,
-            (SELECT shown FROM job_parameters WHERE job_parameters.job = jobs.id) AS parameters"
+            (SELECT shown FROM job_parameters WHERE job_parameters.job = jobs.id) AS parameters,
+            (SELECT string_agg(basis, ',' ORDER BY place) FROM job_bases WHERE job_bases.job = jobs.id) AS bases"
     };
 }
 
@@ -38,8 +39,8 @@ macro_rules! select {
 
 /// A statement that changes jobs and gives them as they are now.
 macro_rules! returning {
-    ($change:literal) => {
-        concat!($change, " RETURNING ", $crate::store::jobs::columns!())
+    ($($change:expr),+) => {
+        concat!($($change,)+ " RETURNING ", $crate::store::jobs::columns!())
     };
 }
 
@@ -53,7 +54,7 @@ impl Store {
     /// this returns.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`] for an unknown mesh or problem, [`StoreError::IdempotencyConflict`], [`StoreError::QueueFull`].
+    /// [`StoreError::NotFound`] for an unknown mesh, problem or basis, [`StoreError::IdempotencyConflict`], [`StoreError::QueueFull`].
     pub async fn enqueue(&self, new: NewJob) -> Result<Enqueued, StoreError> {
         let store = self.clone();
         detached(async move {
@@ -116,6 +117,7 @@ impl Store {
             }
         }
         require_source(on, &new.kind, &new.mesh).await?;
+        job_bases::require(on, &new.bases).await?;
         // A job that is asked to stop will not do the work.
         // Kept, lest a key be written down for a job that is deleted meanwhile.
         let same = on.keeping(select!(
@@ -204,6 +206,7 @@ impl Store {
             .bind(whole)
             .execute(on.on())
             .await?;
+        job_bases::insert(on, id, &new.bases).await?;
         sql::query(ONE).bind(id.to_string()).fetch_one(on.on()).await.map(|row| job_from_row(&row))?.map(Some)
     }
 
@@ -244,15 +247,12 @@ impl Store {
     /// # Errors
     /// [`StoreError::InvalidCursor`].
     pub async fn jobs(&self, filter: &JobFilter, page: &PageRequest) -> Result<Page<JobRecord>, StoreError> {
-        let mut query = QueryBuilder::new(select!("WHERE sequence < "));
-        query.push_bind(page.below()?);
-        push_filter(&mut query, "status", filter.status.map(JobStatus::as_str));
-        push_filter(&mut query, "kind", filter.kind.as_deref());
-        push_filter(&mut query, "mesh", filter.mesh.as_deref());
-        query.push(" ORDER BY sequence DESC LIMIT ").push_bind(page.look_ahead());
-        let rows = query.build().fetch_all(self.inner.catalog.reader()).await?;
-        let rows = rows.iter().map(|row| Ok((row.try_get("sequence")?, job_from_row(row)?)));
-        Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, page))
+        let list = Listing::new(&self.inner.catalog, select!("WHERE sequence < "), page)?;
+        list.with("status", filter.status.map(JobStatus::as_str))
+            .with("kind", filter.kind.as_deref())
+            .with("mesh", filter.mesh.as_deref())
+            .read(job_from_row)
+            .await
     }
 
     /// How many jobs there are of each kind in each status; combinations without jobs are left out.
@@ -324,7 +324,7 @@ impl Store {
     /// is.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`], for its mesh or problem too; [`StoreError::JobState`] where it has succeeded, is asked to stop, or
+    /// [`StoreError::NotFound`], for its mesh, problem or bases too; [`StoreError::JobState`] where it has succeeded, is asked to stop, or
     /// where equal work is under way as another job; [`StoreError::QueueFull`].
     pub async fn retry_job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
         let store = self.clone();
@@ -382,6 +382,7 @@ impl Store {
             return refuse(format!("equal work is under way as job {other}"));
         }
         require_source(on, &job.kind, &job.mesh).await?;
+        job_bases::require(on, &job.bases).await?;
         self.check_queue(on).await?;
         let row = sql::query(returning!(
             "UPDATE jobs SET status = 'enqueued', attempt = 0, cancel_requested = 0, problem = NULL, basis = NULL, deaths = 0,
@@ -400,7 +401,8 @@ impl Store {
     /// Deletes a job that has ended, with the idempotency keys that stand for it; with `cascade` its basis too.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`]; [`StoreError::JobState`] where it waits or runs, or, without `cascade`, where its basis is stored.
+    /// [`StoreError::NotFound`]; [`StoreError::JobState`] where it waits or runs, or, without `cascade`, where its basis is stored;
+    /// [`StoreError::BasisInUse`] where another job needs that basis and has not ended.
     pub async fn delete_job(&self, id: Uuid, cascade: bool) -> Result<(), StoreError> {
         let store = self.clone();
         detached(async move { store.delete_job_now(id, cascade).await }).await
@@ -434,7 +436,8 @@ impl Store {
         if !job.status.is_finished() {
             return refuse("it has to be cancelled before it is deleted".to_owned());
         }
-        let mut basis = sql::query("SELECT id, content_hash FROM bases WHERE job = ?")
+        let text = on.locking("SELECT id, content_hash FROM bases WHERE job = ?");
+        let mut basis = sql::query(text)
             .bind(id.to_string())
             .fetch_optional(on.on())
             .await?
@@ -444,6 +447,9 @@ impl Store {
             && !cascade
         {
             return refuse(format!("its basis {basis} is stored; delete that first, or pass cascade=true"));
+        }
+        if let Some((basis, _)) = &basis {
+            job_bases::refuse_needed(on, *basis).await?;
         }
         for sql in [
             "DELETE FROM bases WHERE job = ?",
@@ -498,6 +504,7 @@ pub(super) fn job_from_row(row: &Row) -> Result<JobRecord, StoreError> {
         id: uuid_column(row, "id")?,
         kind: row.try_get("kind")?,
         mesh: row.try_get("mesh")?,
+        bases: job_bases::of_row(row)?,
         parameters: from_json("parameters", row.try_get("parameters")?)?,
         priority: row.try_get("priority")?,
         status: status_column(row)?,

@@ -294,6 +294,7 @@ impl Store {
     ) -> Result<CompleteAnswer, StoreError> {
         self.faults().reach(FailPoint::BeforeChunks);
         // Before the lock, which may not be taken twice.
+        let product = self.with_numberings(product).await?;
         let numbering = self.numbering_of(&product).await?;
         let (written, answer) = {
             let _in_use = self.inner.blob_use.read().await;

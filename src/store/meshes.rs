@@ -6,8 +6,10 @@ use super::fields::{self, Of};
 use super::sources::{NewSource, SourceKind};
 use super::{
     JobRecord, MeshRecord, NewMesh, Page, PageRequest, Store, StoreError, Stored, Weighed, blobs, detached, from_json,
+    job_bases,
     jobs::{self, job_from_row},
-    sql::{self, QueryBuilder, Row},
+    page::Listing,
+    sql::{self, Row},
 };
 use bytes::Bytes;
 use chladni_mesh::attributes::Attributes;
@@ -15,6 +17,7 @@ use chladni_mesh::numbering::Numbering;
 use chladni_mesh::polygons::Polygons;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
+use uuid::Uuid;
 
 /// The head of a mesh's canonical content; the counts of vertices and faces follow, u64 little-endian, then positions as
 /// f64 and faces as u32, all little-endian.
@@ -99,16 +102,8 @@ impl Store {
     /// # Errors
     /// [`StoreError::InvalidCursor`].
     pub async fn meshes_named(&self, part: Option<&str>, page: &PageRequest) -> Result<Page<MeshRecord>, StoreError> {
-        let mut query = QueryBuilder::new("SELECT * FROM meshes WHERE kind = 'mesh' AND sequence < ");
-        query.push_bind(page.below()?);
-        if let Some(part) = part {
-            let [before, after] = self.inner.catalog.contains("name");
-            query.push(" AND ").push(&before).push_bind(part).push(&after);
-        }
-        query.push(" ORDER BY sequence DESC LIMIT ").push_bind(page.look_ahead());
-        let rows = query.build().fetch_all(self.inner.catalog.reader()).await?;
-        let rows = rows.iter().map(|row| Ok((row.try_get("sequence")?, mesh_from_row(row)?)));
-        Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, page))
+        let list = Listing::new(&self.inner.catalog, "SELECT * FROM meshes WHERE kind = 'mesh' AND sequence < ", page)?;
+        list.named(part).read(mesh_from_row).await
     }
 
     /// Gives a mesh another name, or none.
@@ -126,7 +121,7 @@ impl Store {
         row.map(|row| mesh_from_row(&row)).unwrap_or_else(|| Err(unknown_mesh(id)))
     }
 
-    /// Deletes a mesh. With `cascade`, enqueued jobs on it are cancelled, running ones asked to stop, and its bases and fields deleted.
+    /// Deletes a mesh. With `cascade`, enqueued jobs on it or on its bases are cancelled, running ones asked to stop, and its bases and fields deleted.
     /// Jobs stay on record.
     ///
     /// # Errors
@@ -151,36 +146,47 @@ impl Store {
             transaction.rollback().await?;
             return Err(kind.unknown(id));
         };
-        let counts = sql::query(
-            "SELECT (SELECT COUNT(*) FROM jobs WHERE mesh = ?1 AND status IN ('enqueued', 'processing')) AS jobs,
+        // From here on no new job can name its bases.
+        let own = transaction.locking("SELECT id FROM bases WHERE mesh = ?");
+        sql::query(own).bind(id).fetch_all(transaction.on()).await?;
+        let counts = sql::query(concat!(
+            "SELECT (SELECT COUNT(*) FROM jobs WHERE ",
+            job_bases::on_mesh!(),
+            " AND status IN ('enqueued', 'processing')) AS jobs,
+                    (SELECT id FROM jobs WHERE ",
+            job_bases::on_mesh!(),
+            " AND status IN ('enqueued', 'processing') ORDER BY sequence LIMIT 1) AS job,
                     (SELECT COUNT(*) FROM bases WHERE mesh = ?1) AS bases, (SELECT COUNT(*) FROM fields WHERE mesh = ?1) AS fields",
-        )
+        ))
         .bind(id)
         .fetch_one(transaction.on())
         .await?;
         let count = |name: &str| counts.try_get::<i64, _>(name);
         let (unfinished, bases, fields) = (count("jobs")?, count("bases")?, count("fields")?);
         if !cascade && unfinished + bases + fields > 0 {
+            let job: Option<String> = counts.try_get("job")?;
             transaction.rollback().await?;
             return Err(StoreError::MeshInUse {
                 mesh: id.to_owned(),
                 unfinished_jobs: unfinished as u64,
+                job: job.and_then(|job| Uuid::try_parse(&job).ok()),
                 bases: bases as u64,
                 fields: fields as u64,
             });
         }
         let mut changed = sql::query(jobs::returning!(
-            "UPDATE jobs SET status = 'canceled', finished_ms = ?, revision = revision + 1
-             WHERE mesh = ? AND status = 'enqueued'"
+            "UPDATE jobs SET status = 'canceled', finished_ms = ?2, revision = revision + 1 WHERE status = 'enqueued' AND ",
+            job_bases::on_mesh!()
         ))
-        .bind(self.now_ms())
         .bind(id)
+        .bind(self.now_ms())
         .fetch_all(transaction.on())
         .await?;
         changed.extend(
             sql::query(jobs::returning!(
                 "UPDATE jobs SET cancel_requested = 1, revision = revision + 1
-                 WHERE mesh = ? AND status = 'processing' AND cancel_requested = 0"
+                 WHERE status = 'processing' AND cancel_requested = 0 AND ",
+                job_bases::on_mesh!()
             ))
             .bind(id)
             .fetch_all(transaction.on())
@@ -337,13 +343,6 @@ fn mesh_from_row(row: &Row) -> Result<MeshRecord, StoreError> {
         bytes: row.try_get::<i64, _>("bytes")? as u64,
         created_ms: row.try_get("created_ms")?,
     })
-}
-
-/// Adds `column = value` where there is a value to filter by.
-pub(super) fn push_filter(query: &mut QueryBuilder, column: &'static str, value: Option<&str>) {
-    if let Some(value) = value {
-        query.push(" AND ").push(column).push(" = ").push_bind(value);
-    }
 }
 
 fn encode(

@@ -22,6 +22,7 @@ const META: &[(&str, &str)] = &[
     ("0009_problems", include_str!("../../migrations/meta/0009_problems.sql")),
     ("0010_job_parameters", include_str!("../../migrations/meta/0010_job_parameters.sql")),
     ("0011_fields", include_str!("../../migrations/meta/0011_fields.sql")),
+    ("0012_job_bases", include_str!("../../migrations/meta/0012_job_bases.sql")),
 ];
 
 /// The steps of `blobs.db`.
@@ -37,6 +38,7 @@ const POSTGRES: &[(&str, &str)] = &[
     ("0001_shared", include_str!("../../migrations/postgres/0001_shared.sql")),
     ("0002_job_parameters", include_str!("../../migrations/postgres/0002_job_parameters.sql")),
     ("0003_fields", include_str!("../../migrations/postgres/0003_fields.sql")),
+    ("0004_job_bases", include_str!("../../migrations/postgres/0004_job_bases.sql")),
 ];
 
 /// Makes the tables of a shared database, one process after the other where several start at once.

@@ -18,7 +18,8 @@
 //! | `backup.rs`, `restore.rs` | copies of a folder in use, and folders made of them |
 //! | `integrity.rs`, `doctor.rs` | whether content is what was stored, and what is done where it is not |
 //! | `meshes.rs`, `problems.rs`, `bases.rs`, `fields.rs`, `jobs.rs` | what clients see |
-//! | `sources.rs` | what meshes and problems have in common |
+//! | `job_bases.rs` | the bases that a job works on, and that stay for as long |
+//! | `sources.rs`, `collection.rs` | what meshes and problems have in common; several shapes of one job |
 //! | `last_use.rs`, `retention.rs`, `space.rs` | what is kept, and for how long; room, and how it comes back |
 //! | `columns.rs` | dense bases: written as they are computed, read in chunks |
 //! | `leases.rs`, `deaths.rs` | what workers do: claim, heartbeat, complete, fail, release, reap; and what becomes of a job whose process died |
@@ -29,6 +30,7 @@ mod bases;
 mod blobs;
 mod catalog;
 mod clock;
+mod collection;
 mod columns;
 mod database;
 mod deaths;
@@ -42,6 +44,7 @@ mod folder;
 mod hearing;
 mod in_place;
 mod integrity;
+mod job_bases;
 mod jobs;
 mod last_use;
 mod leases;
@@ -92,7 +95,7 @@ use folder::DataFolder;
 pub use backup::{BackupReport, backup};
 pub use clock::Clock;
 pub use doctor::{Examination, Finding};
-pub use error::{DAMAGE, StoreError};
+pub use error::{DAMAGE, StoreError, uses};
 pub use fleet::Worker;
 pub use leases::{Claim, Company, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
 #[cfg(feature = "cluster")]
@@ -105,7 +108,7 @@ pub use records::{
 };
 pub use restore::restore;
 pub use retention::{Removed, Retention};
-pub use sources::Subject;
+pub use sources::{CollectedShape, Subject};
 pub use space::Compacted;
 
 /// Job events that a slow listener may fall behind by.

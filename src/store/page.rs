@@ -1,6 +1,10 @@
 //! Keyset pages: newest first, stable while new rows arrive.
 
-use super::StoreError;
+use super::{
+    StoreError,
+    catalog::Catalog,
+    sql::{QueryBuilder, Row},
+};
 
 /// Which page of a list is wanted.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -34,6 +38,47 @@ impl PageRequest {
 impl Default for PageRequest {
     fn default() -> Self {
         Self { limit: 50, from: None }
+    }
+}
+
+/// A list that is asked for, newest first: what is selected, by what it is filtered, and which page of it.
+pub(super) struct Listing<'a> {
+    catalog: &'a Catalog,
+    page: &'a PageRequest,
+    query: QueryBuilder,
+}
+
+impl<'a> Listing<'a> {
+    /// What a statement selects that ends in `sequence < `.
+    pub fn new(catalog: &'a Catalog, below: &'static str, page: &'a PageRequest) -> Result<Self, StoreError> {
+        let mut query = QueryBuilder::new(below);
+        query.push_bind(page.below()?);
+        Ok(Self { catalog, page, query })
+    }
+
+    /// Only rows whose column has a value, where there is one to filter by.
+    pub fn with(mut self, column: &'static str, value: Option<&str>) -> Self {
+        if let Some(value) = value {
+            self.query.push(" AND ").push(column).push(" = ").push_bind(value);
+        }
+        self
+    }
+
+    /// Only rows whose name contains a text, where there is one. Letters of ASCII are alike in both cases.
+    pub fn named(mut self, part: Option<&str>) -> Self {
+        if let Some(part) = part {
+            let [before, after] = self.catalog.contains("name");
+            self.query.push(" AND ").push(&before).push_bind(part).push(&after);
+        }
+        self
+    }
+
+    /// The page, its rows read one by one.
+    pub async fn read<T>(mut self, read: impl Fn(&Row) -> Result<T, StoreError>) -> Result<Page<T>, StoreError> {
+        self.query.push(" ORDER BY sequence DESC LIMIT ").push_bind(self.page.look_ahead());
+        let rows = self.query.build().fetch_all(self.catalog.reader()).await?;
+        let rows = rows.iter().map(|row| Ok((row.try_get("sequence")?, read(row)?)));
+        Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, self.page))
     }
 }
 

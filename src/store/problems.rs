@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
+use super::page::Listing;
 use super::sources::{NewSource, SourceKind, problem_bytes, read_matrices};
-use super::sql::{self, QueryBuilder, Row};
+use super::sql::{self, Row};
 use super::{NewProblem, Page, PageRequest, ProblemRecord, Store, StoreError, Stored, blobs, detached, from_json};
 use bytes::Bytes;
 use chladni_spectral::spectrum::pencil::Matrices;
@@ -60,16 +61,9 @@ impl Store {
         part: Option<&str>,
         page: &PageRequest,
     ) -> Result<Page<ProblemRecord>, StoreError> {
-        let mut query = QueryBuilder::new("SELECT * FROM meshes WHERE kind = 'problem' AND sequence < ");
-        query.push_bind(page.below()?);
-        if let Some(part) = part {
-            let [before, after] = self.inner.catalog.contains("name");
-            query.push(" AND ").push(&before).push_bind(part).push(&after);
-        }
-        query.push(" ORDER BY sequence DESC LIMIT ").push_bind(page.look_ahead());
-        let rows = query.build().fetch_all(self.inner.catalog.reader()).await?;
-        let rows = rows.iter().map(|row| Ok((row.try_get("sequence")?, problem_from_row(row)?)));
-        Ok(Page::from_rows(rows.collect::<Result<_, StoreError>>()?, page))
+        let list =
+            Listing::new(&self.inner.catalog, "SELECT * FROM meshes WHERE kind = 'problem' AND sequence < ", page)?;
+        list.named(part).read(problem_from_row).await
     }
 
     /// Gives a problem another name, or none.

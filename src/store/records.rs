@@ -245,6 +245,8 @@ pub struct NewJob {
     pub kind: String,
     /// The mesh or the problem that it works on.
     pub mesh: String,
+    /// The bases that it works on, where these are several; the mesh is that of the first.
+    pub bases: Vec<Uuid>,
     /// Canonical parameters, with defaults filled in.
     pub parameters: Value,
     /// The same with long lists told by their length and hash, where there are any: what records show, but for the claim of a worker.
@@ -283,6 +285,9 @@ pub struct JobRecord {
     pub kind: String,
     /// The mesh or, of the kind `pencil_basis`, the problem that it works on.
     pub mesh: String,
+    /// The bases that it works on, where these are several, as of the kind `map_collection`; the mesh is that of the first.
+    #[serde(default)]
+    pub bases: Vec<Uuid>,
     /// Canonical parameters, with defaults filled in; in full in a [`Claim`](super::Claim), else with long lists told by their length and hash.
     pub parameters: Value,
     /// Higher runs first.

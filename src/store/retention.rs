@@ -43,9 +43,11 @@ const LOOK_MS: i64 = 60 * 1000;
 /// Deletions of one look and one bound, so that writers get their turn.
 const AT_ONCE: i64 = 100;
 
-/// Bases that no unfinished job makes anew.
+/// Bases that no unfinished job makes anew or needs.
 const FREE_BASES: &str = "FROM bases WHERE NOT EXISTS
-    (SELECT 1 FROM jobs WHERE jobs.id = bases.job AND jobs.status IN ('enqueued', 'processing'))";
+    (SELECT 1 FROM jobs WHERE jobs.id = bases.job AND jobs.status IN ('enqueued', 'processing'))
+    AND NOT EXISTS (SELECT 1 FROM job_bases JOIN jobs ON jobs.id = job_bases.job
+        WHERE job_bases.basis = bases.id AND jobs.status IN ('enqueued', 'processing'))";
 /// Fields: nothing needs them.
 const FREE_FIELDS: &str = "FROM fields WHERE 1 = 1";
 /// Meshes and problems that nothing needs.
@@ -197,7 +199,12 @@ impl Store {
 fn gone(deleted: Result<(), StoreError>) -> Result<u64, StoreError> {
     match deleted {
         Ok(()) => Ok(1),
-        Err(StoreError::NotFound { .. } | StoreError::MeshInUse { .. } | StoreError::JobState { .. }) => Ok(0),
+        Err(
+            StoreError::NotFound { .. }
+            | StoreError::MeshInUse { .. }
+            | StoreError::BasisInUse { .. }
+            | StoreError::JobState { .. },
+        ) => Ok(0),
         Err(error) => Err(error),
     }
 }

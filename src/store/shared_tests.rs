@@ -114,6 +114,7 @@ macro_rules! both {
 both!(
     a_mesh_is_stored_once_and_comes_back_whole,
     fields_are_kept_once_and_go_with_their_mesh_or_their_basis,
+    the_bases_of_a_job_stay_until_it_has_ended,
     equal_meshes_that_arrive_at_once_are_one,
     a_mesh_in_use_is_deleted_only_with_what_uses_it,
     a_job_goes_from_enqueued_to_its_basis,
@@ -165,7 +166,7 @@ async fn columns() {
     let store = Store::open(options(&folder)).await.unwrap();
     let other = tempfile::tempdir().unwrap();
     let own = Store::open(StoreOptions { shared: None, ..options(&other) }).await.unwrap();
-    for table in ["meshes", "jobs", "job_parameters", "idempotency_keys", "bases", "fields", "health"] {
+    for table in ["meshes", "jobs", "job_parameters", "job_bases", "idempotency_keys", "bases", "fields", "health"] {
         let theirs = sql::query(
             "SELECT column_name, data_type, CAST(CASE WHEN is_nullable = 'YES' THEN 0 ELSE 1 END AS BIGINT) AS needed
              FROM information_schema.columns WHERE table_name = ? ORDER BY column_name",

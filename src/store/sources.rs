@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use chladni_mesh::{TetMesh, TriangleMesh};
-use chladni_spectral::basis::ProductKind;
+use chladni_spectral::basis::{Basis, ProductKind};
 use chladni_spectral::formats::npz;
 use chladni_spectral::spectrum::pencil::Matrices;
 use serde_json::Value;
+use uuid::Uuid;
 
-use super::{Store, StoreError, blobs, meshes, sql, to_json};
+use super::{JobRecord, Store, StoreError, blobs, collection, meshes, sql, to_json};
 
 /// Digits of an identifier: 128 bits of the hash of the content.
 pub(super) const ID_DIGITS: usize = 32;
@@ -52,6 +53,19 @@ pub(super) struct NewSource {
     pub report: Value,
 }
 
+/// A shape of a collection: a stored basis, and the surface that it belongs to.
+#[derive(Debug, Clone)]
+pub struct CollectedShape {
+    /// The identifier of the basis.
+    pub id: Uuid,
+    /// The identifier of the mesh.
+    pub mesh_id: String,
+    /// The basis.
+    pub basis: Arc<Basis>,
+    /// The mesh.
+    pub mesh: Arc<TriangleMesh>,
+}
+
 /// What a job works on.
 #[derive(Debug, Clone)]
 pub enum Subject {
@@ -59,6 +73,8 @@ pub enum Subject {
     Mesh(Arc<TriangleMesh>, Option<Arc<TetMesh>>),
     /// The matrices of a problem.
     Problem(Arc<Matrices>),
+    /// The shapes of a collection.
+    Collection(Vec<CollectedShape>),
 }
 
 impl Subject {
@@ -67,6 +83,7 @@ impl Subject {
         match self {
             Self::Mesh(mesh, solid) => meshes::write_body(mesh, solid.as_deref(), out),
             Self::Problem(matrices) => out.write_all(&problem_bytes(matrices)?),
+            Self::Collection(shapes) => collection::write(shapes, out),
         }
     }
 
@@ -74,6 +91,9 @@ impl Subject {
     pub(crate) fn read(bytes: &[u8]) -> Option<Self> {
         if bytes.starts_with(b"PK") {
             return Some(Self::Problem(Arc::new(read_matrices(bytes).ok()?)));
+        }
+        if bytes.starts_with(collection::MAGIC) {
+            return collection::read(bytes).map(Self::Collection);
         }
         let (mesh, solid) = meshes::read_body(bytes)?;
         Some(Self::Mesh(Arc::new(mesh), solid.map(Arc::new)))
@@ -141,15 +161,18 @@ impl Store {
         Ok(found.is_some())
     }
 
-    /// What a job of that kind works on, verified and decoded.
+    /// What a job works on, verified and decoded.
     ///
     /// # Errors
     /// [`StoreError::NotFound`]; [`StoreError::Damaged`] where the content does not verify.
-    pub async fn load_subject(&self, kind: &str, id: &str) -> Result<Subject, StoreError> {
-        Ok(match SourceKind::of_job(kind) {
-            SourceKind::Problem => Subject::Problem(self.load_problem(id).await?),
+    pub async fn load_subject(&self, job: &JobRecord) -> Result<Subject, StoreError> {
+        if !job.bases.is_empty() {
+            return Ok(Subject::Collection(self.load_shapes(&job.bases).await?));
+        }
+        Ok(match SourceKind::of_job(&job.kind) {
+            SourceKind::Problem => Subject::Problem(self.load_problem(&job.mesh).await?),
             SourceKind::Mesh => {
-                let (mesh, solid) = self.load_body(id).await?;
+                let (mesh, solid) = self.load_body(&job.mesh).await?;
                 Subject::Mesh(mesh, solid)
             }
         })

@@ -95,6 +95,7 @@ pub(crate) fn new_job(mesh: &str, work: &str) -> NewJob {
         brief: None,
         kind: "eigenbasis".to_owned(),
         mesh: mesh.to_owned(),
+        bases: Vec::new(),
         parameters: json!({"count": 4}),
         priority: 0,
         idempotency: None,
@@ -219,6 +220,82 @@ async fn fields_are_kept_once_and_go_with_their_mesh_or_their_basis() {
     store.delete_mesh(&mesh, true).await.unwrap();
     assert!(matches!(store.load_field(&first.record).await, Err(StoreError::NotFound { .. })));
     assert!(list(all).await.is_empty());
+}
+
+#[tokio::test]
+async fn the_bases_of_a_job_stay_until_it_has_ended() {
+    let (store, _folder) = store().await;
+    let mut shapes = Vec::new();
+    for seed in 0..2 {
+        let mesh = store.add_mesh(mesh(seed, 30)).await.unwrap().record.id;
+        let job = store.enqueue(new_job(&mesh, &format!("own {seed}"))).await.unwrap().record.id;
+        let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
+        let CompleteAnswer::Stored(basis) = store.complete(claim.token, basis(1.0, 30), Vec::new()).await.unwrap()
+        else {
+            panic!()
+        };
+        shapes.push((mesh, basis, job));
+    }
+    let [first, second] = &shapes[..] else { panic!() };
+    let bases = vec![second.1, first.1];
+    let collected = |work: &str| NewJob { bases: bases.clone(), ..new_job(&second.0, work) };
+    let unknown = NewJob { bases: vec![second.1, Uuid::nil()], ..new_job(&second.0, "none") };
+    let refused = store.enqueue(unknown).await.unwrap_err();
+    assert!(matches!(&refused, StoreError::NotFound { resource: "basis", .. }), "{refused}");
+    let job = store.enqueue(collected("maps")).await.unwrap().record;
+    assert_eq!(job.bases, bases);
+    assert_eq!(store.enqueue(collected("maps")).await.unwrap().outcome, EnqueueOutcome::SameWork);
+    let in_use = |result: Result<(), StoreError>| match result {
+        Err(StoreError::BasisInUse { basis, job }) => (basis, job),
+        other => panic!("{other:?}"),
+    };
+    let everything = Retention {
+        basis_age: Some(Duration::ZERO),
+        bases: Some(0),
+        mesh_age: Some(Duration::ZERO),
+        meshes: Some(0),
+        bytes: Some(0),
+        ..Retention::default()
+    };
+    let mut token = None;
+    // Waiting, and running.
+    for _ in 0..2 {
+        assert_eq!(in_use(store.delete_basis(first.1).await), (first.1, job.id));
+        assert_eq!(in_use(store.delete_job(first.2, true).await), (first.1, job.id));
+        match store.delete_mesh(&first.0, false).await {
+            Err(StoreError::MeshInUse { unfinished_jobs: 1, bases: 1, job: Some(own), .. }) if own == job.id => {}
+            other => panic!("{other:?}"),
+        }
+        assert_eq!(store.retain(&everything).await.unwrap(), Removed::default());
+        if let Some(claim) = store.claim("w", &[], LEASE).await.unwrap() {
+            assert_eq!(claim.job.bases, bases);
+            token = Some(claim.token);
+            let Subject::Collection(loaded) = store.load_subject(&claim.job).await.unwrap() else { panic!() };
+            let ids: Vec<_> = loaded.iter().map(|shape| (&shape.mesh_id, shape.id)).collect();
+            assert_eq!(ids, [(&second.0, second.1), (&first.0, first.1)]);
+            // As a process of its own hears of it.
+            let mut sent = Vec::new();
+            Subject::Collection(loaded.clone()).write(&mut sent).unwrap();
+            let Some(Subject::Collection(heard)) = Subject::read(&sent) else { panic!() };
+            for (a, b) in loaded.iter().zip(&heard) {
+                assert_eq!((&a.mesh_id, a.id, &a.basis, &a.mesh.faces), (&b.mesh_id, b.id, &b.basis, &b.mesh.faces));
+            }
+            assert!((1..sent.len()).step_by(997).all(|cut| Subject::read(&sent[..cut]).is_none()));
+        }
+    }
+    // With its mesh a basis goes, and the job is asked to stop; once it has ended, its other basis is free.
+    store.delete_mesh(&first.0, true).await.unwrap();
+    assert!(store.job(job.id).await.unwrap().cancel_requested);
+    assert_eq!(in_use(store.delete_basis(second.1).await), (second.1, job.id));
+    assert!(store.finish_canceled(token.unwrap()).await.unwrap());
+    let refused = store.retry_job(job.id).await.unwrap_err();
+    assert!(matches!(&refused, StoreError::NotFound { resource: "basis", .. }), "{refused}");
+    store.delete_basis(second.1).await.unwrap();
+    assert_eq!(store.job(job.id).await.unwrap().bases, bases);
+    store.delete_job(job.id, false).await.unwrap();
+    let left: i64 =
+        sql::query_scalar("SELECT COUNT(*) FROM job_bases").fetch_one(store.inner.catalog.reader()).await.unwrap();
+    assert_eq!(left, 0);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -12,6 +12,7 @@ mod attributes;
 mod auth;
 mod bases;
 mod bodies;
+mod collections;
 mod dense;
 mod documents;
 mod estimates;

@@ -149,6 +149,14 @@ fn assert_close(found: &[f64], expected: &[f64], what: &str) {
     }
 }
 
+/// A job that has succeeded.
+async fn ask_for(app: &TestApp, body: &Value) -> Value {
+    let job: Value = app.post("/v1/jobs").json(body).send().await.unwrap().json().await.unwrap();
+    let job = app.finished(&text(&job["id"])).await;
+    assert_eq!(job["status"], "succeeded", "{job}");
+    job
+}
+
 async fn job(app: &TestApp, kind: &str, mesh: &str, parameters: &Value, query: &str) -> Value {
     let body = json!({"kind": kind, "mesh": mesh, "parameters": parameters});
     // What would be refused for its numbers is refused here as well.
@@ -205,6 +213,7 @@ const COVERED: &[&str] = &[
     "valueGradient",
     "functionalMap",
     "mapCollection",
+    "getMaps",
     "getModes",
     "familySpectrum",
     "simulate",
@@ -495,6 +504,28 @@ async fn vertices_are_those_of_the_file() {
                 assert_eq!(point.as_u64().map(|_| back(point)), expected);
             }
         }
+        // Of stored maps each end is numbered as its own file.
+        let parameters = json!({"pairs": 20, "start": 10, "samples": 100});
+        let job = json!({"kind": "map_collection", "bases": [id(&dirty), id(&clean)], "parameters": parameters});
+        let job = ask_for(&app, &job).await;
+        let maps = async |query: &str| -> Value {
+            let url = format!("{}/maps{query}", job["links"]["basis"].as_str().unwrap());
+            app.get(&url).send().await.unwrap().json().await.unwrap()
+        };
+        let (a, b) = (maps("").await, maps("?numbering=kept").await);
+        let points = |maps: &Value, map: usize| maps["maps"][map]["points"].as_array().unwrap().clone();
+        let onto_file: Vec<u64> = points(&a, 0).iter().map(back).collect();
+        assert_eq!(onto_file, points(&b, 0).iter().map(|point| point.as_u64().unwrap()).collect::<Vec<_>>());
+        let from_file = points(&a, 1);
+        assert_eq!(from_file.len(), case.vertices.len());
+        for (point, kept) in from_file.iter().zip(&case.vertices) {
+            assert_eq!(point.as_u64(), kept.map(|kept| b["maps"][1]["points"][kept].as_u64().unwrap()));
+        }
+        assert_close(
+            &numbers(&a["maps"][1]["confidences"]),
+            &told(&numbers(&b["maps"][1]["confidences"]), 1, &case.vertices),
+            "stored confidences",
+        );
     }
 }
 

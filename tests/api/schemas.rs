@@ -192,12 +192,13 @@ fn objects<'d>(document: &'d Document, name: &str) -> Vec<(&'d Value, Value)> {
     choices.into_iter().map(|schema| (schema, least(schema))).collect()
 }
 
-const KINDS: [(&str, &str); 5] = [
+const KINDS: [(&str, &str); 6] = [
     ("eigenbasis", "EigenbasisParameters"),
     ("field_basis", "FieldBasisParameters"),
     ("operator_family", "OperatorFamilyParameters"),
     ("vibration_basis", "VibrationBasisParameters"),
     ("pencil_basis", "PencilBasisParameters"),
+    ("map_collection", "MapCollectionParameters"),
 ];
 
 #[test]
@@ -310,6 +311,20 @@ async fn answers_are_what_the_document_says() {
     document.assert_fits(document.schema("ProblemResource"), &pencil, "problem");
     let body = json!({"kind": "pencil_basis", "pencil": pencil["id"], "parameters": {"count": 2, "around": 0.9}});
     checked(&app, &document, body).await;
+    let mut bases = Vec::new();
+    for sides in [1.25, 1.5] {
+        let mut shape = generate(Shape::Sphere, 150).unwrap();
+        shape.positions.iter_mut().for_each(|at| *at = [at[0] + 0.1 * at[1] * at[1], sides * at[1], 2.0 * at[2]]);
+        let mut bytes = Vec::new();
+        write_ply(&shape, None, &mut bytes).unwrap();
+        let mesh = app.upload("ply", bytes).await;
+        let job = app.submit(&text(&mesh["id"]), json!({"method": "hsim", "count": 20})).await;
+        bases.push(app.finished(&text(&job["id"])).await["basis"].clone());
+    }
+    checked(&app, &document, json!({"kind": "map_collection", "bases": bases, "parameters": {"start": 10}})).await;
+    let maps: Value = app.get("/v1/bases?kind=map_collection").send().await.unwrap().json().await.unwrap();
+    let maps: Value = app.get(&text(&maps["items"][0]["links"]["maps"])).send().await.unwrap().json().await.unwrap();
+    document.assert_fits(document.schema("MapCollectionAnswer"), &maps, "maps");
     for (list, page) in [
         ("meshes", "PageOf_MeshResource"),
         ("problems", "PageOf_ProblemResource"),

@@ -180,7 +180,7 @@ export interface paths {
         post?: never;
         /**
          * Deletes a basis
-         * @description Its content goes with it. An equal job that is submitted later computes it anew.
+         * @description Its content goes with it. An equal job that is submitted later computes it anew. Refused while a job needs it that waits or runs.
          */
         delete: operations["deleteBasis"];
         options?: never;
@@ -434,6 +434,28 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/bases/{id}/maps": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Gets the maps between shapes
+         * @description What a job of the kind `map_collection` found, in the form of `POST /v1/map-collections`: for each vertex of a target the vertex of the source that
+         *     corresponds to it. Vertices are those of the uploaded files, for which their meshes have to be there, or with `numbering=kept` those of the meshes. The
+         *     NPZ of `/content` has all of it as arrays, with the numbering of each file.
+         */
+        get: operations["getMaps"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/bases/{id}/modes": {
         parameters: {
             query?: never;
@@ -642,7 +664,7 @@ export interface paths {
          * @description Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem are read again, residuals and inner products are summed from
          *     the functions as they are stored, and where the basis claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as
          *     `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts are squared angular frequencies, in 1/time².
-         *     Bases of fields for design and families of operators have no certificate, and nothing to be judged.
+         *     Bases of fields for design, families of operators and maps have no certificate, and nothing to be judged.
          */
         post: operations["verifyBasis"];
         delete?: never;
@@ -914,7 +936,8 @@ export interface paths {
          * Maps all shapes of a collection to each other
          * @description Without landmarks: first maps follow from wave kernel signatures and the orientation of the surfaces, are refined by ZoomOut (Melzi et al. 2019), and made
          *     consistent by a latent basis that all shapes have in common (Huang et al. 2020), so that pairs that fail by themselves follow those that agree. The answer
-         *     has a map of points for each ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say.
+         *     has a map of points for each ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say. For more than a few shapes there is the job
+         *     `map_collection`, which does the same in the queue and keeps what it finds.
          */
         post: operations["mapCollection"];
         delete?: never;
@@ -1628,6 +1651,8 @@ export interface components {
             fur: string | null;
             /** @description Hatchings along a field, a `POST`. */
             hatching: string | null;
+            /** @description Of maps between shapes: the points that correspond; null for others. */
+            maps: string | null;
             /** @description Its mesh; null where it has none. */
             mesh: string | null;
             /** @description Its eigenfunctions on the vertices; null where they are no functions on vertices. */
@@ -1698,6 +1723,7 @@ export interface components {
          *         "eigenfields": null,
          *         "fur": null,
          *         "hatching": null,
+         *         "maps": null,
          *         "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
          *         "modes": "/v1/bases/019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10/modes",
          *         "pencil": null,
@@ -1743,9 +1769,9 @@ export interface components {
          *       "vertices": 2930
          *     }
          */
-        BasisResource: components["schemas"]["EigenbasisBasisResource"] | components["schemas"]["FieldBasisBasisResource"] | components["schemas"]["OperatorFamilyBasisResource"] | components["schemas"]["VibrationBasisBasisResource"] | components["schemas"]["PencilBasisBasisResource"];
+        BasisResource: components["schemas"]["EigenbasisBasisResource"] | components["schemas"]["FieldBasisBasisResource"] | components["schemas"]["OperatorFamilyBasisResource"] | components["schemas"]["VibrationBasisBasisResource"] | components["schemas"]["PencilBasisBasisResource"] | components["schemas"]["MapCollectionBasisResource"];
         /** @description A stored basis without its eigenvalues and certificate, as lists have it. */
-        BasisSummary: components["schemas"]["EigenbasisBasisSummary"] | components["schemas"]["FieldBasisBasisSummary"] | components["schemas"]["OperatorFamilyBasisSummary"] | components["schemas"]["VibrationBasisBasisSummary"] | components["schemas"]["PencilBasisBasisSummary"];
+        BasisSummary: components["schemas"]["EigenbasisBasisSummary"] | components["schemas"]["FieldBasisBasisSummary"] | components["schemas"]["OperatorFamilyBasisSummary"] | components["schemas"]["VibrationBasisBasisSummary"] | components["schemas"]["PencilBasisBasisSummary"] | components["schemas"]["MapCollectionBasisSummary"];
         /**
          * @description Which biharmonic energy.
          * @enum {string}
@@ -2363,7 +2389,8 @@ export interface components {
             certificate: components["schemas"]["Certificate"];
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of any kind, where a graphics card took part in it or
+             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
+             *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
              *     failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
              */
             details: components["schemas"]["EigenbasisDetails"] | null;
@@ -2995,7 +3022,8 @@ export interface components {
             certificate: Record<string, never> | null;
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of any kind, where a graphics card took part in it or
+             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
+             *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
              *     failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
              */
             details: components["schemas"]["FieldBasisDetails"];
@@ -3957,7 +3985,7 @@ export interface components {
          *       "priority": 0
          *     }
          */
-        JobRequest: components["schemas"]["EigenbasisJobRequest"] | components["schemas"]["FieldBasisJobRequest"] | components["schemas"]["OperatorFamilyJobRequest"] | components["schemas"]["VibrationBasisJobRequest"] | components["schemas"]["PencilBasisJobRequest"];
+        JobRequest: components["schemas"]["EigenbasisJobRequest"] | components["schemas"]["FieldBasisJobRequest"] | components["schemas"]["OperatorFamilyJobRequest"] | components["schemas"]["VibrationBasisJobRequest"] | components["schemas"]["PencilBasisJobRequest"] | components["schemas"]["MapCollectionJobRequest"];
         /**
          * @description A job.
          * @example {
@@ -4010,7 +4038,7 @@ export interface components {
          *       "status": "processing"
          *     }
          */
-        JobResource: components["schemas"]["EigenbasisJobResource"] | components["schemas"]["FieldBasisJobResource"] | components["schemas"]["OperatorFamilyJobResource"] | components["schemas"]["VibrationBasisJobResource"] | components["schemas"]["PencilBasisJobResource"];
+        JobResource: components["schemas"]["EigenbasisJobResource"] | components["schemas"]["FieldBasisJobResource"] | components["schemas"]["OperatorFamilyJobResource"] | components["schemas"]["VibrationBasisJobResource"] | components["schemas"]["PencilBasisJobResource"] | components["schemas"]["MapCollectionJobResource"];
         /**
          * @description How the Laplacian is made.
          * @enum {string}
@@ -4217,6 +4245,143 @@ export interface components {
             };
             /** @description A map for each ordered pair of shapes: by source, then by target. */
             maps: components["schemas"]["MapOfCollection"][];
+        };
+        /** @description A stored basis. Of the kind `map_collection`. */
+        MapCollectionBasisResource: components["schemas"]["MapCollectionBasisSummary"] & {
+            /**
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
+             *     Null where nothing is.
+             */
+            certificate: Record<string, never> | null;
+            /**
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
+             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
+             *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
+             *     failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
+             */
+            details: components["schemas"]["MapCollectionDetails"];
+            /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
+            eigenvalues: number[];
+            /**
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh, how many
+             *     vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             */
+            operator: Record<string, never> | null;
+        } & {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "map_collection";
+        };
+        /** @description A stored basis without its eigenvalues and certificate, as lists have it. Of the kind `map_collection`. */
+        MapCollectionBasisSummary: components["schemas"]["BasisFacts"] & {
+            /**
+             * @description The kind of job.
+             * @enum {string}
+             */
+            kind: "map_collection";
+            /** @description The mesh it lives on; null where it is of a problem. */
+            mesh: string;
+            parameters: components["schemas"]["MapCollectionParameters"];
+        } & {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "map_collection";
+        };
+        /** @description What only maps between shapes have. */
+        MapCollectionDetails: {
+            /** @description The bases of the shapes, in their order. */
+            bases: string[];
+            /** @description How consistent the maps are. */
+            cycles: {
+                /**
+                 * Format: double
+                 * @description The largest mean of a single walk.
+                 */
+                largest: number;
+                /**
+                 * Format: double
+                 * @description There and back, the mean over all pairs.
+                 */
+                pairs: number;
+                /**
+                 * Format: double
+                 * @description Over two other shapes, the mean over all triples; null for two shapes.
+                 */
+                triples: number | null;
+            };
+            /** @description What solved its dense problems; absent where no graphics card had to do with it. */
+            dense_solver?: string[];
+            /** @description Their meshes. */
+            meshes: string[];
+            /** @description The vertices of each. */
+            vertices: number[];
+        };
+        /** @description A job to be done. Of the kind `map_collection`. */
+        MapCollectionJobRequest: {
+            /** @description Of the kind `map_collection`, in the place of a mesh: the ids of the bases, one for each shape. */
+            bases: string[];
+            /**
+             * @description The kind of job. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "map_collection";
+            /** @description Parameters; what is absent takes its default. */
+            parameters?: components["schemas"]["MapCollectionParameters"];
+            /**
+             * Format: int32
+             * @description Higher runs first. By default `0`.
+             */
+            priority?: number;
+        };
+        /** @description A job. Of the kind `map_collection`. */
+        MapCollectionJobResource: components["schemas"]["JobFacts"] & {
+            /** @description The bases it works on, of the kind `map_collection` alone; `mesh` is that of the first. */
+            bases: string[];
+            /**
+             * @description The kind of job.
+             * @enum {string}
+             */
+            kind: "map_collection";
+            /** @description The mesh it works on; null where it works on a problem. */
+            mesh: string;
+            parameters: components["schemas"]["MapCollectionParameters"];
+        } & {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "map_collection";
+        };
+        /** @description How shapes are mapped to each other. Defaults that depend on the shapes are filled in when these are known. */
+        MapCollectionParameters: {
+            /** @description Whether maps keep the orientation that the faces of the meshes give. Without it nothing tells the sides of a symmetric shape apart. By default `true`. */
+            oriented?: boolean;
+            /**
+             * @description The size of the refined maps: 100, or as many pairs as all bases have, unless it is given. Shapes times pairs are at most 4,096.
+             * @example 60
+             */
+            pairs?: number | null;
+            /** @description Whether each pair is refined by itself at the end: nearer to the truth, and a little less consistent. By default `true`. */
+            polish?: boolean;
+            /**
+             * @description Vertices of each surface that stand for it while maps are refined: at least twice the pairs. By default `2000`.
+             * @example 2000
+             */
+            samples?: number;
+            /**
+             * @description The size of the first maps: 30, or as many as the refined maps have, unless it is given.
+             * @example 30
+             */
+            start?: number | null;
+            /**
+             * @description By how much maps grow at once. By default `5`.
+             * @example 5
+             */
+            step?: number;
         };
         /**
          * @description Which shapes, and how they are mapped.
@@ -4595,7 +4760,8 @@ export interface components {
             certificate: Record<string, never> | null;
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of any kind, where a graphics card took part in it or
+             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
+             *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
              *     failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
              */
             details: components["schemas"]["OperatorFamilyDetails"];
@@ -4858,7 +5024,8 @@ export interface components {
             certificate: components["schemas"]["Certificate"];
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of any kind, where a graphics card took part in it or
+             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
+             *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
              *     failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
              */
             details: components["schemas"]["PencilBasisDetails"];
@@ -6290,7 +6457,8 @@ export interface components {
             certificate: components["schemas"]["VibrationCertificate"] | null;
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of any kind, where a graphics card took part in it or
+             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
+             *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
              *     failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
              */
             details: components["schemas"]["VibrationBasisDetails"];
@@ -6961,6 +7129,15 @@ export interface operations {
             403: components["responses"]["Forbidden"];
             /** @description A problem: unknown-basis */
             404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: basis-in-use */
+            409: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -8314,6 +8491,113 @@ export interface operations {
             };
             /** @description A problem: invalid-request, invalid-design or no-field-surface */
             422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            500: components["responses"]["InternalError"];
+            /** @description A problem: busy */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    getMaps: {
+        parameters: {
+            query?: {
+                /**
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
+                 *     nearest.
+                 */
+                extend?: "none" | "nearest";
+                /** @description Whether the answer has the matrices beside the points. */
+                matrices?: boolean;
+                /**
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
+                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 */
+                numbering?: "file" | "kept";
+                /**
+                 * @description Only the maps from this shape, by its place among the bases of the job.
+                 * @example 0
+                 */
+                source?: number;
+                /**
+                 * @description Only the maps to this shape.
+                 * @example 1
+                 */
+                target?: number;
+            };
+            header?: never;
+            path: {
+                /**
+                 * @description The id of the basis
+                 * @example 019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10
+                 */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The maps */
+            200: {
+                headers: {
+                    "Server-Timing"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MapCollectionAnswer"];
+                };
+            };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            401: components["responses"]["Unauthenticated"];
+            403: components["responses"]["Forbidden"];
+            /** @description A problem: unknown-basis or unknown-mesh */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: not-acceptable */
+            406: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: basis-kind */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: body-too-large */
+            413: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -10159,7 +10443,7 @@ export interface operations {
             };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
-            /** @description A problem: unknown-mesh or unknown-problem */
+            /** @description A problem: unknown-mesh, unknown-problem or unknown-basis */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -10170,6 +10454,15 @@ export interface operations {
             };
             /** @description A problem: body-too-slow */
             408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: basis-kind or incomparable-bases */
+            409: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -10326,7 +10619,7 @@ export interface operations {
             };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
-            /** @description A problem: unknown-mesh or unknown-problem */
+            /** @description A problem: unknown-mesh, unknown-problem or unknown-basis */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -10344,7 +10637,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: idempotency-conflict */
+            /** @description A problem: basis-kind, incomparable-bases or idempotency-conflict */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -10526,7 +10819,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: state-conflict */
+            /** @description A problem: state-conflict or basis-in-use */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -10712,7 +11005,7 @@ export interface operations {
             };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
-            /** @description A problem: unknown-job */
+            /** @description A problem: unknown-job, unknown-mesh, unknown-problem or unknown-basis */
             404: {
                 headers: {
                     [name: string]: unknown;

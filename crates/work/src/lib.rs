@@ -12,6 +12,7 @@ pub mod distances;
 mod eigenbasis;
 mod field_basis;
 mod idle;
+mod map_collection;
 pub mod numbered;
 mod operator_family;
 pub mod packed;
@@ -28,6 +29,7 @@ mod vibration_basis;
 
 use chladni_base::{Cancelled, Monitor, StageClock};
 use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::basis::Product;
 use chladni_spectral::operator::OperatorError;
 use chladni_spectral::spectrum::ApproximationError;
@@ -44,6 +46,7 @@ pub use eigenbasis::{
 
 pub use field_basis::{FieldBasisParameters, FieldConstruction, FieldName};
 pub use idle::{IDLE, IdleParameters};
+pub use map_collection::{MapCollectionParameters, StoredShape};
 
 use chladni_spectral::field::{DesignError, FieldError};
 pub use operator_family::OperatorFamilyParameters;
@@ -58,7 +61,8 @@ pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+9");
 pub const MESH_KINDS: &[&str] = &["eigenbasis", "field_basis", "operator_family", "vibration_basis"];
 
 /// The names of all kinds of job.
-pub const KINDS: &[&str] = &["eigenbasis", "field_basis", "operator_family", "vibration_basis", "pencil_basis"];
+pub const KINDS: &[&str] =
+    &["eigenbasis", "field_basis", "operator_family", "vibration_basis", "pencil_basis", "map_collection"];
 
 /// Why parameters were refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -133,6 +137,9 @@ pub enum JobError {
     /// Matrices are no pencil.
     #[error(transparent)]
     Pencil(PencilError),
+    /// Shapes could not be mapped to each other.
+    #[error(transparent)]
+    Analysis(AnalysisError),
 }
 
 stopped!(JobError: VibrationError => Vibration, HsimError => Iteration, ApproximationError => Approximation, OperatorError => Operator, DesignError => Ritz);
@@ -167,6 +174,8 @@ impl JobError {
             Self::Ritz(_) => "eigenproblem-failed",
             Self::Vibration(error) => error.kind(),
             Self::Pencil(error) => error.kind(),
+            Self::Analysis(AnalysisError::Basis(_)) => "basis-unavailable",
+            Self::Analysis(_) => "maps-failed",
         }
     }
 }
@@ -267,6 +276,8 @@ pub enum JobParameters {
     VibrationBasis(VibrationBasisParameters),
     /// Eigenpairs of a pencil that came as matrices.
     PencilBasis(PencilBasisParameters),
+    /// Maps between all shapes of a collection.
+    MapCollection(MapCollectionParameters),
     /// Nothing, for trials.
     Idle(IdleParameters),
 }
@@ -291,6 +302,7 @@ impl JobParameters {
             "operator_family" => OperatorFamilyParameters::read(parameters).map(Self::OperatorFamily),
             "vibration_basis" => VibrationBasisParameters::read(parameters).map(Self::VibrationBasis),
             "pencil_basis" => PencilBasisParameters::read(parameters).map(Self::PencilBasis),
+            "map_collection" => MapCollectionParameters::read(parameters).map(Self::MapCollection),
             other => Err(ParameterError::UnknownKind { kind: other.chars().take(64).collect() }),
         }
     }
@@ -314,6 +326,7 @@ impl JobParameters {
             Self::OperatorFamily(_) => "operator_family",
             Self::VibrationBasis(_) => "vibration_basis",
             Self::PencilBasis(_) => "pencil_basis",
+            Self::MapCollection(_) => "map_collection",
             Self::Idle(_) => IDLE,
         }
     }
@@ -325,6 +338,7 @@ impl JobParameters {
             Self::OperatorFamily(parameters) => parameters,
             Self::VibrationBasis(parameters) => parameters,
             Self::PencilBasis(parameters) => parameters,
+            Self::MapCollection(parameters) => parameters,
             Self::Idle(parameters) => parameters,
         }
     }
@@ -349,7 +363,8 @@ impl JobParameters {
     /// # Errors
     /// [`ParameterError::Value`] where they ask for more than the mesh has, [`ParameterError::NoFaces`] where it has only points and they need more.
     pub fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
-        if mesh.are_points() && !matches!(self, Self::Eigenbasis(_) | Self::PencilBasis(_) | Self::Idle(_)) {
+        let needs_faces = matches!(self, Self::FieldBasis(_) | Self::OperatorFamily(_) | Self::VibrationBasis(_));
+        if mesh.are_points() && needs_faces {
             return Err(ParameterError::NoFaces { kind: self.kind() });
         }
         self.work().check_mesh(mesh)

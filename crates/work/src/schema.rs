@@ -9,8 +9,8 @@ use utoipa::{PartialSchema, ToSchema};
 
 use crate::eigenbasis::{self, MethodName};
 use crate::{
-    FieldBasisParameters, KINDS, OperatorFamilyParameters, PencilBasisParameters, VibrationBasisParameters,
-    VibrationMethodName,
+    FieldBasisParameters, KINDS, MapCollectionParameters, OperatorFamilyParameters, PencilBasisParameters,
+    VibrationBasisParameters, VibrationMethodName,
 };
 
 /// Schemas by name.
@@ -36,6 +36,7 @@ pub fn component(kind: &str) -> Option<&'static str> {
         "OperatorFamilyParameters",
         "VibrationBasisParameters",
         "PencilBasisParameters",
+        "MapCollectionParameters",
     ];
     KINDS.iter().zip(names).find(|(own, _)| **own == kind).map(|(_, name)| name)
 }
@@ -53,6 +54,7 @@ pub fn components() -> Components {
     );
     <FieldBasisParameters as ToSchema>::schemas(&mut found);
     found.push(("FieldBasisParameters".to_owned(), <FieldBasisParameters as PartialSchema>::schema()));
+    found.push(("MapCollectionParameters".to_owned(), <MapCollectionParameters as PartialSchema>::schema()));
     found.push(("OperatorFamilyParameters".to_owned(), <OperatorFamilyParameters as PartialSchema>::schema()));
     <PencilBasisParameters as ToSchema>::schemas(&mut found);
     found.push(("PencilBasisParameters".to_owned(), <PencilBasisParameters as PartialSchema>::schema()));

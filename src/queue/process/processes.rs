@@ -4,7 +4,10 @@ use std::{
     io::{self, Write},
     path::PathBuf,
     process::Command,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{
+        Arc, Mutex, PoisonError,
+        mpsc::{self, Receiver},
+    },
     thread,
     time::{Duration, Instant},
 };
@@ -21,7 +24,7 @@ use super::{
 };
 use crate::{
     queue::{JobFailure, Outcome, QueueObserver, Runner, Watch},
-    store::{JobRecord, Subject},
+    store::{CollectedShape, JobRecord, Subject},
 };
 
 /// How often it is looked whether the job was asked to stop.
@@ -133,6 +136,15 @@ impl Runner for Processes {
     fn run_problem(&self, job: &JobRecord, matrices: Arc<Matrices>, watch: &dyn Watch) -> Result<Outcome, JobFailure> {
         self.hand_out(job, Subject::Problem(matrices), watch)
     }
+
+    fn run_collection(
+        &self,
+        job: &JobRecord,
+        shapes: Vec<CollectedShape>,
+        watch: &dyn Watch,
+    ) -> Result<Outcome, JobFailure> {
+        self.hand_out(job, Subject::Collection(shapes), watch)
+    }
 }
 
 impl Processes {
@@ -150,13 +162,15 @@ impl Processes {
             threads: rayon::current_num_threads(),
             memory: self.memory(job.memory_bytes),
         };
-        send(&worker, order, subject).map_err(lost)?;
-        attend(worker, job, watch, &self.0)
+        let unsent = send(&worker, order, subject).map_err(lost)?;
+        attend(worker, &unsent, job, watch, &self.0)
     }
 }
 
-/// Sends an order from a thread of its own: a worker that does not read must not keep its server from killing it.
-fn send(worker: &Worker, order: Order, subject: Subject) -> io::Result<()> {
+/// Sends an order from a thread of its own: a worker that does not read must not keep its server from killing it. What the order is about may not be
+/// readable; then that is to be received.
+fn send(worker: &Worker, order: Order, subject: Subject) -> io::Result<Receiver<io::Error>> {
+    let (failed, unsent) = mpsc::channel();
     let orders = Arc::clone(&worker.orders);
     let sending = move || -> io::Result<()> {
         let mut orders = orders.lock().unwrap_or_else(PoisonError::into_inner);
@@ -168,16 +182,25 @@ fn send(worker: &Worker, order: Order, subject: Subject) -> io::Result<()> {
         orders.flush()
     };
     thread::Builder::new().name("worker-orders".to_owned()).spawn(move || {
-        // Whoever attends to the worker hears of its end.
+        // Of the end of a worker hears who attends to it, and of the rest by this.
         if let Err(error) = sending() {
             tracing::debug!(%error, "an order did not arrive");
+            if error.kind() == io::ErrorKind::Other {
+                let _gone = failed.send(error);
+            }
         }
     })?;
-    Ok(())
+    Ok(unsent)
 }
 
 /// Passes on what a worker says of an order, until there is a result, or none.
-fn attend(mut worker: Worker, job: &JobRecord, watch: &dyn Watch, pool: &Arc<Pool>) -> Result<Outcome, JobFailure> {
+fn attend(
+    mut worker: Worker,
+    unsent: &Receiver<io::Error>,
+    job: &JobRecord,
+    watch: &dyn Watch,
+    pool: &Arc<Pool>,
+) -> Result<Outcome, JobFailure> {
     let mut killed_at: Option<Instant> = None;
     let mut stage = String::new();
     let died = |how: String| Err(JobFailure::Died { how });
@@ -192,6 +215,12 @@ fn attend(mut worker: Worker, job: &JobRecord, watch: &dyn Watch, pool: &Arc<Poo
                 worker.kill();
                 return Err(Cancelled.into());
             }
+        }
+        if let Ok(error) = unsent.try_recv() {
+            // It waits for the rest, and is of no more use.
+            worker.kill();
+            let detail = format!("what the job is on could not be read: {error}");
+            return Err(JobFailure::Failed { kind: "basis-unavailable".to_owned(), detail, retryable: true });
         }
         let Frame { tag, body } = match worker.hear(LOOK) {
             Heard::Frame(frame) => frame,

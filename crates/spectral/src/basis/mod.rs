@@ -7,6 +7,7 @@ mod evaluate;
 pub mod family;
 mod field;
 mod field_space;
+mod maps;
 pub mod modal;
 mod product;
 mod squares;
@@ -20,6 +21,7 @@ pub use dense::{CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunc
 pub use evaluate::BasisError;
 pub use field::{FieldBasis, RitzFields, StoredFields};
 pub use field_space::{FieldSpace, SpaceError};
+pub use maps::{CycleErrors, MAP_COLLECTION, StoredMap, StoredMaps, ordered_pairs};
 pub use product::{PENCIL, Product, ProductKind, Summary};
 
 use std::sync::{Arc, OnceLock};

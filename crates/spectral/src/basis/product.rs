@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 
 use super::family::FamilyBasis;
 use super::modal::{ModalBasis, ModalFunctions};
-use super::{Basis, Functions, StoredFields};
+use super::{Basis, Functions, MAP_COLLECTION, StoredFields, StoredMaps};
 
 /// What a job left behind. Cheap to clone.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,6 +23,8 @@ pub enum Product {
     VibrationBasis(Arc<ModalBasis>),
     /// Eigenvectors of a pencil that came as matrices: a row of it stands where another basis has a vertex.
     PencilBasis(Arc<Basis>),
+    /// The maps between all shapes of a collection.
+    MapCollection(Arc<StoredMaps>),
 }
 
 /// The kinds of product. Each bears the name of the kind of job that makes it.
@@ -38,6 +40,8 @@ pub enum ProductKind {
     VibrationBasis,
     /// Eigenvectors of a pencil that came as matrices.
     PencilBasis,
+    /// The maps between all shapes of a collection.
+    MapCollection,
 }
 
 /// What the record of a product shows.
@@ -65,8 +69,14 @@ pub struct Summary {
 
 impl ProductKind {
     /// Every kind.
-    pub const ALL: [Self; 5] =
-        [Self::Eigenbasis, Self::FieldBasis, Self::OperatorFamily, Self::VibrationBasis, Self::PencilBasis];
+    pub const ALL: [Self; 6] = [
+        Self::Eigenbasis,
+        Self::FieldBasis,
+        Self::OperatorFamily,
+        Self::VibrationBasis,
+        Self::PencilBasis,
+        Self::MapCollection,
+    ];
 
     /// The name on the wire and in the table.
     pub fn name(self) -> &'static str {
@@ -76,6 +86,7 @@ impl ProductKind {
             Self::OperatorFamily => "operator_family",
             Self::VibrationBasis => "vibration_basis",
             Self::PencilBasis => PENCIL,
+            Self::MapCollection => MAP_COLLECTION,
         }
     }
 
@@ -94,6 +105,7 @@ impl Product {
             Self::OperatorFamily(_) => ProductKind::OperatorFamily,
             Self::VibrationBasis(_) => ProductKind::VibrationBasis,
             Self::PencilBasis(_) => ProductKind::PencilBasis,
+            Self::MapCollection(_) => ProductKind::MapCollection,
         }
     }
 
@@ -117,6 +129,7 @@ impl Product {
             Self::FieldBasis(fields) => &fields.metadata,
             Self::OperatorFamily(family) => &family.metadata,
             Self::VibrationBasis(modes) => &modes.metadata,
+            Self::MapCollection(maps) => &maps.metadata,
         }
     }
 
@@ -188,6 +201,18 @@ impl Product {
                 }),
                 dense_bytes: modes.dense_bytes(),
             },
+            Self::MapCollection(maps) => Summary {
+                rows: maps.vertices.iter().sum(),
+                dimension: Some(maps.size()),
+                details: json!({
+                    "bases": maps.metadata["bases"],
+                    "meshes": maps.metadata["meshes"],
+                    "vertices": maps.vertices,
+                    "cycles": maps.cycles,
+                }),
+                dense_bytes: 8 * (maps.maps.len() * maps.size().pow(2)) as u64,
+                ..Summary::default()
+            },
         }
     }
 
@@ -198,6 +223,7 @@ impl Product {
             Self::FieldBasis(fields) => &mut Arc::make_mut(fields).metadata,
             Self::OperatorFamily(family) => &mut Arc::make_mut(family).metadata,
             Self::VibrationBasis(modes) => &mut Arc::make_mut(modes).metadata,
+            Self::MapCollection(maps) => &mut Arc::make_mut(maps).metadata,
         };
         if let Some(object) = metadata.as_object_mut() {
             object.extend(members);
@@ -211,6 +237,7 @@ impl Product {
             Self::FieldBasis(fields) => fields.stored_bytes(),
             Self::OperatorFamily(family) => family.stored_bytes(),
             Self::VibrationBasis(modes) => modes.stored_bytes(),
+            Self::MapCollection(maps) => maps.stored_bytes(),
         }
     }
 
@@ -268,6 +295,12 @@ impl From<FamilyBasis> for Product {
     }
 }
 
+impl From<StoredMaps> for Product {
+    fn from(maps: StoredMaps) -> Self {
+        Self::MapCollection(Arc::new(maps))
+    }
+}
+
 impl From<ModalBasis> for Product {
     fn from(modes: ModalBasis) -> Self {
         Self::VibrationBasis(Arc::new(modes))
@@ -280,6 +313,7 @@ mod tests {
 
     use super::*;
     use crate::basis::field::tests::small_fields;
+    use crate::basis::maps::tests::small_maps;
     use crate::basis::tests::small_basis;
 
     fn small_family() -> FamilyBasis {
@@ -330,6 +364,7 @@ mod tests {
             small_modes(true).into(),
             small_modes(false).into(),
             Basis { metadata: json!({"kind": PENCIL, "moved": 0.5}), ..small_basis(true) }.into(),
+            small_maps().into(),
         ];
         assert!(ProductKind::ALL.iter().all(|kind| products.iter().any(|product| product.kind() == *kind)));
         for product in products {

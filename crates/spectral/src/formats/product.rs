@@ -30,6 +30,8 @@ impl Product {
             Self::FieldBasis(fields) => npz::write_fields(fields, numbering, out),
             Self::OperatorFamily(family) => npz::write_family(family, numbering, out),
             Self::VibrationBasis(modes) => npz::write_modes(modes, numbering, out),
+            // Each of its shapes has a numbering of its own, which it holds.
+            Self::MapCollection(maps) => npz::write_maps(maps, out),
         }
     }
 
@@ -43,6 +45,7 @@ impl Product {
             ProductKind::FieldBasis => npz::read_fields(bytes)?.into(),
             ProductKind::OperatorFamily => npz::read_family(bytes)?.into(),
             ProductKind::VibrationBasis => npz::read_modes(bytes)?.into(),
+            ProductKind::MapCollection => npz::read_maps(bytes)?.into(),
         };
         if found.kind() != kind {
             return Err(FormatError::Member {

@@ -3,17 +3,7 @@
 use rayon::prelude::*;
 
 use super::{CollectionMap, Samples, Shape};
-
-/// How far points are from where they started after a walk around, as straight distances over the root of the area of their surface.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct CycleErrors {
-    /// There and back: the mean over all ordered pairs.
-    pub pairs: f64,
-    /// Over two other shapes: the mean over all ordered triples; `None` for two shapes.
-    pub triples: Option<f64>,
-    /// The largest mean of a single walk, of either kind.
-    pub largest: f64,
-}
+use crate::basis::CycleErrors;
 
 impl CycleErrors {
     /// Walks that begin at the samples of each shape.

@@ -13,6 +13,8 @@ mod known;
 mod latent;
 mod polish;
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use chladni_algebra::DenseMatrix;
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
@@ -24,9 +26,9 @@ use super::error::{self, AnalysisError};
 use super::functional_map::matching::{Embedded, Match, Standing, map_of_points, zoom_out};
 use super::functional_map::side::Side;
 use super::functional_map::{MOST_PAIRS, MOST_SAMPLES, PointMap};
-use crate::basis::Basis;
+use crate::basis::{Basis, ordered_pairs};
 
-pub use self::cycles::CycleErrors;
+pub use crate::basis::CycleErrors;
 
 /// The most shapes of a collection.
 pub const MOST_SHAPES: usize = 32;
@@ -50,6 +52,17 @@ pub struct Shape<'a> {
     pub basis: &'a Basis,
     /// The mesh of it: oriented derivatives need its faces, and cycles its positions.
     pub mesh: &'a TriangleMesh,
+}
+
+/// What of a shape tells whether it can be mapped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ShapeSize {
+    /// Vertices of the surface.
+    pub vertices: usize,
+    /// Its faces; 0 where there are only points.
+    pub faces: usize,
+    /// Eigenpairs of the basis.
+    pub pairs: usize,
 }
 
 /// How the maps of a collection are made.
@@ -117,12 +130,9 @@ pub fn map_collection(
     let known = each(&places, monitor, |&place| Known::new(place, shapes[place], request))?;
     let standing = each(&known, monitor, |known| known.standing(request))?;
     monitor.stage("first_maps");
-    let pairs: Vec<(usize, usize)> = (0..shapes.len())
-        .flat_map(|source| (0..shapes.len()).map(move |target| (source, target)))
-        .filter(|(source, target)| source != target)
-        .collect();
+    let pairs: Vec<(usize, usize)> = ordered_pairs(shapes.len()).collect();
     let alone = request.pairs.min(ALONE.max(request.start));
-    let mut maps: Maps = each(&pairs, monitor, |&(source, target)| {
+    let mut maps: Maps = each_told(&pairs, monitor, |&(source, target)| {
         let map = first::map(&known[source], &known[target], request.oriented)?;
         let (map, _) = zoom_out(&standing[source].all, &standing[target].all, map, alone, request.step)?;
         Ok(((source, target), map))
@@ -150,14 +160,14 @@ pub fn map_collection(
     let made = match request.polish {
         true => {
             let many = each(&known, monitor, |known| polish::standing(&known.side, request))?;
-            each(&pairs, monitor, |&(source, target)| {
+            each_told(&pairs, monitor, |&(source, target)| {
                 let end = |place: usize| (&known[place].side, &many[place]);
                 polish::map(end(source), end(target), &latent.map(source, target)?, request)
             })?
         }
         false => {
             let embedded = each(&known, monitor, |known| known.embedded(&latent.embedding(known.place)?))?;
-            each(&pairs, monitor, |&(source, target)| {
+            each_told(&pairs, monitor, |&(source, target)| {
                 Ok((latent.map(source, target)?, embedded[source].nearest(&embedded[target], &[])))
             })?
         }
@@ -201,25 +211,47 @@ fn each<A: Sync, B: Send>(
     of.par_iter().map(one).collect()
 }
 
+/// The same, where they are all of a stage.
+fn each_told<A: Sync, B: Send>(
+    of: &[A],
+    monitor: &dyn Monitor,
+    make: impl Fn(&A) -> Result<B, AnalysisError> + Sync,
+) -> Result<Vec<B>, AnalysisError> {
+    let done = AtomicUsize::new(0);
+    each(of, monitor, |item| {
+        let made = make(item)?;
+        monitor.progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / of.len() as f64);
+        Ok(made)
+    })
+}
+
 fn check(shapes: &[Shape<'_>], request: &CollectionRequest) -> Result<(), AnalysisError> {
+    let mut sizes = Vec::with_capacity(shapes.len());
+    for Shape { basis, mesh } in shapes {
+        if basis.vertices() != mesh.positions.len() {
+            return Err(AnalysisError::Mesh { basis: basis.vertices(), mesh: mesh.positions.len() });
+        }
+        sizes.push(ShapeSize { vertices: basis.vertices(), faces: mesh.faces.len(), pairs: basis.count() });
+    }
+    check_sizes(&sizes, request)
+}
+
+/// Checks whether a request fits shapes of some sizes.
+///
+/// # Errors
+/// [`AnalysisError`] names a number out of its range, or tells that a shape has no faces to be oriented by.
+pub fn check_sizes(shapes: &[ShapeSize], request: &CollectionRequest) -> Result<(), AnalysisError> {
     error::count("shapes", shapes.len(), 2, MOST_SHAPES)?;
-    let most = shapes.iter().map(|shape| shape.basis.count()).min().unwrap_or(0);
+    let most = shapes.iter().map(|shape| shape.pairs).min().unwrap_or(0);
     error::count("pairs", request.pairs, 5, most.min(MOST_PAIRS).min(MOST_UNKNOWNS / shapes.len()))?;
     // A first map has the square of its size of unknowns.
     error::count("start", request.start, 5, request.pairs.min(ALONE))?;
     error::count("step", request.step, 1, MOST_PAIRS)?;
     error::count("samples", request.samples, (2 * request.pairs).min(MOST_SAMPLES), MOST_SAMPLES)?;
-    let mut vertices = 0_usize;
-    for shape in shapes {
-        let (basis, mesh) = (shape.basis.vertices(), shape.mesh.positions.len());
-        if basis != mesh {
-            return Err(AnalysisError::Mesh { basis, mesh });
-        }
-        if request.oriented && shape.mesh.faces.is_empty() {
-            return Err(AnalysisError::NoFaces);
-        }
-        vertices = vertices.saturating_add(basis);
+    if request.oriented && shapes.iter().any(|shape| shape.faces == 0) {
+        return Err(AnalysisError::NoFaces);
     }
+    let vertices = shapes.iter().fold(0_usize, |sum, shape| sum.saturating_add(shape.vertices));
     error::count("matches", vertices.saturating_mul(shapes.len() - 1), 1, MOST_MATCHES)
 }
 

@@ -6,8 +6,9 @@
 //! member `functions` (`n × m`, columns first) instead of `U` and `coefficients`; it comes last, is written chunk by chunk, and can be
 //! read in parts by the [`DenseLayout`] that writing it gives. Equal bases give equal bytes.
 //!
-//! Every product has the members `vertex_map` and `face_map` as well, where the numbering of the file is known that the mesh came from.
+//! Every product on one mesh has the members `vertex_map` and `face_map` as well, where the numbering of the file is known that the mesh came from.
 
+mod collection;
 mod family;
 mod fields;
 mod learning;
@@ -28,6 +29,7 @@ use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use crate::basis::{Basis, BasisError, CHUNK_COLUMNS, Certificate, Compact, DenseFunctions, Functions, Precision};
 
+pub use collection::{read_maps, write_maps};
 pub use family::{read_family, write_family};
 pub use fields::{fields_to_bytes, read_fields, write_fields};
 pub use learning::{SurfaceOperators, operators_within, write_operators};
