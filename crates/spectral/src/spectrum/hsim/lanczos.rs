@@ -86,7 +86,12 @@ const LARGE: usize = 60_000;
 
 /// Whether so many pairs of a level of a size, with such residuals, are had for less in a Krylov space than from a hierarchy.
 pub(super) fn pays(size: usize, pairs: usize, tolerance: f64) -> bool {
-    (tolerance <= LOOSE || size <= LARGE) && LARGEST_SHARE * first_look(pairs, tolerance) <= size
+    (tolerance <= LOOSE || size <= LARGE) && has_room(size, pairs, tolerance)
+}
+
+/// Whether a level of a size has room for the space.
+pub(super) fn has_room(size: usize, pairs: usize, tolerance: f64) -> bool {
+    LARGEST_SHARE * first_look(pairs, tolerance) <= size
 }
 
 /// The columns that the space has when convergence is looked at first.
