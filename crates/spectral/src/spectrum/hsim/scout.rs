@@ -18,9 +18,9 @@ const ABUNDANT: f64 = 1.6;
 
 /// What lies below a shift in the middle, as shares of all that is wanted: aimed at, good enough, and good enough after some shifts, as among multiplets.
 const MIDDLE: f64 = 0.48;
-const MIDDLE_ENOUGH: std::ops::RangeInclusive<f64> = 0.32..=0.62;
+const MIDDLE_ENOUGH: std::ops::RangeInclusive<f64> = 0.42..=0.56;
 const MIDDLE_AT_LAST: std::ops::RangeInclusive<f64> = 0.1..=0.85;
-const SOME: usize = 3;
+const SOME: usize = 4;
 
 /// The window is good that holds between the wanted number of eigenvalues and this many times as many.
 const ENOUGH: usize = 3;
