@@ -58,8 +58,9 @@ const NEXT_LOOK: usize = 24;
 /// The most columns of the space, for each two wanted pairs and beside them: no more memory than an iteration takes.
 const MOST: (usize, usize) = (5, 96);
 
-/// At that size, this share of the wanted pairs may be left to an iteration.
-const FEW: usize = 8;
+/// At that size, this share of the wanted pairs may be left to an iteration; and before, one for every so many looks, such as a zero that nobody knew of.
+const MANY_LEFT: usize = 8;
+const FEW_LEFT: usize = 2;
 
 /// The space has at most this share of the unknowns.
 const LARGEST_SHARE: usize = 3;
@@ -75,7 +76,7 @@ const MOST_TIMES: usize = 3;
 const NOTHING: f64 = 1e-11;
 
 /// Residuals of eigenvalues below this share of the shift are taken relative to that.
-const LEAST: f64 = 1e-3;
+const LEAST: f64 = 5e-3;
 
 /// Residuals are estimated, and have to be so much smaller than what is wanted.
 const SAFE: f64 = 0.3;
@@ -126,7 +127,7 @@ fn pairs(
 ) -> Result<Option<Found>, HsimError> {
     let mut space = Space::new(level, symbolic, kernel, shift, wanted, monitor)?;
     let most = (MOST.0 * wanted.pairs / 2 + MOST.1).min(level.size() / LARGEST_SHARE);
-    let mut look = first_look(wanted.pairs, wanted.tolerance).min(most);
+    let (mut look, mut looks) = (first_look(wanted.pairs, wanted.tolerance).min(most), 0);
     loop {
         while space.columns() < look {
             let (done, n) = (space.columns(), level.size());
@@ -141,11 +142,11 @@ fn pairs(
         let complete = ritz.below() == shift.below && chosen.len() >= wanted.pairs;
         match pending.count() {
             0 if complete => return space.vectors(&ritz, &chosen, wanted.pairs).map(Some),
-            few if look == most && complete && few <= wanted.pairs / FEW => {
+            few if complete && few <= if look == most { wanted.pairs / MANY_LEFT } else { looks / FEW_LEFT } => {
                 return space.vectors(&ritz, &chosen, wanted.pairs).map(Some);
             }
             _ if look == most => return Ok(None),
-            _ => look = (look + NEXT_LOOK).min(most),
+            _ => (look, looks) = ((look + NEXT_LOOK).min(most), looks + 1),
         }
     }
 }

@@ -1,4 +1,5 @@
-//! HSIM, the hierarchical subspace iteration method (thesis, chapter 4): the lowest eigenpairs to any tolerance, proven complete.
+//! HSIM, the hierarchical subspace iteration method (thesis, chapter 4): the lowest eigenpairs to any tolerance, proven complete. What a hierarchy does
+//! not do for less comes from a Krylov space (`lanczos.rs`); counts and judgement are the same.
 
 mod bare;
 mod certificate;
@@ -56,7 +57,7 @@ pub enum Wanted {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Variant {
-    /// Ours: better starting spaces, every group of eigenvalues with its own shift, one Rayleigh–Ritz over all.
+    /// Ours: a Krylov space where that takes less; else better starting spaces, every group of eigenvalues with its own shift, one Rayleigh–Ritz over all.
     #[default]
     Sliced,
     /// The thesis' Algorithms 1 to 3: linear prolongations, one shift a level.
