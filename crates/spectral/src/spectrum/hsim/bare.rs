@@ -146,7 +146,7 @@ impl Bench<'_> {
             };
             let HsimParameters { tolerance, seed, .. } = *self.parameters;
             let pairs = nontrivial(wanted, kernel, n);
-            if lanczos::has_room(n, pairs, tolerance) && (kernel == 0 || scout.is_semidefinite()?) {
+            if lanczos::has_room(n, pairs, tolerance) && scout.is_semidefinite()? {
                 let wanted = lanczos::Wanted { pairs, columns: q, tolerance, seed };
                 let (level, kernel) = (&finest.level, Kernel::new(&finest.level));
                 if let Some(found) = lanczos::start(level, &finest.symbolic, &kernel, wanted, self.monitor)? {

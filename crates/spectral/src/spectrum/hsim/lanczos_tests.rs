@@ -31,9 +31,8 @@ fn a_krylov_space_holds_the_pairs_of_the_dense_solver() {
                     let found = solved(&mesh, &problem, &count(pairs, tolerance), &what);
                     let share = if tolerance < 1e-6 { 1e-12 } else { 1e-4 };
                     agree(&found.values, &exact(&problem, pairs), share, &what);
-                    // At ten digits, the estimate of a residual may be a little too good.
-                    let most = usize::from(tolerance < 1e-6);
-                    assert!(found.levels.len() == 1 && found.levels[0].iterations <= most, "{what}");
+                    // The estimate of a residual may be a little too good.
+                    assert!(found.levels.len() == 1 && found.levels[0].iterations <= 1, "{what}: {:?}", found.levels);
                 }
             }
         }

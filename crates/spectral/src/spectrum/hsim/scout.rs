@@ -139,7 +139,11 @@ impl<'a> Scout<'a> {
             monitor.checkpoint()?;
             let enough = if attempt < SOME { MIDDLE_ENOUGH } else { MIDDLE_AT_LAST };
             let storage = std::mem::take(&mut self.storage);
-            let (shift, factor) = factor_near(self.level, self.symbolic, at, spread, storage)?;
+            let (shift, factor) = match factor_near(self.level, self.symbolic, at, spread, storage) {
+                // On an eigenvalue of many vectors, such as the zero of an operator that is not semidefinite.
+                Err(HsimError::Numerical(_)) => return Ok(None),
+                factored => factored?,
+            };
             let found = factor.eigenvalues_below().saturating_sub(kernel);
             if enough.contains(&(found as f64 / wanted as f64)) {
                 return Ok(Some((shift, factor, found)));
