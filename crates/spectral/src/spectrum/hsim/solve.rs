@@ -148,7 +148,7 @@ fn climb_and_solve(
         // What is small, or of small pieces, is solved densely.
         let q = hierarchy::columns(nontrivial(wanted), n - known);
         let dense = || hierarchy::sizes(dense_rows(&base.stiffness, &base.mass), q, None).is_empty();
-        chosen && !mixed && lanczos::pays(n, nontrivial(wanted), parameters.tolerance) && !dense()
+        chosen && (known == 0 || !mixed) && lanczos::pays(n, nontrivial(wanted), parameters.tolerance) && !dense()
     };
     let climb = |q: usize| {
         let mut sizes = hierarchy::sizes(n, q, parameters.levels);
