@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use chladni::queue::Solver;
-use chladni_mesh::shape::{Shape, generate};
+use chladni_mesh::shape::{Shape, generate, noisy};
 use chladni_mesh::write::write_ply;
 use serde_json::{Value, json};
 
@@ -12,7 +12,8 @@ async fn family() -> (TestApp, String, usize) {
     let mut builder = TestApp::builder();
     builder.runner = Arc::new(Solver);
     let app = builder.start();
-    let mesh = generate(Shape::Torus, 900).unwrap();
+    // Without the symmetries of a torus, by which functions of different anchors that are exact depend on each other.
+    let mesh = noisy(&generate(Shape::Torus, 900).unwrap(), 0.15, 7).unwrap();
     let mut bytes = Vec::new();
     write_ply(&mesh, None, &mut bytes).unwrap();
     let id = text(&app.upload("ply", bytes).await["id"]);
@@ -32,9 +33,9 @@ async fn spectra_of_a_family_follow_its_parameters() {
     let (app, basis, n) = family().await;
     let shown: Value = app.get(&format!("/v1/bases/{basis}")).send().await.unwrap().json().await.unwrap();
     assert_eq!(shown["kind"], "operator_family");
-    // At most as many as were asked for: the more exact functions of one anchor are, the more of them depend on those of the others.
+    // At most as many as were asked for: functions of one anchor may depend on those of the others.
     let dimension = shown["dimension"].as_u64().unwrap() as usize;
-    assert!((75..=150).contains(&dimension), "{dimension}");
+    assert!((100..=150).contains(&dimension), "{dimension}");
     let url = format!("/v1/bases/{basis}/spectrum");
     let ask = async |body: Value| -> Value { app.post(&url).json(&body).send().await.unwrap().json().await.unwrap() };
     let laplacian = ask(json!({"count": 20})).await;

@@ -163,8 +163,8 @@ impl Bench<'_> {
                 let wanted = lanczos::Wanted { pairs, columns: q, tolerance, seed };
                 let (level, kernel) = (&finest.level, Kernel::new(&finest.level));
                 if let Some(found) = lanczos::start(level, &finest.symbolic, &kernel, wanted, self.monitor)? {
-                    let columns = if found.orthonormal { Columns::Ritz } else { Columns::Solved };
-                    return Ok(Begun { values: found.values, vectors: found.vectors, columns });
+                    let lanczos::Found { values, vectors, columns } = found;
+                    return Ok(Begun { values, vectors, columns });
                 }
             }
             let window = scout.window(q + kernel, bound, kernel > 0, self.monitor)?;

@@ -1,8 +1,8 @@
-//! Pairs to a small residual, without a start: block Lanczos on the inverse at one shift in the middle of what is wanted.
+//! Pairs without a start: block Lanczos on the inverse at one shift in the middle of what is wanted.
 //!
 //! A step of subspace iteration takes a solve for every column, and divides errors by a constant. A Krylov space of narrow blocks grows by powers of the
-//! operator instead: with eight columns in a block, some 2.2 columns for each wanted pair hold all of them to ten digits (Grimes, Lewis and Simon 1994). At
-//! residuals that a subspace iteration reaches in one or two steps it does not pay; below them it is several times cheaper.
+//! operator instead: with eight columns in a block, about two columns for each wanted pair hold all of them to nine digits (Grimes, Lewis and Simon 1994). Only
+//! where a good start and a single step are enough, as on large meshes at loose tolerances, is a hierarchy cheaper.
 //!
 //! The operator is `T = (S − μM)⁻¹M`, self-adjoint for the inner product of the mass. Its eigenvalues are `ν = 1 / (λ − μ)`: those below the shift are negative,
 //! and the count at `μ` says how many. Blocks are made orthogonal to all before them.
@@ -18,6 +18,7 @@ use super::HsimError;
 use super::kernel::Kernel;
 use super::level::Level;
 use super::scout::Scout;
+use super::solve::Columns;
 
 /// What is wanted, beside the kernel.
 #[derive(Debug, Clone, Copy)]
@@ -38,8 +39,8 @@ pub(super) struct Found {
     pub values: Vec<f64>,
     /// Their vectors.
     pub vectors: PanelMatrix,
-    /// Whether these are orthonormal for the mass, and Ritz vectors of their span, up to rounding.
-    pub orthonormal: bool,
+    /// Whether these are orthonormal Ritz vectors of their span, up to rounding.
+    pub columns: Columns,
 }
 
 /// The shift of the inverse.
@@ -102,7 +103,7 @@ fn first_look(pairs: usize, tolerance: f64) -> usize {
     (((columns + more * digits) * pairs as f64) as usize + beside).next_multiple_of(KRYLOV_WIDTH)
 }
 
-/// As [`pairs`] with a shift that counts find; nothing where they find none, or the space does not hold what is wanted.
+/// As [`pairs`] with a shift that counts find; nothing where they find none, or the space breaks down or does not hold what is wanted.
 pub(super) fn start(
     level: &Level,
     symbolic: &SymbolicFactor,
@@ -112,7 +113,11 @@ pub(super) fn start(
 ) -> Result<Option<Found>, HsimError> {
     let middle = Scout::new(level, symbolic).middle(wanted.pairs, kernel.dimension(), monitor)?;
     let Some((at, factor, below)) = middle else { return Ok(None) };
-    pairs(level, symbolic, kernel, &Shift { at, factor, below }, wanted, monitor)
+    match pairs(level, symbolic, kernel, &Shift { at, factor, below }, wanted, monitor) {
+        // Another start may serve where this one breaks down.
+        Err(HsimError::Numerical(_)) => Ok(None),
+        found => found,
+    }
 }
 
 /// The lowest Ritz pairs beside the kernel from one factor. Those that are wanted have converged, or all but a few; nothing where more have not, as where an
@@ -132,7 +137,7 @@ fn pairs(
         while space.columns() < look {
             let (done, n) = (space.columns(), level.size());
             monitor.checkpoint()?;
-            monitor.detail(&format!("dimension {n}, a Krylov space of {done} columns, {look} before the next look"));
+            monitor.detail(&format!("dimension {n}, Krylov space of {done} columns, to be checked at {look}"));
             monitor.progress(done as f64 / look as f64);
             space.grow()?;
         }
@@ -293,7 +298,7 @@ impl<'a> Space<'a> {
             let gram = block_gram(mass, block, scratch);
             let (again, lost) = cholesky(&gram, 0.0);
             if lost.contains(&true) {
-                return Err(HsimError::Numerical("a block of a Krylov space is dependent".to_owned()));
+                return Err(HsimError::Numerical("the columns of a Krylov block are linearly dependent".to_owned()));
             }
             block_times_square(block, &inverse(&again, &lost));
             whole = times(&again, &whole);
@@ -373,7 +378,8 @@ impl<'a> Space<'a> {
         drop(self.open);
         rotate(&mut self.basis, &coefficients, self.monitor)?;
         let values = chosen.iter().map(|&k| self.shift.at + ritz.operator[k].recip()).collect();
-        Ok(Found { values, vectors: self.basis, orthonormal: most <= NOTHING })
+        let columns = if most <= NOTHING { Columns::Ritz } else { Columns::Solved };
+        Ok(Found { values, vectors: self.basis, columns })
     }
 }
 

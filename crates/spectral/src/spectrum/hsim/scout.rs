@@ -62,11 +62,13 @@ pub(super) struct Scout<'a> {
     pub symbolic: &'a SymbolicFactor,
     spread: f64,
     storage: Vec<f64>,
+    /// What the count below zero said, once it was made.
+    semidefinite: Option<bool>,
 }
 
 impl<'a> Scout<'a> {
     pub fn new(level: &'a Level, symbolic: &'a SymbolicFactor) -> Self {
-        Self { level, symbolic, spread: level.spread(), storage: Vec::new() }
+        Self { level, symbolic, spread: level.spread(), storage: Vec::new(), semidefinite: None }
     }
 
     /// About the largest eigenvalue, or more.
@@ -84,8 +86,12 @@ impl<'a> Scout<'a> {
 
     /// Whether no eigenvalue lies below zero, up to rounding.
     pub fn is_semidefinite(&mut self) -> Result<bool, HsimError> {
-        let zero = NEGLIGIBLE * self.spread();
-        Ok(self.count(-zero)? == 0)
+        if let Some(known) = self.semidefinite {
+            return Ok(known);
+        }
+        let semidefinite = self.count(-NEGLIGIBLE * self.spread())? == 0;
+        self.semidefinite = Some(semidefinite);
+        Ok(semidefinite)
     }
 
     /// A window that holds the lowest `wanted` eigenvalues, or those below `bound`. With a `kernel`, zero is an eigenvalue.

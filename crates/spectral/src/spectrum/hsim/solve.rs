@@ -142,7 +142,7 @@ fn climb_and_solve(
     let nontrivial = |wanted: usize| wanted.saturating_sub(if mixed { 0 } else { known }).max(1).min(n - known);
     let sliced = parameters.variant == Variant::Sliced;
     let sigma = parameters.sigma.unwrap_or(hierarchy::SIGMA);
-    // A small residual takes a Krylov space instead of a hierarchy, unless its levels are asked for.
+    // Where a Krylov space costs less it takes the place of a hierarchy, unless levels or their space are asked for.
     let krylov = |wanted: usize| {
         let chosen = parameters.levels.is_none() && !keep_space && sliced && begun.is_none() && given.is_none();
         // What is small, or of small pieces, is solved densely.
@@ -202,8 +202,7 @@ fn climb_and_solve(
     let task = Task { mesh, problem, parameters, finest: &finest, kernel: &kernel, goal, nontrivial, offset, monitor };
     let found = if krylov { task.krylov_start()? } else { None };
     if let Some(found) = found {
-        let columns = if found.orthonormal { Columns::Ritz } else { Columns::Solved };
-        let (mut pairs, report) = task.solve_or_begin_again(found.vectors, found.values, None, columns)?;
+        let (mut pairs, report) = task.solve_or_begin_again(found.vectors, found.values, None, found.columns)?;
         within(&pairs, parameters.wanted)?;
         pairs.levels = vec![report];
         return Ok(pairs);
