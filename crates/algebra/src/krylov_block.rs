@@ -152,97 +152,121 @@ pub fn block_times_square(x: &mut [KrylovRow], r: &KrylovSquare) {
     });
 }
 
-/// `BᵀY` for a basis of `q` columns, those of panels and then those of blocks, and a block: a row for each of them.
+/// `BᵀY` for a basis of `q` columns, those of panels and then those of blocks, and some blocks `Y`: for each a row for each column of the basis, which is read
+/// once for all of them.
 ///
 /// # Errors
 /// The monitor asked to stop.
 ///
 /// # Panics
 /// Where they have different numbers of rows.
-pub fn basis_products(
+pub fn basis_products<const K: usize>(
     (panels, blocks): (&PanelMatrix, &[Vec<KrylovRow>]),
-    y: &[KrylovRow],
+    ys: [&[KrylovRow]; K],
     monitor: &dyn Monitor,
-) -> Result<Vec<KrylovRow>, Cancelled> {
-    assert_eq!(panels.rows(), y.len(), "rows of a basis and a block");
-    blocks.iter().for_each(|block| assert_eq!(block.len(), y.len(), "rows of a basis and a block"));
+) -> Result<[Vec<KrylovRow>; K], Cancelled> {
+    let rows = panels.rows();
+    ys.iter().for_each(|y| assert_eq!(y.len(), rows, "rows of a basis and a block"));
+    blocks.iter().for_each(|block| assert_eq!(block.len(), rows, "rows of a basis and a block"));
     let width = panels.panels().len() * PANEL_WIDTH;
-    let parts: Vec<Vec<KrylovRow>> = y
-        .par_chunks(ROWS_PER_TASK)
-        .enumerate()
-        .map(|(task, y)| {
+    let nothing = || -> [Vec<KrylovRow>; K] {
+        std::array::from_fn(|_| vec![[0.0; KRYLOV_WIDTH]; width + blocks.len() * KRYLOV_WIDTH])
+    };
+    let parts: Vec<[Vec<KrylovRow>; K]> = (0..rows.div_ceil(ROWS_PER_TASK))
+        .into_par_iter()
+        .map(|task| {
             monitor.checkpoint()?;
-            let mut sums = vec![[0.0; KRYLOV_WIDTH]; width + blocks.len() * KRYLOV_WIDTH];
-            let (of_panels, of_blocks) = sums.split_at_mut(width);
-            for (chunk, y) in y.chunks(ROWS).enumerate() {
-                let from = task * ROWS_PER_TASK + chunk * ROWS;
-                for (panel, sums) in panels.panels().iter().zip(of_panels.as_chunks_mut::<PANEL_WIDTH>().0) {
-                    let rows = &panel.as_chunks::<PANEL_WIDTH>().0[from..from + y.len()];
-                    pulp::Arch::new().dispatch(Products { rows, y, sums });
+            let mut sums = nothing();
+            let end = rows.min((task + 1) * ROWS_PER_TASK);
+            for from in (task * ROWS_PER_TASK..end).step_by(ROWS) {
+                let range = from..end.min(from + ROWS);
+                for (k, panel) in panels.panels().iter().enumerate() {
+                    let rows = &panel.as_chunks::<PANEL_WIDTH>().0[range.clone()];
+                    for (y, sums) in ys.iter().zip(&mut sums) {
+                        let sums = &mut sums[..width].as_chunks_mut::<PANEL_WIDTH>().0[k];
+                        pulp::Arch::new().dispatch(Products { rows, y: &y[range.clone()], sums });
+                    }
                 }
-                for (block, sums) in blocks.iter().zip(of_blocks.as_chunks_mut::<KRYLOV_WIDTH>().0) {
-                    pulp::Arch::new().dispatch(Products { rows: &block[from..from + y.len()], y, sums });
+                for (k, block) in blocks.iter().enumerate() {
+                    let rows = &block[range.clone()];
+                    for (y, sums) in ys.iter().zip(&mut sums) {
+                        let sums = &mut sums[width..].as_chunks_mut::<KRYLOV_WIDTH>().0[k];
+                        pulp::Arch::new().dispatch(Products { rows, y: &y[range.clone()], sums });
+                    }
                 }
             }
             Ok(sums)
         })
         .collect::<Result<_, Cancelled>>()?;
     let mut parts = parts.into_iter();
-    let mut sums = parts.next().unwrap_or_default();
+    let mut sums = parts.next().unwrap_or_else(nothing);
     for part in parts {
-        for (sums, part) in sums.iter_mut().zip(part) {
+        for (sums, part) in sums.iter_mut().flatten().zip(part.iter().flatten()) {
             sums.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
         }
     }
     Ok(sums)
 }
 
-/// `Y ← Y − B C` for a block, a basis of panels and blocks, and coefficients as [`basis_products`] gives them.
+/// `Y ← Y − B C` for some blocks, a basis of panels and blocks, and coefficients as [`basis_products`] gives them.
 ///
 /// # Errors
-/// The monitor asked to stop; the block is then of no further use.
+/// The monitor asked to stop; the blocks are then of no further use.
 ///
 /// # Panics
 /// Where sizes do not fit.
-pub fn subtract_from_block(
-    y: &mut [KrylovRow],
+pub fn subtract_from_blocks<const K: usize>(
+    ys: [&mut [KrylovRow]; K],
     (panels, blocks): (&PanelMatrix, &[Vec<KrylovRow>]),
-    coefficients: &[KrylovRow],
+    coefficients: &[Vec<KrylovRow>; K],
     monitor: &dyn Monitor,
 ) -> Result<(), Cancelled> {
-    assert_eq!(panels.rows(), y.len(), "rows of a basis and a block");
-    blocks.iter().for_each(|block| assert_eq!(block.len(), y.len(), "rows of a basis and a block"));
-    let width = panels.panels().len() * PANEL_WIDTH;
-    assert_eq!(coefficients.len(), width + blocks.len() * KRYLOV_WIDTH, "coefficients of a block");
-    let factors: Vec<KrylovRow> = coefficients.iter().map(|row| row.map(|c| -c)).collect();
-    let (of_panels, of_blocks) = factors.split_at(width);
-    y.par_chunks_mut(ROWS).enumerate().try_for_each(|(task, y)| {
+    let (rows, width) = (panels.rows(), panels.panels().len() * PANEL_WIDTH);
+    ys.iter().for_each(|y| assert_eq!(y.len(), rows, "rows of a basis and a block"));
+    blocks.iter().for_each(|block| assert_eq!(block.len(), rows, "rows of a basis and a block"));
+    let factors: [Vec<KrylovRow>; K] = std::array::from_fn(|k| {
+        assert_eq!(coefficients[k].len(), width + blocks.len() * KRYLOV_WIDTH, "coefficients of a block");
+        coefficients[k].iter().map(|row| row.map(|c| -c)).collect()
+    });
+    let mut tasks: Vec<Vec<&mut [KrylovRow]>> = (0..rows.div_ceil(ROWS)).map(|_| Vec::with_capacity(K)).collect();
+    for y in ys {
+        tasks.iter_mut().zip(y.chunks_mut(ROWS)).for_each(|(task, y)| task.push(y));
+    }
+    tasks.into_par_iter().enumerate().try_for_each(|(task, mut ys)| {
         monitor.checkpoint()?;
         let from = task * ROWS;
-        for (panel, factors) in panels.panels().iter().zip(of_panels.as_chunks::<PANEL_WIDTH>().0) {
-            let rows = &panel.as_chunks::<PANEL_WIDTH>().0[from..from + y.len()];
-            pulp::Arch::new().dispatch(Combine { rows, factors, y: &mut *y });
+        let range = from..rows.min(from + ROWS);
+        for (k, panel) in panels.panels().iter().enumerate() {
+            let rows = &panel.as_chunks::<PANEL_WIDTH>().0[range.clone()];
+            for (y, factors) in ys.iter_mut().zip(&factors) {
+                let factors = &factors[..width].as_chunks::<PANEL_WIDTH>().0[k];
+                pulp::Arch::new().dispatch(Combine { rows, factors, y });
+            }
         }
-        for (block, factors) in blocks.iter().zip(of_blocks.as_chunks::<KRYLOV_WIDTH>().0) {
-            pulp::Arch::new().dispatch(Combine { rows: &block[from..from + y.len()], factors, y: &mut *y });
+        for (k, block) in blocks.iter().enumerate() {
+            for (y, factors) in ys.iter_mut().zip(&factors) {
+                let factors = &factors[width..].as_chunks::<KRYLOV_WIDTH>().0[k];
+                pulp::Arch::new().dispatch(Combine { rows: &block[range.clone()], factors, y });
+            }
         }
         Ok(())
     })
 }
 
-/// Puts blocks behind the columns of a basis.
+/// Puts blocks behind the columns of a basis, in memory of panels that are not needed any more where there are such.
 ///
 /// # Panics
 /// Where they have another number of rows, the columns do not end with a panel, or there are more blocks than make up a panel.
-pub fn append_blocks(basis: &mut PanelMatrix, blocks: &[Vec<KrylovRow>]) {
+pub fn append_blocks(basis: &mut PanelMatrix, blocks: &[Vec<KrylovRow>], spare: &mut Vec<Vec<f64>>) {
     let columns = basis.columns();
     blocks.iter().for_each(|block| assert_eq!(basis.rows(), block.len(), "rows of a basis and a block"));
     assert!(columns.is_multiple_of(PANEL_WIDTH) && blocks.len() * KRYLOV_WIDTH <= PANEL_WIDTH, "blocks of one panel");
-    basis.widen(columns + blocks.len() * KRYLOV_WIDTH);
+    basis.widen_into(columns + blocks.len() * KRYLOV_WIDTH, spare);
     let Some(panel) = basis.panels_mut().get_mut(columns / PANEL_WIDTH) else { return };
     panel.par_chunks_mut(ROWS_PER_TASK * PANEL_WIDTH).enumerate().for_each(|(task, panel)| {
         for (row, to) in (task * ROWS_PER_TASK..).zip(panel.chunks_exact_mut(PANEL_WIDTH)) {
             to.chunks_exact_mut(KRYLOV_WIDTH).zip(blocks).for_each(|(to, block)| to.copy_from_slice(&block[row]));
+            to[blocks.len() * KRYLOV_WIDTH..].fill(0.0);
         }
     });
 }

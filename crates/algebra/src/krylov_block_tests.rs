@@ -10,7 +10,7 @@ fn block(rows: usize, random: &mut SplitMix64) -> Vec<KrylovRow> {
 fn basis(rows: usize, blocks: usize, random: &mut SplitMix64) -> PanelMatrix {
     let mut basis = PanelMatrix::zeros(rows, 0);
     let blocks: Vec<Vec<KrylovRow>> = (0..blocks).map(|_| block(rows, random)).collect();
-    blocks.chunks(PANEL_WIDTH / KRYLOV_WIDTH).for_each(|blocks| append_blocks(&mut basis, blocks));
+    blocks.chunks(PANEL_WIDTH / KRYLOV_WIDTH).for_each(|blocks| append_blocks(&mut basis, blocks, &mut Vec::new()));
     basis
 }
 
@@ -26,7 +26,8 @@ fn products_with_a_basis_are_those_of_panels() {
             .map(|k| panels.column(k))
             .chain(blocks.iter().flat_map(|block| (0..8).map(|k| block.iter().map(|row| row[k]).collect())))
             .collect();
-        let found = basis_products((&panels, &blocks), &y, &Unwatched).unwrap();
+        let [first, found] = basis_products((&panels, &blocks), [&block(rows, &mut random), &y], &Unwatched).unwrap();
+        assert_eq!(first.len(), found.len());
         // A panel that is not full has columns of zeros.
         let kept: Vec<&KrylovRow> = found
             .iter()
@@ -42,7 +43,10 @@ fn products_with_a_basis_are_those_of_panels() {
             }
         }
         let mut after = y.clone();
-        subtract_from_block(&mut after, (&panels, &blocks), &found, &Unwatched).unwrap();
+        let [ref mut twice, mut other] = [after.clone(), after.clone()];
+        subtract_from_blocks([&mut after], (&panels, &blocks), &[found.clone()], &Unwatched).unwrap();
+        subtract_from_blocks([&mut other, twice], (&panels, &blocks), &[first, found.clone()], &Unwatched).unwrap();
+        assert!(after == *twice && (after != other || all.is_empty()), "blocks that are handled together");
         for row in [0, rows / 2, rows - 1] {
             for k in 0..KRYLOV_WIDTH {
                 let sum: f64 = all.iter().zip(&kept).map(|(column, found)| column[row] * found[k]).sum();

@@ -45,7 +45,7 @@ pub use galerkin::{GalerkinError, galerkin};
 pub use independent::independent_columns;
 pub use krylov_block::{
     KRYLOV_WIDTH, KrylovRow, KrylovSquare, append_blocks, basis_products, block_gram, block_products,
-    block_times_square, mass_times_block, subtract_blocks, subtract_from_block,
+    block_times_square, mass_times_block, subtract_blocks, subtract_from_blocks,
 };
 pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::{MassMatrix, WeightedMass};
@@ -54,7 +54,7 @@ pub use ordering::{Ordering, fill_reducing_order, postordered};
 use panel_products::residual_panel_rows;
 pub use panel_products::{
     ColumnSums, Weight, apply_mass, gram, inner_products, mass_times_panel, prolong, residual_panel, residual_sums,
-    restrict, rotate, subtract_combinations,
+    restrict, rotate, rotate_and_spare, subtract_combinations,
 };
 pub use panels::{PANEL_WIDTH, PanelMatrix};
 pub use patches::{ExactRow, PATCH_ROWS, Patch, RINGS, SparseRows};

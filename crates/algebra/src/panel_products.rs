@@ -241,6 +241,21 @@ fn scatter(panel: &[PanelRow], into: &mut [f64], width: usize, k: usize) {
 /// # Panics
 /// Where sizes do not fit.
 pub fn rotate(x: &mut PanelMatrix, z: &DenseMatrix, monitor: &dyn Monitor) -> Result<(), Cancelled> {
+    rotate_and_spare(x, z, monitor).map(drop)
+}
+
+/// The same; gives the panels that are not used any more, as memory for others.
+///
+/// # Errors
+/// As for [`rotate`].
+///
+/// # Panics
+/// As for [`rotate`].
+pub fn rotate_and_spare(
+    x: &mut PanelMatrix,
+    z: &DenseMatrix,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Vec<f64>>, Cancelled> {
     let (n, q, p) = (x.rows(), x.columns(), z.columns());
     assert!(z.rows() == q && p <= q, "{q} columns times a {}×{p} matrix", z.rows());
     let width = x.panels().len() * PANEL_WIDTH;
@@ -280,8 +295,7 @@ pub fn rotate(x: &mut PanelMatrix, z: &DenseMatrix, monitor: &dyn Monitor) -> Re
             Ok(())
         },
     )?;
-    x.keep_columns(p);
-    Ok(())
+    Ok(x.split_off(p))
 }
 
 /// `XᵀWY`, for `X` of `q` and `Y` of `k` columns: `q × k`.

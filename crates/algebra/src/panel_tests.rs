@@ -363,3 +363,31 @@ fn products_stop_when_they_are_told_to() {
     assert!(subtract_combinations(&mut x.clone(), &x, &random(5, 5, 21), &Stopped).is_err());
     assert!(rotate(&mut x, &random(5, 5, 21), &Stopped).is_err());
 }
+
+#[test]
+fn columns_are_inserted_before_others() {
+    for (rows, columns, more, at) in [(3, 40, 2, 1), (700, 64, 33, 64), (257, 31, 1, 0), (5, 0, 3, 0)] {
+        let value = |row: usize, column: usize| (1000 * row + column) as f64;
+        let filled = |columns: usize, from: usize| {
+            let mut x = PanelMatrix::zeros(rows, columns);
+            for row in 0..rows {
+                for column in 0..columns {
+                    x.panels_mut()[column / PANEL_WIDTH][row * PANEL_WIDTH + column % PANEL_WIDTH] =
+                        value(row, from + column);
+                }
+            }
+            x
+        };
+        let (mut x, new) = (filled(columns, 0), filled(more, 500));
+        x.insert(at, &new);
+        let order = (0..at).chain(500..500 + more).chain(at..columns);
+        assert_eq!(x.columns(), columns + more);
+        for (place, number) in order.enumerate() {
+            assert!((0..rows).all(|row| x.get(row, place) == value(row, number)), "column {place} of {columns}");
+        }
+        // Unused columns stay zero.
+        let used = x.columns() % PANEL_WIDTH;
+        let last = x.panels().last().unwrap();
+        assert!(used == 0 || last.chunks(PANEL_WIDTH).all(|row| row[used..].iter().all(|&value| value == 0.0)));
+    }
+}

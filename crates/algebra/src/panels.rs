@@ -7,6 +7,9 @@ use super::DenseMatrix;
 /// Columns of one panel: a row of it is four cache lines, and four rows of accumulators fill the registers of a core.
 pub const PANEL_WIDTH: usize = 32;
 
+/// Rows that one task moves.
+const ROWS_AT_ONCE: usize = 256;
+
 /// One row of a panel.
 pub(super) type PanelRow = [f64; PANEL_WIDTH];
 
@@ -108,28 +111,40 @@ impl PanelMatrix {
 
     /// Some columns, in the given order, as a matrix of their own.
     pub fn select(&self, columns: &[usize]) -> Self {
-        let mut selected = Self::zeros(self.rows, columns.len());
+        self.select_into(columns, &mut Vec::new())
+    }
+
+    /// The same, in memory of panels that are not needed any more where there are such.
+    pub fn select_into(&self, columns: &[usize], spare: &mut Vec<Vec<f64>>) -> Self {
+        let mut selected = Self::zeros(self.rows, 0);
+        selected.widen_into(columns.len(), spare);
         selected.panels.par_iter_mut().zip(columns.par_chunks(PANEL_WIDTH)).for_each(|(panel, columns)| {
             for run in runs(columns) {
                 let source = &self.panels[run.panel];
                 for (to, from) in panel.chunks_exact_mut(PANEL_WIDTH).zip(source.chunks_exact(PANEL_WIDTH)) {
                     to[run.place..run.place + run.length].copy_from_slice(&from[run.first..run.first + run.length]);
+                    to[columns.len()..].fill(0.0);
                 }
             }
         });
         selected
     }
 
-    /// Puts the columns of `source` into the given columns, one after the other.
+    /// Puts the columns of `source` into the given columns, one after the other. No column is given twice.
     pub fn assign(&mut self, columns: &[usize], source: &Self) {
+        let mut parts: Vec<Vec<(&[f64], Run)>> = self.panels.iter().map(|_| Vec::new()).collect();
         for (panel, columns) in source.panels.iter().zip(columns.chunks(PANEL_WIDTH)) {
             for run in runs(columns) {
-                let target = &mut self.panels[run.panel];
-                for (to, from) in target.chunks_exact_mut(PANEL_WIDTH).zip(panel.chunks_exact(PANEL_WIDTH)) {
+                parts[run.panel].push((panel, run));
+            }
+        }
+        self.panels.par_iter_mut().zip(parts).for_each(|(target, parts)| {
+            for (source, run) in parts {
+                for (to, from) in target.chunks_exact_mut(PANEL_WIDTH).zip(source.chunks_exact(PANEL_WIDTH)) {
                     to[run.first..run.first + run.length].copy_from_slice(&from[run.place..run.place + run.length]);
                 }
             }
-        }
+        });
     }
 
     /// Adds columns of zeros until there are so many.
@@ -141,19 +156,67 @@ impl PanelMatrix {
         }
     }
 
+    /// Adds columns until there are so many, in memory of panels that are not needed any more: what stands in it stays, so that every row is to be written.
+    pub fn widen_into(&mut self, columns: usize, spare: &mut Vec<Vec<f64>>) {
+        let length = self.rows * PANEL_WIDTH;
+        while self.panels.len() < columns.div_ceil(PANEL_WIDTH) {
+            let panel = spare.pop().filter(|panel| panel.len() == length);
+            self.panels.push(panel.unwrap_or_else(|| vec![0.0; length]));
+        }
+        self.columns = self.columns.max(columns);
+    }
+
+    /// Puts the columns of `source` before column `at`, in place.
+    ///
+    /// # Panics
+    /// Where the numbers of rows differ, or there is no such column.
+    pub fn insert(&mut self, at: usize, source: &Self) {
+        assert!(source.rows == self.rows && at <= self.columns, "columns of {} rows at {at}", source.rows);
+        let (before, more) = (self.columns, source.columns);
+        self.widen(before + more);
+        let mut tasks: Vec<Vec<&mut [f64]>> =
+            (0..self.rows.div_ceil(ROWS_AT_ONCE)).map(|_| Vec::with_capacity(self.panels.len())).collect();
+        for panel in &mut self.panels {
+            let parts = panel.chunks_mut(ROWS_AT_ONCE * PANEL_WIDTH);
+            tasks.iter_mut().zip(parts).for_each(|(task, part)| task.push(part));
+        }
+        let place = |row: usize, column: usize| (column / PANEL_WIDTH, row * PANEL_WIDTH + column % PANEL_WIDTH);
+        tasks.into_par_iter().enumerate().for_each_init(Vec::new, |line: &mut Vec<f64>, (task, mut panels)| {
+            let rows = panels.first().map_or(0, |part| part.len() / PANEL_WIDTH);
+            for row in 0..rows {
+                line.clear();
+                line.extend((0..more).map(|k| source.get(task * ROWS_AT_ONCE + row, k)));
+                line.extend((at..before).map(|column| {
+                    let (panel, index) = place(row, column);
+                    panels[panel][index]
+                }));
+                for (column, &value) in (at..).zip(line.iter()) {
+                    let (panel, index) = place(row, column);
+                    panels[panel][index] = value;
+                }
+            }
+        });
+    }
+
     /// Drops all columns from `columns` on.
     pub fn keep_columns(&mut self, columns: usize) {
+        self.split_off(columns);
+    }
+
+    /// The same; gives the panels that hold none of the others, as memory for others.
+    pub fn split_off(&mut self, columns: usize) -> Vec<Vec<f64>> {
         if columns >= self.columns {
-            return;
+            return Vec::new();
         }
         self.columns = columns;
-        self.panels.truncate(columns.div_ceil(PANEL_WIDTH));
+        let spare = self.panels.split_off(columns.div_ceil(PANEL_WIDTH));
         let used = columns % PANEL_WIDTH;
         if used > 0
             && let Some(last) = self.panels.last_mut()
         {
             last.chunks_exact_mut(PANEL_WIDTH).for_each(|row| row[used..].fill(0.0));
         }
+        spare
     }
 }
 

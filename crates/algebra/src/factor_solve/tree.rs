@@ -61,10 +61,14 @@ impl<'a> SolveTree<'a> {
             let (first, count, sum) = below[at];
             at + 1 - first == count && LARGEST_SHARE * sum <= total
         };
+        // Whether a node lies inside a subtree, which in an order that is no postorder may be that of an ancestor farther up.
+        let mut inside = vec![false; nodes.len()];
+        for at in (0..nodes.len()).rev().filter(|&at| parent[at] != usize::MAX) {
+            inside[at] = inside[parent[at]] || fits(parent[at]);
+        }
         let mut subtrees: Vec<Subtree<'a>> = Vec::new();
         for at in (0..nodes.len()).filter(|&at| fits(at)) {
-            let topmost = parent[at] == usize::MAX || !fits(parent[at]);
-            if topmost && SMALLEST_SHARE * below[at].2 >= total {
+            if !inside[at] && SMALLEST_SHARE * below[at].2 >= total {
                 subtrees.push(Subtree::new(&nodes[below[at].0..=at], patterns));
             }
         }

@@ -160,7 +160,8 @@ impl Bench<'_> {
             let HsimParameters { tolerance, seed, .. } = *self.parameters;
             let pairs = nontrivial(wanted, kernel, n);
             if lanczos::has_room(n, pairs, tolerance) && scout.is_semidefinite()? {
-                let wanted = lanczos::Wanted { pairs, columns: q, tolerance, seed };
+                let wanted =
+                    lanczos::Wanted { from: 0, pairs, columns: q, tolerance, seed, all: false, loosely: false };
                 let (level, kernel) = (&finest.level, Kernel::new(&finest.level));
                 if let Some(found) = lanczos::start(level, &finest.symbolic, &kernel, wanted, self.monitor)? {
                     let lanczos::Found { values, vectors, columns } = found;

@@ -7,6 +7,7 @@ use chladni_mesh::TriangleMesh;
 use super::certify::{Goal, Proof};
 use super::iterate::Iteration;
 use super::judge::{Count, Found, Verdict, certify};
+use super::judge_slices::certify_segments;
 use super::{CutCluster, Eigenpairs, HsimError, InertiaCount, LevelReport, OnBound};
 use crate::operator::EigenProblem;
 
@@ -86,12 +87,17 @@ pub(super) fn finish(
             values: &iteration.values,
             kernel: &kernel,
             count,
+            floor: None,
             below_cluster: proof.below_cluster,
             wanted,
             tolerance: delivery.tolerance,
             offset: delivery.offset,
         };
-        match certify(&found, monitor) {
+        let verdict = match &iteration.cuts {
+            None => certify(&found, monitor),
+            Some(cuts) => certify_segments(&found, cuts, monitor),
+        };
+        match verdict {
             Ok(verdict) if delivery.decide || !is_open(delivery.goal, &iteration.values, &verdict) => {
                 break (verdict, wanted);
             }

@@ -25,6 +25,7 @@ use super::kernel::Kernel;
 use super::level::Level;
 use super::ritz::ritz;
 use super::shifts::{Group, factor_near, groups};
+use super::slices::Cuts;
 
 /// How the columns of one level are iterated.
 #[derive(Debug, Clone, Copy)]
@@ -78,6 +79,8 @@ pub(super) struct Iteration<'a> {
     norm: f64,
     /// Whether the columns are the Ritz vectors of their span, which those of a refining step are only up to its tolerance.
     pub ritz: bool,
+    /// Where they are so segment by segment only.
+    pub cuts: Option<Cuts>,
     /// [`Level::spread`].
     pub spread: f64,
     /// What was taken off the eigenvalues of the problem.
@@ -113,6 +116,7 @@ impl<'a> Iteration<'a> {
             passes: 0,
             norm,
             ritz: false,
+            cuts: None,
             spread,
             offset: 0.0,
         }
@@ -248,7 +252,7 @@ impl<'a> Iteration<'a> {
         }
         sharpen(level, &mut vectors, &mut values, monitor)?;
         self.sums = residual_sums(&level.stiffness, &level.mass, &vectors, &values, monitor)?;
-        (self.vectors, self.values, self.ritz) = (vectors, values, true);
+        (self.vectors, self.values, self.ritz, self.cuts) = (vectors, values, true, None);
         Ok(())
     }
 

@@ -10,6 +10,10 @@
 //!
 //! Of a cluster that is cut, with more members than were found, a second shift lies just below it, with `t` eigenvalues below. Those are bounded as above with
 //! that shift, and what was found of the cluster lies between the shift (whatever is the `j`-th eigenvalue, with `j > t`, is not below it) and its Ritz value.
+//!
+//! Of a segment between two counts, with as many columns of its own as eigenvalues, Lehmann's bounds need no column from outside (Zimmermann and Mertins 1995):
+//! above `Θ − D^{-1/2} RᵀM⁻¹R D^{-1/2}` and below `β` lie as many eigenvalues as columns, and at most so many are counted there. From above they are enclosed in
+//! the same way, with the count below.
 
 use chladni_algebra::{
     ColumnSums, DenseMatrix, Magnitudes, PanelMatrix, residual_gram, residual_magnitudes, residual_sums, restrict,
@@ -49,6 +53,8 @@ pub(super) struct Found<'a> {
     /// The columns that are the kernel of the operator by its components.
     pub kernel: &'a std::ops::Range<usize>,
     pub count: Count,
+    /// A count below all of them, where they are not the lowest.
+    pub floor: Option<Count>,
     /// A count below the cluster that the last pair belongs to, where not all of that is here.
     pub below_cluster: Option<Count>,
     /// How many are delivered.
@@ -75,7 +81,7 @@ pub(super) struct Verdict {
 }
 
 /// The largest defect of orthonormality that is delivered.
-const LARGEST_DEFECT: f64 = 1e-9;
+pub(super) const LARGEST_DEFECT: f64 = 1e-9;
 
 /// Couplings `x_iᵀ(S − θM)x_j` above this share of the largest value are none of rounding.
 const LARGEST_COUPLING: f64 = 1e-9;
@@ -94,13 +100,16 @@ pub(super) fn certify(found: &Found<'_>, monitor: &dyn Monitor) -> Result<Verdic
     let Found { level, vectors, values, kernel, count, wanted, .. } = *found;
     let k = values.len();
     let unproven = |reason: String| Err(HsimError::Unproven { reason });
+    let before = found.floor.map_or(0, |floor| floor.below);
     let fits = match found.below_cluster {
-        None => k == count.below,
-        Some(low) => k <= count.below && values.partition_point(|&value| value < low.shift) == low.below,
+        None => before + k == count.below,
+        Some(low) => {
+            before + k <= count.below && before + values.partition_point(|&value| value < low.shift) == low.below
+        }
     };
     if vectors.columns() != k || !fits || wanted > k {
         return Err(HsimError::Incomplete {
-            missing: count.below.abs_diff(k).max(wanted.saturating_sub(k)),
+            missing: count.below.abs_diff(before + k).max(wanted.saturating_sub(k)),
             shift: count.shift,
         });
     }
@@ -141,8 +150,14 @@ pub(super) fn certify(found: &Found<'_>, monitor: &dyn Monitor) -> Result<Verdic
     if !(highest < count.shift - count.radius) {
         return unproven(format!("the count at {} is uncertain by {:e}", count.shift, count.radius));
     }
+    if let Some(floor) = found.floor {
+        let lowest = values.iter().zip(&errors).map(|(value, error)| value - error).fold(f64::INFINITY, f64::min);
+        if !(lowest > floor.shift + floor.radius) {
+            return unproven(format!("the count at {} is uncertain by {:e}", floor.shift, floor.radius));
+        }
+    }
     if let Some(low) = found.below_cluster {
-        let below = values.iter().zip(&errors).take(low.below).map(|(value, error)| value + error);
+        let below = values.iter().zip(&errors).take(low.below - before).map(|(value, error)| value + error);
         if !(below.fold(f64::NEG_INFINITY, f64::max) < low.shift - low.radius) {
             return unproven(format!("the count at {} is uncertain by {:e}", low.shift, low.radius));
         }
@@ -151,9 +166,10 @@ pub(super) fn certify(found: &Found<'_>, monitor: &dyn Monitor) -> Result<Verdic
     // So many eigenvalues at most lie below this.
     let ceiling = match found.below_cluster {
         None => (k, count.shift - count.radius),
-        Some(low) => (low.below, low.shift - low.radius),
+        Some(low) => (low.below - before, low.shift - low.radius),
     };
-    let bounds = bounds(values, &squares, &magnitudes, &errors, level, unit, ceiling);
+    let floor = found.floor.map(|floor| floor.shift + floor.radius);
+    let bounds = bounds(values, &squares, &magnitudes, &errors, level, unit, (floor, ceiling));
     Ok(Verdict { residuals, bounds, errors, defect, sums })
 }
 
@@ -250,7 +266,7 @@ fn bounds(
     errors: &[f64],
     level: &Level,
     unit: Units,
-    (below, ceiling): (usize, f64),
+    (floor, (below, ceiling)): (Option<f64>, (usize, f64)),
 ) -> Vec<f64> {
     let k = values.len();
     let factor = level.mass.lumped_ratio();
@@ -268,9 +284,23 @@ fn bounds(
             lengths[j] * (lengths[j] + cosines)
         })
         .collect();
-    let mut lower = vec![f64::NEG_INFINITY; k];
+    let lower = lower_bounds(values, errors, &weighted, below, ceiling);
+    // Of the lowest pairs, Ritz values are bounds from above. Others are enclosed by what lies below them as by what lies above, in a mirror.
+    let upper = floor.map(|floor| {
+        let mirrored = |numbers: &[f64]| numbers.iter().rev().copied().collect::<Vec<f64>>();
+        let negative: Vec<f64> = values.iter().rev().map(|value| -value).collect();
+        lower_bounds(&negative, &mirrored(errors), &mirrored(&weighted), k, -floor)
+    });
+    let above = |j: usize| upper.as_ref().map_or(0.0, |upper| -upper[k - 1 - j] - values[j]);
+    (0..k).map(|j| (values[j] - lower[j]).max(above(j)).max(0.0) + errors[j]).collect()
+}
+
+/// What the eigenvalues that belong to ascending values are at least, where at most `below` of them, counted from the first, lie below `ceiling`: `weighted` are their residuals by
+/// Lehmann's bound.
+fn lower_bounds(values: &[f64], errors: &[f64], weighted: &[f64], below: usize, ceiling: f64) -> Vec<f64> {
+    let mut lower = vec![f64::NEG_INFINITY; values.len()];
     lower[below..].fill(ceiling);
-    let mut temples: Vec<f64> = Vec::with_capacity(k);
+    let mut temples: Vec<f64> = Vec::with_capacity(below);
     for t in (1..=below).rev() {
         // At most t eigenvalues lie below this.
         let beta = if t == below { ceiling } else { lower[t] };
@@ -282,7 +312,7 @@ fn bounds(
         temples.sort_by(f64::total_cmp);
         lower.iter_mut().zip(&temples).for_each(|(lower, &temple)| *lower = lower.max(temple));
     }
-    (0..k).map(|j| (values[j] - lower[j]).max(0.0) + errors[j]).collect()
+    lower
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The kernel of an operator whose rows sum to zero: the functions that are constant on each component. It is known exactly, so it takes no part in
 //! the iteration, where its values would be rounding errors.
 
-use chladni_algebra::{PANEL_WIDTH, PanelMatrix};
+use chladni_algebra::{PANEL_WIDTH, PanelMatrix, residual_sums};
 use rayon::prelude::*;
 
 use super::HsimError;
@@ -130,12 +130,14 @@ impl Iteration<'_> {
     /// Puts the kernel, or `known` functions of it, among the columns, which ascend by value; gives where. Negative eigenvalues, which a potential can have,
     /// come before it.
     pub fn insert_kernel(&mut self, known: usize) -> Result<std::ops::Range<usize>, HsimError> {
-        let columns = self.values.len();
         let negative = self.values.partition_point(|&value| value < 0.0);
         if known > 0 {
             let basis = self.kernel.basis(known);
-            self.append(&basis, &vec![0.0; known])?;
-            self.keep((0..negative).chain(columns..columns + known).chain(negative..columns).collect());
+            let zeros = vec![0.0; known];
+            let sums = residual_sums(&self.level.stiffness, &self.level.mass, &basis, &zeros, self.monitor)?;
+            self.vectors.insert(negative, &basis);
+            self.values.splice(negative..negative, zeros);
+            self.sums.splice(negative..negative, sums);
         }
         Ok(negative..negative + known)
     }

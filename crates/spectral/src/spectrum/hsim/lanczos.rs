@@ -10,7 +10,7 @@
 use chladni_algebra::{
     DenseMatrix, EigenError, Factor, KRYLOV_WIDTH, KrylovRow, KrylovSquare, PANEL_WIDTH, PanelMatrix, SolveScratch,
     SolveTree, SymbolicFactor, append_blocks, basis_products, block_gram, block_products, block_times_square,
-    lowest_symmetric, mass_times_block, rotate, subtract_blocks, subtract_from_block,
+    lowest_symmetric, mass_times_block, rotate_and_spare, subtract_blocks, subtract_from_blocks,
 };
 use chladni_base::{Monitor, Quiet, SplitMix64};
 
@@ -23,6 +23,8 @@ use super::solve::Columns;
 /// What is wanted, beside the kernel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Wanted {
+    /// The index of the first pair.
+    pub from: usize,
     /// Pairs that must converge.
     pub pairs: usize,
     /// Columns to give back, the others with whatever residual they have.
@@ -30,12 +32,16 @@ pub(super) struct Wanted {
     /// The residual (4.6).
     pub tolerance: f64,
     pub seed: u64,
+    /// Whether none of them may be left to an iteration.
+    pub all: bool,
+    /// Whether columns may be orthonormal to some eight digits only, for half of the products with the basis.
+    pub loosely: bool,
 }
 
 /// What was found.
 #[derive(Debug)]
 pub(super) struct Found {
-    /// The lowest Ritz values beside the kernel, ascending.
+    /// Ritz values beside the kernel from the first wanted one on, ascending.
     pub values: Vec<f64>,
     /// Their vectors.
     pub vectors: PanelMatrix,
@@ -44,11 +50,11 @@ pub(super) struct Found {
 }
 
 /// The shift of the inverse.
-struct Shift<'a> {
-    at: f64,
-    factor: Factor<'a>,
+pub(super) struct Shift<'a> {
+    pub at: f64,
+    pub factor: Factor<'a>,
     /// Eigenvalues below it that are not those of the kernel.
-    below: usize,
+    pub below: usize,
 }
 
 /// Columns of the space for each wanted pair, more for each digit of the residual, and some beside them, when convergence is looked at first; then after every
@@ -73,8 +79,8 @@ const SPENT: f64 = 1e-13;
 const ORTHONORMAL: f64 = 1e-6;
 const MOST_TIMES: usize = 3;
 
-/// Products of columns that are less than this are rounding errors, as far as a count needs columns to be orthonormal.
-const NOTHING: f64 = 1e-11;
+/// Products of columns that are less than this are as good as rounding errors.
+const NOTHING: f64 = 1e-15;
 
 /// Residuals of eigenvalues below this share of the shift are taken relative to that.
 const LEAST: f64 = 5e-3;
@@ -112,26 +118,29 @@ pub(super) fn start(
     monitor: &dyn Monitor,
 ) -> Result<Option<Found>, HsimError> {
     let middle = Scout::new(level, symbolic).middle(wanted.pairs, kernel.dimension(), monitor)?;
-    let Some((at, factor, below)) = middle else { return Ok(None) };
-    match pairs(level, symbolic, kernel, &Shift { at, factor, below }, wanted, monitor) {
+    let Some(shift) = middle else { return Ok(None) };
+    match pairs(level, symbolic, kernel, &shift, wanted, &mut Vec::new(), monitor) {
         // Another start may serve where this one breaks down.
         Err(HsimError::Numerical(_)) => Ok(None),
         found => found,
     }
 }
 
-/// The lowest Ritz pairs beside the kernel from one factor. Those that are wanted have converged, or all but a few; nothing where more have not, as where an
-/// eigenvalue has far more eigenvectors than a block has columns.
-fn pairs(
+/// Ritz pairs beside the kernel from one factor, with a shift among them. Those that are wanted have converged, or all but a few; nothing where more have not, as
+/// where an eigenvalue has far more eigenvectors than a block has columns. `memory` of panels is used and given back.
+pub(super) fn pairs(
     level: &Level,
     symbolic: &SymbolicFactor,
     kernel: &Kernel<'_>,
     shift: &Shift<'_>,
     wanted: Wanted,
+    memory: &mut Vec<Vec<f64>>,
     monitor: &dyn Monitor,
 ) -> Result<Option<Found>, HsimError> {
-    let mut space = Space::new(level, symbolic, kernel, shift, wanted, monitor)?;
-    let most = (MOST.0 * wanted.pairs / 2 + MOST.1).min(level.size() / LARGEST_SHARE);
+    let mut space = Space::new(level, symbolic, kernel, shift, wanted, std::mem::take(memory), monitor)?;
+    // A slice with others on both sides takes more for each pair, and is one of several.
+    let more = if wanted.all { wanted.pairs / 2 + PANEL_WIDTH } else { 0 };
+    let most = (MOST.0 * wanted.pairs / 2 + MOST.1 + more).min(level.size() / LARGEST_SHARE);
     let (mut look, mut looks) = (first_look(wanted.pairs, wanted.tolerance).min(most), 0);
     loop {
         while space.columns() < look {
@@ -142,13 +151,19 @@ fn pairs(
             space.grow()?;
         }
         let ritz = space.ritz()?;
-        let chosen = ritz.lowest(shift, wanted.columns);
+        let chosen = ritz.from(wanted.from, shift, wanted.columns);
         let pending = chosen.iter().take(wanted.pairs).filter(|&&k| !(ritz.residuals[k] <= SAFE * wanted.tolerance));
-        let complete = ritz.below() == shift.below && chosen.len() >= wanted.pairs;
+        // Of the pairs below the shift all are known to be there, if the space reaches that far down.
+        let down =
+            if wanted.from == 0 { ritz.below() == shift.below } else { ritz.below() + wanted.from >= shift.below };
+        let complete = down && chosen.len() >= wanted.pairs;
         match pending.count() {
-            0 if complete => return space.vectors(&ritz, &chosen, wanted.pairs).map(Some),
-            few if complete && few <= if look == most { wanted.pairs / MANY_LEFT } else { looks / FEW_LEFT } => {
-                return space.vectors(&ritz, &chosen, wanted.pairs).map(Some);
+            0 if complete => return space.vectors(&ritz, &chosen, memory).map(Some),
+            few if complete
+                && !wanted.all
+                && few <= if look == most { wanted.pairs / MANY_LEFT } else { looks / FEW_LEFT } =>
+            {
+                return space.vectors(&ritz, &chosen, memory).map(Some);
             }
             _ if look == most => return Ok(None),
             _ => (look, looks) = ((look + NEXT_LOOK).min(most), looks + 1),
@@ -178,6 +193,12 @@ struct Space<'a> {
     image: Block,
     inertia: Block,
     scratch: SolveScratch,
+    memory: Vec<Vec<f64>>,
+    /// No columns.
+    nothing: PanelMatrix,
+    loosely: bool,
+    /// Whether the next block is orthogonal to those of the last panel only, up to rounding errors of a solve.
+    is_loose: bool,
 }
 
 type Block = Vec<KrylovRow>;
@@ -192,6 +213,7 @@ impl<'a> Space<'a> {
         kernel: &'a Kernel<'a>,
         shift: &'a Shift<'a>,
         wanted: Wanted,
+        memory: Vec<Vec<f64>>,
         monitor: &'a dyn Monitor,
     ) -> Result<Self, HsimError> {
         let mut space = Self {
@@ -209,6 +231,10 @@ impl<'a> Space<'a> {
             image: Vec::new(),
             inertia: Vec::new(),
             scratch: SolveScratch::default(),
+            memory,
+            nothing: PanelMatrix::zeros(level.size(), 0),
+            loosely: wanted.loosely,
+            is_loose: false,
         };
         // Random vectors hold every frequency alike; solves leave those that are near.
         let mut block = space.random_block();
@@ -243,7 +269,7 @@ impl<'a> Space<'a> {
     /// Takes the next block into the space and makes the one after it.
     fn grow(&mut self) -> Result<(), HsimError> {
         if self.open.len() > BLOCKS {
-            append_blocks(&mut self.basis, &self.open[..BLOCKS]);
+            append_blocks(&mut self.basis, &self.open[..BLOCKS], &mut self.memory);
             self.image = self.open.drain(..BLOCKS).next().unwrap_or_default();
         }
         let last = std::mem::take(&mut self.next);
@@ -257,7 +283,14 @@ impl<'a> Space<'a> {
         subtract_blocks(&mut image, &before.into_iter().chain([(&last[..], diagonal)]).collect::<Vec<_>>());
         self.diagonal.push(diagonal);
         self.open.push(last);
-        self.project(&mut image, &mut inertia)?;
+        if self.is_loose {
+            self.project_both(&mut image, &mut inertia)?;
+        } else if self.loosely {
+            self.project_from(&self.nothing, &mut image, &mut inertia)?;
+        } else {
+            self.project(&mut image, &mut inertia)?;
+        }
+        self.is_loose = self.loosely && !self.is_loose;
         let beside = self.orthonormalise(&mut image, &mut inertia, size)?;
         self.inertia = inertia;
         self.beside.push(beside);
@@ -266,11 +299,32 @@ impl<'a> Space<'a> {
     }
 
     /// Takes off a block what it has of the space.
-    fn project(&mut self, block: &mut Block, inertia: &mut Block) -> Result<(), HsimError> {
+    fn project(&self, block: &mut Block, inertia: &mut Block) -> Result<(), HsimError> {
+        self.project_from(&self.basis, block, inertia)
+    }
+
+    /// The same with another basis before the open blocks.
+    fn project_from(&self, basis: &PanelMatrix, block: &mut Block, inertia: &mut Block) -> Result<(), HsimError> {
         mass_times_block(&self.level.mass, block, inertia);
+        let space = (basis, &self.open[..]);
+        let products = basis_products(space, [inertia], self.monitor)?;
+        subtract_from_blocks([block], space, &products, self.monitor)?;
+        Ok(())
+    }
+
+    /// Takes off a block and the one before it, which is the last of the space, what they have of all others.
+    fn project_both(&mut self, block: &mut Block, inertia: &mut Block) -> Result<(), HsimError> {
+        let Some(mut last) = self.open.pop() else { return self.project(block, inertia) };
+        let mass = &self.level.mass;
+        mass_times_block(mass, block, inertia);
+        mass_times_block(mass, &last, &mut self.image);
         let space = (&self.basis, &self.open[..]);
-        let products = basis_products(space, inertia, self.monitor)?;
-        subtract_from_block(block, space, &products, self.monitor)?;
+        let products = basis_products(space, [inertia, &self.image], self.monitor)?;
+        subtract_from_blocks([block, &mut last], space, &products, self.monitor)?;
+        mass_times_block(mass, &last, inertia);
+        let products = block_products(inertia, block);
+        subtract_blocks(block, &[(&last, products)]);
+        self.open.push(last);
         Ok(())
     }
 
@@ -359,26 +413,41 @@ impl<'a> Space<'a> {
         Ok(Ritz { operator: pairs.values, vectors: pairs.vectors, rests, residuals })
     }
 
-    /// Some Ritz pairs, the first of which are wanted. These get one application of the operator more, which is known already: it takes off what they have of stiff
-    /// directions. It is orthogonal to the space, so that columns stay orthonormal up to its products; the others do without.
-    fn vectors(mut self, ritz: &Ritz, chosen: &[usize], wanted: usize) -> Result<Found, HsimError> {
-        let m = self.columns();
-        let mut coefficients = DenseMatrix::zeros(m + KRYLOV_WIDTH, chosen.len());
+    /// Some Ritz pairs, after one application of the operator more, which is known already: it takes off what they have of stiff directions.
+    ///
+    /// It is orthogonal to the space: what becomes of a Ritz vector `x` is `y = T x / ν = x + Q f`, with the next block `Q`. So `YᵀMY = I + FᵀF`, and from `(S − μM) T = M` follows
+    /// `Yᵀ(S − μM)Y = diag(1 / ν)`: the Ritz pairs of their span are those of a small pencil.
+    fn vectors(mut self, ritz: &Ritz, chosen: &[usize], memory: &mut Vec<Vec<f64>>) -> Result<Found, HsimError> {
+        let (m, q) = (self.columns(), chosen.len());
+        let mut coefficients = DenseMatrix::zeros(m + KRYLOV_WIDTH, q);
+        let mut rests = DenseMatrix::zeros(KRYLOV_WIDTH, q);
         let mut most = 0f64;
         for (to, &from) in chosen.iter().enumerate() {
             let (column, nu) = (coefficients.column_mut(to), ritz.operator[from]);
             column[..m].copy_from_slice(ritz.vectors.column(from));
-            if to < wanted {
-                column[m..].iter_mut().zip(&ritz.rests[from]).for_each(|(to, rest)| *to = rest / nu);
-                most = most.max(column[m..].iter().map(|x| x * x).sum());
-            }
+            let rest = ritz.rests[from].map(|rest| rest / nu);
+            column[m..].copy_from_slice(&rest);
+            rests.column_mut(to).copy_from_slice(&rest);
+            most = most.max(rest.iter().map(|x| x * x).sum());
         }
+        let mut values: Vec<f64> = chosen.iter().map(|&k| ritz.operator[k].recip()).collect();
+        if most > NOTHING {
+            let (mut shifted, mut gram) = (DenseMatrix::zeros(q, q), rests.transposed_times(&rests));
+            for (k, value) in values.iter().enumerate() {
+                shifted.column_mut(k)[k] = *value;
+                gram.column_mut(k)[k] += 1.0;
+            }
+            let rotation;
+            (values, rotation) = super::ritz::ritz(shifted, gram, q, self.monitor)?;
+            coefficients = coefficients.times(&rotation);
+        }
+        values.iter_mut().for_each(|value| *value += self.shift.at);
         self.open.push(self.next);
-        self.open.chunks(BLOCKS).for_each(|blocks| append_blocks(&mut self.basis, blocks));
+        self.open.chunks(BLOCKS).for_each(|blocks| append_blocks(&mut self.basis, blocks, &mut self.memory));
         drop(self.open);
-        rotate(&mut self.basis, &coefficients, self.monitor)?;
-        let values = chosen.iter().map(|&k| self.shift.at + ritz.operator[k].recip()).collect();
-        let columns = if most <= NOTHING { Columns::Ritz } else { Columns::Solved };
+        self.memory.extend(rotate_and_spare(&mut self.basis, &coefficients, self.monitor)?);
+        *memory = self.memory;
+        let columns = if self.loosely { Columns::Solved } else { Columns::Ritz };
         Ok(Found { values, vectors: self.basis, columns })
     }
 }
@@ -401,12 +470,13 @@ impl Ritz {
         self.operator.partition_point(|&nu| nu < 0.0)
     }
 
-    /// The lowest by the eigenvalue of the pencil: those below the shift, by descending `ν`, then those above by descending `ν` again.
-    fn lowest(&self, shift: &Shift<'_>, columns: usize) -> Vec<usize> {
+    /// By ascending eigenvalue of the pencil from an index on, which lies below the shift: those below it, by descending `ν`, then those above by descending `ν`
+    /// again.
+    fn from(&self, first: usize, shift: &Shift<'_>, columns: usize) -> Vec<usize> {
         let below = self.below();
         // Of the negative ones, the smallest are no eigenvalues yet, where more are there than lie below.
-        let from = below.min(shift.below);
-        (0..from).rev().chain((below..self.operator.len()).rev()).take(columns).collect()
+        let down = below.min(shift.below - first);
+        (0..down).rev().chain((below..self.operator.len()).rev()).take(columns).collect()
     }
 }
 

@@ -12,6 +12,7 @@ mod graded;
 mod hierarchy;
 mod iterate;
 mod judge;
+mod judge_slices;
 mod kernel;
 mod krylov;
 mod lanczos;
@@ -22,6 +23,7 @@ mod published;
 mod ritz;
 mod scout;
 mod shifts;
+mod slices;
 mod solve;
 
 use serde::{Deserialize, Serialize};

@@ -101,6 +101,8 @@ impl Iteration<'_> {
         }
         better.retain(|&k| corrected.sizes[k] <= SMALL);
         let places: Vec<usize> = better.iter().map(|&k| pending[k]).collect();
+        // What was known of products between columns is of those before.
+        self.cuts = self.cuts.take().filter(|_| places.is_empty());
         self.vectors.assign(&places, &corrected.columns.select(&better));
         for (&k, &place) in better.iter().zip(&places) {
             (self.values[place], self.sums[place]) = (corrected.values[k], corrected.sums[k]);
@@ -129,6 +131,7 @@ impl Iteration<'_> {
         if !(after <= BETTER * before) {
             return Ok(false);
         }
+        self.cuts = None;
         self.vectors.assign(&band, &columns);
         for ((&place, value), sums) in band.iter().zip(values).zip(sums) {
             (self.values[place], self.sums[place]) = (value, sums);

@@ -4,6 +4,7 @@ use chladni_algebra::{Factor, SparseMatrix, SymbolicFactor};
 use chladni_base::Monitor;
 
 use super::HsimError;
+use super::lanczos::Shift;
 use super::level::Level;
 use super::shifts::factor_near;
 
@@ -55,6 +56,14 @@ impl Window {
 
 /// A distance that was tried, and the eigenvalues counted within it.
 type Tried = Option<(f64, usize)>;
+
+/// How many eigenvalues are to lie below a shift: aimed at, good enough, and good enough after some shifts.
+#[derive(Debug, Clone)]
+pub(super) struct Target {
+    pub below: f64,
+    pub enough: std::ops::RangeInclusive<f64>,
+    pub at_last: std::ops::RangeInclusive<f64>,
+}
 
 /// What counts are made with.
 pub(super) struct Scout<'a> {
@@ -129,44 +138,62 @@ impl<'a> Scout<'a> {
         self.tighten(low, high, kernel && semidefinite, semidefinite)
     }
 
-    /// A positive shift with about half of the lowest `wanted` eigenvalues below that are not those of the kernel, its factor, and how many lie below; nothing
-    /// where none is found, as among eigenvalues of high multiplicity or many negative ones.
+    /// A positive shift with about half of the lowest `wanted` eigenvalues below that are not those of the kernel; nothing where none is found, as among
+    /// eigenvalues of high multiplicity or many negative ones.
     pub fn middle(
         &mut self,
         wanted: usize,
         kernel: usize,
         monitor: &dyn Monitor,
-    ) -> Result<Option<(f64, Factor<'a>, usize)>, HsimError> {
+    ) -> Result<Option<Shift<'a>>, HsimError> {
+        let of = |shares: std::ops::RangeInclusive<f64>| shares.start() * wanted as f64..=shares.end() * wanted as f64;
+        let target = Target { below: MIDDLE * wanted as f64, enough: of(MIDDLE_ENOUGH), at_last: of(MIDDLE_AT_LAST) };
+        let first = self.distance(target.below);
+        self.shift_below(&target, first, kernel, monitor)
+    }
+
+    /// A positive shift with about so many eigenvalues below that are not those of the kernel, looked for from a first guess; nothing where none is found.
+    pub fn shift_below(
+        &mut self,
+        target: &Target,
+        first: f64,
+        kernel: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Shift<'a>>, HsimError> {
         let spread = self.spread();
-        let target = MIDDLE * wanted as f64;
-        let mut at = self.distance(target).clamp(NEGLIGIBLE * spread, spread);
+        let mut at = first.clamp(NEGLIGIBLE * spread, spread);
         let (mut few, mut many): (Tried, Tried) = (None, None);
         for attempt in 0..MOST {
             monitor.checkpoint()?;
-            let enough = if attempt < SOME { MIDDLE_ENOUGH } else { MIDDLE_AT_LAST };
+            let enough = if attempt < SOME { &target.enough } else { &target.at_last };
             let storage = std::mem::take(&mut self.storage);
             let (shift, factor) = match factor_near(self.level, self.symbolic, at, spread, storage) {
                 // On an eigenvalue of many vectors, such as the zero of an operator that is not semidefinite.
                 Err(HsimError::Numerical(_)) => return Ok(None),
                 factored => factored?,
             };
-            let found = factor.eigenvalues_below().saturating_sub(kernel);
-            if enough.contains(&(found as f64 / wanted as f64)) {
-                return Ok(Some((shift, factor, found)));
+            let below = factor.eigenvalues_below().saturating_sub(kernel);
+            if enough.contains(&(below as f64)) {
+                return Ok(Some(Shift { at: shift, factor, below }));
             }
             self.storage = factor.into_storage();
-            if (found as f64) < target {
-                few = Some((at, found));
+            if (below as f64) < target.below {
+                few = Some((at, below));
             } else {
-                many = Some((at, found));
+                many = Some((at, below));
             }
-            at = next(few, many, target).clamp(NEGLIGIBLE * spread, spread);
+            at = next(few, many, target.below).clamp(NEGLIGIBLE * spread, spread);
         }
         Ok(None)
     }
 
+    /// Memory of a factor that is not needed any more, for the next one.
+    pub fn keep_storage(&mut self, factor: Factor<'_>) {
+        self.storage = factor.into_storage();
+    }
+
     /// How far above zero so many eigenvalues reach, roughly: by Weyl's law in two dimensions or in three. Where there are positions, the mass is area.
-    fn distance(&self, wanted: f64) -> f64 {
+    pub fn distance(&self, wanted: f64) -> f64 {
         let fills_in = fills_in(&self.level.stiffness);
         if !fills_in && !self.level.positions.is_empty() {
             let area: f64 = self.level.mass.lumped().iter().sum();

@@ -16,6 +16,7 @@ use super::lanczos;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
 use super::shifts::factor_near;
+use super::slices::{self, Cuts};
 use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Variant, Wanted, published};
 use crate::operator::EigenProblem;
 use crate::spectrum::envelope::on_all_vertices;
@@ -148,7 +149,9 @@ fn climb_and_solve(
         // What is small, or of small pieces, is solved densely.
         let q = hierarchy::columns(nontrivial(wanted), n - known);
         let dense = || hierarchy::sizes(dense_rows(&base.stiffness, &base.mass), q, None).is_empty();
-        chosen && (known == 0 || !mixed) && lanczos::pays(n, nontrivial(wanted), parameters.tolerance) && !dense()
+        let (pairs, tolerance) = (nontrivial(wanted), parameters.tolerance);
+        let pays = || lanczos::pays(n, pairs, tolerance) || slices::pays(n, pairs, tolerance);
+        chosen && (known == 0 || !mixed) && pays() && !dense()
     };
     let climb = |q: usize| {
         let mut sizes = hierarchy::sizes(n, q, parameters.levels);
@@ -275,7 +278,7 @@ pub(super) fn within(pairs: &Eigenpairs, wanted: Wanted) -> Result<(), HsimError
 }
 
 /// What is known of the columns of a start.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Columns {
     /// Nothing: they are no more than a start.
     Rough,
@@ -283,6 +286,8 @@ pub(super) enum Columns {
     Solved,
     /// The same, and they are orthonormal Ritz vectors of their span.
     Ritz,
+    /// The same of the columns of each segment; all are orthonormal.
+    Sliced(Cuts),
 }
 
 /// A count below a bound may be off by so many where eigenvalues lie next to it.
@@ -309,7 +314,19 @@ impl Task<'_> {
         monitor.stage("iterate");
         let columns = hierarchy::columns(nontrivial, level.size() - kernel.dimension());
         let (tolerance, seed) = (parameters.tolerance, parameters.seed);
-        let wanted = lanczos::Wanted { pairs: nontrivial, columns, tolerance, seed };
+        let wanted =
+            lanczos::Wanted { from: 0, pairs: nontrivial, columns, tolerance, seed, all: false, loosely: false };
+        if slices::pays(level.size(), nontrivial, tolerance) {
+            // Some beyond the wanted ones, among which there is a gap to count in.
+            let pairs = (nontrivial + BEYOND).min(columns);
+            let sliced = slices::start(level, symbolic, kernel, lanczos::Wanted { pairs, ..wanted }, monitor)?;
+            if let Some(slices::Sliced { values, vectors, cuts }) = sliced {
+                return Ok(Some(lanczos::Found { values, vectors, columns: Columns::Sliced(cuts) }));
+            }
+        }
+        if !lanczos::pays(level.size(), nontrivial, tolerance) {
+            return Ok(None);
+        }
         lanczos::start(level, symbolic, kernel, wanted, monitor)
     }
 
@@ -353,7 +370,7 @@ impl Task<'_> {
         let n = finest.level.size();
         let mut iteration = Iteration::new(&finest.level, &finest.symbolic, kernel, vectors, values, monitor);
         iteration.offset = self.offset;
-        iteration.ritz = columns == Columns::Ritz;
+        iteration.ritz = matches!(columns, Columns::Ritz | Columns::Sliced(_));
         let mut plan = Plan {
             wanted: self.nontrivial.min(iteration.values.len()),
             tolerance: parameters.tolerance,
@@ -369,6 +386,10 @@ impl Task<'_> {
             }
             None if columns != Columns::Rough => iteration.measure()?,
             None => {}
+        }
+        if let Columns::Sliced(cuts) = columns {
+            iteration.inertia.extend_from_slice(&cuts.counts);
+            iteration.cuts = Some(cuts);
         }
         if plain.is_none() {
             iteration.refuse_below_floor(plan.wanted, parameters.tolerance)?;
@@ -415,6 +436,9 @@ impl Task<'_> {
         }
     }
 }
+
+/// Pairs beyond the wanted ones that slices have to hold.
+const BEYOND: usize = 12;
 
 /// How much closer pairs have to come where it is open on which side of a bound they lie, and how close.
 const TIGHTER: f64 = 1e-3;

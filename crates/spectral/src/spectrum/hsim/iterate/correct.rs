@@ -96,7 +96,7 @@ impl<'a> Iteration<'a> {
             kept -= 1;
         }
         both.keep_columns(kept);
-        self.ritz = false;
+        (self.ritz, self.cuts) = (false, None);
         let before = self.values.len();
         let places: Vec<usize> = active.iter().copied().chain(before..before + kept - old).collect();
         self.vectors.widen(before + kept - old);

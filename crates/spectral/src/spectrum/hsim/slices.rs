@@ -1,0 +1,295 @@
+//! Many pairs slice by slice: each slice of the spectrum has a shift in its middle and a Krylov space of its own.
+//!
+//! What a space costs beside its solves grows with the square of its columns, so that a few spaces side by side are cheaper than one, and take less memory. Counts
+//! at the shifts give every Ritz value its index, so that a slice begins where the one before it ends.
+//!
+//! Spaces know nothing of each other: columns of two slices are orthogonal up to their residuals. Between two shifts lie the upper half of one slice and the lower
+//! half of the next, and a Rayleigh–Ritz makes them pairs of one segment. Segments meet at the shifts, where columns of one space are at their most exact; what is
+//! left of products between columns of different segments is taken off in the manner of Löwdin, half from each.
+
+use chladni_algebra::{DenseMatrix, PanelMatrix, SymbolicFactor, gram, restrict, rotate, subtract_combinations};
+use chladni_base::Monitor;
+
+use super::HsimError;
+use super::judge::Count;
+use super::kernel::Kernel;
+use super::lanczos::{self, Wanted};
+use super::level::Level;
+use super::ritz::ritz;
+use super::scout::{Scout, Target};
+
+/// Pairs of a slice, about.
+const SLICE: usize = 250;
+
+/// A joint between slices lies in the widest gap among so many pairs to either side.
+const JOINT: usize = 8;
+
+/// A relative gap that is wide enough for a joint.
+const LEAST_GAP: f64 = 1e-7;
+
+/// Residuals of slices are at most this: products between columns of different segments are of their size, and are to be small.
+const CLOSE: f64 = 1e-6;
+
+/// From this tolerance on, columns of a slice need not be orthonormal to rounding before they are joined.
+const LOOSE: f64 = 1e-7;
+
+/// How far from its target a count may be, as a share of the slice, at first and at last.
+const NEAR: f64 = 0.12;
+const NEAR_ENOUGH: f64 = 0.25;
+
+/// Products between columns of different segments that may stay, those whose squares may, and those that are too large for columns of different eigenvalues.
+const NOTHING: f64 = 1e-10;
+const SMALL: f64 = 1e-5;
+const LARGE: f64 = 1e-2;
+const MOST_TIMES: usize = 3;
+
+/// Pairs of all slices.
+#[derive(Debug)]
+pub(super) struct Sliced {
+    /// Ascending.
+    pub values: Vec<f64>,
+    pub vectors: PanelMatrix,
+    pub cuts: Cuts,
+}
+
+/// Where the spectrum is cut into segments, each with columns that are orthonormal Ritz vectors of their span.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Cuts {
+    /// At the shifts, ascending.
+    pub counts: Vec<Count>,
+    /// No entry of `XᵀMX` for columns of two segments is larger.
+    pub defect: f64,
+}
+
+/// Whether so many pairs of a level of a size are had for less in slices than in one space.
+pub(super) fn pays(size: usize, pairs: usize, tolerance: f64) -> bool {
+    pairs >= FEWEST && lanczos::has_room(size, SLICE, tolerance)
+}
+
+/// Fewer pairs than this are taken from one space.
+const FEWEST: usize = 600;
+
+/// The lowest pairs beside the kernel, in slices; nothing where counts and spaces do not find them so.
+pub(super) fn start(
+    level: &Level,
+    symbolic: &SymbolicFactor,
+    kernel: &Kernel<'_>,
+    wanted: Wanted,
+    monitor: &dyn Monitor,
+) -> Result<Option<Sliced>, HsimError> {
+    match Slices::new(level, symbolic, kernel, wanted, SLICE, monitor).run() {
+        // Another start may serve where this one breaks down.
+        Err(HsimError::Numerical(_)) => Ok(None),
+        found => found,
+    }
+}
+
+struct Slices<'a> {
+    level: &'a Level,
+    symbolic: &'a SymbolicFactor,
+    kernel: &'a Kernel<'a>,
+    wanted: Wanted,
+    /// Pairs of a slice, about.
+    slice: usize,
+    monitor: &'a dyn Monitor,
+    /// The pairs so far.
+    vectors: PanelMatrix,
+    values: Vec<f64>,
+    /// Panels that are not needed any more: fresh memory costs as much as what is done with it.
+    memory: Vec<Vec<f64>>,
+    /// Counts at the shifts so far, and the pairs below each.
+    counts: Vec<Count>,
+    below: Vec<usize>,
+}
+
+impl<'a> Slices<'a> {
+    fn new(
+        level: &'a Level,
+        symbolic: &'a SymbolicFactor,
+        kernel: &'a Kernel<'a>,
+        wanted: Wanted,
+        slice: usize,
+        monitor: &'a dyn Monitor,
+    ) -> Self {
+        let vectors = PanelMatrix::zeros(level.size(), wanted.pairs);
+        Self {
+            level,
+            symbolic,
+            kernel,
+            wanted,
+            slice,
+            monitor,
+            vectors,
+            values: Vec::new(),
+            memory: Vec::new(),
+            counts: Vec::new(),
+            below: Vec::new(),
+        }
+    }
+
+    fn run(mut self) -> Result<Option<Sliced>, HsimError> {
+        let Self { level, symbolic, kernel, monitor, .. } = self;
+        let mut scout = Scout::new(level, symbolic);
+        let total = self.wanted.pairs;
+        while self.values.len() < total {
+            let (from, left) = (self.values.len(), total - self.values.len());
+            let size = left as f64 / ((left as f64 / self.slice as f64).round().max(1.0));
+            let Some(shift) =
+                scout.shift_below(&target(from, size), self.guess(&scout, from, size), kernel.dimension(), monitor)?
+            else {
+                return Ok(None);
+            };
+            // As far above the shift as below it.
+            let end = (2 * shift.below - from).max(from + 1);
+            let last = end + size as usize / 4 >= total;
+            let pairs = if last { total - from } else { (end + JOINT).min(total) - from };
+            let wanted = Wanted {
+                from,
+                pairs,
+                columns: pairs,
+                tolerance: self.wanted.tolerance.min(CLOSE),
+                seed: self.wanted.seed.wrapping_add(self.counts.len() as u64),
+                all: true,
+                loosely: self.wanted.tolerance.min(CLOSE) >= LOOSE,
+            };
+            monitor.detail(&format!("slice of pairs {from} to {} of {total}", from + pairs));
+            let Some(mut found) = lanczos::pairs(level, symbolic, kernel, &shift, wanted, &mut self.memory, monitor)?
+            else {
+                return Ok(None);
+            };
+            let taken = if last { found.values.len() } else { joint(&found.values, pairs) };
+            if taken == 0 {
+                return Ok(None);
+            }
+            found.vectors.keep_columns(taken);
+            self.vectors.assign(&(from..from + taken).collect::<Vec<_>>(), &found.vectors);
+            self.values.extend_from_slice(&found.values[..taken]);
+            self.memory.extend(found.vectors.into_panels());
+            let radius = shift.factor.uncertainty(&level.stiffness, &level.mass, shift.at);
+            let below = shift.below + self.kernel.dimension();
+            self.counts.push(Count { shift: shift.at, below, radius });
+            self.below.push(shift.below);
+            scout.keep_storage(shift.factor);
+            let start = self.below.iter().rev().nth(1).copied().unwrap_or(0);
+            if !self.join(start..shift.below)? {
+                return Ok(None);
+            }
+        }
+        if !self.join(self.below.last().copied().unwrap_or(0)..self.values.len())? {
+            return Ok(None);
+        }
+        self.vectors.keep_columns(self.values.len());
+        let Some(defect) = self.separate()? else { return Ok(None) };
+        let Self { values, vectors, counts, .. } = self;
+        Ok(Some(Sliced { values, vectors, cuts: Cuts { counts, defect } }))
+    }
+
+    /// A guess where the middle of a slice lies that begins with an index.
+    fn guess(&self, scout: &Scout<'_>, from: usize, size: f64) -> f64 {
+        let step = self.values.len().min(self.slice / 2);
+        if step < 2 {
+            return scout.distance(0.5 * size);
+        }
+        let last = self.values[from - 1];
+        last + 0.5 * size * (last - self.values[from - step]) / (step - 1) as f64
+    }
+
+    /// Makes the columns of a segment Ritz vectors of their span; says whether they were independent.
+    fn join(&mut self, range: std::ops::Range<usize>) -> Result<bool, HsimError> {
+        let (low, high) = (range.start, range.end);
+        let Self { level, monitor, .. } = *self;
+        let range: Vec<usize> = range.collect();
+        let mut columns = self.vectors.select_into(&range, &mut self.memory);
+        let (stiffness, gram) = restrict(&level.stiffness, &level.mass, &columns, monitor)?;
+        let (values, rotation) = ritz(stiffness, gram, range.len(), monitor)?;
+        if values.len() < range.len() {
+            return Ok(false);
+        }
+        rotate(&mut columns, &rotation, monitor)?;
+        self.vectors.assign(&range, &columns);
+        self.memory.extend(columns.into_panels());
+        self.values[low..high].copy_from_slice(&values);
+        Ok(self.values.is_sorted())
+    }
+
+    /// Makes columns of different segments orthogonal; gives a bound on what is left of their products, nothing where they are no columns of different pairs.
+    fn separate(&mut self) -> Result<Option<f64>, HsimError> {
+        let Self { level, monitor, .. } = *self;
+        let q = self.values.len();
+        let ends: Vec<usize> = self.below.iter().copied().chain([q]).collect();
+        for _ in 0..MOST_TIMES {
+            let mut products = gram(&level.mass, &self.vectors, monitor)?;
+            let (mut worst, mut longest, mut start) = (0f64, 0f64, 0);
+            for &end in &ends {
+                for column in start..end {
+                    let entries = products.column_mut(column);
+                    entries[start..end].fill(0.0);
+                    worst = entries.iter().fold(worst, |worst, x| worst.max(x.abs()));
+                    longest = longest.max(entries.iter().map(|x| x * x).sum());
+                }
+                start = end;
+            }
+            monitor.detail(&format!("products between segments: {worst:e}"));
+            if worst <= NOTHING {
+                return Ok(Some(worst));
+            }
+            if !(longest <= LARGE * LARGE) {
+                return Ok(None);
+            }
+            self.take_off(&products, &ends)?;
+            if longest <= SMALL * SMALL {
+                // Products of two products are left, and rounding errors.
+                return Ok(Some(2.0 * longest + NOTHING));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Takes half of the products with columns of other segments off all columns.
+    fn take_off(&mut self, products: &DenseMatrix, ends: &[usize]) -> Result<(), HsimError> {
+        let mut start = 0;
+        for &end in ends {
+            let large = |row: &usize| (start..end).any(|column| products.column(column)[*row].abs() > NOTHING);
+            let others: Vec<usize> = (0..products.rows()).filter(large).collect();
+            let range: Vec<usize> = (start..end).collect();
+            start = end;
+            if others.is_empty() {
+                continue;
+            }
+            self.monitor.detail(&format!("{} columns take off {}", range.len(), others.len()));
+            let mut columns = self.vectors.select_into(&range, &mut self.memory);
+            // Some at a time: a copy of all would be one of the whole.
+            for others in others.chunks(SLICE) {
+                let mut halves = DenseMatrix::zeros(others.len(), range.len());
+                for (to, &column) in range.iter().enumerate() {
+                    let from = products.column(column);
+                    halves.column_mut(to).iter_mut().zip(others).for_each(|(half, &row)| *half = 0.5 * from[row]);
+                }
+                let others = self.vectors.select_into(others, &mut self.memory);
+                subtract_combinations(&mut columns, &others, &halves, self.monitor)?;
+                self.memory.extend(others.into_panels());
+            }
+            self.vectors.assign(&range, &columns);
+            self.memory.extend(columns.into_panels());
+        }
+        Ok(())
+    }
+}
+
+/// How many eigenvalues lie below the middle of a slice.
+fn target(from: usize, size: f64) -> Target {
+    let below = from as f64 + 0.5 * size;
+    let within = |share: f64| below - share * size..=below + share * size;
+    Target { below, enough: within(NEAR), at_last: within(NEAR_ENOUGH) }
+}
+
+/// How many of ascending values are taken before the widest gap at their end; none where there is no gap.
+fn joint(values: &[f64], pairs: usize) -> usize {
+    let gap = |k: usize| (values[k] - values[k - 1]) / values[k].abs();
+    let places = pairs.saturating_sub(2 * JOINT).max(1)..pairs;
+    places.max_by(|&a, &b| gap(a).total_cmp(&gap(b))).filter(|&k| gap(k) > LEAST_GAP).unwrap_or(0)
+}
+
+#[cfg(test)]
+#[path = "slices_tests.rs"]
+mod tests;
