@@ -44,7 +44,7 @@ fn products_with_a_basis_are_those_of_panels() {
         }
         let mut after = y.clone();
         let [ref mut twice, mut other] = [after.clone(), after.clone()];
-        subtract_from_blocks([&mut after], (&panels, &blocks), &[found.clone()], &Unwatched).unwrap();
+        subtract_from_blocks([&mut after], (&panels, &blocks), std::array::from_ref(&found), &Unwatched).unwrap();
         subtract_from_blocks([&mut other, twice], (&panels, &blocks), &[first, found.clone()], &Unwatched).unwrap();
         assert!(after == *twice && (after != other || all.is_empty()), "blocks that are handled together");
         for row in [0, rows / 2, rows - 1] {

@@ -68,7 +68,7 @@ pub struct SolveArguments {
     #[arg(long, value_name = "NAME", help_heading = "Method", value_parser = ["sliced", "published"])]
     variant: Option<String>,
 
-    /// Levels of the hierarchy, the mesh included; chosen by size and count where they are not given (hsim)
+    /// Levels of the hierarchy, the mesh included; asks for a hierarchy where a Krylov space would serve (hsim)
     #[arg(long, value_name = "N", help_heading = "Method")]
     levels: Option<usize>,
 

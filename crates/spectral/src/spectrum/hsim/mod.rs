@@ -1,5 +1,5 @@
 //! HSIM, the hierarchical subspace iteration method (thesis, chapter 4): the lowest eigenpairs to any tolerance, proven complete. What a hierarchy does
-//! not do for less comes from a Krylov space (`lanczos.rs`); counts and judgement are the same.
+//! not do for less comes from a Krylov space (`lanczos.rs`), many pairs from one for each slice of the spectrum (`slices.rs`); counts and judgement are the same.
 
 mod bare;
 mod certificate;
@@ -59,7 +59,7 @@ pub enum Wanted {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Variant {
-    /// Ours: a Krylov space where that takes less; else better starting spaces, every group of eigenvalues with its own shift, one Rayleigh–Ritz over all.
+    /// Ours: a Krylov space where that takes less, or several for slices of the spectrum; else better starting spaces, every group of eigenvalues with its own shift, one Rayleigh–Ritz over all.
     #[default]
     Sliced,
     /// The thesis' Algorithms 1 to 3: linear prolongations, one shift a level.
@@ -79,7 +79,7 @@ pub struct HsimParameters {
     pub tolerance: f64,
     /// The algorithm.
     pub variant: Variant,
-    /// Levels of the hierarchy, the mesh included, 1 to 6; `None`: chosen by size and count.
+    /// Levels of the hierarchy, the mesh included, 1 to 6; `None`: chosen by size and count, or a Krylov space where that takes less.
     pub levels: Option<usize>,
     /// Overlap of the supports of prolongation functions; `None`: 7 for the published variant, 10 for ours.
     pub sigma: Option<f64>,

@@ -5,9 +5,11 @@
 //!
 //! Spaces know nothing of each other: columns of two slices are orthogonal up to their residuals. Between two shifts lie the upper half of one slice and the lower
 //! half of the next, and a Rayleigh–Ritz makes them pairs of one segment. Segments meet at the shifts, where columns of one space are at their most exact; what is
-//! left of products between columns of different segments is taken off in the manner of Löwdin, half from each.
+//! left of products between columns of different segments is taken off, from the less exact one of each two.
 
-use chladni_algebra::{DenseMatrix, PanelMatrix, SymbolicFactor, gram, restrict, rotate, subtract_combinations};
+use chladni_algebra::{
+    DenseMatrix, PanelMatrix, SymbolicFactor, gram, residual_sums, restrict, rotate, subtract_combinations,
+};
 use chladni_base::Monitor;
 
 use super::HsimError;
@@ -239,17 +241,24 @@ impl<'a> Slices<'a> {
             self.take_off(&products, &ends)?;
             if longest <= SMALL * SMALL {
                 // Products of two products are left, and rounding errors.
-                return Ok(Some(2.0 * longest + NOTHING));
+                return Ok(Some(4.0 * longest + NOTHING));
             }
         }
         Ok(None)
     }
 
-    /// Takes half of the products with columns of other segments off all columns.
+    /// Takes the products of columns of different segments off them. From which of two is a matter of their residuals: what a column has of another is an error of the one
+    /// that is less exact, and taken off the other it would be one of that.
     fn take_off(&mut self, products: &DenseMatrix, ends: &[usize]) -> Result<(), HsimError> {
+        let sums = residual_sums(&self.level.stiffness, &self.level.mass, &self.vectors, &self.values, self.monitor)?;
+        let share = |of: usize, other: usize| {
+            let (own, other) = (sums[of].residual, sums[other].residual);
+            if own + other > 0.0 { own / (own + other) } else { 0.5 }
+        };
         let mut start = 0;
         for &end in ends {
-            let large = |row: &usize| (start..end).any(|column| products.column(column)[*row].abs() > NOTHING);
+            let part = |row: usize, column: usize| share(column, row) * products.column(column)[row];
+            let large = |row: &usize| (start..end).any(|column| part(*row, column).abs() > NEGLIGIBLE);
             let others: Vec<usize> = (0..products.rows()).filter(large).collect();
             let range: Vec<usize> = (start..end).collect();
             start = end;
@@ -260,13 +269,13 @@ impl<'a> Slices<'a> {
             let mut columns = self.vectors.select_into(&range, &mut self.memory);
             // Some at a time: a copy of all would be one of the whole.
             for others in others.chunks(SLICE) {
-                let mut halves = DenseMatrix::zeros(others.len(), range.len());
+                let mut parts = DenseMatrix::zeros(others.len(), range.len());
                 for (to, &column) in range.iter().enumerate() {
-                    let from = products.column(column);
-                    halves.column_mut(to).iter_mut().zip(others).for_each(|(half, &row)| *half = 0.5 * from[row]);
+                    let entries = parts.column_mut(to).iter_mut();
+                    entries.zip(others).for_each(|(entry, &row)| *entry = part(row, column));
                 }
                 let others = self.vectors.select_into(others, &mut self.memory);
-                subtract_combinations(&mut columns, &others, &halves, self.monitor)?;
+                subtract_combinations(&mut columns, &others, &parts, self.monitor)?;
                 self.memory.extend(others.into_panels());
             }
             self.vectors.assign(&range, &columns);
@@ -275,6 +284,9 @@ impl<'a> Slices<'a> {
         Ok(())
     }
 }
+
+/// Of a product, a part that is not worth being taken off.
+const NEGLIGIBLE: f64 = 0.25 * NOTHING;
 
 /// How many eigenvalues lie below the middle of a slice.
 fn target(from: usize, size: f64) -> Target {
