@@ -55,7 +55,8 @@ fn every_variable_is_one_of_the_program_or_made_by_the_file_itself() {
     let mut seen = 0;
     for (name, content) in files() {
         for variable in words(&content, "CHLADNI_") {
-            let substituted = content.contains(&format!("${{{variable}")) && content.contains(&format!("{variable}=$("));
+            let substituted =
+                content.contains(&format!("${{{variable}")) && content.contains(&format!("{variable}=$("));
             assert!(substituted || words(&known, "CHLADNI_").contains(variable), "{name}: {variable}");
             seen += 1;
         }
@@ -108,7 +109,8 @@ async fn probes_and_scrapes_ask_for_what_is_there() {
             };
             paths.extend(content.lines().filter_map(of_line));
         }
-        let of_curl = |line: &str| Some(format!("/{}", line.split_once("http://127.0.0.1:8080/")?.1.split(' ').next()?));
+        let of_curl =
+            |line: &str| Some(format!("/{}", line.split_once("http://127.0.0.1:8080/")?.1.split(' ').next()?));
         paths.extend(content.lines().filter_map(of_curl));
     }
     assert_eq!(Vec::from_iter(&paths), ["/healthz", "/metrics", "/readyz"]);

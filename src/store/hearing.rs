@@ -65,12 +65,15 @@ impl Hearing {
     /// Begins to tell, to listen and to look, for as long as the store lives; for what concerns whoever works alone, or for everything.
     pub fn start(store: Weak<Inner>, work_alone: bool) -> Self {
         let (told, telling) = mpsc::unbounded_channel();
-        let tasks = vec![
+        let mut tasks = vec![
             tokio::spawn(tell(store.clone(), telling)),
             tokio::spawn(listen(store.clone())),
             tokio::spawn(look(store.clone(), work_alone)),
-            tokio::spawn(look_at_watched(store)),
         ];
+        // Nobody waits for a job of a process that only works.
+        if !work_alone {
+            tasks.push(tokio::spawn(look_at_watched(store)));
+        }
         Self {
             revisions: Mutex::default(),
             watched: Mutex::default(),

@@ -16,8 +16,7 @@ use super::{
     detached,
     fault::FailPoint,
     jobs::{self, job_from_row, uuid_column},
-    sql,
-    to_json,
+    sql, to_json,
 };
 
 /// How far an attempt has come.

@@ -10,7 +10,7 @@
 //! |---|---|
 //! | `database.rs`, `folder.rs`, `in_place.rs` | connections, write transactions, the lock of the folder, free space, files that are replaced |
 //! | `catalog.rs`, `sql.rs` | where the records are, and statements for either database |
-//! | `postgres.rs`, `objects.rs`, `object_collection.rs`, `s3.rs` | records and content that many processes share |
+//! | `postgres.rs`, `connections.rs`, `objects.rs`, `object_collection.rs`, `s3.rs` | records and content that many processes share |
 //! | `migrate.rs` | a folder copied there |
 //! | `hearing.rs`, `watch.rs`, `fleet.rs` | what such processes tell each other: of jobs, and of what workers have |
 //! | `pairing.rs` | whether the two databases belong together |
@@ -35,6 +35,8 @@ mod claims;
 mod clock;
 mod collection;
 mod columns;
+#[cfg(feature = "cluster")]
+mod connections;
 mod database;
 mod deaths;
 mod doctor;

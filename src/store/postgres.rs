@@ -4,12 +4,14 @@
 use std::{fmt, str::FromStr, sync::Arc, time::Duration};
 
 use sqlx::{
-    ConnectOptions, Connection, PgPool,
+    ConnectOptions, Connection,
     postgres::{PgConnectOptions, PgListener, PgPoolOptions},
 };
 
 use super::{
-    Clock, SharedPlaces, StoreError, migrations,
+    Clock, SharedPlaces, StoreError,
+    connections::Connections,
+    migrations,
     sql::{self, On, Pooler},
 };
 
@@ -25,7 +27,7 @@ pub(super) struct PostgresTransaction(sqlx::Transaction<'static, sqlx::Postgres>
 /// The database; cheap to clone.
 #[derive(Clone)]
 pub(super) struct Postgres {
-    pool: PgPool,
+    connections: Connections,
     pooler: Pooler,
     /// For connections that hear, with no pooler between.
     direct: Arc<PgConnectOptions>,
@@ -79,17 +81,17 @@ impl Postgres {
         migrations::run_postgres(&first).await?;
         first.close().await;
         let pool = connections(most.max(1)).connect_with(shared).await?;
-        Ok(Self { pool, pooler, direct: Arc::new(direct) })
+        Ok(Self { connections: Connections::new(pool), pooler, direct: Arc::new(direct) })
     }
 
     /// For statements that are a transaction by themselves.
     pub fn on(&self) -> On<'_> {
-        On::PostgresPool(&self.pool, self.pooler)
+        On::PostgresPool(&self.connections, self.pooler)
     }
 
     /// Begins a transaction. It sees what others have committed before each of its statements; what must not change meanwhile is locked.
     pub async fn write(&self) -> Result<PostgresTransaction, StoreError> {
-        Ok(PostgresTransaction(self.pool.begin_with(BEGIN).await?, self.pooler))
+        Ok(PostgresTransaction(self.connections.begin(BEGIN).await?, self.pooler))
     }
 
     /// Commits a transaction that changes one row.
@@ -118,7 +120,7 @@ impl Postgres {
 
     /// Waits for running statements and closes every connection.
     pub async fn close(&self) {
-        self.pool.close().await;
+        self.connections.close().await;
     }
 }
 
