@@ -50,7 +50,9 @@ impl Postgres {
         };
         let shared = options(&places.database)?;
         let (pooler, direct, shared) = match &places.direct {
-            None => (Pooler::Absent, shared.clone(), shared),
+            // The same few statements come again and again, and their plans do not depend on the values. Left to itself, the database plans some of them each
+            // time, which takes longer than they do.
+            None => (Pooler::Absent, shared.clone(), shared.options([("plan_cache_mode", "force_generic_plan")])),
             // What a session is set to when it begins is a pooler's business, and not needed.
             Some(direct) => {
                 (Pooler::ByTransaction, options(direct)?, shared.statement_cache_capacity(0).extra_float_digits(None))
