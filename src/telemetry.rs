@@ -7,8 +7,8 @@ mod process;
 
 use crate::config::{LogFormat, LogSettings};
 use prometheus::{
-    HistogramOpts, HistogramVec, IntCounter, IntCounterVec, IntGauge, IntGaugeVec, Opts, Registry, TextEncoder,
-    core::Collector,
+    Histogram, HistogramOpts, HistogramVec, IntCounter, IntCounterVec, IntGauge, IntGaugeVec, Opts, Registry,
+    TextEncoder, core::Collector,
 };
 
 /// Logs or metrics could not be set up.
@@ -56,6 +56,8 @@ pub struct Metrics {
     pub jobs: IntGaugeVec,
     /// Seconds that a job waited before it was claimed, by kind.
     pub job_queue_seconds: HistogramVec,
+    /// Seconds that a claim took that gave a job.
+    pub job_claim_seconds: Histogram,
     /// Seconds that each stage of a job took, by kind and stage; the stage `total` is the whole run.
     pub job_run_seconds: HistogramVec,
     /// Attempts after the first one.
@@ -151,6 +153,10 @@ impl Metrics {
                 JOB_BUCKETS,
                 &["kind"],
             )?,
+            job_claim_seconds: kept.keep(Histogram::with_opts(
+                HistogramOpts::new("chladni_job_claim_seconds", "Seconds that a claim took that gave a job")
+                    .buckets(REQUEST_BUCKETS.to_vec()),
+            )?)?,
             job_run_seconds: kept.histogram(
                 "chladni_job_run_seconds",
                 "Seconds of each stage of a job; the stage total is the whole run",

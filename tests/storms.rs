@@ -2,7 +2,7 @@
 //! pause. Whatever happens: no job that was acknowledged is lost, none is done twice visibly, nothing is half visible, and what was done is not done
 //! again.
 //!
-//! Each storm has a few rounds, a minute together; `CHLADNI_STORMS=1000` has as many as that.
+//! Each storm has a few rounds, a minute together; `CHLADNI_STORMS=1000` has as many as that, and `CHLADNI_SEED=12` has others.
 #![cfg(all(unix, feature = "cluster"))]
 
 #[path = "common/places.rs"]
@@ -36,6 +36,10 @@ const SERVERS: usize = 2;
 
 fn rounds(few: usize) -> usize {
     std::env::var("CHLADNI_STORMS").ok().and_then(|rounds| rounds.parse().ok()).unwrap_or(few)
+}
+
+fn seed(usual: u64) -> u64 {
+    std::env::var("CHLADNI_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(usual)
 }
 
 /// Numbers at random, the same every time.
@@ -175,6 +179,18 @@ struct Scene {
     clients: Arc<Clients>,
     tasks: Vec<tokio::task::JoinHandle<()>>,
     dice: Dice,
+    done: Done,
+}
+
+/// What was done to whom, and how often.
+#[derive(Debug, Default)]
+struct Done {
+    workers_killed: u32,
+    workers_killed_at_points: u32,
+    servers_killed: u32,
+    workers_stopped: u32,
+    databases_killed: u32,
+    objects_away: u32,
 }
 
 /// Storms share the PostgreSQL of this process, which one of them kills: they come one after the other.
@@ -203,7 +219,7 @@ impl Scene {
             tasks.push(tokio::spawn(Arc::clone(&clients).submit(Dice(seed + k))));
             tasks.push(tokio::spawn(Arc::clone(&clients).watch(Dice(seed + 100 + k))));
         }
-        Self { places, weed, servers, workers, clients, tasks, dice: Dice(seed) }
+        Self { places, weed, servers, workers, clients, tasks, dice: Dice(seed), done: Done::default() }
     }
 
     fn any_worker(&mut self) -> usize {
@@ -214,10 +230,13 @@ impl Scene {
         self.workers[place] = self.places.worker(&[WORKER, settings].concat());
     }
 
-    /// Dropping a worker or a server kills it.
-    fn kill_worker(&mut self) {
-        let place = self.any_worker();
-        self.replace_worker(place, &[]);
+    /// One worker, or several at once. Dropping a worker or a server kills it.
+    fn kill_workers(&mut self) {
+        for _ in 0..=self.dice.below(WORKERS as u64) {
+            let place = self.any_worker();
+            self.replace_worker(place, &[]);
+            self.done.workers_killed += 1;
+        }
     }
 
     /// A worker dies at a point that has a name.
@@ -232,6 +251,10 @@ impl Scene {
         while begun.elapsed() < Duration::from_secs(2) && self.workers[place].0.try_wait().unwrap().is_none() {
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
+        match self.workers[place].0.try_wait().unwrap() {
+            Some(_) => self.done.workers_killed_at_points += 1,
+            None => self.done.workers_killed += 1,
+        }
         self.replace_worker(place, &[]);
     }
 
@@ -241,6 +264,7 @@ impl Scene {
         self.clients.servers.lock().unwrap()[place] = server.url.clone();
         // The one that it takes the place of is killed in the middle of whatever it does.
         self.servers[place] = server;
+        self.done.servers_killed += 1;
     }
 
     /// A worker is stopped until its leases have run out, and comes back.
@@ -249,6 +273,7 @@ impl Scene {
         self.workers[place].signal(Signal::STOP);
         tokio::time::sleep(LEASE + self.dice.pause(200, 2000)).await;
         self.workers[place].signal(Signal::CONT);
+        self.done.workers_stopped += 1;
     }
 
     /// The database crashes, and is back after a while.
@@ -257,6 +282,7 @@ impl Scene {
         database.crash();
         tokio::time::sleep(away).await;
         database.start_anew();
+        self.done.databases_killed += 1;
         let back = self.clients.until_done(&self.servers[0]).await;
         println!("  a job was done {:.2} s after the database was back", back.as_secs_f64());
         back
@@ -265,6 +291,7 @@ impl Scene {
     /// The object store refuses, cuts answers, stops or is killed.
     async fn objects_away(&mut self) {
         let away = self.dice.pause(200, 4000);
+        self.done.objects_away += 1;
         let Some(weed) = &mut self.weed else {
             let faults = &s3::of_folder(self.places.folder.path(), true).faults;
             faults.cut.store(3, Ordering::Relaxed);
@@ -307,6 +334,7 @@ impl Scene {
         let failed = self.clients.failed.load(Ordering::Relaxed);
         let (all, waited) = (acknowledged.len(), begun.elapsed().as_secs_f64());
         println!("{all} jobs acknowledged, all done {waited:.1} s after the last; {failed} requests failed");
+        println!("{:?}", self.done);
         assert!(all > 20, "only {all} jobs");
         drop(self.workers);
         let jobs = self.places.check_all(&done).await;
@@ -318,13 +346,13 @@ impl Scene {
 async fn kills_stops_and_crashes_lose_nothing_and_do_nothing_twice() {
     let _turn = TURNS.lock().await;
     let Some(places) = Places::over_s3() else { return };
-    let mut scene = Scene::begin(places, None, 11).await;
+    let mut scene = Scene::begin(places, None, seed(11)).await;
     let begun = Instant::now();
     for round in 0..rounds(8) {
         let pause = scene.dice.pause(50, 800);
         tokio::time::sleep(pause).await;
         match round % 10 {
-            0 | 6 => scene.kill_worker(),
+            0 | 6 => scene.kill_workers(),
             1 | 7 => scene.kill_server(),
             2 => scene.zombie().await,
             3 | 8 => {
@@ -348,95 +376,15 @@ async fn a_real_store_that_is_stopped_and_killed_loses_nothing() {
     let keys = s3::KEYS.map(|(name, value)| (name, value.to_owned()));
     let told = keys.into_iter().chain([("AWS_ENDPOINT", weed.endpoint())]).collect();
     places.s3 = Some((told, weed.objects()));
-    let mut scene = Scene::begin(places, Some(weed), 12).await;
+    let mut scene = Scene::begin(places, Some(weed), seed(12)).await;
     for round in 0..rounds(3) {
         let pause = scene.dice.pause(100, 1500);
         tokio::time::sleep(pause).await;
         match round % 8 {
-            5 => scene.kill_worker(),
+            5 => scene.kill_workers(),
             7 => scene.zombie().await,
             _ => scene.objects_away().await,
         }
     }
     scene.end().await;
-}
-
-/// Jobs from their submission to their results by so many worker processes: `CHLADNI_JOBS` of them, which sleep for `CHLADNI_SLEEP` seconds. All
-/// workers are there before the first job.
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-#[ignore = "figures, minutes"]
-async fn throughput() {
-    let _turn = TURNS.lock().await;
-    let number = |name: &str, usual: f64| std::env::var(name).map_or(usual, |text| text.parse().unwrap());
-    let (workers, seconds) = (number("CHLADNI_WORKER_PROCESSES", 16.0) as usize, number("CHLADNI_SLEEP", 0.0));
-    let jobs = number("CHLADNI_JOBS", 1000.0) as u32;
-    let Some(mut places) = Places::new() else { return };
-    places.lease = "30";
-    let server = places.server_with(SERVER);
-    let mesh = server.upload().await;
-    let running: Vec<Worker> = (0..workers).map(|_| places.worker(&["--jobs-in", "threads"])).collect();
-    let begun = Instant::now();
-    let clients = (0..8).map(|client| {
-        let (http, url, mesh) = (server.client.clone(), server.url.clone(), mesh.clone());
-        tokio::spawn(async move {
-            for number in (client..jobs).step_by(8) {
-                let parameters = json!({"seconds": seconds, "number": number});
-                let request = json!({"kind": "idle", "mesh": mesh, "parameters": parameters});
-                let answer = http.post(format!("{url}/v1/jobs")).json(&request).send().await.unwrap();
-                assert!(answer.status().is_success(), "{}", answer.text().await.unwrap());
-            }
-        })
-    });
-    for client in clients.collect::<Vec<_>>() {
-        client.await.unwrap();
-    }
-    println!("{jobs} jobs submitted in {:.2} s", begun.elapsed().as_secs_f64());
-    let (mut created, mut started, mut finished, mut waits) = (f64::MAX, f64::MAX, 0f64, Vec::new());
-    let mut from: Option<String> = None;
-    loop {
-        let (path, mut done) = (format!("{}/v1/jobs?limit=200", server.url), true);
-        let mut url = path.clone();
-        loop {
-            let page: Value = server.client.get(&url).send().await.unwrap().json().await.unwrap();
-            for job in page["items"].as_array().unwrap() {
-                done &= job["status"] == "succeeded";
-            }
-            match page["next"].as_str().filter(|_| done) {
-                Some(next) => url = format!("{path}&from={next}"),
-                None => break,
-            }
-        }
-        if done {
-            break;
-        }
-        tokio::time::sleep(Duration::from_millis(500)).await;
-    }
-    loop {
-        let mut url = format!("{}/v1/jobs?limit=200", server.url);
-        if let Some(from) = &from {
-            url = format!("{url}&from={from}");
-        }
-        let page: Value = server.client.get(&url).send().await.unwrap().json().await.unwrap();
-        for job in page["items"].as_array().unwrap() {
-            let ms = |name: &str| job[name].as_f64().unwrap();
-            created = created.min(ms("created_ms"));
-            started = started.min(ms("started_ms"));
-            finished = finished.max(ms("finished_ms"));
-            waits.push(ms("finished_ms") - ms("started_ms"));
-        }
-        from = page["next"].as_str().map(str::to_owned);
-        if from.is_none() {
-            break;
-        }
-    }
-    waits.sort_by(f64::total_cmp);
-    let whole = (finished - if seconds > 0.0 { started } else { created }) / 1000.0;
-    println!(
-        "{workers} workers, {jobs} jobs: {whole:.2} s, {:.0} jobs/s, efficiency {:.3}; from claim to result {} ms (median), {} ms (p99)",
-        f64::from(jobs) / whole,
-        f64::from(jobs) * seconds / workers as f64 / whole,
-        waits[waits.len() / 2],
-        waits[waits.len() * 99 / 100],
-    );
-    drop(running);
 }

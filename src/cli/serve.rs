@@ -237,6 +237,9 @@ async fn start_workers(
     )))
 }
 
+/// What tells the metrics of a worker from other lines of its log.
+const METRICS: &str = "chladni::metrics";
+
 /// Runs `chladni worker` until SIGTERM or SIGINT.
 pub fn work(config: Config) -> Result<ExitCode, CliError> {
     start_logs(&config.logs)?;
@@ -251,7 +254,8 @@ pub fn work(config: Config) -> Result<ExitCode, CliError> {
         let memory = memory_for_jobs(&config);
         // A job's heartbeat and its result, and what looks after leases and other processes.
         let store = open_store(&config, &accelerator, 3 + config.workers, true).await?;
-        let workers = start_workers(&config, &store, &Arc::new(Metrics::new()?), memory).await?;
+        let metrics = Arc::new(Metrics::new()?);
+        let workers = start_workers(&config, &store, &metrics, memory).await?;
         writeln!(io::stdout(), "working").map_err(CliError::stdout)?;
         tracing::info!(
             workers = config.workers,
@@ -266,6 +270,8 @@ pub fn work(config: Config) -> Result<ExitCode, CliError> {
         tokio::select! {
             () = workers.drain(config.drain_seconds) => {
                 store.close().await;
+                // It has no address at which these could be asked for.
+                tracing::debug!(target: METRICS, "metrics\n{}", metrics.render());
                 tracing::info!("stopped");
                 Ok(ExitCode::SUCCESS)
             }
@@ -451,6 +457,9 @@ impl Signals {
 struct Counting(Arc<Metrics>);
 
 impl QueueObserver for Counting {
+    fn claim_took(&self, seconds: f64) {
+        self.0.job_claim_seconds.observe(seconds);
+    }
     fn claimed(&self, kind: &str, queue_seconds: f64) {
         self.0.job_queue_seconds.with_label_values(&[kind]).observe(queue_seconds);
     }

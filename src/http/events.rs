@@ -8,7 +8,6 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::{Stream, stream};
-use tokio::sync::broadcast::{Receiver, error::RecvError};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use uuid::Uuid;
@@ -20,7 +19,7 @@ use super::problems::problems;
 use super::shares::Share;
 use super::state::AppState;
 use super::wire::JobResource;
-use crate::store::{JobEvent, JobRecord};
+use crate::store::{JobRecord, JobWatch};
 
 /// How often an idle event stream sends a comment, so that nothing between takes it for dead.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
@@ -37,18 +36,6 @@ pub fn routes() -> OpenApiRouter<AppState> {
 pub async fn look(state: &AppState, id: Uuid) -> Result<JobRecord, Problem> {
     let store = state.store.clone();
     state.off_loop(async move { store.job(id).await }).await
-}
-
-/// Waits until a job may have changed; false when nothing will be heard of any more.
-pub async fn next_change(changes: &mut Receiver<JobEvent>, id: Uuid) -> bool {
-    loop {
-        match changes.recv().await {
-            Ok(event) if event.job == id => return true,
-            Ok(_) => {}
-            Err(RecvError::Lagged(_)) => return true,
-            Err(RecvError::Closed) => return false,
-        }
-    }
 }
 
 problems!(WatchJobProblems: [UNKNOWN_JOB, BUSY]);
@@ -74,7 +61,7 @@ problems!(WatchJobProblems: [UNKNOWN_JOB, BUSY]);
 )]
 async fn events(state: ClientState, JobId(id): JobId, headers: HeaderMap) -> Result<Response, Problem> {
     let seen = headers.get("last-event-id").and_then(|value| value.to_str().ok()?.trim().parse::<i64>().ok());
-    let changes = state.store.watch_jobs();
+    let changes = state.store.watch_job(id);
     let record = look(&state, id).await?;
     if record.status.is_finished() && seen.is_some_and(|seen| seen >= record.revision) {
         return Ok(StatusCode::NO_CONTENT.into_response());
@@ -102,7 +89,7 @@ struct Watch {
     /// One of the places for streams, held until the client is gone.
     _place: Share,
     id: Uuid,
-    changes: Receiver<JobEvent>,
+    changes: JobWatch,
     seen: i64,
     first: Option<JobRecord>,
     sent: Option<Instant>,
@@ -129,7 +116,7 @@ impl Watch {
         }
         loop {
             tokio::select! {
-                heard = next_change(&mut self.changes, self.id) => if !heard { return None },
+                heard = self.changes.changed() => if !heard { return None },
                 () = self.state.closing.cancelled() => return None,
             }
             if let Some(sent) = self.sent {

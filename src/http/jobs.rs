@@ -18,7 +18,7 @@ use utoipa_axum::routes;
 use uuid::Uuid;
 
 use super::client::ClientState;
-use super::events::{self, look, next_change};
+use super::events::{self, look};
 use super::extract::{self, QueryOf};
 use super::ids::JobId;
 use super::numbering::{Numbered, NumberingQuery};
@@ -155,9 +155,9 @@ impl Planned {
 }
 
 /// Bytes of memory that one job of a kind may need: what the server allows, and no more than the largest worker has that takes such jobs.
-pub(super) async fn most_bytes(state: &ClientState, kind: &str) -> Result<u64, Problem> {
+pub(super) async fn most_bytes(state: &ClientState, kind: &str, needed: u64) -> Result<u64, Problem> {
     let allowed = state.config.limits.max_job_bytes;
-    Ok(state.store.most_memory_for(kind).await?.map_or(allowed, |most| most.min(allowed)))
+    Ok(state.store.most_memory_for(kind, needed).await?.map_or(allowed, |most| most.min(allowed)))
 }
 
 /// Reads what a request asks for, and checks it against its mesh. Its parameters are taken out of it.
@@ -207,9 +207,10 @@ pub(super) async fn plan(
     let parameters = parameters_of(state, request)?;
     request.parameters = Packed::Null;
     parameters.check_mesh(size)?;
+    let estimate = parameters.memory_bytes(size);
     Ok(Planned {
-        estimate: parameters.memory_bytes(size),
-        limit: most_bytes(state, &request.kind).await?,
+        estimate,
+        limit: most_bytes(state, &request.kind, estimate).await?,
         seconds: parameters.seconds(size),
         source: mesh.id,
         bases: Vec::new(),
@@ -259,9 +260,10 @@ async fn plan_on_problem(state: &ClientState, request: &mut JobRequest) -> Resul
     })?;
     let size = ProblemSize::of_report(problem.rows as usize, &problem.report);
     parameters.check_problem(size)?;
+    let estimate = parameters.problem_memory_bytes(size);
     Ok(Planned {
-        estimate: parameters.problem_memory_bytes(size),
-        limit: most_bytes(state, &request.kind).await?,
+        estimate,
+        limit: most_bytes(state, &request.kind, estimate).await?,
         seconds: None,
         source: problem.id,
         bases: Vec::new(),
@@ -403,7 +405,7 @@ async fn show(
     };
     let _place = if wait.is_zero() { None } else { Some(state.watch()?) };
     // Watching begins before the first look, so that no change falls between.
-    let mut changes = state.store.watch_jobs();
+    let mut changes = state.store.watch_job(id);
     let deadline = Instant::now() + wait;
     let mut record = look(&state, id).await?;
     loop {
@@ -413,7 +415,7 @@ async fn show(
             break;
         }
         tokio::select! {
-            changed = next_change(&mut changes, id) => if !changed { break },
+            changed = changes.changed() => if !changed { break },
             () = tokio::time::sleep_until(deadline.into()) => break,
             () = state.closing.cancelled() => break,
         }

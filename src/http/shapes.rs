@@ -50,11 +50,12 @@ pub(super) async fn plan(state: &ClientState, request: &mut JobRequest) -> Resul
     let stored: Vec<StoredShape> = shapes.iter().map(stored).collect();
     let parameters = parameters.fitted(&stored.iter().map(|shape| shape.size).collect::<Vec<_>>())?;
     let Some((_, first)) = shapes.first() else { return Err(Problem::internal("a collection without shapes")) };
+    let estimate = parameters.shapes_memory_bytes(&stored, most_threads(state).await?);
     Ok(Planned {
         source: first.id.clone(),
         bases: shapes.iter().map(|(basis, _)| basis.id).collect(),
-        estimate: parameters.shapes_memory_bytes(&stored, most_threads(state).await?),
-        limit: most_bytes(state, &request.kind).await?,
+        estimate,
+        limit: most_bytes(state, &request.kind, estimate).await?,
         seconds: None,
         parameters: JobParameters::MapCollection(parameters),
     })

@@ -1,8 +1,11 @@
 //! The memory that running jobs may take together, by estimate: what does not fit waits, so that nothing is killed for want of it.
 
-use std::sync::{
-    Arc, Mutex, PoisonError,
-    atomic::{AtomicBool, AtomicUsize, Ordering},
+use std::{
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, AtomicUsize, Ordering},
+    },
+    time::Instant,
 };
 
 use super::{QueueObserver, WorkerOptions};
@@ -67,8 +70,10 @@ impl Budget {
             total_bytes: self.total,
             solver_version: Some(chladni_work::SOLVER_VERSION),
         };
+        let begun = Instant::now();
         let claim = self.store.claim_within(worker, &options.kinds, options.lease, free, company).await?;
         Ok(claim.map(|claim| {
+            self.observer.claim_took(begun.elapsed().as_secs_f64());
             // One that is to run alone has all the memory that there is.
             let bytes = if claim.alone { self.total } else { claim.job.memory_bytes.min(self.total) };
             self.change(|taken| taken + bytes);

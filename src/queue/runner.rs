@@ -117,6 +117,8 @@ pub enum JobFailure {
 
 /// Hears what the queue does: the seam for metrics. Called from worker tasks; must return quickly.
 pub trait QueueObserver: Send + Sync + 'static {
+    /// A claim that gave a job took so many seconds.
+    fn claim_took(&self, _seconds: f64) {}
     /// A job was claimed after so many seconds in the queue.
     fn claimed(&self, _kind: &str, _queue_seconds: f64) {}
     /// A stage of a job ended.

@@ -18,7 +18,7 @@ use super::{
     from_json, job_bases,
     jobs::{self, job_from_row, uuid_column},
     page::Listing,
-    sql::{self, Row},
+    sql::{self, Query, Row},
     to_json,
 };
 
@@ -202,6 +202,23 @@ impl Store {
     }
 }
 
+/// Inserts the record of a basis for each row of a job, of a table or what stands in its place. The values are those of [`WrittenBasis::bind`].
+macro_rules! insert {
+    ($job:literal) => {
+        concat!(
+            "INSERT INTO bases (id, mesh, job, kind, parameters, vertices, dimension, pairs, nonzeros, eigenvalues,
+                certificate, bytes, dense_bytes, content_hash, solver_version, stage_seconds, created_ms, storage, layout,
+                operator, row_count, details, used_ms)
+             SELECT ?1, ", $job, ".mesh, ", $job, ".id, ?5,
+                (SELECT shown FROM job_parameters WHERE job_parameters.job = ", $job, ".id),
+                (SELECT vertices FROM meshes WHERE meshes.id = ", $job, ".mesh), ?6, ?7, ?8, ?9,
+                ?10, ?11, ?12, ?13, ", $job, ".solver_version, ?2, ?3, ?14, ?15, ?16, ?17, ?18, ?3 FROM ", $job
+        )
+    };
+}
+
+pub(super) use insert;
+
 /// A basis whose content is stored, and what its record will say.
 pub(super) struct WrittenBasis {
     /// The product as it is read from the store: columns of a dense basis stay there.
@@ -258,43 +275,45 @@ impl WrittenBasis {
             .fetch_optional(transaction.on())
             .await?;
         let id = before.and_then(|id| Uuid::try_parse(&id).ok()).unwrap_or_else(Uuid::now_v7);
+        let query = sql::query(concat!(insert!("jobs"), " WHERE jobs.id = ?4"));
+        self.bind(query, id, stage_seconds, now_ms, &job.id.to_string())?.execute(transaction.on()).await?;
+        Ok(id)
+    }
+
+    /// Gives a statement around [`insert!`] its values; `key` is the fourth.
+    pub fn bind(
+        &self,
+        query: Query,
+        id: Uuid,
+        stage_seconds: &[(String, f64)],
+        now_ms: i64,
+        key: &str,
+    ) -> Result<Query, StoreError> {
         let summary = &self.summary;
         let eigenvalues: Vec<u8> = summary.eigenvalues.iter().flat_map(|value| value.to_le_bytes()).collect();
-        sql::query(
-            "INSERT INTO bases (id, mesh, job, kind, parameters, vertices, dimension, pairs, nonzeros, eigenvalues,
-                certificate, bytes, dense_bytes, content_hash, solver_version, stage_seconds, created_ms, storage, layout,
-                operator, row_count, details, used_ms)
-             VALUES (?, ?, ?, ?, ?, (SELECT vertices FROM meshes WHERE id = ?), ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-        )
-        .bind(id.to_string())
-        .bind(&job.mesh)
-        .bind(job.id.to_string())
-        .bind(self.product.kind().name())
-        .bind(to_json(&job.parameters)?)
-        .bind(&job.mesh)
-        .bind(summary.dimension.unwrap_or(0) as i64)
-        .bind(summary.count as i64)
-        .bind(summary.nonzeros.unwrap_or(0) as i64)
-        .bind(eigenvalues)
-        .bind(to_json(&summary.certificate)?)
-        .bind(self.bytes as i64)
-        .bind(summary.dense_bytes as i64)
-        .bind(&self.hash)
-        .bind(&job.solver_version)
-        .bind(to_json(stage_seconds)?)
-        .bind(now_ms)
-        .bind(self.storage.name())
-        .bind(match &self.storage {
+        let layout = match &self.storage {
             BasisStorage::Compact => None,
             BasisStorage::Dense(layout) => Some(to_json(layout.as_ref())?),
-        })
-        .bind(to_json(&summary.operator)?)
-        .bind(summary.rows as i64)
-        .bind(to_json(&summary.details)?)
-        .bind(now_ms)
-        .execute(transaction.on())
-        .await?;
-        Ok(id)
+        };
+        Ok(query
+            .bind(id.to_string())
+            .bind(to_json(stage_seconds)?)
+            .bind(now_ms)
+            .bind(key)
+            .bind(self.product.kind().name())
+            .bind(summary.dimension.unwrap_or(0) as i64)
+            .bind(summary.count as i64)
+            .bind(summary.nonzeros.unwrap_or(0) as i64)
+            .bind(eigenvalues)
+            .bind(to_json(&summary.certificate)?)
+            .bind(self.bytes as i64)
+            .bind(summary.dense_bytes as i64)
+            .bind(&self.hash)
+            .bind(self.storage.name())
+            .bind(layout)
+            .bind(to_json(&summary.operator)?)
+            .bind(summary.rows as i64)
+            .bind(to_json(&summary.details)?))
     }
 
     /// Puts the basis into the cache: whoever waited for the job asks for it next.

@@ -1,9 +1,30 @@
 //! Who takes jobs, where many processes share the records: each tells what it has, and is known for as long as it is heard of.
 
+use std::sync::{Mutex, PoisonError};
+
 use super::{Store, StoreError, sql};
 
 /// One that has not been heard of for so long, in milliseconds, is taken for gone.
 const SILENCE_MS: i64 = 60_000;
+
+/// What is known of a fleet is good for so long, in milliseconds.
+const KNOWN_MS: i64 = 1000;
+
+/// The processes that took jobs when they were last asked for, and when that was.
+#[derive(Debug, Default)]
+pub(super) struct Fleet(Mutex<(i64, Vec<Worker>)>);
+
+impl Fleet {
+    /// What is known of the fleet, if that is fresh.
+    fn known(&self, now_ms: i64, what: impl FnOnce(&[Worker]) -> Option<u64>) -> Option<u64> {
+        let (at_ms, workers) = &*self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if (0..KNOWN_MS).contains(&(now_ms - at_ms)) { what(workers) } else { None }
+    }
+
+    fn note(&self, now_ms: i64, workers: Vec<Worker>) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = (now_ms, workers);
+    }
+}
 
 /// What a process has for jobs.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -74,15 +95,25 @@ impl Store {
         Ok(())
     }
 
-    /// The most memory that any process has that takes jobs of a kind, in bytes; `None` where this one is alone, or no such process is known.
+    /// The most memory that any process has that takes jobs of a kind, in bytes; `None` where this one is alone, or no such process is known. An answer
+    /// of the last second will do where it has room for `needed` bytes.
     ///
     /// # Errors
     /// [`StoreError::Unavailable`] and its kin.
-    pub async fn most_memory_for(&self, kind: &str) -> Result<Option<u64>, StoreError> {
+    pub async fn most_memory_for(&self, kind: &str, needed: u64) -> Result<Option<u64>, StoreError> {
+        let most = |workers: &[Worker]| {
+            let able =
+                workers.iter().filter(|worker| worker.kinds.is_empty() || worker.kinds.iter().any(|own| own == kind));
+            able.map(|worker| worker.memory_bytes).max()
+        };
+        let now_ms = self.now_ms();
+        if let Some(most) = self.inner.fleet.known(now_ms, most).filter(|&most| most >= needed) {
+            return Ok(Some(most));
+        }
         let workers = self.workers().await?;
-        let able =
-            workers.iter().filter(|worker| worker.kinds.is_empty() || worker.kinds.iter().any(|own| own == kind));
-        Ok(able.map(|worker| worker.memory_bytes).max())
+        let found = most(&workers);
+        self.inner.fleet.note(now_ms, workers);
+        Ok(found)
     }
 
     /// The processes that take jobs, by their names; none where this one is alone.

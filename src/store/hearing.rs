@@ -1,17 +1,17 @@
-//! What processes that share the records tell each other of jobs: docs/decisions/0075.
+//! What processes that share the records tell each other of jobs: docs/decisions/0075 and 0103.
 //!
-//! That a job is enqueued, ended or to be stopped is told by `NOTIFY`, after the commit and in a transaction of its own: one that notifies takes a lock
-//! of the whole server when it commits. Each process listens on one connection. Behind it, once a second, it looks at the jobs that run or have changed
-//! lately: progress is heard of that way, and whatever was not heard otherwise. A process that only works hears of work, on a channel of its own: that a
-//! job has ended would wake each of many workers for nothing.
+//! That a job is enqueued or to be stopped is told by `NOTIFY`, after the commit and in a transaction of its own: one that notifies takes a lock of the
+//! whole server when it commits. Each process listens on one connection. How a job that somebody waits for comes along is looked for many times a second:
+//! a message for each end would wake every process that listens, whatever the channel, for the sake of the one that is waited for. Behind both,
+//! once a second, each process looks at the jobs that run or have changed lately: whatever was not heard otherwise is heard of that way.
 
 use std::{
-    collections::HashMap,
+    collections::{HashMap, hash_map::Entry},
     sync::{
         Mutex, PoisonError, Weak,
         atomic::{AtomicU64, Ordering},
     },
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use sqlx::postgres::PgListener;
@@ -20,16 +20,18 @@ use uuid::Uuid;
 
 use super::{Inner, JobEvent, JobStatus, Store, StoreError, jobs, sql};
 
-/// The channel on which processes hear that jobs have ended.
-const CHANNEL: &str = "chladni_jobs";
-/// The channel on which they hear of jobs that are enqueued, or to be stopped.
+/// The channel on which processes hear of jobs that are enqueued, or to be stopped.
 const WORK: &str = "chladni_work";
 /// A message of PostgreSQL has 8000 bytes at most.
 const MOST_MESSAGE_BYTES: usize = 7000;
 /// What comes within so long of a message that was told waits for the next one, so that listeners wake once for many jobs.
 const BETWEEN_MESSAGES: Duration = Duration::from_millis(20);
+/// Where messages go on without a pause, they come to be so far apart: workers that are kept busy need not be told of more.
+const BETWEEN_MANY_MESSAGES: Duration = Duration::from_millis(160);
 /// How often a process looks for itself.
 const LOOK: Duration = Duration::from_secs(1);
+/// How often it looks at jobs that somebody waits for.
+const LOOK_AT_WATCHED: Duration = Duration::from_millis(50);
 /// Pause before a lost connection is tried anew.
 const PAUSE: Duration = Duration::from_secs(1);
 /// A look goes back so far, in milliseconds: several looks may fail.
@@ -43,6 +45,8 @@ const MOST_REMEMBERED: usize = 10_000;
 #[derive(Debug)]
 pub(super) struct Hearing {
     revisions: Mutex<HashMap<Uuid, i64>>,
+    /// Jobs that somebody waits for, and how many do.
+    watched: Mutex<HashMap<Uuid, usize>>,
     told: mpsc::UnboundedSender<JobEvent>,
     /// Tells this process from others.
     own: Uuid,
@@ -61,12 +65,23 @@ impl Hearing {
     /// Begins to tell, to listen and to look, for as long as the store lives; for what concerns whoever works alone, or for everything.
     pub fn start(store: Weak<Inner>, work_alone: bool) -> Self {
         let (told, telling) = mpsc::unbounded_channel();
-        let tasks = vec![
+        let mut tasks = vec![
             tokio::spawn(tell(store.clone(), telling)),
-            tokio::spawn(listen(store.clone(), work_alone)),
-            tokio::spawn(look(store, work_alone)),
+            tokio::spawn(listen(store.clone())),
+            tokio::spawn(look(store.clone(), work_alone)),
         ];
-        Self { revisions: Mutex::default(), told, own: Uuid::now_v7(), workers: AtomicU64::new(1), tasks }
+        // Nobody waits for a job of a process that only works.
+        if !work_alone {
+            tasks.push(tokio::spawn(look_at_watched(store)));
+        }
+        Self {
+            revisions: Mutex::default(),
+            watched: Mutex::default(),
+            told,
+            own: Uuid::now_v7(),
+            workers: AtomicU64::new(1),
+            tasks,
+        }
     }
 
     /// Whether a change is news: each is told once here, by whichever way it is heard of first.
@@ -78,6 +93,29 @@ impl Hearing {
         }
         let known = revisions.entry(event.job).or_insert(i64::MIN);
         std::mem::replace(known, event.revision.max(*known)) < event.revision
+    }
+
+    /// Looks at a job often, until [`unwatch`](Self::unwatch) was called as often as this.
+    pub fn watch(&self, job: Uuid) {
+        *self.watched.lock().unwrap_or_else(PoisonError::into_inner).entry(job).or_default() += 1;
+    }
+
+    /// One fewer waits for a job.
+    pub fn unwatch(&self, job: Uuid) {
+        let mut watched = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Entry::Occupied(mut count) = watched.entry(job) {
+            *count.get_mut() -= 1;
+            if *count.get() == 0 {
+                count.remove();
+            }
+        }
+    }
+
+    /// Jobs that somebody waits for, as PostgreSQL reads a list; `None` where there are none.
+    fn watched(&self) -> Option<String> {
+        let watched = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
+        let ids: Vec<String> = watched.keys().map(Uuid::to_string).collect();
+        (!ids.is_empty()).then(|| ids.join(","))
     }
 
     /// Remembers how many processes work.
@@ -98,8 +136,8 @@ impl Hearing {
     /// Tells the other processes of a change of this one.
     pub fn tell(&self, event: &JobEvent) {
         self.is_news(event);
-        // A claim and progress are looked for by those who want to know.
-        if event.status != JobStatus::Processing || event.cancel_requested {
+        // All else is looked for by those who want to know.
+        if event.status == JobStatus::Enqueued || event.cancel_requested {
             let _ = self.told.send(event.clone());
         }
     }
@@ -111,37 +149,39 @@ impl Hearing {
 }
 
 async fn tell(store: Weak<Inner>, mut telling: mpsc::UnboundedReceiver<JobEvent>) {
-    let mut events = Vec::new();
-    while telling.recv_many(&mut events, 64).await > 0 {
+    let (mut events, mut pause) = (Vec::new(), BETWEEN_MESSAGES);
+    loop {
+        let waits = Instant::now();
+        if telling.recv_many(&mut events, 64).await == 0 {
+            return;
+        }
+        pause = if waits.elapsed() < pause { (pause * 2).min(BETWEEN_MANY_MESSAGES) } else { BETWEEN_MESSAGES };
         {
             let Some(inner) = store.upgrade() else { return };
-            let mut messages = [(WORK, String::new()), (CHANNEL, String::new())];
+            let mut message = String::new();
             for event in events.drain(..) {
-                let (channel, message) = &mut messages[usize::from(event.status.is_finished())];
                 let line = written(&event);
                 if message.len() + line.len() >= MOST_MESSAGE_BYTES {
-                    send(&inner, channel, std::mem::take(message)).await;
+                    send(&inner, std::mem::take(&mut message)).await;
                 }
                 message.push_str(&line);
             }
-            for (channel, message) in messages.into_iter().filter(|(_, message)| !message.is_empty()) {
-                send(&inner, channel, message).await;
-            }
+            send(&inner, message).await;
         }
-        tokio::time::sleep(BETWEEN_MESSAGES).await;
+        tokio::time::sleep(pause).await;
     }
 }
 
-async fn send(inner: &Inner, channel: &str, message: String) {
-    let sent = sql::query("SELECT 1 FROM (SELECT pg_notify(?, ?)) AS told").bind(channel).bind(message);
+async fn send(inner: &Inner, message: String) {
+    let sent = sql::query("SELECT 1 FROM (SELECT pg_notify(?, ?)) AS told").bind(WORK).bind(message);
     if let Err(error) = sent.fetch_optional(inner.catalog.reader()).await {
         tracing::debug!(%error, "other processes hear of a change a second later");
     }
 }
 
-async fn listen(store: Weak<Inner>, work_alone: bool) {
+async fn listen(store: Weak<Inner>) {
     loop {
-        if let Err(error) = listen_once(&store, work_alone).await {
+        if let Err(error) = listen_once(&store).await {
             tracing::warn!(%error, "changes of other processes are heard of once a second until the database answers");
         }
         if store.strong_count() == 0 {
@@ -151,11 +191,11 @@ async fn listen(store: Weak<Inner>, work_alone: bool) {
     }
 }
 
-async fn listen_once(store: &Weak<Inner>, work_alone: bool) -> Result<(), StoreError> {
+async fn listen_once(store: &Weak<Inner>) -> Result<(), StoreError> {
     let mut listener: PgListener = {
         let Some(inner) = store.upgrade() else { return Ok(()) };
         let Some(postgres) = inner.catalog.postgres() else { return Ok(()) };
-        postgres.listener(if work_alone { &[WORK] } else { &[WORK, CHANNEL] }).await?
+        postgres.listener(&[WORK]).await?
     };
     // `None` where the connection was lost: what was told meanwhile is found by looking.
     while let Some(notification) = listener.try_recv().await? {
@@ -174,6 +214,22 @@ async fn look(store: Weak<Inner>, work_alone: bool) {
         let Some(inner) = store.upgrade() else { return };
         if let Err(error) = (Store { inner }).look_at_jobs(work_alone).await {
             tracing::debug!(%error, "jobs could not be looked at");
+        }
+    }
+}
+
+async fn look_at_watched(store: Weak<Inner>) {
+    let mut every = tokio::time::interval(LOOK_AT_WATCHED);
+    every.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+    loop {
+        every.tick().await;
+        let Some(inner) = store.upgrade() else { return };
+        let Some(watched) = inner.hearing.get().and_then(Hearing::watched) else { continue };
+        let query = sql::query(
+            "SELECT id, revision, status, cancel_requested FROM jobs WHERE id = ANY (string_to_array(?, ','))",
+        );
+        if let Err(error) = (Store { inner }).hear_of(query.bind(watched)).await {
+            tracing::debug!(%error, "jobs that are waited for could not be looked at");
         }
     }
 }
@@ -202,6 +258,11 @@ impl Store {
             )
             .bind(since_ms)
         };
+        self.hear_of(query).await
+    }
+
+    /// Hears of the jobs that a statement gives.
+    async fn hear_of(&self, query: sql::Query) -> Result<(), StoreError> {
         let rows = query.fetch_all(self.inner.catalog.reader()).await?;
         for row in &rows {
             self.hear(JobEvent {

@@ -72,6 +72,10 @@ impl Store {
     async fn enqueue_now(&self, new: NewJob) -> Result<Enqueued, StoreError> {
         for _ in 0..MOST_RACES {
             let now_ms = self.now_ms();
+            #[cfg(feature = "cluster")]
+            if let Some(record) = self.enqueue_at_once(&new, now_ms).await? {
+                return Ok(self.created(record));
+            }
             let mut transaction = self.inner.catalog.write().await?;
             let enqueued = match self.decide(&mut transaction, &new, now_ms).await {
                 Ok(Some(enqueued)) => enqueued,
@@ -85,14 +89,22 @@ impl Store {
                 }
             };
             transaction.commit().await?;
+            if enqueued.outcome == EnqueueOutcome::Created {
+                return Ok(self.created(enqueued.record));
+            }
             self.use_mesh(&new.mesh);
             self.faults().reach(FailPoint::AfterEnqueue);
-            if enqueued.outcome == EnqueueOutcome::Created {
-                self.announce(&enqueued.record);
-            }
             return Ok(enqueued);
         }
         Err(StoreError::Busy { detail: "equal work comes and goes".to_owned() })
+    }
+
+    /// What is due once a job was made.
+    fn created(&self, record: JobRecord) -> Enqueued {
+        self.use_mesh(&record.mesh);
+        self.faults().reach(FailPoint::AfterEnqueue);
+        self.announce(&record);
+        Enqueued { record, outcome: EnqueueOutcome::Created }
     }
 
     /// Finds or makes the job of a request, within a transaction. `None` where another process was faster with equal work or the same key: then what it

@@ -1,4 +1,4 @@
-//! Jobs as workers see them. A claim gives a lease; every later write carries its token, so a worker that lost its lease
+//! Jobs as workers see them. A claim (`claims.rs`) gives a lease; every later write carries its token, so a worker that lost its lease
 //! changes nothing.
 
 use std::{
@@ -13,48 +13,11 @@ use super::{
     JobEvent, JobProblem, JobRecord, JobStatus, Store, StoreError, StoreOptions,
     bases::WrittenBasis,
     catalog::Transaction,
-    deaths::SUSPICIOUS_INTERRUPTIONS,
     detached,
     fault::FailPoint,
-    from_json,
     jobs::{self, job_from_row, uuid_column},
-    sql::{self, QueryBuilder},
-    to_json,
+    sql, to_json,
 };
-
-/// The numbers of a version such as `0.1.0+5`, which PostgreSQL compares one after the other.
-const VERSION_NUMBERS: [&str; 2] = ["CAST(string_to_array(translate(", ", '+', '.'), '.') AS INTEGER[])"];
-
-/// A job and the lease on it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Claim {
-    /// The job, as it stands after the claim.
-    pub job: JobRecord,
-    /// What every later write of this attempt carries.
-    pub token: Uuid,
-    /// Whether nothing else may run beside it, since it may have crashed a process.
-    pub alone: bool,
-}
-
-/// What runs while a job is claimed, and where the job will.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Company {
-    /// Other jobs run.
-    pub others: bool,
-    /// Each job has a process of its own, and takes no other with it when it crashes.
-    pub isolated: bool,
-    /// The most memory that the worker has for jobs when nothing runs. Where workers share the records, a job that needs more is left to a larger one.
-    pub total_bytes: u64,
-    /// The version of the worker's solver. Where workers share the records, jobs of a newer one are left to others: a result is known by the version that
-    /// was asked for.
-    pub solver_version: Option<&'static str>,
-}
-
-impl Default for Company {
-    fn default() -> Self {
-        Self { others: false, isolated: false, total_bytes: u64::MAX, solver_version: None }
-    }
-}
 
 /// How far an attempt has come.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -115,8 +78,14 @@ pub struct Reaped {
 pub(super) struct Tried(Mutex<Option<(Uuid, i64)>>);
 
 impl Tried {
-    fn note(&self, basis: Uuid, now_ms: i64) {
+    pub(super) fn note(&self, basis: Uuid, now_ms: i64) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((basis, now_ms));
+    }
+
+    /// Whether nothing was tried yet.
+    #[cfg(feature = "cluster")]
+    pub(super) fn is_new(&self) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).is_none()
     }
 
     /// The basis, where it is there.
@@ -133,45 +102,8 @@ impl Tried {
 }
 
 impl Store {
-    /// Claims the ready job of the highest priority, the oldest among equals; `None` where none is ready. Each job is
-    /// claimed by one worker only. An empty `kinds` claims every kind.
-    ///
-    /// # Errors
-    /// [`StoreError::Busy`] and its kin.
-    pub async fn claim(&self, worker: &str, kinds: &[String], lease: Duration) -> Result<Option<Claim>, StoreError> {
-        self.claim_within(worker, kinds, lease, u64::MAX, Company::default()).await
-    }
-
-    /// Claims the job that [`claim`](Self::claim) would, if it needs no more memory than `most_bytes`, and, where the worker is beside others, if it is
-    /// not under suspicion of having crashed a process that they share. One that does not fit is waited for: none behind it is taken in its stead, or a stream of
-    /// small jobs would keep a large one waiting for ever.
-    ///
-    /// # Errors
-    /// [`StoreError::Busy`] and its kin.
-    pub async fn claim_within(
-        &self,
-        worker: &str,
-        kinds: &[String],
-        lease: Duration,
-        most_bytes: u64,
-        company: Company,
-    ) -> Result<Option<Claim>, StoreError> {
-        let token = Uuid::now_v7();
-        let query = self.claiming(worker, kinds, lease, most_bytes, company, token);
-        let Some(row) = self.change_one(query.build()).await? else { return Ok(None) };
-        let mut job = job_from_row(&row)?;
-        if let Some(whole) = row.try_get::<Option<&str>, _>("whole")? {
-            job.parameters = from_json("whole", whole)?;
-        }
-        let (deaths, interruptions): (i64, i64) = (row.try_get("deaths")?, row.try_get("interruptions")?);
-        let alone = (deaths > 0 && !company.isolated) || interruptions >= SUSPICIOUS_INTERRUPTIONS;
-        self.announce(&job);
-        self.faults().reach(FailPoint::AfterClaim);
-        Ok(Some(Claim { job, token, alone }))
-    }
-
     /// Runs a statement that is a whole transaction: where many share the records, it goes there and back once instead of three times.
-    async fn change_one(&self, query: sql::Query) -> Result<Option<sql::Row>, StoreError> {
+    pub(super) async fn change_one(&self, query: sql::Query) -> Result<Option<sql::Row>, StoreError> {
         if self.is_shared() {
             return Ok(query.fetch_optional(self.inner.catalog.reader()).await?);
         }
@@ -179,55 +111,6 @@ impl Store {
         let row = query.fetch_optional(transaction.on()).await?;
         transaction.commit().await?;
         Ok(row)
-    }
-
-    /// The statement that claims a job.
-    fn claiming(
-        &self,
-        worker: &str,
-        kinds: &[String],
-        lease: Duration,
-        most_bytes: u64,
-        company: Company,
-        token: Uuid,
-    ) -> QueryBuilder {
-        let now_ms = self.now_ms();
-        let shared = self.inner.catalog.is_shared();
-        // Rows that another claim holds are passed over, and the one that is chosen stays locked: of a choice in a plain subquery, two claims that wait
-        // for each other would both take the same row.
-        let mut query = QueryBuilder::new(if shared { "WITH next AS MATERIALIZED (" } else { "" });
-        if shared {
-            push_next(&mut query, kinds, now_ms, Some(company));
-            query.push(" FOR UPDATE SKIP LOCKED) ");
-        }
-        query.push(
-            "UPDATE jobs SET status = 'processing', attempt = attempt + 1, stage = NULL, progress = NULL, detail = NULL,
-                stage_seconds = '[]', revision = revision + 1, started_ms = ",
-        );
-        query.push_bind(now_ms).push(", worker = ").push_bind(worker);
-        query.push(", lease_token = ").push_bind(token.to_string());
-        query.push(", lease_expires_ms = ").push_bind(expiry(now_ms, lease));
-        if shared {
-            query.push(" FROM next WHERE jobs.sequence = next.sequence");
-        } else {
-            query.push(" WHERE sequence = (");
-            push_next(&mut query, kinds, now_ms, None);
-            query.push(")");
-        }
-        query.push(" AND memory_bytes <= ").push_bind(i64::try_from(most_bytes).unwrap_or(i64::MAX));
-        if company.others {
-            query.push(" AND interruptions < ").push_bind(SUSPICIOUS_INTERRUPTIONS);
-            if !company.isolated {
-                query.push(" AND deaths = 0");
-            }
-        }
-        // Whoever does the job needs its parameters in full.
-        query.push(concat!(
-            " RETURNING ",
-            jobs::columns!(),
-            ", (SELECT whole FROM job_parameters WHERE job_parameters.job = jobs.id) AS whole"
-        ));
-        query
     }
 
     /// Prolongs a lease. With `progress`, listeners hear of it.
@@ -331,6 +214,15 @@ impl Store {
         stage_seconds: &[(String, f64)],
         tried: &Tried,
     ) -> Result<CompleteAnswer, StoreError> {
+        #[cfg(feature = "cluster")]
+        if let Some(written) = written
+            && let Some((id, event)) = self.make_visible_at_once(token, written, stage_seconds, tried).await?
+        {
+            self.faults().reach(FailPoint::AfterComplete);
+            written.remember(self, id);
+            self.announce_event(event);
+            return Ok(CompleteAnswer::Stored(id));
+        }
         let now_ms = self.now_ms();
         let reached = self.content_generation().await?;
         let mut transaction = self.inner.catalog.write().await?;
@@ -502,41 +394,6 @@ impl Store {
         }
         finish(on, job, JobStatus::Failed, Some(problem), now_ms).await
     }
-}
-
-/// The job that is next, for a worker of these kinds. One who shares the records with others is given only what it can ever do, and takes over from
-/// workers whose leases ran out, as long as attempts are left; the rest of those is for the reaper.
-fn push_next(query: &mut QueryBuilder, kinds: &[String], now_ms: i64, shared: Option<Company>) {
-    query.push("SELECT sequence FROM jobs WHERE ");
-    let waits = |query: &mut QueryBuilder| {
-        query.push("status = 'enqueued' AND (not_before_ms <= ").push_bind(now_ms);
-        // Nothing waits longer than the longest pause: a clock that went back must not hold it.
-        query.push(" OR not_before_ms > ").push_bind(expiry(now_ms, StoreOptions::LONGEST_PAUSE)).push(")");
-    };
-    match shared {
-        None => waits(query),
-        Some(Company { total_bytes, solver_version, .. }) => {
-            query.push("status IN ('enqueued', 'processing') AND ((");
-            waits(query);
-            query.push(") OR (status = 'processing' AND cancel_requested = 0 AND attempt < max_attempts AND lease_expires_ms < ");
-            query.push_bind(now_ms).push(")) AND memory_bytes <= ");
-            query.push_bind(i64::try_from(total_bytes).unwrap_or(i64::MAX));
-            if let Some(version) = solver_version {
-                query.push(" AND CASE WHEN solver_version ~ '^[0-9]+([.+][0-9]+)*$' THEN ").push(VERSION_NUMBERS[0]);
-                query.push("solver_version").push(VERSION_NUMBERS[1]).push(" <= ").push(VERSION_NUMBERS[0]);
-                query.push_bind(version).push(VERSION_NUMBERS[1]).push(" ELSE solver_version = ");
-                query.push_bind(version).push(" END");
-            }
-        }
-    }
-    if !kinds.is_empty() {
-        query.push(" AND kind IN (");
-        for (place, kind) in kinds.iter().enumerate() {
-            query.push(if place == 0 { "" } else { ", " }).push_bind(kind);
-        }
-        query.push(")");
-    }
-    query.push(" ORDER BY priority DESC, sequence LIMIT 1");
 }
 
 pub(super) fn expiry(now_ms: i64, lease: Duration) -> i64 {

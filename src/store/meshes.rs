@@ -44,6 +44,8 @@ pub(super) struct Decoded {
     mesh: Arc<TriangleMesh>,
     numbering: Arc<Numbering>,
     attributes: Option<Arc<Attributes>>,
+    /// Whether it is the surface of a solid, which is not kept here.
+    is_solid: bool,
 }
 
 impl Store {
@@ -291,7 +293,10 @@ impl Store {
             let numbering = numbering.unwrap_or_else(|| own_numbering(&record));
             let bytes = bytes + numbering.bytes();
             let (mesh, numbering, attributes) = (Arc::new(mesh), Arc::new(numbering), attributes.map(Arc::new));
-            Ok::<_, StoreError>(Weighed { value: Decoded { mesh, numbering, attributes }, bytes })
+            Ok::<_, StoreError>(Weighed {
+                value: Decoded { mesh, numbering, attributes, is_solid: record.is_solid() },
+                bytes,
+            })
         });
         Ok(loaded.await?.value)
     }
@@ -301,15 +306,32 @@ impl Store {
     /// # Errors
     /// As [`load_mesh`](Self::load_mesh).
     pub async fn load_body(&self, id: &str) -> Result<(Arc<TriangleMesh>, Option<Arc<TetMesh>>), StoreError> {
-        let mesh = self.load_mesh(id).await?;
-        let record = self.mesh(id).await?;
-        if !record.is_solid() {
+        let Decoded { mesh, is_solid, .. } = self.load_decoded(id).await?;
+        if !is_solid {
             return Ok((mesh, None));
         }
+        let record = self.mesh(id).await?;
         let _in_use = self.inner.blob_use.read().await;
         let content = self.verified_blob(&record.content_hash).await?;
         let body = blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?;
         Ok((mesh, body.solid.map(Arc::new)))
+    }
+}
+
+impl Store {
+    /// The same for a job that is under way: its mesh stays until the job has ended, and nobody need be asked whether it is still there.
+    pub(super) async fn load_held_body(
+        &self,
+        id: &str,
+    ) -> Result<(Arc<TriangleMesh>, Option<Arc<TetMesh>>), StoreError> {
+        match self.inner.meshes.get(id) {
+            Some(Weighed { value: Decoded { mesh, is_solid: false, .. }, .. }) => {
+                self.use_mesh(id);
+                self.count_hit(true);
+                Ok((mesh, None))
+            }
+            _ => self.load_body(id).await,
+        }
     }
 }
 

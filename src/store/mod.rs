@@ -10,11 +10,11 @@
 //! |---|---|
 //! | `database.rs`, `folder.rs`, `in_place.rs` | connections, write transactions, the lock of the folder, free space, files that are replaced |
 //! | `catalog.rs`, `sql.rs` | where the records are, and statements for either database |
-//! | `postgres.rs`, `objects.rs`, `s3.rs` | records and content that many processes share |
+//! | `postgres.rs`, `connections.rs`, `objects.rs`, `object_collection.rs`, `s3.rs` | records and content that many processes share |
 //! | `migrate.rs` | a folder copied there |
-//! | `hearing.rs`, `fleet.rs` | what such processes tell each other: of jobs, and of what workers have |
+//! | `hearing.rs`, `watch.rs`, `fleet.rs` | what such processes tell each other: of jobs, and of what workers have |
 //! | `pairing.rs` | whether the two databases belong together |
-//! | `blobs.rs`, `orphans.rs` | content in chunks, and what becomes of it when nothing refers to it |
+//! | `blobs.rs`, `blob_writing.rs`, `orphans.rs` | content in chunks, and what becomes of it when nothing refers to it |
 //! | `backup.rs`, `restore.rs` | copies of a folder in use, and folders made of them |
 //! | `integrity.rs`, `doctor.rs` | whether content is what was stored, and what is done where it is not |
 //! | `meshes.rs`, `problems.rs`, `bases.rs`, `fields.rs`, `jobs.rs` | what clients see |
@@ -22,16 +22,21 @@
 //! | `sources.rs`, `collection.rs` | what meshes and problems have in common; several shapes of one job |
 //! | `last_use.rs`, `retention.rs`, `space.rs` | what is kept, and for how long; room, and how it comes back |
 //! | `columns.rs` | dense bases: written as they are computed, read in chunks |
-//! | `leases.rs`, `deaths.rs` | what workers do: claim, heartbeat, complete, fail, release, reap; and what becomes of a job whose process died |
+//! | `claims.rs`, `leases.rs`, `deaths.rs` | what workers do: claim, heartbeat, complete, fail, release, reap; and what becomes of a job whose process died |
+//! | `shortcuts.rs` | what nearly always happens, in one statement where records are shared |
 //! | `fault.rs` | points at which a test makes the process die |
 
 mod backup;
 mod bases;
+mod blob_writing;
 mod blobs;
 mod catalog;
+mod claims;
 mod clock;
 mod collection;
 mod columns;
+#[cfg(feature = "cluster")]
+mod connections;
 mod database;
 mod deaths;
 mod doctor;
@@ -53,6 +58,8 @@ mod meshes;
 mod migrate;
 mod migrations;
 #[cfg(feature = "cluster")]
+mod object_collection;
+#[cfg(feature = "cluster")]
 mod objects;
 mod orphans;
 mod page;
@@ -66,11 +73,14 @@ mod restore;
 mod retention;
 #[cfg(feature = "cluster")]
 mod s3;
+#[cfg(feature = "cluster")]
+mod shortcuts;
 mod sources;
 mod space;
 mod sql;
 #[cfg(test)]
 pub(crate) mod tests;
+mod watch;
 
 use std::{
     fmt,
@@ -93,11 +103,12 @@ use database::{Database, DatabaseSettings};
 use folder::DataFolder;
 
 pub use backup::{BackupReport, backup};
+pub use claims::{Claim, Company};
 pub use clock::Clock;
 pub use doctor::{Examination, Finding};
 pub use error::{DAMAGE, StoreError, uses};
 pub use fleet::Worker;
-pub use leases::{Claim, Company, CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
+pub use leases::{CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
 #[cfg(feature = "cluster")]
 pub use migrate::{Migrated, MigrationError};
 pub use page::{Page, PageRequest};
@@ -110,6 +121,7 @@ pub use restore::restore;
 pub use retention::{Removed, Retention};
 pub use sources::{CollectedShape, Subject};
 pub use space::Compacted;
+pub use watch::JobWatch;
 
 /// Job events that a slow listener may fall behind by.
 const EVENTS_KEPT: usize = 1024;
@@ -210,6 +222,9 @@ struct Inner {
     hearing: std::sync::OnceLock<hearing::Hearing>,
     events: broadcast::Sender<JobEvent>,
     work: Notify,
+    fleet: fleet::Fleet,
+    #[cfg(feature = "cluster")]
+    room: shortcuts::Room,
     /// Held for reading from the moment a blob is written or found until something refers to it, and for writing while
     /// blobs that nothing refers to are deleted.
     blob_use: RwLock<()>,
@@ -315,6 +330,9 @@ impl Store {
                 hearing: std::sync::OnceLock::new(),
                 events: broadcast::channel(EVENTS_KEPT).0,
                 work: Notify::new(),
+                fleet: fleet::Fleet::default(),
+                #[cfg(feature = "cluster")]
+                room: shortcuts::Room::default(),
                 blob_use: RwLock::new(()),
                 orphans_looked_ms: AtomicI64::new(0),
                 uses: last_use::Uses::default(),

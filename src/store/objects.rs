@@ -20,7 +20,6 @@ use uuid::Uuid;
 use super::{
     StoreError,
     blobs::{BlobPlace, CHUNK_BYTES},
-    orphans::{Look, REPRIEVE_MS},
     postgres::Postgres,
     s3::{S3, failure, is_missing, said},
     sql,
@@ -36,14 +35,6 @@ const CHUNKS_AT_ONCE: u64 = 32;
 const SIGNED_FOR: Duration = Duration::from_secs(300);
 /// Bytes of a BLAKE3 hash.
 const HASH_BYTES: u64 = 32;
-/// Objects that are deleted in one look.
-const DELETED_AT_ONCE: i64 = 1000;
-
-/// Whether a mesh, a basis or a field has the content of a row of `blobs`.
-const REFERENCED: &str = "(EXISTS (SELECT 1 FROM meshes WHERE meshes.content_hash = blobs.hash)
-    OR EXISTS (SELECT 1 FROM bases WHERE bases.content_hash = blobs.hash)
-    OR EXISTS (SELECT 1 FROM fields WHERE fields.content_hash = blobs.hash))";
-
 /// The objects, and the rows that know them.
 pub(super) struct Objects {
     pub(super) store: Arc<dyn ObjectStore>,
@@ -269,19 +260,38 @@ impl Objects {
 
     /// Begins an upload. Its row comes first, so that what a crash leaves is known. A `patient` one waits for minutes for a store that does not answer.
     pub async fn begin(&self, hash: &str, bytes: u64, patient: bool, now_ms: i64) -> Result<Upload, StoreError> {
+        let begun = self.begin_where(hash, bytes, patient, now_ms, true).await?;
+        begun.ok_or_else(|| StoreError::Unavailable { detail: "no upload could be begun".to_owned() })
+    }
+
+    /// Begins an upload in a hurry, unless content of this hash is ready.
+    pub async fn begin_unless_ready(&self, hash: &str, bytes: u64, now_ms: i64) -> Result<Option<Upload>, StoreError> {
+        self.begin_where(hash, bytes, false, now_ms, false).await
+    }
+
+    async fn begin_where(
+        &self,
+        hash: &str,
+        bytes: u64,
+        patient: bool,
+        now_ms: i64,
+        even_if_ready: bool,
+    ) -> Result<Option<Upload>, StoreError> {
         let object = format!("b/{}", Uuid::now_v7());
         let id = sql::query_scalar(
             "INSERT INTO blobs (hash, bytes, chunk_bytes, state, created_ms, touched_ms, object)
-             VALUES (?1, ?2, ?3, 'pending', ?4, ?4, ?5) RETURNING id",
+             SELECT ?1, ?2, ?3, 'pending', ?4, ?4, ?5
+             WHERE ?6 <> 0 OR NOT EXISTS (SELECT 1 FROM blobs WHERE hash = ?1 AND state = 'ready') RETURNING id",
         )
         .bind(hash)
         .bind(bytes as i64)
         .bind(CHUNK_BYTES as i64)
         .bind(now_ms)
         .bind(&object)
-        .fetch_one(self.records.on())
+        .bind(i64::from(even_if_ready))
+        .fetch_optional(self.records.on())
         .await?;
-        Ok(Upload {
+        Ok(id.map(|id| Upload {
             id,
             path: Path::from(object),
             patient,
@@ -290,7 +300,7 @@ impl Objects {
             piece: BytesMut::new(),
             hashes: Vec::new(),
             bytes: 0,
-        })
+        }))
     }
 
     /// Writes chunks, all but the last of the content of the full size.
@@ -381,6 +391,27 @@ impl Objects {
         Ok(Sealed { id: upload.id, hashes: std::mem::take(&mut upload.hashes), bytes })
     }
 
+    /// Makes what was sealed ready under its hash, where no other content is. False where there is some, or the upload is no longer known: nothing has
+    /// changed.
+    pub async fn make_ready_at_once(&self, sealed: &Sealed, hash: &str) -> Result<bool, StoreError> {
+        let made = sql::query(
+            "UPDATE blobs SET state = 'ready', hash = ?2, bytes = ?3, chunk_hashes = ?4
+             WHERE id = ?1 AND state = 'pending' AND NOT EXISTS (SELECT 1 FROM blobs WHERE hash = ?2 AND state = 'ready')",
+        )
+        .bind(sealed.id)
+        .bind(hash)
+        .bind(sealed.bytes as i64)
+        .bind(sealed.hashes.clone())
+        .execute(self.records.on())
+        .await;
+        match made {
+            Ok(made) => Ok(made > 0),
+            // Someone else wrote the same content meanwhile.
+            Err(sqlx::Error::Database(error)) if error.is_unique_violation() => Ok(false),
+            Err(error) => Err(error.into()),
+        }
+    }
+
     /// Makes what was sealed ready under its hash, in the place of a damaged one. Where the answer of the database was lost, it may be asked again.
     pub async fn make_ready(
         &self,
@@ -467,27 +498,6 @@ impl Objects {
         }
     }
 
-    /// Keeps content that is about to be referred to. False where it is not there.
-    pub async fn pardon(&self, hash: &str) -> Result<bool, StoreError> {
-        let pardoned = sql::query("UPDATE blobs SET condemned_ms = NULL WHERE hash = ?1 AND state = 'ready'")
-            .bind(hash)
-            .execute(self.records.on())
-            .await?;
-        Ok(pardoned > 0)
-    }
-
-    /// Condemns content that nothing refers to any more, of that given.
-    pub async fn condemn(&self, hashes: &[String], now_ms: i64) -> Result<(), StoreError> {
-        for hash in hashes {
-            let condemn = format!(
-                "UPDATE blobs SET condemned_ms = ?1
-                 WHERE hash = ?2 AND state = 'ready' AND condemned_ms IS NULL AND NOT {REFERENCED}"
-            );
-            sql::query(sqlx::AssertSqlSafe(condemn)).bind(now_ms).bind(hash).execute(self.records.on()).await?;
-        }
-        Ok(())
-    }
-
     /// Bytes of all ready content but what is condemned.
     pub async fn all_bytes(&self) -> Result<u64, StoreError> {
         let bytes: i64 = sql::query_scalar(
@@ -506,52 +516,6 @@ impl Objects {
         rows.iter()
             .map(|row| Ok((row.try_get("id")?, row.try_get("hash")?, row.try_get::<i64, _>("bytes")? as u64)))
             .collect()
-    }
-
-    /// Condemns what nothing refers to, pardons what is referred to again, gives up uploads that have not moved for an hour, and deletes objects that
-    /// were condemned an hour ago and still have nothing that refers to them. Several processes may look at once: each statement decides by itself,
-    /// and content that is put again is pardoned under the lock of its row, so that it is either kept or written anew.
-    pub async fn look(&self, now_ms: i64) -> Result<Look, StoreError> {
-        let before_ms = now_ms - REPRIEVE_MS;
-        let pardon = format!("UPDATE blobs SET condemned_ms = NULL WHERE condemned_ms IS NOT NULL AND {REFERENCED}");
-        sql::query(sqlx::AssertSqlSafe(pardon)).execute(self.records.on()).await?;
-        let condemn = format!(
-            "UPDATE blobs SET condemned_ms = ?1
-             WHERE state = 'ready' AND (condemned_ms IS NULL OR condemned_ms > ?1) AND NOT {REFERENCED}"
-        );
-        let condemned = sql::query(sqlx::AssertSqlSafe(condemn)).bind(now_ms).execute(self.records.on()).await?;
-        let delete = format!(
-            "UPDATE blobs SET state = 'gone', touched_ms = ?1
-             WHERE (state = 'ready' AND condemned_ms <= ?2 AND NOT {REFERENCED}) OR (state = 'pending' AND touched_ms <= ?2)"
-        );
-        sql::query(sqlx::AssertSqlSafe(delete)).bind(now_ms).bind(before_ms).execute(self.records.on()).await?;
-        Ok(Look { condemned, deleted: self.delete_gone().await? })
-    }
-
-    async fn delete_gone(&self) -> Result<u64, StoreError> {
-        let rows = sql::query("SELECT id, object FROM blobs WHERE state = 'gone' ORDER BY touched_ms LIMIT ?1")
-            .bind(DELETED_AT_ONCE)
-            .fetch_all(self.records.on())
-            .await?;
-        let mut deleted = 0;
-        for row in rows {
-            let (id, object): (i64, String) = (row.try_get("id")?, row.try_get("object")?);
-            match self.store.delete(&Path::from(object)).await {
-                Ok(()) => {}
-                Err(error) if is_missing(&error) => {}
-                Err(error) => {
-                    // One that cannot be deleted now must not keep those behind it.
-                    tracing::warn!(%error, "an object that nothing refers to cannot be deleted");
-                    continue;
-                }
-            }
-            sql::query("DELETE FROM blobs WHERE id = ?1 AND state = 'gone'")
-                .bind(id)
-                .execute(self.records.on())
-                .await?;
-            deleted += 1;
-        }
-        Ok(deleted)
     }
 
     /// Where the objects are, for people; without keys.

@@ -4,12 +4,14 @@
 use std::{fmt, str::FromStr, sync::Arc, time::Duration};
 
 use sqlx::{
-    ConnectOptions, Connection, PgPool,
+    ConnectOptions, Connection,
     postgres::{PgConnectOptions, PgListener, PgPoolOptions},
 };
 
 use super::{
-    Clock, SharedPlaces, StoreError, migrations,
+    Clock, SharedPlaces, StoreError,
+    connections::Connections,
+    migrations,
     sql::{self, On, Pooler},
 };
 
@@ -25,7 +27,7 @@ pub(super) struct PostgresTransaction(sqlx::Transaction<'static, sqlx::Postgres>
 /// The database; cheap to clone.
 #[derive(Clone)]
 pub(super) struct Postgres {
-    pool: PgPool,
+    connections: Connections,
     pooler: Pooler,
     /// For connections that hear, with no pooler between.
     direct: Arc<PgConnectOptions>,
@@ -48,7 +50,9 @@ impl Postgres {
         };
         let shared = options(&places.database)?;
         let (pooler, direct, shared) = match &places.direct {
-            None => (Pooler::Absent, shared.clone(), shared),
+            // The same few statements come again and again, and their plans do not depend on the values. Left to itself, the database plans some of them each
+            // time, which takes longer than they do.
+            None => (Pooler::Absent, shared.clone(), shared.options([("plan_cache_mode", "force_generic_plan")])),
             // What a session is set to when it begins is a pooler's business, and not needed.
             Some(direct) => {
                 (Pooler::ByTransaction, options(direct)?, shared.statement_cache_capacity(0).extra_float_digits(None))
@@ -79,17 +83,17 @@ impl Postgres {
         migrations::run_postgres(&first).await?;
         first.close().await;
         let pool = connections(most.max(1)).connect_with(shared).await?;
-        Ok(Self { pool, pooler, direct: Arc::new(direct) })
+        Ok(Self { connections: Connections::new(pool), pooler, direct: Arc::new(direct) })
     }
 
     /// For statements that are a transaction by themselves.
     pub fn on(&self) -> On<'_> {
-        On::PostgresPool(&self.pool, self.pooler)
+        On::PostgresPool(&self.connections, self.pooler)
     }
 
     /// Begins a transaction. It sees what others have committed before each of its statements; what must not change meanwhile is locked.
     pub async fn write(&self) -> Result<PostgresTransaction, StoreError> {
-        Ok(PostgresTransaction(self.pool.begin_with(BEGIN).await?, self.pooler))
+        Ok(PostgresTransaction(self.connections.begin(BEGIN).await?, self.pooler))
     }
 
     /// Commits a transaction that changes one row.
@@ -118,7 +122,7 @@ impl Postgres {
 
     /// Waits for running statements and closes every connection.
     pub async fn close(&self) {
-        self.pool.close().await;
+        self.connections.close().await;
     }
 }
 

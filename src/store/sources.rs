@@ -172,7 +172,7 @@ impl Store {
         Ok(match SourceKind::of_job(&job.kind) {
             SourceKind::Problem => Subject::Problem(self.load_problem(&job.mesh).await?),
             SourceKind::Mesh => {
-                let (mesh, solid) = self.load_body(&job.mesh).await?;
+                let (mesh, solid) = self.load_held_body(&job.mesh).await?;
                 Subject::Mesh(mesh, solid)
             }
         })

@@ -6,7 +6,10 @@ use std::marker::PhantomData;
 
 use sqlx::{AssertSqlSafe, ColumnIndex, SqlSafeStr, SqlStr, SqliteConnection, SqlitePool, sqlite::SqliteRow};
 #[cfg(feature = "cluster")]
-use sqlx::{PgConnection, PgPool, postgres::PgRow};
+use sqlx::{PgConnection, postgres::PgRow};
+
+#[cfg(feature = "cluster")]
+use super::connections::Connections;
 
 /// Where a statement runs.
 pub(super) enum On<'c> {
@@ -19,7 +22,7 @@ pub(super) enum On<'c> {
     Postgres(&'c mut PgConnection, Pooler),
     /// On any connection of PostgreSQL, in a transaction of its own.
     #[cfg(feature = "cluster")]
-    PostgresPool(&'c PgPool, Pooler),
+    PostgresPool(&'c Connections, Pooler),
 }
 
 /// What stands between a process and PostgreSQL.
@@ -128,11 +131,12 @@ macro_rules! dispatch {
             }
             #[cfg(feature = "cluster")]
             On::PostgresPool(on, Pooler::Absent) => {
-                run!(AssertSqlSafe(numbered(text.as_str())), values, $method, on).map($postgres)
+                let text = AssertSqlSafe(numbered(text.as_str()));
+                on.run(async |connection| run!(text, values, $method, connection)).await.map($postgres)
             }
             #[cfg(feature = "cluster")]
             On::PostgresPool(on, Pooler::ByTransaction) => {
-                let mut transaction = on.begin().await?;
+                let mut transaction = on.pool().begin().await?;
                 let text = AssertSqlSafe(numbered(text.as_str()));
                 let answer = run!(text, values, $method, &mut *transaction, false)?;
                 transaction.commit().await?;

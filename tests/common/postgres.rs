@@ -90,10 +90,14 @@ impl Server {
             .is_ok_and(|status| status.success())
     }
 
+    /// The process that all others of the server are children of.
+    pub fn process(&self) -> Option<u32> {
+        std::fs::read_to_string(self.folder.join("data/postmaster.pid")).ok()?.lines().next()?.parse().ok()
+    }
+
     /// Kills the server at once, with all that serve connections, as a machine that loses power would, but for what the system has still to write.
     pub fn crash(&self) {
-        let pid = std::fs::read_to_string(self.folder.join("data/postmaster.pid"));
-        let Some(pid) = pid.ok().and_then(|text| text.lines().next().map(str::to_owned)) else { return };
+        let Some(pid) = self.process().map(|pid| pid.to_string()) else { return };
         let _ = Command::new("kill").args(["-KILL", &pid]).status();
         // Those that serve connections see it and end.
         let ended = || Command::new("pgrep").args(["-P", &pid]).stdout(Stdio::null()).status();

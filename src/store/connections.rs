@@ -1,0 +1,121 @@
+//! Connections to PostgreSQL that have just been used, kept at hand for the next statement. The pool asks a connection whether it lives before it hands
+//! it out and again when it gets it back, and opens another for whoever comes meanwhile: statements that follow each other would go there and back
+//! three times each, by several connections in turn.
+
+use std::{
+    fmt,
+    ops::DerefMut,
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+use sqlx::{Connection, PgConnection, PgPool, Postgres, pool::PoolConnection};
+
+/// A connection that was used so lately is taken to live.
+const FRESH: Duration = Duration::from_secs(1);
+
+/// Connections of a pool, and those of them that are at hand; cheap to clone.
+#[derive(Clone)]
+pub(super) struct Connections {
+    pool: PgPool,
+    kept: Arc<Mutex<Kept>>,
+    /// Who waits for the pool: then nothing is kept from it.
+    waiting: Arc<AtomicUsize>,
+}
+
+/// Connections and when each was used.
+#[derive(Default)]
+struct Kept(Vec<(PoolConnection<Postgres>, Instant)>);
+
+impl Drop for Kept {
+    /// The pool would take them back in a task, which there may be nothing to run any more.
+    fn drop(&mut self) {
+        self.0.drain(..).for_each(|(connection, _)| drop(connection.detach()));
+    }
+}
+
+impl fmt::Debug for Connections {
+    /// Without the options, which hold a password.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Connections").finish_non_exhaustive()
+    }
+}
+
+/// One who waits for the pool, until this is dropped.
+struct Waiting<'c>(&'c AtomicUsize);
+
+impl Drop for Waiting<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::SeqCst);
+    }
+}
+
+impl Connections {
+    pub fn new(pool: PgPool) -> Self {
+        Self { pool, kept: Arc::default(), waiting: Arc::default() }
+    }
+
+    /// The pool, for what is to have the database asked first.
+    pub fn pool(&self) -> &PgPool {
+        &self.pool
+    }
+
+    fn at_hand(&self) -> Option<(PoolConnection<Postgres>, Instant)> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner).0.pop()
+    }
+
+    /// A connection that lives, as far as is known.
+    pub async fn take(&self) -> Result<PoolConnection<Postgres>, sqlx::Error> {
+        loop {
+            let Some((mut connection, since)) = self.at_hand() else { break };
+            // One that does not live is closed by the pool.
+            if since.elapsed() < FRESH || connection.ping().await.is_ok() {
+                return Ok(connection);
+            }
+        }
+        self.waiting.fetch_add(1, Ordering::SeqCst);
+        let _waiting = Waiting(&self.waiting);
+        // One that was kept in between, when nobody seemed to wait.
+        match self.at_hand() {
+            Some((connection, since)) if since.elapsed() < FRESH => Ok(connection),
+            _ => self.pool.acquire().await,
+        }
+    }
+
+    /// Keeps a connection at hand whose last statement has ended.
+    pub fn keep(&self, connection: PoolConnection<Postgres>) {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner).0.push((connection, Instant::now()));
+        if self.waiting.load(Ordering::SeqCst) > 0 || self.pool.is_closed() {
+            drop(self.at_hand());
+        }
+    }
+
+    /// Runs a statement by itself. What it was sent by is kept where the statement has come to its end, well or badly.
+    pub async fn run<T>(
+        &self,
+        statement: impl AsyncFnOnce(&mut PgConnection) -> Result<T, sqlx::Error>,
+    ) -> Result<T, sqlx::Error> {
+        let mut connection = self.take().await?;
+        let answer = statement(connection.deref_mut()).await;
+        if matches!(answer, Ok(_) | Err(sqlx::Error::RowNotFound)) {
+            self.keep(connection);
+        }
+        answer
+    }
+
+    /// Begins a transaction by a statement.
+    pub async fn begin(&self, statement: &'static str) -> Result<sqlx::Transaction<'static, Postgres>, sqlx::Error> {
+        sqlx::Transaction::begin(self.take().await?, Some(sqlx::SqlSafeStr::into_sql_str(statement))).await
+    }
+
+    /// Waits for running statements and closes every connection.
+    pub async fn close(&self) {
+        // It is closed from here on, and what is kept later comes back to it at once.
+        let closed = self.pool.close();
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner).0.clear();
+        closed.await;
+    }
+}
