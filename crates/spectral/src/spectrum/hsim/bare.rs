@@ -160,7 +160,7 @@ impl Bench<'_> {
             let HsimParameters { tolerance, seed, .. } = *self.parameters;
             let pairs = nontrivial(wanted, kernel, n);
             if lanczos::has_room(n, pairs, tolerance) && scout.is_semidefinite()? {
-                let wanted = lanczos::Wanted { pairs, columns: q, tolerance, seed };
+                let wanted = lanczos::Wanted { pairs, columns: q, tolerance, most: lanczos::most(n, pairs), seed };
                 let (level, kernel) = (&finest.level, Kernel::new(&finest.level));
                 if let Some(found) = lanczos::start(level, &finest.symbolic, &kernel, wanted, self.monitor)? {
                     let lanczos::Found { values, vectors, columns } = found;
@@ -248,7 +248,7 @@ fn known(level: &Level) -> usize {
 
 /// The problem in a fill-reducing order, and the components on which constants are in its kernel. Those are told by row sums; with a mass that is not
 /// diagonal they are left to the iteration, since it may couple components.
-fn in_order(problem: &EigenProblem, wanted: Wanted, monitor: &dyn Monitor) -> Result<Finest, HsimError> {
+pub(super) fn in_order(problem: &EigenProblem, wanted: Wanted, monitor: &dyn Monitor) -> Result<Finest, HsimError> {
     let n = problem.size();
     let columns = match wanted {
         Wanted::Count(count) => hierarchy::columns(count, n),

@@ -29,6 +29,8 @@ pub(super) struct Wanted {
     pub columns: usize,
     /// The residual (4.6).
     pub tolerance: f64,
+    /// The most columns of the space.
+    pub most: usize,
     pub seed: u64,
 }
 
@@ -58,6 +60,9 @@ const NEXT_LOOK: usize = 24;
 
 /// The most columns of the space, for each two wanted pairs and beside them: no more memory than an iteration takes.
 const MOST: (usize, usize) = (5, 96);
+
+/// The same where memory is scarce: beyond those of the first look, for each hundred wanted pairs and beside them.
+const MOST_SPARING: (usize, usize) = (35, 48);
 
 /// At that size, this share of the wanted pairs may be left to an iteration; and before, one for every so many looks, such as a zero that nobody knew of.
 const MANY_LEFT: usize = 8;
@@ -103,6 +108,16 @@ fn first_look(pairs: usize, tolerance: f64) -> usize {
     (((columns + more * digits) * pairs as f64) as usize + beside).next_multiple_of(KRYLOV_WIDTH)
 }
 
+/// The most columns of a space for so many pairs of a level of a size: no more memory than an iteration takes.
+pub(super) fn most(size: usize, pairs: usize) -> usize {
+    (MOST.0 * pairs / 2 + MOST.1).min(size / LARGEST_SHARE)
+}
+
+/// The same where memory is scarce. More columns are rarely needed.
+pub(super) fn most_sparing(size: usize, pairs: usize, tolerance: f64) -> usize {
+    (first_look(pairs, tolerance) + MOST_SPARING.0 * pairs / 100 + MOST_SPARING.1).min(size / LARGEST_SHARE)
+}
+
 /// As [`pairs`] with a shift that counts find; nothing where they find none, or the space breaks down or does not hold what is wanted.
 pub(super) fn start(
     level: &Level,
@@ -131,7 +146,7 @@ fn pairs(
     monitor: &dyn Monitor,
 ) -> Result<Option<Found>, HsimError> {
     let mut space = Space::new(level, symbolic, kernel, shift, wanted, monitor)?;
-    let most = (MOST.0 * wanted.pairs / 2 + MOST.1).min(level.size() / LARGEST_SHARE);
+    let most = wanted.most;
     let (mut look, mut looks) = (first_look(wanted.pairs, wanted.tolerance).min(most), 0);
     loop {
         while space.columns() < look {

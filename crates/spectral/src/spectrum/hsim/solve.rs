@@ -309,7 +309,8 @@ impl Task<'_> {
         monitor.stage("iterate");
         let columns = hierarchy::columns(nontrivial, level.size() - kernel.dimension());
         let (tolerance, seed) = (parameters.tolerance, parameters.seed);
-        let wanted = lanczos::Wanted { pairs: nontrivial, columns, tolerance, seed };
+        let most = lanczos::most(level.size(), nontrivial);
+        let wanted = lanczos::Wanted { pairs: nontrivial, columns, tolerance, most, seed };
         lanczos::start(level, symbolic, kernel, wanted, monitor)
     }
 
