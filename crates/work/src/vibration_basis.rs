@@ -21,6 +21,9 @@ pub const LARGEST_DIMENSION: usize = 8000;
 /// The relative error of frequencies up to which `approximate` refines modes.
 pub const ERROR: f64 = 0.01;
 
+/// So many bytes are promised to every job that may need them.
+const LITTLE: u64 = 1 << 30;
+
 /// The residual of `hsim` where none is asked for.
 pub const TOLERANCE: f64 = 1e-3;
 
@@ -309,24 +312,22 @@ impl Work for VibrationBasisParameters {
             VibrationMethodName::Hsim => {
                 let unknowns = 3 * n;
                 let tolerance = self.tolerance.unwrap_or(TOLERANCE);
+                // The problem twice more, two factors, three blocks of columns with guards, dense problems of the start.
+                let iteration = 2 * operator
+                    + 16 * self.fill(n)
+                    + 28 * unknowns * m
+                    + 24 * 64 * unknowns
+                    + hsim::repair_bytes(unknowns)
+                    + (96 << 20);
+                // The problem once more, a factor, and the Krylov space with the blocks that are worked on. What comes after holds half as many columns twice. An iteration is
+                // promised beside it only where that is not much: a space that fails is rare, and ends there if there is no room.
+                let space = |columns: u64| {
+                    let problem = n * 20 * 9 * 12 + hsim::repair_bytes(unknowns);
+                    problem + self.factor_bytes(n) + 8 * unknowns * (columns + 64) + 32 * columns * columns
+                };
                 match hsim::krylov_columns(unknowns as usize, self.count, tolerance) {
-                    // The problem once more, a factor, and the Krylov space with the blocks that are worked on. What comes after holds half as many columns twice.
-                    Some(columns) => {
-                        n * 20 * 9 * 12
-                            + self.factor_bytes(n)
-                            + 8 * unknowns * (columns as u64 + 64)
-                            + 32 * (columns as u64).pow(2)
-                            + hsim::repair_bytes(unknowns)
-                    }
-                    // The problem twice more, two factors, three blocks of columns with guards, dense problems of the start.
-                    None => {
-                        2 * operator
-                            + 16 * self.fill(n)
-                            + 28 * unknowns * m
-                            + 24 * 64 * unknowns
-                            + hsim::repair_bytes(unknowns)
-                            + (96 << 20)
-                    }
+                    Some(columns) => space(columns as u64).max(iteration.min(LITTLE)),
+                    None => iteration,
                 }
             }
         };

@@ -17,7 +17,7 @@ use super::krylov;
 use super::lanczos;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
-use super::scout::{Scout, fills_in};
+use super::scout::{NEGLIGIBLE, Scout, fills_in};
 use super::solve::{Columns, Estimate, Finest, LARGE, SLACK, Task, estimate, within};
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
 use crate::operator::EigenProblem;
@@ -160,7 +160,8 @@ impl Bench<'_> {
             let HsimParameters { tolerance, seed, .. } = *self.parameters;
             let pairs = nontrivial(wanted, kernel, n);
             if lanczos::has_room(n, pairs, tolerance) && scout.is_semidefinite()? {
-                let wanted = lanczos::Wanted { pairs, columns: q, tolerance, most: lanczos::most(n, pairs), seed };
+                let (most, least_shift) = (lanczos::most(n, pairs), NEGLIGIBLE);
+                let wanted = lanczos::Wanted { pairs, columns: q, tolerance, most, least_shift, seed };
                 let (level, kernel) = (&finest.level, Kernel::new(&finest.level));
                 if let Some(found) = lanczos::start(level, &finest.symbolic, &kernel, wanted, self.monitor)? {
                     let lanczos::Found { values, vectors, columns } = found;

@@ -31,6 +31,8 @@ pub(super) struct Wanted {
     pub tolerance: f64,
     /// The most columns of the space.
     pub most: usize,
+    /// The least shift, as a share of the largest eigenvalue.
+    pub least_shift: f64,
     pub seed: u64,
 }
 
@@ -126,7 +128,8 @@ pub(super) fn start(
     wanted: Wanted,
     monitor: &dyn Monitor,
 ) -> Result<Option<Found>, HsimError> {
-    let middle = Scout::new(level, symbolic).middle(wanted.pairs, kernel.dimension(), monitor)?;
+    let of = (wanted.pairs, kernel.dimension());
+    let middle = Scout::new(level, symbolic).middle(of, wanted.least_shift, monitor)?;
     let Some((at, factor, below)) = middle else { return Ok(None) };
     match pairs(level, symbolic, kernel, &Shift { at, factor, below }, wanted, monitor) {
         // Another start may serve where this one breaks down.

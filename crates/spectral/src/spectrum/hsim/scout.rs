@@ -8,7 +8,7 @@ use super::level::Level;
 use super::shifts::factor_near;
 
 /// Eigenvalues above this share of the largest below zero are taken for zero.
-const NEGLIGIBLE: f64 = 1e-10;
+pub(super) const NEGLIGIBLE: f64 = 1e-10;
 
 /// Shifts that are tried on the way up.
 const MOST: usize = 8;
@@ -130,16 +130,16 @@ impl<'a> Scout<'a> {
     }
 
     /// A positive shift with about half of the lowest `wanted` eigenvalues below that are not those of the kernel, its factor, and how many lie below; nothing
-    /// where none is found, as among eigenvalues of high multiplicity or many negative ones.
+    /// where none is found, as among eigenvalues of high multiplicity or many negative ones, or below the `least` share of the spread.
     pub fn middle(
         &mut self,
-        wanted: usize,
-        kernel: usize,
+        (wanted, kernel): (usize, usize),
+        least: f64,
         monitor: &dyn Monitor,
     ) -> Result<Option<(f64, Factor<'a>, usize)>, HsimError> {
         let spread = self.spread();
         let target = MIDDLE * wanted as f64;
-        let mut at = self.distance(target).clamp(NEGLIGIBLE * spread, spread);
+        let mut at = self.distance(target).clamp(least * spread, spread);
         let (mut few, mut many): (Tried, Tried) = (None, None);
         for attempt in 0..MOST {
             monitor.checkpoint()?;
@@ -160,7 +160,7 @@ impl<'a> Scout<'a> {
             } else {
                 many = Some((at, found));
             }
-            at = next(few, many, target).clamp(NEGLIGIBLE * spread, spread);
+            at = next(few, many, target).clamp(least * spread, spread);
         }
         Ok(None)
     }

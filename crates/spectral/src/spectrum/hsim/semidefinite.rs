@@ -17,6 +17,10 @@ use super::solve::{Finest, Task};
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
 use crate::operator::EigenProblem;
 
+/// The least shift, as a share of the largest eigenvalue: a single triangle that is thin makes that of an elastic object so large that modes lie at `1e-12` of it.
+/// What rounding lets one count is judged at the end.
+const LEAST_SHIFT: f64 = 1e-13;
+
 /// Eigenpairs of `S / σ + M`, those of the kernel included, whose values are about one.
 #[derive(Debug)]
 pub(in crate::spectrum) struct AboveKernel {
@@ -55,7 +59,8 @@ pub(in crate::spectrum) fn above_kernel(
     finest.level.component.fill(NO_KERNEL);
     monitor.stage("iterate");
     let most = lanczos::most_sparing(n, count, tolerance);
-    let wanted = lanczos::Wanted { pairs: count, columns: hierarchy::columns(count, n), tolerance, most, seed };
+    let (columns, least_shift) = (hierarchy::columns(count, n), LEAST_SHIFT);
+    let wanted = lanczos::Wanted { pairs: count, columns, tolerance, most, least_shift, seed };
     let found = {
         let Finest { level, symbolic, .. } = &finest;
         lanczos::start(level, symbolic, &Kernel::new(level), wanted, monitor)?

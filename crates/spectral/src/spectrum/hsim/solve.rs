@@ -15,6 +15,7 @@ use super::krylov;
 use super::lanczos;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
+use super::scout::NEGLIGIBLE;
 use super::shifts::factor_near;
 use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Variant, Wanted, published};
 use crate::operator::EigenProblem;
@@ -309,8 +310,8 @@ impl Task<'_> {
         monitor.stage("iterate");
         let columns = hierarchy::columns(nontrivial, level.size() - kernel.dimension());
         let (tolerance, seed) = (parameters.tolerance, parameters.seed);
-        let most = lanczos::most(level.size(), nontrivial);
-        let wanted = lanczos::Wanted { pairs: nontrivial, columns, tolerance, most, seed };
+        let (most, least_shift) = (lanczos::most(level.size(), nontrivial), NEGLIGIBLE);
+        let wanted = lanczos::Wanted { pairs: nontrivial, columns, tolerance, most, least_shift, seed };
         lanczos::start(level, symbolic, kernel, wanted, monitor)
     }
 

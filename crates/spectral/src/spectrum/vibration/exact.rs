@@ -56,7 +56,7 @@ pub(super) fn modes(
     if let Some(hsim::AboveKernel { pairs, unit }) = hsim::above_kernel(&elastic.problem, free, &parameters, monitor)? {
         return beside_rigid(elastic, rigid, pairs, unit, monitor);
     }
-    refuse_beyond_promise(size, count, monitor)?;
+    refuse_beyond_promise(&elastic.problem, count, monitor)?;
     let columns = hsim::columns(size, count);
     // Three times as many functions as an iteration has columns, and at most half of all.
     let dimension = columns.max(LEAST_DIMENSION).min(elastic.moving.len() / 2);
@@ -72,13 +72,13 @@ pub(super) fn modes(
     beside_rigid(elastic, rigid, pairs, unit, monitor)
 }
 
-/// Refuses an iteration whose blocks of columns alone, of which there are three, take more memory than all of the work was promised: that is what a Krylov space
-/// takes.
-fn refuse_beyond_promise(size: usize, count: usize, monitor: &dyn Monitor) -> Result<(), VibrationError> {
-    let bytes = 24 * size as u64 * (count as u64 + 64);
+/// Refuses an iteration that takes more memory than all of the work was promised, which is what a Krylov space takes: three blocks of columns, the problem twice, and two
+/// factors with some seven times its entries each.
+fn refuse_beyond_promise(problem: &EigenProblem, count: usize, monitor: &dyn Monitor) -> Result<(), VibrationError> {
+    let bytes = 24 * problem.size() as u64 * (count as u64 + 64) + 136 * problem.stiffness.entries() as u64;
     match monitor.promised_bytes() {
         Some(promised) if bytes > promised => Err(VibrationError::Iteration(HsimError::Memory(format!(
-            "a Krylov space does not hold these modes, and an iteration needs {bytes} bytes for its columns alone; the work was promised {promised}"
+            "a Krylov space does not hold these modes, and an iteration needs about {bytes} bytes; the work was promised {promised}"
         )))),
         _ => Ok(()),
     }
