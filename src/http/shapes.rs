@@ -48,7 +48,8 @@ pub(super) async fn plan(state: &ClientState, request: &mut JobRequest) -> Resul
         basis_bytes: basis.bytes,
     };
     let stored: Vec<StoredShape> = shapes.iter().map(stored).collect();
-    let parameters = parameters.fitted(&stored.iter().map(|shape| shape.size).collect::<Vec<_>>())?;
+    let sizes: Vec<ShapeSize> = stored.iter().map(|shape| shape.size).collect();
+    let parameters = parameters.fitted(&sizes)?;
     let Some((_, first)) = shapes.first() else { return Err(Problem::internal("a collection without shapes")) };
     let estimate = parameters.shapes_memory_bytes(&stored, most_threads(state).await?);
     Ok(Planned {
@@ -56,7 +57,7 @@ pub(super) async fn plan(state: &ClientState, request: &mut JobRequest) -> Resul
         bases: shapes.iter().map(|(basis, _)| basis.id).collect(),
         estimate,
         limit: most_bytes(state, &request.kind, estimate).await?,
-        seconds: None,
+        seconds: Some(parameters.shapes_seconds(&sizes)),
         parameters: JobParameters::MapCollection(parameters),
     })
 }

@@ -118,6 +118,7 @@ async fn maps_are_made_in_the_queue_kept_and_found_again() {
     let body = request(&all.iter().collect::<Vec<_>>(), small());
     let estimate: Value = app.post("/v1/job-estimates").json(&body).send().await.unwrap().json().await.unwrap();
     assert_eq!((&estimate["kind"], &estimate["fits"]), (&json!("map_collection"), &json!(true)), "{estimate}");
+    assert!(estimate["seconds"].as_f64().is_some_and(|seconds| seconds > 0.0), "{estimate}");
     let job = accepted(&app, &body).await;
     assert_eq!((&job["bases"], &job["mesh"]), (&body["bases"], &json!(all[0][0])), "{job}");
     assert_eq!(job["memory_bytes"], estimate["memory_bytes"]);

@@ -490,4 +490,4 @@ impl Factor<'_> {
 
 #[cfg(test)]
 #[path = "factor_tests.rs"]
-mod tests;
+pub(super) mod tests;

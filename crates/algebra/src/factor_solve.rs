@@ -33,25 +33,33 @@ impl SymbolicFactor {
     /// # Panics
     /// Where the panel has another number of rows than the matrix, or the numbers came from another structure.
     pub fn solve_panel<T: Scalar>(&self, numbers: &FactorNumbers<T>, panel: &mut [f64]) {
-        let FactorNumbers { values, inverse, pivoting, .. } = numbers;
-        let found = (values.len(), inverse.len());
-        assert_eq!(found, (self.entries(), self.size()), "numbers of a factor of this structure");
-        Parts { symbolic: self, values, inverse, pivoting: pivoting.as_ref() }.solve(panel);
+        Parts::of_numbers(self, numbers).solve(panel);
     }
 }
 
 /// What solving needs of a factor.
 #[derive(Clone, Copy)]
-struct Parts<'a, T> {
-    symbolic: &'a SymbolicFactor,
-    values: &'a [T],
-    inverse: &'a [f64],
-    pivoting: Option<&'a Pivoting>,
+pub(super) struct Parts<'a, T> {
+    pub symbolic: &'a SymbolicFactor,
+    pub values: &'a [T],
+    pub inverse: &'a [f64],
+    pub pivoting: Option<&'a Pivoting>,
 }
 
 impl<'a> Parts<'a, f64> {
     fn of(factor: &'a Factor<'_>) -> Self {
         let Factor { symbolic, values, inverse, pivoting, .. } = factor;
+        Self { symbolic, values, inverse, pivoting: pivoting.as_ref() }
+    }
+}
+
+impl<'a, T> Parts<'a, T> {
+    /// # Panics
+    /// Where the numbers came from another structure.
+    pub fn of_numbers(symbolic: &'a SymbolicFactor, numbers: &'a FactorNumbers<T>) -> Self {
+        let FactorNumbers { values, inverse, pivoting, .. } = numbers;
+        let found = (values.len(), inverse.len());
+        assert_eq!(found, (symbolic.entries(), symbolic.size()), "numbers of a factor of this structure");
         Self { symbolic, values, inverse, pivoting: pivoting.as_ref() }
     }
 }
@@ -69,14 +77,14 @@ impl<T: Scalar> Parts<'_, T> {
 
 /// Consecutive supernodes, and the rows below them in the numbering of the panel that is solved for.
 #[derive(Clone, Copy)]
-struct Stretch<'a> {
-    nodes: &'a [Node],
+pub(super) struct Stretch<'a> {
+    pub nodes: &'a [Node],
     /// The row of the matrix that comes first in the panel.
-    first_row: usize,
+    pub first_row: usize,
     /// The patterns of the supernodes, one after the other.
-    patterns: &'a [u32],
+    pub patterns: &'a [u32],
     /// Where they begin among those of all.
-    first_pattern: usize,
+    pub first_pattern: usize,
 }
 
 /// Elimination in the order of the supernodes, or substitution in the opposite one.

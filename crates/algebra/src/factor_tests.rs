@@ -6,7 +6,7 @@ use chladni_base::SplitMix64;
 use chladni_base::Unwatched;
 
 use crate::{
-    CpuSolver, DenseMatrix, FactorError, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor,
+    ColumnTree, CpuSolver, DenseMatrix, FactorError, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor,
     SymmetricDefiniteSolver, fill_reducing_order,
 };
 
@@ -51,7 +51,7 @@ fn definite(n: usize, degree: usize, seed: u64) -> SparseMatrix {
 }
 
 /// The graph Laplacian of a grid.
-fn grid(width: usize, height: usize) -> SparseMatrix {
+pub(crate) fn grid(width: usize, height: usize) -> SparseMatrix {
     let mut entries = BTreeMap::new();
     let mut couple = |a: usize, b: usize| {
         let (a, b) = (a as u32, b as u32);
@@ -113,12 +113,13 @@ fn solve_error(a: &SparseMatrix, b: &MassMatrix, shift: f64, factor: &crate::Fac
     factor.solve_panel(&mut x);
     // Alone, a column is what it is in the panel; one that is zero but for some rows as well.
     let (symbolic, numbers) = (factor.symbolic, factor.numbers());
+    let tree = ColumnTree::new(symbolic);
     for (column, few) in [(5, n), (9, 1), (31, 3)] {
         let mut right: Vec<f64> = rhs.iter().skip(column).step_by(PANEL_WIDTH).copied().collect();
         right.iter_mut().enumerate().filter(|(row, _)| row % (n / few).max(1) != 0).for_each(|(_, x)| *x = 0.0);
         let mut panel: Vec<f64> = right.iter().flat_map(|&x| [x; PANEL_WIDTH]).collect();
         factor.solve_panel(&mut panel);
-        symbolic.solve_column(&numbers, &mut right);
+        tree.solve(symbolic, &numbers, &mut right);
         let largest = right.iter().fold(1e-300, |most: f64, x| most.max(x.abs()));
         for (alone, beside) in right.iter().zip(panel.iter().step_by(PANEL_WIDTH)) {
             assert!((alone - beside).abs() <= 1e-9 * largest, "{alone} {beside} of {largest}");
@@ -326,8 +327,11 @@ fn numbers_solve_beside_their_structure_and_no_other() {
     let other = SymbolicFactor::new(&grid(4, 4), &MassMatrix::Diagonal(vec![1.0; 16])).unwrap();
     let solve = std::panic::AssertUnwindSafe(|| other.solve_panel(&numbers, &mut vec![1.0; 16 * PANEL_WIDTH]));
     assert!(std::panic::catch_unwind(solve).is_err());
+    let tree = ColumnTree::new(&symbolic);
+    let solve = std::panic::AssertUnwindSafe(|| tree.solve(&other, &numbers, &mut vec![1.0; 16]));
+    assert!(std::panic::catch_unwind(solve).is_err());
     for size in [0, 24, 26] {
-        let solve = std::panic::AssertUnwindSafe(|| symbolic.solve_column(&numbers, &mut vec![1.0; size]));
+        let solve = std::panic::AssertUnwindSafe(|| tree.solve(&symbolic, &numbers, &mut vec![1.0; size]));
         assert!(std::panic::catch_unwind(solve).is_err(), "{size}");
     }
 }

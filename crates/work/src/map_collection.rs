@@ -4,7 +4,7 @@ use chladni_base::{Monitor, StageClock};
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::analysis::map_collection::{
-    CollectionMap, CollectionRequest, Shape, ShapeSize, check_sizes, map_collection,
+    CollectionCost, CollectionMap, CollectionRequest, Shape, ShapeSize, check_sizes, map_collection,
 };
 use chladni_spectral::basis::{BasisError, MAP_COLLECTION, Product, StoredMap, StoredMaps};
 use serde::{Deserialize, Serialize};
@@ -53,6 +53,10 @@ pub struct StoredShape {
     /// Bytes of its basis, as it is stored.
     pub basis_bytes: u64,
 }
+
+/// Seconds that a unit of each count of [`CollectionCost`] takes: a comparison, a multiplication of products, one of first maps, one of the size of
+/// a dense eigenproblem.
+const SECONDS: [f64; 4] = [1.9e-9, 1.8e-10, 3e-10, 3e-10];
 
 fn value(name: &'static str, reason: impl Into<String>) -> ParameterError {
     ParameterError::Value { name, reason: reason.into() }
@@ -149,6 +153,14 @@ impl MapCollectionParameters {
         let pairs = n * n.saturating_sub(1);
         let maps = pairs * (4 * 8 * k * k + 24 * samples) + 8 * 4 * (n * k).pow(2);
         kept + working + maps + n.saturating_sub(1) * vertices * 28 + (64 << 20)
+    }
+
+    /// About how many seconds of one core the job takes on some shapes, right to a factor of two or so. Fitted to six shapes of 5,000 vertices
+    /// ([`SECONDS`]).
+    pub fn shapes_seconds(&self, shapes: &[ShapeSize]) -> f64 {
+        let CollectionCost { compared, multiplied, first, cubes } = CollectionCost::new(shapes, &self.request());
+        let [of_compared, of_multiplied, of_first, of_cubes] = SECONDS;
+        of_compared * compared + of_multiplied * multiplied + of_first * first + of_cubes * cubes
     }
 
     /// Maps the shapes to each other, on the rayon pool of the calling thread.
@@ -274,6 +286,22 @@ mod tests {
             );
         }
         assert!(read(json!({"oriented": false})).unwrap().fitted(&points).is_ok());
+    }
+
+    /// Six shapes of 5,000 vertices took 18 processor seconds with their bases and with what errors are measured by (`docs/functional-maps.md`).
+    #[test]
+    fn seconds_grow_with_the_pairs_of_shapes_and_with_the_square_of_their_sizes() {
+        let seconds = |shapes: usize, vertices: usize, parameters: Value| {
+            let sizes = vec![ShapeSize { vertices, faces: 2 * vertices, pairs: 128 }; shapes];
+            read(parameters).unwrap().fitted(&sizes).unwrap().shapes_seconds(&sizes)
+        };
+        let six = seconds(6, 5000, json!({"samples": 1000}));
+        assert!((8.0..32.0).contains(&six), "{six}");
+        // Twelve shapes have 4.4 times the pairs, and a latent basis of eight times the cost.
+        let twelve = seconds(12, 5000, json!({"samples": 1000})) / six;
+        assert!((4.4..8.0).contains(&twelve), "{twelve}");
+        let large = seconds(6, 50_000, json!({"samples": 1000})) / seconds(6, 25_000, json!({"samples": 1000}));
+        assert!((3.0..4.0).contains(&large), "{large}");
     }
 
     #[test]

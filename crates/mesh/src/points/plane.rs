@@ -41,8 +41,9 @@ fn principal_axes(mut a: [[f64; 3]; 3]) -> ([f64; 3], [Vector; 3]) {
                 continue;
             }
             let half = 0.5 * (a[q][q] - a[p][p]) / a[p][q];
-            let tangent = half.signum() / (half.abs() + half.hypot(1.0));
-            let cosine = 1.0 / tangent.hypot(1.0);
+            // Where the square overflows there is nothing to rotate.
+            let tangent = half.signum() / (half.abs() + (half * half + 1.0).sqrt());
+            let cosine = 1.0 / (tangent * tangent + 1.0).sqrt();
             let sine = tangent * cosine;
             a[p][p] -= tangent * a[p][q];
             a[q][q] += tangent * a[p][q];

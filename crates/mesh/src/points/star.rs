@@ -35,7 +35,7 @@ impl Scratch {
     /// Adds the triangles around a point to `found`, each with the point first.
     pub fn triangulate(&mut self, positions: &[[f64; 3]], tree: &PointTree, point: u32, found: &mut Vec<[u32; 3]>) {
         let origin = positions[point as usize];
-        tree.nearest(origin, Some(point), NEIGHBOURS, &mut self.nearest);
+        tree.nearest_after(origin, Some(point), NEIGHBOURS, &mut self.nearest);
         self.vectors.clear();
         let away = |&(_, other): &(f64, u32)| std::array::from_fn(|i| positions[other as usize][i] - origin[i]);
         self.vectors.extend(self.nearest.found().iter().map(away));
@@ -66,12 +66,12 @@ fn walk(point: u32, seen: &mut [Seen], found: &mut Vec<[u32; 3]>) {
     seen.rotate_left(first);
     // Around an inner point the walk ends where it began.
     let last = if open { count } else { count + 1 };
-    let mut from = 0;
+    let (mut from, mut inside) = (0, 0);
     while from < count {
         let a = seen[from];
         let next = (from + 1..last).find(|&to| {
             let b = seen[to % count];
-            is_empty(seen, a.at, b.at, extent)
+            is_empty(seen, a.at, b.at, extent, &mut inside)
         });
         match next {
             Some(to) => {
@@ -86,7 +86,12 @@ fn walk(point: u32, seen: &mut [Seen], found: &mut Vec<[u32; 3]>) {
 /// Moves neighbours away that stand on the point, in their direction if they have one, each a bit farther than the one before.
 fn move_away(seen: &mut [Seen], extent: f64) {
     let count = seen.len() as f64;
+    let far = (2.0 * TOO_NEAR * extent).powi(2);
     for (k, s) in seen.iter_mut().enumerate() {
+        // Nearly all are, and need no root.
+        if s.at[0] * s.at[0] + s.at[1] * s.at[1] > far {
+            continue;
+        }
         let distance = s.at[0].hypot(s.at[1]);
         if distance >= TOO_NEAR * extent {
             continue;
@@ -119,25 +124,34 @@ fn begin(seen: &[Seen]) -> (usize, bool) {
     (nearest, false)
 }
 
-/// Whether the circle through the point and two neighbours, the second counter-clockwise of the first, holds no other neighbour, or hardly.
-fn is_empty(seen: &[Seen], a: [f64; 2], b: [f64; 2], extent: f64) -> bool {
+/// Whether the circle through the point and two neighbours, the second counter-clockwise of the first, holds no other neighbour, or hardly. The one that it was
+/// found to hold is asked first the next time: it is inside of most circles that are not empty.
+fn is_empty(seen: &[Seen], a: [f64; 2], b: [f64; 2], extent: f64, inside: &mut usize) -> bool {
     let (aa, bb) = (a[0] * a[0] + a[1] * a[1], b[0] * b[0] + b[1] * b[1]);
     let cross = a[0] * b[1] - a[1] * b[0];
     if !(cross > SAME_DIRECTION * (aa * bb).sqrt()) {
         return false;
     }
     let centre = [(aa * b[1] - bb * a[1]) / (2.0 * cross), (bb * a[0] - aa * b[0]) / (2.0 * cross)];
-    let radius = centre[0].hypot(centre[1]);
+    let radius = (centre[0] * centre[0] + centre[1] * centre[1]).sqrt();
     let inner = radius - INSIDE * extent;
     if !(inner > 0.0) {
         return true;
     }
     // The two themselves are farther from the centre than that.
     let inner = inner * inner;
-    seen.iter().all(|s| {
+    let is_inside = |s: &Seen| {
         let d = [s.at[0] - centre[0], s.at[1] - centre[1]];
-        d[0] * d[0] + d[1] * d[1] > inner
-    })
+        !(d[0] * d[0] + d[1] * d[1] > inner)
+    };
+    if is_inside(&seen[*inside]) {
+        return false;
+    }
+    match seen.iter().position(is_inside) {
+        Some(first) => *inside = first,
+        None => return true,
+    }
+    false
 }
 
 #[cfg(test)]

@@ -26,11 +26,32 @@ pub struct PointTree {
     levels: Vec<Vec<Split>>,
 }
 
+/// Points within a bound, for each that is wanted, up to which all of them are gathered.
+const GATHERED: usize = 8;
+
+/// A bound is taken so much larger, as a share, that rounding does not leave out what lies on it.
+const BEYOND: f64 = 1e-9;
+
+/// A node that is left to look through.
+#[derive(Debug, Clone, Copy)]
+struct Open {
+    level: usize,
+    node: usize,
+    start: usize,
+    end: usize,
+    /// How far its box is away along each axis.
+    beyond: [f64; 3],
+}
+
 /// The nearest points so far.
 #[derive(Debug, Clone, Default)]
 pub struct Nearest {
     most: usize,
     found: Vec<(f64, u32)>,
+    /// Where they were looked for.
+    place: [f64; 3],
+    /// Nodes that are left to look through.
+    open: Vec<Open>,
     /// Nodes that were looked through.
     #[cfg(test)]
     visited: usize,
@@ -93,6 +114,7 @@ impl PointTree {
     /// The `most` points nearest to a place, without `except`.
     pub fn nearest(&self, place: [f64; 3], except: Option<u32>, most: usize, nearest: &mut Nearest) {
         nearest.most = most;
+        nearest.place = place;
         nearest.found.clear();
         #[cfg(test)]
         {
@@ -101,6 +123,70 @@ impl PointTree {
         if most > 0 {
             self.descend((0, 0), (0, self.entries.len()), place, except, [0.0; 3], nearest);
         }
+    }
+
+    /// The same where `nearest` still has those of another place, not far away: none of the wanted ones is farther than the farthest of these and the way there.
+    /// Known beforehand, that saves keeping the nearest so far in order.
+    pub fn nearest_after(&self, place: [f64; 3], except: Option<u32>, most: usize, nearest: &mut Nearest) {
+        let square = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>();
+        let (farthest, way) = (nearest.farthest().sqrt(), square(place, nearest.place).sqrt());
+        let bound = (farthest + way).powi(2) * (1.0 + BEYOND);
+        // Of those there this place itself may be one, and that place may be one of those here.
+        let known = nearest.most == most && nearest.found.len() == most && way <= farthest && bound > 0.0;
+        if known && self.gather(place, except, bound, nearest) {
+            let found = &mut nearest.found;
+            let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+            if found.len() > most {
+                found.select_nth_unstable_by(most, order);
+                found.truncate(most);
+            }
+            found.sort_unstable_by(order);
+            nearest.place = place;
+            return;
+        }
+        self.nearest(place, except, most, nearest);
+    }
+
+    /// Gathers all points within the root of a bound; whether they are as many as are wanted, and not far more.
+    fn gather(&self, place: [f64; 3], except: Option<u32>, bound: f64, nearest: &mut Nearest) -> bool {
+        let Nearest { most, found, open, .. } = nearest;
+        found.clear();
+        open.clear();
+        open.push(Open { level: 0, node: 0, start: 0, end: self.entries.len(), beyond: [0.0; 3] });
+        while let Some(Open { level, node, start, end, beyond }) = open.pop() {
+            let Some(splits) = self.levels.get(level) else {
+                for entry in &self.entries[start..end] {
+                    let square = (0..3).map(|i| (entry.at[i] - place[i]).powi(2)).sum();
+                    if square <= bound && Some(entry.point) != except {
+                        found.push((square, entry.point));
+                    }
+                }
+                if found.len() > GATHERED * *most {
+                    return false;
+                }
+                continue;
+            };
+            let Split { axis, at } = splits[node];
+            let axis = usize::from(axis);
+            let away = place[axis] - at;
+            let mut farther = beyond;
+            farther[axis] = away;
+            let reached = farther.iter().map(|d| d * d).sum::<f64>() <= bound;
+            for (half, range) in halves(start, end).into_iter().enumerate() {
+                let near = (half == 0) == (away < 0.0);
+                if near || reached {
+                    let beyond = if near { beyond } else { farther };
+                    open.push(Open {
+                        level: level + 1,
+                        node: 2 * node + half,
+                        start: range.start,
+                        end: range.end,
+                        beyond,
+                    });
+                }
+            }
+        }
+        found.len() >= *most
     }
 
     /// Looks through a node whose box is `beyond` away from the place along each axis.
@@ -184,7 +270,11 @@ mod tests {
             let tree = PointTree::new(&positions);
             let mut nearest = Nearest::default();
             for point in (0..100_000u32).step_by(997) {
-                tree.nearest(positions[point as usize], Some(point), 30, &mut nearest);
+                // With what is known of the one before, too.
+                match point % 2 {
+                    0 => tree.nearest(positions[point as usize], Some(point), 30, &mut nearest),
+                    _ => tree.nearest_after(positions[point as usize], Some(point), 30, &mut nearest),
+                }
                 assert_eq!(nearest.found().len(), 30);
                 assert!(nearest.found().iter().all(|&(square, other)| square == 0.0 && other != point));
                 assert!(nearest.visited < 100, "{}", nearest.visited);
@@ -200,9 +290,11 @@ mod tests {
             let positions: Vec<[f64; 3]> =
                 (0..n).map(|_| std::array::from_fn(|_| (random.unit() * 7.0).floor())).collect();
             let tree = PointTree::new(&positions);
-            let mut nearest = Nearest::default();
+            let (mut nearest, mut after) = (Nearest::default(), Nearest::default());
             for point in 0..n as u32 {
                 tree.nearest(positions[point as usize], Some(point), 12, &mut nearest);
+                tree.nearest_after(positions[point as usize], Some(point), 12, &mut after);
+                assert_eq!(after.found(), nearest.found());
                 let mut all: Vec<(f64, u32)> = (0..n as u32)
                     .filter(|&other| other != point)
                     .map(|other| {

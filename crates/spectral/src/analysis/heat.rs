@@ -4,17 +4,20 @@
 //! the one whose gradient is nearest to `X` solves `S φ = ∇·X`. Both systems are those of the robust Laplacian (Sharp and Crane 2020), and gradients are taken on its
 //! intrinsic Delaunay triangulation: no weight is negative, so that heat is positive everywhere and is known to full relative precision however small.
 //! Both factors are in single precision: a single source takes the time in which they are read, and distances change by a millionth of the largest
-//! (`docs/decisions/0097-neighbours-in-many-dimensions.md`).
+//! (`docs/decisions/0097-neighbours-in-many-dimensions.md`). Threads share a source (`docs/decisions/0085-one-source-on-all-threads.md`).
 //!
 //! Nothing but half cotangents `h` and the area `A` is needed of a triangle: with `w_k = h_k (u_i − u_j)` the flux `∫ ∇u · ∇λ_i` of corner `i` is
 //! `w_k − w_j`, and `A |∇u|² = Σ h_k (u_i − u_j)²`.
 
-use chladni_algebra::{DenseMatrix, FactorNumbers, Ordering, PANEL_WIDTH, SymbolicFactor, fill_reducing_order};
+use chladni_algebra::{
+    ColumnTree, DenseMatrix, FactorNumbers, Ordering, PANEL_WIDTH, SymbolicFactor, fill_reducing_order,
+};
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::intrinsic::IntrinsicTriangulation;
 
 use super::error::{self, AnalysisError};
+use super::unit_gradients::UnitGradients;
 use crate::operator::robust;
 
 /// Heat flows at least so long, as a share of the diagonal of the mesh: else it would be below the least number on the far side.
@@ -29,7 +32,7 @@ const FEW: usize = 8;
 
 /// Both factors of a mesh, and what gradients need of it.
 pub struct HeatGeodesics {
-    triangulation: IntrinsicTriangulation,
+    gradients: UnitGradients,
     /// The unit of length of the triangulation, in units of the mesh.
     unit: f64,
     /// Which component each vertex belongs to; vertices of no face are ones of their own.
@@ -37,6 +40,7 @@ pub struct HeatGeodesics {
     /// Where each vertex is in the order of the factors.
     place: Vec<u32>,
     symbolic: SymbolicFactor,
+    tree: ColumnTree,
     heat: FactorNumbers<f32>,
     poisson: FactorNumbers<f32>,
 }
@@ -75,7 +79,9 @@ impl HeatGeodesics {
         let mut last = vec![0; order.len()];
         order.iter().enumerate().for_each(|(at, &vertex)| last[component[vertex as usize] as usize] = at);
         component.iter().for_each(|&component| poisson.ground(last[component as usize]));
-        Ok(Self { component, unit, place, symbolic, heat, poisson, triangulation })
+        let tree = ColumnTree::new(&symbolic);
+        let gradients = UnitGradients::new(&triangulation, &place);
+        Ok(Self { component, unit, place, symbolic, tree, heat, poisson, gradients })
     }
 
     /// The number of vertices, `n`.
@@ -85,13 +91,13 @@ impl HeatGeodesics {
 
     /// About the bytes that it takes.
     pub fn bytes(&self) -> u64 {
-        (10 * self.symbolic.entries() + 400 * self.vertices() + 100 * self.triangulation.faces().len()) as u64
+        (10 * self.symbolic.entries() + 400 * self.vertices() + 60 * self.gradients.faces()) as u64
     }
 
     /// Solves with one of the factors, in place, for columns row after row, 32 of them or one.
     fn solve(&self, numbers: &FactorNumbers<f32>, columns: &mut [f64], width: usize) {
         match width {
-            1 => self.symbolic.solve_column(numbers, columns),
+            1 => self.tree.solve(&self.symbolic, numbers, columns),
             _ => self.symbolic.solve_panel(numbers, columns),
         }
     }
@@ -120,7 +126,7 @@ impl HeatGeodesics {
                 group.iter().for_each(|&source| columns[self.place[source as usize] as usize * width + column] = 1.0);
             }
             self.solve(&self.heat, &mut columns, width);
-            let mut columns = self.unit_divergence(&columns, count, width);
+            let mut columns = self.gradients.divergence(&columns, count, width);
             monitor.checkpoint()?;
             self.solve(&self.poisson, &mut columns, width);
             for (column, group) in groups.iter().enumerate() {
@@ -129,34 +135,6 @@ impl HeatGeodesics {
             from += count;
         }
         Ok(distances)
-    }
-
-    /// `∫ X · ∇λ_i` at each vertex, for the first columns of heat, whose rows are so wide.
-    fn unit_divergence(&self, heat: &[f64], columns: usize, width: usize) -> Vec<f64> {
-        let mut divergence = vec![0.0; heat.len()];
-        let share = 1.0 / self.triangulation.sheets() as f64;
-        for (face, shape) in self.triangulation.faces().iter().zip(self.triangulation.shapes()) {
-            let rows = face.map(|v| self.place[v as usize] as usize * width);
-            for column in 0..columns {
-                let [p, q, r] = rows.map(|row| heat[row + column]);
-                // Along the edge opposite to each corner. Heat may be so small that squares would be zero.
-                let steps = [q - r, r - p, p - q];
-                let most = steps.iter().fold(0.0f64, |most, step| most.max(step.abs()));
-                if !(most > 0.0) {
-                    continue;
-                }
-                let flux: [f64; 3] = std::array::from_fn(|k| shape.half_cotangents[k] * (steps[k] / most));
-                let energy: f64 = (0..3).map(|k| flux[k] * (steps[k] / most)).sum();
-                if !(energy > 0.0) {
-                    continue;
-                }
-                let factor = -share * (shape.area / energy).sqrt();
-                divergence[rows[0] + column] += factor * (flux[2] - flux[1]);
-                divergence[rows[1] + column] += factor * (flux[0] - flux[2]);
-                divergence[rows[2] + column] += factor * (flux[1] - flux[0]);
-            }
-        }
-        divergence
     }
 
     /// Distances of the column that `potential` begins with, zero at its sources.
@@ -215,6 +193,7 @@ fn components(mesh: &TriangleMesh) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::operator::real_meshes::load;
     use chladni_algebra::solve_definite;
     use chladni_base::{SplitMix64, Unwatched};
     use chladni_mesh::distance::ExactGeodesics;
@@ -302,7 +281,7 @@ mod tests {
             let at = |v: usize| heat.place[v] as usize;
             let mut ordered = vec![0.0; n];
             (0..n).for_each(|v| ordered[at(v)] = u.column(0)[v]);
-            let divergence = heat.unit_divergence(&ordered, 1, 1);
+            let divergence = heat.gradients.divergence(&ordered, 1, 1);
             let mut potential = DenseMatrix::zeros(n, 1);
             (0..n).for_each(|v| potential.column_mut(0)[v] = divergence[at(v)]);
             solve_definite(system(&|_, _| 1.0 / n as f64), &mut potential).unwrap();
@@ -331,19 +310,21 @@ mod tests {
         }
     }
 
-    /// `cargo test --release -p chladni-spectral --lib -- --ignored --nocapture seconds_of_a_source`
+    /// `CHLADNI_MESHES=… cargo test --release -p chladni-spectral --lib -- --ignored --nocapture seconds_of_a_source`, with `RAYON_NUM_THREADS=2`
     #[test]
     #[ignore = "measures; run it alone"]
     fn seconds_of_a_source() {
-        for (name, mesh) in [
+        let made = [
             ("torus", generate(Shape::Torus, 100_000).unwrap()),
             ("grid", square(316, |x, y| 0.1 * (7.0 * x).sin() * (5.0 * y).cos())),
-        ] {
+        ];
+        let scans = ["igea.ply", "armadillo.obj"].into_iter().filter_map(|name| Some((name, load(name)?)));
+        for (name, mesh) in made.into_iter().chain(scans) {
             let begin = std::time::Instant::now();
             let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
             let made = begin.elapsed().as_secs_f64();
             let entries = heat.symbolic.entries();
-            let sources: Vec<u32> = (0..32).map(|k| 3001 * k).collect();
+            let sources: Vec<u32> = (0..32).map(|k| 1301 * k).collect();
             let groups: Vec<&[u32]> = sources.chunks(1).collect();
             let least = |work: &dyn Fn()| {
                 let once = |_| {
@@ -358,12 +339,12 @@ mod tests {
             let mut column = vec![0.0; heat.vertices()];
             let solve = least(&|| {
                 let mut column = column.clone();
-                column[50_000] = 1.0;
+                column[heat.vertices() / 2] = 1.0;
                 heat.solve(&heat.heat, &mut column, 1);
             });
             column.fill(1.0);
             let whole = least(&|| heat.solve(&heat.poisson, &mut column.clone(), 1));
-            let gradients = least(&|| drop(heat.unit_divergence(&column, 1, 1)));
+            let gradients = least(&|| drop(heat.gradients.divergence(&column, 1, 1)));
             println!(
                 "{name}: {} vertices, {entries:?} entries, made in {made:.2} s, one source {one:.2} ms (heat {solve:.2}, divergence {gradients:.2}, potential {whole:.2}), 32 sources {all:.1} ms",
                 heat.vertices()

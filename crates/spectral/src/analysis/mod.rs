@@ -20,6 +20,7 @@ pub mod signature;
 pub mod sound;
 pub mod spectrum;
 pub mod subspace;
+mod unit_gradients;
 pub mod value_gradient;
 pub mod vibration;
 

@@ -157,6 +157,12 @@ fn least(sums: &[f32; LANES]) -> f32 {
     least[0]
 }
 
+#[cfg(test)]
+thread_local! {
+    /// Queries times points of all searches that this thread began.
+    pub(in crate::analysis) static COMPARED: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
+}
+
 impl Neighbours {
     /// Arranges points. `None` where there are none, or they have no dimension.
     pub fn new(rows: &Rows) -> Option<Self> {
@@ -203,6 +209,8 @@ impl Neighbours {
     /// Where queries have other dimensions than the points.
     pub fn nearest(&self, queries: &Rows, before: &[u32]) -> Vec<Neighbour> {
         assert_eq!(queries.dimensions, self.dimensions, "dimensions of the queries, dimensions of the points");
+        #[cfg(test)]
+        COMPARED.set(COMPARED.get() + (queries.values.len() / queries.stride * self.places.len()) as u64);
         let task = |(task, queries): (usize, &[f32])| {
             let before = before.get(task * QUERIES..).unwrap_or_default();
             vectorized(

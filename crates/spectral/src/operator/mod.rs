@@ -157,6 +157,6 @@ impl EigenProblem {
 }
 
 #[cfg(test)]
-mod real_meshes;
+pub(crate) mod real_meshes;
 #[cfg(test)]
 mod tests;

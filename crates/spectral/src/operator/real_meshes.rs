@@ -8,7 +8,7 @@ use chladni_mesh::read::{MeshFormat, ReadLimits, read};
 use super::*;
 
 /// Reads a mesh of the folder that `CHLADNI_MESHES` names; `None` where it names none.
-fn load(name: &str) -> Option<TriangleMesh> {
+pub(crate) fn load(name: &str) -> Option<TriangleMesh> {
     let Some(folder) = std::env::var_os("CHLADNI_MESHES") else {
         eprintln!("skipped: CHLADNI_MESHES is not set");
         return None;

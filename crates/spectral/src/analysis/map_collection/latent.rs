@@ -9,8 +9,8 @@ use crate::analysis::functional_map::matching::transposed;
 use crate::basis::BasisError;
 
 /// Rounds of weighting, from nothing and from the weights of smaller maps.
-const FIRST_ROUNDS: usize = 4;
-const LATER_ROUNDS: usize = 2;
+pub(super) const FIRST_ROUNDS: usize = 4;
+pub(super) const LATER_ROUNDS: usize = 2;
 
 /// Maps whose disagreement is well below its root all count the same.
 const FORGIVEN: f64 = 1e-2;

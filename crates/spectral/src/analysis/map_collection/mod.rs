@@ -7,6 +7,7 @@
 //! space, neighbours in it make new maps, these a larger latent basis, and so on. At the end each pair is polished by itself: most shapes are nearer to each
 //! other than to what all have in common.
 
+mod cost;
 mod cycles;
 mod first;
 mod known;
@@ -20,6 +21,7 @@ use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use rayon::prelude::*;
 
+pub use self::cost::CollectionCost;
 use self::known::Known;
 use self::latent::Latent;
 use super::error::{self, AnalysisError};

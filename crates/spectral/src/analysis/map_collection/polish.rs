@@ -12,9 +12,19 @@ const SAMPLES: usize = 5000;
 /// The share of the consistent map that is kept: what comes last in the latent basis holds the least.
 const KEPT: f64 = 0.7;
 
+/// How many vertices stand for a surface, where it has as many.
+pub(super) fn samples(request: &CollectionRequest) -> usize {
+    request.samples.max(SAMPLES)
+}
+
+/// The size of what is kept of a consistent map of `size`.
+pub(super) fn kept(size: usize) -> usize {
+    ((KEPT * size as f64) as usize).max(1)
+}
+
 /// The modes of a shape at the vertices that stand for it here.
 pub(super) fn standing(side: &Side<'_>, request: &CollectionRequest) -> Result<Standing, AnalysisError> {
-    Standing::new(side.at(&side.samples(request.samples.max(SAMPLES)), request.pairs, "sample")?)
+    Standing::new(side.at(&side.samples(samples(request)), request.pairs, "sample")?)
 }
 
 /// The map from one shape to another, each with what is [`standing`] for it, and for all vertices of that the matches on this one.
@@ -24,7 +34,7 @@ pub(super) fn map(
     consistent: &DenseMatrix,
     request: &CollectionRequest,
 ) -> Result<(DenseMatrix, Vec<Match>), AnalysisError> {
-    let size = ((KEPT * consistent.rows() as f64) as usize).max(1);
+    let size = kept(consistent.rows());
     let mut map = DenseMatrix::zeros(size, size);
     for column in 0..size {
         map.column_mut(column).copy_from_slice(&consistent.column(column)[..size]);

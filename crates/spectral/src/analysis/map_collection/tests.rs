@@ -1,6 +1,7 @@
 use super::first;
 use super::*;
 use crate::analysis::fixtures::{chain, solved};
+use crate::analysis::neighbours::COMPARED;
 use crate::operator::{OperatorParameters, assemble};
 use chladni_base::Unwatched;
 use chladni_mesh::fixtures::{grid, sphere};
@@ -211,4 +212,29 @@ fn what_does_not_fit_is_named() {
     assert!(map_collection(&[shape, bare], &small, &Unwatched).is_err());
     let blind = CollectionRequest { oriented: false, ..small };
     assert!(map_collection(&[shape, bare], &blind, &Unwatched).is_ok());
+}
+
+#[test]
+fn what_a_collection_costs_is_what_is_counted() {
+    let meshes = [figure(), shuffled(&figure(), 3).0, figure()];
+    let bases: Vec<Basis> = meshes.iter().map(|mesh| basis(mesh, 40)).collect();
+    let shapes: Vec<Shape<'_>> = bases.iter().zip(&meshes).map(|(basis, mesh)| Shape { basis, mesh }).collect();
+    let size = |shape: &Shape<'_>| ShapeSize {
+        vertices: shape.basis.vertices(),
+        faces: shape.mesh.faces.len(),
+        pairs: shape.basis.count(),
+    };
+    let sizes: Vec<ShapeSize> = shapes.iter().map(size).collect();
+    for (start, pairs, step, samples, polish) in [(8, 40, 7, 100, true), (10, 30, 5, 80, false), (9, 9, 3, 80, true)] {
+        let request = CollectionRequest { start, pairs, step, samples, oriented: true, polish };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let compared = pool.install(|| {
+            let before = COMPARED.get();
+            map_collection(&shapes, &request, &Unwatched).unwrap();
+            COMPARED.get() - before
+        });
+        let cost = CollectionCost::new(&sizes, &request);
+        assert_eq!(cost.compared, compared as f64, "{request:?}");
+        assert!(cost.multiplied > 0.0 && cost.first > 0.0 && cost.cubes > 0.0, "{cost:?}");
+    }
 }

@@ -17,7 +17,7 @@ use super::krylov;
 use super::lanczos;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
-use super::scout::{Scout, fills_in};
+use super::scout::{NEGLIGIBLE, Scout, fills_in};
 use super::solve::{Columns, Estimate, Finest, LARGE, SLACK, Task, estimate, within};
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
 use crate::operator::EigenProblem;
@@ -160,8 +160,18 @@ impl Bench<'_> {
             let HsimParameters { tolerance, seed, .. } = *self.parameters;
             let pairs = nontrivial(wanted, kernel, n);
             if lanczos::has_room(n, pairs, tolerance) && scout.is_semidefinite()? {
-                let wanted =
-                    lanczos::Wanted { from: 0, pairs, columns: q, tolerance, seed, all: false, loosely: false };
+                let (most, least_shift) = (lanczos::most(n, pairs), NEGLIGIBLE);
+                let wanted = lanczos::Wanted {
+                    from: 0,
+                    pairs,
+                    columns: q,
+                    tolerance,
+                    most,
+                    least_shift,
+                    seed,
+                    all: false,
+                    loosely: false,
+                };
                 let (level, kernel) = (&finest.level, Kernel::new(&finest.level));
                 if let Some(found) = lanczos::start(level, &finest.symbolic, &kernel, wanted, self.monitor)? {
                     let lanczos::Found { values, vectors, columns } = found;
@@ -249,7 +259,7 @@ fn known(level: &Level) -> usize {
 
 /// The problem in a fill-reducing order, and the components on which constants are in its kernel. Those are told by row sums; with a mass that is not
 /// diagonal they are left to the iteration, since it may couple components.
-fn in_order(problem: &EigenProblem, wanted: Wanted, monitor: &dyn Monitor) -> Result<Finest, HsimError> {
+pub(super) fn in_order(problem: &EigenProblem, wanted: Wanted, monitor: &dyn Monitor) -> Result<Finest, HsimError> {
     let n = problem.size();
     let columns = match wanted {
         Wanted::Count(count) => hierarchy::columns(count, n),

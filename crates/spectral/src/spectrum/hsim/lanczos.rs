@@ -31,6 +31,10 @@ pub(super) struct Wanted {
     pub columns: usize,
     /// The residual (4.6).
     pub tolerance: f64,
+    /// The most columns of the space.
+    pub most: usize,
+    /// The least shift, as a share of the largest eigenvalue.
+    pub least_shift: f64,
     pub seed: u64,
     /// Whether none of them may be left to an iteration.
     pub all: bool,
@@ -65,12 +69,15 @@ const NEXT_LOOK: usize = 24;
 /// The most columns of the space, for each two wanted pairs and beside them: no more memory than an iteration takes.
 const MOST: (usize, usize) = (5, 96);
 
+/// The same where memory is scarce: beyond those of the first look, for each hundred wanted pairs and beside them.
+const MOST_SPARING: (usize, usize) = (35, 48);
+
 /// At that size, this share of the wanted pairs may be left to an iteration; and before, one for every so many looks, such as a zero that nobody knew of.
 const MANY_LEFT: usize = 8;
 const FEW_LEFT: usize = 2;
 
 /// The space has at most this share of the unknowns.
-const LARGEST_SHARE: usize = 3;
+pub(super) const LARGEST_SHARE: usize = 3;
 
 /// A column of a block of which less than this share of the operator's size is left depends on the columns before it.
 const SPENT: f64 = 1e-13;
@@ -109,6 +116,16 @@ fn first_look(pairs: usize, tolerance: f64) -> usize {
     (((columns + more * digits) * pairs as f64) as usize + beside).next_multiple_of(KRYLOV_WIDTH)
 }
 
+/// The most columns of a space for so many pairs of a level of a size: no more memory than an iteration takes.
+pub(super) fn most(size: usize, pairs: usize) -> usize {
+    (MOST.0 * pairs / 2 + MOST.1).min(size / LARGEST_SHARE)
+}
+
+/// The same where memory is scarce. More columns are rarely needed.
+pub(super) fn most_sparing(size: usize, pairs: usize, tolerance: f64) -> usize {
+    (first_look(pairs, tolerance) + MOST_SPARING.0 * pairs / 100 + MOST_SPARING.1).min(size / LARGEST_SHARE)
+}
+
 /// As [`pairs`] with a shift that counts find; nothing where they find none, or the space breaks down or does not hold what is wanted.
 pub(super) fn start(
     level: &Level,
@@ -117,7 +134,8 @@ pub(super) fn start(
     wanted: Wanted,
     monitor: &dyn Monitor,
 ) -> Result<Option<Found>, HsimError> {
-    let middle = Scout::new(level, symbolic).middle(wanted.pairs, kernel.dimension(), monitor)?;
+    let of = (wanted.pairs, kernel.dimension());
+    let middle = Scout::new(level, symbolic).middle(of, wanted.least_shift, monitor)?;
     let Some(shift) = middle else { return Ok(None) };
     match pairs(level, symbolic, kernel, &shift, wanted, &mut Vec::new(), monitor) {
         // Another start may serve where this one breaks down.
@@ -138,9 +156,7 @@ pub(super) fn pairs(
     monitor: &dyn Monitor,
 ) -> Result<Option<Found>, HsimError> {
     let mut space = Space::new(level, symbolic, kernel, shift, wanted, std::mem::take(memory), monitor)?;
-    // A slice with others on both sides takes more for each pair, and is one of several.
-    let more = if wanted.all { wanted.pairs / 2 + PANEL_WIDTH } else { 0 };
-    let most = (MOST.0 * wanted.pairs / 2 + MOST.1 + more).min(level.size() / LARGEST_SHARE);
+    let most = wanted.most;
     let (mut look, mut looks) = (first_look(wanted.pairs, wanted.tolerance).min(most), 0);
     loop {
         while space.columns() < look {

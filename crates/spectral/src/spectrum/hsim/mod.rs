@@ -22,6 +22,7 @@ mod polish;
 mod published;
 mod ritz;
 mod scout;
+mod semidefinite;
 mod shifts;
 mod slices;
 mod solve;
@@ -208,6 +209,8 @@ impl HsimError {
 
 pub(in crate::spectrum) use bare::{ordering as bare_ordering, plus_mass, solve as solve_bare};
 pub use dense_pairs::repair_bytes;
+pub use semidefinite::krylov_columns;
+pub(in crate::spectrum) use semidefinite::{AboveKernel, above_kernel};
 pub(in crate::spectrum) use solve::{columns, is_dense, is_dense_by_blocks, solve_from};
 pub use solve::{solve, solve_with_space};
 

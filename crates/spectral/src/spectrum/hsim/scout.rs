@@ -9,7 +9,7 @@ use super::level::Level;
 use super::shifts::factor_near;
 
 /// Eigenvalues above this share of the largest below zero are taken for zero.
-const NEGLIGIBLE: f64 = 1e-10;
+pub(super) const NEGLIGIBLE: f64 = 1e-10;
 
 /// Shifts that are tried on the way up.
 const MOST: usize = 8;
@@ -139,29 +139,30 @@ impl<'a> Scout<'a> {
     }
 
     /// A positive shift with about half of the lowest `wanted` eigenvalues below that are not those of the kernel; nothing where none is found, as among
-    /// eigenvalues of high multiplicity or many negative ones.
+    /// eigenvalues of high multiplicity or many negative ones, or below the `least` share of the spread.
     pub fn middle(
         &mut self,
-        wanted: usize,
-        kernel: usize,
+        (wanted, kernel): (usize, usize),
+        least: f64,
         monitor: &dyn Monitor,
     ) -> Result<Option<Shift<'a>>, HsimError> {
         let of = |shares: std::ops::RangeInclusive<f64>| shares.start() * wanted as f64..=shares.end() * wanted as f64;
         let target = Target { below: MIDDLE * wanted as f64, enough: of(MIDDLE_ENOUGH), at_last: of(MIDDLE_AT_LAST) };
         let first = self.distance(target.below);
-        self.shift_below(&target, first, kernel, monitor)
+        self.shift_below(&target, (first, least), kernel, monitor)
     }
 
-    /// A positive shift with about so many eigenvalues below that are not those of the kernel, looked for from a first guess; nothing where none is found.
+    /// A positive shift with about so many eigenvalues below that are not those of the kernel, looked for from a first guess; nothing where none is found that
+    /// is at least some share of the spread.
     pub fn shift_below(
         &mut self,
         target: &Target,
-        first: f64,
+        (first, least): (f64, f64),
         kernel: usize,
         monitor: &dyn Monitor,
     ) -> Result<Option<Shift<'a>>, HsimError> {
         let spread = self.spread();
-        let mut at = first.clamp(NEGLIGIBLE * spread, spread);
+        let mut at = first.clamp(least * spread, spread);
         let (mut few, mut many): (Tried, Tried) = (None, None);
         for attempt in 0..MOST {
             monitor.checkpoint()?;
@@ -182,7 +183,7 @@ impl<'a> Scout<'a> {
             } else {
                 many = Some((at, below));
             }
-            at = next(few, many, target.below).clamp(NEGLIGIBLE * spread, spread);
+            at = next(few, many, target.below).clamp(least * spread, spread);
         }
         Ok(None)
     }

@@ -8,7 +8,7 @@
 //! left of products between columns of different segments is taken off, from the less exact one of each two.
 
 use chladni_algebra::{
-    DenseMatrix, PanelMatrix, SymbolicFactor, gram, residual_sums, restrict, rotate, subtract_combinations,
+    DenseMatrix, PANEL_WIDTH, PanelMatrix, SymbolicFactor, gram, residual_sums, restrict, rotate, subtract_combinations,
 };
 use chladni_base::Monitor;
 
@@ -136,8 +136,12 @@ impl<'a> Slices<'a> {
         while self.values.len() < total {
             let (from, left) = (self.values.len(), total - self.values.len());
             let size = left as f64 / ((left as f64 / self.slice as f64).round().max(1.0));
-            let Some(shift) =
-                scout.shift_below(&target(from, size), self.guess(&scout, from, size), kernel.dimension(), monitor)?
+            let Some(shift) = scout.shift_below(
+                &target(from, size),
+                (self.guess(&scout, from, size), self.wanted.least_shift),
+                kernel.dimension(),
+                monitor,
+            )?
             else {
                 return Ok(None);
             };
@@ -145,8 +149,12 @@ impl<'a> Slices<'a> {
             let end = (2 * shift.below - from).max(from + 1);
             let last = end + size as usize / 4 >= total;
             let pairs = if last { total - from } else { (end + JOINT).min(total) - from };
+            let (n, more) = (level.size(), pairs / 2 + PANEL_WIDTH);
             let wanted = Wanted {
                 from,
+                // A slice with others on both sides takes more for each pair, and is one of several.
+                most: lanczos::most(n, pairs).saturating_add(more).min(n / lanczos::LARGEST_SHARE),
+                least_shift: self.wanted.least_shift,
                 pairs,
                 columns: pairs,
                 tolerance: self.wanted.tolerance.min(CLOSE),

@@ -15,6 +15,7 @@ use super::krylov;
 use super::lanczos;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
+use super::scout::NEGLIGIBLE;
 use super::shifts::factor_near;
 use super::slices::{self, Cuts};
 use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Variant, Wanted, published};
@@ -314,8 +315,17 @@ impl Task<'_> {
         monitor.stage("iterate");
         let columns = hierarchy::columns(nontrivial, level.size() - kernel.dimension());
         let (tolerance, seed) = (parameters.tolerance, parameters.seed);
-        let wanted =
-            lanczos::Wanted { from: 0, pairs: nontrivial, columns, tolerance, seed, all: false, loosely: false };
+        let wanted = lanczos::Wanted {
+            from: 0,
+            pairs: nontrivial,
+            columns,
+            tolerance,
+            most: lanczos::most(level.size(), nontrivial),
+            least_shift: NEGLIGIBLE,
+            seed,
+            all: false,
+            loosely: false,
+        };
         if slices::pays(level.size(), nontrivial, tolerance) {
             // Some beyond the wanted ones, among which there is a gap to count in.
             let pairs = (nontrivial + BEYOND).min(columns);

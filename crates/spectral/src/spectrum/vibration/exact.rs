@@ -2,7 +2,7 @@
 //!
 //! HSIM knows the kernel of a scalar operator, the constants, not rigid motions. So it is given the problem shifted by the lowest elastic
 //! eigenvalue, in units of it: rigid motions are then modes like others, with the value 1, and every residual is relative. What comes out
-//! for them is replaced by what is known exactly.
+//! for them is replaced by what is known exactly. Modes come from a Krylov space, or where that does not hold them from refined approximate ones.
 
 use std::iter;
 
@@ -17,7 +17,7 @@ use super::{
     space,
 };
 use crate::operator::EigenProblem;
-use crate::spectrum::hsim::{self, Eigenpairs, HsimParameters, Wanted};
+use crate::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Wanted};
 
 pub(super) fn modes(
     body: ElasticBody<'_>,
@@ -53,6 +53,10 @@ pub(super) fn modes(
         let pairs = hsim::solve(&places, &shifted(&elastic.problem, unit), &parameters, false, monitor)?;
         return beside_rigid(elastic, rigid, pairs, unit, monitor);
     }
+    if let Some(hsim::AboveKernel { pairs, unit }) = hsim::above_kernel(&elastic.problem, free, &parameters, monitor)? {
+        return beside_rigid(elastic, rigid, pairs, unit, monitor);
+    }
+    refuse_beyond_promise(&elastic.problem, count, monitor)?;
     let columns = hsim::columns(size, count);
     // Three times as many functions as an iteration has columns, and at most half of all.
     let dimension = columns.max(LEAST_DIMENSION).min(elastic.moving.len() / 2);
@@ -66,6 +70,18 @@ pub(super) fn modes(
     let vectors = after_rigid(elastic, rigid, &start.vectors);
     let pairs = hsim::solve_from(&places, &problem, &parameters, (vectors, values), monitor)?;
     beside_rigid(elastic, rigid, pairs, unit, monitor)
+}
+
+/// Refuses an iteration that takes more memory than all of the work was promised, which is what a Krylov space takes: three blocks of columns, the problem twice, and two
+/// factors with some seven times its entries each.
+fn refuse_beyond_promise(problem: &EigenProblem, count: usize, monitor: &dyn Monitor) -> Result<(), VibrationError> {
+    let bytes = 24 * problem.size() as u64 * (count as u64 + 64) + 136 * problem.stiffness.entries() as u64;
+    match monitor.promised_bytes() {
+        Some(promised) if bytes > promised => Err(VibrationError::Iteration(HsimError::Memory(format!(
+            "a Krylov space does not hold these modes, and an iteration needs about {bytes} bytes; the work was promised {promised}"
+        )))),
+        _ => Ok(()),
+    }
 }
 
 /// Scalar functions of a start, at least.

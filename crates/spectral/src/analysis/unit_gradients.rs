@@ -1,0 +1,123 @@
+//! The field of unit vectors against the gradient of heat, as far as a Poisson equation needs it: its integrated divergence.
+
+use chladni_algebra::vectorized;
+use chladni_mesh::intrinsic::IntrinsicTriangulation;
+use rayon::prelude::*;
+
+/// Triangles that are handled side by side.
+const AT_ONCE: usize = 16;
+
+/// Parts that add up what they give to vertices by themselves: as many whatever the number of threads is, so that sums do not depend on it.
+const PARTS: usize = 4;
+
+/// Triangles with their vertices in the order of a factor, sorted by the first of these: what is read and added to lies together.
+#[derive(Debug)]
+pub(super) struct UnitGradients {
+    vertices: usize,
+    corners: Vec<[u32; 3]>,
+    shapes: Vec<Shape>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Shape {
+    half_cotangents: [f64; 3],
+    /// The area, over the square of the number of sheets.
+    area: f64,
+}
+
+/// Some triangles side by side.
+struct Together {
+    /// Steps of the heat along the edges opposite to the corners.
+    steps: [[f64; AT_ONCE]; 3],
+    half_cotangents: [[f64; AT_ONCE]; 3],
+    area: [f64; AT_ONCE],
+}
+
+impl UnitGradients {
+    /// `place` is where each vertex is in the order of the factor.
+    pub fn new(triangulation: &IntrinsicTriangulation, place: &[u32]) -> Self {
+        let share = 1.0 / triangulation.sheets() as f64;
+        let faces = triangulation.faces().iter().zip(triangulation.shapes()).map(|(face, shape)| {
+            let shape = Shape { half_cotangents: shape.half_cotangents, area: share * share * shape.area };
+            (face.map(|vertex| place[vertex as usize]), shape)
+        });
+        let mut faces: Vec<([u32; 3], Shape)> = faces.collect();
+        faces.sort_by_key(|(corners, _)| corners.iter().min().copied());
+        let (corners, shapes) = faces.into_iter().unzip();
+        Self { vertices: place.len(), corners, shapes }
+    }
+
+    /// The number of triangles.
+    pub fn faces(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// `∫ X · ∇λ_i` with `X = −∇u / |∇u|` at each vertex, in the order of the factor, for the first `columns` of heat, whose rows are `width` wide.
+    pub fn divergence(&self, heat: &[f64], columns: usize, width: usize) -> Vec<f64> {
+        assert_eq!(heat.len(), self.vertices * width, "a row of heat for each vertex");
+        assert!(columns <= width, "columns of these rows");
+        // Many columns would need as many times the memory in parts.
+        let parts = if width == 1 { PARTS } else { 1 };
+        let each = self.corners.len().div_ceil(parts).max(1);
+        let part = |(corners, shapes): (&[[u32; 3]], &[Shape])| {
+            let mut sums = vec![0.0; heat.len()];
+            for (corners, shapes) in corners.chunks(AT_ONCE).zip(shapes.chunks(AT_ONCE)) {
+                add(corners, shapes, heat, columns, width, &mut sums);
+            }
+            sums
+        };
+        let split = self.corners.par_chunks(each).zip(self.shapes.par_chunks(each));
+        let mut sums = split.map(part).collect::<Vec<_>>().into_iter();
+        let mut all = sums.next().unwrap_or_else(|| vec![0.0; heat.len()]);
+        for part in sums {
+            all.iter_mut().zip(&part).for_each(|(sum, part)| *sum += part);
+        }
+        all
+    }
+}
+
+/// Adds what some triangles give to their vertices.
+fn add(corners: &[[u32; 3]], shapes: &[Shape], heat: &[f64], columns: usize, width: usize, sums: &mut [f64]) {
+    let mut together =
+        Together { steps: [[0.0; AT_ONCE]; 3], half_cotangents: [[0.0; AT_ONCE]; 3], area: [0.0; AT_ONCE] };
+    for (k, shape) in shapes.iter().enumerate() {
+        (0..3).for_each(|corner| together.half_cotangents[corner][k] = shape.half_cotangents[corner]);
+        together.area[k] = shape.area;
+    }
+    for column in 0..columns {
+        for (k, corners) in corners.iter().enumerate() {
+            let [p, q, r] = corners.map(|place| heat[place as usize * width + column]);
+            (together.steps[0][k], together.steps[1][k], together.steps[2][k]) = (q - r, r - p, p - q);
+        }
+        let divergence = together.divergence();
+        for (k, corners) in corners.iter().enumerate() {
+            for (&place, divergence) in corners.iter().zip(&divergence) {
+                sums[place as usize * width + column] += divergence[k];
+            }
+        }
+    }
+}
+
+impl Together {
+    /// What each corner gets. Nothing where heat does not change.
+    fn divergence(&self) -> [[f64; AT_ONCE]; 3] {
+        vectorized(
+            self,
+            #[inline(always)]
+            |Self { steps, half_cotangents, area }| {
+                let mut given = [[0.0; AT_ONCE]; 3];
+                for k in 0..AT_ONCE {
+                    let most = steps[0][k].abs().max(steps[1][k].abs()).max(steps[2][k].abs());
+                    // Heat may be so small that squares would be zero.
+                    let unit = if most > 0.0 { most } else { 1.0 };
+                    let (a, b, c) = (steps[0][k] / unit, steps[1][k] / unit, steps[2][k] / unit);
+                    let (f, g, h) = (half_cotangents[0][k] * a, half_cotangents[1][k] * b, half_cotangents[2][k] * c);
+                    let energy = f * a + g * b + h * c;
+                    let factor = if energy > 0.0 { -(area[k] / energy).sqrt() } else { 0.0 };
+                    (given[0][k], given[1][k], given[2][k]) = (factor * (h - g), factor * (f - h), factor * (g - f));
+                }
+                given
+            },
+        )
+    }
+}
