@@ -11,6 +11,7 @@ mod server;
 #[path = "../../tests/common/s3.rs"]
 mod s3_server;
 
+#[cfg(test)]
 #[path = "shared_object_tests.rs"]
 mod objects_elsewhere;
 

@@ -132,15 +132,19 @@ macro_rules! dispatch {
             #[cfg(feature = "cluster")]
             On::PostgresPool(on, Pooler::Absent) => {
                 let text = AssertSqlSafe(numbered(text.as_str()));
-                on.run(async |connection| run!(text, values, $method, connection)).await.map($postgres)
+                // In a place of its own: whoever waits for a statement would be as large as all that it may do.
+                Box::pin(on.run(async |connection| run!(text, values, $method, connection))).await.map($postgres)
             }
             #[cfg(feature = "cluster")]
             On::PostgresPool(on, Pooler::ByTransaction) => {
-                let mut transaction = on.pool().begin().await?;
-                let text = AssertSqlSafe(numbered(text.as_str()));
-                let answer = run!(text, values, $method, &mut *transaction, false)?;
-                transaction.commit().await?;
-                Ok(answer).map($postgres)
+                Box::pin(async move {
+                    let mut transaction = on.pool().begin().await?;
+                    let text = AssertSqlSafe(numbered(text.as_str()));
+                    let answer = run!(text, values, $method, &mut *transaction, false)?;
+                    transaction.commit().await?;
+                    Ok(answer).map($postgres)
+                })
+                .await
             }
         }
     }};

@@ -19,12 +19,16 @@ use tempfile::TempDir;
 
 use super::{fault::Faults, *};
 
+#[cfg(test)]
 #[path = "content_tests.rs"]
 mod content;
+#[cfg(test)]
 #[path = "job_tests.rs"]
 mod jobs_and_leases;
+#[cfg(test)]
 #[path = "lease_model_tests.rs"]
 mod lease_model;
+#[cfg(test)]
 #[path = "shared_tests.rs"]
 mod shared;
 

@@ -78,7 +78,7 @@ impl ColumnTree {
     /// `x ← (A − μB)⁻¹ x` with the numbers of a factor of the structure that was shared out.
     ///
     /// # Panics
-    /// Where there are not as many numbers as the matrix has rows, or the structure or the factor is another one.
+    /// Where there are not as many numbers as the matrix has rows, or the structure or the factor is one of another size.
     pub fn solve<T: Scalar>(&self, symbolic: &SymbolicFactor, numbers: &FactorNumbers<T>, x: &mut [f64]) {
         assert_eq!(self.shape, (symbolic.size(), symbolic.entries()), "the structure that was shared out");
         assert_eq!(x.len(), symbolic.size(), "a number for each row of the matrix");

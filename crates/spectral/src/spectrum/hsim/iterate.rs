@@ -290,6 +290,7 @@ impl<'a> Iteration<'a> {
     pub fn append(&mut self, columns: &PanelMatrix, values: &[f64]) -> Result<(), HsimError> {
         let sums = residual_sums(&self.level.stiffness, &self.level.mass, columns, values, self.monitor)?;
         let before = self.values.len();
+        (self.ritz, self.cuts) = (false, None);
         self.vectors.widen(before + values.len());
         self.vectors.assign(&(before..before + values.len()).collect::<Vec<_>>(), columns);
         self.values.extend_from_slice(values);

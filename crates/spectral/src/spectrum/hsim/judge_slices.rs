@@ -28,7 +28,9 @@ pub(super) fn certify_segments(found: &Found<'_>, cuts: &Cuts, monitor: &dyn Mon
         defect: cuts.defect,
         sums: Vec::new(),
     };
-    let counts = cuts.counts.iter().copied().filter(|count| count.shift < found.count.shift);
+    // Of a cluster that is cut, nothing is counted that lies inside.
+    let top = found.below_cluster.map_or(found.count.shift, |low| low.shift);
+    let counts = cuts.counts.iter().copied().filter(|count| count.shift < top);
     let (mut start, mut floor, mut memory) = (0, None, Vec::new());
     for count in counts.chain([found.count]) {
         let end = if count == found.count { found.values.len() } else { count.below.min(found.values.len()) };

@@ -101,8 +101,9 @@ impl Iteration<'_> {
         }
         better.retain(|&k| corrected.sizes[k] <= SMALL);
         let places: Vec<usize> = better.iter().map(|&k| pending[k]).collect();
-        // What was known of products between columns is of those before.
-        self.cuts = self.cuts.take().filter(|_| places.is_empty());
+        if !places.is_empty() {
+            self.forget_cuts();
+        }
         self.vectors.assign(&places, &corrected.columns.select(&better));
         for (&k, &place) in better.iter().zip(&places) {
             (self.values[place], self.sums[place]) = (corrected.values[k], corrected.sums[k]);
@@ -131,12 +132,17 @@ impl Iteration<'_> {
         if !(after <= BETTER * before) {
             return Ok(false);
         }
-        self.cuts = None;
+        self.forget_cuts();
         self.vectors.assign(&band, &columns);
         for ((&place, value), sums) in band.iter().zip(values).zip(sums) {
             (self.values[place], self.sums[place]) = (value, sums);
         }
         Ok(true)
+    }
+
+    /// What was known of products between segments is of the columns before, which are Ritz vectors of their segments only.
+    fn forget_cuts(&mut self) {
+        self.ritz &= self.cuts.take().is_none();
     }
 
     /// Some columns with their corrections, of unit length.

@@ -21,6 +21,9 @@ use crate::operator::EigenProblem;
 /// What rounding lets one count is judged at the end.
 const LEAST_SHIFT: f64 = 1e-13;
 
+/// So many pairs are looked for at least: more than half of fewer may be those of the kernel, with no shift in their middle.
+const FEWEST: usize = 16;
+
 /// Eigenpairs of `S / σ + M`, those of the kernel included, whose values are about one.
 #[derive(Debug)]
 pub(in crate::spectrum) struct AboveKernel {
@@ -32,7 +35,8 @@ pub(in crate::spectrum) struct AboveKernel {
 /// The most columns of the Krylov space in which so many modes of an object with so many unknowns are looked for; `None` where there is no room for one. They
 /// take most of the memory.
 pub fn krylov_columns(unknowns: usize, count: usize, tolerance: f64) -> Option<usize> {
-    lanczos::has_room(unknowns, count, tolerance).then(|| lanczos::most_sparing(unknowns, count, tolerance))
+    let pairs = count.max(FEWEST);
+    lanczos::has_room(unknowns, pairs, tolerance).then(|| lanczos::most_sparing(unknowns, pairs, tolerance))
 }
 
 /// Computes the lowest eigenpairs of a pencil whose rows are all unknowns, in its own units; `area` has to be 1. Nothing where a Krylov space does not hold them, as
@@ -49,28 +53,17 @@ pub(in crate::spectrum) fn above_kernel(
     parameters.check()?;
     let (n, HsimParameters { tolerance, seed, .. }) = (problem.size(), *parameters);
     let Wanted::Count(count) = parameters.wanted else { return Ok(None) };
-    if kernel >= count || krylov_columns(n, count, tolerance).is_none() {
-        return Ok(None);
-    }
+    let Some(most) = krylov_columns(n, count, tolerance).filter(|_| kernel < count) else { return Ok(None) };
+    let pairs = count.max(FEWEST);
     monitor.stage("hierarchy");
     monitor.checkpoint()?;
     let mut finest = in_order(problem, parameters.wanted, monitor)?;
     // Translations along all axes at once would be taken for constants.
     finest.level.component.fill(NO_KERNEL);
     monitor.stage("iterate");
-    let most = lanczos::most_sparing(n, count, tolerance);
-    let (columns, least_shift) = (hierarchy::columns(count, n), LEAST_SHIFT);
-    let wanted = lanczos::Wanted {
-        from: 0,
-        pairs: count,
-        columns,
-        tolerance,
-        most,
-        least_shift,
-        seed,
-        all: false,
-        loosely: false,
-    };
+    let (columns, least_shift) = (hierarchy::columns(pairs, n), LEAST_SHIFT);
+    let wanted =
+        lanczos::Wanted { from: 0, pairs, columns, tolerance, most, least_shift, seed, all: false, loosely: false };
     let found = {
         let Finest { level, symbolic, .. } = &finest;
         lanczos::start(level, symbolic, &Kernel::new(level), wanted, monitor)?

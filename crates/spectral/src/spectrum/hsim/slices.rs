@@ -29,8 +29,10 @@ const JOINT: usize = 8;
 /// A relative gap that is wide enough for a joint.
 const LEAST_GAP: f64 = 1e-7;
 
-/// Residuals of slices are at most this: products between columns of different segments are of their size, and are to be small.
+/// Residuals of slices are at most this, and less the higher they lie: products between columns of different segments are of their size over the gap between
+/// them, which is half a slice, and are to be small.
 const CLOSE: f64 = 1e-6;
+const CLOSE_UP_TO: usize = 1000;
 
 /// From this tolerance on, columns of a slice need not be orthonormal to rounding before they are joined.
 const LOOSE: f64 = 1e-7;
@@ -150,6 +152,8 @@ impl<'a> Slices<'a> {
             let last = end + size as usize / 4 >= total;
             let pairs = if last { total - from } else { (end + JOINT).min(total) - from };
             let (n, more) = (level.size(), pairs / 2 + PANEL_WIDTH);
+            let close = CLOSE * (CLOSE_UP_TO as f64 / (from + pairs) as f64).min(1.0);
+            let tolerance = self.wanted.tolerance.min(close);
             let wanted = Wanted {
                 from,
                 // A slice with others on both sides takes more for each pair, and is one of several.
@@ -157,10 +161,10 @@ impl<'a> Slices<'a> {
                 least_shift: self.wanted.least_shift,
                 pairs,
                 columns: pairs,
-                tolerance: self.wanted.tolerance.min(CLOSE),
+                tolerance,
                 seed: self.wanted.seed.wrapping_add(self.counts.len() as u64),
                 all: true,
-                loosely: self.wanted.tolerance.min(CLOSE) >= LOOSE,
+                loosely: tolerance >= LOOSE,
             };
             monitor.detail(&format!("slice of pairs {from} to {} of {total}", from + pairs));
             let Some(mut found) = lanczos::pairs(level, symbolic, kernel, &shift, wanted, &mut self.memory, monitor)?
@@ -171,7 +175,7 @@ impl<'a> Slices<'a> {
             if taken == 0 {
                 return Ok(None);
             }
-            found.vectors.keep_columns(taken);
+            self.memory.extend(found.vectors.split_off(taken));
             self.vectors.assign(&(from..from + taken).collect::<Vec<_>>(), &found.vectors);
             self.values.extend_from_slice(&found.values[..taken]);
             self.memory.extend(found.vectors.into_panels());
@@ -250,6 +254,14 @@ impl<'a> Slices<'a> {
             if longest <= SMALL * SMALL {
                 // Products of two products are left, and rounding errors.
                 return Ok(Some(4.0 * longest + NOTHING));
+            }
+            // Those that are left within segments are no smaller.
+            let mut start = 0;
+            for &end in &ends {
+                if !self.join(start..end)? {
+                    return Ok(None);
+                }
+                start = end;
             }
         }
         Ok(None)
