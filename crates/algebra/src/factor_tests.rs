@@ -328,7 +328,7 @@ fn numbers_solve_beside_their_structure_and_no_other() {
     let solve = std::panic::AssertUnwindSafe(|| other.solve_panel(&numbers, &mut vec![1.0; 16 * PANEL_WIDTH]));
     assert!(std::panic::catch_unwind(solve).is_err());
     let tree = ColumnTree::new(&symbolic);
-    let solve = std::panic::AssertUnwindSafe(|| tree.solve(&other, &numbers, &mut vec![1.0; 16]));
+    let solve = std::panic::AssertUnwindSafe(|| tree.solve(&other, &numbers, &mut [1.0; 16]));
     assert!(std::panic::catch_unwind(solve).is_err());
     for size in [0, 24, 26] {
         let solve = std::panic::AssertUnwindSafe(|| tree.solve(&symbolic, &numbers, &mut vec![1.0; size]));

@@ -156,7 +156,7 @@ impl MapCollectionParameters {
     }
 
     /// About how many seconds of one core the job takes on some shapes, right to a factor of two or so. Fitted to six shapes of 5,000 vertices
-    /// ([`SECONDS`]).
+    /// (`SECONDS`).
     pub fn shapes_seconds(&self, shapes: &[ShapeSize]) -> f64 {
         let CollectionCost { compared, multiplied, first, cubes } = CollectionCost::new(shapes, &self.request());
         let [of_compared, of_multiplied, of_first, of_cubes] = SECONDS;

@@ -127,7 +127,7 @@ impl Branch {
         let nodes = &symbolic.nodes;
         let (mut stretches, mut own, mut pattern): (Vec<Piece>, usize, usize) = (Vec::new(), 0, 0);
         let mut from = tree.start;
-        for gap in children.iter().map(|(range, _)| range.clone()).chain([tree.end..tree.end]) {
+        for gap in children.iter().map(|(range, _)| range.clone()).chain(std::iter::once(tree.end..tree.end)) {
             if let (Some(first), Some(last)) = (nodes[from..gap.start].first(), nodes[from..gap.start].last()) {
                 let rows = first.start..last.start + last.columns;
                 let (at, length) = (own, rows.len());
