@@ -43,7 +43,7 @@ const NEAR_ENOUGH: f64 = 0.25;
 
 /// Products between columns of different segments that may stay, those whose squares may, and those that are too large for columns of different eigenvalues.
 const NOTHING: f64 = 1e-10;
-const SMALL: f64 = 1e-5;
+const SMALL: f64 = 2e-6;
 const LARGE: f64 = 1e-2;
 const MOST_TIMES: usize = 3;
 
