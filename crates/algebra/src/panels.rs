@@ -123,8 +123,10 @@ impl PanelMatrix {
                 let source = &self.panels[run.panel];
                 for (to, from) in panel.chunks_exact_mut(PANEL_WIDTH).zip(source.chunks_exact(PANEL_WIDTH)) {
                     to[run.place..run.place + run.length].copy_from_slice(&from[run.first..run.first + run.length]);
-                    to[columns.len()..].fill(0.0);
                 }
+            }
+            if columns.len() < PANEL_WIDTH {
+                panel.chunks_exact_mut(PANEL_WIDTH).for_each(|row| row[columns.len()..].fill(0.0));
             }
         });
         selected
@@ -157,7 +159,7 @@ impl PanelMatrix {
     }
 
     /// Adds columns until there are so many, in memory of panels that are not needed any more: what stands in it stays, so that every row is to be written.
-    pub fn widen_into(&mut self, columns: usize, spare: &mut Vec<Vec<f64>>) {
+    pub(super) fn widen_into(&mut self, columns: usize, spare: &mut Vec<Vec<f64>>) {
         let length = self.rows * PANEL_WIDTH;
         while self.panels.len() < columns.div_ceil(PANEL_WIDTH) {
             let panel = spare.pop().filter(|panel| panel.len() == length);

@@ -17,8 +17,8 @@ use super::krylov;
 use super::lanczos;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
-use super::scout::{NEGLIGIBLE, Scout, fills_in};
-use super::solve::{Columns, Estimate, Finest, LARGE, SLACK, Task, estimate, within};
+use super::scout::{Scout, fills_in};
+use super::solve::{Begun, Columns, Estimate, Finest, LARGE, SLACK, Task, estimate, within};
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
 use crate::operator::EigenProblem;
 
@@ -79,13 +79,6 @@ struct Bench<'a> {
     monitor: &'a dyn Monitor,
     /// HSIM asks how many rows there are.
     mesh: TriangleMesh,
-}
-
-/// Ritz pairs to iterate from.
-struct Begun {
-    values: Vec<f64>,
-    vectors: chladni_algebra::PanelMatrix,
-    columns: Columns,
 }
 
 impl Begun {
@@ -160,22 +153,11 @@ impl Bench<'_> {
             let HsimParameters { tolerance, seed, .. } = *self.parameters;
             let pairs = nontrivial(wanted, kernel, n);
             if lanczos::has_room(n, pairs, tolerance) && scout.is_semidefinite()? {
-                let (most, least_shift) = (lanczos::most(n, pairs), NEGLIGIBLE);
-                let wanted = lanczos::Wanted {
-                    from: 0,
-                    pairs,
-                    columns: q,
-                    tolerance,
-                    most,
-                    least_shift,
-                    seed,
-                    all: false,
-                    loosely: false,
-                };
+                let wanted = lanczos::Wanted::lowest(n, pairs, q, tolerance, seed);
                 let (level, kernel) = (&finest.level, Kernel::new(&finest.level));
                 if let Some(found) = lanczos::start(level, &finest.symbolic, &kernel, wanted, self.monitor)? {
-                    let lanczos::Found { values, vectors, columns } = found;
-                    return Ok(Begun { values, vectors, columns });
+                    let lanczos::Found { values, vectors } = found;
+                    return Ok(Begun { values, vectors, columns: Columns::Ritz });
                 }
             }
             let window = scout.window(q + kernel, bound, kernel > 0, self.monitor)?;

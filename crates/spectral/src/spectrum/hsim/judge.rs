@@ -295,8 +295,8 @@ fn bounds(
     (0..k).map(|j| (values[j] - lower[j]).max(above(j)).max(0.0) + errors[j]).collect()
 }
 
-/// What the eigenvalues that belong to ascending values are at least, where at most `below` of them, counted from the first, lie below `ceiling`: `weighted` are their residuals by
-/// Lehmann's bound.
+/// What the eigenvalues that belong to ascending values are at least, where at most `below` of them, counted from the first, lie below `ceiling`: `weighted` are
+/// their residuals by Lehmann's bound.
 fn lower_bounds(values: &[f64], errors: &[f64], weighted: &[f64], below: usize, ceiling: f64) -> Vec<f64> {
     let mut lower = vec![f64::NEG_INFINITY; values.len()];
     lower[below..].fill(ceiling);

@@ -17,8 +17,7 @@ use chladni_base::{Monitor, Quiet, SplitMix64};
 use super::HsimError;
 use super::kernel::Kernel;
 use super::level::Level;
-use super::scout::Scout;
-use super::solve::Columns;
+use super::scout::{NEGLIGIBLE, Scout};
 
 /// What is wanted, beside the kernel.
 #[derive(Debug, Clone, Copy)]
@@ -42,15 +41,21 @@ pub(super) struct Wanted {
     pub loosely: bool,
 }
 
+impl Wanted {
+    /// The lowest pairs of a level of a size.
+    pub fn lowest(size: usize, pairs: usize, columns: usize, tolerance: f64, seed: u64) -> Self {
+        let (most, least_shift) = (most(size, pairs), NEGLIGIBLE);
+        Self { from: 0, pairs, columns, tolerance, most, least_shift, seed, all: false, loosely: false }
+    }
+}
+
 /// What was found.
 #[derive(Debug)]
 pub(super) struct Found {
     /// Ritz values beside the kernel from the first wanted one on, ascending.
     pub values: Vec<f64>,
-    /// Their vectors.
+    /// Their vectors, orthonormal up to rounding, or as far as was asked for.
     pub vectors: PanelMatrix,
-    /// Whether these are orthonormal Ritz vectors of their span, up to rounding.
-    pub columns: Columns,
 }
 
 /// The shift of the inverse.
@@ -431,8 +436,8 @@ impl<'a> Space<'a> {
 
     /// Some Ritz pairs, after one application of the operator more, which is known already: it takes off what they have of stiff directions.
     ///
-    /// It is orthogonal to the space: what becomes of a Ritz vector `x` is `y = T x / ν = x + Q f`, with the next block `Q`. So `YᵀMY = I + FᵀF`, and from `(S − μM) T = M` follows
-    /// `Yᵀ(S − μM)Y = diag(1 / ν)`: the Ritz pairs of their span are those of a small pencil.
+    /// It is orthogonal to the space: what becomes of a Ritz vector `x` is `y = T x / ν = x + Q f`, with the next block `Q`. So `YᵀMY = I + FᵀF`, and from
+    /// `(S − μM) T = M` follows `Yᵀ(S − μM)Y = diag(1 / ν)`: the Ritz pairs of their span are those of a small pencil.
     fn vectors(mut self, ritz: &Ritz, chosen: &[usize], memory: &mut Vec<Vec<f64>>) -> Result<Found, HsimError> {
         let (m, q) = (self.columns(), chosen.len());
         let mut coefficients = DenseMatrix::zeros(m + KRYLOV_WIDTH, q);
@@ -463,8 +468,7 @@ impl<'a> Space<'a> {
         drop(self.open);
         self.memory.extend(rotate_and_spare(&mut self.basis, &coefficients, self.monitor)?);
         *memory = self.memory;
-        let columns = if self.loosely { Columns::Solved } else { Columns::Ritz };
-        Ok(Found { values, vectors: self.basis, columns })
+        Ok(Found { values, vectors: self.basis })
     }
 }
 

@@ -60,7 +60,8 @@ pub enum Wanted {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Variant {
-    /// Ours: a Krylov space where that takes less, or several for slices of the spectrum; else better starting spaces, every group of eigenvalues with its own shift, one Rayleigh–Ritz over all.
+    /// Ours: a Krylov space where that takes less, or several for slices of the spectrum; else better starting spaces, every group of eigenvalues with its own
+    /// shift, one Rayleigh–Ritz over all.
     #[default]
     Sliced,
     /// The thesis' Algorithms 1 to 3: linear prolongations, one shift a level.

@@ -13,7 +13,7 @@ use super::hierarchy;
 use super::kernel::Kernel;
 use super::lanczos;
 use super::level::NO_KERNEL;
-use super::solve::{Finest, Task};
+use super::solve::{Columns, Finest, Task};
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
 use crate::operator::EigenProblem;
 
@@ -61,14 +61,13 @@ pub(in crate::spectrum) fn above_kernel(
     // Translations along all axes at once would be taken for constants.
     finest.level.component.fill(NO_KERNEL);
     monitor.stage("iterate");
-    let (columns, least_shift) = (hierarchy::columns(pairs, n), LEAST_SHIFT);
-    let wanted =
-        lanczos::Wanted { from: 0, pairs, columns, tolerance, most, least_shift, seed, all: false, loosely: false };
+    let wanted = lanczos::Wanted::lowest(n, pairs, hierarchy::columns(pairs, n), tolerance, seed);
+    let wanted = lanczos::Wanted { most, least_shift: LEAST_SHIFT, ..wanted };
     let found = {
         let Finest { level, symbolic, .. } = &finest;
         lanczos::start(level, symbolic, &Kernel::new(level), wanted, monitor)?
     };
-    let Some(lanczos::Found { values, vectors, columns }) = found else { return Ok(None) };
+    let Some(lanczos::Found { values, vectors }) = found else { return Ok(None) };
     let Some(&unit) = values.get(kernel).filter(|value| **value > 0.0 && value.is_finite()) else { return Ok(None) };
     let stiffness = &finest.level.stiffness;
     let divided = SparseMatrix::from_sorted_parts(
@@ -93,7 +92,7 @@ pub(in crate::spectrum) fn above_kernel(
         monitor,
     };
     let values = values.into_iter().map(|value| 1.0 + value / unit).collect();
-    let (mut pairs, report) = task.solve_or_begin_again(vectors, values, None, columns)?;
+    let (mut pairs, report) = task.solve_or_begin_again(vectors, values, None, Columns::Ritz)?;
     pairs.levels = vec![report];
     Ok(Some(AboveKernel { pairs, unit }))
 }

@@ -7,6 +7,8 @@
 //! half of the next, and a Rayleigh–Ritz makes them pairs of one segment. Segments meet at the shifts, where columns of one space are at their most exact; what is
 //! left of products between columns of different segments is taken off, from the less exact one of each two.
 
+use std::ops::Range;
+
 use chladni_algebra::{
     DenseMatrix, PANEL_WIDTH, PanelMatrix, SymbolicFactor, gram, residual_sums, restrict, rotate, subtract_combinations,
 };
@@ -21,7 +23,7 @@ use super::ritz::ritz;
 use super::scout::{Scout, Target};
 
 /// Pairs of a slice, about.
-const SLICE: usize = 250;
+pub(super) const SLICE: usize = 250;
 
 /// A joint between slices lies in the widest gap among so many pairs to either side.
 const JOINT: usize = 8;
@@ -73,15 +75,28 @@ pub(super) fn pays(size: usize, pairs: usize, tolerance: f64) -> bool {
 /// Fewer pairs than this are taken from one space.
 const FEWEST: usize = 600;
 
-/// The lowest pairs beside the kernel, in slices; nothing where counts and spaces do not find them so.
+/// The lowest pairs beside the kernel, in slices of about so many; nothing where counts and spaces do not find them so.
 pub(super) fn start(
     level: &Level,
     symbolic: &SymbolicFactor,
     kernel: &Kernel<'_>,
     wanted: Wanted,
+    slice: usize,
     monitor: &dyn Monitor,
 ) -> Result<Option<Sliced>, HsimError> {
-    match Slices::new(level, symbolic, kernel, wanted, SLICE, monitor).run() {
+    let slices = Slices {
+        level,
+        symbolic,
+        kernel,
+        wanted,
+        slice,
+        monitor,
+        vectors: PanelMatrix::zeros(level.size(), wanted.pairs),
+        values: Vec::new(),
+        memory: Vec::new(),
+        counts: Vec::new(),
+    };
+    match slices.run() {
         // Another start may serve where this one breaks down.
         Err(HsimError::Numerical(_)) => Ok(None),
         found => found,
@@ -93,7 +108,6 @@ struct Slices<'a> {
     symbolic: &'a SymbolicFactor,
     kernel: &'a Kernel<'a>,
     wanted: Wanted,
-    /// Pairs of a slice, about.
     slice: usize,
     monitor: &'a dyn Monitor,
     /// The pairs so far.
@@ -101,36 +115,11 @@ struct Slices<'a> {
     values: Vec<f64>,
     /// Panels that are not needed any more: fresh memory costs as much as what is done with it.
     memory: Vec<Vec<f64>>,
-    /// Counts at the shifts so far, and the pairs below each.
+    /// Counts at the shifts so far.
     counts: Vec<Count>,
-    below: Vec<usize>,
 }
 
-impl<'a> Slices<'a> {
-    fn new(
-        level: &'a Level,
-        symbolic: &'a SymbolicFactor,
-        kernel: &'a Kernel<'a>,
-        wanted: Wanted,
-        slice: usize,
-        monitor: &'a dyn Monitor,
-    ) -> Self {
-        let vectors = PanelMatrix::zeros(level.size(), wanted.pairs);
-        Self {
-            level,
-            symbolic,
-            kernel,
-            wanted,
-            slice,
-            monitor,
-            vectors,
-            values: Vec::new(),
-            memory: Vec::new(),
-            counts: Vec::new(),
-            below: Vec::new(),
-        }
-    }
-
+impl Slices<'_> {
     fn run(mut self) -> Result<Option<Sliced>, HsimError> {
         let Self { level, symbolic, kernel, monitor, .. } = self;
         let mut scout = Scout::new(level, symbolic);
@@ -172,7 +161,8 @@ impl<'a> Slices<'a> {
                 return Ok(None);
             };
             let taken = if last { found.values.len() } else { joint(&found.values, pairs) };
-            if taken == 0 {
+            // Each slice reaches beyond its shift.
+            if taken == 0 || from + taken < shift.below {
                 return Ok(None);
             }
             self.memory.extend(found.vectors.split_off(taken));
@@ -182,14 +172,9 @@ impl<'a> Slices<'a> {
             let radius = shift.factor.uncertainty(&level.stiffness, &level.mass, shift.at);
             let below = shift.below + self.kernel.dimension();
             self.counts.push(Count { shift: shift.at, below, radius });
-            self.below.push(shift.below);
             scout.keep_storage(shift.factor);
-            let start = self.below.iter().rev().nth(1).copied().unwrap_or(0);
-            if !self.join(start..shift.below)? {
-                return Ok(None);
-            }
         }
-        if !self.join(self.below.last().copied().unwrap_or(0)..self.values.len())? {
+        if !self.join()? {
             return Ok(None);
         }
         self.vectors.keep_columns(self.values.len());
@@ -208,40 +193,46 @@ impl<'a> Slices<'a> {
         last + 0.5 * size * (last - self.values[from - step]) / (step - 1) as f64
     }
 
-    /// Makes the columns of a segment Ritz vectors of their span; says whether they were independent.
-    fn join(&mut self, range: std::ops::Range<usize>) -> Result<bool, HsimError> {
-        let (low, high) = (range.start, range.end);
+    /// The columns between each two shifts, those below the first and those above the last.
+    fn segments(&self) -> Vec<Range<usize>> {
+        let known = self.kernel.dimension();
+        let mut start = 0;
+        let ends = self.counts.iter().map(|count| count.below - known).chain([self.values.len()]);
+        ends.map(|end| std::mem::replace(&mut start, end)..end).collect()
+    }
+
+    /// Makes the columns of each segment Ritz vectors of their span; says whether they were independent.
+    fn join(&mut self) -> Result<bool, HsimError> {
         let Self { level, monitor, .. } = *self;
-        let range: Vec<usize> = range.collect();
-        let mut columns = self.vectors.select_into(&range, &mut self.memory);
-        let (stiffness, gram) = restrict(&level.stiffness, &level.mass, &columns, monitor)?;
-        let (values, rotation) = ritz(stiffness, gram, range.len(), monitor)?;
-        if values.len() < range.len() {
-            return Ok(false);
+        for segment in self.segments() {
+            let range: Vec<usize> = segment.clone().collect();
+            let mut columns = self.vectors.select_into(&range, &mut self.memory);
+            let (stiffness, gram) = restrict(&level.stiffness, &level.mass, &columns, monitor)?;
+            let (values, rotation) = ritz(stiffness, gram, range.len(), monitor)?;
+            if values.len() < range.len() {
+                return Ok(false);
+            }
+            rotate(&mut columns, &rotation, monitor)?;
+            self.vectors.assign(&range, &columns);
+            self.memory.extend(columns.into_panels());
+            self.values[segment].copy_from_slice(&values);
         }
-        rotate(&mut columns, &rotation, monitor)?;
-        self.vectors.assign(&range, &columns);
-        self.memory.extend(columns.into_panels());
-        self.values[low..high].copy_from_slice(&values);
         Ok(self.values.is_sorted())
     }
 
     /// Makes columns of different segments orthogonal; gives a bound on what is left of their products, nothing where they are no columns of different pairs.
     fn separate(&mut self) -> Result<Option<f64>, HsimError> {
         let Self { level, monitor, .. } = *self;
-        let q = self.values.len();
-        let ends: Vec<usize> = self.below.iter().copied().chain([q]).collect();
         for _ in 0..MOST_TIMES {
             let mut products = gram(&level.mass, &self.vectors, monitor)?;
-            let (mut worst, mut longest, mut start) = (0f64, 0f64, 0);
-            for &end in &ends {
-                for column in start..end {
+            let (mut worst, mut longest) = (0f64, 0f64);
+            for segment in self.segments() {
+                for column in segment.clone() {
                     let entries = products.column_mut(column);
-                    entries[start..end].fill(0.0);
+                    entries[segment.clone()].fill(0.0);
                     worst = entries.iter().fold(worst, |worst, x| worst.max(x.abs()));
                     longest = longest.max(entries.iter().map(|x| x * x).sum());
                 }
-                start = end;
             }
             monitor.detail(&format!("products between segments: {worst:e}"));
             if worst <= NOTHING {
@@ -250,38 +241,32 @@ impl<'a> Slices<'a> {
             if !(longest <= LARGE * LARGE) {
                 return Ok(None);
             }
-            self.take_off(&products, &ends)?;
+            self.take_off(&products)?;
             if longest <= SMALL * SMALL {
                 // Products of two products are left, and rounding errors.
                 return Ok(Some(4.0 * longest + NOTHING));
             }
             // Those that are left within segments are no smaller.
-            let mut start = 0;
-            for &end in &ends {
-                if !self.join(start..end)? {
-                    return Ok(None);
-                }
-                start = end;
+            if !self.join()? {
+                return Ok(None);
             }
         }
         Ok(None)
     }
 
-    /// Takes the products of columns of different segments off them. From which of two is a matter of their residuals: what a column has of another is an error of the one
-    /// that is less exact, and taken off the other it would be one of that.
-    fn take_off(&mut self, products: &DenseMatrix, ends: &[usize]) -> Result<(), HsimError> {
+    /// Takes the products of columns of different segments off them. From which of two is a matter of their residuals: what a column has of another is an error of
+    /// the one that is less exact, and taken off the other it would be one of that.
+    fn take_off(&mut self, products: &DenseMatrix) -> Result<(), HsimError> {
         let sums = residual_sums(&self.level.stiffness, &self.level.mass, &self.vectors, &self.values, self.monitor)?;
         let share = |of: usize, other: usize| {
             let (own, other) = (sums[of].residual, sums[other].residual);
             if own + other > 0.0 { own / (own + other) } else { 0.5 }
         };
-        let mut start = 0;
-        for &end in ends {
+        for segment in self.segments() {
             let part = |row: usize, column: usize| share(column, row) * products.column(column)[row];
-            let large = |row: &usize| (start..end).any(|column| part(*row, column).abs() > NEGLIGIBLE);
+            let large = |row: &usize| segment.clone().any(|column| part(*row, column).abs() > NEGLIGIBLE);
             let others: Vec<usize> = (0..products.rows()).filter(large).collect();
-            let range: Vec<usize> = (start..end).collect();
-            start = end;
+            let range: Vec<usize> = segment.clone().collect();
             if others.is_empty() {
                 continue;
             }

@@ -37,11 +37,8 @@ fn exact(level: &Level) -> Vec<f64> {
 fn slices(level: &Level, pairs: usize, slice: usize, tolerance: f64) -> Option<Sliced> {
     let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass).unwrap();
     let kernel = Kernel::new(level);
-    let most = lanczos::most(level.size(), pairs);
-    let least_shift = crate::spectrum::hsim::scout::NEGLIGIBLE;
-    let wanted =
-        Wanted { from: 0, pairs, columns: pairs, tolerance, most, least_shift, seed: 3, all: false, loosely: false };
-    Slices::new(level, &symbolic, &kernel, wanted, slice, &Unwatched).run().unwrap()
+    let wanted = Wanted::lowest(level.size(), pairs, pairs, tolerance, 3);
+    start(level, &symbolic, &kernel, wanted, slice, &Unwatched).unwrap()
 }
 
 /// The pairs with the kernel before them, and a count in the gap above.

@@ -15,7 +15,6 @@ use super::krylov;
 use super::lanczos;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
-use super::scout::NEGLIGIBLE;
 use super::shifts::factor_near;
 use super::slices::{self, Cuts};
 use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Variant, Wanted, published};
@@ -291,6 +290,14 @@ pub(super) enum Columns {
     Sliced(Cuts),
 }
 
+/// Ritz pairs to iterate from.
+pub(super) struct Begun {
+    /// Ascending.
+    pub values: Vec<f64>,
+    pub vectors: PanelMatrix,
+    pub columns: Columns,
+}
+
 /// A count below a bound may be off by so many where eigenvalues lie next to it.
 pub(super) const SLACK: usize = 32;
 
@@ -310,34 +317,26 @@ pub(super) struct Task<'a> {
 
 impl Task<'_> {
     /// Pairs of a Krylov space, where it holds them.
-    fn krylov_start(&self) -> Result<Option<lanczos::Found>, HsimError> {
+    fn krylov_start(&self) -> Result<Option<Begun>, HsimError> {
         let Self { finest: Finest { level, symbolic, .. }, kernel, monitor, parameters, nontrivial, .. } = *self;
         monitor.stage("iterate");
         let columns = hierarchy::columns(nontrivial, level.size() - kernel.dimension());
         let (tolerance, seed) = (parameters.tolerance, parameters.seed);
-        let wanted = lanczos::Wanted {
-            from: 0,
-            pairs: nontrivial,
-            columns,
-            tolerance,
-            most: lanczos::most(level.size(), nontrivial),
-            least_shift: NEGLIGIBLE,
-            seed,
-            all: false,
-            loosely: false,
-        };
+        let wanted = lanczos::Wanted::lowest(level.size(), nontrivial, columns, tolerance, seed);
         if slices::pays(level.size(), nontrivial, tolerance) {
             // Some beyond the wanted ones, among which there is a gap to count in.
             let pairs = (nontrivial + BEYOND).min(columns);
-            let sliced = slices::start(level, symbolic, kernel, lanczos::Wanted { pairs, ..wanted }, monitor)?;
+            let wanted = lanczos::Wanted { pairs, ..wanted };
+            let sliced = slices::start(level, symbolic, kernel, wanted, slices::SLICE, monitor)?;
             if let Some(slices::Sliced { values, vectors, cuts }) = sliced {
-                return Ok(Some(lanczos::Found { values, vectors, columns: Columns::Sliced(cuts) }));
+                return Ok(Some(Begun { values, vectors, columns: Columns::Sliced(cuts) }));
             }
         }
         if !lanczos::pays(level.size(), nontrivial, tolerance) {
             return Ok(None);
         }
-        lanczos::start(level, symbolic, kernel, wanted, monitor)
+        let found = lanczos::start(level, symbolic, kernel, wanted, monitor)?;
+        Ok(found.map(|lanczos::Found { values, vectors }| Begun { values, vectors, columns: Columns::Ritz }))
     }
 
     /// As [`Task::solve`]; where that leads nowhere, from all pairs of a dense solve if the problem is small, else from random vectors. A start whose coarse
