@@ -105,12 +105,14 @@ pub struct HodgeInertia {
     co_gradients: Vec<InertiaCount>,
 }
 
-/// What solved the dense problems of a basis.
+/// How a basis came about.
 #[derive(ToSchema)]
 #[allow(dead_code)]
 pub struct EigenbasisDetails {
-    /// A note for each problem: the graphics card, or why it did not.
+    /// A note for each dense problem: the graphics card that solved it, or why it did not; absent where no card had to do with it.
     dense_solver: Vec<String>,
+    /// Where a faster way was given up for a surer one, and why; absent where none was.
+    fallbacks: Vec<String>,
 }
 
 /// What only a field basis has.
@@ -181,6 +183,8 @@ pub struct PencilBasisDetails {
     moved: f64,
     /// What solved its dense problems; absent where no graphics card had to do with it.
     dense_solver: Vec<String>,
+    /// Where a faster way was given up for a surer one, and why; absent where none was.
+    fallbacks: Vec<String>,
 }
 
 /// What only maps between shapes have.

@@ -27,10 +27,11 @@ const ABSENT: &[(&str, &[&str])] = &[
     ("HodgeOperator", &["domain"]),
     ("MeshReport", &["points", "polygons", "solid", "subdivisions", "surface", "file", "attributes"]),
     ("OperatorReport", &["polygons", "flat_tetrahedra"]),
+    ("EigenbasisDetails", &["dense_solver", "fallbacks"]),
     ("FieldBasisDetails", &["dense_solver"]),
     ("OperatorFamilyDetails", &["dense_solver"]),
     ("VibrationBasisDetails", &["dense_solver"]),
-    ("PencilBasisDetails", &["dense_solver"]),
+    ("PencilBasisDetails", &["dense_solver", "fallbacks"]),
     ("MapCollectionDetails", &["dense_solver"]),
 ];
 

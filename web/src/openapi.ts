@@ -2391,7 +2391,8 @@ export interface components {
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
              *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
              *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
-             *     failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
+             *     failed to: `dense_solver`, a list of what solved its dense problems. Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of
+             *     what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["EigenbasisDetails"] | null;
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
@@ -2899,10 +2900,12 @@ export interface components {
              */
             tolerance?: number | null;
         };
-        /** @description What solved the dense problems of a basis. */
+        /** @description How a basis came about. */
         EigenbasisDetails: {
-            /** @description A note for each problem: the graphics card, or why it did not. */
-            dense_solver: string[];
+            /** @description A note for each dense problem: the graphics card that solved it, or why it did not; absent where no card had to do with it. */
+            dense_solver?: string[];
+            /** @description Where a faster way was given up for a surer one, and why; absent where none was. */
+            fallbacks?: string[];
         };
         /** @description A job to be done. Of the kind `eigenbasis`. */
         EigenbasisJobRequest: {
@@ -3024,7 +3027,8 @@ export interface components {
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
              *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
              *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
-             *     failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
+             *     failed to: `dense_solver`, a list of what solved its dense problems. Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of
+             *     what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["FieldBasisDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
@@ -4257,7 +4261,8 @@ export interface components {
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
              *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
              *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
-             *     failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
+             *     failed to: `dense_solver`, a list of what solved its dense problems. Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of
+             *     what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["MapCollectionDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
@@ -4762,7 +4767,8 @@ export interface components {
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
              *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
              *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
-             *     failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
+             *     failed to: `dense_solver`, a list of what solved its dense problems. Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of
+             *     what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["OperatorFamilyDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
@@ -5026,7 +5032,8 @@ export interface components {
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
              *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
              *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
-             *     failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
+             *     failed to: `dense_solver`, a list of what solved its dense problems. Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of
+             *     what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["PencilBasisDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
@@ -5066,6 +5073,8 @@ export interface components {
         PencilBasisDetails: {
             /** @description What solved its dense problems; absent where no graphics card had to do with it. */
             dense_solver?: string[];
+            /** @description Where a faster way was given up for a surer one, and why; absent where none was. */
+            fallbacks?: string[];
             /**
              * Format: double
              * @description The multiple c of the mass that residuals ‖Sx − λMx‖ / ‖(S + cM)x‖ are relative to.
@@ -6459,7 +6468,8 @@ export interface components {
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
              *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
              *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
-             *     failed to: `dense_solver`, a list of what solved its dense problems. Null where there is nothing of this.
+             *     failed to: `dense_solver`, a list of what solved its dense problems. Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of
+             *     what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["VibrationBasisDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */

@@ -84,7 +84,7 @@ fn a_cycle_solves_to_a_fraction_of_the_error_on_fair_and_on_stretched_grids() {
 }
 
 #[test]
-fn the_cycle_is_symmetric_and_the_same_on_every_patch() {
+fn the_cycle_is_linear_and_the_same_on_every_patch() {
     // Three patches.
     let k = 80;
     let n = k * k;
@@ -93,11 +93,16 @@ fn the_cycle_is_symmetric_and_the_same_on_every_patch() {
     assert_eq!(multigrid.patches().len(), 3);
     let right = right(n);
     let found = cycle(&multigrid, 5.0, &right);
-    let product =
-        |i: usize, j: usize| -> f64 { right.iter().zip(&found).map(|(b, x)| f64::from(b[i]) * f64::from(x[j])).sum() };
-    let size = product(0, 0).max(product(1, 1));
-    assert!((product(0, 1) - product(1, 0)).abs() < 1e-4 * size);
-    assert!(product(0, 0) > 0.0);
+    // Combinations of right-hand sides have those of their solutions.
+    let sums = |rows: &[CycleRow]| -> Vec<CycleRow> {
+        rows.iter().map(|row| std::array::from_fn(|k| row[k] - 0.5 * row[(k + 1) % CYCLE_WIDTH])).collect()
+    };
+    let largest = found.as_flattened().iter().fold(0f32, |most, x| most.max(x.abs()));
+    for (sum, of_sum) in sums(&found).iter().zip(cycle(&multigrid, 5.0, &sums(&right))) {
+        (0..CYCLE_WIDTH).for_each(|k| assert!((sum[k] - of_sum[k]).abs() < 1e-4 * largest));
+    }
+    let product: f64 = right.iter().zip(&found).map(|(b, x)| f64::from(b[0]) * f64::from(x[0])).sum();
+    assert!(product > 0.0);
 }
 
 #[test]
@@ -118,7 +123,7 @@ fn rows_without_connections_and_many_components_are_no_obstacle() {
     let right = right(n);
     let found = cycle(&multigrid, 1.0, &right);
     assert!(found.as_flattened().iter().all(|x| x.is_finite()));
-    // Two smoothers of degree 2 leave at most .446² of what they damp.
+    // Of what they damp, one smoothing step leaves at most .79, and five .054.
     let left = (found[n - 1][3] - right[n - 1][3]).abs() / right[n - 1][3].abs();
-    assert!(left < 0.21, "{left}");
+    assert!(left < 0.043, "{left}");
 }

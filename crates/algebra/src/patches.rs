@@ -2,16 +2,17 @@
 //! need one pass over memory, at the price of computing the rings twice.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
 use super::{MassMatrix, SparseMatrix, WeightedMass};
 
-/// Rows of a patch, but for the last: with sixteen single-precision lanes, three rings and the matrix, less than a megabyte.
+/// Rows of a patch, but for the last: with sixteen single-precision lanes, the rings and the matrix, about a megabyte.
 pub const PATCH_ROWS: usize = 2560;
 
 /// Rings around a patch.
-pub const RINGS: usize = 3;
+pub const RINGS: usize = 6;
 
 /// Where patches with their rings hold more rows than this many times the matrix (a hub whose neighbours are everywhere), patches grow.
 const MOST_OVERLAP: usize = 2;
@@ -127,20 +128,21 @@ pub fn patches(matrix: &SparseMatrix, mass: &MassMatrix) -> Vec<Patch> {
     let mut size = PATCH_ROWS;
     loop {
         // Counting ends as soon as it is too much.
-        let mut left = MOST_OVERLAP * n;
-        let mut numbers = vec![u32::MAX; n];
+        let counted = AtomicUsize::new(0);
         let fits = size >= n
-            || (0..n).step_by(size).all(|from| {
-                let rows = from..n.min(from + size);
-                match grow(matrix, consistent, rows, left, &mut numbers) {
-                    Some((vertices, _)) => {
-                        left -= vertices.len();
+            || (0..n.div_ceil(size))
+                .into_par_iter()
+                .map_init(
+                    || vec![u32::MAX; n],
+                    |numbers, patch| {
+                        let rows = patch * size..n.min((patch + 1) * size);
+                        let left = (MOST_OVERLAP * n).saturating_sub(counted.load(Ordering::Relaxed));
+                        let Some((vertices, _)) = grow(matrix, consistent, rows, left, numbers) else { return false };
                         vertices.iter().for_each(|&v| numbers[v as usize] = u32::MAX);
-                        true
-                    }
-                    None => false,
-                }
-            });
+                        counted.fetch_add(vertices.len(), Ordering::Relaxed) + vertices.len() <= MOST_OVERLAP * n
+                    },
+                )
+                .all(|fits| fits);
         if fits {
             break;
         }

@@ -1,5 +1,7 @@
 //! Rows gathered into aggregates, and the smoothed prolongation from these.
 
+use rayon::prelude::*;
+
 use crate::SparseMatrix;
 
 /// Entries below this share of the geometric mean of the two diagonals connect weakly.
@@ -23,37 +25,66 @@ pub(super) fn prolongation(stiffness: &SparseMatrix) -> SparseMatrix<f32> {
         column as usize != row && value < 0.0 && size > 0.0 && value * value > STRENGTH * STRENGTH * size
     };
     let (aggregates, count) = aggregate(stiffness, &strong);
+    let chunks: Vec<(Vec<usize>, Vec<u32>, Vec<f32>)> = (0..n.div_ceil(ROWS))
+        .into_par_iter()
+        .map(|chunk| {
+            let rows = chunk * ROWS..n.min((chunk + 1) * ROWS);
+            let (mut ends, mut indices, mut values) = (Vec::with_capacity(ROWS), Vec::new(), Vec::new());
+            let mut entries: Vec<(u32, f64)> = Vec::new();
+            for row in rows {
+                smoothed(row, stiffness, &aggregates, &strong, &mut entries);
+                indices.extend(entries.iter().map(|entry| entry.0));
+                values.extend(entries.iter().map(|entry| entry.1 as f32));
+                ends.push(indices.len());
+            }
+            (ends, indices, values)
+        })
+        .collect();
     let mut offsets = Vec::with_capacity(n + 1);
     let (mut indices, mut values) = (Vec::with_capacity(3 * n), Vec::with_capacity(3 * n));
-    let mut row_entries: Vec<(u32, f64)> = Vec::new();
     offsets.push(0);
-    for row in 0..n {
-        row_entries.clear();
-        let own = aggregates[row];
-        if own != NONE {
-            row_entries.push((own, 1.0));
-            let (columns, entries) = stiffness.row(row);
-            let kept: f64 = columns.iter().zip(entries).filter(|&(&c, &v)| strong(row, c, v)).map(|(_, v)| v).sum();
-            // Rows of S̃ sum to what rows of S do, nearly zero, so the diagonal is minus the sum of the rest.
-            let scale = if kept < 0.0 { DAMPING / -kept } else { 0.0 };
-            for (&column, &value) in columns.iter().zip(entries) {
-                let other = aggregates[column as usize];
-                if strong(row, column, value) && other != own && other != NONE {
-                    let share = -scale * value;
-                    row_entries[0].1 -= share;
-                    match row_entries[1..].iter_mut().find(|entry| entry.0 == other) {
-                        Some(entry) => entry.1 += share,
-                        None => row_entries.push((other, share)),
-                    }
-                }
-            }
-            row_entries.sort_unstable_by_key(|entry| entry.0);
-        }
-        indices.extend(row_entries.iter().map(|entry| entry.0));
-        values.extend(row_entries.iter().map(|entry| entry.1 as f32));
-        offsets.push(indices.len());
+    for (ends, columns, entries) in chunks {
+        let start = indices.len();
+        offsets.extend(ends.iter().map(|end| start + end));
+        indices.extend(columns);
+        values.extend(entries);
     }
     SparseMatrix::from_sorted_parts(n, count, offsets, indices, values)
+}
+
+/// Rows that a thread makes at once.
+const ROWS: usize = 4096;
+
+/// The entries of a row of the prolongation, by ascending column.
+fn smoothed(
+    row: usize,
+    stiffness: &SparseMatrix,
+    aggregates: &[u32],
+    strong: &impl Fn(usize, u32, f64) -> bool,
+    row_entries: &mut Vec<(u32, f64)>,
+) {
+    row_entries.clear();
+    let own = aggregates[row];
+    if own == NONE {
+        return;
+    }
+    row_entries.push((own, 1.0));
+    let (columns, entries) = stiffness.row(row);
+    let kept: f64 = columns.iter().zip(entries).filter(|&(&c, &v)| strong(row, c, v)).map(|(_, v)| v).sum();
+    // Rows of S̃ sum to what rows of S do, nearly zero, so the diagonal is minus the sum of the rest.
+    let scale = if kept < 0.0 { DAMPING / -kept } else { 0.0 };
+    for (&column, &value) in columns.iter().zip(entries) {
+        let other = aggregates[column as usize];
+        if strong(row, column, value) && other != own && other != NONE {
+            let share = -scale * value;
+            row_entries[0].1 -= share;
+            match row_entries[1..].iter_mut().find(|entry| entry.0 == other) {
+                Some(entry) => entry.1 += share,
+                None => row_entries.push((other, share)),
+            }
+        }
+    }
+    row_entries.sort_unstable_by_key(|entry| entry.0);
 }
 
 /// A row of no aggregate: nothing connects it strongly, and the smoother is all it needs.

@@ -67,6 +67,10 @@ pub struct Summary {
     pub dense_bytes: u64,
 }
 
+/// What long work may note of itself (see [`Monitor::note`](chladni_base::Monitor::note)): what solved its dense problems, and where it gave a
+/// faster way up for a surer one.
+const NOTES: [&str; 2] = ["dense_solver", "fallbacks"];
+
 impl ProductKind {
     /// Every kind.
     pub const ALL: [Self; 6] = [
@@ -112,8 +116,10 @@ impl Product {
     /// What its record shows.
     pub fn summary(&self) -> Summary {
         let mut summary = self.own_summary();
-        if let Some(solvers) = self.metadata().get("dense_solver") {
-            summary.details["dense_solver"] = solvers.clone();
+        for name in NOTES {
+            if let Some(notes) = self.metadata().get(name) {
+                summary.details[name] = notes.clone();
+            }
         }
         summary
     }

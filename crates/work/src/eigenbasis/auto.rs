@@ -2,7 +2,7 @@
 
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
-use chladni_spectral::basis::Basis;
+use chladni_spectral::basis::{AccuracyReport, Basis};
 use chladni_spectral::operator::MeshOperator;
 
 use super::duration::exact_seconds;
@@ -12,6 +12,10 @@ use crate::{JobError, ParameterError};
 
 /// The exact method is taken where it is expected to need at most so many seconds of one core.
 const SECONDS: f64 = 1.0;
+
+/// What misses its goal by the approximation is computed exactly where that needs no more memory than this: what an ordinary machine has to spare. Beyond, the
+/// exact method is one to be asked for, and the approximation says by how much it misses.
+const MOST_BYTES: u64 = 8 << 30;
 
 /// Both methods with their defaults; which one runs is decided by the size of the mesh.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +44,12 @@ impl Auto {
         exact_seconds(vertices, pairs) <= SECONDS
     }
 
-    /// Computes the basis, and by which method: one that misses its goal by the approximation is computed exactly.
+    /// Whether a mesh of so many vertices is solved exactly where the approximation misses its goal.
+    pub fn may_become_exact(&self, vertices: u64) -> bool {
+        self.exact.memory_bytes(vertices) <= MOST_BYTES
+    }
+
+    /// Computes the basis, and by which method: one that misses its goal by the approximation is computed exactly, unless that would need too much memory.
     ///
     /// # Errors
     /// [`JobError`]: as the methods.
@@ -53,9 +62,19 @@ impl Auto {
     ) -> Result<(Basis, &'static str), JobError> {
         if !self.is_exact(operator.problem.size()) {
             let basis = self.approximate.run(mesh, operator, seed, monitor)?;
-            if basis.certificate.accuracy.is_none_or(|accuracy| accuracy.reached) {
+            let missed = basis.certificate.accuracy.filter(|accuracy| !accuracy.reached);
+            let Some(AccuracyReport { largest_estimate, goal, .. }) = missed else {
+                return Ok((basis, "approximate"));
+            };
+            let missed = format!(
+                "approximation: an estimated error of {largest_estimate:.2e} where at most {goal:.2e} is asked for"
+            );
+            if !self.may_become_exact(mesh.positions.len() as u64) {
+                let beside = format!("{missed}; the exact method would need more memory than it takes unasked");
+                monitor.note("fallbacks", &beside);
                 return Ok((basis, "approximate"));
             }
+            monitor.note("fallbacks", &missed);
         }
         Ok((self.exact.run(mesh, operator, seed, monitor)?, "hsim"))
     }
@@ -64,6 +83,7 @@ impl Auto {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::EigenbasisParameters;
     use crate::packed::Packed;
     use serde_json::json;
 
@@ -78,5 +98,15 @@ mod tests {
         {
             assert_eq!(auto(count).is_exact(vertices), exact, "{vertices} vertices, {count} pairs");
         }
+    }
+
+    #[test]
+    fn a_mesh_too_large_to_be_solved_exactly_needs_what_its_approximation_does() {
+        assert!(auto(500).may_become_exact(134_345) && !auto(500).may_become_exact(2_149_490));
+        let needed = |method: &str| {
+            let parameters = json!({"method": method, "count": 500});
+            EigenbasisParameters::parse(&parameters).unwrap().memory_bytes(2_149_490, 4_298_976)
+        };
+        assert_eq!(needed("auto"), needed("approximate"));
     }
 }

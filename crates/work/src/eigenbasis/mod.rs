@@ -239,7 +239,10 @@ impl EigenbasisParameters {
         let method = match &self.method {
             // What misses its goal is computed exactly after all.
             Method::Auto(auto) if auto.is_exact(vertices) => operator + auto.exact.memory_bytes(n),
-            Method::Auto(auto) => auto.approximate.memory_bytes(n).max(operator + auto.exact.memory_bytes(n)),
+            Method::Auto(auto) if auto.may_become_exact(n) => {
+                auto.approximate.memory_bytes(n).max(operator + auto.exact.memory_bytes(n))
+            }
+            Method::Auto(Auto { approximate, .. }) => approximate.memory_bytes(n),
             Method::Approximate(approximate) => approximate.memory_bytes(n),
             Method::Exact(exact) if self.is_hodge() => hodge::memory_bytes(exact, n, f),
             // The problem is kept a second time, renumbered.

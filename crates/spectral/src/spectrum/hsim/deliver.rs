@@ -8,7 +8,7 @@ use super::certify::{Goal, Proof};
 use super::iterate::Iteration;
 use super::judge::{Count, Found, Verdict, certify};
 use super::judge_slices::certify_segments;
-use super::{CutCluster, Eigenpairs, HsimError, InertiaCount, LevelReport, OnBound};
+use super::{CutCluster, Eigenpairs, FALLBACKS, HsimError, InertiaCount, LevelReport, OnBound};
 use crate::operator::EigenProblem;
 
 /// What is delivered of the pairs found, and in which form.
@@ -112,6 +112,9 @@ pub(super) fn finish(
                 // Columns that were added one after the other may be less orthonormal than has to be.
                 if !(std::mem::take(&mut again) && matches!(error, HsimError::Unproven { .. })) {
                     return Err(error);
+                }
+                if iteration.cuts.is_some() {
+                    monitor.note(FALLBACKS, &format!("proof by segments between counts: {error}"));
                 }
                 iteration.orthonormalise()?;
                 iteration.polish(open, delivery.tolerance)?;

@@ -72,6 +72,9 @@ pub enum Variant {
     Bathe,
 }
 
+/// The name of the notes that say where a faster way was given up for a surer one, and why.
+const FALLBACKS: &str = "fallbacks";
+
 /// What is to be solved, and how well.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HsimParameters {

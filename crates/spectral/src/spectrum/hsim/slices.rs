@@ -14,13 +14,13 @@ use chladni_algebra::{
 };
 use chladni_base::Monitor;
 
-use super::HsimError;
 use super::judge::Count;
 use super::kernel::Kernel;
 use super::lanczos::{self, Wanted};
 use super::level::Level;
 use super::ritz::ritz;
 use super::scout::{Scout, Target};
+use super::{FALLBACKS, HsimError};
 
 /// Pairs of a slice, about.
 pub(super) const SLICE: usize = 250;
@@ -98,9 +98,15 @@ pub(super) fn start(
     };
     match slices.run() {
         // Another start may serve where this one breaks down.
-        Err(HsimError::Numerical(_)) => Ok(None),
+        Err(HsimError::Numerical(error)) => given_up(monitor, &error.to_string()),
         found => found,
     }
+}
+
+/// No pairs, and why.
+fn given_up(monitor: &dyn Monitor, reason: &str) -> Result<Option<Sliced>, HsimError> {
+    monitor.note(FALLBACKS, &format!("slices of the spectrum: {reason}"));
+    Ok(None)
 }
 
 struct Slices<'a> {
@@ -134,7 +140,7 @@ impl Slices<'_> {
                 monitor,
             )?
             else {
-                return Ok(None);
+                return given_up(monitor, &format!("no shift was found in the middle of the pairs from {from} on"));
             };
             // As far above the shift as below it.
             let end = (2 * shift.below - from).max(from + 1);
@@ -158,12 +164,15 @@ impl Slices<'_> {
             monitor.detail(&format!("slice of pairs {from} to {} of {total}", from + pairs));
             let Some(mut found) = lanczos::pairs(level, symbolic, kernel, &shift, wanted, &mut self.memory, monitor)?
             else {
-                return Ok(None);
+                return given_up(monitor, &format!("a Krylov space did not hold the {pairs} pairs from {from} on"));
             };
             let taken = if last { found.values.len() } else { joint(&found.values, pairs) };
             // Each slice reaches beyond its shift.
             if taken == 0 || from + taken < shift.below {
-                return Ok(None);
+                let reached = from + taken;
+                let reason =
+                    format!("the pairs from {from} on reached {reached}, their shift lies above {}", shift.below);
+                return given_up(monitor, &reason);
             }
             self.memory.extend(found.vectors.split_off(taken));
             self.vectors.assign(&(from..from + taken).collect::<Vec<_>>(), &found.vectors);
@@ -174,11 +183,12 @@ impl Slices<'_> {
             self.counts.push(Count { shift: shift.at, below, radius });
             scout.keep_storage(shift.factor);
         }
+        self.keep_certain_counts();
         if !self.join()? {
-            return Ok(None);
+            return given_up(monitor, DEPENDENT);
         }
         self.vectors.keep_columns(self.values.len());
-        let Some(defect) = self.separate()? else { return Ok(None) };
+        let Some(defect) = self.separate()? else { return given_up(monitor, DEPENDENT) };
         let Self { values, vectors, counts, .. } = self;
         Ok(Some(Sliced { values, vectors, cuts: Cuts { counts, defect } }))
     }
@@ -191,6 +201,12 @@ impl Slices<'_> {
         }
         let last = self.values[from - 1];
         last + 0.5 * size * (last - self.values[from - step]) / (step - 1) as f64
+    }
+
+    /// Gives up counts whose shift lies next to a value: they prove nothing there, and the segments on both sides become one. Of many shifts some happen to lie so.
+    fn keep_certain_counts(&mut self) {
+        let (known, values) = (self.kernel.dimension(), &self.values);
+        self.counts.retain(|count| is_certain(count, values, known));
     }
 
     /// The columns between each two shifts, those below the first and those above the last.
@@ -289,6 +305,19 @@ impl Slices<'_> {
         Ok(())
     }
 }
+
+/// Whether no value lies so near the shift of a count that rounding could have it on the other side; `known` values of the kernel lie below all.
+fn is_certain(count: &Count, values: &[f64], known: usize) -> bool {
+    let below = count.below.saturating_sub(known);
+    let beside = [below.checked_sub(1).and_then(|last| values.get(last)), values.get(below)];
+    beside.into_iter().flatten().all(|value| (value - count.shift).abs() > CERTAIN * count.radius)
+}
+
+/// How many times the uncertainty of a count lies between its shift and the next value, at least: values are uncertain too.
+const CERTAIN: f64 = 4.0;
+
+/// Why slices are given up whose columns are not those of different pairs.
+const DEPENDENT: &str = "pairs of neighbouring slices are not different ones";
 
 /// Of a product, a part that is not worth being taken off.
 const NEGLIGIBLE: f64 = 0.25 * NOTHING;

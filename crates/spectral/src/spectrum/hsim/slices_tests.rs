@@ -231,6 +231,16 @@ fn joints_do_not_cut_clusters() {
 }
 
 #[test]
+fn a_count_beside_a_value_is_not_relied_on() {
+    let values = [3.0, 5.0, 8.0];
+    let certain = |shift: f64, below: usize, radius: f64| is_certain(&Count { shift, below, radius }, &values, 1);
+    assert!(certain(6.0, 3, 0.2) && certain(2.0, 1, 0.2) && certain(9.0, 4, 0.2));
+    for (shift, below) in [(5.1, 3), (7.9, 3), (2.9, 1), (8.1, 4)] {
+        assert!(!certain(shift, below, 0.03) && certain(shift, below, 0.02), "{shift}");
+    }
+}
+
+#[test]
 fn a_hierarchy_and_slices_agree() {
     let mesh = rough(Shape::Genus(2), 4500);
     let problem = laplacian(&mesh);

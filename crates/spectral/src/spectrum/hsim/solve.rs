@@ -17,7 +17,7 @@ use super::level::{Level, NO_KERNEL};
 use super::offset;
 use super::shifts::factor_near;
 use super::slices::{self, Cuts};
-use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Variant, Wanted, published};
+use super::{Eigenpairs, FALLBACKS, HsimError, HsimParameters, LevelReport, Variant, Wanted, published};
 use crate::operator::EigenProblem;
 use crate::spectrum::envelope::on_all_vertices;
 
@@ -336,6 +336,9 @@ impl Task<'_> {
             return Ok(None);
         }
         let found = lanczos::start(level, symbolic, kernel, wanted, monitor)?;
+        if found.is_none() {
+            monitor.note(FALLBACKS, "pairs of one Krylov space: it did not hold them");
+        }
         Ok(found.map(|lanczos::Found { values, vectors }| Begun { values, vectors, columns: Columns::Ritz }))
     }
 
@@ -353,6 +356,7 @@ impl Task<'_> {
             Err(error) if error.is_of_the_iteration() => error,
             solved => return solved,
         };
+        monitor.note(FALLBACKS, &format!("pairs of the first start: {error}"));
         let columns = hierarchy::columns(self.nontrivial, finest.level.size() - kernel.dimension());
         if let Some((values, vectors)) = dense_pairs::instead(&finest.level, columns, kernel.dimension(), monitor)? {
             return self.solve(vectors, values, None, Columns::Solved);
