@@ -59,19 +59,8 @@ impl Wanted {
     /// The lowest pairs of a level of a size.
     pub fn lowest(size: usize, pairs: usize, columns: usize, tolerance: f64, seed: u64) -> Self {
         let (most, least_shift) = (most(size, pairs), NEGLIGIBLE);
-        Self {
-            from: 0,
-            pairs,
-            columns,
-            tolerance,
-            most,
-            least_shift,
-            seed,
-            all: false,
-            patient: false,
-            zeros: None,
-            loosely: false,
-        }
+        let (all, patient, zeros, loosely) = (false, false, None, false);
+        Self { from: 0, pairs, columns, tolerance, most, least_shift, seed, all, patient, zeros, loosely }
     }
 }
 
