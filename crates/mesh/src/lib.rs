@@ -35,6 +35,8 @@ pub struct TriangleMesh {
     pub faces: Vec<[u32; 3]>,
     /// The polygons that faces are parts of, where the file has any of more than three corners.
     pub polygons: Option<std::sync::Arc<polygons::Polygons>>,
+    /// Of points without faces, the triangles that a check has made around each.
+    pub local: points::Known,
 }
 
 /// A tetrahedral mesh; tetrahedra are positively oriented quadruples of vertex indices.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::{CheckOptions, CheckedMesh, Examined, Found, Merge, MeshError, bounding_box, tally, total_area};
 use crate::TriangleMesh;
 use crate::numbering::{self, Numbering, nearest_vertices};
-use crate::points::{COVERS, with_local_triangles};
+use crate::points::{COVERS, Known, with_local_triangles};
 use crate::read::RawMesh;
 use crate::repair::{DROPPED, equal_positions};
 use crate::report::{DefectKind, FileSize, MeshReport, RepairKind};
@@ -136,7 +136,8 @@ fn settle(
     let maps = numbering::Found { file: [given, 0], vertices: moved.then_some(map), faces: None, nearest, inner: 0 };
     examined.numbering = Numbering::found(maps, [order.len(), 0]);
     report.file = FileSize::of(&examined.numbering);
-    examined.mesh = TriangleMesh { positions: local.positions, faces: Vec::new(), ..Default::default() };
+    let (positions, local) = Known::new(local);
+    examined.mesh = TriangleMesh { positions, local, ..Default::default() };
     Ok(())
 }
 

@@ -8,6 +8,9 @@ mod plane;
 mod star;
 mod tree;
 
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::Arc;
+
 use chladni_base::{Cancelled, Monitor};
 use rayon::prelude::*;
 
@@ -59,6 +62,53 @@ pub fn with_local_triangles(positions: &[[f64; 3]], monitor: &dyn Monitor) -> Re
         monitor.progress((first + block.len()) as f64 / n as f64);
     }
     Ok(TriangleMesh { positions: positions.to_vec(), faces, ..Default::default() })
+}
+
+/// Triangles around points that were made already, for whoever needs them next: they take longer than anything else that a check does. They follow from the
+/// positions, so that meshes which differ in what is known are equal, and say nothing once positions have changed.
+#[derive(Debug, Clone, Default)]
+pub struct Known(Option<(u64, Arc<Vec<[u32; 3]>>)>);
+
+impl Known {
+    /// What [`with_local_triangles`] made of these positions.
+    pub fn new(local: TriangleMesh) -> (Vec<[f64; 3]>, Self) {
+        let TriangleMesh { positions, faces, .. } = local;
+        let known = Self(Some((mark(&positions), Arc::new(faces))));
+        (positions, known)
+    }
+
+    /// The triangles, if they are those of these positions.
+    pub fn of(&self, positions: &[[f64; 3]]) -> Option<&[[u32; 3]]> {
+        let (of, faces) = self.0.as_ref()?;
+        (*of == mark(positions)).then_some(faces.as_slice())
+    }
+}
+
+impl PartialEq for Known {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+/// What tells positions from others.
+fn mark(positions: &[[f64; 3]]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    positions.len().hash(&mut hasher);
+    positions.as_flattened().iter().for_each(|x| x.to_bits().hash(&mut hasher));
+    hasher.finish()
+}
+
+/// The triangles of [`with_local_triangles`], those that are known where a check has left them.
+///
+/// # Errors
+/// As for [`with_local_triangles`].
+pub fn triangulated(points: &TriangleMesh, monitor: &dyn Monitor) -> Result<TriangleMesh, Cancelled> {
+    match points.local.of(&points.positions) {
+        Some(faces) => {
+            Ok(TriangleMesh { positions: points.positions.clone(), faces: faces.to_vec(), ..Default::default() })
+        }
+        None => with_local_triangles(&points.positions, monitor),
+    }
 }
 
 /// The same triangles, each of them once: whom a point has beside it.

@@ -41,3 +41,21 @@ fn the_rim_of_an_open_surface_is_kept() {
             && !are_points(&mesh)
     );
 }
+
+#[test]
+fn triangles_that_are_known_are_those_of_the_positions_and_of_no_others() {
+    let positions = sphere(12).positions;
+    let fresh = with_local_triangles(&positions, &Unwatched).unwrap();
+    // Others in their place tell whether they are taken or made.
+    let marked = TriangleMesh { faces: fresh.faces[..9].to_vec(), ..fresh.clone() };
+    let (same, local) = Known::new(marked.clone());
+    assert_eq!(same, positions);
+    let mut points = TriangleMesh { positions, local, ..Default::default() };
+    assert_eq!(triangulated(&points, &Unwatched).unwrap().faces, marked.faces);
+    assert_eq!(points, TriangleMesh { positions: same, ..Default::default() });
+    points.positions[3][0] += 1e-3;
+    let moved = with_local_triangles(&points.positions, &Unwatched).unwrap();
+    assert_eq!(triangulated(&points, &Unwatched).unwrap(), moved);
+    points.positions.truncate(100);
+    assert!(points.local.of(&points.positions).is_none());
+}

@@ -259,7 +259,9 @@ impl<'a> ModalLifter<'a> {
                         *out = start(from + k);
                     }
                     let length = out.len();
-                    for (mode, q) in functions.chunks_exact((3 * n).max(1)).zip(&narrow) {
+                    // A mode that takes no part is not read: a single one is lifted for its own sake as often as a state.
+                    let parts = functions.chunks_exact((3 * n).max(1)).zip(&narrow).filter(|(_, q)| **q != 0.0);
+                    for (mode, q) in parts {
                         let there = &mode[(3 * from).min(3 * n)..(3 * from + length).min(3 * n)];
                         out.iter_mut().zip(there).for_each(|(sum, x)| *sum += q * x);
                     }

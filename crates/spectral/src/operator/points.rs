@@ -16,7 +16,7 @@
 
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
-use chladni_mesh::points::with_local_triangles;
+use chladni_mesh::points::triangulated;
 
 use super::choice::{Triangles, assemble_on};
 use super::{Boundary, MeshOperator, OperatorError, OperatorKind, OperatorParameters, Potential};
@@ -63,7 +63,7 @@ pub fn local_triangles(points: &TriangleMesh, monitor: &dyn Monitor) -> Result<T
     if let Some(vertex) = points.positions.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
         return Err(OperatorError::NotFinite { vertex });
     }
-    with_local_triangles(&points.positions, monitor).map_err(|cancelled: Cancelled| cancelled.into())
+    triangulated(points, monitor).map_err(|cancelled: Cancelled| cancelled.into())
 }
 
 /// The operator on points with [their triangles](local_triangles). Announces the stage `operator`.

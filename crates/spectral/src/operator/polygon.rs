@@ -71,7 +71,7 @@ impl Refined {
             positions.push(sum);
         }
         faces.extend_from_slice(&mesh.faces[next..]);
-        let mesh = TriangleMesh { positions, faces, polygons: None };
+        let mesh = TriangleMesh { positions, faces, ..Default::default() };
         let measured = laplace::measure(&mesh)?;
         Ok(Self { mesh, measured, polygons, shares })
     }

@@ -16,7 +16,7 @@ fn of_polygons(positions: Vec<Vector>, polygons: &[Vec<u32>]) -> TriangleMesh {
             of_face.push(number as u32);
         }
     }
-    TriangleMesh { positions, faces, polygons: Polygons::new(of_face).map(Arc::new) }
+    TriangleMesh { positions, faces, polygons: Polygons::new(of_face).map(Arc::new), ..Default::default() }
 }
 
 /// Quads of a grid of `k × k` cells on the unit square, moved by `bend`.

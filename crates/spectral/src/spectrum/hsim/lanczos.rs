@@ -37,15 +37,30 @@ pub(super) struct Wanted {
     pub seed: u64,
     /// Whether none of them may be left to an iteration.
     pub all: bool,
+    /// Whether columns are added as long as there may be more, before any pair is left: where an iteration takes more memory than they do.
+    pub patient: bool,
+    /// So many of the lowest eigenvalues are zero, and residuals are relative to `‖(S + σM) x‖`, where `σ` is the next one.
+    pub zeros: Option<usize>,
     /// Whether columns may be orthonormal to some eight digits only, for half of the products with the basis.
     pub loosely: bool,
 }
 
 impl Wanted {
+    /// How many pairs may be left to an iteration after so many looks, or when the space cannot grow.
+    fn left(&self, at_last: bool, looks: usize) -> usize {
+        match (self.all, at_last) {
+            (true, _) => 0,
+            (false, true) => self.pairs / MANY_LEFT,
+            (false, false) if self.patient => 0,
+            (false, false) => looks / FEW_LEFT,
+        }
+    }
+
     /// The lowest pairs of a level of a size.
     pub fn lowest(size: usize, pairs: usize, columns: usize, tolerance: f64, seed: u64) -> Self {
         let (most, least_shift) = (most(size, pairs), NEGLIGIBLE);
-        Self { from: 0, pairs, columns, tolerance, most, least_shift, seed, all: false, loosely: false }
+        let (all, patient, zeros, loosely) = (false, false, None, false);
+        Self { from: 0, pairs, columns, tolerance, most, least_shift, seed, all, patient, zeros, loosely }
     }
 }
 
@@ -180,10 +195,7 @@ pub(super) fn pairs(
         let complete = down && chosen.len() >= wanted.pairs;
         match pending.count() {
             0 if complete => return space.vectors(&ritz, &chosen, memory).map(Some),
-            few if complete
-                && !wanted.all
-                && few <= if look == most { wanted.pairs / MANY_LEFT } else { looks / FEW_LEFT } =>
-            {
+            few if complete && few <= wanted.left(look == most, looks) => {
                 return space.vectors(&ritz, &chosen, memory).map(Some);
             }
             _ if look == most => return Ok(None),
@@ -218,6 +230,7 @@ struct Space<'a> {
     /// No columns.
     nothing: PanelMatrix,
     loosely: bool,
+    zeros: Option<usize>,
     /// Whether the next block is orthogonal to those of the last panel only, up to rounding errors of a solve.
     is_loose: bool,
 }
@@ -255,6 +268,7 @@ impl<'a> Space<'a> {
             memory,
             nothing: PanelMatrix::zeros(level.size(), 0),
             loosely: wanted.loosely,
+            zeros: wanted.zeros,
             is_loose: false,
         };
         // Random vectors hold every frequency alike; solves leave those that are near.
@@ -423,15 +437,24 @@ impl<'a> Space<'a> {
         let squares = block_products(&inertia, &inertia);
         let mass = self.level.mass.lumped();
         let mean = mass.iter().map(|m| m * m).sum::<f64>() / mass.iter().sum::<f64>();
+        let floor = self.least(&pairs.values);
         let residual = |(rest, &nu): (&KrylovRow, &f64)| {
             let square: f64 = (0..KRYLOV_WIDTH)
                 .map(|j| rest[j] * (0..KRYLOV_WIDTH).map(|k| squares[j][k] * rest[k]).sum::<f64>())
                 .sum();
-            let value = (self.shift.at + nu.recip()).abs().max(LEAST * self.shift.at.abs());
+            let value = self.shift.at + nu.recip();
+            let value = floor.map_or_else(|below| value.abs().max(below), |unit| value.abs() + unit);
             (square.max(0.0) / mean).sqrt() / (nu * nu * value)
         };
         let residuals = rests.iter().zip(&pairs.values).map(residual).collect();
         Ok(Ritz { operator: pairs.values, vectors: pairs.vectors, rests, residuals })
+    }
+
+    /// What residuals are relative to beside the values, `Ok`; or what they are relative to where values are below it.
+    fn least(&self, operator: &[f64]) -> Result<f64, f64> {
+        let below = operator.partition_point(|&nu| nu < 0.0);
+        let unit = self.zeros.and_then(|zeros| operator.get(below.checked_sub(zeros + 1)?));
+        unit.map(|nu| (self.shift.at + nu.recip()).abs()).ok_or(LEAST * self.shift.at.abs())
     }
 
     /// Some Ritz pairs, after one application of the operator more, which is known already: it takes off what they have of stiff directions.

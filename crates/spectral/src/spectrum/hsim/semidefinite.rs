@@ -24,6 +24,15 @@ const LEAST_SHIFT: f64 = 1e-13;
 /// So many pairs are looked for at least: more than half of fewer may be those of the kernel, with no shift in their middle.
 const FEWEST: usize = 16;
 
+/// So many pairs beyond the wanted ones have to converge with them: a count needs a gap, and whatever lies below it is judged. An iteration on what is missing there takes a factor
+/// and a copy of all columns, more than the space ever does.
+const BEYOND: usize = 12;
+
+/// The pairs that a space has to hold where so many are wanted.
+fn looked_for(count: usize) -> usize {
+    (count + BEYOND).max(FEWEST)
+}
+
 /// Eigenpairs of `S / σ + M`, those of the kernel included, whose values are about one.
 #[derive(Debug)]
 pub(in crate::spectrum) struct AboveKernel {
@@ -35,7 +44,7 @@ pub(in crate::spectrum) struct AboveKernel {
 /// The most columns of the Krylov space in which so many modes of an object with so many unknowns are looked for; `None` where there is no room for one. They
 /// take most of the memory.
 pub fn krylov_columns(unknowns: usize, count: usize, tolerance: f64) -> Option<usize> {
-    let pairs = count.max(FEWEST);
+    let pairs = looked_for(count);
     lanczos::has_room(unknowns, pairs, tolerance).then(|| lanczos::most_sparing(unknowns, pairs, tolerance))
 }
 
@@ -54,7 +63,7 @@ pub(in crate::spectrum) fn above_kernel(
     let (n, HsimParameters { tolerance, seed, .. }) = (problem.size(), *parameters);
     let Wanted::Count(count) = parameters.wanted else { return Ok(None) };
     let Some(most) = krylov_columns(n, count, tolerance).filter(|_| kernel < count) else { return Ok(None) };
-    let pairs = count.max(FEWEST);
+    let pairs = looked_for(count);
     monitor.stage("hierarchy");
     monitor.checkpoint()?;
     let mut finest = in_order(problem, parameters.wanted, monitor)?;
@@ -62,7 +71,7 @@ pub(in crate::spectrum) fn above_kernel(
     finest.level.component.fill(NO_KERNEL);
     monitor.stage("iterate");
     let wanted = lanczos::Wanted::lowest(n, pairs, hierarchy::columns(pairs, n), tolerance, seed);
-    let wanted = lanczos::Wanted { most, least_shift: LEAST_SHIFT, ..wanted };
+    let wanted = lanczos::Wanted { most, least_shift: LEAST_SHIFT, patient: true, zeros: Some(kernel), ..wanted };
     let found = {
         let Finest { level, symbolic, .. } = &finest;
         lanczos::start(level, symbolic, &Kernel::new(level), wanted, monitor)?

@@ -159,6 +159,8 @@ impl Slices<'_> {
                 tolerance,
                 seed: self.wanted.seed.wrapping_add(self.counts.len() as u64),
                 all: true,
+                patient: true,
+                zeros: None,
                 loosely: tolerance >= LOOSE,
             };
             monitor.detail(&format!("slice of pairs {from} to {} of {total}", from + pairs));

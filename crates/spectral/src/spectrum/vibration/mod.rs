@@ -11,13 +11,14 @@ mod frames;
 mod refined;
 mod space;
 
-use chladni_algebra::{DenseMatrix, EigenError, FactorError, GalerkinError};
+use chladni_algebra::{DenseMatrix, EigenError, FactorError, GalerkinError, PANEL_WIDTH, residual_panel};
 use chladni_base::{Cancelled, Monitor};
+use rayon::prelude::*;
 
 use crate::basis::modal::{FIXED, ModalBasis, ModalFunctions};
-use crate::operator::OperatorError;
 use crate::operator::elastic::rigid::{RigidMotion, RigidMotions};
 use crate::operator::elastic::{self, Clamps, ElasticBody, ElasticProblem, Material};
+use crate::operator::{EigenProblem, OperatorError};
 use crate::spectrum::ApproximationError;
 use crate::spectrum::hsim::HsimError;
 
@@ -284,31 +285,34 @@ fn put_together(
 
 /// `‖Kφ − λMφ‖` in the norm of `M⁻¹` of each mode, in 1/time².
 fn bounds(elastic: &ElasticProblem, basis: &ModalBasis, monitor: &dyn Monitor) -> Result<Vec<f64>, VibrationError> {
-    use rayon::prelude::*;
     let lifter = basis.lifter();
-    let mass = elastic.problem.mass.lumped();
+    let EigenProblem { stiffness, mass, .. } = &elastic.problem;
+    let (size, count, masses) = (elastic.problem.size(), basis.count(), mass.lumped());
     let scale = elastic.report.total_mass.sqrt();
-    let count = basis.count();
-    let one = |mode: usize| -> Result<f64, Cancelled> {
-        monitor.checkpoint()?;
-        if mode < basis.rigid {
-            return Ok(0.0);
+    let modes: Vec<usize> = (basis.rigid.min(count)..count).collect();
+    // A panel of modes at a time: the matrix is read once for all of them.
+    let panel = |modes: &[usize]| -> Result<Vec<f64>, Cancelled> {
+        let (mut columns, mut rest) = (vec![0.0; size * PANEL_WIDTH], vec![0.0; size * PANEL_WIDTH]);
+        let (mut q, mut lifted) = (vec![0.0; count], vec![0f32; 3 * basis.vertices()]);
+        for (k, &mode) in modes.iter().enumerate() {
+            monitor.checkpoint()?;
+            q[mode] = scale;
+            lifter.lift(&q, &mut lifted);
+            q[mode] = 0.0;
+            let entries = columns.iter_mut().skip(k).step_by(PANEL_WIDTH);
+            let there = elastic.moving.iter().flat_map(|&v| [0, 1, 2].map(|axis| lifted[3 * v as usize + axis]));
+            entries.zip(there).for_each(|(entry, x)| *entry = f64::from(x));
         }
-        let mut q = vec![0.0; count];
-        q[mode] = scale;
-        let mut lifted = vec![0f32; 3 * basis.vertices()];
-        lifter.lift(&q, &mut lifted);
-        let x: Vec<f64> = elastic
-            .moving
-            .iter()
-            .flat_map(|&v| [0, 1, 2].map(|axis| f64::from(lifted[3 * v as usize + axis])))
-            .collect();
-        let value = basis.eigenvalues[mode] / elastic.eigenvalue_scale;
-        let image = elastic.problem.stiffness.multiply(&x);
-        let square: f64 = image.iter().zip(&x).zip(&mass).map(|((kx, x), m)| (kx - value * m * x).powi(2) / m).sum();
-        Ok(square.sqrt() * elastic.eigenvalue_scale)
+        let values: Vec<f64> = modes.iter().map(|&mode| basis.eigenvalues[mode] / elastic.eigenvalue_scale).collect();
+        residual_panel(stiffness, mass, &columns, &values, &mut rest);
+        let mut squares = [0.0; PANEL_WIDTH];
+        for (row, mass) in rest.as_chunks::<PANEL_WIDTH>().0.iter().zip(&masses) {
+            squares.iter_mut().zip(row).for_each(|(sum, r)| *sum += r * r / mass);
+        }
+        Ok(squares[..modes.len()].iter().map(|square| square.sqrt() * elastic.eigenvalue_scale).collect())
     };
-    (0..count).into_par_iter().map(one).collect::<Result<_, _>>().map_err(VibrationError::Cancelled)
+    let panels: Vec<Vec<f64>> = modes.par_chunks(PANEL_WIDTH).map(panel).collect::<Result<_, _>>()?;
+    Ok(std::iter::repeat_n(0.0, count - modes.len()).chain(panels.into_iter().flatten()).collect())
 }
 
 #[cfg(test)]

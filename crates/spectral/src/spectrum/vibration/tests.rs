@@ -136,6 +136,39 @@ fn iterations_go_on_until_the_estimate_allows_the_error_and_the_estimate_can_be_
     assert!(last > 1);
 }
 
+/// More modes than a panel has, some of them rigid, and vertices that do not move.
+#[test]
+fn the_bound_of_each_mode_is_the_norm_of_its_own_residual() {
+    let mesh = generate(Shape::Torus, 600).unwrap();
+    let body = ElasticBody::Shell { mesh: &mesh, thickness: 0.1 };
+    for clamped in [vec![], vec![3, 4, 5]] {
+        let elastic = elastic::assemble(body, &MATERIAL, &clamped.clone().into(), &Unwatched).unwrap();
+        let (mass, scale) = (elastic.problem.mass.lumped(), elastic.report.total_mass.sqrt());
+        for method in [HSIM, local(100)] {
+            let basis = modes(body, 45, clamped.clone(), method);
+            assert_eq!(basis.bounds.len(), 45);
+            for (mode, &bound) in basis.bounds.iter().enumerate() {
+                if mode < basis.rigid {
+                    assert_eq!(bound, 0.0);
+                    continue;
+                }
+                let mut q = vec![0.0; 45];
+                q[mode] = scale;
+                let mut lifted = vec![0f32; 3 * basis.vertices()];
+                basis.lifter().lift(&q, &mut lifted);
+                let moving = elastic.moving.iter().flat_map(|&v| [0, 1, 2].map(|axis| 3 * v as usize + axis));
+                let x: Vec<f64> = moving.map(|row| f64::from(lifted[row])).collect();
+                let value = basis.eigenvalues[mode] / elastic.eigenvalue_scale;
+                let image = elastic.problem.stiffness.multiply(&x);
+                let square: f64 =
+                    image.iter().zip(&x).zip(&mass).map(|((kx, x), m)| (kx - value * m * x).powi(2) / m).sum();
+                let expected = square.sqrt() * elastic.eigenvalue_scale;
+                assert!((bound - expected).abs() <= 1e-6 * expected, "{mode}: {bound} is not {expected}");
+            }
+        }
+    }
+}
+
 #[test]
 fn clamped_vertices_stay_and_take_rigid_motions_away() {
     let mesh = bar([4.0, 1.0, 1.0], [12, 3, 3]);
