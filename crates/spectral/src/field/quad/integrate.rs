@@ -35,13 +35,15 @@ impl VertexOrder {
     pub fn new(surface: &FieldSurface) -> Result<Self, QuadError> {
         let vertices = surface.mesh().positions.len();
         let (offsets, indices) = beside(surface);
-        if vertices > LARGE {
-            let neighbours = Neighbours { offsets: &offsets, indices: &indices };
-            return Ok(Self(dissected(&surface.mesh().positions, &neighbours)));
+        let large = vertices > LARGE;
+        let neighbours = Neighbours { offsets: &offsets, indices: &indices };
+        if let Some(order) = large.then(|| dissected(&surface.mesh().positions, &neighbours)).flatten() {
+            return Ok(Self(order));
         }
+        let ordering = if large { Ordering::NestedDissection } else { Ordering::Amd };
         let values = vec![1.0; indices.len()];
         let pattern = SparseMatrix::from_sorted_parts(vertices, vertices, offsets, indices, values);
-        Ok(Self(fill_reducing_order(&pattern, Ordering::Amd)?))
+        Ok(Self(fill_reducing_order(&pattern, ordering)?))
     }
 
     /// About the bytes that it takes.
