@@ -209,6 +209,25 @@ impl SymbolicFactor {
         shift: f64,
         storage: Vec<f64>,
     ) -> Result<Factor<'_>, FactorError> {
+        self.factor_with(a, b, shift, storage, Par::Seq)
+    }
+
+    /// As [`factor`](Self::factor), with products of large supernodes shared out among all threads: for a factor that is computed by itself, not beside others.
+    ///
+    /// # Errors
+    /// As for [`factor`](Self::factor).
+    pub fn factor_alone(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Result<Factor<'_>, FactorError> {
+        self.factor_with(a, b, shift, Vec::new(), Par::rayon(0))
+    }
+
+    fn factor_with(
+        &self,
+        a: &SparseMatrix,
+        b: &MassMatrix,
+        shift: f64,
+        storage: Vec<f64>,
+        par: Par,
+    ) -> Result<Factor<'_>, FactorError> {
         let mut largest = 0f64;
         let mut shifted = Vec::with_capacity(self.sources.len());
         for &(in_a, in_b) in &self.sources {
@@ -228,7 +247,7 @@ impl SymbolicFactor {
         let n = self.size();
         let pattern = SymbolicSparseColMatRef::new_checked(n, n, &self.offsets, None, &self.rows);
         let lower = SparseColMatRef::new(pattern, &shifted);
-        match self.plain(lower, largest, storage) {
+        match self.plain(lower, largest, storage, par) {
             Ok(factor) if factor.growth <= LARGEST_GROWTH => Ok(factor),
             Ok(factor) => self.pivoted(lower, largest, factor.into_storage()),
             Err(FactorError::Singular { .. }) => self.pivoted(lower, largest, Vec::new()),
@@ -241,16 +260,17 @@ impl SymbolicFactor {
         lower: SparseColMatRef<'_, usize, f64>,
         largest: f64,
         storage: Vec<f64>,
+        par: Par,
     ) -> Result<Factor<'_>, FactorError> {
         let mut values = self.storage(storage)?;
-        let request = self.symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
+        let request = self.symbolic.factorize_numeric_ldlt_scratch::<f64>(par, Default::default());
         let mut buffer = memory(request)?;
         let done = self.symbolic.factorize_numeric_ldlt(
             &mut values,
             lower,
             Side::Lower,
             LdltRegularization::default(),
-            Par::Seq,
+            par,
             MemStack::new(&mut buffer),
             Default::default(),
         );

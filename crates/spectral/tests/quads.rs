@@ -260,6 +260,34 @@ fn whole_translations_are_whole_on_surfaces_with_handles() {
     }
 }
 
+#[test]
+fn faces_are_turned_back_and_seams_stay_as_they_are() {
+    let (mut before, mut after) = (0, 0);
+    for (shape, vertices, integers) in [
+        (Shape::Torus, 600, false),
+        (Shape::Genus(2), 1500, false),
+        (Shape::Violin, 500, false),
+        (Shape::Genus(2), 1500, true),
+    ] {
+        let surface = FieldSurface::new(noisy(&generate(shape, vertices).unwrap(), 0.3, 7).unwrap()).unwrap();
+        let cross = CrossField::aligned(&surface, &CrossParameters::default(), &Unwatched).unwrap();
+        let combed = comb(&surface, &cross.field, &[]).unwrap();
+        let spacing = 0.05 * surface.frames().area().sqrt();
+        let wanted = |stiffening| ParametrisationParameters { spacing, integers, creases: Vec::new(), stiffening };
+        let (plain, turned) = (coordinates(&surface, &combed, &wanted(0)), coordinates(&surface, &combed, &wanted(4)));
+        assert!(turned.inverted.len() <= plain.inverted.len(), "{shape}");
+        if !integers {
+            // Whole numbers may leave some faces no room.
+            (before, after) = (before + plain.inverted.len(), after + turned.inverted.len());
+        }
+        let (worst, translations) = seams(&surface, &combed, &turned);
+        assert!(worst < 1e-6, "{shape}: {worst:e}");
+        let whole = |x: &f64| (x - x.round()).abs() < 1e-5;
+        assert!(!integers || translations.iter().flatten().all(whole), "{shape}");
+    }
+    assert!(2 * after <= before && before > 0, "{after} of {before}");
+}
+
 /// What [`write_obj`] and Directional's files say, read again by hand.
 #[test]
 fn files_have_the_corners_the_directions_and_how_they_go_on() {

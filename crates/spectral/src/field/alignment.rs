@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use chladni_algebra::{GalerkinError, SparseMatrix};
+use chladni_algebra::{FactorError, GalerkinError, SparseMatrix};
 use chladni_base::Unwatched;
 
 use crate::basis::FieldBasis;
@@ -10,7 +10,8 @@ use crate::operator::frames::{Planar, normalise};
 use crate::operator::transport::FieldKind;
 
 use super::basis::{FieldSurface, restricted};
-use super::design::{Constraint, DesignError, DesignModel, FIRM, Hold, length};
+use super::design::{Constraint, DesignError, DesignModel, EnergyWeights, FIRM, Hold, length};
+use super::nearby::{LastFactor, Nearby};
 use super::pencil::Pencil;
 use super::prescribed::PrescribedField;
 use super::reading::tensor_deviator;
@@ -24,9 +25,11 @@ pub struct Alignment {
     /// `Xᵀ Uᵀ M W target`; empty in spaces without Ritz coordinates.
     pub(super) projected: Vec<f64>,
     /// `Uᵀ M W U` where there are weights per face, `M̄` where there are none.
-    pub(super) gram: Option<SparseMatrix>,
+    pub(super) gram: Option<Arc<SparseMatrix>>,
     /// The restricted matrices, which go with it in the sum.
     pub(super) pencil: Option<Arc<Pencil>>,
+    /// What was factored last of the sums that it is part of.
+    last: LastFactor,
     /// `targetᵀ M W target`.
     pub(super) constant: f64,
     /// `M W target` on the faces.
@@ -36,12 +39,23 @@ pub struct Alignment {
 }
 
 impl Alignment {
+    /// The inverse of both energies with so much of it, on the factor of a sum nearby where there is one; `None` without weights per face.
+    ///
+    /// # Errors
+    /// [`FactorError`].
+    pub(super) fn inverse(&self, weights: EnergyWeights, weight: f64) -> Result<Option<Nearby>, FactorError> {
+        let (Some(pencil), Some(gram)) = (&self.pencil, &self.gram) else { return Ok(None) };
+        self.last.inverse(pencil, gram, [weights.harmonic, weights.biharmonic, weight]).map(Some)
+    }
+
     /// About the bytes that it takes.
     pub fn bytes(&self) -> u64 {
         let matrices = |m: &SparseMatrix| 12 * m.entries() as u64;
         let pencil = self.pencil.as_ref().map_or(0, |p| matrices(&p.stiffness) + matrices(&p.mass));
         let faces = self.force.len() + self.masses.as_ref().map_or(0, |m| m.len());
-        8 * (self.reduced.len() + self.projected.len() + faces) as u64 + self.gram.as_ref().map_or(0, matrices) + pencil
+        8 * (self.reduced.len() + self.projected.len() + faces) as u64
+            + self.gram.as_deref().map_or(0, matrices)
+            + pencil
     }
 }
 
@@ -78,16 +92,20 @@ impl DesignModel {
         let reduced = basis.space.transposed_times(&weighted);
         let masses = weights.map(|_| Arc::new((0..faces).map(weight).collect::<Vec<f64>>()));
         let gram = match &masses {
-            Some(masses) => Some(restricted(&basis.space, masses, &Unwatched).map_err(|error| match error {
-                GalerkinError::Cancelled(cancelled) => DesignError::Cancelled(cancelled),
-                other => DesignError::Products(other),
-            })?),
+            Some(masses) => {
+                let gram = restricted(&basis.space, masses, &Unwatched).map_err(|error| match error {
+                    GalerkinError::Cancelled(cancelled) => DesignError::Cancelled(cancelled),
+                    other => DesignError::Products(other),
+                })?;
+                Some(Arc::new(gram))
+            }
             None => None,
         };
         let new = || Arc::new(Pencil::new(basis));
         let pencil = gram.is_some().then(|| self.pencil.clone().unwrap_or_else(new));
         let projected = if self.has_ritz() { self.project(&reduced) } else { Vec::new() };
-        Ok(Alignment { reduced, projected, gram, pencil, constant, force: Arc::new(weighted), masses })
+        let last = LastFactor::default();
+        Ok(Alignment { reduced, projected, gram, pencil, last, constant, force: Arc::new(weighted), masses })
     }
 
     /// A field with prescribed singularities, to be designed with.

@@ -234,6 +234,35 @@ fn alignment_pulls_towards_the_field_and_weights_per_face_say_where() {
 }
 
 #[test]
+fn a_slider_goes_on_with_the_factor_and_gives_what_a_factor_of_its_own_gives() {
+    let r = set_up(Shape::Torus, 700, FieldKind::NVector { n: 4 }, 160);
+    let areas = r.surface.frames().areas();
+    let faces = r.surface.faces();
+    let target: Vec<f64> = (0..2 * faces).map(|i| (i as f64 * 0.37).sin()).collect();
+    let per_face: Vec<f64> = (0..faces).map(|f| 0.5 + 0.5 * (f as f64 * 0.11).cos()).collect();
+    let new = || Arc::new(r.model.alignment(&r.basis, areas, &target, Some(&per_face)).unwrap());
+    let constraints = [soft(3, 1.0, 0.0, 5.0), hard(300, 0.0, 1.0)];
+    let kept = new();
+    let energies = |harmonic: f64| EnergyWeights { harmonic, biharmonic: 0.05 * harmonic };
+    let first = r.model.weighted(energies(1.0), Some((kept.clone(), 2.0))).unwrap();
+    let mut now = first;
+    for (harmonic, weight) in [(1.0, 2.0), (3.0, 6.0), (1.0, 1.1), (0.4, 2.2), (1.0, 5.5), (1.0, 50.0), (1e-3, 0.06)] {
+        let next = r.model.weighted(energies(harmonic), Some((kept.clone(), weight))).unwrap();
+        let own = r.model.weighted(energies(harmonic), Some((new(), weight))).unwrap();
+        assert_eq!(next.shares_its_factor(&now), weight != 50.0, "{harmonic} {weight}");
+        for constraints in [&constraints[..], &[]] {
+            let (a, b) = (next.solve(&r.basis, constraints).unwrap(), own.solve(&r.basis, constraints).unwrap());
+            let largest = b.ritz.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+            let apart = a.ritz.iter().zip(&b.ritz).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
+            assert!(apart < 1e-6 * largest, "{harmonic} {weight}: {apart} of {largest}");
+            let near = |x: f64, y: f64| (x - y).abs() < 1e-6 * y.abs();
+            assert!(near(a.harmonic_energy, b.harmonic_energy) && near(a.biharmonic_energy, b.biharmonic_energy));
+        }
+        now = next;
+    }
+}
+
+#[test]
 fn what_cannot_be_designed_is_named() {
     let r = set_up(Shape::Sphere, 162, FieldKind::Vector {}, 20);
     let solve = |constraints: &[Constraint]| r.model.weighted(HARMONIC, None).unwrap().solve(&r.basis, constraints);

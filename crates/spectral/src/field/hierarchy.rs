@@ -13,6 +13,9 @@ use crate::operator::transport::{FieldKind, transport_block, turn};
 /// Weight of the smoothing step on the interpolation, where the spectrum ends at 2.
 const INTERPOLATION_WEIGHT: f64 = 0.75;
 
+/// What rows that are coupled to nothing share in the interpolation: not quite nothing, so that levels stay definite where all of an aggregate are such rows.
+const UNCOUPLED: f64 = 0.03;
+
 /// A neighbour, and the turn that carries its numbers here.
 type Link = (u32, Planar);
 
@@ -258,6 +261,11 @@ fn coarsen<const B: usize>(
         // A row of a vertex with very many triangles is long.
         if i % 64 == 0 || columns.len() > 1000 {
             monitor.checkpoint()?;
+        }
+        if columns == [i as u32] && scales[i] > 0.0 {
+            // Coupled to nothing and not free: no coarser level has to correct it, and it is to hold none.
+            entries.push((aggregates.of[i], tentative[i].map(|row| row.map(|x| UNCOUPLED * x))));
+            return Ok(());
         }
         entries.push((aggregates.of[i], tentative[i]));
         let weight = if scales[i] > 0.0 { -INTERPOLATION_WEIGHT / scales[i] } else { 0.0 };

@@ -16,6 +16,7 @@ mod idle;
 mod local;
 mod loops;
 mod many;
+mod nearby;
 #[cfg(test)]
 mod patch_tests;
 mod pencil;

@@ -7,8 +7,10 @@
 use std::sync::{Arc, OnceLock};
 
 use chladni_algebra::{
-    FactorError, FactorNumbers, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order,
+    ColumnTree, FactorError, FactorNumbers, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor,
+    fill_reducing_order,
 };
+use rayon::prelude::*;
 
 use crate::basis::FieldBasis;
 
@@ -63,6 +65,8 @@ struct Structure {
     offsets: Vec<usize>,
     indices: Vec<u32>,
     symbolic: SymbolicFactor,
+    /// How a single right-hand side is shared out among threads.
+    tree: ColumnTree,
 }
 
 impl PartialEq for Pencil {
@@ -172,7 +176,8 @@ impl Pencil {
         let pattern = SparseMatrix::from_sorted_parts(size, size, offsets.clone(), indices.clone(), values);
         let symbolic = SymbolicFactor::new(&pattern, &MassMatrix::Diagonal(vec![0.0; size]))?;
         within_surfaces(symbolic.entries(), pattern.values().len(), nodes)?;
-        Ok(Structure { places, nodes: ordered, offsets, indices, symbolic })
+        let tree = ColumnTree::new(&symbolic);
+        Ok(Structure { places, nodes: ordered, offsets, indices, symbolic, tree })
     }
 
     /// The system for some weights. Matrices of `sum` that reach beyond the pattern of the pencil lose what lies outside.
@@ -251,6 +256,11 @@ pub(super) struct SparseInverse {
 }
 
 impl SparseInverse {
+    /// `d`.
+    pub fn size(&self) -> usize {
+        self.places.len()
+    }
+
     /// About the bytes that the factor takes.
     pub fn bytes(&self) -> u64 {
         8 * self.structure.symbolic.entries() as u64 + 16 * self.places.len() as u64
@@ -259,7 +269,14 @@ impl SparseInverse {
     /// `X ← K⁻¹ X` for `d × k` numbers, column after column.
     pub fn apply(&self, vectors: &mut [f64]) {
         let d = self.places.len();
-        for columns in vectors.chunks_mut(d.max(1) * PANEL_WIDTH) {
+        if vectors.len() == d {
+            let mut x = vec![0.0; self.rows];
+            vectors.iter().zip(&self.places).for_each(|(&value, &(at, _))| x[at as usize] = value);
+            self.structure.tree.solve(&self.structure.symbolic, &self.numbers, &mut x);
+            vectors.iter_mut().zip(&self.places).for_each(|(value, &(at, _))| *value = x[at as usize]);
+            return;
+        }
+        vectors.par_chunks_mut(d.max(1) * PANEL_WIDTH).for_each(|columns| {
             let mut panel = vec![0.0; self.rows * PANEL_WIDTH];
             for (k, column) in columns.chunks_exact(d).enumerate() {
                 for (&value, &(x, _)) in column.iter().zip(&self.places) {
@@ -272,25 +289,25 @@ impl SparseInverse {
                     *value = panel[x as usize * PANEL_WIDTH + k];
                 }
             }
-        }
+        });
     }
 
     /// `M̄⁻¹ S̄ x` for `x = K⁻¹ f`, whose `S̄ x` is `image`; `None` for a full biharmonic energy, whose system does not hold it.
     pub fn laplacian(&self, f: &[f64], image: &[f64]) -> Option<Vec<f64>> {
-        let mut panel = vec![0.0; self.rows * PANEL_WIDTH];
+        let mut both = vec![0.0; self.rows];
         for (at, &(x, y)) in self.places.iter().enumerate() {
             if y == u32::MAX {
                 return None;
             }
             if self.root > 0.0 {
-                panel[x as usize * PANEL_WIDTH] = f[at];
+                both[x as usize] = f[at];
             } else {
-                panel[y as usize * PANEL_WIDTH] = -image[at];
+                both[y as usize] = -image[at];
             }
         }
-        self.structure.symbolic.solve_panel(&self.numbers, &mut panel);
+        self.structure.tree.solve(&self.structure.symbolic, &self.numbers, &mut both);
         let scale = if self.root > 0.0 { 1.0 / self.root } else { 1.0 };
-        Some(self.places.iter().map(|&(_, y)| scale * panel[y as usize * PANEL_WIDTH]).collect())
+        Some(self.places.iter().map(|&(_, y)| scale * both[y as usize]).collect())
     }
 }
 

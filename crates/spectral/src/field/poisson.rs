@@ -1,8 +1,8 @@
 //! Poisson problems on the vertices of a surface, by a sparse factor.
 
 use chladni_algebra::{
-    FactorError, FactorNumbers, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SparseMatrix, SymbolicFactor,
-    fill_reducing_order,
+    ColumnTree, FactorError, FactorNumbers, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SparseMatrix,
+    SymbolicFactor, fill_reducing_order,
 };
 use chladni_base::{Cancelled, Monitor};
 use rayon::prelude::*;
@@ -71,11 +71,25 @@ pub(super) fn solve(matrix: &SparseMatrix, x: &mut PanelMatrix, monitor: &dyn Mo
     })
 }
 
+/// From so many entries on the numbers of a factor are computed on all threads.
+const LARGE_FACTOR: usize = 1 << 24;
+
+fn numbers(symbolic: &SymbolicFactor, matrix: &SparseMatrix, none: &MassMatrix) -> Result<FactorNumbers, FactorError> {
+    let factor = if symbolic.entries() > LARGE_FACTOR {
+        symbolic.factor_alone(matrix, none, 0.0)
+    } else {
+        symbolic.factor(matrix, none, 0.0)
+    };
+    Ok(factor?.into_numbers())
+}
+
 /// A symmetric positive definite matrix, factored to be kept.
 pub(super) struct Factor {
     order: Vec<u32>,
     symbolic: SymbolicFactor,
     numbers: FactorNumbers,
+    /// How a single right-hand side is shared out among threads.
+    tree: ColumnTree,
 }
 
 impl Factor {
@@ -119,7 +133,8 @@ impl Factor {
     /// [`FactorError`].
     pub fn refactor(&mut self, matrix: &SparseMatrix) -> Result<(), FactorError> {
         let none = MassMatrix::Diagonal(vec![0.0; matrix.rows()]);
-        self.numbers = self.symbolic.factor(&matrix.reordered(&self.order), &none, 0.0)?.into_numbers();
+        let sorted = matrix.reordered(&self.order);
+        self.numbers = numbers(&self.symbolic, &sorted, &none)?;
         Ok(())
     }
 
@@ -135,8 +150,9 @@ impl Factor {
         let none = MassMatrix::Diagonal(vec![0.0; n]);
         let symbolic = admit(SymbolicFactor::new(&sorted, &none)?)?;
         monitor.checkpoint()?;
-        let numbers = symbolic.factor(&sorted, &none, 0.0)?.into_numbers();
-        Ok(Self { order, symbolic, numbers })
+        let numbers = numbers(&symbolic, &sorted, &none)?;
+        let tree = ColumnTree::new(&symbolic);
+        Ok(Self { order, symbolic, numbers, tree })
     }
 
     /// The unknowns.
@@ -151,6 +167,12 @@ impl Factor {
 
     /// `x ← A⁻¹ x`, of at most [`PANEL_WIDTH`] vectors.
     pub fn solve<const K: usize>(&self, columns: &mut [Vec<f64>; K]) {
+        if let [column] = columns.as_mut_slice() {
+            let mut sorted: Vec<f64> = self.order.iter().map(|&at| column[at as usize]).collect();
+            self.tree.solve(&self.symbolic, &self.numbers, &mut sorted);
+            sorted.iter().zip(&self.order).for_each(|(from, &at)| column[at as usize] = *from);
+            return;
+        }
         let mut panel = vec![0.0; self.size() * PANEL_WIDTH];
         for (row, &at) in panel.chunks_exact_mut(PANEL_WIDTH).zip(&self.order) {
             row.iter_mut().zip(columns.iter()).for_each(|(to, column)| *to = column[at as usize]);

@@ -4,6 +4,8 @@
 //! vertex these angles and `n` times the angle defect `K` add up to a multiple of 360°, and the index is that multiple over `n`. As each `r_e` is
 //! computed once and seen from both ends with opposite signs, the indices of a closed surface add up to its Euler characteristic exactly.
 
+use rayon::prelude::*;
+
 use crate::operator::frames::{Planar, conjugate, multiply};
 use crate::operator::transport::{FieldKind, turn};
 
@@ -101,8 +103,9 @@ pub(super) fn least_angles(surface: &FieldSurface, kind: FieldKind, field: &[f32
     };
     let angles = dual
         .edge_faces()
-        .iter()
+        .par_iter()
         .enumerate()
+        .with_min_len(1 << 12)
         .map(|(edge, &[low, high])| {
             let Some(k) = dual.edges(low as usize).iter().position(|&e| e as usize == edge) else { return 0.0 };
             // The turn carries the upper face's numbers into the lower one.

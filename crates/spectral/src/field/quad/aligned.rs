@@ -1,20 +1,19 @@
 //! The smoothest cross field of all fields of a surface that runs along its creases: a harmonic representation with values given at their faces.
 //!
 //! Card. `Σ_e w_e |u_i − P u_j|²` of the transport Laplacian with `n = 4`, the fourth powers of the directions of creases held on the faces beside them, and where it is
-//! wanted `w Σ_f a_f s_f |u_f − κ_f|²` with the principal directions `κ` and how clear they are, `s`. Where nothing is held the field of least energy and length 1 is taken, by inverse
-//! iteration (Knöppel, Crane, Pinkall and Schröder 2013). One sparse factor of the faces that are free.
+//! wanted `w Σ_f a_f s_f |u_f − κ_f|²` with the principal directions `κ` and how clear they are, `s`. Where nothing is held the field of least energy and length 1 is taken (Knöppel, Crane, Pinkall
+//! and Schröder 2013). How it is computed stands in [`super::smoothest`].
 
 use std::collections::HashMap;
 
-use chladni_base::{Monitor, SplitMix64};
+use chladni_base::Monitor;
 use chladni_mesh::dual::NO_FACE;
 
 use super::super::basis::FieldSurface;
-use super::super::poisson::Factor;
-use super::super::principal::{DirectionField, curvature_tensors, principal_directions};
+use super::smoothest::smoothest;
 use super::{QuadError, creases};
 use crate::operator::frames::{Planar, multiply, normalise, power};
-use crate::operator::transport::{FieldKind, transport_stiffness};
+use crate::operator::transport::FieldKind;
 
 /// What a cross field is asked to follow.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,17 +45,8 @@ pub struct CrossField {
     pub crease_error: [f64; 2],
 }
 
-/// A curvature of which less than this is left on the surface of unit area is rounding errors.
-const FLAT: f64 = 1e-6;
-
-/// A component that is pulled by less than this in all is taken for flat.
-const NO_PULL: f64 = 1e-9;
-
 /// Crosses of unit length that differ by less are the same.
 const SAME: f64 = 1e-6;
-
-/// Steps of inverse iteration where nothing is held.
-const STEPS: usize = 24;
 
 impl CrossField {
     /// Computes the field.
@@ -171,114 +161,4 @@ fn missed(surface: &FieldSurface, edges: &[u32], field: &[Planar]) -> [f64; 2] {
         (sum, total, most) = (sum + side.length * error, total + side.length, most.max(error));
     }
     if total > 0.0 { [sum / total, most] } else { [0.0; 2] }
-}
-
-/// Unit representations of least energy where values are held on some faces.
-fn smoothest(
-    surface: &FieldSurface,
-    held: &[Option<Planar>],
-    curvature: f64,
-    monitor: &dyn Monitor,
-) -> Result<Vec<Planar>, QuadError> {
-    let faces = surface.faces();
-    let kind = FieldKind::NVector { n: 4 };
-    let areas = surface.frames().areas();
-    let stiffness = transport_stiffness::<2>(kind, surface.dual(), surface.frames()).to_sparse();
-    let pull = if curvature > 0.0 { pull(surface) } else { None };
-    let (components, count) = surface.dual().components();
-    // A component without curvature is pulled nowhere.
-    let mut pulled = vec![0.0; count];
-    if let Some(pull) = &pull {
-        (0..faces).for_each(|face| pulled[components[face] as usize] += areas[face] * pull.weights[face]);
-    }
-    let mut bound: Vec<bool> = pulled.into_iter().map(|weight| weight > NO_PULL).collect();
-    for (face, held) in held.iter().enumerate() {
-        bound[components[face] as usize] |= held.is_some();
-    }
-    let mut field: Vec<Planar> = held.iter().map(|held| held.unwrap_or([0.0; 2])).collect();
-    let least_diagonal = stiffness.values().iter().fold(0.0f64, |most, x| most.max(x.abs())) * 1e-15;
-    if bound.contains(&true) {
-        let free: Vec<u32> =
-            (0..faces).filter(|&f| held[f].is_none()).flat_map(|f| [2 * f as u32, 2 * f as u32 + 1]).collect();
-        let mut right = Vec::with_capacity(free.len());
-        for &row in &free {
-            let (columns, values) = stiffness.row(row as usize);
-            let beside = columns.iter().zip(values).map(|(&c, &s)| s * field[c as usize / 2][c as usize % 2]);
-            right.push(-beside.sum::<f64>());
-        }
-        let mut diagonal = vec![least_diagonal; free.len()];
-        if let Some(pull) = &pull {
-            for (k, &row) in free.iter().enumerate() {
-                let face = row as usize / 2;
-                let weight = curvature * areas[face] * pull.weights[face];
-                diagonal[k] += weight;
-                right[k] += weight * pull.target[row as usize];
-            }
-        }
-        if !free.is_empty() {
-            let matrix = with_diagonal(&stiffness.principal(&free), &diagonal);
-            let factor = Factor::new(&matrix, monitor)?;
-            let mut columns = [right];
-            factor.solve(&mut columns);
-            free.iter().zip(&columns[0]).for_each(|(&row, &x)| field[row as usize / 2][row as usize % 2] = x);
-        }
-    }
-    if bound.contains(&false) {
-        let alone = lowest(surface, &stiffness, monitor)?;
-        for face in (0..faces).filter(|&face| !bound[components[face] as usize]) {
-            field[face] = alone[face];
-        }
-    }
-    Ok(field.into_iter().zip(held).map(|(value, held)| held.unwrap_or_else(|| normalise(value))).collect())
-}
-
-/// Directions of curvature with their weights; faces that are flat up to rounding have none.
-fn pull(surface: &FieldSurface) -> Option<DirectionField> {
-    let tensors = curvature_tensors(surface).ok()?;
-    let mut field = principal_directions(&tensors, 4)?;
-    let unit = surface.frames().area().sqrt();
-    for (weight, tensor) in field.weights.iter_mut().zip(tensors.chunks_exact(3)) {
-        let size = unit * tensor.iter().map(|x| x * x).sum::<f64>().sqrt();
-        *weight *= size / (size + FLAT);
-    }
-    Some(field)
-}
-
-/// The field of least energy for its length, on each component.
-fn lowest(
-    surface: &FieldSurface,
-    stiffness: &chladni_algebra::SparseMatrix,
-    monitor: &dyn Monitor,
-) -> Result<Vec<Planar>, QuadError> {
-    let areas = surface.frames().areas();
-    let (components, count) = surface.dual().components();
-    // On unit area eigenvalues are of the order of ten and more.
-    let mass: Vec<f64> = areas.iter().flat_map(|&a| [a, a]).collect();
-    let factor = Factor::new(&with_diagonal(stiffness, &mass), monitor)?;
-    let mut random = SplitMix64::new(0);
-    let mut field: Vec<f64> = mass.iter().map(|_| random.signed_unit()).collect();
-    for _ in 0..STEPS {
-        monitor.checkpoint()?;
-        let mut columns = [field.iter().zip(&mass).map(|(x, m)| x * m).collect::<Vec<f64>>()];
-        factor.solve(&mut columns);
-        [field] = columns;
-        let mut squares = vec![0.0; count];
-        field.iter().enumerate().for_each(|(i, x)| squares[components[i / 2] as usize] += mass[i] * x * x);
-        for (i, x) in field.iter_mut().enumerate() {
-            *x /= squares[components[i / 2] as usize].sqrt().max(f64::MIN_POSITIVE);
-        }
-    }
-    Ok(field.as_chunks::<2>().0.to_vec())
-}
-
-fn with_diagonal(matrix: &chladni_algebra::SparseMatrix, diagonal: &[f64]) -> chladni_algebra::SparseMatrix {
-    let mut values = matrix.values().to_vec();
-    for row in 0..matrix.rows() {
-        let begin = matrix.offsets()[row];
-        if let Ok(at) = matrix.row(row).0.binary_search(&(row as u32)) {
-            values[begin + at] += diagonal[row];
-        }
-    }
-    let (offsets, indices) = (matrix.offsets().to_vec(), matrix.indices().to_vec());
-    chladni_algebra::SparseMatrix::from_sorted_parts(matrix.rows(), matrix.columns(), offsets, indices, values)
 }

@@ -9,6 +9,7 @@ use std::collections::{BinaryHeap, VecDeque};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use chladni_mesh::dual::NO_FACE;
+use rayon::prelude::*;
 
 use super::super::basis::FieldSurface;
 use super::super::harmonic::rim;
@@ -34,6 +35,9 @@ pub struct Combed {
     pub singularities: Vec<Singularity>,
 }
 
+/// What one task handles.
+const PIECE: usize = 1 << 12;
+
 const KIND: FieldKind = FieldKind::NVector { n: 4 };
 
 /// Combs a cross field of representations, `2F` numbers of any length. `matching` has full turns of the representation beyond the least angle.
@@ -50,13 +54,14 @@ pub fn comb(surface: &FieldSurface, field: &[f32], matching: &[Matching]) -> Res
             *angle += TAU * f64::from(matched.turns);
         }
     }
-    let mut first = Vec::with_capacity(faces);
-    for (face, value) in field.as_chunks::<2>().0.iter().enumerate() {
+    let direction = |value: &[f32; 2]| {
         let [x, y] = value.map(f64::from);
-        if !(x.hypot(y) > 0.0 && x.is_finite() && y.is_finite()) {
-            return Err(QuadError::NoDirection { face });
-        }
-        first.push(y.atan2(x).rem_euclid(TAU) / 4.0);
+        let sound = x.hypot(y) > 0.0 && x.is_finite() && y.is_finite();
+        if sound { y.atan2(x).rem_euclid(TAU) / 4.0 } else { f64::NAN }
+    };
+    let first: Vec<f64> = field.as_chunks::<2>().0.par_iter().with_min_len(PIECE).map(direction).collect();
+    if let Some(face) = first.iter().position(|angle| angle.is_nan()) {
+        return Err(QuadError::NoDirection { face });
     }
     let matching = matched(surface, &first, &angles);
     let singularities = singular_vertices(surface, &angles, &matching);
@@ -72,7 +77,7 @@ pub fn comb(surface: &FieldSurface, field: &[f32], matching: &[Matching]) -> Res
         _ => (turns[high as usize] + 8 - turns[low as usize] - matching[edge]) % 4,
     };
     let jumps: Vec<u8> = edge_faces.iter().enumerate().map(jump).collect();
-    let directions = first.iter().zip(&turns).map(|(angle, &turn)| {
+    let directions = first.par_iter().zip(&turns).with_min_len(PIECE).map(|(angle, &turn)| {
         let (sine, cosine) = angle.sin_cos();
         multiply([cosine, sine], power([0.0, 1.0], u32::from(turn)))
     });
@@ -82,8 +87,9 @@ pub fn comb(surface: &FieldSurface, field: &[f32], matching: &[Matching]) -> Res
 /// Across each edge, by how many quarters the numbers of directions go on.
 fn matched(surface: &FieldSurface, first: &[f64], angles: &[f64]) -> Vec<u8> {
     let (dual, frames) = (surface.dual(), surface.frames());
-    let edges = dual.edge_faces().iter().zip(angles).enumerate();
+    let edges = dual.edge_faces().par_iter().zip(angles).enumerate();
     edges
+        .with_min_len(PIECE)
         .map(|(edge, (&[low, high], angle))| {
             let rotation = frames.rotation(dual, low as usize, dual.slot(low, edge as u32));
             let Some(carried) = rotation.filter(|_| high != NO_FACE) else { return 0 };
@@ -97,14 +103,12 @@ fn matched(surface: &FieldSurface, first: &[f64], angles: &[f64]) -> Vec<u8> {
 /// Vertices inside around which the field has an index, or directions do not come back.
 fn singular_vertices(surface: &FieldSurface, angles: &[f64], matching: &[u8]) -> Vec<Singularity> {
     let (dual, frames, mesh) = (surface.dual(), surface.frames(), surface.mesh());
-    let mut corners = Vec::new();
-    let mut found = Vec::new();
-    for vertex in 0..mesh.positions.len() as u32 {
-        if !dual.fan(mesh, vertex, &mut corners) {
-            continue;
+    let one = |corners: &mut Vec<u32>, vertex: u32| {
+        if !dual.fan(mesh, vertex, corners) {
+            return None;
         }
         let (mut rotation, mut defect, mut quarters) = (0.0, TAU, 0i32);
-        for &corner in &corners {
+        for &corner in corners.iter() {
             let (face, k) = (corner as usize / 3, corner as usize % 3);
             let edges = frames.edges(face);
             let (a, b) = (edges[(k + 2) % 3], edges[(k + 1) % 3]);
@@ -115,11 +119,10 @@ fn singular_vertices(surface: &FieldSurface, angles: &[f64], matching: &[u8]) ->
             quarters += sign * i32::from(matching[edge]);
         }
         let numerator = ((rotation + 4.0 * defect) / TAU).round() as i32;
-        if numerator != 0 || quarters % 4 != 0 {
-            found.push(Singularity { vertex, numerator, order: 4 });
-        }
-    }
-    found
+        (numerator != 0 || quarters % 4 != 0).then_some(Singularity { vertex, numerator, order: 4 })
+    };
+    let vertices = (0..mesh.positions.len() as u32).into_par_iter().with_min_len(PIECE);
+    vertices.map_init(Vec::new, one).flatten_iter().collect()
 }
 
 /// The edges of paths that join singular vertices and boundaries, on each component: of the shortest ways between those that are next to each other as many as make a tree.
@@ -132,7 +135,7 @@ fn joined(surface: &FieldSurface, singular: &[bool], boundary: &[bool]) -> Vec<b
     };
     let edges = dual.edge_faces().len();
     let mut offsets = vec![0u32; vertices + 1];
-    let both: Vec<[u32; 2]> = (0..edges).map(|edge| ends(surface, edge)).collect();
+    let both: Vec<[u32; 2]> = (0..edges).into_par_iter().with_min_len(PIECE).map(|edge| ends(surface, edge)).collect();
     both.iter().flatten().for_each(|&v| offsets[v as usize + 1] += 1);
     for v in 0..vertices {
         offsets[v + 1] += offsets[v];

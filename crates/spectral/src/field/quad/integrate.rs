@@ -7,7 +7,9 @@ use chladni_algebra::{Ordering, SparseMatrix, fill_reducing_order};
 use chladni_base::Monitor;
 
 use super::super::basis::FieldSurface;
+use super::super::loops::ends;
 use super::super::poisson::Factor;
+use super::dissection::{Neighbours, dissected};
 use super::rounding;
 use super::seams::Seams;
 use super::system::Parts;
@@ -15,7 +17,7 @@ use super::untangle::untangle;
 use super::{Combed, MOST_ROUNDED, QuadError};
 use crate::operator::frames::{Planar, conjugate, multiply};
 
-/// Up to so many vertices the order of minimum degree is found faster than it costs more fill.
+/// Up to so many vertices the order of minimum degree is found fast enough, and fills in less.
 const LARGE: usize = 30_000;
 
 /// The most rounds of stiffening.
@@ -32,21 +34,15 @@ impl VertexOrder {
     /// [`QuadError::Factor`].
     pub fn new(surface: &FieldSurface) -> Result<Self, QuadError> {
         let vertices = surface.mesh().positions.len();
-        let mut entries: Vec<(u32, u32)> = (0..vertices as u32).map(|v| (v, v)).collect();
-        for edge in 0..surface.dual().edge_count() {
-            let [a, b] = super::super::loops::ends(surface, edge);
-            entries.extend([(a, b), (b, a)]);
+        let (offsets, indices) = beside(surface);
+        let large = vertices > LARGE;
+        let neighbours = Neighbours { offsets: &offsets, indices: &indices };
+        if let Some(order) = large.then(|| dissected(&surface.mesh().positions, &neighbours)).flatten() {
+            return Ok(Self(order));
         }
-        entries.sort_unstable();
-        let mut offsets = vec![0usize; vertices + 1];
-        entries.iter().for_each(|e| offsets[e.0 as usize + 1] += 1);
-        for v in 0..vertices {
-            offsets[v + 1] += offsets[v];
-        }
-        let indices: Vec<u32> = entries.iter().map(|e| e.1).collect();
+        let ordering = if large { Ordering::NestedDissection } else { Ordering::Amd };
         let values = vec![1.0; indices.len()];
         let pattern = SparseMatrix::from_sorted_parts(vertices, vertices, offsets, indices, values);
-        let ordering = if vertices > LARGE { Ordering::NestedDissection } else { Ordering::Amd };
         Ok(Self(fill_reducing_order(&pattern, ordering)?))
     }
 
@@ -54,6 +50,47 @@ impl VertexOrder {
     pub fn bytes(&self) -> u64 {
         4 * self.0.len() as u64
     }
+}
+
+/// The neighbours of each vertex, itself included, ascending: where those of each begin, and all of them.
+fn beside(surface: &FieldSurface) -> (Vec<usize>, Vec<u32>) {
+    let vertices = surface.mesh().positions.len();
+    let edges = surface.dual().edge_count();
+    let both: Vec<[u32; 2]> = (0..edges).map(|edge| ends(surface, edge)).collect();
+    let mut begins = vec![0usize; vertices + 1];
+    both.iter().flatten().for_each(|&v| begins[v as usize + 1] += 1);
+    for v in 0..vertices {
+        begins[v + 1] += begins[v] + 1;
+    }
+    let mut next = begins.clone();
+    let mut indices = vec![0u32; begins[vertices]];
+    for v in 0..vertices as u32 {
+        indices[next[v as usize]] = v;
+        next[v as usize] += 1;
+    }
+    for &[a, b] in &both {
+        for (from, to) in [(a, b), (b, a)] {
+            indices[next[from as usize]] = to;
+            next[from as usize] += 1;
+        }
+    }
+    let (mut offsets, mut kept) = (Vec::with_capacity(vertices + 1), 0);
+    offsets.push(0);
+    for v in 0..vertices {
+        let own = begins[v]..begins[v + 1];
+        indices[own.clone()].sort_unstable();
+        // Two faces may share two edges, whose ends are then the same.
+        for at in own.clone() {
+            if at == own.start || indices[at] != indices[at - 1] {
+                let index = indices[at];
+                indices[kept] = index;
+                kept += 1;
+            }
+        }
+        offsets.push(kept);
+    }
+    indices.truncate(kept);
+    (offsets, indices)
 }
 
 /// What parametrisation is wanted.

@@ -6,21 +6,27 @@
 //! | `creases` | edges at which the surface is sharp |
 //! | `split` | faces with several of them, split so that each part has one |
 //! | `aligned` | the smoothest cross field of all that follow them |
+//! | `smoothest` | its equations, by a factor or by multigrid cycles |
 //! | `combing` | directions that go on from face to face, the matching, and the cut |
 //! | `seams` | how coordinates go on across the cut |
+//! | `dissection` | the order in which vertices of large surfaces are eliminated |
 //! | `system` | the equations of the coordinates |
 //! | `integrate` | their solution |
 //! | `untangle` | faces turned back, one vertex at a time |
+//! | `relax` | and together with the faces around them |
 //! | `rounding` | quarter turns and whole translations: grid lines that meet across the cut |
 //! | `files` | OBJ, VTK, and the files of Directional |
 
 mod aligned;
 mod combing;
 mod creases;
+mod dissection;
 mod files;
 mod integrate;
+mod relax;
 mod rounding;
 mod seams;
+mod smoothest;
 mod split;
 mod system;
 mod untangle;

@@ -98,7 +98,7 @@ impl Parts<'_> {
     }
 
     /// Half the cotangent of the angle at a corner.
-    fn half_cotangent(&self, face: usize, k: usize) -> f64 {
+    pub fn half_cotangent(&self, face: usize, k: usize) -> f64 {
         let frames = self.surface.frames();
         let e = frames.edges(face);
         let (a, b) = (e[(k + 1) % 3], e[(k + 2) % 3]);
@@ -144,10 +144,15 @@ impl Parts<'_> {
         let mut weights = vec![0.0; dual.edge_count()];
         let mut right = vec![0.0; size];
         let mut rows: Vec<Row> = Vec::new();
-        for (face, &factor) in stiffness.iter().enumerate() {
-            let plain = self.plain(face);
-            for k in 0..3 {
-                let (weight, wanted) = (factor * self.half_cotangent(face, k), self.wanted(face, k));
+        // Of each face whether it is plain, and for each edge its weight and what coordinates should change by along it.
+        let each = |(face, &factor): (usize, &f64)| {
+            let sides = [0, 1, 2].map(|k| (factor * self.half_cotangent(face, k), self.wanted(face, k)));
+            (self.plain(face), sides)
+        };
+        let faces: Vec<(bool, [(f64, Planar); 3])> =
+            stiffness.par_iter().enumerate().with_min_len(1 << 12).map(each).collect();
+        for (face, &(plain, sides)) in faces.iter().enumerate() {
+            for (k, (weight, wanted)) in sides.into_iter().enumerate() {
                 if plain {
                     weights[dual.edges(face)[k] as usize] += weight;
                     let [a, b] = [1, 2].map(|i| 2 * mesh.faces[face][(k + i) % 3] as usize);
@@ -162,15 +167,18 @@ impl Parts<'_> {
                 }
             }
         }
+        drop(faces);
         rows.extend(self.grid_lines().map(|terms| Row { terms, value: 0.0, weight: FIRM }));
         for row in &rows {
             row.terms.iter().for_each(|&(unknown, factor)| right[unknown as usize] += row.weight * factor * row.value);
         }
         let grounds = self.grounds();
         let first = 2 * (vertices + self.seams.count) as u32;
+        let both: Vec<[u32; 2]> =
+            (0..weights.len()).into_par_iter().with_min_len(1 << 12).map(|edge| ends(self.surface, edge)).collect();
         let matrix = gather(size, &|put| {
-            for (edge, &weight) in weights.iter().enumerate() {
-                let [a, b] = ends(self.surface, edge).map(|v| 2 * v);
+            for (&weight, ends) in weights.iter().zip(&both) {
+                let [a, b] = ends.map(|v| 2 * v);
                 for i in 0..2 {
                     put(a + i, a + i, weight);
                     put(b + i, b + i, weight);
@@ -278,6 +286,9 @@ fn real(terms: &[(u32, Whole)], part: Real) -> Vec<(u32, f64)> {
     sum
 }
 
+/// Rows that one task sums up.
+const ROWS: usize = 1 << 13;
+
 /// What takes an entry: row, column, value.
 type Put<'a> = dyn FnMut(u32, u32, f64) + 'a;
 
@@ -294,17 +305,43 @@ fn gather(size: usize, visit: &dyn Fn(&mut Put<'_>)) -> SparseMatrix {
         entries[next[row as usize]] = (column, value);
         next[row as usize] += 1;
     });
-    let mut offsets = Vec::with_capacity(size + 1);
-    let (mut indices, mut values) = (Vec::with_capacity(entries.len()), Vec::with_capacity(entries.len()));
-    offsets.push(0);
-    for row in 0..size {
-        let own = &mut entries[begins[row]..begins[row + 1]];
-        own.sort_by_key(|entry| entry.0);
-        for same in own.chunk_by(|a, b| a.0 == b.0) {
-            indices.push(same[0].0);
-            values.push(same.iter().map(|entry| entry.1).sum());
+    // Rows are sorted and summed up in pieces of them.
+    let mut pieces = Vec::new();
+    let (mut rest, mut row) = (entries.as_mut_slice(), 0);
+    while row < size {
+        let end = size.min(row + ROWS);
+        let (own, after) = rest.split_at_mut(begins[end] - begins[row]);
+        pieces.push((row..end, own));
+        (rest, row) = (after, end);
+    }
+    let summed = |(rows, entries): (std::ops::Range<usize>, &mut [(u32, f64)])| {
+        let first = begins[rows.start];
+        let (mut lengths, mut indices, mut values) = (Vec::with_capacity(rows.len()), Vec::new(), Vec::new());
+        for row in rows {
+            let own = &mut entries[begins[row] - first..begins[row + 1] - first];
+            own.sort_by_key(|entry| entry.0);
+            let before = indices.len();
+            for same in own.chunk_by(|a, b| a.0 == b.0) {
+                indices.push(same[0].0);
+                values.push(same.iter().map(|entry| entry.1).sum::<f64>());
+            }
+            lengths.push(indices.len() - before);
         }
-        offsets.push(indices.len());
+        (lengths, indices, values)
+    };
+    let pieces: Vec<(Vec<usize>, Vec<u32>, Vec<f64>)> = pieces.into_par_iter().map(summed).collect();
+    let mut offsets = Vec::with_capacity(size + 1);
+    let count = pieces.iter().map(|piece| piece.1.len()).sum();
+    let (mut indices, mut values) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    let mut end = 0;
+    offsets.push(0);
+    for (lengths, own, numbers) in pieces {
+        offsets.extend(lengths.into_iter().map(|length| {
+            end += length;
+            end
+        }));
+        indices.extend(own);
+        values.extend(numbers);
     }
     SparseMatrix::from_sorted_parts(size, size, offsets, indices, values)
 }

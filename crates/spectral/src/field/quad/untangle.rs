@@ -7,6 +7,7 @@
 
 use super::super::harmonic::rim;
 use super::aligned::{off, sides};
+use super::relax::relax;
 use super::seams::quarter_turned;
 use super::system::{ASTRAY, Parts};
 use crate::operator::frames::{Planar, conjugate, multiply, power};
@@ -24,12 +25,28 @@ const GAIN: f64 = 1e-6;
 type Area = (f64, Planar);
 
 /// Which of the two coordinates of a vertex stay.
-type Held = [bool; 2];
+pub(super) type Held = [bool; 2];
 
 /// Moves unknowns and coordinates; `inverted` are the faces turned over.
-pub(super) fn untangle(parts: &Parts, solution: &mut [f64], coordinates: &mut [[Planar; 3]], mut inverted: Vec<u32>) {
-    let (mesh, dual) = (parts.surface.mesh(), parts.surface.dual());
+pub(super) fn untangle(parts: &Parts, solution: &mut [f64], coordinates: &mut [[Planar; 3]], inverted: Vec<u32>) {
     let held = held(parts);
+    let left = one_by_one(parts, &held, solution, coordinates, inverted);
+    if left.is_empty() {
+        return;
+    }
+    relax(parts, &held, solution, coordinates, &left);
+    one_by_one(parts, &held, solution, coordinates, left);
+}
+
+/// Vertices alone; what is left.
+fn one_by_one(
+    parts: &Parts,
+    held: &[Held],
+    solution: &mut [f64],
+    coordinates: &mut [[Planar; 3]],
+    mut inverted: Vec<u32>,
+) -> Vec<u32> {
+    let (mesh, dual) = (parts.surface.mesh(), parts.surface.dual());
     let mut corners = Vec::new();
     for _ in 0..PASSES {
         let mut vertices: Vec<u32> = inverted.iter().flat_map(|&face| mesh.faces[face as usize]).collect();
@@ -59,6 +76,7 @@ pub(super) fn untangle(parts: &Parts, solution: &mut [f64], coordinates: &mut [[
             break;
         }
     }
+    inverted
 }
 
 /// What stays of the coordinates of each vertex: all of singular ones, and on creases that are grid lines that which is whole there.
@@ -85,12 +103,12 @@ fn held(parts: &Parts) -> Vec<Held> {
 }
 
 /// The quarter turn of a corner as a number.
-fn turn(parts: &Parts, corner: u32) -> Planar {
+pub(super) fn turn(parts: &Parts, corner: u32) -> Planar {
     quarter_turned([1, 0], i32::from(parts.seams.quarters[corner as usize])).map(f64::from)
 }
 
 /// Twice the area of a face in its coordinates.
-fn doubled([a, b, c]: [Planar; 3]) -> f64 {
+pub(super) fn doubled([a, b, c]: [Planar; 3]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
