@@ -220,6 +220,22 @@ impl SymbolicFactor {
         self.factor_with(a, b, shift, Vec::new(), Par::rayon(0))
     }
 
+    /// As [`factor_in`](Self::factor_in), with pivots from the beginning: slower, and its [uncertainty](Factor::uncertainty) may be far smaller, since small pivots that others do
+    /// well with make large entries.
+    ///
+    /// # Errors
+    /// As for [`factor`](Self::factor).
+    pub fn pivoted_factor(
+        &self,
+        a: &SparseMatrix,
+        b: &MassMatrix,
+        shift: f64,
+        storage: Vec<f64>,
+    ) -> Result<Factor<'_>, FactorError> {
+        let (shifted, largest) = self.shifted(a, b, shift);
+        self.pivoted(self.lower(&shifted), largest, storage)
+    }
+
     fn factor_with(
         &self,
         a: &SparseMatrix,
@@ -228,6 +244,18 @@ impl SymbolicFactor {
         storage: Vec<f64>,
         par: Par,
     ) -> Result<Factor<'_>, FactorError> {
+        let (shifted, largest) = self.shifted(a, b, shift);
+        let lower = self.lower(&shifted);
+        match self.plain(lower, largest, storage, par) {
+            Ok(factor) if factor.growth <= LARGEST_GROWTH => Ok(factor),
+            Ok(factor) => self.pivoted(lower, largest, factor.into_storage()),
+            Err(FactorError::Singular { .. }) => self.pivoted(lower, largest, Vec::new()),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The entries of the lower triangle of `a − shift · b`, and the largest magnitude.
+    fn shifted(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> (Vec<f64>, f64) {
         let mut largest = 0f64;
         let mut shifted = Vec::with_capacity(self.sources.len());
         for &(in_a, in_b) in &self.sources {
@@ -244,15 +272,13 @@ impl SymbolicFactor {
             largest = largest.max(value.abs());
             shifted.push(value);
         }
+        (shifted, largest)
+    }
+
+    fn lower<'a>(&'a self, shifted: &'a [f64]) -> SparseColMatRef<'a, usize, f64> {
         let n = self.size();
         let pattern = SymbolicSparseColMatRef::new_checked(n, n, &self.offsets, None, &self.rows);
-        let lower = SparseColMatRef::new(pattern, &shifted);
-        match self.plain(lower, largest, storage, par) {
-            Ok(factor) if factor.growth <= LARGEST_GROWTH => Ok(factor),
-            Ok(factor) => self.pivoted(lower, largest, factor.into_storage()),
-            Err(FactorError::Singular { .. }) => self.pivoted(lower, largest, Vec::new()),
-            Err(error) => Err(error),
-        }
+        SparseColMatRef::new(pattern, shifted)
     }
 
     fn plain(

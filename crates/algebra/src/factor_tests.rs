@@ -366,6 +366,26 @@ fn a_count_is_off_by_no_more_than_its_uncertainty_lets_it() {
         let (count, radius) = (factor.eigenvalues_below(), factor.uncertainty(&a, &mass, shift));
         assert!(below(shift - radius) <= count && count <= below(shift + radius), "{shift}: {count} ± {radius:e}");
         certain += usize::from(radius < 1e-8);
+        let Ok(pivoted) = symbolic.pivoted_factor(&a, &mass, shift, factor.into_storage()) else { continue };
+        let (count, closer) = (pivoted.eigenvalues_below(), pivoted.uncertainty(&a, &mass, shift));
+        assert!(below(shift - closer) <= count && count <= below(shift + closer), "{shift}: {count} ± {closer:e}");
     }
     assert!(certain > 60, "{certain}");
+}
+
+#[test]
+fn pivots_that_are_chosen_leave_less_uncertain_than_small_ones() {
+    // One supernode; the first pivot is a hundred thousandth of the entries beside it.
+    let n = 30;
+    let entry = |i: usize, j: usize| if i + j == 0 { 1e-5 } else { ((i * j + i + j) as f64).sin() };
+    let entries: BTreeMap<(u32, u32), f64> =
+        (0..n).flat_map(|i| (0..n).map(move |j| ((i as u32, j as u32), entry(i, j)))).collect();
+    let (a, mass) = (sparse(n, &entries), MassMatrix::Diagonal(vec![1.0; n]));
+    let symbolic = SymbolicFactor::new(&a, &mass).unwrap();
+    let plain = symbolic.factor(&a, &mass, 0.0).unwrap();
+    let (below, radius) = (plain.eigenvalues_below(), plain.uncertainty(&a, &mass, 0.0));
+    let pivoted = symbolic.pivoted_factor(&a, &mass, 0.0, plain.into_storage()).unwrap();
+    assert_eq!(pivoted.eigenvalues_below(), below);
+    let closer = pivoted.uncertainty(&a, &mass, 0.0);
+    assert!(closer < 1e-3 * radius, "{closer:e}, {radius:e}");
 }

@@ -33,7 +33,10 @@ type Weights = [f64; 3];
 
 /// The last factor of an alignment, for as long as someone designs with it.
 #[derive(Default, Clone)]
-pub(super) struct LastFactor(Arc<Mutex<Option<(Weights, Weak<SparseInverse>)>>>);
+pub(super) struct LastFactor(Arc<Mutex<Option<Made>>>);
+
+/// The weights of a factor, and the factor for as long as it is there.
+type Made = (Weights, Weak<SparseInverse>);
 
 impl std::fmt::Debug for LastFactor {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -83,7 +86,7 @@ fn between(from: Weights, to: Weights) -> Option<(f64, f64)> {
     }
     let ratio = to[2] / scale / from[2];
     let near = (ratio - 1.0).abs() <= SAME;
-    (ratio <= FARTHEST && ratio >= 1.0 / FARTHEST).then(|| (scale, if near { 0.0 } else { (ratio - 1.0) * from[2] }))
+    (1.0 / FARTHEST..=FARTHEST).contains(&ratio).then(|| (scale, if near { 0.0 } else { (ratio - 1.0) * from[2] }))
 }
 
 impl From<Arc<SparseInverse>> for Nearby {

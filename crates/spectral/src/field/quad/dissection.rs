@@ -181,9 +181,9 @@ mod tests {
                 let along = if layer % 2 == 0 { at } else { 119 - at };
                 positions.push([along as f64, 0.01 * k as f64, 0.01 * layer as f64]);
                 for (di, dk) in [(0, 1), (0, -1), (1, 0), (-1, 0)] {
-                    let (j, l) = (i as i32 + di, k as i32 + dk);
-                    if (0..length as i32).contains(&j) && (0..width as i32).contains(&l) {
-                        indices.push((j * width as i32 + l) as u32);
+                    let (j, l) = (i + di, k + dk);
+                    if (0..length).contains(&j) && (0..width).contains(&l) {
+                        indices.push((j * width + l) as u32);
                     }
                 }
                 offsets.push(indices.len());

@@ -117,7 +117,13 @@ fn attempt(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Result<Out
         Goal::Below(bound) => (values.partition_point(|&value| value < bound), bound),
     };
     let mut doubt = "there is no gap to count in".to_owned();
+    let mut least_radius = f64::INFINITY;
     for (shift, found) in places(&values, place, floor, iteration.level.size(), iteration.spread) {
+        // Nearer to a value than any count is certain to.
+        let at_best = Count { shift, below: found, radius: least_radius };
+        if least_radius.is_finite() && !at_best.is_clear_of(&values) {
+            continue;
+        }
         let columns = found - iteration.kernel_below(shift);
         if columns > plan.wanted {
             // The last wanted pair belongs to a cluster: what is counted with it has to converge with it.
@@ -128,8 +134,15 @@ fn attempt(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Result<Out
         }
         iteration.monitor.stage("certify");
         iteration.monitor.checkpoint()?;
-        let count = iteration.count(shift)?;
+        let mut count = iteration.count(shift)?;
+        if !count.is_clear_of(&values)
+            && let Some(closer) = iteration.count_closely(count.shift)?
+            && closer.radius < count.radius
+        {
+            count = closer;
+        }
         if !count.is_clear_of(&values) {
+            least_radius = least_radius.min(count.radius);
             doubt = format!("the count at {shift} is uncertain by {:e}", count.radius);
         } else if count.below == found {
             return Ok(Outcome::Proven(count));
@@ -138,6 +151,7 @@ fn attempt(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Result<Out
         } else {
             doubt = format!("{found} pairs were found below {shift}, and {} counted", count.below);
         }
+        iteration.monitor.detail(&doubt);
     }
     Ok(Outcome::Doubtful(doubt))
 }
@@ -198,7 +212,7 @@ const LOOSE: f64 = 1e-2;
 /// Shifts above the lowest `least` values and above `floor`, each with the number of values below it, the best first: in wide gaps, nearer to their
 /// lower ends since values that are still being iterated on are too large. `size` is the number of all pairs there are, `spread` at
 /// least about the largest eigenvalue.
-fn places(values: &[f64], least: usize, floor: f64, size: usize, spread: f64) -> Vec<(f64, usize)> {
+pub(super) fn places(values: &[f64], least: usize, floor: f64, size: usize, spread: f64) -> Vec<(f64, usize)> {
     let last = values.len();
     let low = |at: usize| if at == 0 { floor } else { values[at - 1].max(floor) };
     let relative = |at: usize| {
@@ -213,7 +227,8 @@ fn places(values: &[f64], least: usize, floor: f64, size: usize, spread: f64) ->
     gaps.sort_by(|&a, &b| (Some(b) == first).cmp(&(Some(a) == first)).then(relative(b).total_cmp(&relative(a))));
     gaps.truncate(GAPS);
     let mut places = Vec::new();
-    for share in [0.4, 0.15, 0.7] {
+    // Nearer to the lower end; then anywhere, since what a factor is uncertain by changes from shift to shift by far more than its least.
+    for share in [0.4, 0.15, 0.7, 0.55, 0.3] {
         places.extend(gaps.iter().map(|&at| match low(at) {
             f64::NEG_INFINITY => (values[at] - values[at].abs().max(1e-9 * spread), at),
             low => (low + share * (values[at] - low), at),
@@ -230,7 +245,7 @@ fn places(values: &[f64], least: usize, floor: f64, size: usize, spread: f64) ->
 }
 
 /// Gaps that are tried.
-const GAPS: usize = 2;
+const GAPS: usize = 3;
 
 /// A relative gap that rounding could have made.
 const NO_GAP: f64 = 1e-7;

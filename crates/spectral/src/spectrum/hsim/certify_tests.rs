@@ -5,12 +5,12 @@ use std::sync::Mutex;
 use chladni_algebra::{
     CpuSolver, DenseMatrix, MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, SymmetricDefiniteSolver,
 };
-use chladni_base::{Cancelled, Monitor, Unwatched};
+use chladni_base::{Cancelled, Monitor, SplitMix64, Unwatched};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::shape::{Shape, generate, noisy};
 
 use super::HsimError;
-use super::certify::{Goal, complete};
+use super::certify::{Goal, complete, places};
 use super::dense_pairs::dense;
 use super::iterate::{Iteration, Plan};
 use super::kernel::Kernel;
@@ -182,4 +182,26 @@ fn components_without_balance_are_not_in_the_kernel() {
     let mut columns = PanelMatrix::from_dense(&DenseMatrix::from_columns(6, 1, vec![1.0; 6]));
     kernel.remove(&mut columns);
     assert_eq!(columns.column(0), [0.0, 0.0, 1.0, 1.0, 0.0, 1.0]);
+}
+
+#[test]
+fn every_place_of_a_count_has_as_many_values_below_it_as_is_said() {
+    let mut random = SplitMix64::new(3);
+    for least in [1, 20, 90, 100] {
+        let mut value = 0.0;
+        let values: Vec<f64> = (0..100)
+            .map(|_| {
+                value += random.unit().powi(3);
+                value
+            })
+            .collect();
+        let places = places(&values, least, f64::NEG_INFINITY, 1000, 1e4);
+        for &(shift, found) in &places {
+            assert!(found >= least && found == values.partition_point(|&value| value < shift), "{shift}, {found}");
+        }
+        // Several in each gap, and one above all.
+        let most = places.iter().map(|place| places.iter().filter(|other| other.1 == place.1).count()).max();
+        assert!(least == 100 || most >= Some(5), "{places:?}");
+        assert_eq!(places.last().map(|place| place.1), Some(100));
+    }
 }

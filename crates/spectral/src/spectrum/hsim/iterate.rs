@@ -11,8 +11,8 @@
 mod correct;
 
 use chladni_algebra::{
-    ColumnSums, Factor, PanelMatrix, SymbolicFactor, Weight, apply_mass, gpu, inner_products, residual_sums,
-    subtract_combinations,
+    ColumnSums, Factor, FactorError, PanelMatrix, SymbolicFactor, Weight, apply_mass, gpu, inner_products,
+    residual_sums, subtract_combinations,
 };
 use chladni_base::Monitor;
 use rayon::prelude::*;
@@ -139,6 +139,21 @@ impl<'a> Iteration<'a> {
         self.inertia.push(count);
         self.storage.push(factor.into_storage());
         Ok(count)
+    }
+
+    /// The same at exactly this shift, with pivots from the beginning, which leaves less uncertain and takes longer. Nothing where the shift lies on an eigenvalue.
+    pub fn count_closely(&mut self, shift: f64) -> Result<Option<Count>, HsimError> {
+        let storage = self.storage();
+        let (stiffness, mass) = (&self.level.stiffness, &self.level.mass);
+        let factor = match self.symbolic.pivoted_factor(stiffness, mass, shift, storage) {
+            Err(FactorError::Singular { .. }) => return Ok(None),
+            factor => factor?,
+        };
+        let radius = factor.uncertainty(stiffness, mass, shift);
+        let count = Count { shift, below: factor.eigenvalues_below(), radius };
+        self.inertia.push(count);
+        self.storage.push(factor.into_storage());
+        Ok(Some(count))
     }
 
     /// The columns by ascending value.
