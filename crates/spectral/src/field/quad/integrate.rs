@@ -203,7 +203,7 @@ pub fn parametrise(
     }
     if parameters.stiffening > 0 && !inverted.is_empty() {
         monitor.checkpoint()?;
-        untangle(&parts, &mut solution, &mut coordinates, inverted);
+        untangle(&parts, &mut solution, &mut coordinates, inverted, monitor)?;
         inverted = turned_over(&coordinates);
     }
     let areas = surface.frames().areas();

@@ -4,6 +4,8 @@
 //! determinant that is not positive (Garanzha, Kaporin, Kudryavtseva, Protais, Ray and Sokolov 2021). `ε` shrinks with the worst determinant, so that the sum is a barrier in the end. One vertex after the other takes a
 //! step of Newton's method; what does not lessen the number of faces turned over is undone.
 
+use chladni_base::{Cancelled, Monitor};
+
 use super::system::Parts;
 use super::untangle::{Held, doubled, turn};
 use crate::operator::frames::{Planar, conjugate, multiply};
@@ -34,19 +36,30 @@ struct Free {
     corners: Vec<u32>,
 }
 
+/// Patches at most: where more is turned over, something else is wrong, and each takes some hundredths of a second.
+const MOST_PATCHES: usize = 200;
+
 /// Moves unknowns and coordinates around faces that are turned over.
+///
+/// # Errors
+/// [`Cancelled`], when asked to stop.
 pub(super) fn relax(
     parts: &Parts,
     held: &[Held],
     solution: &mut [f64],
     coordinates: &mut [[Planar; 3]],
     inverted: &[u32],
-) {
+    monitor: &dyn Monitor,
+) -> Result<(), Cancelled> {
     let mut done = vec![false; parts.surface.faces()];
+    let mut left = MOST_PATCHES;
     for &face in inverted {
         if done[face as usize] || doubled(coordinates[face as usize]) > 0.0 {
             continue;
         }
+        monitor.checkpoint()?;
+        let Some(fewer) = left.checked_sub(1) else { break };
+        left = fewer;
         let patch = patch(parts, face);
         let over =
             |coordinates: &[[Planar; 3]]| patch.iter().filter(|&&f| !(doubled(coordinates[f as usize]) > 0.0)).count();
@@ -68,6 +81,7 @@ pub(super) fn relax(
         }
         patch.iter().for_each(|&f| done[f as usize] |= !(doubled(coordinates[f as usize]) > 0.0));
     }
+    Ok(())
 }
 
 /// The faces of some rings around a face, ascending.

@@ -5,6 +5,8 @@
 //! The area of a face is linear in the coordinates of one of its vertices, and so this is a linear program in two coordinates and the least area. What ties coordinates to each other
 //! stays: singular vertices and boundaries are not moved, vertices of a crease that is a grid line slide along it.
 
+use chladni_base::{Cancelled, Monitor};
+
 use super::super::harmonic::rim;
 use super::aligned::{off, sides};
 use super::relax::relax;
@@ -28,14 +30,24 @@ type Area = (f64, Planar);
 pub(super) type Held = [bool; 2];
 
 /// Moves unknowns and coordinates; `inverted` are the faces turned over.
-pub(super) fn untangle(parts: &Parts, solution: &mut [f64], coordinates: &mut [[Planar; 3]], inverted: Vec<u32>) {
+///
+/// # Errors
+/// [`Cancelled`], when asked to stop.
+pub(super) fn untangle(
+    parts: &Parts,
+    solution: &mut [f64],
+    coordinates: &mut [[Planar; 3]],
+    inverted: Vec<u32>,
+    monitor: &dyn Monitor,
+) -> Result<(), Cancelled> {
     let held = held(parts);
     let left = one_by_one(parts, &held, solution, coordinates, inverted);
     if left.is_empty() {
-        return;
+        return Ok(());
     }
-    relax(parts, &held, solution, coordinates, &left);
+    relax(parts, &held, solution, coordinates, &left, monitor)?;
     one_by_one(parts, &held, solution, coordinates, left);
+    Ok(())
 }
 
 /// Vertices alone; what is left.
