@@ -70,7 +70,7 @@ impl Auto {
                 "approximation: an estimated error of {largest_estimate:.2e} where at most {goal:.2e} is asked for"
             );
             if !self.may_become_exact(mesh.positions.len() as u64) {
-                let beside = format!("{missed}; the exact method would need more memory than it takes unasked");
+                let beside = format!("{missed}; not computed exactly, since that would need more than 8 GiB of memory");
                 monitor.note("fallbacks", &beside);
                 return Ok((basis, "approximate"));
             }

@@ -114,7 +114,7 @@ pub(super) fn finish(
                     return Err(error);
                 }
                 if iteration.cuts.is_some() {
-                    monitor.note(FALLBACKS, &format!("proof by segments between counts: {error}"));
+                    monitor.note(FALLBACKS, &format!("proof by segments: {error}"));
                 }
                 iteration.orthonormalise()?;
                 iteration.polish(open, delivery.tolerance)?;

@@ -134,11 +134,15 @@ impl<'a> Iteration<'a> {
     pub fn count(&mut self, shift: f64) -> Result<Count, HsimError> {
         let storage = self.storage();
         let (shift, factor) = factor_near(self.level, self.symbolic, shift, self.spread, storage)?;
-        let radius = factor.uncertainty(&self.level.stiffness, &self.level.mass, shift);
-        let count = Count { shift, below: factor.eigenvalues_below(), radius };
+        Ok(self.counted(shift, factor))
+    }
+
+    /// Writes down the count of a factor that is not needed any more.
+    fn counted(&mut self, shift: f64, factor: Factor<'_>) -> Count {
+        let count = self.count_of(shift, &factor);
         self.inertia.push(count);
         self.storage.push(factor.into_storage());
-        Ok(count)
+        count
     }
 
     /// The same at exactly this shift, with pivots from the beginning, which leaves less uncertain and takes longer. Nothing where the shift lies on an eigenvalue.
@@ -149,11 +153,7 @@ impl<'a> Iteration<'a> {
             Err(FactorError::Singular { .. }) => return Ok(None),
             factor => factor?,
         };
-        let radius = factor.uncertainty(stiffness, mass, shift);
-        let count = Count { shift, below: factor.eigenvalues_below(), radius };
-        self.inertia.push(count);
-        self.storage.push(factor.into_storage());
-        Ok(Some(count))
+        Ok(Some(self.counted(shift, factor)))
     }
 
     /// The columns by ascending value.

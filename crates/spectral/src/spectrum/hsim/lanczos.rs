@@ -437,24 +437,24 @@ impl<'a> Space<'a> {
         let squares = block_products(&inertia, &inertia);
         let mass = self.level.mass.lumped();
         let mean = mass.iter().map(|m| m * m).sum::<f64>() / mass.iter().sum::<f64>();
-        let floor = self.least(&pairs.values);
+        let unit = self.lowest_above_zeros(&pairs.values);
         let residual = |(rest, &nu): (&KrylovRow, &f64)| {
             let square: f64 = (0..KRYLOV_WIDTH)
                 .map(|j| rest[j] * (0..KRYLOV_WIDTH).map(|k| squares[j][k] * rest[k]).sum::<f64>())
                 .sum();
             let value = self.shift.at + nu.recip();
-            let value = floor.map_or_else(|below| value.abs().max(below), |unit| value.abs() + unit);
+            let value = unit.map_or_else(|| value.abs().max(LEAST * self.shift.at.abs()), |unit| value.abs() + unit);
             (square.max(0.0) / mean).sqrt() / (nu * nu * value)
         };
         let residuals = rests.iter().zip(&pairs.values).map(residual).collect();
         Ok(Ritz { operator: pairs.values, vectors: pairs.vectors, rests, residuals })
     }
 
-    /// What residuals are relative to beside the values, `Ok`; or what they are relative to where values are below it.
-    fn least(&self, operator: &[f64]) -> Result<f64, f64> {
+    /// The lowest value above those that are zero, where some are known to be.
+    fn lowest_above_zeros(&self, operator: &[f64]) -> Option<f64> {
         let below = operator.partition_point(|&nu| nu < 0.0);
-        let unit = self.zeros.and_then(|zeros| operator.get(below.checked_sub(zeros + 1)?));
-        unit.map(|nu| (self.shift.at + nu.recip()).abs()).ok_or(LEAST * self.shift.at.abs())
+        let nu = operator.get(below.checked_sub(self.zeros? + 1)?)?;
+        Some((self.shift.at + nu.recip()).abs())
     }
 
     /// Some Ritz pairs, after one application of the operator more, which is known already: it takes off what they have of stiff directions.

@@ -140,7 +140,7 @@ impl Slices<'_> {
                 monitor,
             )?
             else {
-                return given_up(monitor, &format!("no shift was found in the middle of the pairs from {from} on"));
+                return given_up(monitor, &format!("no shift was found for the slice from pair {from} on"));
             };
             // As far above the shift as below it.
             let end = (2 * shift.below - from).max(from + 1);
@@ -166,14 +166,14 @@ impl Slices<'_> {
             monitor.detail(&format!("slice of pairs {from} to {} of {total}", from + pairs));
             let Some(mut found) = lanczos::pairs(level, symbolic, kernel, &shift, wanted, &mut self.memory, monitor)?
             else {
-                return given_up(monitor, &format!("a Krylov space did not hold the {pairs} pairs from {from} on"));
+                return given_up(monitor, &format!("a Krylov space did not contain the {pairs} pairs from {from} on"));
             };
             let taken = if last { found.values.len() } else { joint(&found.values, pairs) };
             // Each slice reaches beyond its shift.
             if taken == 0 || from + taken < shift.below {
                 let reached = from + taken;
                 let reason =
-                    format!("the pairs from {from} on reached {reached}, their shift lies above {}", shift.below);
+                    format!("the slice from pair {from} on ends at {reached}, below its own shift at {}", shift.below);
                 return given_up(monitor, &reason);
             }
             self.memory.extend(found.vectors.split_off(taken));
@@ -319,7 +319,7 @@ fn is_certain(count: &Count, values: &[f64], known: usize) -> bool {
 const CERTAIN: f64 = 4.0;
 
 /// Why slices are given up whose columns are not those of different pairs.
-const DEPENDENT: &str = "pairs of neighbouring slices are not different ones";
+const DEPENDENT: &str = "neighbouring slices do not hold distinct pairs";
 
 /// Of a product, a part that is not worth being taken off.
 const NEGLIGIBLE: f64 = 0.25 * NOTHING;

@@ -337,7 +337,7 @@ impl Task<'_> {
         }
         let found = lanczos::start(level, symbolic, kernel, wanted, monitor)?;
         if found.is_none() {
-            monitor.note(FALLBACKS, "pairs of one Krylov space: it did not hold them");
+            monitor.note(FALLBACKS, "a single Krylov space: it did not contain the pairs");
         }
         Ok(found.map(|lanczos::Found { values, vectors }| Begun { values, vectors, columns: Columns::Ritz }))
     }
@@ -356,7 +356,7 @@ impl Task<'_> {
             Err(error) if error.is_of_the_iteration() => error,
             solved => return solved,
         };
-        monitor.note(FALLBACKS, &format!("pairs of the first start: {error}"));
+        monitor.note(FALLBACKS, &format!("first start: {error}"));
         let columns = hierarchy::columns(self.nontrivial, finest.level.size() - kernel.dimension());
         if let Some((values, vectors)) = dense_pairs::instead(&finest.level, columns, kernel.dimension(), monitor)? {
             return self.solve(vectors, values, None, Columns::Solved);
