@@ -18,7 +18,7 @@ pub(super) fn restricted(
 ) -> (SparseMatrix, Vec<f64>) {
     assert_eq!((stiffness.rows(), masses.len()), (prolongation.rows(), prolongation.rows()), "a row for each row");
     let d = prolongation.columns();
-    let members = Members::of(prolongation);
+    let members = prolongation.transpose();
     let chunks: Vec<Rows> = (0..d.div_ceil(ROWS))
         .into_par_iter()
         .map_init(
@@ -26,7 +26,7 @@ pub(super) fn restricted(
             |sums, chunk| {
                 let mut rows = Rows::default();
                 for row in chunk * ROWS..d.min((chunk + 1) * ROWS) {
-                    rows.add(members.of_column(row), prolongation, stiffness, masses, sums);
+                    rows.add(members.row(row), prolongation, stiffness, masses, sums);
                 }
                 rows
             },
@@ -47,37 +47,6 @@ pub(super) fn restricted(
     (SparseMatrix::from_sorted_parts(d, d, offsets, indices, values), lumped)
 }
 
-/// The rows of `P` with an entry in each column, ascending, and the entries.
-struct Members {
-    starts: Vec<usize>,
-    rows: Vec<(u32, f32)>,
-}
-
-impl Members {
-    fn of(prolongation: &SparseMatrix<f32>) -> Self {
-        let mut starts = vec![0usize; prolongation.columns() + 1];
-        prolongation.indices().iter().for_each(|&column| starts[column as usize + 1] += 1);
-        for column in 1..starts.len() {
-            starts[column] += starts[column - 1];
-        }
-        let mut next = starts.clone();
-        let mut rows = vec![(0, 0.0); prolongation.entries()];
-        for row in 0..prolongation.rows() {
-            let (columns, values) = prolongation.row(row);
-            for (&column, &value) in columns.iter().zip(values) {
-                let next = &mut next[column as usize];
-                rows[*next] = (row as u32, value);
-                *next += 1;
-            }
-        }
-        Self { starts, rows }
-    }
-
-    fn of_column(&self, column: usize) -> &[(u32, f32)] {
-        &self.rows[self.starts[column]..self.starts[column + 1]]
-    }
-}
-
 /// Some rows of the result, one after the other.
 #[derive(Default)]
 struct Rows {
@@ -88,17 +57,17 @@ struct Rows {
 }
 
 impl Rows {
-    /// Adds the row whose column of `P` has these entries; `sums` are zeros, and are so again.
+    /// Adds the row whose column of `P` has these rows and entries; `sums` are zeros, and are so again.
     fn add(
         &mut self,
-        members: &[(u32, f32)],
+        (members, own): (&[u32], &[f32]),
         prolongation: &SparseMatrix<f32>,
         stiffness: &SparseMatrix,
         masses: &[f64],
         sums: &mut [f64],
     ) {
         let (start, mut lumped) = (self.indices.len(), 0.0);
-        for &(member, weight) in members {
+        for (&member, &weight) in members.iter().zip(own) {
             let (member, weight) = (member as usize, f64::from(weight));
             let (others, values) = stiffness.row(member);
             for (&other, &value) in others.iter().zip(values) {
