@@ -18,6 +18,10 @@ mod watch;
 
 use pyo3::prelude::*;
 
+// Solvers take and give back large pieces of memory, each page of which the system's allocator has the kernel clear again.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 #[pymodule]
 mod _native {
     #[pymodule_export]

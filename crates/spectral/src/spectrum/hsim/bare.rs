@@ -17,7 +17,7 @@ use super::krylov;
 use super::lanczos;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
-use super::scout::{Scout, fills_in};
+use super::scout::{NEGLIGIBLE, Scout, fills_in};
 use super::solve::{Begun, Columns, Estimate, Finest, LARGE, SLACK, Task, estimate, within};
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
 use crate::operator::EigenProblem;
@@ -152,11 +152,15 @@ impl Bench<'_> {
             };
             let HsimParameters { tolerance, seed, .. } = *self.parameters;
             let pairs = nontrivial(wanted, kernel, n);
-            if lanczos::has_room(n, pairs, tolerance) && scout.is_semidefinite()? {
+            if lanczos::has_room(n, pairs, tolerance) {
                 let wanted = lanczos::Wanted::lowest(n, pairs, q, tolerance, seed);
-                let (level, kernel) = (&finest.level, Kernel::new(&finest.level));
-                if let Some(found) = lanczos::start(level, &finest.symbolic, &kernel, wanted, self.monitor)? {
+                let (level, known) = (&finest.level, Kernel::new(&finest.level));
+                if let Some(found) = lanczos::start(level, &finest.symbolic, &known, wanted, self.monitor)? {
                     let lanczos::Found { values, vectors } = found;
+                    if kernel > 0 && values.first().is_some_and(|&value| value < -NEGLIGIBLE * scout.spread()) {
+                        finest.level.component.fill(NO_KERNEL);
+                        continue;
+                    }
                     return Ok(Begun { values, vectors, columns: Columns::Ritz });
                 }
             }

@@ -81,10 +81,18 @@ pub(super) struct Shift<'a> {
     pub below: usize,
 }
 
-/// Columns of the space for each wanted pair, more for each digit of the residual, and some beside them, when convergence is looked at first; then after every
-/// so many more.
+/// Columns of the space for each wanted pair, more for each digit of the residual, and some beside them, when convergence is looked at first at the latest.
 const FIRST_LOOK: (f64, f64, usize) = (1.25, 0.06, 48);
-const NEXT_LOOK: usize = 24;
+
+/// The most blocks between two looks, where a look costs much beside a block.
+const MOST_BLOCKS: usize = 3;
+
+/// Operations of a look for each cube of a column; of a block for each row, for each column of the space and for the solve.
+const LOOK: f64 = 12.0;
+const GROWTH: (f64, f64) = (32.0, 60.0);
+
+/// So many columns are what is told of as one look.
+const ONE_LOOK: usize = MOST_BLOCKS * KRYLOV_WIDTH;
 
 /// The most columns of the space, for each two wanted pairs and beside them: no more memory than an iteration takes.
 const MOST: (usize, usize) = (5, 96);
@@ -136,6 +144,14 @@ fn first_look(pairs: usize, tolerance: f64) -> usize {
     (((columns + more * digits) * pairs as f64) as usize + beside).next_multiple_of(KRYLOV_WIDTH)
 }
 
+/// How many blocks a space of so many columns takes up before it is looked at again: a look is a dense eigenproblem, next to nothing beside a block of a large
+/// level, and worth several of a small one.
+fn blocks_between_looks(size: usize, columns: usize) -> usize {
+    let (size, columns) = (size as f64, columns as f64);
+    let blocks = 2.0 * LOOK * columns.powi(3) / (GROWTH.0 * size * (columns + GROWTH.1));
+    (blocks.ceil() as usize).clamp(1, MOST_BLOCKS)
+}
+
 /// The most columns of a space for so many pairs of a level of a size: no more memory than an iteration takes.
 pub(super) fn most(size: usize, pairs: usize) -> usize {
     (MOST.0 * pairs / 2 + MOST.1).min(size / LARGEST_SHARE)
@@ -177,7 +193,10 @@ pub(super) fn pairs(
 ) -> Result<Option<Found>, HsimError> {
     let mut space = Space::new(level, symbolic, kernel, shift, wanted, std::mem::take(memory), monitor)?;
     let most = wanted.most;
-    let (mut look, mut looks) = (first_look(wanted.pairs, wanted.tolerance).min(most), 0);
+    let latest = first_look(wanted.pairs, wanted.tolerance);
+    let between = KRYLOV_WIDTH * blocks_between_looks(level.size(), latest);
+    let first = (latest + between - ONE_LOOK).min(most);
+    let mut look = first;
     loop {
         while space.columns() < look {
             let (done, n) = (space.columns(), level.size());
@@ -195,11 +214,11 @@ pub(super) fn pairs(
         let complete = down && chosen.len() >= wanted.pairs;
         match pending.count() {
             0 if complete => return space.vectors(&ritz, &chosen, memory).map(Some),
-            few if complete && few <= wanted.left(look == most, looks) => {
+            few if complete && few <= wanted.left(look == most, (look - first) / ONE_LOOK) => {
                 return space.vectors(&ritz, &chosen, memory).map(Some);
             }
             _ if look == most => return Ok(None),
-            _ => (look, looks) = ((look + NEXT_LOOK).min(most), looks + 1),
+            _ => look = (look + between).min(most),
         }
     }
 }

@@ -29,6 +29,9 @@ const ENOUGH: usize = 3;
 /// Rows with more entries than this on average are those of solids, or of anything else that fills in more than surfaces do.
 const ENTRIES_OF_SURFACE: usize = 10;
 
+/// The median of the diagonal of a Laplacian of cotangents, on triangles of the usual quality; 2√3 where all are equilateral.
+const DIAGONAL: f64 = 3.8;
+
 /// Whether a matrix fills in more than those of surfaces.
 pub(super) fn fills_in(matrix: &SparseMatrix) -> bool {
     matrix.entries() > ENTRIES_OF_SURFACE * matrix.rows()
@@ -146,7 +149,10 @@ impl<'a> Scout<'a> {
         least: f64,
         monitor: &dyn Monitor,
     ) -> Result<Option<Shift<'a>>, HsimError> {
-        let of = |shares: std::ops::RangeInclusive<f64>| shares.start() * wanted as f64..=shares.end() * wanted as f64;
+        // Of a few, a whole number has to do.
+        let of = |shares: std::ops::RangeInclusive<f64>| {
+            (shares.start() * wanted as f64).floor()..=(shares.end() * wanted as f64).ceil()
+        };
         let target = Target { below: MIDDLE * wanted as f64, enough: of(MIDDLE_ENOUGH), at_last: of(MIDDLE_AT_LAST) };
         let first = self.distance(target.below);
         self.shift_below(&target, (first, least), kernel, monitor)
@@ -181,6 +187,10 @@ impl<'a> Scout<'a> {
             if (below as f64) < target.below {
                 few = Some((at, below));
             } else {
+                // Where nothing is known of the pencil, these may lie below zero for the most part.
+                if many.is_none() && self.level.positions.is_empty() && !self.is_semidefinite()? {
+                    return Ok(None);
+                }
                 many = Some((at, below));
             }
             at = next(few, many, target.below).clamp(least * spread, spread);
@@ -195,15 +205,23 @@ impl<'a> Scout<'a> {
 
     /// How far above zero so many eigenvalues reach, roughly: by Weyl's law in two dimensions or in three. Where there are positions, the mass is area.
     pub fn distance(&self, wanted: f64) -> f64 {
-        let fills_in = fills_in(&self.level.stiffness);
+        let (n, fills_in) = (self.level.size(), fills_in(&self.level.stiffness));
         if !fills_in && !self.level.positions.is_empty() {
             let area: f64 = self.level.mass.lumped().iter().sum();
             return 4.0 * std::f64::consts::PI * wanted / area;
         }
-        let mut ratios = self.level.ratios();
-        let n = ratios.len();
-        let median = *ratios.select_nth_unstable_by(n / 2, f64::total_cmp).1;
-        median * (wanted / n as f64).powf(if fills_in { 2.0 / 3.0 } else { 1.0 })
+        let median = |mut numbers: Vec<f64>| *numbers.select_nth_unstable_by(n / 2, f64::total_cmp).1;
+        if fills_in {
+            return median(self.level.ratios()) * (wanted / n as f64).powf(2.0 / 3.0);
+        }
+        // In two dimensions the energy has no length in it: its diagonal tells the factor by which someone may have scaled it.
+        let own = |row: usize| {
+            let (columns, entries) = self.level.stiffness.row(row);
+            columns.binary_search(&(row as u32)).map_or(0.0, |at| entries[at])
+        };
+        let energy = median((0..n).map(own).collect());
+        let mass: f64 = self.level.mass.lumped().iter().sum();
+        4.0 * std::f64::consts::PI * (energy / DIAGONAL) * wanted / mass
     }
 
     /// A shift with no eigenvalue below, where some are negative.
