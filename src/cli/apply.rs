@@ -244,7 +244,7 @@ pub(super) fn typed<T: DeserializeOwned>(flag: &str, text: &str) -> Result<T, Cl
 
 /// A typed request from a value.
 pub(super) fn fitting<T: DeserializeOwned>(flag: &str, value: serde_json::Value) -> Result<T, CliError> {
-    chladni_work::plain::read(value).map_err(|error| CliError::Usage(format!("{flag}: {error}")))
+    chladni_work::plain::read_json(&value).map_err(|error| CliError::Usage(format!("{flag}: {error}")))
 }
 
 fn print(value: &impl serde::Serialize) -> Result<ExitCode, CliError> {

@@ -48,7 +48,7 @@ pub fn quads(arguments: QuadsArguments) -> Result<ExitCode, CliError> {
     let refused = |fault: DesignFault| CliError::Refused(fault.to_string());
     let value = json_argument("--request", &arguments.request)?;
     let request: QuadsRequest =
-        chladni_work::plain::read(value).map_err(|error| CliError::Usage(format!("--request: {error}")))?;
+        chladni_work::plain::read_json(&value).map_err(|error| CliError::Usage(format!("--request: {error}")))?;
     if matches!(request.field, CrossSource::Basis(_) | CrossSource::Stored(_)) {
         let reason = "--request: fields of a basis and stored fields are on a server; write it with `chladni design --form world --numbering kept` and give its rows as a table";
         return Err(CliError::Usage(reason.to_owned()));

@@ -154,7 +154,7 @@ impl From<SimulationError> for Problem {
             SimulationError::Vertex { .. } => "vertex-out-of-range",
             SimulationError::Load { .. } => "loads",
             SimulationError::Damping { .. } => "damping",
-            SimulationError::Time { .. } => "times",
+            SimulationError::Time { .. } | SimulationError::Overflow { .. } => "times",
             SimulationError::Sound { .. } => "sound",
             SimulationError::Initial(_) => "initial",
             SimulationError::Basis(error) => return error.into(),

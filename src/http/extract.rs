@@ -4,6 +4,7 @@ use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{FromRequestParts, Path, Query};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
+use chladni_work::packed::Packed;
 use chladni_work::plain;
 use serde::de::DeserializeOwned;
 
@@ -95,15 +96,16 @@ pub fn require_json(headers: &HeaderMap) -> Result<(), Problem> {
 pub fn parse_json<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem> {
     let mut deserializer = serde_json::Deserializer::from_slice(bytes);
     let value: T = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
-        let path = error.path().to_string();
-        let inner = error.into_inner();
-        if inner.is_data() {
-            let told = plain::told(&path, &inner.to_string());
-            let end = if told.ends_with('.') { "" } else { "." };
-            Problem::new(&problem::INVALID_REQUEST, format!("{told}{end}"))
-        } else {
-            Problem::new(&problem::INVALID_JSON, format!("{inner}"))
-        }
+        // Where an enumeration is wanted, the parser takes `null` for a mistake of grammar.
+        let read = serde_json::from_slice::<Packed>(bytes);
+        let told = match (&read, error.inner().is_data()) {
+            (Ok(value), true) => plain::told_within(value, error.path(), &error.inner().to_string()),
+            (Err(_), true) => plain::told(&error.path().to_string(), &error.inner().to_string()),
+            (Ok(value), false) if let Err(told) = plain::read::<T>(value) => told,
+            _ => return Problem::new(&problem::INVALID_JSON, format!("{}", error.inner())),
+        };
+        let end = if told.ends_with('.') { "" } else { "." };
+        Problem::new(&problem::INVALID_REQUEST, format!("{told}{end}"))
     })?;
     deserializer.end().map_err(|error| Problem::new(&problem::INVALID_JSON, format!("{error}")))?;
     Ok(value)

@@ -1,16 +1,95 @@
 //! What does not fit in a request, in words for who wrote it: serde's own are for programmers.
 
-use serde::de::{Deserialize, Deserializer};
+use serde::de::{Deserialize, DeserializeOwned};
+use serde_json::Value;
+use serde_path_to_error::{Path, Segment};
+
+use crate::packed::Packed;
 
 /// Reads a value.
 ///
 /// # Errors
 /// Which member does not fit, what it must be and what it is: `count must be a whole number of at least 0, got the string "many"`.
-pub fn read<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<T, String>
-where
-    D::Error: std::fmt::Display,
-{
-    serde_path_to_error::deserialize(from).map_err(|error| told(&error.path().to_string(), &error.inner().to_string()))
+pub fn read<'de, T: Deserialize<'de>>(from: &'de Packed) -> Result<T, String> {
+    serde_path_to_error::deserialize(from).map_err(|error| told_within(from, error.path(), &error.inner().to_string()))
+}
+
+/// The same from JSON.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_json<T: DeserializeOwned>(from: &Value) -> Result<T, String> {
+    serde_path_to_error::deserialize(from)
+        .map_err(|error| told_within(&Packed::from(from), error.path(), &error.inner().to_string()))
+}
+
+/// An error of serde at a path into a value, in plain words. Where a type has to look at members before it knows what it is, as with a `kind`, serde forgets which member
+/// did not fit; it is the one that has what was found.
+pub fn told_within(value: &Packed, path: &Path, said: &str) -> String {
+    let named = path.to_string();
+    let Some(found) = mismatch(said) else { return told(&named, said) };
+    let Some(place) = at(value, path) else { return told(&named, said) };
+    if is(place, found) {
+        return told(&named, said);
+    }
+    let mut inside = Vec::new();
+    search(place, found, if named == "." { "" } else { &named }, &mut inside);
+    match inside.as_slice() {
+        [] => told(&named, said),
+        [one] => told(one, said),
+        _ => told(&format!("a member of {}", if named == "." { "the request" } else { &named }), said),
+    }
+}
+
+/// What was found, in serde's words, where something else was wanted.
+fn mismatch(said: &str) -> Option<&str> {
+    let said = without_place(said);
+    let found =
+        ["invalid type: ", "invalid value: ", "unknown variant "].iter().find_map(|start| said.strip_prefix(start))?;
+    Some(found.rsplit_once(", expected ")?.0)
+}
+
+/// What a path leads to.
+fn at<'a>(value: &'a Packed, path: &Path) -> Option<&'a Packed> {
+    path.iter().try_fold(value, |place, segment| match (segment, place) {
+        (Segment::Map { key }, _) => place.get(key),
+        (Segment::Enum { variant }, Packed::Object(_)) => place.get(variant),
+        (Segment::Enum { .. }, _) => Some(place),
+        (Segment::Seq { index }, Packed::List(list)) => list.get(*index),
+        _ => None,
+    })
+}
+
+/// Whether a value is what serde calls this.
+fn is(value: &Packed, found: &str) -> bool {
+    let inner = || found.split_once('`').and_then(|(_, rest)| rest.strip_suffix('`'));
+    let number = |own: f64| inner().and_then(|text| text.parse().ok()).is_some_and(|text: f64| text == own);
+    match value {
+        Packed::Null => found == "null" || found == "unit value",
+        Packed::Bool(own) => found == format!("boolean `{own}`"),
+        Packed::Number(own) => own.as_f64().is_some_and(number),
+        Packed::Text(own) => found == format!("string {own:?}") || inner() == Some(own),
+        Packed::Whole(_) | Packed::Real(_) | Packed::List(_) => found == "sequence",
+        Packed::Object(_) => found == "map",
+    }
+}
+
+/// The paths of all members inside a value that are this; no more than two matter.
+fn search(value: &Packed, found: &str, path: &str, paths: &mut Vec<String>) {
+    let mut visit = |inner: &Packed, path: String| {
+        if is(inner, found) {
+            paths.push(path);
+        } else if paths.len() < 2 {
+            search(inner, found, &path, paths);
+        }
+    };
+    match value {
+        Packed::Object(members) => members.iter().for_each(|(name, inner)| {
+            visit(inner, if path.is_empty() { name.clone() } else { format!("{path}.{name}") })
+        }),
+        Packed::List(list) => list.iter().enumerate().for_each(|(k, inner)| visit(inner, format!("{path}[{k}]"))),
+        _ => {}
+    }
 }
 
 /// An error of serde at a path (`.` for the whole) in plain words. What types say themselves stays as it is.
@@ -163,6 +242,51 @@ mod tests {
         face: u32,
     }
 
+    #[derive(Debug, Deserialize)]
+    #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+    #[allow(dead_code)]
+    enum Distance {
+        Geodesic { method: Pen, steps: Option<usize>, from: Option<Inner> },
+        Diffusion { times: Vec<f64> },
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[allow(dead_code)]
+    struct Asked {
+        distance: Distance,
+    }
+
+    /// What both ways of reading say; nothing where there is nothing to say.
+    fn refusal<T: serde::de::DeserializeOwned>(value: &Value) -> String {
+        let (plain, packed) = (read_json::<T>(value), Packed::from(value));
+        let refused = plain.err().unwrap_or_default();
+        assert_eq!(read::<T>(&packed).err().unwrap_or_default(), refused);
+        refused
+    }
+
+    #[test]
+    fn members_of_what_has_a_kind_are_told_by_their_own_names() {
+        for (distance, expected) in [
+            (json!({"kind": "geodesic", "method": -1}), "distance.method must be a word or an object, got -1"),
+            (
+                json!({"kind": "geodesic", "method": "odd"}),
+                r#"distance.method must be "even", "swelling" or "broad", got "odd""#,
+            ),
+            (
+                json!({"kind": "geodesic", "method": "even", "steps": 1.5}),
+                "distance.steps must be a whole number of at least 0, got 1.5",
+            ),
+            (
+                json!({"kind": "geodesic", "method": "even", "steps": "x", "from": {"face": "x"}}),
+                r#"a member of distance must be a whole number of at least 0, got the string "x""#,
+            ),
+            (json!({"kind": "odd"}), r#"distance.kind must be "geodesic" or "diffusion", got "odd""#),
+            (json!(-1), "distance must be an object, got -1"),
+        ] {
+            assert_eq!(refusal::<Asked>(&json!({"distance": distance})), expected, "{distance}");
+        }
+    }
+
     #[test]
     fn what_does_not_fit_is_told_by_its_member_and_in_plain_words() {
         for (value, expected) in [
@@ -184,23 +308,19 @@ mod tests {
             (json!({"inner": [1]}), ""),
             (json!([]), ""),
         ] {
-            let refused = read::<Request, &Value>(&value).map(|_| ());
-            match expected.is_empty() {
-                // Lists stand for structs; that is serde's, and no error.
-                true => assert!(refused.is_ok(), "{value}: {refused:?}"),
-                false => assert_eq!(refused.unwrap_err(), expected, "{value}"),
-            }
+            // Lists stand for structs; that is serde's, and no error.
+            assert_eq!(refusal::<Request>(&value), expected, "{value}");
         }
-        let refused = read::<Request, &Value>(&json!({"much": 1})).unwrap_err();
+        let refused = refusal::<Request>(&json!({"much": 1}));
         assert!(refused.starts_with(r#"much is not known here; members are "count", "times""#), "{refused}");
-        let refused = read::<Request, &Value>(&json!("all")).unwrap_err();
+        let refused = refusal::<Request>(&json!("all"));
         assert_eq!(refused, r#"the request must be an object, got the string "all""#);
     }
 
     #[test]
     fn a_text_of_a_client_does_not_lead_astray() {
         let odd = json!({"count": "a, expected b at line 1 column 2"});
-        let refused = read::<Request, &Value>(&odd).unwrap_err();
+        let refused = refusal::<Request>(&odd);
         assert_eq!(
             refused,
             r#"count must be a whole number of at least 0, got the string "a, expected b at line 1 column 2""#

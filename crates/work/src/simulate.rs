@@ -302,13 +302,21 @@ impl SimulateRequest {
         for &time in &self.times {
             monitor.checkpoint()?;
             let state = motion.at(time);
-            let energy = state.iter().zip(motion.oscillators()).map(|(state, o)| o.energy(*state)).sum();
+            let energy: f64 = state.iter().zip(motion.oscillators()).map(|(state, o)| o.energy(*state)).sum();
             let positions: Vec<f64> = state.iter().map(|mode| mode.position).collect();
+            let overflow = SimulationError::Overflow { time };
+            if !(energy.is_finite() && state.iter().all(|mode| mode.position.is_finite() && mode.velocity.is_finite()))
+            {
+                return Err(overflow.into());
+            }
             if self.give == MotionForm::State {
                 take(Frame::State(positions, state.iter().map(|mode| mode.velocity).collect()), energy);
                 continue;
             }
             lifter.lift(&positions, &mut whole);
+            if !whole.iter().all(|x| x.is_finite()) {
+                return Err(overflow.into());
+            }
             match &self.vertices {
                 None => take(Frame::Displacements(&whole), energy),
                 Some(chosen) => {

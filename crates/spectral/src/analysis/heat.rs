@@ -4,13 +4,16 @@
 //! the one whose gradient is nearest to `X` solves `S φ = ∇·X`. Both systems are those of the robust Laplacian (Sharp and Crane 2020), and gradients are taken on its
 //! intrinsic Delaunay triangulation: no weight is negative, so that heat is positive everywhere and is known to full relative precision however small.
 //! Both factors are in single precision: a single source takes the time in which they are read, and distances change by a millionth of the largest
-//! (`docs/decisions/0097-neighbours-in-many-dimensions.md`). Threads share a source (`docs/decisions/0085-one-source-on-all-threads.md`).
+//! (`docs/decisions/0097-neighbours-in-many-dimensions.md`). Where that is not enough they are in double precision: single precision has no number for what little heat
+//! gets from one separator to the next on a surface that is many times as long as heat flows, and few digits for the potential of one that is long and thin. Both show in the residuals
+//! of two sources. Threads share a source (`docs/decisions/0085-one-source-on-all-threads.md`).
 //!
 //! Nothing but half cotangents `h` and the area `A` is needed of a triangle: with `w_k = h_k (u_i − u_j)` the flux `∫ ∇u · ∇λ_i` of corner `i` is
 //! `w_k − w_j`, and `A |∇u|² = Σ h_k (u_i − u_j)²`.
 
 use chladni_algebra::{
-    ColumnTree, DenseMatrix, FactorNumbers, Ordering, PANEL_WIDTH, SymbolicFactor, fill_reducing_order,
+    ColumnTree, DenseMatrix, Factor, FactorNumbers, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor,
+    fill_reducing_order,
 };
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
@@ -23,9 +26,20 @@ use crate::operator::robust;
 /// Heat flows at least so long, as a share of the diagonal of the mesh: else it would be below the least number on the far side.
 const SHORTEST: f64 = 1.0 / 200.0;
 
-/// What is added to the stiffness, as a share of the mass, to make it definite while it is factored. Potentials are zero at the last vertex of each component then,
+/// What is added to the stiffness, as a share of the mass, to make it definite while it is factored in single and in double precision. Potentials are zero at the last vertex of each component then,
 /// so that nothing is divided by the pivot which is all of that.
 const FLOOR: f64 = 1e-9;
+const FLOOR_OF_DOUBLE: f64 = 1e-13;
+
+/// The largest share of heat, next to what flows in and out, and of a potential that single precision may miss.
+const PRECISE: f64 = 3e-5;
+
+/// The least heat that is known to all its digits, next to the most.
+const LEAST_HEAT: f64 = 1e-280;
+
+/// By which factor heat flows longer where it does not get across the surface, and how often that is tried.
+const LONGER: f64 = 4.0;
+const MOST_TIMES: usize = 20;
 
 /// From so many sources on a panel takes less time than as many columns, one after the other.
 const FEW: usize = 8;
@@ -41,8 +55,34 @@ pub struct HeatGeodesics {
     place: Vec<u32>,
     symbolic: SymbolicFactor,
     tree: ColumnTree,
-    heat: FactorNumbers<f32>,
-    poisson: FactorNumbers<f32>,
+    heat: Numbers,
+    poisson: Numbers,
+}
+
+/// The numbers of a factor.
+enum Numbers {
+    Single(FactorNumbers<f32>),
+    Double(FactorNumbers<f64>),
+}
+
+impl Numbers {
+    /// Solves in place for columns row after row, 32 of them or one.
+    fn solve(&self, symbolic: &SymbolicFactor, tree: &ColumnTree, columns: &mut [f64], width: usize) {
+        match (self, width) {
+            (Self::Single(numbers), 1) => tree.solve(symbolic, numbers, columns),
+            (Self::Double(numbers), 1) => tree.solve(symbolic, numbers, columns),
+            (Self::Single(numbers), _) => symbolic.solve_panel(numbers, columns),
+            (Self::Double(numbers), _) => symbolic.solve_panel(numbers, columns),
+        }
+    }
+
+    /// Bytes of each entry.
+    fn bytes(&self) -> usize {
+        match self {
+            Self::Single(_) => 4,
+            Self::Double(_) => 8,
+        }
+    }
 }
 
 impl std::fmt::Debug for HeatGeodesics {
@@ -68,19 +108,23 @@ impl HeatGeodesics {
         let area: f64 =
             triangulation.shapes().iter().map(|shape| shape.area).sum::<f64>() / triangulation.sheets() as f64;
         let unit = (problem.area / area).sqrt();
-        let time = time.unwrap_or_else(|| default_time(&triangulation, mesh, unit)) / problem.area;
         let symbolic = SymbolicFactor::new(&stiffness, &mass)?;
-        let heat = symbolic.factor(&stiffness, &mass, -1.0 / time)?.into_numbers().into_single();
-        monitor.checkpoint()?;
-        let mut poisson = symbolic.factor(&stiffness, &mass, -FLOOR)?.into_numbers().into_single();
         let mut place = vec![0; order.len()];
         order.iter().zip(0..).for_each(|(&vertex, at)| place[vertex as usize] = at);
         let component = components(mesh);
-        let mut last = vec![0; order.len()];
-        order.iter().enumerate().for_each(|(at, &vertex)| last[component[vertex as usize] as usize] = at);
-        component.iter().for_each(|&component| poisson.ground(last[component as usize]));
         let tree = ColumnTree::new(&symbolic);
         let gradients = UnitGradients::new(&triangulation, &place);
+        let probe = Probe {
+            stiffness: &stiffness,
+            mass: &mass,
+            symbolic: &symbolic,
+            tree: &tree,
+            component: &component,
+            place: &place,
+        };
+        let usual = default_time(&triangulation, mesh, unit);
+        let (heat, flowed) = probe.heat_for(time, usual, problem.area, monitor)?;
+        let poisson = probe.poisson_for(&gradients, &flowed, monitor)?;
         Ok(Self { component, unit, place, symbolic, tree, heat, poisson, gradients })
     }
 
@@ -91,15 +135,8 @@ impl HeatGeodesics {
 
     /// About the bytes that it takes.
     pub fn bytes(&self) -> u64 {
-        (10 * self.symbolic.entries() + 400 * self.vertices() + 60 * self.gradients.faces()) as u64
-    }
-
-    /// Solves with one of the factors, in place, for columns row after row, 32 of them or one.
-    fn solve(&self, numbers: &FactorNumbers<f32>, columns: &mut [f64], width: usize) {
-        match width {
-            1 => self.tree.solve(&self.symbolic, numbers, columns),
-            _ => self.symbolic.solve_panel(numbers, columns),
-        }
+        let entry = 2 + self.heat.bytes() + self.poisson.bytes();
+        (entry * self.symbolic.entries() + 400 * self.vertices() + 60 * self.gradients.faces()) as u64
     }
 
     /// Distances in the units of the mesh of all vertices from the nearest vertex of each of some groups: `n × groups`, infinite in components without one.
@@ -125,10 +162,10 @@ impl HeatGeodesics {
             for (column, group) in groups.iter().enumerate() {
                 group.iter().for_each(|&source| columns[self.place[source as usize] as usize * width + column] = 1.0);
             }
-            self.solve(&self.heat, &mut columns, width);
+            self.heat.solve(&self.symbolic, &self.tree, &mut columns, width);
             let mut columns = self.gradients.divergence(&columns, count, width);
             monitor.checkpoint()?;
-            self.solve(&self.poisson, &mut columns, width);
+            self.poisson.solve(&self.symbolic, &self.tree, &mut columns, width);
             for (column, group) in groups.iter().enumerate() {
                 self.finish(&columns[column..], width, group, distances.column_mut(from + column));
             }
@@ -151,6 +188,137 @@ impl HeatGeodesics {
             *distance = if known { ((value(vertex as u32) - base) * self.unit).max(0.0) } else { f64::INFINITY };
         }
         sources.iter().for_each(|&source| distances[source as usize] = 0.0);
+    }
+}
+
+/// What is there when it is decided how precise the factors have to be.
+struct Probe<'a> {
+    stiffness: &'a SparseMatrix,
+    mass: &'a MassMatrix,
+    symbolic: &'a SymbolicFactor,
+    tree: &'a ColumnTree,
+    component: &'a [u32],
+    place: &'a [u32],
+}
+
+impl Probe<'_> {
+    /// A factor by which heat gets across every component in the `given` time, or in the `usual` one, which is made longer until it does; and the heat of a source in
+    /// each component that is far from others.
+    fn heat_for(
+        &self,
+        given: Option<f64>,
+        usual: f64,
+        area: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<(Numbers, Vec<f64>), AnalysisError> {
+        let mut time = given.unwrap_or(usual) / area;
+        for _ in 0..MOST_TIMES {
+            let factor = || self.symbolic.factor(self.stiffness, self.mass, -1.0 / time).map(Factor::into_numbers);
+            monitor.checkpoint()?;
+            let single = Numbers::Single(factor()?.into_single());
+            if let Some(flowed) = self.across(&single, time) {
+                return Ok((single, flowed));
+            }
+            monitor.checkpoint()?;
+            let double = Numbers::Double(factor()?);
+            if let Some(flowed) = self.across(&double, time) {
+                return Ok((double, flowed));
+            }
+            if given.is_some() {
+                break;
+            }
+            time *= LONGER;
+        }
+        let expected = "so long that heat gets across the surface";
+        Err(AnalysisError::Parameter { parameter: "time", value: time * area, expected })
+    }
+
+    /// Heat of a source in each component, far from another, if a factor knows it everywhere.
+    fn across(&self, heat: &Numbers, time: f64) -> Option<Vec<f64>> {
+        let n = self.place.len();
+        // The least vertex of a component is its number.
+        let mut sources: Vec<usize> = (0..n).filter(|&v| self.component[v] as usize == v).collect();
+        for sweep in 0.. {
+            let mut source = vec![0.0; n];
+            sources.iter().for_each(|&v| source[self.place[v] as usize] = 1.0);
+            let mut flowed = source.clone();
+            heat.solve(self.symbolic, self.tree, &mut flowed, 1);
+            if !self.is_heat(&flowed, &source, time) {
+                return None;
+            }
+            if sweep == 1 {
+                return Some(flowed);
+            }
+            let mut coldest: Vec<usize> = (0..n).map(|v| self.component[v] as usize).collect();
+            let at = |v: usize| flowed[self.place[v] as usize];
+            for v in 0..n {
+                let own = &mut coldest[self.component[v] as usize];
+                if at(v) < at(*own) {
+                    *own = v;
+                }
+            }
+            sources.iter_mut().for_each(|v| *v = coldest[*v]);
+        }
+        None
+    }
+
+    /// Whether `(S + M / t) u = δ` to [`PRECISE`] of what each row adds up, with every `u` far enough from the least of all numbers.
+    fn is_heat(&self, flowed: &[f64], source: &[f64], time: f64) -> bool {
+        let (mass, least) = (self.mass.lumped(), LEAST_HEAT * flowed.iter().fold(0.0f64, |most, u| most.max(u.abs())));
+        (0..flowed.len()).all(|row| {
+            let own = mass[row] / time * flowed[row];
+            let (mut sum, mut size) = (own - source[row], own.abs() + source[row]);
+            let (columns, entries) = self.stiffness.row(row);
+            for (&column, entry) in columns.iter().zip(entries) {
+                let part = entry * flowed[column as usize];
+                (sum, size) = (sum + part, size + part.abs());
+            }
+            flowed[row] > least && sum.abs() <= PRECISE * size
+        })
+    }
+
+    /// A factor of the stiffness that is precise enough for the potential of this heat.
+    fn poisson_for(
+        &self,
+        gradients: &UnitGradients,
+        flowed: &[f64],
+        monitor: &dyn Monitor,
+    ) -> Result<Numbers, AnalysisError> {
+        let mut last = vec![0; self.place.len()];
+        for (&component, &place) in self.component.iter().zip(self.place) {
+            let own = &mut last[component as usize];
+            *own = place.max(*own);
+        }
+        let factor = |floor: f64| -> Result<FactorNumbers, AnalysisError> {
+            let mut poisson = self.symbolic.factor(self.stiffness, self.mass, -floor)?.into_numbers();
+            self.component.iter().for_each(|&component| poisson.ground(last[component as usize] as usize));
+            Ok(poisson)
+        };
+        monitor.checkpoint()?;
+        let single = Numbers::Single(factor(FLOOR)?.into_single());
+        monitor.checkpoint()?;
+        match self.changes(&single, &gradients.divergence(flowed, 1, 1)) <= PRECISE {
+            true => Ok(single),
+            false => factor(FLOOR_OF_DOUBLE).map(Numbers::Double),
+        }
+    }
+
+    /// By which share of the largest potential of its component a factor misses that of a divergence, at most: by what the residual asks for.
+    fn changes(&self, poisson: &Numbers, divergence: &[f64]) -> f64 {
+        let mut potential = divergence.to_vec();
+        poisson.solve(self.symbolic, self.tree, &mut potential, 1);
+        let mut rest = self.stiffness.multiply(&potential);
+        rest.iter_mut().zip(divergence).for_each(|(product, wanted)| *product = wanted - *product);
+        poisson.solve(self.symbolic, self.tree, &mut rest, 1);
+        let mut largest = vec![(0.0f64, 0.0f64); self.place.len()];
+        for (&component, &place) in self.component.iter().zip(self.place) {
+            let (size, missed) = &mut largest[component as usize];
+            *size = size.max(potential[place as usize].abs());
+            *missed = missed.max(rest[place as usize].abs());
+        }
+        let shares = largest.iter().filter(|(size, _)| *size > 0.0).map(|(size, missed)| missed / size);
+        // NaN is no share that would do.
+        shares.fold(0.0, |most, share| if share <= most { most } else { share })
     }
 }
 
@@ -340,10 +508,10 @@ mod tests {
             let solve = least(&|| {
                 let mut column = column.clone();
                 column[heat.vertices() / 2] = 1.0;
-                heat.solve(&heat.heat, &mut column, 1);
+                heat.heat.solve(&heat.symbolic, &heat.tree, &mut column, 1);
             });
             column.fill(1.0);
-            let whole = least(&|| heat.solve(&heat.poisson, &mut column.clone(), 1));
+            let whole = least(&|| heat.poisson.solve(&heat.symbolic, &heat.tree, &mut column.clone(), 1));
             let gradients = least(&|| drop(heat.gradients.divergence(&column, 1, 1)));
             println!(
                 "{name}: {} vertices, {entries:?} entries, made in {made:.2} s, one source {one:.2} ms (heat {solve:.2}, divergence {gradients:.2}, potential {whole:.2}), 32 sources {all:.1} ms",
@@ -371,6 +539,35 @@ mod tests {
             assert!((found - expected).abs() < 0.06, "{x} {y}: {found} {expected}");
         }
         assert!(error(&found.column(2)[900..1300], &found.column(1)[900..1300]) < 1e-6);
+    }
+
+    #[test]
+    fn long_thin_surfaces_have_distances_along_them() {
+        // A tube that is closed to a ring: how far it is around is known.
+        let (along, around, large, small) = (400, 12, 20.0, 0.05);
+        let turn = |k: usize, of: usize| 2.0 * std::f64::consts::PI * k as f64 / of as f64;
+        let place = |k: usize| {
+            let ((s, c), (t, d)) = (turn(k / around, along).sin_cos(), turn(k % around, around).sin_cos());
+            [(large + small * d) * c, (large + small * d) * s, small * t]
+        };
+        let corner = |i: usize, j: usize| ((i % along) * around + j % around) as u32;
+        let faces = (0..along * around).flat_map(|k| {
+            let (i, j) = (k / around, k % around);
+            let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+            [[a, b, c], [a, c, d]]
+        });
+        let positions = (0..along * around).map(place).collect();
+        let mesh = TriangleMesh { positions, faces: faces.collect(), ..Default::default() };
+        let exact = ExactGeodesics::new(&mesh).from_nearest(&[0], &Unwatched).unwrap();
+        let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
+        assert_eq!(heat.heat.bytes(), 8);
+        let found = heat.from_nearest(&[&[0]], &Unwatched).unwrap();
+        let error = error(found.column(0), &exact);
+        assert!(error < 0.02, "{error}");
+        for shape in [Shape::Sphere, Shape::Torus] {
+            let heat = HeatGeodesics::new(&generate(shape, 4000).unwrap(), None, &Unwatched).unwrap();
+            assert_eq!((heat.heat.bytes(), heat.poisson.bytes()), (4, 4), "{shape:?}");
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@ use chladni_algebra::{CpuSolver, DenseMatrix, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
 
 use super::error::{self, AnalysisError};
-use super::spectrum::ZERO;
+use super::spectrum::{NEARLY, kernel_size};
 
 /// The most shapes of one comparison.
 pub const MOST_SHAPES: usize = 512;
@@ -31,8 +31,11 @@ impl Spectrum {
 /// zero, but at most one for each component. It is 0 where a boundary is held everywhere or a potential acts, and where a value is below zero: then
 /// every eigenvalue tells something.
 pub fn kernel_of(eigenvalues: &[f64], components: usize) -> usize {
-    let zero = ZERO * magnitude(eigenvalues);
-    eigenvalues.iter().take(components).take_while(|value| value.abs() <= zero).count()
+    match kernel_size(eigenvalues) {
+        Ok(kernel) => kernel.min(components),
+        Err(AnalysisError::OnlyKernel) if magnitude(eigenvalues) == 0.0 => eigenvalues.len().min(components),
+        Err(_) => 0,
+    }
 }
 
 /// The largest magnitude of some ascending values.
@@ -106,7 +109,7 @@ pub fn compare(spectra: &[Spectrum], how: &Comparison) -> Result<Compared, Analy
         let values = &spectrum.eigenvalues[spectrum.kernel..][..how.count];
         let (what, scale, least) = match how.scale {
             Scale::Area => ("area", spectrum.area, 0.0),
-            Scale::First => ("first eigenvalue above the kernel", values[0], ZERO * magnitude(&spectrum.eigenvalues)),
+            Scale::First => ("first eigenvalue above the kernel", values[0], NEARLY * magnitude(&spectrum.eigenvalues)),
             Scale::None => ("", 1.0, 0.0),
         };
         if !(scale > least && scale.is_finite()) {

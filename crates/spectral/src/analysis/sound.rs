@@ -95,6 +95,9 @@ pub fn listen(
     }
     let count = (listening.seconds * f64::from(listening.rate)).ceil() as usize;
     let pressures = motion.accelerations(&weights, f64::from(listening.rate), count);
+    if let Some(at) = pressures.iter().position(|pressure| !pressure.is_finite()) {
+        return Err(SimulationError::Overflow { time: at as f64 / f64::from(listening.rate) });
+    }
     Ok(Sound { rate: listening.rate, pressures, modes, too_high })
 }
 

@@ -2,10 +2,20 @@
 
 use super::error::AnalysisError;
 
-/// Eigenvalues below this share of the largest count as zero.
-pub(super) const ZERO: f64 = 1e-8;
+/// Eigenvalues below this share of the largest are rounding errors of zero.
+const ROUNDING: f64 = 1e-13;
+
+/// Those below this share may be, if the next one is so many times as large.
+pub(super) const NEARLY: f64 = 1e-10;
+const GAP: f64 = 1e3;
+
+/// What lies below zero by more than this share of the largest is negative.
+const NEGATIVE: f64 = 1e-8;
 
 /// How many of the ascending eigenvalues are zero: the functions that are constant on each component.
+///
+/// Solvers that know the kernel give its eigenvalues as exactly zero, and then these are all: on shapes of very different sizes, or graded triangles, the next
+/// ones may be smaller than the last by any factor. Without them zero is what rounding makes of it.
 ///
 /// # Errors
 /// [`AnalysisError::OnlyKernel`] where none is above zero; [`AnalysisError::Negative`] names the first that is below.
@@ -14,11 +24,16 @@ pub fn kernel_size(eigenvalues: &[f64]) -> Result<usize, AnalysisError> {
     if !(largest > 0.0) {
         return Err(AnalysisError::OnlyKernel);
     }
-    let zero = ZERO * largest;
-    if let Some(index) = eigenvalues.iter().position(|&value| value < -zero) {
+    if let Some(index) = eigenvalues.iter().position(|&value| value < -NEGATIVE * largest) {
         return Err(AnalysisError::Negative { index, value: eigenvalues[index] });
     }
-    Ok(eigenvalues.iter().take_while(|&&value| value <= zero).count())
+    let up_to = |least: f64| eigenvalues.partition_point(|&value| value <= least);
+    if eigenvalues.contains(&0.0) {
+        return Ok(up_to(0.0));
+    }
+    let (surely, at_most) = (up_to(ROUNDING * largest), up_to(NEARLY * largest));
+    let ends = |&k: &usize| eigenvalues[k] >= GAP * eigenvalues[k - 1].abs();
+    Ok((surely + 1..=at_most).rev().find(ends).unwrap_or(surely))
 }
 
 /// `count` numbers from `low` to `high`, both above zero, whose ratio is constant.
@@ -46,9 +61,18 @@ mod tests {
     fn zeros_are_told_from_small_values() {
         assert_eq!(kernel_size(&[-1e-12, 1e-11, 0.5, 2.0]).unwrap(), 2);
         assert_eq!(kernel_size(&[0.5, 2.0]).unwrap(), 0);
+        assert_eq!(kernel_size(&[-1e-14, 2e-14, 1e-11, 0.5, 2.0]).unwrap(), 3);
         assert_eq!(kernel_size(&[0.0, 0.0]).unwrap_err(), AnalysisError::OnlyKernel);
         assert_eq!(kernel_size(&[]).unwrap_err(), AnalysisError::OnlyKernel);
         assert_eq!(kernel_size(&[-0.5, 2.0]).unwrap_err(), AnalysisError::Negative { index: 0, value: -0.5 });
+    }
+
+    #[test]
+    fn small_values_beside_exact_zeros_or_in_a_row_are_no_zeros() {
+        assert_eq!(kernel_size(&[0.0, 0.0, 1e-14, 1e-12, 1.0]).unwrap(), 2);
+        assert_eq!(kernel_size(&[-1e-17, 0.0, 1e-14, 1.0]).unwrap(), 2);
+        assert_eq!(kernel_size(&[1e-12, 3e-12, 2e-11, 1e-9, 1e-7, 1e-5, 1e-3, 1.0]).unwrap(), 0);
+        assert_eq!(kernel_size(&[2e-16, 3e-12, 2e-11, 1e-9, 1e-7, 1e-5, 1e-3, 1.0]).unwrap(), 1);
     }
 
     #[test]

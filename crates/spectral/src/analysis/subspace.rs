@@ -81,10 +81,11 @@ pub fn compare(
         .into_iter()
         .map(|modes| Ok(Eigenspace { angles: angles(&block(&coefficients, &modes))?, modes }))
         .collect::<Result<_, AnalysisError>>()?;
+    let zero = super::spectrum::NEARLY * reference.eigenvalues[pairs - 1].abs();
     let values = reference.eigenvalues.iter().zip(&other.eigenvalues).take(pairs);
     Ok(SubspaceComparison {
         angles: angles(&coefficients)?,
-        eigenvalue_errors: values.map(|(a, b)| if a == b { 0.0 } else { (b - a) / a }).collect(),
+        eigenvalue_errors: values.map(|(a, b)| if (b - a).abs() <= zero { 0.0 } else { (b - a) / a }).collect(),
         projection_errors,
         eigenspaces,
         coefficients,
@@ -94,7 +95,7 @@ pub fn compare(
 /// Runs of ascending values in which each follows on the one before with a relative gap of at most `gap`; zeros, as far as rounding tells, are one run.
 fn clusters(values: &[f64], gap: f64) -> Vec<Range<usize>> {
     let largest = values.last().copied().unwrap_or(0.0).abs();
-    let zero = super::spectrum::ZERO * largest;
+    let zero = super::spectrum::NEARLY * largest;
     let mut runs: Vec<Range<usize>> = Vec::new();
     for (index, value) in values.iter().enumerate() {
         match runs.last_mut() {

@@ -97,6 +97,12 @@ pub enum SimulationError {
         /// What its value must be, and what it is.
         reason: String,
     },
+    /// A motion is beyond what numbers hold: loads, times or damping are.
+    #[error("the motion at {time} s is larger than numbers can be: its loads, its damping or its time are too large")]
+    Overflow {
+        /// The first such time.
+        time: f64,
+    },
     /// The basis cannot be evaluated.
     #[error(transparent)]
     Basis(#[from] BasisError),

@@ -10,6 +10,7 @@ use super::energy::Energy;
 use super::envelope::on_all_vertices;
 use super::hats;
 use super::heat::HeatParameters;
+use super::hsim;
 use super::lehmann::{self, Enclosed};
 use super::radial::RadialParameters;
 use crate::basis::{AccuracyReport, Basis, Compact, Functions, InertiaCount};
@@ -170,6 +171,7 @@ pub fn approximate(
     for distances in [&mut certificate.estimates, &mut certificate.bounds] {
         by_index(&pairs.values, distances, problem.area);
     }
+    clear_zeros(&mut pairs.values, hsim::constants_in_kernel(&problem.stiffness, &problem.mass));
     pairs.values.truncate(count);
     pairs.vectors = pairs.vectors.slice_columns(0..count);
     for list in [&mut certificate.residuals, &mut certificate.estimates, &mut certificate.bounds] {
@@ -208,6 +210,20 @@ pub fn approximate(
         certificate,
         metadata: serde_json::Value::Object(serde_json::Map::new()),
     })
+}
+
+/// The largest share of the last value that rounding makes of a zero.
+const ROUNDING: f64 = 1e-6;
+
+/// Makes the lowest values zero where constants on so many components are in the kernel: the functions of a space sum to one, and what a dense solver finds instead is
+/// rounding, relative to the largest value of the space. Values that are small for another reason can be told from them then.
+fn clear_zeros(values: &mut [f64], kernel: usize) {
+    let rounding = ROUNDING * values.last().copied().unwrap_or(0.0);
+    if let Some(lowest) = values.get_mut(..kernel)
+        && lowest.iter().all(|value| value.abs() <= rounding)
+    {
+        lowest.fill(0.0);
+    }
 }
 
 /// Makes distances of values, ascending, from some eigenvalue those from the eigenvalue of the same index, if no two values belong to one eigenvalue: a pair that is closer

@@ -30,16 +30,16 @@ const BYTES_PER_POINT: u64 = 2 * 24;
 pub struct FurRequest {
     /// `{"design": …}`, `{"coefficients": […]}`, `{"eigenfield": k}` or `{"stored": id}`.
     pub field: FieldSource,
-    /// The length of strands in the units of the mesh.
+    /// The length of strands in the units of the mesh, above 0.
     pub length: f64,
-    /// A factor of the length for each face.
+    /// A factor of the length for each face, 0 or more.
     #[serde(default)]
     pub lengths: Option<Vec<f32>>,
-    /// How far strands lean at most, in radians from the normal.
+    /// How far strands lean at most, in radians from the normal, up to π.
     #[serde(default = "one")]
     #[cfg_attr(feature = "schema", schema(default = 1.0))]
     pub tilt: f64,
-    /// The length of the field at which strands lean that far.
+    /// The length of the field at which strands lean that far, above 0.
     #[serde(default = "one")]
     #[cfg_attr(feature = "schema", schema(default = 1.0))]
     pub full: f64,
@@ -113,10 +113,21 @@ impl FurRequest {
         if !matches!(setting.kind(), FieldKind::Vector {} | FieldKind::NVector { n: 1 }) {
             return Err(refused("fur", "field", "fur needs a basis of vector fields"));
         }
-        for (name, value) in [("length", self.length), ("tilt", self.tilt), ("full", self.full)] {
+        for (name, value) in [("length", self.length), ("full", self.full)] {
             within_reason(name, value)?;
+            if !(value > 0.0) {
+                return Err(refused("fur", name, format!("is {value}, and must be above 0")));
+            }
         }
-        self.lengths.iter().flatten().try_for_each(|&factor| within_reason("lengths", f64::from(factor)))?;
+        if !(0.0..=std::f64::consts::PI).contains(&self.tilt) {
+            return Err(refused("fur", "tilt", format!("is {}, and must be an angle from 0 to 3.14159", self.tilt)));
+        }
+        for &factor in self.lengths.iter().flatten() {
+            within_reason("lengths", f64::from(factor))?;
+            if !(factor >= 0.0) {
+                return Err(refused("fur", "lengths", format!("has {factor}, and factors must not be below 0")));
+            }
+        }
         let faces = setting.surface.surface.faces();
         match self.lengths.as_ref().map(Vec::len).filter(|&found| found != faces) {
             Some(found) => Err(refused("fur", "lengths", format!("{found} factors are given for {faces} faces"))),

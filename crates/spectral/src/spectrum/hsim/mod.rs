@@ -213,6 +213,7 @@ impl HsimError {
 
 pub(in crate::spectrum) use bare::{ordering as bare_ordering, plus_mass, solve as solve_bare};
 pub use dense_pairs::repair_bytes;
+pub(in crate::spectrum) use offset::constants_in_kernel;
 pub use semidefinite::krylov_columns;
 pub(in crate::spectrum) use semidefinite::{AboveKernel, above_kernel};
 pub(in crate::spectrum) use solve::{columns, is_dense, is_dense_by_blocks, solve_from};

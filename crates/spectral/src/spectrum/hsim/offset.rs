@@ -63,6 +63,12 @@ fn sum(matrix: &SparseMatrix, row: usize) -> (f64, f64) {
     (values.iter().sum(), UNIT * values.len() as f64 * size)
 }
 
+/// On how many components constants are in the kernel of the stiffness, as far as rounding lets one tell.
+pub(in crate::spectrum) fn constants_in_kernel(stiffness: &SparseMatrix, mass: &MassMatrix) -> usize {
+    let component = components(stiffness, mass, 0.0);
+    component.into_iter().filter(|&number| number != NO_KERNEL).max().map_or(0, |last| last as usize + 1)
+}
+
 /// Per row the number of its component in the graph of the matrix, if all rows of the component sum to zero as far as rounding lets one tell; [`NO_KERNEL`]
 /// if not. `offset` is the multiple of the mass that was taken off the matrix.
 pub(super) fn components(stiffness: &SparseMatrix, mass: &MassMatrix, offset: f64) -> Vec<u32> {
