@@ -15,7 +15,7 @@ use serde_json::{Map, Value, json};
 
 use super::solve::report::{cut_of, eigenvalue_table, interval_of};
 use super::solve::{finite, interval};
-use super::work::{OutputFile, peak_rss_bytes};
+use super::work::{OutputFile, peak_rss_bytes, threads};
 use super::{CliError, StageBars, Table, grouped, number, read_bytes};
 
 /// Solve S x = λ M x for sparse symmetric matrices: the lowest eigenpairs, proven complete
@@ -63,7 +63,7 @@ pub struct EigshArguments {
     seed: u64,
 
     /// Threads; 0 for one per core
-    #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Method")]
+    #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Method", value_parser = threads)]
     threads: usize,
 
     /// Write the result to this .npz file: what `solve` writes of a mesh

@@ -39,7 +39,7 @@ pub struct WorkArguments {
     pub gpu: GpuChoice,
 
     /// Threads; 0 for one per core
-    #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Method")]
+    #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Method", value_parser = threads)]
     pub threads: usize,
 
     /// Begin even if the estimate says that there is too little memory
@@ -58,6 +58,17 @@ pub struct WorkArguments {
     /// Draw no progress bars
     #[arg(long, short = 'q', help_heading = "Output")]
     pub quiet: bool,
+}
+
+/// More threads than this take longer to start than they save.
+const MOST_THREADS: usize = 1024;
+
+/// A number of threads.
+pub fn threads(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count) if count <= MOST_THREADS => Ok(count),
+        _ => Err(format!("a whole number from 0 to {MOST_THREADS} is expected")),
+    }
 }
 
 fn card(text: &str) -> Result<GpuChoice, &'static str> {
@@ -98,12 +109,36 @@ impl WorkArguments {
         Ok(JobParameters::parse(kind, &Value::Object(given))?)
     }
 
+    /// Refuses parameters by name that a flag has `given` as well.
+    ///
+    /// # Errors
+    /// [`CliError::Usage`] names the first.
+    pub fn refuse_twice(&self, given: &Map<String, Value>) -> Result<(), CliError> {
+        let names = self.named.iter().filter_map(|text| text.split_once('=')).map(|(name, _)| name);
+        match names.into_iter().find(|name| given.contains_key(*name)) {
+            Some(name) => Err(CliError::Usage(format!("--parameter {name}: a flag gives it as well"))),
+            None => Ok(()),
+        }
+    }
+
+    /// Chooses the graphics card, which has to be there if it is named.
+    fn choose_card(&self) -> Result<(), CliError> {
+        let accelerator = gpu::choose(self.gpu.clone());
+        if matches!(self.gpu, GpuChoice::Index(_) | GpuChoice::Name(_)) {
+            accelerator.open();
+            if let Some(reason) = accelerator.reason() {
+                return Err(CliError::Usage(format!("--gpu {}: {reason}", self.gpu)));
+            }
+        }
+        Ok(())
+    }
+
     /// Reads the mesh, runs the job and writes its result where that is asked for.
     ///
     /// # Errors
     /// [`CliError`]: an output that cannot be written is found out before the work begins.
     pub fn run(&self, job: &JobParameters) -> Result<Finished, CliError> {
-        gpu::choose(self.gpu.clone());
+        self.choose_card()?;
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(self.threads)
             .build()

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 
 use self::report::Run;
 use super::CliError;
+use super::output::OutputFormat;
 use super::work::{WorkArguments, given};
 
 pub use report::{eigenvalue_table, storage};
@@ -127,7 +128,8 @@ impl SolveArguments {
     /// The arguments as parameters of the job `eigenbasis`; what was not given is left to the job's own defaults.
     fn job(&self) -> Result<JobParameters, CliError> {
         let given = given([
-            ("method", Some(json!(self.method))),
+            // Its usual value may be given by name as well.
+            ("method", (self.method != "auto").then(|| json!(self.method))),
             ("count", self.count.map(|value| json!(value))),
             ("below", self.below.map(|value| json!(value))),
             ("between", self.between.map(|value| json!(value))),
@@ -146,7 +148,19 @@ impl SolveArguments {
             ("accuracy", self.accuracy.as_ref().map(|value| json!(value))),
             ("seed", self.seed.map(|value| json!(value))),
         ]);
-        self.work.job("eigenbasis", given)
+        self.work.refuse_twice(&given)?;
+        let job = self.work.job("eigenbasis", given)?;
+        if let Some(path) = &self.work.output
+            && matches!(OutputFormat::of(path, job.kind())?, OutputFormat::Csv | OutputFormat::Vtp | OutputFormat::Ply)
+            && matches!(&job, JobParameters::Eigenbasis(work) if work.is_hodge())
+        {
+            let reason = format!(
+                "--output {}: eigenfields have numbers for each face, and are written as .npz or .mat",
+                path.display()
+            );
+            return Err(CliError::Usage(reason));
+        }
+        Ok(job)
     }
 }
 
