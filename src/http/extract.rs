@@ -89,6 +89,9 @@ pub fn require_json(headers: &HeaderMap) -> Result<(), Problem> {
     }
 }
 
+/// Bodies of so many bytes are read once more, to refuse lists where objects are wanted: those of longer ones are numbers.
+const MOST_READ_AGAIN: usize = 1 << 16;
+
 /// Parses JSON. Nesting is limited to 128 levels.
 ///
 /// # Errors
@@ -108,6 +111,11 @@ pub fn parse_json<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem> {
         Problem::new(&problem::INVALID_REQUEST, format!("{told}{end}"))
     })?;
     deserializer.end().map_err(|error| Problem::new(&problem::INVALID_JSON, format!("{error}")))?;
+    if bytes.len() <= MOST_READ_AGAIN
+        && let Ok(packed) = serde_json::from_slice::<Packed>(bytes)
+    {
+        plain::read::<T>(&packed).map_err(|told| Problem::new(&problem::INVALID_REQUEST, format!("{told}.")))?;
+    }
     Ok(value)
 }
 

@@ -314,6 +314,21 @@ impl<'de> Deserializer<'de> for &'de Packed {
         visitor.visit_newtype_struct(self)
     }
 
+    /// Members by name: a list would be taken by position, and one in another order for something else.
+    fn deserialize_struct<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        _: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Error> {
+        match self {
+            Packed::Whole(_) | Packed::Real(_) | Packed::List(_) => {
+                Err(de::Error::invalid_type(de::Unexpected::Seq, &visitor))
+            }
+            other => other.deserialize_any(visitor),
+        }
+    }
+
     /// A word, or an object of one member.
     fn deserialize_enum<V: Visitor<'de>>(
         self,
@@ -334,7 +349,7 @@ impl<'de> Deserializer<'de> for &'de Packed {
 
     serde::forward_to_deserialize_any! {
         bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf unit unit_struct seq tuple tuple_struct map
-        struct identifier ignored_any
+        identifier ignored_any
     }
 }
 

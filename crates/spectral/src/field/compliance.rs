@@ -3,6 +3,7 @@
 use chladni_algebra::DenseMatrix;
 
 use super::constraints::{Condition, Slack};
+use super::slack;
 
 /// Constraints without repetitions, and what a reduced space has them move by.
 pub(super) struct Compliance {
@@ -33,16 +34,16 @@ pub(super) fn mean_of_diagonal(moved: &DenseMatrix) -> f64 {
     (0..k).map(|i| moved.column(i)[i]).sum::<f64>() / k.max(1) as f64
 }
 
-/// By how much each number of conditions slacks way to a unit pull, where pulls move them by `moved`.
+/// By how much each number of conditions gives way to a unit pull, where pulls move them by `moved`.
 pub(super) fn slacks(moved: &DenseMatrix, conditions: &[Condition], b: usize) -> Vec<f64> {
     let mean = mean_of_diagonal(moved);
     let slack = |(at, condition): (usize, &Condition)| match condition.slack {
         Slack::Weight(slack) => slack,
         Slack::Share(share) => share * mean,
         Slack::Own(share) => {
-            let own = (b * at..b * (at + 1)).map(|i| moved.column(i)[i]);
-            // A pull moves everything somewhere; if not, the mean does.
-            share * (own.sum::<f64>() / b as f64).max(1e-6 * mean)
+            let entry = |i, j| if i < b && j < b { moved.column(b * at + j)[b * at + i] } else { 0.0 };
+            let own = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
+            slack::of_share(&own, b, &condition.value, share, mean)
         }
     };
     conditions.iter().enumerate().flat_map(|one| std::iter::repeat_n(slack(one), b)).collect()

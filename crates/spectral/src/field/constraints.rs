@@ -71,7 +71,7 @@ pub(super) enum Slack {
     Weight(f64),
     /// A share of what a unit pull moves.
     Share(f64),
-    /// A share of what a unit pull moves on the face itself, what has no energy left out.
+    /// So that alone the condition misses about this share of its length, what has no energy left out: see [`super::slack`].
     Own(f64),
 }
 

@@ -15,6 +15,7 @@ use rayon::prelude::*;
 
 use super::constraints::HARD;
 use super::design::{Constraint, DesignError, DesignModel, EnergyWeights, FIRM, Hold, add_row};
+use super::slack::{self, Yield};
 use crate::basis::FieldBasis;
 
 /// Constrained numbers beyond this share of the dimension go into the matrix.
@@ -35,8 +36,8 @@ const IDLE: f64 = 1e-9;
 pub(super) struct Many {
     /// `K`, on the coefficients of the space.
     energy: OnceLock<DenseMatrix>,
-    /// What a unit pull on a face moves there: the mean over its numbers.
-    moved: Mutex<HashMap<u32, f64>>,
+    /// What unit pulls on a face move there.
+    moved: Mutex<HashMap<u32, Yield>>,
     /// Of designs before, the latest first: one for each hand that drags.
     kept: Mutex<Vec<CachedDesign>>,
 }
@@ -119,8 +120,8 @@ impl Setting<'_> {
         Ok(energy)
     }
 
-    /// What a unit pull on a face moves there, fields of no energy left out: the mean over its numbers.
-    fn moved(&self, face: u32) -> f64 {
+    /// What unit pulls on a face move there, fields of no energy left out.
+    fn moved(&self, face: u32) -> Yield {
         let (b, d) = (self.basis.space.block(), self.model.dimension());
         let mut rows = vec![0.0; b * d];
         for (column, u) in self.row(face) {
@@ -128,8 +129,12 @@ impl Setting<'_> {
                 add_row(row, &self.model.ritz.vectors[d * column..d * (column + 1)], u);
             }
         }
-        let sum = |row: &[f64]| row.iter().zip(self.inverse).map(|(r, k)| r * r * k).sum::<f64>();
-        rows.chunks_exact(d).map(sum).sum::<f64>() / b as f64
+        let row = |i: usize| &rows[i * d..(i + 1) * d];
+        let product = |i: usize, j: usize| -> f64 {
+            row(i).iter().zip(row(j)).zip(self.inverse).map(|((r, s), k)| r * s * k).sum()
+        };
+        let entry = |i: usize, j: usize| if i < b && j < b { product(i.max(j), i.min(j)) } else { 0.0 };
+        std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)))
     }
 
     /// `Σ w rᵀr` added to a matrix.
@@ -264,14 +269,15 @@ impl Many {
     /// The weights of soft constraints, in the order of the constraints.
     fn weights(&self, setting: &Setting<'_>, constraints: &[Constraint]) -> Vec<Option<f64>> {
         let strengths = constraints.iter().any(|c| matches!(c.hold, Hold::Strength(_)));
-        let moved: Vec<f64> = if strengths {
+        let b = setting.basis.space.block();
+        let moved: Vec<Yield> = if strengths {
             let lock = || self.moved.lock().unwrap_or_else(PoisonError::into_inner);
-            let known: Vec<Option<f64>> = {
+            let known: Vec<Option<Yield>> = {
                 let moved = lock();
                 constraints.iter().map(|c| moved.get(&c.face).copied()).collect()
             };
             // Others may design meanwhile.
-            let moved: Vec<f64> = constraints
+            let moved: Vec<Yield> = constraints
                 .par_iter()
                 .zip(&known)
                 .map(|(c, known)| known.unwrap_or_else(|| setting.moved(c.face)))
@@ -279,12 +285,13 @@ impl Many {
             lock().extend(constraints.iter().zip(&moved).map(|(c, &moved)| (c.face, moved)));
             moved
         } else {
-            vec![0.0; constraints.len()]
+            vec![[[0.0; 3]; 3]; constraints.len()]
         };
-        // A pull moves everything somewhere; if not, the mean does.
-        let least = 1e-6 * moved.iter().sum::<f64>() / moved.len().max(1) as f64;
-        let weight = |(c, moved): (&Constraint, &f64)| match c.hold {
-            Hold::Strength(strength) => Some(FIRM * strength / moved.max(least)),
+        let mean = moved.iter().map(|own| slack::mean(own, b)).sum::<f64>() / moved.len().max(1) as f64;
+        let weight = |(c, moved): (&Constraint, &Yield)| match c.hold {
+            Hold::Strength(strength) => {
+                Some(slack::of_share(moved, b, &c.value, 1.0 / (FIRM * strength), mean).recip())
+            }
             Hold::Weight(weight) => Some(weight),
             Hold::Exact => None,
         };

@@ -32,6 +32,7 @@ mod refine_response;
 #[cfg(test)]
 mod refine_tests;
 mod singularity;
+mod slack;
 mod smooth;
 mod space;
 mod streamline;

@@ -205,6 +205,29 @@ fn a_lone_stroke_of_strength_one_is_met_to_a_percent_whatever_the_surface_and_it
 }
 
 #[test]
+fn a_lone_stroke_is_met_in_any_direction_where_fields_yield_in_one_alone() {
+    // Beside a boundary fields run along it, and on a stretched plate hardly across.
+    let share = 1.0 / 101.0;
+    for (stretch, n) in [(1.0, 1200), (8.0, 600)] {
+        let mut mesh = plate(n, 1, false, 1.0).mesh().clone();
+        mesh.positions.iter_mut().for_each(|p| p[0] *= stretch);
+        let surface = FieldSurface::new(mesh).unwrap();
+        let basis = basis(&surface, FieldKind::Vector {}, 200, 1);
+        let models = [DesignModel::new(&basis, &Unwatched).unwrap(), DesignModel::sparse(&basis)];
+        let models = models.map(|model| model.weighted(EnergyWeights::default(), None).unwrap());
+        let mut random = SplitMix64::new(5);
+        for face in (0..surface.faces() as u32).step_by(surface.faces() / 30) {
+            let (sine, cosine) = (std::f64::consts::TAU * random.unit()).sin_cos();
+            let one = Constraint { face, value: [2.0 * cosine, 2.0 * sine, 0.0], hold: Hold::Strength(1.0) };
+            for model in &models {
+                let missed = model.solve(&basis, &[one]).unwrap().residuals[0] / 2.0;
+                assert!(missed < 1.1 * share, "{stretch}, face {face}: {missed}");
+            }
+        }
+    }
+}
+
+#[test]
 fn strengths_mean_the_same_with_a_sparse_factor_where_fields_have_no_energy() {
     // A torus has two harmonic fields, a plate the parallel ones.
     let torus = FieldSurface::new(generate(Shape::Torus, 1500).unwrap()).unwrap();

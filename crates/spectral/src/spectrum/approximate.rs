@@ -130,7 +130,9 @@ pub fn approximate(
     }
     let columns = (count + guards).min(parameters.dimension.max(count)).min(problem.size()).max(count);
     let most = most_columns(problem.size(), parameters.dimension.max(count));
-    let mut attempt = Attempt::new(ritz(mesh, operator, &mut parameters, columns, monitor)?, count, most);
+    let kernel = hsim::constants_in_kernel(&problem.stiffness, &problem.mass);
+    let mut attempt =
+        Attempt::new(ritz(mesh, operator, &mut parameters, columns, monitor)?.with_zeros(kernel), count, most);
     let mut built = parameters.space;
     monitor.stage("bounds");
     let energy = Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?;
@@ -149,7 +151,7 @@ pub fn approximate(
         rounds += 1;
         let columns = columns.min(space.columns());
         let mut next = match reduce(problem, space, columns, monitor) {
-            Ok(ritz) => Attempt::new(ritz, count, most),
+            Ok(ritz) => Attempt::new(ritz.with_zeros(kernel), count, most),
             // What was found before is good enough to be judged, and says how good.
             Err(ApproximationError::Eigen(EigenError::NotPositiveDefinite { .. })) => break,
             Err(error) => return Err(error),
@@ -171,7 +173,6 @@ pub fn approximate(
     for distances in [&mut certificate.estimates, &mut certificate.bounds] {
         by_index(&pairs.values, distances, problem.area);
     }
-    clear_zeros(&mut pairs.values, hsim::constants_in_kernel(&problem.stiffness, &problem.mass));
     pairs.values.truncate(count);
     pairs.vectors = pairs.vectors.slice_columns(0..count);
     for list in [&mut certificate.residuals, &mut certificate.estimates, &mut certificate.bounds] {
@@ -210,20 +211,6 @@ pub fn approximate(
         certificate,
         metadata: serde_json::Value::Object(serde_json::Map::new()),
     })
-}
-
-/// The largest share of the last value that rounding makes of a zero.
-const ROUNDING: f64 = 1e-6;
-
-/// Makes the lowest values zero where constants on so many components are in the kernel: the functions of a space sum to one, and what a dense solver finds instead is
-/// rounding, relative to the largest value of the space. Values that are small for another reason can be told from them then.
-fn clear_zeros(values: &mut [f64], kernel: usize) {
-    let rounding = ROUNDING * values.last().copied().unwrap_or(0.0);
-    if let Some(lowest) = values.get_mut(..kernel)
-        && lowest.iter().all(|value| value.abs() <= rounding)
-    {
-        lowest.fill(0.0);
-    }
 }
 
 /// Makes distances of values, ascending, from some eigenvalue those from the eigenvalue of the same index, if no two values belong to one eigenvalue: a pair that is closer

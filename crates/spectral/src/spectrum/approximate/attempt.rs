@@ -28,8 +28,12 @@ const LARGEST_SHARE: f64 = 0.25;
 /// The columns that the space of a mesh of `n` vertices may grow to from a dimension, by hat functions or by a larger dimension: dense problems grow with it, and whoever
 /// promises memory has to know how far.
 pub fn most_columns(n: usize, dimension: usize) -> usize {
-    (dimension + dimension.max(MANY_HATS)).min(n / 2).max(dimension)
+    let most = if n <= SMALL { n } else { n / 2 };
+    (dimension + dimension.max(MANY_HATS)).min(most).max(dimension)
 }
+
+/// A mesh of so few unknowns is solved as a whole where nothing else reaches a goal.
+const SMALL: usize = 1500;
 
 /// Eigenfunctions on the mesh that are farther from orthonormal than this come from a dense problem that rounding has decided.
 const LARGEST_DEFECT: f64 = 1e-3;
@@ -207,7 +211,7 @@ impl Attempt {
         }
         let wanted = (GROWTH * parameters.dimension.max(parameters.count) as f64).ceil();
         if wanted > (LARGEST_SHARE * n as f64).min(most as f64) {
-            return Ok(None);
+            return Ok((n <= SMALL.min(self.most)).then(|| SparseMatrix::identity(n)));
         }
         parameters.dimension = wanted as usize;
         let finer = initial_space(mesh, operator, parameters, monitor)?;

@@ -22,6 +22,24 @@ pub(in crate::spectrum) struct Ritz {
     pub pairs: EigenPairs,
 }
 
+/// The largest share of the last value that rounding makes of a zero.
+const ROUNDING: f64 = 1e-6;
+
+impl Ritz {
+    /// With the lowest values exactly zero where constants on so many components are in the kernel: the functions of a space sum to one, and what a dense solver finds
+    /// instead is rounding, relative to the largest value of the space. Values that are small for another reason can be told from them then.
+    pub(super) fn with_zeros(mut self, kernel: usize) -> Self {
+        let values = &mut self.pairs.values;
+        let rounding = ROUNDING * values.last().copied().unwrap_or(0.0);
+        if let Some(lowest) = values.get_mut(..kernel)
+            && lowest.iter().all(|value| value.abs() <= rounding)
+        {
+            lowest.fill(0.0);
+        }
+        self
+    }
+}
+
 /// Builds the space and computes the lowest `count` Ritz pairs in it. `parameters` tell afterwards how its functions were made.
 pub(in crate::spectrum) fn ritz(
     mesh: &TriangleMesh,

@@ -234,11 +234,11 @@ impl HsimParameters {
         match self.wanted {
             Wanted::Count(count) => within("count", count as f64, 1.0, f64::from(u32::MAX))?,
             Wanted::Below { bound, most } => {
-                within("below", bound, f64::MIN, f64::MAX)?;
+                within("below", bound, -MOST_BOUND, MOST_BOUND)?;
                 within("most", most as f64, 1.0, f64::from(u32::MAX))?;
             }
             Wanted::Between { from, to, most } => {
-                within("between", to, f64::MIN, f64::MAX)?;
+                within("between", to, -MOST_BOUND, MOST_BOUND)?;
                 within("most", most as f64, 1.0, f64::from(u32::MAX))?;
                 if !(from < to && from.is_finite()) {
                     let reason = format!("must begin below where it ends, not at {from} of {to}");
@@ -253,6 +253,9 @@ impl HsimParameters {
         within("subspace_factor", self.subspace_factor.unwrap_or(1.5), 1.0, 4.0)
     }
 }
+
+/// Matrices are shifted by bounds, and must stay finite.
+const MOST_BOUND: f64 = 1e300;
 
 impl Default for HsimParameters {
     fn default() -> Self {
