@@ -179,13 +179,17 @@ fn failures_are_one_sentence_and_an_exit_code() {
     let broken = folder.path().join("broken.off");
     std::fs::write(&broken, "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 99\n").unwrap();
     let broken = broken.to_str().unwrap();
-    let cases: [(&[&str], i32, &str); 9] = [
+    let cases: [(&[&str], i32, &str); 13] = [
         (&["solve", "no-such-file.ply"], 3, "no-such-file.ply"),
         (&["solve", broken], 1, "99"),
         (&["solve", mesh, "-n", "0"], 2, "count"),
         (&["solve", mesh, "-n", "5000"], 2, "vertices"),
         (&["solve", mesh, "-n", "10", "-o", "/no/such/folder/a.npz"], 3, "/no/such/folder"),
         (&["solve", mesh, "-p", "colour=red"], 2, "colour"),
+        (&["solve", mesh, "-p", "count=5", "-n", "6"], 2, "--parameter count: a flag gives it as well"),
+        (&["solve", mesh, "-n", "6", "--gpu", "no such card"], 2, "--gpu no such card"),
+        (&["solve", mesh, "-n", "6", "--threads", "100000"], 2, "--threads"),
+        (&["solve", mesh, "-n", "6", "--operator", "hodge", "-o", "a.ply"], 2, ".npz"),
         (&["serve", "--listen", "0.0.0.0:0", "--data", broken], 2, "--insecure"),
         (&["serve", "--listen", "127.0.0.1:0", "--data", broken], 3, "broken.off"),
         (&["serve", "--workers", "0"], 2, "workers"),

@@ -165,6 +165,7 @@ async fn parameters_of_another_method_are_refused_by_name() {
         (json!({"method": "hsim", "tolerance": 0.9}), "tolerance"),
         (json!({"method": "sim", "variant": "sliced"}), "variant"),
         (json!({"method": "hsim", "count": 3, "below": 1.0}), "below"),
+        (json!({"method": "hsim", "below": 1e308}), "below"),
         (json!({"operator": {"extrinsic": {"t": -1.0}}}), "operator.extrinsic.t"),
         (
             json!({"operator": {"hamiltonian": {"potential": {"values": [1.0, 2.0]}}}}),

@@ -187,6 +187,10 @@ async fn what_is_no_word_and_no_table_is_told_so() {
         let body = json!({"functions": functions, "transfer": {"kind": "heat", "time": 1.0}});
         app.post(&format!("/v1/bases/{basis}/filter")).json(&body).send()
     };
+    let told = json!({"distance": {"kind": "diffusion", "times": "soon"}, "sources": [0]});
+    let told = app.post(&format!("/v1/bases/{basis}/distances")).json(&told).send();
+    let told = problem(told.await.unwrap(), 422, "invalid-request").await;
+    assert_eq!(told["detail"], r#"distance.times must be a list, got the string "soon"."#);
     for (functions, words) in [
         (json!("coordinate"), r#"functions must be "coordinates", got "coordinate""#),
         (json!(7), r#"functions must be the word "coordinates" or a table"#),

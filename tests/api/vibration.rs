@@ -123,12 +123,24 @@ async fn a_shell_vibrates_is_struck_and_heard() {
         (json!({"loads": [{"force": {"vertex": 0, "from": 1.0, "to": 0.5, "force": [0, 0, 1]}}]}), "loads"),
         (json!({"sound": {"listener": [0, 0, 1], "sample_rate": 5}}), "sound"),
         (json!({"times": vec![0.0; 4000]}), "times"),
+        (json!({"times": [1e308], "loads": fall}), "times"),
+        (json!({"times": [0.1], "loads": [{"impulse": {"vertex": 3, "momentum": [1e308, 0, 0]}}]}), "times"),
+        (
+            json!({"sound": {"listener": [0, 0, 4], "seconds": 0.01}, "loads": [{"impulse": {"vertex": 3, "momentum": [1e308, 0, 0]}}]}),
+            "times",
+        ),
     ] {
         let refused = app.post(&url).json(&body).send().await.unwrap();
         problem(refused, 422, &format!("invalid-simulation/{within}")).await;
     }
-    let refused = app.post(&url).json(&json!({"loads": [{"push": {}}]})).send().await.unwrap();
-    problem(refused, 422, "invalid-request").await;
+    for (body, words) in [
+        (json!({"loads": [{"push": {}}]}), "push"),
+        (json!({"loads": [null]}), "loads[0] must be a word or an object, got null"),
+        (json!({"damping": [1.0, 0.001]}), "damping must be an object, got a list"),
+    ] {
+        let refused = problem(app.post(&url).json(&body).send().await.unwrap(), 422, "invalid-request").await;
+        assert!(refused["detail"].as_str().unwrap().contains(words), "{refused}");
+    }
 }
 
 #[tokio::test]

@@ -6,6 +6,7 @@ use chladni_mesh::fixtures::{grid, placed, union};
 use chladni_mesh::shape::{Shape, generate, noisy};
 
 use super::*;
+use crate::analysis::spectrum::kernel_size;
 use crate::operator::{Boundary, MassKind, OperatorKind, OperatorParameters, Potential, assemble};
 
 fn operator(mesh: &TriangleMesh, operator: OperatorKind, mass: MassKind, boundary: Boundary) -> MeshOperator {
@@ -324,4 +325,35 @@ fn columns_of_few_vertices_hold_thin_triangles_and_say_how_far_they_diffused() {
     assert_eq!(steps, Some(longer.steps));
     assert!(fitted < 0.1 && 3.0 * fitted < chosen, "{chosen} % became {fitted} %");
     assert_eq!(longer.for_few_vertices(), None);
+}
+
+#[test]
+fn zeros_are_exact_and_small_values_beside_them_are_none() {
+    // Spheres of very different sizes: the lowest eigenvalues of the large one are less than rounding makes of the largest.
+    let sphere = generate(Shape::Sphere, 1_000).unwrap();
+    let mesh = union(&[placed(sphere.clone(), 1e5, [0.0; 3]), placed(sphere, 1.0, [3e5, 0.0, 0.0])]);
+    let made = operator(&mesh, OperatorKind::Laplace, MassKind::Barycentric, Boundary::Neumann);
+    let basis = solve(&mesh, &made, 100, 250);
+    assert_eq!(basis.eigenvalues[..2], [0.0, 0.0]);
+    assert_eq!(kernel_size(&basis.eigenvalues).unwrap(), 2);
+    assert!((basis.eigenvalues[2] * 1e10 / 2.0 - 1.0).abs() < 0.03, "{}", basis.eigenvalues[2]);
+}
+
+#[test]
+fn a_small_mesh_is_solved_whole_where_columns_do_not_reach_the_goal() {
+    let mut mesh = grid(25);
+    let longest = mesh.positions.iter().map(|p| p[0]).fold(0.0, f64::max);
+    mesh.positions.iter_mut().for_each(|p| *p = [p[0] / longest, p[1] / longest * 0.01, 0.0]);
+    let made = operator(&mesh, OperatorKind::Laplace, MassKind::Barycentric, Boundary::Neumann);
+    let parameters = ApproximationParameters {
+        count: 40,
+        dimension: dimension_for(40, 2),
+        space: Space::Heat(HeatParameters::default()),
+        goal: Some(Goal { error: 0.01, rounds: MOST_ROUNDS }),
+        certify: false,
+        seed: 0,
+    };
+    let basis = approximate(&mesh, &made, &parameters, &Unwatched).unwrap();
+    let told = basis.certificate.accuracy.unwrap();
+    assert!(told.reached && told.rounds > 0, "{told:?}");
 }
