@@ -3,7 +3,8 @@
 //! Card. Energy `Σ_e w_e |u_i − P u_j|²` over interior edges, `w_e = 3 |e|² / (A_i + A_j)`, mass = face area. Symmetric positive
 //! semi-definite; the boundary is natural. Weights are independent of scale, so eigenvalues are in 1/length². On equal triangles `w` is twice the weight of
 //! the finite-volume Laplacian: this is the sum of a non-conforming divergence and a non-conforming curl energy, each of which is
-//! consistent by itself.
+//! consistent by itself. So eigenvalues are about twice those of the connection Laplacian on fair triangles, and where triangles are stretched or all point one way they
+//! depend on the direction, however fine the mesh.
 
 use chladni_algebra::{Block, BlockMatrix};
 use chladni_mesh::dual::{DualGraph, NO_FACE};
@@ -17,8 +18,9 @@ use super::frames::{FaceFrames, Planar, power};
 pub enum FieldKind {
     /// A tangent vector, with the Hodge–Laplacian.
     Vector {},
-    /// `n` vectors, equal up to turns by 360°/n, as one representation vector: its angle is `n` times theirs. For `n = 1` a tangent vector,
-    /// with the connection Laplacian.
+    /// `n` vectors, equal up to turns by 360°/n, as one representation vector: its angle is `n` times theirs. For `n = 1` a tangent vector.
+    /// The operator carries vectors from face to face and weighs what differs as the thesis does; it is no discretisation of the connection Laplacian: on equal triangles
+    /// its eigenvalues are twice those, and where triangles point one way they differ by direction.
     NVector {
         /// How many, from 1.
         #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 64, example = 4))]
