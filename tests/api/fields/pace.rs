@@ -77,31 +77,3 @@ async fn the_pace_of_a_dragged_stroke_while_a_job_runs() {
     app.post(&format!("/v1/jobs/{job}/cancel")).send().await.unwrap();
     app.finished(&job).await;
 }
-
-/// Strands by area and pictures, which need no camera of the client's own.
-async fn pictures(app: &TestApp, basis: &Value, field: &Value, faces: usize) {
-    let (strands, shape) =
-        raw(app, basis, "fur", &json!({"field": field, "length": 0.1, "strands": 3000, "points": 5})).await;
-    assert!(shape == [3000, 15] && faces != 3000);
-    for strand in strands.chunks_exact(15) {
-        let radius = |p: &[f32]| p.iter().map(|x| x * x).sum::<f32>().sqrt();
-        // The root is on the sphere, the tip is outside.
-        assert!((radius(&strand[..3]) - 1.0).abs() < 0.02 && radius(&strand[12..]) > 1.0, "{strand:?}");
-    }
-    for (part, accept, extra) in [
-        ("hatching", "image/svg+xml", json!({})),
-        ("hatching", "image/png", json!({"pen": "even", "tone": null})),
-        ("fur", "image/png", json!({"length": 0.1, "strands": 3000})),
-    ] {
-        let mut body = json!({"field": field, "camera": {"from": [0, 0, 1], "width": 300, "height": 240}});
-        body.as_object_mut().unwrap().extend(extra.as_object().unwrap().clone());
-        let url = format!("{}/{part}", text(&basis["links"]["self"]));
-        let answer = app.post(&url).header("accept", accept).json(&body).send().await.unwrap();
-        assert_eq!(answer.headers()["content-type"], accept, "{part}: {}", answer.status());
-        let bytes = answer.bytes().await.unwrap();
-        match accept {
-            "image/png" => assert_eq!((&bytes[1..4], &bytes[16..24]), (&b"PNG"[..], &[0, 0, 1, 44, 0, 0, 0, 240][..])),
-            _ => assert!(bytes.starts_with(b"<svg") && bytes.windows(5).filter(|w| w == b"<path").count() > 10),
-        }
-    }
-}
