@@ -177,33 +177,15 @@ fn render(page: &mut Page, known: &HashSet<String>, docs: &Path) -> Vec<Section>
         match event {
             Event::Start(Tag::Heading { level, .. }) => {
                 let end = (i..events.len()).find(|&j| matches!(events[j], Event::End(TagEnd::Heading(_)))).unwrap_or(i);
-                let text: String = events[i..end]
-                    .iter()
-                    .filter_map(|event| match event {
-                        Event::Text(text) | Event::Code(text) => Some(text.as_ref()),
-                        _ => None,
-                    })
-                    .collect();
-                let base = slug(&text);
-                let count = taken.entry(base.clone()).or_insert(0);
-                let anchor = if *count == 0 { base } else { format!("{base}-{count}") };
-                *count += 1;
+                let text = plain_text(&events[i..end]);
+                let anchor = anchor(&text, &mut taken);
+                made.push(Event::Html(heading(*level, &anchor, &events[i + 1..end]).into()));
                 if *level == HeadingLevel::H2 {
                     page.headings.push((anchor.clone(), text.clone()));
                 }
                 if *level != HeadingLevel::H1 {
-                    sections.push(Section { anchor: anchor.clone(), heading: text, text: String::new() });
+                    sections.push(Section { anchor, heading: text, text: String::new() });
                 }
-                made.push(Event::Html(format!("<{level} id=\"{}\">", escape(&anchor)).into()));
-                let mut inner = String::new();
-                html::push_html(&mut inner, events[i + 1..end].iter().cloned());
-                let link = format!(
-                    " <a class=\"anchor\" href=\"#{0}\" aria-label=\"Link to this section: {1}\">#</a>",
-                    escape(&anchor),
-                    inner.replace(['<', '>', '"'], " ")
-                );
-                let link = if *level == HeadingLevel::H1 { String::new() } else { link };
-                made.push(Event::Html(format!("{inner}{link}</{level}>\n").into()));
                 i = end;
             }
             Event::Start(Tag::Link { link_type, dest_url, title, id }) => {
@@ -268,6 +250,38 @@ fn render(page: &mut Page, known: &HashSet<String>, docs: &Path) -> Vec<Section>
     sections.retain(|section| !section.text.is_empty() || !section.heading.is_empty());
     page.source = source;
     sections
+}
+
+/// What a reader sees of some events, without its form.
+fn plain_text(events: &[Event]) -> String {
+    let texts = events.iter().filter_map(|event| match event {
+        Event::Text(text) | Event::Code(text) => Some(text.as_ref()),
+        _ => None,
+    });
+    texts.collect()
+}
+
+/// The anchor of a heading, with a number where others of the page have the same text.
+fn anchor(text: &str, taken: &mut HashMap<String, usize>) -> String {
+    let base = slug(text);
+    let count = taken.entry(base.clone()).or_insert(0);
+    *count += 1;
+    if *count == 1 { base } else { format!("{base}-{}", *count - 1) }
+}
+
+/// A heading with a link to itself, unless it is that of the page.
+fn heading(level: HeadingLevel, anchor: &str, inside: &[Event]) -> String {
+    let anchor = escape(anchor);
+    let mut inner = String::new();
+    html::push_html(&mut inner, inside.iter().cloned());
+    let link = match level {
+        HeadingLevel::H1 => String::new(),
+        _ => format!(
+            " <a class=\"anchor\" href=\"#{anchor}\" aria-label=\"Link to this section: {}\">#</a>",
+            inner.replace(['<', '>', '"'], " ")
+        ),
+    };
+    format!("<{level} id=\"{anchor}\">{inner}{link}</{level}>\n")
 }
 
 /// The sidebar, as the index has it: the first link of each row and item under each heading.

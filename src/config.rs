@@ -98,7 +98,8 @@ pub struct Config {
     )]
     pub database_direct: Option<Secret>,
 
-    /// Content in an object store that servers and workers share, as s3://BUCKET/PREFIX?endpoint=ADDRESS, or file:///FOLDER that all of them see; goes with --database
+    /// Content in an object store that servers and workers share, as s3://BUCKET/PREFIX?endpoint=ADDRESS, or file:///FOLDER that all of them see;
+    /// goes with --database
     #[arg(long, value_name = "ADDRESS", env = "CHLADNI_OBJECTS", requires = "database", help_heading = "Storage")]
     pub objects: Option<String>,
 

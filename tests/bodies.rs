@@ -1,5 +1,5 @@
-//! The body of every request, changed at random: whatever comes, the answer is a success or a problem of the client's making. What sends them is the fuzz
-//! target's, `fuzz/src/bodies.rs`; here they are changed without looking at what that leads to.
+//! The body of every request, changed at random: whatever comes, the answer is a success or a problem of the client's making. What sends them is the
+//! fuzz target's, `fuzz/src/bodies.rs`; here they are changed without looking at what that leads to.
 
 #[path = "../fuzz/src/bodies.rs"]
 mod sender;

@@ -266,8 +266,8 @@ async fn storm_client(url: String, round: usize, client: usize, told: Arc<std::s
     }
 }
 
-/// `STORM=1000 cargo test --release --test crash -- --ignored --nocapture --exact storm_of_kills`: so many kills at random points, 100 unless told otherwise,
-/// with six clients.
+/// `STORM=1000 cargo test --release --test crash -- --ignored --nocapture --exact storm_of_kills`: so many kills at random points, 100 unless told
+/// otherwise, with six clients.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes minutes: the figures of docs/reliability.md"]
 async fn storm_of_kills() {
@@ -345,9 +345,9 @@ fn torn(first: &[u8], second: &[u8], random: &mut chladni_base::SplitMix64) -> (
     (bytes, written)
 }
 
-/// `STORM=100 cargo test --release --test crash -- --ignored --nocapture power_cuts`: so many losses of power of a loaded server. Its files are copied at
-/// two instants some milliseconds apart while it stands still; the disk then has the first, and a random half of the sectors written after it, which were
-/// not synced when the first was taken. A file whose log began anew in between is taken as it was at the first.
+/// `STORM=100 cargo test --release --test crash -- --ignored --nocapture power_cuts`: so many losses of power of a loaded server. Its files are
+/// copied at two instants some milliseconds apart while it stands still; the disk then has the first, and a random half of the sectors written after
+/// it, which were not synced when the first was taken. A file whose log began anew in between is taken as it was at the first.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes minutes: the figures of docs/reliability.md"]
 async fn storm_of_power_cuts() {
@@ -426,8 +426,8 @@ async fn storm_of_power_cuts() {
     assert!(meshes > cuts && jobs > cuts);
 }
 
-/// `STORM=100 cargo test --release --test crash -- --ignored --nocapture full_disks`, as root: so many times a file takes all room of the server's disk, while
-/// six clients go on, and gives it back.
+/// `STORM=100 cargo test --release --test crash -- --ignored --nocapture full_disks`, as root: so many times a file takes all room of the server's
+/// disk, while six clients go on, and gives it back.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "mounts a file system and takes minutes: the figures of docs/reliability.md"]
 async fn storm_of_full_disks() {

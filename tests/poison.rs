@@ -288,8 +288,8 @@ async fn check(server: &Server, (job, kind): (String, i32)) {
     assert!(kind == 0 || found == if kind == MEMORY { "memory-exceeded" } else { "quarantined" }, "{job}");
 }
 
-/// `cargo test --release --test poison -- --ignored --nocapture cancels`, with `STORM` jobs, 10,000 unless told otherwise: work around a hub of 20,000
-/// triangles is cancelled at random moments of its first 200 milliseconds, for five minutes at most.
+/// `cargo test --release --test poison -- --ignored --nocapture cancels`, with `STORM` jobs, 10,000 unless told otherwise: work around a hub of
+/// 20,000 triangles is cancelled at random moments of its first 200 milliseconds, for five minutes at most.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes minutes: the figures of docs/reliability.md"]
 async fn storm_of_cancels() {
@@ -349,8 +349,8 @@ async fn solves(url: &str, client: &reqwest::Client, time: Duration) -> (Vec<f64
     (took, refused)
 }
 
-/// `cargo test --release --test poison -- --ignored --nocapture flood`: synchronous solves of one client while another sends ten times what the server
-/// can do. On loopback, where each address counts as a client. `CHLADNI_FLOOD_ACROSS` is the square root of half the vertices, 100 by default.
+/// `cargo test --release --test poison -- --ignored --nocapture flood`: synchronous solves of one client while another sends ten times what the
+/// server can do. On loopback, where each address counts as a client. `CHLADNI_FLOOD_ACROSS` is the square root of half the vertices, 100 by default.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes half a minute and the whole machine: the figures of docs/reliability.md"]
 async fn flood() {

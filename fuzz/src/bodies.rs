@@ -280,8 +280,8 @@ fn server() -> &'static Server {
     })
 }
 
-/// Sends a request: bytes for the operation, the media type and the basis, a query, a zero, a body. The answer is no fault of the server's, and what is refused
-/// is so in a problem's form. Gives the operation and its status, where a request was made of the bytes.
+/// Sends a request: bytes for the operation, the media type and the basis, a query, a zero, a body. The answer is no fault of the server's, and what
+/// is refused is so in a problem's form. Gives the operation and its status, where a request was made of the bytes.
 pub fn send_body(bytes: &[u8]) -> Option<(String, StatusCode)> {
     let [operation, media, basis, rest @ ..] = bytes else { return None };
     let end = rest.iter().position(|&byte| byte == 0)?;

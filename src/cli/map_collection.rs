@@ -59,7 +59,8 @@ pub struct MapCollectionArguments {
     #[arg(long, value_name = "N", default_value_t = 2000, help_heading = "Method")]
     samples: usize,
 
-    /// Let maps turn surfaces inside out: for faces that are not counter-clockwise all the same way. The sides of a symmetric shape cannot be told apart then
+    /// Let maps turn surfaces inside out: for faces that are not counter-clockwise all the same way. The sides of a symmetric shape cannot be told
+    /// apart then
     #[arg(long, help_heading = "Method")]
     no_orientation: bool,
 

@@ -29,7 +29,8 @@ use std::time::Instant;
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct VerifyArguments {
-    /// What was solved, as solve, run, eigsh or a server writes it: an eigenbasis (of fields as well), vibration modes, or pairs of matrices, for which MESH is the matrix S
+    /// What was solved, as solve, run, eigsh or a server writes it: an eigenbasis (of fields as well), vibration modes, or pairs of matrices, for
+    /// which MESH is the matrix S
     #[arg(value_name = "BASIS.npz")]
     basis: PathBuf,
 
@@ -44,7 +45,8 @@ pub struct VerifyArguments {
     #[arg(long, value_name = "M", help_heading = "Problem")]
     mass: Option<PathBuf>,
 
-    /// What is held, where the basis does not list it: rows of matrices, or clamped vertices of a vibration, by their numbers from 0; a file of whole numbers
+    /// What is held, where the basis does not list it: rows of matrices, or clamped vertices of a vibration, by their numbers from 0; a file of whole
+    /// numbers
     #[arg(long, value_name = "FILE", help_heading = "Problem")]
     fixed: Option<PathBuf>,
 

@@ -46,8 +46,9 @@ pub struct WorkArguments {
     #[arg(long, help_heading = "Method")]
     pub ignore_memory: bool,
 
-    /// Write the result to this file: .npz with everything; of an eigenbasis also .mat (MATLAB, Octave), .csv (a row for each vertex), .vtp or .ply (the
-    /// surface with its eigenfunctions, of its kept vertices; points without faces are in the order in which they are kept, along a curve through space)
+    /// Write the result to this file: .npz with everything; of an eigenbasis also .mat (MATLAB, Octave), .csv (a row for each vertex), .vtp or .ply
+    /// (the surface with its eigenfunctions, of its kept vertices; points without faces are in the order in which they are kept, along a curve
+    /// through space)
     #[arg(long, short = 'o', value_name = "FILE", help_heading = "Output")]
     pub output: Option<PathBuf>,
 

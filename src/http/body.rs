@@ -46,8 +46,8 @@ impl WholeBody {
         reserve(&mut self.share, (self.bytes.len() as u64).saturating_add(more))
     }
 
-    /// Some bytes of this body, unpacked where they are gzip by their first two: a file that was packed before it was sent, with no word about it in the
-    /// headers.
+    /// Some bytes of this body, unpacked where they are gzip by their first two: a file that was packed before it was sent, with no word about it in
+    /// the headers.
     ///
     /// # Errors
     /// `damaged-encoding`, `body-too-large`, and those of [`reserve`].

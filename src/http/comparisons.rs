@@ -160,8 +160,8 @@ impl SpectrumOf {
     }
 }
 
-/// What makes the eigenvalues of a shape free of its size: the area of a surface, of a solid the square of the edge of a cube with its volume, of a graph
-/// the number of its vertices.
+/// What makes the eigenvalues of a shape free of its size: the area of a surface, of a solid the square of the edge of a cube with its volume, of a
+/// graph the number of its vertices.
 fn measure(parameters: &Value, report: &Value) -> f64 {
     let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
     match parameters["operator"].as_str() {

@@ -14,6 +14,7 @@
 //! | [`plain_links`] | links within the documentation of the code lead nowhere here |
 //! | [`prune`] | what nothing refers to is left out |
 
+use chladni_base::notes::{DENSE_SOLVER, FALLBACKS};
 use serde_json::{Map, Value, json};
 
 use super::{kinds, variants};
@@ -27,12 +28,12 @@ const ABSENT: &[(&str, &[&str])] = &[
     ("HodgeOperator", &["domain"]),
     ("MeshReport", &["points", "polygons", "solid", "subdivisions", "surface", "file", "attributes"]),
     ("OperatorReport", &["polygons", "flat_tetrahedra"]),
-    ("EigenbasisDetails", &["dense_solver", "fallbacks"]),
-    ("FieldBasisDetails", &["dense_solver"]),
-    ("OperatorFamilyDetails", &["dense_solver"]),
-    ("VibrationBasisDetails", &["dense_solver"]),
-    ("PencilBasisDetails", &["dense_solver", "fallbacks"]),
-    ("MapCollectionDetails", &["dense_solver"]),
+    ("EigenbasisDetails", &[DENSE_SOLVER, FALLBACKS]),
+    ("FieldBasisDetails", &[DENSE_SOLVER]),
+    ("OperatorFamilyDetails", &[DENSE_SOLVER]),
+    ("VibrationBasisDetails", &[DENSE_SOLVER]),
+    ("PencilBasisDetails", &[DENSE_SOLVER, FALLBACKS]),
+    ("MapCollectionDetails", &[DENSE_SOLVER]),
 ];
 
 /// Makes the document of what the derives say.

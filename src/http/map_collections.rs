@@ -139,10 +139,10 @@ problems!(MapCollectionProblems: SOLVE BODY JSON [UNKNOWN_BASIS, BASIS_KIND, NOT
 
 /// Maps all shapes of a collection to each other
 ///
-/// Without landmarks: first maps follow from wave kernel signatures and the orientation of the surfaces, are refined by ZoomOut (Melzi et al. 2019), and made
-/// consistent by a latent basis that all shapes have in common (Huang et al. 2020), so that pairs that fail by themselves follow those that agree. The answer
-/// has a map of points for each ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say. For more than a few shapes there is the job
-/// `map_collection`, which does the same in the queue and keeps what it finds.
+/// Without landmarks: first maps follow from wave kernel signatures and the orientation of the surfaces, are refined by ZoomOut (Melzi et al. 2019),
+/// and made consistent by a latent basis that all shapes have in common (Huang et al. 2020), so that pairs that fail by themselves follow those that
+/// agree. The answer has a map of points for each ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say. For more than a
+/// few shapes there is the job `map_collection`, which does the same in the queue and keeps what it finds.
 #[utoipa::path(
     post, path = "/v1/map-collections", tag = "analysis", operation_id = "mapCollection",
     params(NumberingQuery),

@@ -120,15 +120,15 @@ pub(super) struct Inverse {
     "orthogonality_defect": 0.2, "commutativity_defect": 0.05, "embedding_error": 0.1, "coverage": 0.8
 }))]
 struct FunctionalMapAnswer {
-    /// C, k × k: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area. Coefficients in the bases as they are
-    /// stored are taken over by √(area of the target / area of the source) C.
+    /// C, k × k: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area. Coefficients in the bases as they
+    /// are stored are taken over by √(area of the target / area of the source) C.
     matrix: Table,
     /// The vertices of the target that were matched; null: all of them, in order.
     matched: Option<Vec<u32>>,
     /// For each of them the vertex of the source that corresponds to it; null at vertices of the target's file that were dropped.
     points: Vec<Option<u32>>,
-    /// For each of them how well its embedding x agrees with the image y of the vertex that corresponds to it: 1 − ‖x − y‖² / (‖x‖² + ‖y‖²), from 0 to 1; null
-    /// where `points` is.
+    /// For each of them how well its embedding x agrees with the image y of the vertex that corresponds to it: 1 − ‖x − y‖² / (‖x‖² + ‖y‖²), from 0
+    /// to 1; null where `points` is.
     confidences: Vec<Option<f32>>,
     /// The other way, where both were asked for.
     inverse: Option<Inverse>,
@@ -168,9 +168,9 @@ problems!(FunctionalMapProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_FUNCTI
 /// Maps functions between two surfaces
 ///
 /// A functional map (Ovsjanikov et al. 2012) from landmarks, descriptors or signatures, refined by ZoomOut (Melzi et al. 2019), with the
-/// correspondence of points that it makes: for vertices of the target, vertices of the source, and with `both_ways` the other way. With `carry` functions on
-/// the source are carried over, colours and texture coordinates among them. Sizes decide how long it takes: a hundred
-/// pairs and two thousand samples are a matter of a second, matching all points of large meshes one of many.
+/// correspondence of points that it makes: for vertices of the target, vertices of the source, and with `both_ways` the other way. With `carry`
+/// functions on the source are carried over, colours and texture coordinates among them. Sizes decide how long it takes: a hundred pairs and two
+/// thousand samples are a matter of a second, matching all points of large meshes one of many.
 ///
 /// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is pairs of little-endian u32, the landmarks, and the rest of the
 /// request stands in the query. A raw answer is the matrix, row after row, or with `points=true` the points (4294967295 where a vertex has none).

@@ -53,7 +53,8 @@ pub fn routes() -> OpenApiRouter<AppState> {
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct UploadQuery {
-    /// The format: `obj`, `ply`, `off`, `stl`, `medit`, `vtk`, `gmsh`, `freesurfer`, `gltf`, `gifti`, `npz` or `json`. Takes the place of `Content-Type`.
+    /// The format: `obj`, `ply`, `off`, `stl`, `medit`, `vtk`, `gmsh`, `freesurfer`, `gltf`, `gifti`, `npz` or `json`. Takes the place of
+    /// `Content-Type`.
     #[param(example = "ply")]
     format: Option<String>,
     /// Whether vertices at exactly equal positions become one: `auto` (where the format repeats positions by design, as STL
@@ -121,21 +122,23 @@ problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKN
 /// `application/octet-stream`, from the first bytes. `Content-Encoding` may be gzip or zstd; a file that is gzip itself is
 /// unpacked as well.
 ///
-/// Arrays come as NPZ (`numpy.savez`: `vertices`, n × 3; `faces`, f × k; `tetrahedra`, t × 4) or JSON (`{"vertices": [[x, y, z], …], "faces": [[0, 1, 2], …]}`),
-/// vertices counted from 0.
+/// Arrays come as NPZ (`numpy.savez`: `vertices`, n × 3; `faces`, f × k; `tetrahedra`, t × 4) or JSON
+/// (`{"vertices": [[x, y, z], …], "faces": [[0, 1, 2], …]}`), vertices counted from 0.
 ///
 /// A file with tetrahedra is a solid: the mesh is then the surface of its tetrahedra, unless `surface=given`, the report has the member `solid`, and
 /// the vertices of the surface are the first of the solid, both in the order of the file.
 ///
-/// A file without faces has points: bases are then computed from triangles around each of them, the report has `points: true`, and what needs a surface with faces
-/// is refused. Points at equal positions become one, unless `merge=never`, and points at which no triangle can be made are left out. The points are kept in the order of a curve
-/// through space: meshes that are answered (the content of the mesh, PLY of filtered functions and of modes) have them in this order, and `GET /v1/meshes/{id}/vertex-map` tells which they are.
+/// A file without faces has points: bases are then computed from triangles around each of them, the report has `points: true`, and what needs a
+/// surface with faces is refused. Points at equal positions become one, unless `merge=never`, and points at which no triangle can be made are left
+/// out. The points are kept in the order of a curve through space: meshes that are answered (the content of the mesh, PLY of filtered functions and
+/// of modes) have them in this order, and `GET /v1/meshes/{id}/vertex-map` tells which they are.
 ///
 /// Where repairs renumber vertices or faces, the report has the member `file`, and all other routes take and give the numbering of the file unless
 /// they are asked for `numbering=kept`; so two files with the same surface and other numbers are two meshes.
 ///
-/// Texture coordinates, normals and the names of groups, objects and materials of an OBJ are kept, each corner's own, so that seams split no vertex; the report
-/// counts them in its member `attributes`, and whatever surface goes out has them. They are part of the mesh: with others it is another one.
+/// Texture coordinates, normals and the names of groups, objects and materials of an OBJ are kept, each corner's own, so that seams split no vertex;
+/// the report counts them in its member `attributes`, and whatever surface goes out has them. They are part of the mesh: with others it is another
+/// one.
 ///
 /// The mesh is checked; repairs that lose nothing are done and listed in the report. The same content has the same id: sending
 /// it again answers 200 with what is stored.

@@ -31,6 +31,7 @@ use super::problem::{self, Problem};
 use super::problems::problems;
 use super::solves::translation;
 use super::state::AppState;
+use crate::store::BasisRecord;
 
 /// Bytes of one panel of a streamed answer: large enough to be worth a task, small enough to hold many.
 const PANEL_BYTES: usize = 4 << 20;
@@ -79,10 +80,11 @@ problems!(GetModesProblems: [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE, RANGE
 ///
 /// Or the eigenvectors of a problem, a row for each of its rows.
 ///
-/// By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`;
-/// `application/octet-stream`, the same little-endian numbers, mode after mode, without a header; `model/ply`, the mesh with the
-/// values of one mode as colours, from blue over white at zero to red; it has the kept vertices in their order, which for points without faces is not that of the file. Numbers are f32 unless `dtype` says f64. Answers are streamed:
-/// nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these modes are read.
+/// By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`; `application/octet-stream`, the same
+/// little-endian numbers, mode after mode, without a header; `model/ply`, the mesh with the values of one mode as colours, from blue over white at
+/// zero to red; it has the kept vertices in their order, which for points without faces is not that of the file. Numbers are f32 unless `dtype` says
+/// f64. Answers are streamed: nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these modes are
+/// read.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/modes", tag = "bases", operation_id = "getModes",
     params(BasisId, NumberingQuery, ModesQuery),
@@ -101,20 +103,57 @@ async fn modes(
     QueryOf(query): QueryOf<ModesQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let ply = MeshFormat::Ply.media_type();
-    let format = match query.format {
-        Some(format) => format,
-        None => match extract::negotiated(&headers, &[NPY, OCTETS, ply])? {
-            name if name == ply => Format::Ply,
-            NPY => Format::Npy,
-            _ => Format::F32,
-        },
-    };
+    let format = query.format.map_or_else(|| negotiated(&headers), Ok)?;
     let record = match state.store.basis(id).await? {
         record if record.kind == ProductKind::PencilBasis.name() && format != Format::Ply => record,
         _ => find_kind(&state, id, ProductKind::Eigenbasis).await?,
     };
-    let count = record.count as usize;
+    let range = range_of(&query, format, record.count as usize)?;
+    let dtype = query.dtype;
+    let (which, hash) = (numbered.tag(), &record.content_hash);
+    let tag = format!("{hash}-modes-{}-{}-{format:?}-{}{which}", range.start, range.end, dtype.name());
+    if format == Format::Ply {
+        return on_surface(&state, &record, range.start, tag, &headers).await;
+    }
+    let basis = state.store.load_eigenvectors(record.id).await?;
+    let tag = conditional::strong(&tag)?;
+    let known = conditional::matches(&headers, &tag);
+    let to = match record.kind == ProductKind::PencilBasis.name() {
+        // Rows of a problem have the numbers that it came with.
+        true => Translation::default(),
+        false => translation(&state, numbered, id, &basis).await?,
+    };
+    let mut response = if known { StatusCode::NOT_MODIFIED.into_response() } else { StatusCode::OK.into_response() };
+    let head = response.headers_mut();
+    head.typed_insert(tag);
+    head.insert(header::VARY, HeaderValue::from_static("accept"));
+    head.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, max-age=31536000, immutable"));
+    if known {
+        return Ok(response);
+    }
+    let (n, k) = (to.rows(basis.vertices()), range.len());
+    let prefix = if format == Format::Npy { npz::npy(dtype.descriptor(), true, &[n, k], &[]) } else { Vec::new() };
+    head.insert(header::CONTENT_TYPE, HeaderValue::from_static(if format == Format::Npy { NPY } else { OCTETS }));
+    head.insert(header::CONTENT_LENGTH, HeaderValue::from((prefix.len() + dtype.bytes() * n * k) as u64));
+    head.insert("chladni-rows", HeaderValue::from(n));
+    head.insert("chladni-columns", HeaderValue::from(k));
+    head.insert("chladni-dtype", HeaderValue::from_static(dtype.name()));
+    *response.body_mut() = streamed(state, basis, to, range, dtype, prefix).await?;
+    Ok(response)
+}
+
+/// The format that a client takes, by `Accept`.
+fn negotiated(headers: &HeaderMap) -> Result<Format, Problem> {
+    let ply = MeshFormat::Ply.media_type();
+    Ok(match extract::negotiated(headers, &[NPY, OCTETS, ply])? {
+        name if name == ply => Format::Ply,
+        NPY => Format::Npy,
+        _ => Format::F32,
+    })
+}
+
+/// The modes that are asked for, of so many.
+fn range_of(query: &ModesQuery, format: Format, count: usize) -> Result<Range<usize>, Problem> {
     let last = if format == Format::Ply { query.from.saturating_add(1) } else { count };
     let range = query.from..query.to.unwrap_or(last);
     if range.is_empty() || range.end > count {
@@ -125,57 +164,49 @@ async fn modes(
         let detail = format!("A PLY shows one mode, not {}.", range.len());
         return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail));
     }
-    let dtype = query.dtype;
-    let (which, hash) = (numbered.tag(), &record.content_hash);
-    let tag = format!("{hash}-modes-{}-{}-{format:?}-{}{which}", range.start, range.end, dtype.name());
-    let basis = match format {
-        Format::Ply => on_vertices(&state, id).await?,
-        _ => state.store.load_eigenvectors(record.id).await?,
-    };
-    if format == Format::Ply {
-        let mesh = state.store.load_mesh(&record.mesh).await?;
-        let attributes = state.store.load_attributes(&record.mesh).await?;
-        let mode = range.start;
-        let bytes = state
-            .solve("modes", move |_| {
-                let mut colours = colours(&basis.lift::<f32>(mode..mode + 1)?);
-                // Of a solid, its surface, whose vertices come first.
-                colours.truncate(mesh.positions.len());
-                let mut bytes = Vec::new();
-                match attributes {
-                    None => write_ply(&mesh, Some(&colours), &mut bytes),
-                    Some(own) => write_ply_attributed(&mesh, Some(&colours), &own, PlyPrecision::Double, &mut bytes),
-                }
-                .map_err(Problem::internal)?;
-                Ok(Bytes::from(bytes))
-            })
-            .await?;
-        let file_name = format!("mode-{mode}-{}.ply", record.id);
-        return Immutable { tag, media_type: ply, file_name, length: bytes.len() as u64 }.answer(&headers, bytes);
-    }
-    let tag = conditional::strong(&tag)?;
-    let known = conditional::matches(&headers, &tag);
-    let to = match record.kind == ProductKind::PencilBasis.name() {
-        // Rows of a problem have the numbers that it came with.
-        true => Translation::default(),
-        false => translation(&state, numbered, id, &basis).await?,
-    };
-    let (n, k) = (to.rows(basis.vertices()), range.len());
-    let mut response = if known { StatusCode::NOT_MODIFIED.into_response() } else { StatusCode::OK.into_response() };
-    let head = response.headers_mut();
-    head.typed_insert(tag);
-    head.insert(header::VARY, HeaderValue::from_static("accept"));
-    head.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, max-age=31536000, immutable"));
-    if known {
-        return Ok(response);
-    }
-    let prefix = if format == Format::Npy { npz::npy(dtype.descriptor(), true, &[n, k], &[]) } else { Vec::new() };
-    head.insert(header::CONTENT_TYPE, HeaderValue::from_static(if format == Format::Npy { NPY } else { OCTETS }));
-    head.insert(header::CONTENT_LENGTH, HeaderValue::from((prefix.len() + dtype.bytes() * n * k) as u64));
-    head.insert("chladni-rows", HeaderValue::from(n));
-    head.insert("chladni-columns", HeaderValue::from(k));
-    head.insert("chladni-dtype", HeaderValue::from_static(dtype.name()));
-    // The first panel is computed before the status is sent, so that a failure is a problem and not a cut answer.
+    Ok(range)
+}
+
+/// The mesh with the values of one mode as colours.
+async fn on_surface(
+    state: &ClientState,
+    record: &BasisRecord,
+    mode: usize,
+    tag: String,
+    headers: &HeaderMap,
+) -> Result<Response, Problem> {
+    let basis = on_vertices(state, record.id).await?;
+    let mesh = state.store.load_mesh(&record.mesh).await?;
+    let attributes = state.store.load_attributes(&record.mesh).await?;
+    let bytes = state
+        .solve("modes", move |_| {
+            let mut colours = colours(&basis.lift::<f32>(mode..mode + 1)?);
+            // Of a solid, its surface, whose vertices come first.
+            colours.truncate(mesh.positions.len());
+            let mut bytes = Vec::new();
+            match attributes {
+                None => write_ply(&mesh, Some(&colours), &mut bytes),
+                Some(own) => write_ply_attributed(&mesh, Some(&colours), &own, PlyPrecision::Double, &mut bytes),
+            }
+            .map_err(Problem::internal)?;
+            Ok(Bytes::from(bytes))
+        })
+        .await?;
+    let (media_type, length) = (MeshFormat::Ply.media_type(), bytes.len() as u64);
+    let file_name = format!("mode-{mode}-{}.ply", record.id);
+    Immutable { tag, media_type, file_name, length }.answer(headers, bytes)
+}
+
+/// Modes panel after panel behind a prefix. The first panel is computed at once, so that a failure is a problem and not a cut answer.
+async fn streamed(
+    state: ClientState,
+    basis: Arc<Basis>,
+    to: Translation,
+    range: Range<usize>,
+    dtype: Dtype,
+    prefix: Vec<u8>,
+) -> Result<Body, Problem> {
+    let n = to.rows(basis.vertices());
     let panel = (PANEL_BYTES / (dtype.bytes() * n).max(1)).clamp(1, 64);
     let first = range.start..range.end.min(range.start + panel);
     let rest = first.end..range.end;
@@ -195,8 +226,7 @@ async fn modes(
             Ok(Some((bytes, after)))
         }
     }));
-    *response.body_mut() = Body::from_stream(parts);
-    Ok(response)
+    Ok(Body::from_stream(parts))
 }
 
 /// Some modes as little-endian numbers, mode after mode.

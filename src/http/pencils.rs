@@ -59,16 +59,17 @@ problems!(UploadProblemProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, U
 
 /// Uploads a problem
 ///
-/// A problem is a pencil of sparse symmetric matrices, `S x = λ M x`, that someone else assembled; no mesh belongs to it. Jobs of the kind `pencil_basis` compute
-/// eigenpairs of it.
+/// A problem is a pencil of sparse symmetric matrices, `S x = λ M x`, that someone else assembled; no mesh belongs to it. Jobs of the kind
+/// `pencil_basis` compute eigenpairs of it.
 ///
-/// The body is the matrix S, its mass then being the identity, or `multipart/form-data` with the parts `stiffness` and `mass` (and, optionally, `name`). Each is an NPZ file of
-/// `scipy.sparse.save_npz` (CSR, CSC, COO, DIA or BSR) or Matrix Market (real, integer or pattern; general or symmetric), told by its first bytes; a mass may also be
-/// the diagonal alone. What `GET /v1/problems/{id}/content` gives is taken as well, with its mass. `Content-Encoding` may be gzip or zstd.
+/// The body is the matrix S, its mass then being the identity, or `multipart/form-data` with the parts `stiffness` and `mass` (and, optionally,
+/// `name`). Each is an NPZ file of `scipy.sparse.save_npz` (CSR, CSC, COO, DIA or BSR) or Matrix Market (real, integer or pattern; general or
+/// symmetric), told by its first bytes; a mass may also be the diagonal alone. What `GET /v1/problems/{id}/content` gives is taken as well, with its
+/// mass. `Content-Encoding` may be gzip or zstd.
 ///
-/// Both have to be finite and symmetric: entries on either side of the diagonal may differ by 1e-12 of the largest of their rows, and their mean is taken. The mass has to be
-/// positive definite. The first entry or row that does not fit is named, counted from 0. Where proving the mass definite would take much memory (`mass_proven` is false then), the first job
-/// does it, and fails if it is not.
+/// Both have to be finite and symmetric: entries on either side of the diagonal may differ by 1e-12 of the largest of their rows, and their mean is
+/// taken. The mass has to be positive definite. The first entry or row that does not fit is named, counted from 0. Where proving the mass definite
+/// would take much memory (`mass_proven` is false then), the first job does it, and fails if it is not.
 ///
 /// Equal matrices have the same id, in whichever format they come: sending them again answers 200 with what is stored.
 #[utoipa::path(
@@ -240,8 +241,8 @@ problems!(GetProblemContentProblems: [UNKNOWN_PROBLEM, NOT_ACCEPTABLE, RANGE_NOT
 
 /// Gets the matrices of a problem
 ///
-/// As NPZ: `format`, `shape`, `data`, `indices` and `indptr` of S in CSR form, which `scipy.sparse.load_npz` opens; of the mass the diagonal `mass`, or `mass_data`,
-/// `mass_indices` and `mass_indptr` in CSR form, or nothing where it is the identity.
+/// As NPZ: `format`, `shape`, `data`, `indices` and `indptr` of S in CSR form, which `scipy.sparse.load_npz` opens; of the mass the diagonal `mass`,
+/// or `mass_data`, `mass_indices` and `mass_indptr` in CSR form, or nothing where it is the identity.
 #[utoipa::path(
     get, path = "/v1/problems/{id}/content", tag = "problems", operation_id = "getProblemContent",
     params(

@@ -1,7 +1,8 @@
 //! How many requests are worked on at once, whose turn is next, and when a request that waits for somebody else steps aside.
 //!
-//! What a request reads from the store stands in one line with what all others read. A client that has a thousand requests open would have everybody else wait
-//! behind them, although each takes less than a millisecond; so only a few are let on at a time, client by client, and the rest wait without taking anything.
+//! What a request reads from the store stands in one line with what all others read. A client that has a thousand requests open would have everybody
+//! else wait behind them, although each takes less than a millisecond; so only a few are let on at a time, client by client, and the rest wait
+//! without taking anything.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -90,7 +91,8 @@ impl Drop for Slot {
     }
 }
 
-/// The slot of one request, which everything that works for it shares. Without one it is not in line: an operation that writes waits for other writes.
+/// The slot of one request, which everything that works for it shares. Without one it is not in line: an operation that writes waits for other
+/// writes.
 #[derive(Debug, Clone, Default)]
 pub struct Turn(Option<Arc<Held>>);
 

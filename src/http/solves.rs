@@ -208,10 +208,11 @@ problems!(FilterProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_TRANSFER]);
 /// `x' = Φ F(Λ) ΦᵀM x + F∞ (x − ΦΦᵀM x)` (Vallet and Lévy 2008): each part of a function is multiplied by a factor that depends on
 /// its eigenvalue; detail that the basis does not hold is multiplied by F∞, not lost.
 ///
-/// JSON, or raw numbers for speed: with `Content-Type: application/octet-stream` the body is little-endian values, vertex after
-/// vertex and, within a vertex, function after function, of the type `dtype`; the transfer function stands in the query. The answer
-/// is of the same kind unless `Accept` says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`. A surface (`model/ply`, `model/obj`, `model/gltf-binary`) has the kept
-/// vertices in their order, which for points without faces is not that of the file, and the texture coordinates, normals and names that the mesh came with; normals turn with their faces.
+/// JSON, or raw numbers for speed: with `Content-Type: application/octet-stream` the body is little-endian values, vertex after vertex and, within a
+/// vertex, function after function, of the type `dtype`; the transfer function stands in the query. The answer is of the same kind unless `Accept`
+/// says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`. A surface (`model/ply`, `model/obj`, `model/gltf-binary`) has the
+/// kept vertices in their order, which for points without faces is not that of the file, and the texture coordinates, normals and names that the mesh
+/// came with; normals turn with their faces.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/filter", tag = "bases", operation_id = "filter",
     params(BasisId, NumberingQuery, RawQuery),

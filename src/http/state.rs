@@ -21,8 +21,8 @@ use crate::telemetry::Metrics;
 /// Solves that may wait for each thread of the solve pool; further ones are told to come back.
 const SOLVES_PER_THREAD: usize = 64;
 
-/// Requests that are worked on at once for each core: enough that none is idle while some wait for the store, and so few that whoever comes next waits for a
-/// millisecond or two.
+/// Requests that are worked on at once for each core: enough that none is idle while some wait for the store, and so few that whoever comes next
+/// waits for a millisecond or two.
 const SLOTS_PER_CORE: usize = 4;
 
 /// The memory for requests beside two bodies of the largest size, in bytes.

@@ -98,8 +98,8 @@ problems!(CompareBasesProblems: BODY JSON [UNKNOWN_BASIS, NOT_ACCEPTABLE, BASIS_
 
 /// Compares two bases of one surface
 ///
-/// Projects the functions of one on those of the other: Fourier coefficients, what is left out, and the principal angles between eigenspaces, eigenvalues that lie close together
-/// being taken as one.
+/// Projects the functions of one on those of the other: Fourier coefficients, what is left out, and the principal angles between eigenspaces,
+/// eigenvalues that lie close together being taken as one.
 #[utoipa::path(
     post, path = "/v1/basis-comparisons", tag = "analysis", operation_id = "compareBases",
     request_body(content = BasisComparisonRequest),

@@ -79,8 +79,8 @@ pub(super) struct WorkerClass {
     pub(super) seats: u64,
 }
 
-/// Living workers by what they have; none where they cannot be asked for.
-/// Memory in whole GiB: what a worker finds free when it starts is the same to the byte for no two, and a metric of a label for each process is of no use.
+/// Living workers by what they have; none where they cannot be asked for. Memory in whole GiB: what a worker finds free when it starts is the same to
+/// the byte for no two, and a metric of a label for each process is of no use.
 fn memory_class(bytes: u64) -> u64 {
     const GIB: u64 = 1 << 30;
     if bytes < GIB { bytes } else { bytes / GIB * GIB }
@@ -134,8 +134,9 @@ problems!(ReadyProblems: [NOT_READY]);
 
 /// Tells whether the server takes work
 ///
-/// Where it does not, the problem's `reasons` tell a full disk (`storage-full`), databases that were removed or replaced (`storage-replaced`), a store that cannot be written for another
-/// cause (`storage-unavailable`: a database that does not answer, where one is shared), an object store that does not answer (`content-unavailable`), dead workers (`workers-dead`) and a server that shuts down (`draining`) apart.
+/// Where it does not, the problem's `reasons` tell a full disk (`storage-full`), databases that were removed or replaced (`storage-replaced`), a
+/// store that cannot be written for another cause (`storage-unavailable`: a database that does not answer, where one is shared), an object store that
+/// does not answer (`content-unavailable`), dead workers (`workers-dead`) and a server that shuts down (`draining`) apart.
 #[utoipa::path(
     get, path = "/readyz", tag = "system", operation_id = "ready",
     responses(

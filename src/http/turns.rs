@@ -1,7 +1,8 @@
-//! Whose turn it is: clients take turns, however much one of them has waiting. In one line for all, whoever sends much would have everybody else wait behind it.
+//! Whose turn it is: clients take turns, however much one of them has waiting. In one line for all, whoever sends much would have everybody else wait
+//! behind it.
 //!
-//! Turns are those of start-time fair queueing (Goyal, Vin and Cheng 1997), each piece of work counted as one: a client that comes, and has had no more than
-//! others lately, is next.
+//! Turns are those of start-time fair queueing (Goyal, Vin and Cheng 1997), each piece of work counted as one: a client that comes, and has had no
+//! more than others lately, is next.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -87,8 +88,8 @@ struct Seats {
 impl Turns {
     /// Has `pool` do the work when it is the client's turn.
     ///
-    /// No more work is given to the pool than it has threads: a thread that waits for its part of a parallel loop takes up whatever else the pool has to do, and
-    /// would put a whole piece of somebody else's work, and others within that, before the end of its own.
+    /// No more work is given to the pool than it has threads: a thread that waits for its part of a parallel loop takes up whatever else the pool has
+    /// to do, and would put a whole piece of somebody else's work, and others within that, before the end of its own.
     pub fn spawn(&self, pool: &rayon::ThreadPool, client: &Arc<str>, work: impl FnOnce() + Send + 'static) {
         let mut seats = self.lock();
         seats.lines.add(client, Box::new(work));
@@ -99,8 +100,8 @@ impl Turns {
         }
     }
 
-    /// Does whatever is next, and has the pool go on with the one after it. It goes by way of the pool: a thread that waits for a part of its own work, and does
-    /// this meanwhile, comes back to it after each piece.
+    /// Does whatever is next, and has the pool go on with the one after it. It goes by way of the pool: a thread that waits for a part of its own
+    /// work, and does this meanwhile, comes back to it after each piece.
     fn work(self) {
         let next = {
             let mut seats = self.lock();

@@ -1,4 +1,5 @@
-//! The variants of enums, in the OpenAPI document, as schemas with names: generators name types after them, and a discriminator can only map to names.
+//! The variants of enums, in the OpenAPI document, as schemas with names: generators name types after them, and a discriminator can only map to
+//! names.
 
 use serde_json::{Map, Value, json};
 

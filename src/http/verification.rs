@@ -48,8 +48,8 @@ const HASH: &str = "BLAKE3 of the content of the basis, the id of the mesh";
 }))]
 #[allow(dead_code)]
 struct ReceiptSchema {
-    /// `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing is wrong and something could not be
-    /// judged.
+    /// `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing is wrong and something could
+    /// not be judged.
     verdict: String,
     /// BLAKE3 of the content of the basis, and the id of the mesh or of the problem.
     hashes: ReceiptHashes,
@@ -69,7 +69,8 @@ struct ReceiptSchema {
     first: u64,
     /// How many pairs there are.
     pairs: u64,
-    /// So many of the pairs, from the first, are proven to be all there are from there; null where the basis claims no such thing, or it is not confirmed.
+    /// So many of the pairs, from the first, are proven to be all there are from there; null where the basis claims no such thing, or it is not
+    /// confirmed.
     proven_complete: Option<u64>,
     /// What is wrong, a sentence each.
     findings: Vec<String>,
@@ -120,10 +121,11 @@ problems!(VerifyBasisProblems: SOLVE [BODY_TOO_LARGE, INVALID_ANALYSIS]);
 
 /// Judges a basis again
 ///
-/// Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem are read again, residuals and inner products are summed from
-/// the functions as they are stored, and where the basis claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as
-/// `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts are squared angular frequencies, in 1/time².
-/// Bases of fields for design, families of operators and maps have no certificate, and nothing to be judged.
+/// Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem are read again, residuals and
+/// inner products are summed from the functions as they are stored, and where the basis claims to be complete its eigenvalues are counted by another
+/// factorisation. The answer is a receipt, as `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts
+/// are squared angular frequencies, in 1/time². Bases of fields for design, families of operators and maps have no certificate, and nothing to be
+/// judged.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/verification", tag = "bases", operation_id = "verifyBasis",
     params(BasisId),

@@ -425,19 +425,18 @@ pub struct BasisResource {
     pub summary: BasisSummary,
     /// m eigenvalues, ascending, in 1/length² of the mesh.
     pub eigenvalues: Vec<f64>,
-    /// How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh, how many
-    /// vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+    /// How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
+    /// how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
     #[schema(value_type = Option<Object>)]
     pub operator: Value,
     /// What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
     /// Null where nothing is.
     #[schema(value_type = Option<Object>)]
     pub certificate: Value,
-    /// What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-    /// harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
-    /// consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
-    /// failed to: `dense_solver`, a list of what solved its dense problems. Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of
-    /// what and why. Null where there is nothing of this.
+    /// What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
+    /// of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
+    /// they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems.
+    /// Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
     #[schema(value_type = Option<Object>)]
     pub details: Value,
 }

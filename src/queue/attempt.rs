@@ -71,11 +71,7 @@ pub(super) async fn run(
         Heartbeat { store: shared.store.clone(), job: job.id, token, monitor: Arc::clone(&monitor), verdicts, events };
     let beating = AbortOnDrop(tokio::spawn(beating.run(shared.options.clone())));
 
-    let total = shared.budget.total();
-    if job.memory_bytes > total {
-        let needed = job.memory_bytes;
-        let detail = format!("the job needs about {needed} bytes of memory; jobs on this server may use {total}");
-        let too_large = JobProblem { kind: "job-too-large".to_owned(), detail };
+    if let Some(too_large) = too_large(&job, shared.budget.total()) {
         settle(shared, &job.kind, Ending::Failed(too_large, false), token).await;
         return Threads::Free;
     }
@@ -89,78 +85,120 @@ pub(super) async fn run(
             return Threads::Free;
         }
     };
-    let (sender, mut result) = oneshot::channel();
-    let left_behind = LeftBehind::new(Arc::clone(&shared.left_behind));
-    threads.spawn({
-        let (runner, job, monitor) = (Arc::clone(&shared.runner), job.clone(), Arc::clone(&monitor));
-        let memory = Arc::clone(&memory);
-        move || {
-            let outcome = catch_unwind(AssertUnwindSafe(|| runner.run_on(&job, subject, monitor.as_ref())));
-            // Nobody may be waiting any more; then the result is void.
-            let _ = sender.send(outcome);
-            drop((left_behind, memory));
-        }
-    });
+    let result = begin(shared, &job, subject, &monitor, &memory, threads);
+    let attempt = UnderWay { shared, kind: &job.kind, token, monitor: &monitor, cancel_deadline: None, settled: false };
+    let threads = attempt.attend(result, verdict).await;
+    drop((beating, memory));
+    threads
+}
 
-    let mut draining = shared.give_back.subscribe();
-    let mut cancel_deadline: Option<Instant> = None;
-    let mut settled = false;
-    loop {
-        tokio::select! {
-            outcome = &mut result => {
-                if !settled {
-                    conclude(shared, &job.kind, token, &monitor, outcome).await;
-                }
-                break;
-            }
-            Some(verdict) = verdict.recv() => match verdict {
-                Verdict::Cancel => {
-                    monitor.cancel();
-                    cancel_deadline.get_or_insert(Instant::now() + CANCEL_PATIENCE);
-                }
-                Verdict::Lost if settled => {}
-                Verdict::Lost => {
-                    tracing::warn!("lease lost");
-                    shared.observer.lease_lost(&job.kind);
-                    monitor.cancel();
-                    settled = true;
-                }
-                Verdict::Stalled => {
-                    tracing::error!("job stalled");
-                    monitor.cancel();
-                    if !settled {
-                        let stage = stage_words(&monitor);
-                        let silent_seconds = monitor.silence().as_secs_f64();
-                        let detail = format!("no heartbeat for {silent_seconds:.1} s{stage}");
-                        let stalled = JobProblem { kind: "worker-stalled".to_owned(), detail };
-                        settle(shared, &job.kind, Ending::Failed(stalled, true), token).await;
+/// Why a job that needs more memory than all jobs may use is not begun.
+fn too_large(job: &JobRecord, total: u64) -> Option<JobProblem> {
+    let needed = job.memory_bytes;
+    let detail = format!("the job needs about {needed} bytes of memory; jobs on this server may use {total}");
+    (needed > total).then(|| JobProblem { kind: "job-too-large".to_owned(), detail })
+}
+
+/// Begins the work on the worker's threads. Its memory is held until it has ended, whether or not anybody waits for it any more.
+fn begin(
+    shared: &Arc<Shared>,
+    job: &JobRecord,
+    subject: Subject,
+    monitor: &Arc<AttemptMonitor>,
+    memory: &Arc<Reservation>,
+    threads: &rayon::ThreadPool,
+) -> oneshot::Receiver<Worked> {
+    let (sender, result) = oneshot::channel();
+    let left_behind = LeftBehind::new(Arc::clone(&shared.left_behind));
+    let (runner, job) = (Arc::clone(&shared.runner), job.clone());
+    let (monitor, memory) = (Arc::clone(monitor), Arc::clone(memory));
+    threads.spawn(move || {
+        let outcome = catch_unwind(AssertUnwindSafe(|| runner.run_on(&job, subject, monitor.as_ref())));
+        // Nobody may be waiting any more; then the result is void.
+        let _ = sender.send(outcome);
+        drop((left_behind, memory));
+    });
+    result
+}
+
+/// An attempt whose work is under way.
+struct UnderWay<'a> {
+    shared: &'a Shared,
+    kind: &'a str,
+    token: Uuid,
+    monitor: &'a AttemptMonitor,
+    /// When the job is cancelled without its work, which was asked to stop.
+    cancel_deadline: Option<Instant>,
+    /// Whether it is written down what became of the attempt, or that is no longer ours to do.
+    settled: bool,
+}
+
+impl UnderWay<'_> {
+    /// Waits for the work, and for all that may make it void.
+    async fn attend(mut self, mut result: oneshot::Receiver<Worked>, mut verdicts: mpsc::Receiver<Verdict>) -> Threads {
+        let mut draining = self.shared.give_back.subscribe();
+        loop {
+            tokio::select! {
+                outcome = &mut result => {
+                    if !self.settled {
+                        conclude(self.shared, self.kind, self.token, self.monitor, outcome).await;
                     }
+                    return Threads::Free;
+                }
+                Some(verdict) = verdicts.recv() => match verdict {
+                    Verdict::Cancel => {
+                        self.monitor.cancel();
+                        self.cancel_deadline.get_or_insert(Instant::now() + CANCEL_PATIENCE);
+                    }
+                    Verdict::Lost => self.lose(),
+                    Verdict::Stalled => {
+                        self.stall().await;
+                        return Threads::Occupied;
+                    }
+                },
+                () = until(self.cancel_deadline) => {
+                    // The work stops when it comes to it; the client need not wait for that.
+                    self.cancel_deadline = None;
+                    self.settle(Ending::Canceled).await;
+                }
+                () = signalled(&mut draining) => {
+                    self.monitor.cancel();
+                    self.settle(Ending::Released).await;
                     return Threads::Occupied;
                 }
-            },
-            () = until(cancel_deadline) => {
-                // The work stops when it comes to it; the client need not wait for that.
-                cancel_deadline = None;
-                if !settled {
-                    settle(shared, &job.kind, Ending::Canceled, token).await;
-                    settled = true;
-                }
-            }
-            () = signalled(&mut draining) => {
-                monitor.cancel();
-                if !settled {
-                    settle(shared, &job.kind, Ending::Released, token).await;
-                }
-                return Threads::Occupied;
             }
         }
     }
-    drop((beating, memory));
-    Threads::Free
+
+    /// Somebody else has the job now.
+    fn lose(&mut self) {
+        if std::mem::replace(&mut self.settled, true) {
+            return;
+        }
+        tracing::warn!("lease lost");
+        self.shared.observer.lease_lost(self.kind);
+        self.monitor.cancel();
+    }
+
+    /// The work is left behind, since nothing is heard of it.
+    async fn stall(&mut self) {
+        tracing::error!("job stalled");
+        self.monitor.cancel();
+        let (silent, stage) = (self.monitor.silence().as_secs_f64(), stage_words(self.monitor));
+        let detail = format!("no heartbeat for {silent:.1} s{stage}");
+        self.settle(Ending::Failed(JobProblem { kind: "worker-stalled".to_owned(), detail }, true)).await;
+    }
+
+    /// Writes down how the attempt ended, unless something is written down already.
+    async fn settle(&mut self, ending: Ending) {
+        if !std::mem::replace(&mut self.settled, true) {
+            settle(self.shared, self.kind, ending, self.token).await;
+        }
+    }
 }
 
-/// Loads what a job is about. A storage that others share and that does not answer is waited for while the lease holds: an attempt that has not begun is
-/// not used up. `None` where it has ended meanwhile.
+/// Loads what a job is about. A storage that others share and that does not answer is waited for while the lease holds: an attempt that has not begun
+/// is not used up. `None` where it has ended meanwhile.
 async fn load_subject(
     shared: &Shared,
     job: &JobRecord,
@@ -202,7 +240,10 @@ async fn load_subject(
 }
 
 /// What the work came to, by way of a thread that may have panicked.
-type Returned = Result<std::thread::Result<Result<Outcome, JobFailure>>, oneshot::error::RecvError>;
+type Worked = std::thread::Result<Result<Outcome, JobFailure>>;
+
+/// The same, if it came to anything.
+type Returned = Result<Worked, oneshot::error::RecvError>;
 
 /// Writes down what the work came to.
 async fn conclude(shared: &Shared, kind: &str, token: Uuid, monitor: &AttemptMonitor, returned: Returned) {

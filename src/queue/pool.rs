@@ -274,8 +274,8 @@ fn thread_pool(worker: usize, threads: usize) -> Result<rayon::ThreadPool, rayon
         .build()
 }
 
-/// Lets the threads that answer requests go first: beside a nice value of 10 the default one gets nine tenths of a core that both want, and is not kept
-/// waiting. The threads of jobs lose nothing where nobody else wants the core.
+/// Lets the threads that answer requests go first: beside a nice value of 10 the default one gets nine tenths of a core that both want, and is not
+/// kept waiting. The threads of jobs lose nothing where nobody else wants the core.
 fn give_way() {
     // On Linux the calling thread alone is meant.
     #[cfg(target_os = "linux")]

@@ -1,5 +1,5 @@
-//! Content as it is written: pending until every chunk is verified, then ready under its hash. What a storage that many processes share does not take at
-//! once is waited for, where it was computed.
+//! Content as it is written: pending until every chunk is verified, then ready under its hash. What a storage that many processes share does not take
+//! at once is waited for, where it was computed.
 
 use std::time::Duration;
 
@@ -139,7 +139,8 @@ impl Store {
         Ok(Some((made, hash, bytes)))
     }
 
-    /// Tries again for minutes what a storage does not answer that processes share: it may be restarting, and what was computed is worth some waiting.
+    /// Tries again for minutes what a storage does not answer that processes share: it may be restarting, and what was computed is worth some
+    /// waiting.
     pub(super) async fn patiently<'a, T>(
         &self,
         mut call: impl FnMut() -> BoxFuture<'a, Result<T, StoreError>>,

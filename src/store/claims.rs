@@ -35,10 +35,11 @@ pub struct Company {
     pub others: bool,
     /// Each job has a process of its own, and takes no other with it when it crashes.
     pub isolated: bool,
-    /// The most memory that the worker has for jobs when nothing runs. Where workers share the records, a job that needs more is left to a larger one.
+    /// The most memory that the worker has for jobs when nothing runs. Where workers share the records, a job that needs more is left to a larger
+    /// one.
     pub total_bytes: u64,
-    /// The version of the worker's solver. Where workers share the records, jobs of a newer one are left to others: a result is known by the version that
-    /// was asked for.
+    /// The version of the worker's solver. Where workers share the records, jobs of a newer one are left to others: a result is known by the version
+    /// that was asked for.
     pub solver_version: Option<&'static str>,
 }
 
@@ -58,9 +59,9 @@ impl Store {
         self.claim_within(worker, kinds, lease, u64::MAX, Company::default()).await
     }
 
-    /// Claims the job that [`claim`](Self::claim) would, if it needs no more memory than `most_bytes`, and, where the worker is beside others, if it is
-    /// not under suspicion of having crashed a process that they share. One that does not fit is waited for: none behind it is taken in its stead, or a stream of
-    /// small jobs would keep a large one waiting for ever.
+    /// Claims the job that [`claim`](Self::claim) would, if it needs no more memory than `most_bytes`, and, where the worker is beside others, if it
+    /// is not under suspicion of having crashed a process that they share. One that does not fit is waited for: none behind it is taken in its stead,
+    /// or a stream of small jobs would keep a large one waiting for ever.
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin.

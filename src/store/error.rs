@@ -182,8 +182,8 @@ pub enum StoreError {
         /// What the operating system said.
         source: std::io::Error,
     },
-    /// The database or the object store answers, and refuses: by keys, a password or rights that are wrong, or for want of the bucket or the database. Only
-    /// who runs the service can change that, so that nothing is tried again.
+    /// The database or the object store answers, and refuses: by keys, a password or rights that are wrong, or for want of the bucket or the
+    /// database. Only who runs the service can change that, so that nothing is tried again.
     #[error("the storage refuses: {detail}")]
     Refused {
         /// What it said.

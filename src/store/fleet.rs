@@ -95,8 +95,8 @@ impl Store {
         Ok(())
     }
 
-    /// The most memory that any process has that takes jobs of a kind, in bytes; `None` where this one is alone, or no such process is known. An answer
-    /// of the last second will do where it has room for `needed` bytes.
+    /// The most memory that any process has that takes jobs of a kind, in bytes; `None` where this one is alone, or no such process is known. An
+    /// answer of the last second will do where it has room for `needed` bytes.
     ///
     /// # Errors
     /// [`StoreError::Unavailable`] and its kin.

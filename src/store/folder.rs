@@ -13,8 +13,8 @@ use std::{
 
 use super::StoreError;
 
-/// How often a lock that somebody holds is tried, and the pause between. A process that is about to execute another program holds the locks of the one that
-/// it was forked from until then, even if that has ended or closed its files.
+/// How often a lock that somebody holds is tried, and the pause between. A process that is about to execute another program holds the locks of the
+/// one that it was forked from until then, even if that has ended or closed its files.
 const TRIES: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(10);
 

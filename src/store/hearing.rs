@@ -1,9 +1,9 @@
 //! What processes that share the records tell each other of jobs: docs/decisions/0075 and 0103.
 //!
-//! That a job is enqueued or to be stopped is told by `NOTIFY`, after the commit and in a transaction of its own: one that notifies takes a lock of the
-//! whole server when it commits. Each process listens on one connection. How a job that somebody waits for comes along is looked for many times a second:
-//! a message for each end would wake every process that listens, whatever the channel, for the sake of the one that is waited for. Behind both,
-//! once a second, each process looks at the jobs that run or have changed lately: whatever was not heard otherwise is heard of that way.
+//! That a job is enqueued or to be stopped is told by `NOTIFY`, after the commit and in a transaction of its own: one that notifies takes a lock of
+//! the whole server when it commits. Each process listens on one connection. How a job that somebody waits for comes along is looked for many times a
+//! second: a message for each end would wake every process that listens, whatever the channel, for the sake of the one that is waited for. Behind
+//! both, once a second, each process looks at the jobs that run or have changed lately: whatever was not heard otherwise is heard of that way.
 
 use std::{
     collections::{HashMap, hash_map::Entry},
@@ -123,8 +123,8 @@ impl Hearing {
         self.workers.store(workers, Ordering::Relaxed);
     }
 
-    /// Whether this process is among those that look for a job which was enqueued elsewhere. Were it all of them, each job would be asked for by every idle
-    /// worker, and a database with many had little time for anything else.
+    /// Whether this process is among those that look for a job which was enqueued elsewhere. Were it all of them, each job would be asked for by
+    /// every idle worker, and a database with many had little time for anything else.
     fn is_called(&self, job: Uuid) -> bool {
         let workers = self.workers.load(Ordering::Relaxed).max(1);
         let mut hasher = blake3::Hasher::new();

@@ -94,8 +94,8 @@ impl Store {
         Ok(())
     }
 
-    /// Looks whether a blob is whole as far as that is quickly told: chunks are read and hashed, of objects it is enough that the store has them, unless
-    /// damage was met.
+    /// Looks whether a blob is whole as far as that is quickly told: chunks are read and hashed, of objects it is enough that the store has them,
+    /// unless damage was met.
     ///
     /// # Errors
     /// [`StoreError::Damaged`], also where it is missing.

@@ -107,8 +107,8 @@ impl Store {
         Enqueued { record, outcome: EnqueueOutcome::Created }
     }
 
-    /// Finds or makes the job of a request, within a transaction. `None` where another process was faster with equal work or the same key: then what it
-    /// made is there to be found.
+    /// Finds or makes the job of a request, within a transaction. `None` where another process was faster with equal work or the same key: then what
+    /// it made is there to be found.
     async fn decide(&self, on: &mut Transaction, new: &NewJob, now_ms: i64) -> Result<Option<Enqueued>, StoreError> {
         if let Some(key) = &new.idempotency {
             let known = sql::query("SELECT request_hash, job FROM idempotency_keys WHERE idempotency_key = ?")

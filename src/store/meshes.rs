@@ -29,8 +29,8 @@ const SOLID_MAGIC: &[u8; 8] = b"CHLSOLI1";
 /// meshes, though their surfaces be equal, since answers are given in the numbering of the file.
 const NUMBERED_MAGIC: &[u8; 8] = b"CHLMESH2";
 const NUMBERED_SOLID_MAGIC: &[u8; 8] = b"CHLSOLI2";
-/// The same two where the file has texture coordinates, normals or names: behind the faces or tetrahedra comes the length of the numbering, which may be
-/// none, as u64, then the numbering, then these. They are part of what is stored under an id, since they are given back with the surface.
+/// The same two where the file has texture coordinates, normals or names: behind the faces or tetrahedra comes the length of the numbering, which may
+/// be none, as u64, then the numbering, then these. They are part of what is stored under an id, since they are given back with the surface.
 const ATTRIBUTED_MAGIC: &[u8; 8] = b"CHLMESH3";
 const ATTRIBUTED_SOLID_MAGIC: &[u8; 8] = b"CHLSOLI3";
 const HEAD_BYTES: usize = 24;
@@ -123,8 +123,8 @@ impl Store {
         row.map(|row| mesh_from_row(&row)).unwrap_or_else(|| Err(unknown_mesh(id)))
     }
 
-    /// Deletes a mesh. With `cascade`, enqueued jobs on it or on its bases are cancelled, running ones asked to stop, and its bases and fields deleted.
-    /// Jobs stay on record.
+    /// Deletes a mesh. With `cascade`, enqueued jobs on it or on its bases are cancelled, running ones asked to stop, and its bases and fields
+    /// deleted. Jobs stay on record.
     ///
     /// # Errors
     /// [`StoreError::NotFound`]; without `cascade`, [`StoreError::MeshInUse`] where unfinished jobs, bases or fields refer to it.
@@ -384,8 +384,8 @@ fn encode(
     bytes
 }
 
-/// Writes a mesh, and the solid whose surface it is, as the store keeps it, without the attributes of its file, and of its numbering which faces are parts of one
-/// polygon.
+/// Writes a mesh, and the solid whose surface it is, as the store keeps it, without the attributes of its file, and of its numbering which faces are
+/// parts of one polygon.
 pub(super) fn write_body(mesh: &TriangleMesh, solid: Option<&TetMesh>, out: &mut impl Write) -> std::io::Result<()> {
     // Polygons are told by the numbering, so that something of it goes along.
     let polygons = mesh.polygons.as_ref().filter(|polygons| polygons.of_face().len() == mesh.faces.len());

@@ -1,7 +1,7 @@
 //! The records and the content of a data folder, copied to where many processes share them.
 //!
-//! Each piece of content is written before the record that refers to it, and what is there already is passed over: a copy that was cut goes on where it
-//! was. At the end every record and every byte is read back and compared.
+//! Each piece of content is written before the record that refers to it, and what is there already is passed over: a copy that was cut goes on where
+//! it was. At the end every record and every byte is read back and compared.
 
 use bytes::{Bytes, BytesMut};
 use futures_util::StreamExt;

@@ -134,8 +134,8 @@ const HEALTH_PATIENCE: Duration = Duration::from_secs(3);
 pub struct SharedPlaces {
     /// The address of a PostgreSQL: `postgres://USER:PASSWORD@HOST/DATABASE`.
     pub database: String,
-    /// The same database with no pooler between, where [`database`](Self::database) leads to one that gives connections out by transaction: for the tables
-    /// when it is opened, and to hear.
+    /// The same database with no pooler between, where [`database`](Self::database) leads to one that gives connections out by transaction: for the
+    /// tables when it is opened, and to hear.
     pub direct: Option<String>,
     /// The address of an object store: `s3://BUCKET/PREFIX?endpoint=…&region=…`, or `file:///FOLDER` for a folder that every process sees.
     pub objects: String,
@@ -405,8 +405,8 @@ impl Store {
         }
     }
 
-    /// What is due now and then: forgets old idempotency keys, deletes what is not kept, looks for orphans, gives free pages back, tells each database of the
-    /// other.
+    /// What is due now and then: forgets old idempotency keys, deletes what is not kept, looks for orphans, gives free pages back, tells each
+    /// database of the other.
     async fn tend(&self) -> Result<(), StoreError> {
         self.inner.catalog.set(&self.inner.options.clock).await?;
         self.forget_old_keys().await?;

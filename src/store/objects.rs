@@ -84,8 +84,8 @@ enum Finished {
 }
 
 impl Objects {
-    /// Opens the store at an address: `s3://BUCKET/PREFIX?endpoint=…&region=…`, with keys and all that the address does not say from the usual variables
-    /// `AWS_…`, or `file:///FOLDER`, a folder that every process sees.
+    /// Opens the store at an address: `s3://BUCKET/PREFIX?endpoint=…&region=…`, with keys and all that the address does not say from the usual
+    /// variables `AWS_…`, or `file:///FOLDER`, a folder that every process sees.
     pub fn open(address: &str, records: Postgres) -> Result<Self, StoreError> {
         let refuse =
             |detail: String| StoreError::Unavailable { detail: format!("the object store {address}: {detail}") };
@@ -161,8 +161,8 @@ impl Objects {
         .transpose()
     }
 
-    /// Bytes from `at` on, up to `end`, of one request at most: at least one, and verified. Where they are not what was written, that is said in words;
-    /// `None` where the content is not there any more.
+    /// Bytes from `at` on, up to `end`, of one request at most: at least one, and verified. Where they are not what was written, that is said in
+    /// words; `None` where the content is not there any more.
     pub async fn piece(
         &self,
         place: BlobPlace,
@@ -258,7 +258,8 @@ impl Objects {
         object.map(Path::from).ok_or_else(|| StoreError::Corrupt { detail: "its row is gone".to_owned() })
     }
 
-    /// Begins an upload. Its row comes first, so that what a crash leaves is known. A `patient` one waits for minutes for a store that does not answer.
+    /// Begins an upload. Its row comes first, so that what a crash leaves is known. A `patient` one waits for minutes for a store that does not
+    /// answer.
     pub async fn begin(&self, hash: &str, bytes: u64, patient: bool, now_ms: i64) -> Result<Upload, StoreError> {
         let begun = self.begin_where(hash, bytes, patient, now_ms, true).await?;
         begun.ok_or_else(|| StoreError::Unavailable { detail: "no upload could be begun".to_owned() })
@@ -391,8 +392,8 @@ impl Objects {
         Ok(Sealed { id: upload.id, hashes: std::mem::take(&mut upload.hashes), bytes })
     }
 
-    /// Makes what was sealed ready under its hash, where no other content is. False where there is some, or the upload is no longer known: nothing has
-    /// changed.
+    /// Makes what was sealed ready under its hash, where no other content is. False where there is some, or the upload is no longer known: nothing
+    /// has changed.
     pub async fn make_ready_at_once(&self, sealed: &Sealed, hash: &str) -> Result<bool, StoreError> {
         let made = sql::query(
             "UPDATE blobs SET state = 'ready', hash = ?2, bytes = ?3, chunk_hashes = ?4

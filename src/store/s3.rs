@@ -33,8 +33,8 @@ pub(super) struct S3 {
 type Refusal = String;
 
 impl S3 {
-    /// Opens the store at what stands behind `s3://`: `BUCKET/PREFIX?endpoint=…&region=…`. What the address does not say is taken from the usual variables
-    /// `AWS_…`, keys always.
+    /// Opens the store at what stands behind `s3://`: `BUCKET/PREFIX?endpoint=…&region=…`. What the address does not say is taken from the usual
+    /// variables `AWS_…`, keys always.
     pub fn open(place: &str) -> Result<Self, Refusal> {
         let (path, settings) = place.split_once('?').unwrap_or((place, ""));
         let (bucket, prefix) = path.split_once('/').unwrap_or((path, ""));

@@ -1,6 +1,6 @@
-//! What nearly always happens, as one statement where the records are shared: new work is enqueued, and a result comes to be seen. Whatever is out of the
-//! ordinary (equal work, a key that is known, a lease that is lost, a job that is to be stopped, a basis that is made anew) changes nothing here, and is
-//! left to the transactions of `jobs.rs` and `leases.rs`, which look at it step by step: docs/decisions/0103.
+//! What nearly always happens, as one statement where the records are shared: new work is enqueued, and a result comes to be seen. Whatever is out of
+//! the ordinary (equal work, a key that is known, a lease that is lost, a job that is to be stopped, a basis that is made anew) changes nothing here,
+//! and is left to the transactions of `jobs.rs` and `leases.rs`, which look at it step by step: docs/decisions/0103.
 //!
 //! A statement by itself is a transaction. Those that it would take instead, one after the other, are some ten, and each goes there and back.
 
@@ -143,8 +143,8 @@ impl Store {
         Ok((waiting as u64) < limit)
     }
 
-    /// Marks the job of a lease as succeeded and writes its result down, where the lease holds, nobody has asked the job to stop, and it had no result
-    /// before. `None` where it is otherwise, or the records are not shared: nothing has changed.
+    /// Marks the job of a lease as succeeded and writes its result down, where the lease holds, nobody has asked the job to stop, and it had no
+    /// result before. `None` where it is otherwise, or the records are not shared: nothing has changed.
     pub(super) async fn make_visible_at_once(
         &self,
         token: Uuid,

@@ -117,7 +117,8 @@ pub(super) fn read_matrices(bytes: &[u8]) -> Result<Matrices, String> {
 }
 
 impl Store {
-    /// Stores a source, or finds it where the same content is known; content that was damaged is written anew. Gives its identifier, and whether it is new.
+    /// Stores a source, or finds it where the same content is known; content that was damaged is written anew. Gives its identifier, and whether it
+    /// is new.
     pub(super) async fn add_source(&self, content: Bytes, new: NewSource) -> Result<(String, bool), StoreError> {
         let hash = blobs::hash_of(&content).await?;
         let id = hash[..ID_DIGITS].to_owned();

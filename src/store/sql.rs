@@ -31,7 +31,8 @@ pub(super) enum On<'c> {
 pub(super) enum Pooler {
     /// Nothing, or what gives each client a connection of its own: statements are prepared once.
     Absent,
-    /// What gives connections out for one transaction: no statement outlives one, and each is sent within one, since it is prepared and run in two steps.
+    /// What gives connections out for one transaction: no statement outlives one, and each is sent within one, since it is prepared and run in two
+    /// steps.
     ByTransaction,
 }
 

@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 
 use crate::common::{TestApp, text};
 
-/// A sphere as an OBJ whose texture coordinates say longitude and latitude and have a seam, whose normals are its positions, in two groups; a vertex without a
-/// face in front.
+/// A sphere as an OBJ whose texture coordinates say longitude and latitude and have a seam, whose normals are its positions, in two groups; a vertex
+/// without a face in front.
 fn sphere() -> String {
     let mesh = generate(Shape::Sphere, 300).unwrap();
     let mut text = "mtllib a.mtl\nv 7 7 7\n".to_owned();

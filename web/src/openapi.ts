@@ -10,8 +10,8 @@ export interface paths {
         };
         /**
          * Shows the reference of the API
-         * @description A page made from the OpenAPI document: every operation, to be searched and tried. It loads nothing from elsewhere. `/docs/plain` is the same to read,
-         *     without a script; the manual is at `/docs/guide/`.
+         * @description A page made from the OpenAPI document: every operation, to be searched and tried. It loads nothing from elsewhere. `/docs/plain` is the same to
+         *     read, without a script; the manual is at `/docs/guide/`.
          */
         get: operations["docs"];
         put?: never;
@@ -131,8 +131,9 @@ export interface paths {
         };
         /**
          * Tells whether the server takes work
-         * @description Where it does not, the problem's `reasons` tell a full disk (`storage-full`), databases that were removed or replaced (`storage-replaced`), a store that cannot be written for another
-         *     cause (`storage-unavailable`: a database that does not answer, where one is shared), an object store that does not answer (`content-unavailable`), dead workers (`workers-dead`) and a server that shuts down (`draining`) apart.
+         * @description Where it does not, the problem's `reasons` tell a full disk (`storage-full`), databases that were removed or replaced (`storage-replaced`), a
+         *     store that cannot be written for another cause (`storage-unavailable`: a database that does not answer, where one is shared), an object store that
+         *     does not answer (`content-unavailable`), dead workers (`workers-dead`) and a server that shuts down (`draining`) apart.
          */
         get: operations["ready"];
         put?: never;
@@ -274,18 +275,20 @@ export interface paths {
         put?: never;
         /**
          * Designs a field
-         * @description The field of least energy `w₁ · harmonic + w₂ · biharmonic` in the space that deviates little from strokes and an alignment, by their weights, and meets
-         *     hard constraints exactly (Schur complement). Strokes and constraints name a face, or a point whose nearest face is meant, and a direction
-         *     in ℝ³ or in the frame of the face (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each
-         *     request: what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept connection.
+         * @description The field of least energy `w₁ · harmonic + w₂ · biharmonic` in the space that deviates little from strokes and an alignment, by their weights, and
+         *     meets hard constraints exactly (Schur complement). Strokes and constraints name a face, or a point whose nearest face is meant, and a direction in
+         *     ℝ³ or in the frame of the face (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each request:
+         *     what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept connection.
          *
-         *     A field of the space of the basis stands for one of all fields of the surface under the same constraints. With `error` the answer says how far it is from that
-         *     one, with `refine` that one is the answer, to a tolerance: coefficients stay those of the basis, energies, residuals and the field are those of the refined one.
+         *     A field of the space of the basis stands for one of all fields of the surface under the same constraints. With `error` the answer says how far it
+         *     is from that one, with `refine` that one is the answer, to a tolerance: coefficients stay those of the basis, energies, residuals and the field
+         *     are those of the refined one.
          *
-         *     With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, f16 or octahedral directions (`encoding`), face after face, with its shape in
-         *     `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment), the largest residual of a
-         *     constraint in `Chladni-Residual`, and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000 bytes, half of that in f16, a third as octahedral directions, whatever the
-         *     surface. Which faces a sample has is in `field.faces` of a JSON answer, and stays the same.
+         *     With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, f16 or octahedral directions (`encoding`), face after
+         *     face, with its shape in `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment), the largest
+         *     residual of a constraint in `Chladni-Residual`, and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000
+         *     bytes, half of that in f16, a third as octahedral directions, whatever the surface. Which faces a sample has is in `field.faces` of a JSON answer,
+         *     and stays the same.
          */
         post: operations["designField"];
         delete?: never;
@@ -305,8 +308,8 @@ export interface paths {
         put?: never;
         /**
          * Saves a design
-         * @description Designs a field and keeps it, with the request that made it: other requests name it by its id as they do uploads, and its numbers can be fetched in every form. It is on the mesh of the basis,
-         *     and is deleted with either.
+         * @description Designs a field and keeps it, with the request that made it: other requests name it by its id as they do uploads, and its numbers can be fetched
+         *     in every form. It is on the mesh of the basis, and is deleted with either.
          */
         post: operations["saveDesign"];
         delete?: never;
@@ -329,8 +332,8 @@ export interface paths {
          * @description Diffusion, biharmonic, commute-time and geodesic distances, from one or many sources to all vertices or between pairs. A table with a row
          *     for each vertex (or pair) and a column for each source and, within a source, each time; with `nearest`, for each time.
          *
-         *     Geodesic distances by `heat` and `exact` ones are computed on the mesh of the basis; what they prepare of it is kept for further requests. An infinite
-         *     distance is `null` in JSON.
+         *     Geodesic distances by `heat` and `exact` ones are computed on the mesh of the basis; what they prepare of it is kept for further requests. An
+         *     infinite distance is `null` in JSON.
          *
          *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32, sources or with `pairs=true` the
          *     vertices of pairs, and the rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
@@ -378,10 +381,11 @@ export interface paths {
          * @description `x' = Φ F(Λ) ΦᵀM x + F∞ (x − ΦΦᵀM x)` (Vallet and Lévy 2008): each part of a function is multiplied by a factor that depends on
          *     its eigenvalue; detail that the basis does not hold is multiplied by F∞, not lost.
          *
-         *     JSON, or raw numbers for speed: with `Content-Type: application/octet-stream` the body is little-endian values, vertex after
-         *     vertex and, within a vertex, function after function, of the type `dtype`; the transfer function stands in the query. The answer
-         *     is of the same kind unless `Accept` says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`. A surface (`model/ply`, `model/obj`, `model/gltf-binary`) has the kept
-         *     vertices in their order, which for points without faces is not that of the file, and the texture coordinates, normals and names that the mesh came with; normals turn with their faces.
+         *     JSON, or raw numbers for speed: with `Content-Type: application/octet-stream` the body is little-endian values, vertex after vertex and, within a
+         *     vertex, function after function, of the type `dtype`; the transfer function stands in the query. The answer is of the same kind unless `Accept`
+         *     says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`. A surface (`model/ply`, `model/obj`, `model/gltf-binary`) has the
+         *     kept vertices in their order, which for points without faces is not that of the file, and the texture coordinates, normals and names that the mesh
+         *     came with; normals turn with their faces.
          */
         post: operations["filter"];
         delete?: never;
@@ -401,9 +405,9 @@ export interface paths {
         put?: never;
         /**
          * Combs fur
-         * @description For each face a strand that leans along a vector field: its root (the barycentre of the face) and its tip relative to the root, six numbers in
-         *     the units of the mesh, for a renderer. With `strands` so many, spread by area, that bend, fall and gather in tufts: three numbers for each of their points, the root first.
-         *     JSON, or with `Accept: application/octet-stream` little-endian f32; with `Accept: image/png` a picture of them.
+         * @description For each face a strand that leans along a vector field: its root (the barycentre of the face) and its tip relative to the root, six numbers in the
+         *     units of the mesh, for a renderer. With `strands` so many, spread by area, that bend, fall and gather in tufts: three numbers for each of their
+         *     points, the root first. JSON, or with `Accept: application/octet-stream` little-endian f32; with `Accept: image/png` a picture of them.
          */
         post: operations["combFur"];
         delete?: never;
@@ -424,8 +428,8 @@ export interface paths {
         /**
          * Draws a hatching
          * @description Evenly spaced streamlines of a field (Jobard and Lefer 1997): of n-fields they follow any of the n directions, of tensor fields the
-         *     eigendirections. As polylines on the surface, or with `Accept: image/svg+xml` or `image/png` as a drawing from a camera, without what the surface hides: with more lines where
-         *     it is darker, crossed ones only in shadows, and with silhouettes.
+         *     eigendirections. As polylines on the surface, or with `Accept: image/svg+xml` or `image/png` as a drawing from a camera, without what the surface
+         *     hides: with more lines where it is darker, crossed ones only in shadows, and with silhouettes.
          */
         post: operations["drawHatching"];
         delete?: never;
@@ -443,9 +447,9 @@ export interface paths {
         };
         /**
          * Gets the maps between shapes
-         * @description What a job of the kind `map_collection` found, in the form of `POST /v1/map-collections`: for each vertex of a target the vertex of the source that
-         *     corresponds to it. Vertices are those of the uploaded files, for which their meshes have to be there, or with `numbering=kept` those of the meshes. The
-         *     NPZ of `/content` has all of it as arrays, with the numbering of each file.
+         * @description What a job of the kind `map_collection` found, in the form of `POST /v1/map-collections`: for each vertex of a target the vertex of the source
+         *     that corresponds to it. Vertices are those of the uploaded files, for which their meshes have to be there, or with `numbering=kept` those of the
+         *     meshes. The NPZ of `/content` has all of it as arrays, with the numbering of each file.
          */
         get: operations["getMaps"];
         put?: never;
@@ -467,10 +471,11 @@ export interface paths {
          * Gets eigenfunctions on the vertices
          * @description Or the eigenvectors of a problem, a row for each of its rows.
          *
-         *     By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`;
-         *     `application/octet-stream`, the same little-endian numbers, mode after mode, without a header; `model/ply`, the mesh with the
-         *     values of one mode as colours, from blue over white at zero to red; it has the kept vertices in their order, which for points without faces is not that of the file. Numbers are f32 unless `dtype` says f64. Answers are streamed:
-         *     nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these modes are read.
+         *     By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`; `application/octet-stream`, the same
+         *     little-endian numbers, mode after mode, without a header; `model/ply`, the mesh with the values of one mode as colours, from blue over white at
+         *     zero to red; it has the kept vertices in their order, which for points without faces is not that of the file. Numbers are f32 unless `dtype` says
+         *     f64. Answers are streamed: nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these modes are
+         *     read.
          */
         get: operations["getModes"];
         put?: never;
@@ -632,16 +637,19 @@ export interface paths {
         put?: never;
         /**
          * Computes the gradient of eigenvalues
-         * @description The derivatives of a weighted sum of eigenvalues by the positions of the vertices: a row of three numbers for each vertex, in 1/length³ of the mesh. With the derivatives of a loss by the eigenvalues as weights
-         *     they are those of the loss, which is what backpropagation asks for.
+         * @description The derivatives of a weighted sum of eigenvalues by the positions of the vertices: a row of three numbers for each vertex, in 1/length³ of the
+         *     mesh. With the derivatives of a loss by the eigenvalues as weights they are those of the loss, which is what backpropagation asks for.
          *
-         *     The Laplacian is to be that of the triangles as they are (`laplace`, or `auto` where it chose that) or of a solid (`volume`), the mass `barycentric` or `consistent`. Eigenvalues that
-         *     coincide have no derivatives of their own, but their sum has: give them equal weights. Of an approximate basis it is the derivative of its values in the space that it has.
+         *     The Laplacian is to be that of the triangles as they are (`laplace`, or `auto` where it chose that) or of a solid (`volume`), the mass
+         *     `barycentric` or `consistent`. Eigenvalues that coincide have no derivatives of their own, but their sum has: give them equal weights. Of an
+         *     approximate basis it is the derivative of its values in the space that it has.
          *
-         *     In the numbering of the file, merged vertices share what the vertex has that was kept of them, dropped ones have zero, and what belongs to vertices that `subdivide` made goes to the ends of their edges, so that moving the file's
-         *     vertices by a small `v` changes the sum by the inner product of `v` with the answer.
+         *     In the numbering of the file, merged vertices share what the vertex has that was kept of them, dropped ones have zero, and what belongs to
+         *     vertices that `subdivide` made goes to the ends of their edges, so that moving the file's vertices by a small `v` changes the sum by the inner
+         *     product of `v` with the answer.
          *
-         *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is the weights as little-endian f64. The answer is of the same kind unless `Accept` says otherwise.
+         *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is the weights as little-endian f64. The answer is of the same kind
+         *     unless `Accept` says otherwise.
          */
         post: operations["valueGradient"];
         delete?: never;
@@ -661,10 +669,11 @@ export interface paths {
         put?: never;
         /**
          * Judges a basis again
-         * @description Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem are read again, residuals and inner products are summed from
-         *     the functions as they are stored, and where the basis claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as
-         *     `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts are squared angular frequencies, in 1/time².
-         *     Bases of fields for design, families of operators and maps have no certificate, and nothing to be judged.
+         * @description Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem are read again, residuals and
+         *     inner products are summed from the functions as they are stored, and where the basis claims to be complete its eigenvalues are counted by another
+         *     factorisation. The answer is a receipt, as `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts
+         *     are squared angular frequencies, in 1/time². Bases of fields for design, families of operators and maps have no certificate, and nothing to be
+         *     judged.
          */
         post: operations["verifyBasis"];
         delete?: never;
@@ -684,8 +693,8 @@ export interface paths {
         put?: never;
         /**
          * Compares two bases of one surface
-         * @description Projects the functions of one on those of the other: Fourier coefficients, what is left out, and the principal angles between eigenspaces, eigenvalues that lie close together
-         *     being taken as one.
+         * @description Projects the functions of one on those of the other: Fourier coefficients, what is left out, and the principal angles between eigenspaces,
+         *     eigenvalues that lie close together being taken as one.
          */
         post: operations["compareBases"];
         delete?: never;
@@ -751,7 +760,8 @@ export interface paths {
         };
         /**
          * Gets the numbers of a stored field
-         * @description By `Accept`: `application/x-npy` (the default), an array of faces × numbers for `numpy.load`; `application/octet-stream`, the same little-endian f32 without a header; JSON.
+         * @description By `Accept`: `application/x-npy` (the default), an array of faces × numbers for `numpy.load`; `application/octet-stream`, the same little-endian
+         *     f32 without a header; JSON.
          */
         get: operations["getFieldContent"];
         put?: never;
@@ -774,9 +784,9 @@ export interface paths {
         /**
          * Maps functions between two surfaces
          * @description A functional map (Ovsjanikov et al. 2012) from landmarks, descriptors or signatures, refined by ZoomOut (Melzi et al. 2019), with the
-         *     correspondence of points that it makes: for vertices of the target, vertices of the source, and with `both_ways` the other way. With `carry` functions on
-         *     the source are carried over, colours and texture coordinates among them. Sizes decide how long it takes: a hundred
-         *     pairs and two thousand samples are a matter of a second, matching all points of large meshes one of many.
+         *     correspondence of points that it makes: for vertices of the target, vertices of the source, and with `both_ways` the other way. With `carry`
+         *     functions on the source are carried over, colours and texture coordinates among them. Sizes decide how long it takes: a hundred pairs and two
+         *     thousand samples are a matter of a second, matching all points of large meshes one of many.
          *
          *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is pairs of little-endian u32, the landmarks, and the rest of the
          *     request stands in the query. A raw answer is the matrix, row after row, or with `points=true` the points (4294967295 where a vertex has none).
@@ -934,10 +944,10 @@ export interface paths {
         put?: never;
         /**
          * Maps all shapes of a collection to each other
-         * @description Without landmarks: first maps follow from wave kernel signatures and the orientation of the surfaces, are refined by ZoomOut (Melzi et al. 2019), and made
-         *     consistent by a latent basis that all shapes have in common (Huang et al. 2020), so that pairs that fail by themselves follow those that agree. The answer
-         *     has a map of points for each ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say. For more than a few shapes there is the job
-         *     `map_collection`, which does the same in the queue and keeps what it finds.
+         * @description Without landmarks: first maps follow from wave kernel signatures and the orientation of the surfaces, are refined by ZoomOut (Melzi et al. 2019),
+         *     and made consistent by a latent basis that all shapes have in common (Huang et al. 2020), so that pairs that fail by themselves follow those that
+         *     agree. The answer has a map of points for each ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say. For more than a
+         *     few shapes there is the job `map_collection`, which does the same in the queue and keeps what it finds.
          */
         post: operations["mapCollection"];
         delete?: never;
@@ -966,21 +976,23 @@ export interface paths {
          *     `application/octet-stream`, from the first bytes. `Content-Encoding` may be gzip or zstd; a file that is gzip itself is
          *     unpacked as well.
          *
-         *     Arrays come as NPZ (`numpy.savez`: `vertices`, n × 3; `faces`, f × k; `tetrahedra`, t × 4) or JSON (`{"vertices": [[x, y, z], …], "faces": [[0, 1, 2], …]}`),
-         *     vertices counted from 0.
+         *     Arrays come as NPZ (`numpy.savez`: `vertices`, n × 3; `faces`, f × k; `tetrahedra`, t × 4) or JSON
+         *     (`{"vertices": [[x, y, z], …], "faces": [[0, 1, 2], …]}`), vertices counted from 0.
          *
          *     A file with tetrahedra is a solid: the mesh is then the surface of its tetrahedra, unless `surface=given`, the report has the member `solid`, and
          *     the vertices of the surface are the first of the solid, both in the order of the file.
          *
-         *     A file without faces has points: bases are then computed from triangles around each of them, the report has `points: true`, and what needs a surface with faces
-         *     is refused. Points at equal positions become one, unless `merge=never`, and points at which no triangle can be made are left out. The points are kept in the order of a curve
-         *     through space: meshes that are answered (the content of the mesh, PLY of filtered functions and of modes) have them in this order, and `GET /v1/meshes/{id}/vertex-map` tells which they are.
+         *     A file without faces has points: bases are then computed from triangles around each of them, the report has `points: true`, and what needs a
+         *     surface with faces is refused. Points at equal positions become one, unless `merge=never`, and points at which no triangle can be made are left
+         *     out. The points are kept in the order of a curve through space: meshes that are answered (the content of the mesh, PLY of filtered functions and
+         *     of modes) have them in this order, and `GET /v1/meshes/{id}/vertex-map` tells which they are.
          *
          *     Where repairs renumber vertices or faces, the report has the member `file`, and all other routes take and give the numbering of the file unless
          *     they are asked for `numbering=kept`; so two files with the same surface and other numbers are two meshes.
          *
-         *     Texture coordinates, normals and the names of groups, objects and materials of an OBJ are kept, each corner's own, so that seams split no vertex; the report
-         *     counts them in its member `attributes`, and whatever surface goes out has them. They are part of the mesh: with others it is another one.
+         *     Texture coordinates, normals and the names of groups, objects and materials of an OBJ are kept, each corner's own, so that seams split no vertex;
+         *     the report counts them in its member `attributes`, and whatever surface goes out has them. They are part of the mesh: with others it is another
+         *     one.
          *
          *     The mesh is checked; repairs that lose nothing are done and listed in the report. The same content has the same id: sending
          *     it again answers 200 with what is stored.
@@ -1073,9 +1085,9 @@ export interface paths {
         };
         /**
          * Gets the map of faces
-         * @description For each face of the mesh the face of the uploaded file that it is or is a part of, in NPY as int32; with `of=file`, for each face of the file the first
-         *     of the mesh, in JSON null and in NPY −1 where it was dropped. A polygon is one face of the file. The boundary of a solid has no faces in the file, and
-         *     its own numbers stand for them.
+         * @description For each face of the mesh the face of the uploaded file that it is or is a part of, in NPY as int32; with `of=file`, for each face of the file the
+         *     first of the mesh, in JSON null and in NPY −1 where it was dropped. A polygon is one face of the file. The boundary of a solid has no faces in the
+         *     file, and its own numbers stand for them.
          */
         get: operations["getFaceMap"];
         put?: never;
@@ -1097,10 +1109,12 @@ export interface paths {
         put?: never;
         /**
          * Uploads a field
-         * @description A table with a row for each face, which requests name by its id from then on, as `{"stored": id}`: a field to align a design to (`alignment.to`: three columns are vectors in ℝ³, or the
-         *     numbers of tensors where the basis is of tensors; two are numbers in the frames of faces), weights of faces (`alignment.per_face`: one column), crosses (`field` of a parametrisation), a field for fur or a hatching.
+         * @description A table with a row for each face, which requests name by its id from then on, as `{"stored": id}`: a field to align a design to (`alignment.to`:
+         *     three columns are vectors in ℝ³, or the numbers of tensors where the basis is of tensors; two are numbers in the frames of faces), weights of
+         *     faces (`alignment.per_face`: one column), crosses (`field` of a parametrisation), a field for fur or a hatching.
          *
-         *     JSON, or with `Content-Type: application/octet-stream` little-endian numbers, face after face. An equal field on the same mesh has the same id. It is deleted with its mesh.
+         *     JSON, or with `Content-Type: application/octet-stream` little-endian numbers, face after face. An equal field on the same mesh has the same id. It
+         *     is deleted with its mesh.
          */
         post: operations["uploadField"];
         delete?: never;
@@ -1141,9 +1155,9 @@ export interface paths {
         put?: never;
         /**
          * Decomposes a vector field
-         * @description The Hodge decomposition of a field that is given on the faces: a gradient, a co-gradient and a harmonic field, orthogonal to each other, by area, to rounding. Gradients are those of
-         *     functions that are linear on faces, co-gradients those of functions on edges that are not conforming, turned by 90°. Both Laplacians are factored at the first request about a mesh,
-         *     and kept.
+         * @description The Hodge decomposition of a field that is given on the faces: a gradient, a co-gradient and a harmonic field, orthogonal to each other, by area,
+         *     to rounding. Gradients are those of functions that are linear on faces, co-gradients those of functions on edges that are not conforming, turned
+         *     by 90°. Both Laplacians are factored at the first request about a mesh, and kept.
          */
         post: operations["decomposeField"];
         delete?: never;
@@ -1163,9 +1177,10 @@ export interface paths {
         put?: never;
         /**
          * Parametrises a surface along a cross field
-         * @description A cross field that runs along creases and boundaries, or one of a basis, or a table, is combed and cut open at its singular vertices, and integrated: coordinates whose gradients are nearest to its
-         *     directions, and which go on across the cut by quarter turns and translations. With `integers` the lines of whole numbers meet there, so that they are the edges of quads, for a program that takes
-         *     them out, such as libQEx. The order in which vertices are eliminated is found at the first request about a mesh, and kept.
+         * @description A cross field that runs along creases and boundaries, or one of a basis, or a table, is combed and cut open at its singular vertices, and
+         *     integrated: coordinates whose gradients are nearest to its directions, and which go on across the cut by quarter turns and translations. With
+         *     `integers` the lines of whole numbers meet there, so that they are the edges of quads, for a program that takes them out, such as libQEx. The
+         *     order in which vertices are eliminated is found at the first request about a mesh, and kept.
          */
         post: operations["parametriseQuads"];
         delete?: never;
@@ -1185,11 +1200,12 @@ export interface paths {
         put?: never;
         /**
          * Writes a mesh whose vertices have moved
-         * @description The faces of the mesh with other positions (a mode that swings, a simulation, whatever a client computes), with all else that its file had: texture coordinates, names
-         *     of groups, objects and materials, and normals, which turn with their faces. By `Accept` or `format`: PLY (the default), OBJ or binary glTF.
+         * @description The faces of the mesh with other positions (a mode that swings, a simulation, whatever a client computes), with all else that its file had:
+         *     texture coordinates, names of groups, objects and materials, and normals, which turn with their faces. By `Accept` or `format`: PLY (the default),
+         *     OBJ or binary glTF.
          *
-         *     The body is a JSON table of three columns with a row for each vertex, or, with `Content-Type: application/octet-stream`, little-endian numbers of the type
-         *     `dtype`, vertex after vertex. The surface that is answered has the kept vertices in their order.
+         *     The body is a JSON table of three columns with a row for each vertex, or, with `Content-Type: application/octet-stream`, little-endian numbers of
+         *     the type `dtype`, vertex after vertex. The surface that is answered has the kept vertices in their order.
          */
         post: operations["writeMovedSurface"];
         delete?: never;
@@ -1209,9 +1225,10 @@ export interface paths {
         put?: never;
         /**
          * Carries vectors over a surface
-         * @description The vector heat method (Sharp, Soliman and Crane 2019): each face gets the vector of the nearest source, carried there in parallel along a path that is about the
-         *     shortest: on spheres, away from the point opposite to the source, it is off by about half a degree on average, which falls only slowly as faces shrink, because the
-         *     directions in which heat crosses edges are not consistent. Both heat steps are factored at the first request about a mesh, and kept. JSON, or with `Accept: application/octet-stream` raw little-endian numbers.
+         * @description The vector heat method (Sharp, Soliman and Crane 2019): each face gets the vector of the nearest source, carried there in parallel along a path
+         *     that is about the shortest: on spheres, away from the point opposite to the source, it is off by about half a degree on average, which falls only
+         *     slowly as faces shrink, because the directions in which heat crosses edges are not consistent. Both heat steps are factored at the first request
+         *     about a mesh, and kept. JSON, or with `Accept: application/octet-stream` raw little-endian numbers.
          */
         post: operations["transportVectors"];
         delete?: never;
@@ -1229,8 +1246,8 @@ export interface paths {
         };
         /**
          * Gets the map of vertices
-         * @description For each vertex of the uploaded file the vertex of the mesh that it became, in JSON null and in NPY (int32) −1 where it was dropped; with `of=kept`,
-         *     for each vertex of the mesh the first of the file.
+         * @description For each vertex of the uploaded file the vertex of the mesh that it became, in JSON null and in NPY (int32) −1 where it was dropped; with
+         *     `of=kept`, for each vertex of the mesh the first of the file.
          */
         get: operations["getVertexMap"];
         put?: never;
@@ -1256,16 +1273,17 @@ export interface paths {
         put?: never;
         /**
          * Uploads a problem
-         * @description A problem is a pencil of sparse symmetric matrices, `S x = λ M x`, that someone else assembled; no mesh belongs to it. Jobs of the kind `pencil_basis` compute
-         *     eigenpairs of it.
+         * @description A problem is a pencil of sparse symmetric matrices, `S x = λ M x`, that someone else assembled; no mesh belongs to it. Jobs of the kind
+         *     `pencil_basis` compute eigenpairs of it.
          *
-         *     The body is the matrix S, its mass then being the identity, or `multipart/form-data` with the parts `stiffness` and `mass` (and, optionally, `name`). Each is an NPZ file of
-         *     `scipy.sparse.save_npz` (CSR, CSC, COO, DIA or BSR) or Matrix Market (real, integer or pattern; general or symmetric), told by its first bytes; a mass may also be
-         *     the diagonal alone. What `GET /v1/problems/{id}/content` gives is taken as well, with its mass. `Content-Encoding` may be gzip or zstd.
+         *     The body is the matrix S, its mass then being the identity, or `multipart/form-data` with the parts `stiffness` and `mass` (and, optionally,
+         *     `name`). Each is an NPZ file of `scipy.sparse.save_npz` (CSR, CSC, COO, DIA or BSR) or Matrix Market (real, integer or pattern; general or
+         *     symmetric), told by its first bytes; a mass may also be the diagonal alone. What `GET /v1/problems/{id}/content` gives is taken as well, with its
+         *     mass. `Content-Encoding` may be gzip or zstd.
          *
-         *     Both have to be finite and symmetric: entries on either side of the diagonal may differ by 1e-12 of the largest of their rows, and their mean is taken. The mass has to be
-         *     positive definite. The first entry or row that does not fit is named, counted from 0. Where proving the mass definite would take much memory (`mass_proven` is false then), the first job
-         *     does it, and fails if it is not.
+         *     Both have to be finite and symmetric: entries on either side of the diagonal may differ by 1e-12 of the largest of their rows, and their mean is
+         *     taken. The mass has to be positive definite. The first entry or row that does not fit is named, counted from 0. Where proving the mass definite
+         *     would take much memory (`mass_proven` is false then), the first job does it, and fails if it is not.
          *
          *     Equal matrices have the same id, in whichever format they come: sending them again answers 200 with what is stored.
          */
@@ -1313,8 +1331,8 @@ export interface paths {
         };
         /**
          * Gets the matrices of a problem
-         * @description As NPZ: `format`, `shape`, `data`, `indices` and `indptr` of S in CSR form, which `scipy.sparse.load_npz` opens; of the mass the diagonal `mass`, or `mass_data`,
-         *     `mass_indices` and `mass_indptr` in CSR form, or nothing where it is the identity.
+         * @description As NPZ: `format`, `shape`, `data`, `indices` and `indptr` of S in CSR form, which `scipy.sparse.load_npz` opens; of the mass the diagonal `mass`,
+         *     or `mass_data`, `mass_indices` and `mass_indptr` in CSR form, or nothing where it is the identity.
          */
         get: operations["getProblemContent"];
         put?: never;
@@ -1447,7 +1465,10 @@ export interface components {
         /** @description A field to stay close to, with a global weight and optionally one for each face. */
         AlignmentRequest: {
             per_face?: components["schemas"]["PerFace"] | null;
-            /** @description `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that are stored in a face; or the id of a stored field. */
+            /**
+             * @description `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that are stored in a face; or the id
+             *     of a stored field.
+             */
             to: components["schemas"]["Target"];
             /**
              * Format: double
@@ -1791,7 +1812,10 @@ export interface components {
             angle?: number | null;
             /** @description The eye; `target` belongs to it. */
             eye?: number[] | null;
-            /** @description In place of `eye` and `target`: from the mesh to the eye, which is so far away that all of the mesh is seen. `[0.4, 0.3, 1]` where it is left out. */
+            /**
+             * @description In place of `eye` and `target`: from the mesh to the eye, which is so far away that all of the mesh is seen. `[0.4, 0.3, 1]` where it is left
+             *     out.
+             */
             from?: number[] | null;
             /**
              * Format: int32
@@ -2058,8 +2082,8 @@ export interface components {
              */
             curvature?: number;
             /**
-             * @description Whether faces with several creases at no right angles are split at their barycentres, so that each part follows one of them: without it such a face follows the longest. Whatever is
-             *     answered is then of the mesh with these parts, which files have in the place of the kept one. By default `false`.
+             * @description Whether faces with several creases at no right angles are split at their barycentres, so that each part follows one of them: without it such a
+             *     face follows the longest. Whatever is answered is then of the mesh with these parts, which files have in the place of the kept one. By default `false`.
              */
             split?: boolean;
         };
@@ -2081,13 +2105,13 @@ export interface components {
             stored: string;
         };
         /**
-         * @description A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the frame of the face, two numbers whose angle is four
-         *     times that of the directions.
+         * @description A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the frame of the face, two numbers
+         *     whose angle is four times that of the directions.
          */
         CrossSourceTable: {
             /**
-             * @description A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the frame of the face, two numbers whose angle is four
-             *     times that of the directions.
+             * @description A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the frame of the face, two numbers
+             *     whose angle is four times that of the directions.
              */
             table: components["schemas"]["Table"];
         };
@@ -2167,8 +2191,8 @@ export interface components {
             /** @description What is left, without either: of the harmonic fields of handles and holes. */
             harmonic: number[];
             /**
-             * @description The function on the vertices whose gradient is `gradient`, in the units of the field times those of the mesh; its mean on each component is 0 where no boundary
-             *     holds it.
+             * @description The function on the vertices whose gradient is `gradient`, in the units of the field times those of the mesh; its mean on each component is 0
+             *     where no boundary holds it.
              */
             potential: number[];
             /** @description The squared length of gradient, co-gradient and harmonic part, as shares of that of the field (norms by area). */
@@ -2177,11 +2201,14 @@ export interface components {
         /** @description A vector field to be decomposed. */
         DecompositionRequest: {
             /**
-             * @description Which potentials vanish at a boundary: those of co-gradients (`tangential`: co-gradients and harmonic fields run along it), or those of gradients (`normal`:
-             *     gradients and harmonic fields run across it).
+             * @description Which potentials vanish at a boundary: those of co-gradients (`tangential`: co-gradients and harmonic fields run along it), or those of
+             *     gradients (`normal`: gradients and harmonic fields run across it).
              */
             boundary?: components["schemas"]["FieldBoundary"];
-            /** @description The field, a row for each face: two columns are numbers in the frame of the face, three a vector in ℝ³, whose part across the face is left out. */
+            /**
+             * @description The field, a row for each face: two columns are numbers in the frame of the face, three a vector in ℝ³, whose part across the face is left
+             *     out.
+             */
             field: components["schemas"]["Table"];
         };
         /** @description One kind of defect, how often it occurs, and the first offenders. */
@@ -2257,8 +2284,8 @@ export interface components {
             coefficients: number[];
             /**
              * Format: double
-             * @description How far the field of the coefficients is from that of least energy among all fields of the surface, as a share of its length (norms by area). With `refine`
-             *     that field is the answer, and this is the distance; with `error` it is an estimate of it; else null.
+             * @description How far the field of the coefficients is from that of least energy among all fields of the surface, as a share of its length (norms by area).
+             *     With `refine` that field is the answer, and this is the distance; with `error` it is an estimate of it; else null.
              */
             error: number | null;
             /**
@@ -2279,7 +2306,10 @@ export interface components {
              * @description The sum of the indices: the Euler characteristic where the surface is closed.
              */
             index_sum: number | null;
-            /** @description With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a turn; all others match by the least angle. */
+            /**
+             * @description With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a turn; all others match by the
+             *     least angle.
+             */
             matching: components["schemas"]["MatchedFaces"][] | null;
             /** @description For each constraint the length of what is missing, in stored numbers. */
             residuals: number[];
@@ -2296,8 +2326,8 @@ export interface components {
             faces?: components["schemas"]["FacesRequest"] | null;
             /**
              * Format: double
-             * @description Asks for the field of least energy among all fields of the surface itself, in place of that in the space of the basis: to this relative tolerance, from
-             *     1e-10 to below 1.
+             * @description Asks for the field of least energy among all fields of the surface itself, in place of that in the space of the basis: to this relative
+             *     tolerance, from 1e-10 to below 1.
              */
             refine?: number | null;
             singularities?: components["schemas"]["SingularitiesRequest"] | null;
@@ -2348,8 +2378,8 @@ export interface components {
             method?: "heat" | "exact" | "spectral";
             /**
              * Format: double
-             * @description How long heat flows, in length² of the mesh; without it, the square of the mean edge, and by `spectral` for each face the shortest of a ladder of
-             *     times at which heat reaches it. Not for `exact`.
+             * @description How long heat flows, in length² of the mesh; without it, the square of the mean edge, and by `spectral` for each face the shortest of a
+             *     ladder of times at which heat reaches it. Not for `exact`.
              */
             time?: number | null;
         };
@@ -2388,18 +2418,17 @@ export interface components {
              */
             certificate: components["schemas"]["Certificate"];
             /**
-             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
-             *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
-             *     failed to: `dense_solver`, a list of what solved its dense problems. Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of
-             *     what and why. Null where there is nothing of this.
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
+             *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
+             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems.
+             *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["EigenbasisDetails"] | null;
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
             eigenvalues: number[];
             /**
-             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh, how many
-             *     vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
+             *     how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
              */
             operator: components["schemas"]["EigenbasisOperator"];
         } & {
@@ -2517,7 +2546,8 @@ export interface components {
              */
             below?: number | null;
             /**
-             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are computed.
+             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are
+             *     computed.
              * @example [
              *       100,
              *       900
@@ -2606,7 +2636,8 @@ export interface components {
              */
             below?: number | null;
             /**
-             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are computed.
+             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are
+             *     computed.
              * @example [
              *       100,
              *       900
@@ -2694,7 +2725,8 @@ export interface components {
              */
             below?: number | null;
             /**
-             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are computed.
+             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are
+             *     computed.
              * @example [
              *       100,
              *       900
@@ -2767,7 +2799,8 @@ export interface components {
              */
             below?: number | null;
             /**
-             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are computed.
+             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are
+             *     computed.
              * @example [
              *       100,
              *       900
@@ -3002,8 +3035,8 @@ export interface components {
             inverse_iterations: number;
         };
         /**
-         * @description Faces that are spread evenly over a surface, the same in every request: each as far as possible from those before it, so that the first of many are the sample
-         *     of few.
+         * @description Faces that are spread evenly over a surface, the same in every request: each as far as possible from those before it, so that the first of many
+         *     are the sample of few.
          */
         FaceSample: {
             /** @description How many; all faces where there are fewer. */
@@ -3024,18 +3057,17 @@ export interface components {
              */
             certificate: Record<string, never> | null;
             /**
-             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
-             *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
-             *     failed to: `dense_solver`, a list of what solved its dense problems. Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of
-             *     what and why. Null where there is nothing of this.
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
+             *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
+             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems.
+             *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["FieldBasisDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
             eigenvalues: number[];
             /**
-             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh, how many
-             *     vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
+             *     how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
              */
             operator: Record<string, never> | null;
         } & {
@@ -3480,8 +3512,8 @@ export interface components {
              */
             commutativity_defect: number;
             /**
-             * @description For each of them how well its embedding x agrees with the image y of the vertex that corresponds to it: 1 − ‖x − y‖² / (‖x‖² + ‖y‖²), from 0 to 1; null
-             *     where `points` is.
+             * @description For each of them how well its embedding x agrees with the image y of the vertex that corresponds to it: 1 − ‖x − y‖² / (‖x‖² + ‖y‖²), from 0
+             *     to 1; null where `points` is.
              */
             confidences: (number | null)[];
             /**
@@ -3503,8 +3535,8 @@ export interface components {
             /** @description The vertices of the target that were matched; null: all of them, in order. */
             matched: number[] | null;
             /**
-             * @description C, k × k: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area. Coefficients in the bases as they are
-             *     stored are taken over by √(area of the target / area of the source) C.
+             * @description C, k × k: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area. Coefficients in the bases as they
+             *     are stored are taken over by √(area of the target / area of the source) C.
              */
             matrix: components["schemas"]["Table"];
             /**
@@ -3686,7 +3718,8 @@ export interface components {
             least_length?: number | null;
             /**
              * Format: int32
-             * @description Levels of lines, each at half the distance of the one before, the last at the spacing: of drawings with a tone 3 where it is left out, otherwise 1.
+             * @description Levels of lines, each at half the distance of the one before, the last at the spacing: of drawings with a tone 3 where it is left out,
+             *     otherwise 1.
              */
             levels?: number | null;
             /** @description Lines at most. By default `100000`. */
@@ -3700,7 +3733,8 @@ export interface components {
             pen?: components["schemas"]["Pen"];
             /**
              * Format: double
-             * @description The distance between lines, in units of the square root of the surface's area: of lines 0.01 where it is left out, of drawings four widths of the pen.
+             * @description The distance between lines, in units of the square root of the surface's area: of lines 0.01 where it is left out, of drawings four widths of
+             *     the pen.
              */
             spacing?: number | null;
             /**
@@ -3872,7 +3906,8 @@ export interface components {
             kind: string;
             /**
              * Format: int64
-             * @description About how much memory it needs, in bytes: an upper estimate for surfaces, and for problems, whose factor was counted. Pairs by a bound count as `at_most`.
+             * @description About how much memory it needs, in bytes: an upper estimate for surfaces, and for problems, whose factor was counted. Pairs by a bound count
+             *     as `at_most`.
              */
             memory_bytes: number;
             /**
@@ -3882,7 +3917,8 @@ export interface components {
             memory_limit_bytes: number;
             /**
              * Format: double
-             * @description About how many seconds of one core, right to a factor of two on a recent processor; `null` for what nobody has fitted, as pairs by a bound. Waiting in the queue comes on top, and more threads shorten it.
+             * @description About how many seconds of one core, right to a factor of two on a recent processor; `null` for what nobody has fitted, as pairs by a bound.
+             *     Waiting in the queue comes on top, and more threads shorten it.
              */
             seconds: number | null;
             /** @description The threads that work on it. */
@@ -4176,8 +4212,8 @@ export interface components {
             /** @description How many the mesh has; of a solid, the vertices inside too, which follow those of its surface. */
             kept: number;
             /**
-             * @description Whether the numbering of the file is known. It is not of a mesh that was stored, and renumbered, before maps were kept: its own numbering stands
-             *     for it then; upload the file again to have its map.
+             * @description Whether the numbering of the file is known. It is not of a mesh that was stored, and renumbered, before maps were kept: its own numbering
+             *     stands for it then; upload the file again to have its map.
              */
             known: boolean;
             /** @description For each the number on the other side, or null where it has none. Several on the other side: the first. */
@@ -4258,18 +4294,17 @@ export interface components {
              */
             certificate: Record<string, never> | null;
             /**
-             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
-             *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
-             *     failed to: `dense_solver`, a list of what solved its dense problems. Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of
-             *     what and why. Null where there is nothing of this.
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
+             *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
+             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems.
+             *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["MapCollectionDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
             eigenvalues: number[];
             /**
-             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh, how many
-             *     vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
+             *     how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
              */
             operator: Record<string, never> | null;
         } & {
@@ -4444,8 +4479,8 @@ export interface components {
             faces: number[];
             /**
              * Format: int32
-             * @description Full turns of the representation from the first face to the second, beyond the least angle: of n directions number k goes on as the `turns` next one
-             *     after that which is nearest to it.
+             * @description Full turns of the representation from the first face to the second, beyond the least angle: of n directions number k goes on as the `turns`
+             *     next one after that which is nearest to it.
              */
             turns: number;
         };
@@ -4764,18 +4799,17 @@ export interface components {
              */
             certificate: Record<string, never> | null;
             /**
-             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
-             *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
-             *     failed to: `dense_solver`, a list of what solved its dense problems. Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of
-             *     what and why. Null where there is nothing of this.
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
+             *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
+             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems.
+             *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["OperatorFamilyDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
             eigenvalues: number[];
             /**
-             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh, how many
-             *     vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
+             *     how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
              */
             operator: components["schemas"]["OperatorReport"];
         } & {
@@ -4846,8 +4880,8 @@ export interface components {
         /** @description What is to be computed, every default filled in. */
         OperatorFamilyParameters: {
             /**
-             * @description The most functions of the subspace, 10 to 4000. An equal share of them are eigenfunctions of each anchor; spectra are accurate up to about three
-             *     quarters of that many pairs. By default `780`.
+             * @description The most functions of the subspace, 10 to 4000. An equal share of them are eigenfunctions of each anchor; spectra are accurate up to about
+             *     three quarters of that many pairs. By default `780`.
              * @example 780
              */
             dimension?: number;
@@ -4924,8 +4958,8 @@ export interface components {
             /** @description A positive number for each face, which multiplies its share of the stiffness. Ones, unless they or tensors are given. By default `[]`. */
             scalars?: number[];
             /**
-             * @description Three numbers for each face, one after the other: `xx`, `xy` and `yy` of a positive definite tensor in the frame of the face, whose `x` runs along the
-             *     edge from its first corner to its second, and `y` to the side of the third. By default `[]`.
+             * @description Three numbers for each face, one after the other: `xx`, `xy` and `yy` of a positive definite tensor in the frame of the face, whose `x` runs
+             *     along the edge from its first corner to its second, and `y` to the side of the third. By default `[]`.
              */
             tensors?: number[];
         };
@@ -5029,18 +5063,17 @@ export interface components {
              */
             certificate: components["schemas"]["Certificate"];
             /**
-             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
-             *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
-             *     failed to: `dense_solver`, a list of what solved its dense problems. Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of
-             *     what and why. Null where there is nothing of this.
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
+             *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
+             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems.
+             *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["PencilBasisDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
             eigenvalues: number[];
             /**
-             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh, how many
-             *     vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
+             *     how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
              */
             operator: Record<string, never> | null;
         } & {
@@ -5155,7 +5188,8 @@ export interface components {
              */
             count?: number | null;
             /**
-             * @description Rows whose entries are zero in every vector (Dirichlet), from 0, up to a million: they and their columns are left out. In ascending order, each once, in answers. By default `[]`.
+             * @description Rows whose entries are zero in every vector (Dirichlet), from 0, up to a million: they and their columns are left out. In ascending order,
+             *     each once, in answers. By default `[]`.
              * @example [
              *       0,
              *       1,
@@ -5472,7 +5506,10 @@ export interface components {
             coordinates: components["schemas"]["Table"];
             /** @description By how many degrees the field misses the creases and boundaries that it was to follow: the mean by length, and the most. */
             crease_error: number[] | null;
-            /** @description The cut: for each of its edges, its two vertices and the quarter turns by which the directions of the second face are further than those of the first. */
+            /**
+             * @description The cut: for each of its edges, its two vertices and the quarter turns by which the directions of the second face are further than those of
+             *     the first.
+             */
             cut: components["schemas"]["CutEdge"][];
             /**
              * Format: double
@@ -5502,8 +5539,8 @@ export interface components {
         QuadsRequest: {
             /**
              * Format: double
-             * @description From how many degrees between the normals of its faces on an edge is to lie on a grid line, where the field runs along it; null for none. Boundaries are as
-             *     `field` says, or are followed. By default `35.0`.
+             * @description From how many degrees between the normals of its faces on an edge is to lie on a grid line, where the field runs along it; null for none.
+             *     Boundaries are as `field` says, or are followed. By default `35.0`.
              */
             creases?: number | null;
             /** @description The field. */
@@ -5750,7 +5787,10 @@ export interface components {
          *     }
          */
         SaveDesignRequest: {
-            /** @description What is asked for, as of `POST /v1/bases/{id}/design`, but for `faces` and `error`. Up to 256 KiB; tables are better uploaded and named by their ids. */
+            /**
+             * @description What is asked for, as of `POST /v1/bases/{id}/design`, but for `faces` and `error`. Up to 256 KiB; tables are better uploaded and named by
+             *     their ids.
+             */
             design: components["schemas"]["DesignRequest"];
             /** @description A name for people, at most 200 characters. */
             name?: string | null;
@@ -5959,8 +5999,8 @@ export interface components {
             /** @description The singular vertices; on a component without boundary their indices add up to its Euler characteristic. */
             at: components["schemas"]["SingularVertex"][];
             /**
-             * @description Whether the field itself is wanted: of length 1 everywhere, not of the space, with exactly these singularities, on each component turned to fit the
-             *     strokes there. Coefficients and energies are those of the design that stays close to it.
+             * @description Whether the field itself is wanted: of length 1 everywhere, not of the space, with exactly these singularities, on each component turned to
+             *     fit the strokes there. Coefficients and energies are those of the design that stays close to it.
              */
             exact?: boolean;
             /**
@@ -6156,8 +6196,8 @@ export interface components {
             points?: number[][] | null;
             /**
              * Format: double
-             * @description How firmly the stroke holds, against what the field resists with there: alone, a stroke of strength `s` on one face misses the share `1 / (1 + 100 s)` of its
-             *     length. 1 is met to a percent, 0.1 to a tenth, on every surface, at every scale and with all weights of the energies. By default `1.0`.
+             * @description How firmly the stroke holds, against what the field resists with there: alone, a stroke of strength `s` on one face misses the share
+             *     `1 / (1 + 100 s)` of its length. 1 is met to a percent, 0.1 to a tenth, on every surface, at every scale and with all weights of the energies. By default `1.0`.
              */
             strength?: number | null;
             /** @description A symmetric tensor in the frame of the face: a₁₁, a₂₂, a₁₂. */
@@ -6183,7 +6223,8 @@ export interface components {
         ToneRequest: {
             /**
              * Format: double
-             * @description The darkness, from 0 to 1, from which on lines are crossed by those of another direction, of 2-fields and vectors by lines across them; 1 and more: never. By default `0.55`.
+             * @description The darkness, from 0 to 1, from which on lines are crossed by those of another direction, of 2-fields and vectors by lines across them; 1 and
+             *     more: never. By default `0.55`.
              */
             cross?: number | null;
             /**
@@ -6437,7 +6478,8 @@ export interface components {
             pairs: number;
             /**
              * Format: int64
-             * @description So many of the pairs, from the first, are proven to be all there are from there; null where the basis claims no such thing, or it is not confirmed.
+             * @description So many of the pairs, from the first, are proven to be all there are from there; null where the basis claims no such thing, or it is not
+             *     confirmed.
              */
             proven_complete: number | null;
             /** @description The residuals of the functions as they are stored. */
@@ -6450,8 +6492,8 @@ export interface components {
             /** @description The parameters of the job that made the basis. */
             solved_with: unknown;
             /**
-             * @description `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing is wrong and something could not be
-             *     judged.
+             * @description `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing is wrong and something could
+             *     not be judged.
              */
             verdict: string;
             /** @description Program and version. */
@@ -6465,18 +6507,17 @@ export interface components {
              */
             certificate: components["schemas"]["VibrationCertificate"] | null;
             /**
-             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the
-             *     harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how
-             *     consistent they are, `cycles`. Of any kind, where a graphics card took part in it or
-             *     failed to: `dense_solver`, a list of what solved its dense problems. Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of
-             *     what and why. Null where there is nothing of this.
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
+             *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
+             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems.
+             *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["VibrationBasisDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
             eigenvalues: number[];
             /**
-             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh, how many
-             *     vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
+             *     how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
              */
             operator: components["schemas"]["ElasticReport"];
         } & {
@@ -6761,13 +6802,14 @@ export interface components {
         Weights: {
             /**
              * Format: double
-             * @description Of the biharmonic energy, without which a field has no value at a point: with 0 the answer to strokes and constraints on single faces depends on the
-             *     dimension of the basis. By default a twentieth of `harmonic`.
+             * @description Of the biharmonic energy, without which a field has no value at a point: with 0 the answer to strokes and constraints on single faces depends
+             *     on the dimension of the basis. By default a twentieth of `harmonic`.
              */
             biharmonic?: number | null;
             /**
              * @description Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the full (unreduced) one of the whole
-             *     mesh restricted to the space, which sees the noise of its columns. The second is for comparison; every choice of weights costs a factorisation.
+             *     mesh restricted to the space, which sees the noise of its columns. The second is for comparison; every choice of weights costs a
+             *     factorisation.
              */
             biharmonic_energy?: components["schemas"]["BiharmonicEnergy"];
             /**
@@ -7574,8 +7616,8 @@ export interface operations {
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description Lifts the field to the faces and says how it is written. Without it JSON has the coefficients alone; raw answers, and those to requests with `faces`, are in
-                 *     `world` form.
+                 * @description Lifts the field to the faces and says how it is written. Without it JSON has the coefficients alone; raw answers, and those to requests with
+                 *     `faces`, are in `world` form.
                  */
                 form?: "world" | "frames" | "roots" | "axes";
                 /**
@@ -11220,7 +11262,8 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description The format: `obj`, `ply`, `off`, `stl`, `medit`, `vtk`, `gmsh`, `freesurfer`, `gltf`, `gifti`, `npz` or `json`. Takes the place of `Content-Type`.
+                 * @description The format: `obj`, `ply`, `off`, `stl`, `medit`, `vtk`, `gmsh`, `freesurfer`, `gltf`, `gifti`, `npz` or `json`. Takes the place of
+                 *     `Content-Type`.
                  * @example ply
                  */
                 format?: string;
@@ -12271,7 +12314,10 @@ export interface operations {
                  *     nearest.
                  */
                 extend?: "none" | "nearest";
-                /** @description The whole answer as JSON, or one file, of the mesh as it is kept: OBJ with texture coordinates, legacy VTK, or the field as Directional reads it. */
+                /**
+                 * @description The whole answer as JSON, or one file, of the mesh as it is kept: OBJ with texture coordinates, legacy VTK, or the field as Directional reads
+                 *     it.
+                 */
                 format?: "json" | "obj" | "vtk" | "rawfield" | "matching" | "singularities";
                 /**
                  * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it

@@ -1,5 +1,5 @@
-//! Gram matrices of columns in single precision, kept as the cycles leave them: sixteen columns to a block. Sums are in double precision, and in an order
-//! that does not depend on the number of threads.
+//! Gram matrices of columns in single precision, kept as the cycles leave them: sixteen columns to a block. Sums are in double precision, and in an
+//! order that does not depend on the number of threads.
 
 use chladni_base::{Cancelled, Monitor};
 use faer::linalg::matmul::triangular::{self, BlockStructure};

@@ -212,7 +212,8 @@ impl SymbolicFactor {
         self.factor_with(a, b, shift, storage, Par::Seq)
     }
 
-    /// As [`factor`](Self::factor), with products of large supernodes shared out among all threads: for a factor that is computed by itself, not beside others.
+    /// As [`factor`](Self::factor), with products of large supernodes shared out among all threads: for a factor that is computed by itself, not
+    /// beside others.
     ///
     /// # Errors
     /// As for [`factor`](Self::factor).
@@ -220,8 +221,8 @@ impl SymbolicFactor {
         self.factor_with(a, b, shift, Vec::new(), Par::rayon(0))
     }
 
-    /// As [`factor_in`](Self::factor_in), with pivots from the beginning: slower, and its [uncertainty](Factor::uncertainty) may be far smaller, since small pivots that others do
-    /// well with make large entries.
+    /// As [`factor_in`](Self::factor_in), with pivots from the beginning: slower, and its [uncertainty](Factor::uncertainty) may be far smaller,
+    /// since small pivots that others do well with make large entries.
     ///
     /// # Errors
     /// As for [`factor`](Self::factor).
@@ -438,7 +439,8 @@ impl std::fmt::Debug for Factor<'_> {
     }
 }
 
-/// The numbers of a factor without the structure that they belong to: to be kept where a factor cannot borrow. `L` may be in single precision; arithmetic is not.
+/// The numbers of a factor without the structure that they belong to: to be kept where a factor cannot borrow. `L` may be in single precision;
+/// arithmetic is not.
 pub struct FactorNumbers<T = f64> {
     pub(super) values: Vec<T>,
     pub(super) inverse: Vec<f64>,
@@ -446,8 +448,8 @@ pub struct FactorNumbers<T = f64> {
 }
 
 impl FactorNumbers {
-    /// The same with `L` rounded to single precision: half of the memory, which is what the time of a solve for one right-hand side goes into. It is the factor of
-    /// a matrix whose entries differ by some `6e-8` of the products that they are sums of.
+    /// The same with `L` rounded to single precision: half of the memory, which is what the time of a solve for one right-hand side goes into. It is
+    /// the factor of a matrix whose entries differ by some `6e-8` of the products that they are sums of.
     pub fn into_single(self) -> FactorNumbers<f32> {
         let Self { values, inverse, pivoting } = self;
         FactorNumbers { values: values.into_iter().map(|value| value as f32).collect(), inverse, pivoting }
@@ -455,8 +457,8 @@ impl FactorNumbers {
 }
 
 impl<T> FactorNumbers<T> {
-    /// Sets the solution to zero in a row that none after it depends on by elimination, such as the last of a component, instead of dividing by its pivot:
-    /// where that is next to nothing since the matrix is singular but for rounding. Nothing changes in a factor whose rows were exchanged.
+    /// Sets the solution to zero in a row that none after it depends on by elimination, such as the last of a component, instead of dividing by its
+    /// pivot: where that is next to nothing since the matrix is singular but for rounding. Nothing changes in a factor whose rows were exchanged.
     pub fn ground(&mut self, row: usize) {
         if let (None, Some(inverse)) = (&self.pivoting, self.inverse.get_mut(row)) {
             *inverse = 0.0;

@@ -4,12 +4,13 @@ use super::factor::{Factor, Node, Pivoting};
 use super::{MassMatrix, SparseMatrix};
 
 impl Factor<'_> {
-    /// How far the eigenvalues of the pencil may lie from those of the pencil that this is the exact factor of: the [count](Self::eigenvalues_below) at the
-    /// shift `μ` is at least the number of eigenvalues below `μ` less this, and at most the number below `μ` plus this. In the units of the shift.
+    /// How far the eigenvalues of the pencil may lie from those of the pencil that this is the exact factor of: the [count](Self::eigenvalues_below)
+    /// at the shift `μ` is at least the number of eigenvalues below `μ` less this, and at most the number below `μ` plus this. In the units of the
+    /// shift.
     ///
-    /// `a`, `b` and `shift` are what was factored. Rounding errors of the factor are at most `γ |L| |D| |Lᵀ|` entry by entry, with `γ` by the number of terms
-    /// that a row sums (Higham 2002, theorem 11.3), and those of the shifted matrix a few units of its terms; row sums over the lumped mass bound
-    /// what they do to an eigenvalue.
+    /// `a`, `b` and `shift` are what was factored. Rounding errors of the factor are at most `γ |L| |D| |Lᵀ|` entry by entry, with `γ` by the number
+    /// of terms that a row sums (Higham 2002, theorem 11.3), and those of the shifted matrix a few units of its terms; row sums over the lumped mass
+    /// bound what they do to an eigenvalue.
     pub fn uncertainty(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> f64 {
         let n = self.symbolic.size();
         let lumped = b.lumped();

@@ -32,8 +32,8 @@ pub enum GalerkinError {
 /// A cell with more rows than this is worked on in parts.
 const ROWS_PER_PART: usize = 256;
 
-/// Numbers of small products that may be held at once, as a multiple of what the entries of `U` explain, up to so many a row. A space whose functions are not
-/// local exceeds it and takes the row-wise way.
+/// Numbers of small products that may be held at once, as a multiple of what the entries of `U` explain, up to so many a row. A space whose functions
+/// are not local exceeds it and takes the row-wise way.
 const PRODUCTS_PER_ENTRY: usize = 24;
 const MOST_ENTRIES_A_ROW: usize = 24;
 

@@ -1,5 +1,5 @@
-//! Blocks of eight columns, and their products with a wide basis: what a block Lanczos iteration works on. They are bounded by the reading of the basis, which is why
-//! they have kernels of their own beside those of panels.
+//! Blocks of eight columns, and their products with a wide basis: what a block Lanczos iteration works on. They are bounded by the reading of the
+//! basis, which is why they have kernels of their own beside those of panels.
 
 use chladni_base::{Cancelled, Monitor};
 use pulp::Simd;
@@ -152,8 +152,8 @@ pub fn block_times_square(x: &mut [KrylovRow], r: &KrylovSquare) {
     });
 }
 
-/// `BᵀY` for a basis of `q` columns, those of panels and then those of blocks, and some blocks `Y`: for each a row for each column of the basis, which is read
-/// once for all of them.
+/// `BᵀY` for a basis of `q` columns, those of panels and then those of blocks, and some blocks `Y`: for each a row for each column of the basis,
+/// which is read once for all of them.
 ///
 /// # Errors
 /// The monitor asked to stop.

@@ -6,8 +6,9 @@
 //! coarsest level is diagonalised once, so that σ may differ from call to call.
 //!
 //! On the finest level a panel exceeds the cache, and time is memory traffic: each patch of rows is taken through all smoothing steps at once, with
-//! rings of neighbours around it. Steps cost little there, and most of them come last: what a cycle leaves is measured in the norm of the inverse mass, in which the
-//! highest frequencies weigh most, the more so the finer the mesh. So the cycle is not symmetric, and no preconditioner for conjugate gradients.
+//! rings of neighbours around it. Steps cost little there, and most of them come last: what a cycle leaves is measured in the norm of the inverse
+//! mass, in which the highest frequencies weigh most, the more so the finer the mesh. So the cycle is not symmetric, and no preconditioner for
+//! conjugate gradients.
 
 mod aggregate;
 mod coarsest;
@@ -34,9 +35,10 @@ const COARSEST: usize = 160;
 /// Levels at most; a level that shrinks by less than a quarter is the last.
 const MOST_LEVELS: usize = 12;
 
-/// The degree of the smoother before and after the coarse correction on the matrix itself. Bounds of 500 approximate pairs after one cycle, in percent of the value on average: igea with 134,345
-/// vertices 6.3 with degrees 2 and 2, 4.6 with 2 and 3, 3.9 with 1 and 5, 3.6 with 1 and 7; subdivided once, 7.2 with 2 and 3, 5.4 with 1 and 5, 5.0 with 1 and 7, and with 2 and 2 not close
-/// enough, so that a second cycle was due; subdivided twice, a third.
+/// The degree of the smoother before and after the coarse correction on the matrix itself. Bounds of 500 approximate pairs after one cycle, in
+/// percent of the value on average: igea with 134,345 vertices 6.3 with degrees 2 and 2, 4.6 with 2 and 3, 3.9 with 1 and 5, 3.6 with 1 and 7;
+/// subdivided once, 7.2 with 2 and 3, 5.4 with 1 and 5, 5.0 with 1 and 7, and with 2 and 2 not close enough, so that a second cycle was due;
+/// subdivided twice, a third.
 const BEFORE: usize = 1;
 const AFTER: usize = 5;
 

@@ -97,7 +97,8 @@ fn nested_dissection(matrix: &SparseMatrix) -> Result<Vec<u32>, FactorError> {
     Ok(order.into_iter().map(|row| row as u32).collect())
 }
 
-/// The given order of all rows of the symmetric `matrix` as a postorder of its elimination tree, which has the same fill: what an order that was found for a part of the matrix needs.
+/// The given order of all rows of the symmetric `matrix` as a postorder of its elimination tree, which has the same fill: what an order that was
+/// found for a part of the matrix needs.
 ///
 /// # Panics
 /// Where it is not an order of the rows.

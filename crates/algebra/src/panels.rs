@@ -158,7 +158,8 @@ impl PanelMatrix {
         }
     }
 
-    /// Adds columns until there are so many, in memory of panels that are not needed any more: what stands in it stays, so that every row is to be written.
+    /// Adds columns until there are so many, in memory of panels that are not needed any more: what stands in it stays, so that every row is to be
+    /// written.
     pub(super) fn widen_into(&mut self, columns: usize, spare: &mut Vec<Vec<f64>>) {
         let length = self.rows * PANEL_WIDTH;
         while self.panels.len() < columns.div_ceil(PANEL_WIDTH) {

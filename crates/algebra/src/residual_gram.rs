@@ -75,8 +75,8 @@ pub fn residual_gram(
     Ok(sum_of_lower(&parts, q))
 }
 
-/// Sums over `t = |A| |x| + (|θ| + |offset|) |M| |x|`, the magnitudes that the residual of one column is a difference of: rounding errors are a few units of
-/// them.
+/// Sums over `t = |A| |x| + (|θ| + |offset|) |M| |x|`, the magnitudes that the residual of one column is a difference of: rounding errors are a few
+/// units of them.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Magnitudes {
     /// `‖t‖²`.

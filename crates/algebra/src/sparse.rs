@@ -1,5 +1,10 @@
 //! Compressed sparse rows.
 
+use rayon::prelude::*;
+
+/// Rows that a thread makes at once.
+const ROWS_PER_TASK: usize = 1024;
+
 /// Why parts do not make a sparse matrix.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SparseError {
@@ -111,6 +116,63 @@ impl<T> SparseMatrix<T> {
         let range = self.offsets[row]..self.offsets[row + 1];
         (&self.indices[range.clone()], &self.values[range])
     }
+}
+
+impl<T: Copy + Send> SparseMatrix<T> {
+    /// Builds a matrix row by row, on all threads. Every row is made by itself, so that the result does not depend on how many threads there are.
+    ///
+    /// `row(state, r, entries)` puts what row `r` has into `entries`, which comes empty, as `(column, value)` with columns strictly ascending, which
+    /// is checked in debug builds only. `state` makes what is used again from row to row, such as a buffer; no row may depend on what another left in
+    /// it.
+    pub fn from_rows<S>(
+        rows: usize,
+        columns: usize,
+        state: impl Fn() -> S + Send + Sync,
+        row: impl Fn(&mut S, usize, &mut Vec<(u32, T)>) + Send + Sync,
+    ) -> Self {
+        let part = |(state, entries): &mut (S, Vec<(u32, T)>), task: usize| {
+            let range = task * ROWS_PER_TASK..rows.min((task + 1) * ROWS_PER_TASK);
+            let mut part = Part { ends: Vec::with_capacity(range.len()), indices: Vec::new(), values: Vec::new() };
+            for r in range {
+                entries.clear();
+                row(state, r, entries);
+                debug_assert!(entries.is_sorted_by(|a, b| a.0 < b.0), "row {r}: columns must ascend");
+                debug_assert!(
+                    entries.last().is_none_or(|last| (last.0 as usize) < columns),
+                    "row {r}: column out of range"
+                );
+                part.indices.extend(entries.iter().map(|entry| entry.0));
+                part.values.extend(entries.iter().map(|entry| entry.1));
+                part.ends.push(part.indices.len());
+            }
+            part
+        };
+        let parts: Vec<Part<T>> =
+            (0..rows.div_ceil(ROWS_PER_TASK)).into_par_iter().map_init(|| (state(), Vec::new()), part).collect();
+        Self::joined(rows, columns, parts)
+    }
+
+    /// The matrix of runs of rows, one after the other.
+    fn joined(rows: usize, columns: usize, parts: Vec<Part<T>>) -> Self {
+        let entries = parts.iter().map(|part| part.indices.len()).sum();
+        let mut offsets = Vec::with_capacity(rows + 1);
+        let (mut indices, mut values) = (Vec::with_capacity(entries), Vec::with_capacity(entries));
+        offsets.push(0);
+        for part in parts {
+            let start = indices.len();
+            offsets.extend(part.ends.iter().map(|end| start + end));
+            indices.extend(part.indices);
+            values.extend(part.values);
+        }
+        Self::from_sorted_parts(rows, columns, offsets, indices, values)
+    }
+}
+
+/// A run of rows: where each ends in it, and its entries.
+struct Part<T> {
+    ends: Vec<usize>,
+    indices: Vec<u32>,
+    values: Vec<T>,
 }
 
 impl<T: Copy + From<u8>> SparseMatrix<T> {
@@ -225,5 +287,40 @@ impl SparseMatrix {
             offsets.push(indices.len());
         }
         Self::from_sorted_parts(rows.len(), rows.len(), offsets, indices, values)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A row of as many entries as its number says, none in every seventh.
+    fn entries(row: usize, columns: usize) -> impl Iterator<Item = (u32, f64)> {
+        let count = if row % 7 == 3 { 0 } else { row % 5 + 1 };
+        (0..count)
+            .map(move |k| ((row + 3 * k) % columns, k))
+            .map(move |(column, k)| (column as u32, (row * 10 + k) as f64))
+    }
+
+    #[test]
+    fn rows_made_on_threads_are_those_of_one_list() {
+        // More rows than a thread makes at once, and a last run that is not full.
+        for (rows, columns) in [(0, 4), (1, 20), (ROWS_PER_TASK, 50), (3 * ROWS_PER_TASK + 17, 900)] {
+            let made = SparseMatrix::from_rows(rows, columns, Vec::new, |buffer: &mut Vec<(u32, f64)>, row, to| {
+                // What another row left in the buffer is not looked at.
+                buffer.clear();
+                buffer.extend(entries(row, columns));
+                buffer.sort_unstable_by_key(|entry| entry.0);
+                to.extend_from_slice(buffer);
+            });
+            let (mut offsets, mut indices, mut values) = (vec![0], Vec::new(), Vec::new());
+            for row in 0..rows {
+                indices.extend(entries(row, columns).map(|entry| entry.0));
+                values.extend(entries(row, columns).map(|entry| entry.1));
+                offsets.push(indices.len());
+            }
+            let expected = SparseMatrix::from_unsorted(rows, columns, &offsets, &indices, &values).unwrap();
+            assert_eq!(made, expected, "{rows} rows");
+        }
     }
 }

@@ -4,5 +4,5 @@
 mod monitor;
 mod random;
 
-pub use monitor::{Cancelled, Monitor, Quiet, Share, StageClock, Unwatched};
+pub use monitor::{Cancelled, Monitor, Quiet, Share, StageClock, Unwatched, notes};
 pub use random::SplitMix64;

@@ -5,6 +5,18 @@
 #[error("the work was cancelled")]
 pub struct Cancelled;
 
+/// The names under which a [`Monitor`] takes notes, and under which a product shows them.
+pub mod notes {
+    /// What solved each dense problem where a graphics card had to do with it, or why that did not.
+    pub const DENSE_SOLVER: &str = "dense_solver";
+
+    /// Where a faster way was given up for a surer one, and why.
+    pub const FALLBACKS: &str = "fallbacks";
+
+    /// Every name.
+    pub const ALL: [&str; 2] = [DENSE_SOLVER, FALLBACKS];
+}
+
 /// Watches long work. Implementations are called from many threads at once and must return quickly.
 pub trait Monitor: Sync {
     /// A stage begins; the one before it, if any, has ended. Stage names are stable identifiers (`operator`, `sampling`, …).
@@ -17,7 +29,7 @@ pub trait Monitor: Sync {
     /// next call or the next stage.
     fn detail(&self, _text: &str) {}
 
-    /// How the result came about, where that is worth keeping with it: `("dense_solver", "NVIDIA H200")`.
+    /// How the result came about, where that is worth keeping with it, under one of the [names](notes): `("dense_solver", "NVIDIA H200")`.
     fn note(&self, _name: &'static str, _text: &str) {}
 
     /// Ends the work with [`Cancelled`] where that was asked for. Called often: at least every few milliseconds of work.

@@ -3,20 +3,14 @@
 //! A mesh that is not manifold is usable: the cotangent stiffness adds up face by face. It is reported, and so is everything
 //! else that a client may want to mend. What cannot be used is refused with a [`MeshError`].
 
-use self::extent::{bounding_box, doubled_area, total_area};
+use self::examine::{Examined, examine};
 use super::TriangleMesh;
 use super::attributes::Attributes;
-use super::numbering::{self, Numbering, nearest_vertices};
-use super::read::{Polygons, RawMesh, ReadLimits};
+use super::numbering::Numbering;
+use super::read::{RawMesh, ReadLimits};
 pub use super::repair::DROPPED;
-use super::repair::{Faces, compact, equal_positions};
-use super::report::Tally;
 pub use super::report::{Defect, DefectKind, EXAMPLES, Element, FileSize, MeshReport, Repair, RepairKind};
-use super::subdivide::subdivided;
-use super::topology::{EdgeTable, MOST_FACES, Topology};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 
 /// How often a mesh may be divided: 4096 faces for each.
 pub const MOST_SUBDIVISIONS: u8 = 6;
@@ -40,8 +34,8 @@ pub enum Merge {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SurfaceOf {
-    /// Where its tetrahedra have no neighbour. The default: that surface is closed and the solid's own, whereas the triangles of such files may be any
-    /// part of it, sheets inside it, or another surface altogether.
+    /// Where its tetrahedra have no neighbour. The default: that surface is closed and the solid's own, whereas the triangles of such files may be
+    /// any part of it, sheets inside it, or another surface altogether.
     #[default]
     Boundary,
     /// The triangles that the file gives. The tetrahedra are left out.
@@ -280,9 +274,9 @@ pub struct CheckedMesh {
 
 /// Checks a mesh and repairs what can be repaired without loss.
 ///
-/// Done are, in this order: merging vertices at equal positions (see [`Merge`]), dropping faces that repeat a vertex, dropping
-/// faces equal to an earlier one, turning faces over so that neighbours agree, dropping vertices that no face uses; then every face is divided as often
-/// as [`CheckOptions::subdivisions`] says. Linear in the size of the mesh up to sorting; runs on the current rayon pool.
+/// Done are, in this order: merging vertices at equal positions (see [`Merge`]), dropping faces that repeat a vertex, dropping faces equal to an
+/// earlier one, turning faces over so that neighbours agree, dropping vertices that no face uses; then every face is divided as often as
+/// [`CheckOptions::subdivisions`] says. Linear in the size of the mesh up to sorting; runs on the current rayon pool.
 ///
 /// # Errors
 /// [`MeshError`] names the first element that makes the mesh unusable.
@@ -300,282 +294,7 @@ pub fn inspect(raw: RawMesh, options: &CheckOptions) -> (MeshReport, Option<Mesh
     (report, error)
 }
 
-struct Examined {
-    mesh: TriangleMesh,
-    report: MeshReport,
-    numbering: Numbering,
-    attributes: Option<Attributes>,
-    /// The first reason to refuse the mesh; the mesh is then not to be used, but the report still tells what it can.
-    error: Option<MeshError>,
-}
-
-fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
-    let RawMesh {
-        mut positions,
-        faces,
-        polygons,
-        tetrahedra,
-        polygons_triangulated,
-        short_faces_dropped,
-        splits_vertices,
-        attributes,
-    } = raw;
-    let given = [positions.len(), faces.len()];
-    let mut report = MeshReport { vertices: given[0], faces: given[1], ..MeshReport::default() };
-    for (elements, count, most) in [("vertices", given[0], DROPPED as usize - 1), ("faces", given[1], MOST_FACES)] {
-        if count > most {
-            let error = Some(MeshError::TooLarge { elements, count, most });
-            let (mesh, numbering) = (TriangleMesh::default(), Numbering::default());
-            return Examined { mesh, report, numbering, attributes: None, error };
-        }
-    }
-    let mut found = Found::default();
-    found.repair(RepairKind::TriangulatedPolygons, polygons_triangulated);
-    found.repair(RepairKind::DroppedShortFaces, short_faces_dropped);
-    // Corners are found again by their vertices.
-    let with_corners = attributes.map(|own| (own, faces.clone()));
-    let mut faces = Faces::new(faces);
-
-    let stray = faces.select(|face| face.iter().any(|&v| v as usize >= given[0]));
-    if let Some(&face) = stray.first() {
-        let vertex = faces.corners[face as usize].into_iter().find(|&v| v as usize >= given[0]).unwrap_or_default();
-        found.refuse(MeshError::IndexOutOfRange { face: u64::from(face), vertex, vertices: given[0] });
-        found.defects.extend(tally(&stray).into_defect(DefectKind::IndexOutOfRange, |f| f));
-        faces.drop_faces(&stray);
-    }
-
-    refuse_bad_coordinates(&positions, &faces, options, &mut found);
-
-    let equal = equal_positions(&positions);
-    let merges = match options.merge {
-        Merge::Always => true,
-        Merge::Auto => splits_vertices,
-        Merge::Never => false,
-    };
-    if merges && !equal.is_empty() {
-        let mut first: Vec<u32> = (0..given[0] as u32).collect();
-        equal.iter().for_each(|&(vertex, earlier)| first[vertex as usize] = earlier);
-        faces.corners.par_iter_mut().for_each(|face| *face = face.map(|v| first[v as usize]));
-        found.repair(RepairKind::MergedVertices, equal.len());
-    } else {
-        let vertices: Vec<u32> = equal.iter().map(|pair| pair.0).collect();
-        found.defects.extend(tally(&vertices).into_defect(DefectKind::EqualPosition, |v| v));
-    }
-
-    let repeating = faces.select(|&[a, b, c]| a == b || b == c || c == a);
-    found.defects.extend(tally(&repeating).into_defect(DefectKind::RepeatedVertex, |f| faces.origin(f)));
-    found.repair(RepairKind::DroppedRepeatedVertexFaces, repeating.len());
-    faces.drop_faces(&repeating);
-
-    let mut table = EdgeTable::new(given[0], &faces.corners);
-    let duplicates = table.duplicate_faces(&faces.corners);
-    let mut non_manifold_as_given = None;
-    if !duplicates.is_empty() {
-        found.defects.extend(tally(&duplicates).into_defect(DefectKind::DuplicateFace, |f| faces.origin(f)));
-        found.repair(RepairKind::DroppedDuplicateFaces, duplicates.len());
-        non_manifold_as_given =
-            Some(table.non_manifold_edges().into_defect(DefectKind::NonManifoldEdge, |f| faces.origin(f)));
-        faces.drop_faces(&duplicates);
-        table = EdgeTable::new(given[0], &faces.corners);
-    }
-
-    let topology = Topology::new(&table, &faces.corners);
-    drop(table);
-    let flat = faces.select(|&face| doubled_area(&positions, face) == 0.0);
-    found.defects.extend(tally(&flat).into_defect(DefectKind::ZeroArea, |f| faces.origin(f)));
-    let (flipped, orientable) = topology.orient(&mut faces.corners);
-    found.repair(RepairKind::FlippedFaces, flipped);
-
-    // Merged vertices have no faces either; they are listed already.
-    let mut unreferenced = Tally::default();
-    let mut merged = equal.iter().take_while(|_| merges).map(|pair| pair.0).peekable();
-    for (v, &valence) in topology.valences.iter().enumerate() {
-        if merged.next_if_eq(&(v as u32)).is_none() && valence == 0 {
-            unreferenced.add(v as u64);
-        }
-    }
-    found.repair(RepairKind::DroppedUnreferencedVertices, unreferenced.count);
-    let all_used = unreferenced.count == 0 && (!merges || equal.is_empty());
-    let gone = |v: &usize| topology.valences[*v] == 0;
-    let unused: Vec<[f64; 3]> = match unreferenced.count {
-        0 => Vec::new(),
-        _ => (0..given[0]).filter(gone).map(|v| positions[v]).collect(),
-    };
-    let vertex_map = (!all_used).then(|| {
-        let mut numbers = compact(&mut positions, &mut faces.corners, |v| topology.valences[v] > 0);
-        if merges {
-            equal.iter().for_each(|&(vertex, earlier)| numbers[vertex as usize] = numbers[earlier as usize]);
-        }
-        numbers
-    });
-
-    report.vertices = positions.len();
-    report.faces = faces.corners.len();
-    report.edges = topology.edges;
-    report.area = total_area(&positions, &faces.corners).min(f64::MAX);
-    report.bounding_box = bounding_box(&positions);
-    report.euler_characteristic = report.vertices as i64 - report.edges as i64 + report.faces as i64;
-    report.components = topology.components;
-    report.boundary_edges = topology.boundary_edges;
-    report.boundary_loops = topology.boundary_loops;
-    report.closed = report.faces > 0 && report.boundary_edges == 0;
-    report.manifold = topology.non_manifold_edges.count == 0 && topology.non_manifold_vertices.count == 0;
-    report.orientable = orientable;
-    report.genus = (report.manifold && orientable && report.faces > 0)
-        .then(|| report.components as i64 - (report.euler_characteristic + report.boundary_loops as i64) / 2);
-
-    if report.faces == 0 {
-        found.refuse(match tetrahedra.len() {
-            0 => MeshError::NoFaces { given: given[1], vertices: given[0] },
-            tetrahedra => MeshError::OnlyTetrahedra { tetrahedra },
-        });
-    } else {
-        let [low, high] = report.bounding_box;
-        let extent = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
-        if extent > 0.0 && extent < options.smallest_extent {
-            found.refuse(MeshError::TooSmall { extent, smallest: options.smallest_extent });
-        } else if report.area <= 0.0 {
-            found.refuse(MeshError::NoArea { faces: report.faces });
-        }
-    }
-
-    found.defects.extend(
-        non_manifold_as_given.unwrap_or_else(|| {
-            topology.non_manifold_edges.into_defect(DefectKind::NonManifoldEdge, |f| faces.origin(f))
-        }),
-    );
-    for (kind, tally) in [
-        (DefectKind::NonManifoldVertex, topology.non_manifold_vertices),
-        (DefectKind::InconsistentOrientation, topology.inconsistent_edges),
-        (DefectKind::UnreferencedVertex, unreferenced),
-    ] {
-        let origin = |i| if kind.element() == Element::Face { faces.origin(i) } else { i };
-        found.defects.extend(tally.into_defect(kind, origin));
-    }
-    found.defects.sort_by_key(|defect| defect.kind);
-    report.defects = found.defects;
-    report.repairs = found.repairs;
-    let nearest = match &vertex_map {
-        Some(map) if found.error.is_none() && !unused.is_empty() => {
-            // Merged vertices without faces are dropped only where the one that they merged with is.
-            let left = (0..given[0]).filter(gone).zip(nearest_vertices(&positions, &unused));
-            left.filter(|(v, _)| map[*v] == DROPPED).map(|(_, near)| near).collect()
-        }
-        _ => Vec::new(),
-    };
-    let mut attributes = with_corners.map(|(own, given_faces)| {
-        report.attributes = Some(own.attributes.report(own.missing));
-        let origin = |face: u32| faces.origin(u64::from(face)) as u32;
-        own.attributes.repaired(&given_faces, vertex_map.as_deref(), &faces.corners, origin)
-    });
-    let numbered = numbering::Found {
-        file: [given[0], polygons.as_ref().map_or(given[1], |polygons| polygons.count)],
-        vertices: vertex_map,
-        faces: face_origins(&faces, polygons),
-        nearest,
-        inner: 0,
-    };
-    let mut mesh = TriangleMesh { positions, faces: faces.corners, ..Default::default() };
-    let mut numbering = Numbering::found(numbered, [mesh.positions.len(), mesh.faces.len()]);
-    if found.error.is_none() {
-        found.error = subdivide(&mut mesh, &mut report, options).err();
-        if found.error.is_none() {
-            numbering = numbering.divided(&mesh, options.subdivisions);
-            for _ in 0..options.subdivisions {
-                attributes = attributes.map(Attributes::divided);
-            }
-        }
-    }
-    report.file = FileSize::of(&numbering);
-    mesh.polygons = super::polygons::Polygons::of(&numbering).map(Arc::new);
-    report.polygons = mesh.polygons.as_ref().map_or(0, |polygons| polygons.loops(&mesh.faces).len());
-    let attributes = attributes.filter(|attributes| !attributes.is_empty());
-    Examined { mesh, report, numbering, attributes, error: found.error }
-}
-
-/// The face of the file that each face left is or is a part of; `None` where they are the same.
-fn face_origins(faces: &Faces, polygons: Option<Polygons>) -> Option<Vec<u32>> {
-    match (faces.origins(), polygons) {
-        (None, None) => None,
-        (Some(origins), None) => Some(origins.to_vec()),
-        (None, Some(polygons)) => Some(polygons.of_triangle),
-        (Some(origins), Some(polygons)) => {
-            Some(origins.iter().map(|&triangle| polygons.of_triangle[triangle as usize]).collect())
-        }
-    }
-}
-
-/// Divides every face into four, as often as asked, and brings the counts up to date. What defects name keeps its number in the input.
-fn subdivide(mesh: &mut TriangleMesh, report: &mut MeshReport, options: &CheckOptions) -> Result<(), MeshError> {
-    let factor = 4usize.checked_pow(u32::from(options.subdivisions)).unwrap_or(usize::MAX);
-    let (count, most) = (mesh.faces.len().saturating_mul(factor), options.most_faces.min(MOST_FACES));
-    // A mesh as it was given is measured against its own limits.
-    if options.subdivisions > 0 && count > most {
-        return Err(MeshError::TooLarge { elements: "faces", count, most });
-    }
-    for _ in 0..options.subdivisions {
-        *mesh = subdivided(mesh).ok_or(MeshError::TooLarge { elements: "faces", count, most })?;
-        report.edges = 2 * report.edges + 3 * report.faces;
-        report.boundary_edges *= 2;
-        report.vertices = mesh.positions.len();
-        report.faces = mesh.faces.len();
-    }
-    report.subdivisions = options.subdivisions;
-    Ok(())
-}
-
-#[derive(Default)]
-struct Found {
-    defects: Vec<Defect>,
-    repairs: Vec<Repair>,
-    error: Option<MeshError>,
-}
-
-impl Found {
-    fn refuse(&mut self, error: MeshError) {
-        self.error.get_or_insert(error);
-    }
-
-    fn repair(&mut self, kind: RepairKind, count: usize) {
-        if count > 0 {
-            self.repairs.push(Repair { kind, count });
-        }
-    }
-}
-
-/// Counts vertices that are not finite or out of range, and refuses the mesh if a face uses one.
-fn refuse_bad_coordinates(positions: &[[f64; 3]], faces: &Faces, options: &CheckOptions, found: &mut Found) {
-    let largest = options.largest_coordinate;
-    // The comparison is false for NaN.
-    let bad = |v: usize| !positions[v].iter().all(|x| x.abs() <= largest);
-    if !(0..positions.len()).into_par_iter().any(bad) {
-        return;
-    }
-    let (mut non_finite, mut out_of_range) = (Tally::default(), Tally::default());
-    for v in (0..positions.len()).filter(|&v| bad(v)) {
-        if positions[v].iter().all(|x| x.is_finite()) { out_of_range.add(v as u64) } else { non_finite.add(v as u64) }
-    }
-    found.defects.extend(non_finite.into_defect(DefectKind::NonFinite, |v| v));
-    found.defects.extend(out_of_range.into_defect(DefectKind::OutOfRange, |v| v));
-    let users = faces.select(|face| face.iter().any(|&v| bad(v as usize)));
-    if let Some(&user) = users.first() {
-        let vertex = faces.corners[user as usize].into_iter().find(|&v| bad(v as usize)).unwrap_or_default();
-        let face = faces.origin(u64::from(user));
-        found.refuse(if positions[vertex as usize].iter().all(|x| x.is_finite()) {
-            let coordinate = positions[vertex as usize].into_iter().find(|x| x.abs() > largest).unwrap_or_default();
-            MeshError::OutOfRange { vertex, coordinate, largest, face }
-        } else {
-            MeshError::NonFinite { vertex, face }
-        });
-    }
-}
-
-fn tally(indices: &[u32]) -> Tally {
-    let mut tally = Tally::default();
-    indices.iter().for_each(|&index| tally.add(u64::from(index)));
-    tally
-}
-
+mod examine;
 mod extent;
 pub mod points;
 

@@ -53,7 +53,8 @@ impl FaceHierarchy {
         Self { order, levels }
     }
 
-    /// The face nearest to a point, the lowest among equals of its leaf, and its distance. `None` where there are no faces or the point is not finite.
+    /// The face nearest to a point, the lowest among equals of its leaf, and its distance. `None` where there are no faces or the point is not
+    /// finite.
     ///
     /// `mesh` is the one that the tree was built for.
     pub fn nearest(&self, mesh: &TriangleMesh, point: [f64; 3]) -> Option<(u32, f64)> {

@@ -80,10 +80,10 @@ impl Numbering {
         Self { assumed: true, ..Self::identity(vertices, faces) }
     }
 
-    /// The numbering that two maps tell, as files of products carry them: for each vertex of the file the kept one, of so many, or −1; for each kept face that
-    /// of the file. What the maps do not tell is not known: which vertex is nearest to a dropped one, which vertices a
-    /// subdivision made, and how many faces of the file come after the last that was kept. `None` where a
-    /// number is out of range, or a vertex that was kept is no vertex of the file.
+    /// The numbering that two maps tell, as files of products carry them: for each vertex of the file the kept one, of so many, or −1; for each kept
+    /// face that of the file. What the maps do not tell is not known: which vertex is nearest to a dropped one, which vertices a subdivision made,
+    /// and how many faces of the file come after the last that was kept. `None` where a number is out of range, or a vertex that was kept is no
+    /// vertex of the file.
     pub fn from_maps(vertices: &[i32], faces: &[i32], kept: usize) -> Option<Self> {
         let vertex = |&number: &i32| match number {
             -1 => Some(DROPPED),

@@ -45,8 +45,9 @@ pub struct CheckedBody {
 /// The share of the cube over its longest edge below which a tetrahedron counts as flat.
 const FLAT: f64 = 1e-9;
 
-/// Checks a mesh; where it has tetrahedra, as a solid: the surface is where they have no neighbour, or, by [`SurfaceOf::Given`], the triangles of
-/// the file, without an inside; where it has no faces at all, as points ([`points`](super::points)). Vertices are numbered as in the file, faces of a boundary by the mesh itself.
+/// Checks a mesh; where it has tetrahedra, as a solid: the surface is where they have no neighbour, or, by [`SurfaceOf::Given`], the triangles of the
+/// file, without an inside; where it has no faces at all, as points ([`points`](super::points)). Vertices are numbered as in the file, faces of a
+/// boundary by the mesh itself.
 ///
 /// Tetrahedra that repeat a vertex or equal an earlier one are dropped, those given inside out are turned. Linear in the size of the
 /// mesh up to sorting.

@@ -1,5 +1,6 @@
-//! A stroke of sixty faces is dragged beside others that stay: `cargo bench --bench drag`. Milliseconds of a frame, the solution alone: the first, the second,
-//! and the median and the 95th percentile of those after, over the number of constrained faces; on a sphere of 82,000 faces, vector fields.
+//! A stroke of sixty faces is dragged beside others that stay: `cargo bench --bench drag`. Milliseconds of a frame, the solution alone: the first,
+//! the second, and the median and the 95th percentile of those after, over the number of constrained faces; on a sphere of 82,000 faces, vector
+//! fields.
 //!
 //! `CHLADNI_DRAG_DIMENSION` (2000), `CHLADNI_DRAG_FACES` (60,240,600,1200,2000).
 

@@ -1,4 +1,5 @@
-//! How far designs in field bases are from those in the space of all fields, in percent of the L² norm: `CHLADNI_MESHES=… cargo bench --bench field_accuracy`.
+//! How far designs in field bases are from those in the space of all fields, in percent of the L² norm:
+//! `CHLADNI_MESHES=… cargo bench --bench field_accuracy`.
 //!
 //! `CHLADNI_ACCURACY_MESHES`, files separated by commas; `CHLADNI_ACCURACY_FIELDS`, `vector`, `tensor` or the `n` of n-vectors;
 //! `CHLADNI_ACCURACY_BASES`, of `heat`, `accurate` and `local`, with details as in `local:SIGMA` and `heat:tolerance=0.003/degree=8`;

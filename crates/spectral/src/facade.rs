@@ -69,8 +69,8 @@ pub enum MeshSolveError {
 }
 
 impl Mesh {
-    /// Reads a file, in the format that its ending names, and repairs what can be repaired without loss; gzip is unpacked first, and its ending `.gz` is none. Vertices and faces are limited as in
-    /// [`ReadLimits::default`].
+    /// Reads a file, in the format that its ending names, and repairs what can be repaired without loss; gzip is unpacked first, and its ending `.gz`
+    /// is none. Vertices and faces are limited as in [`ReadLimits::default`].
     ///
     /// # Errors
     /// [`MeshSolveError`]: a file that cannot be read, or is no mesh.
@@ -92,7 +92,8 @@ impl Mesh {
         Self::checked(read(&bytes, format, &ReadLimits::default())?)
     }
 
-    /// A mesh of positions and faces, which name them from 0 on; without faces, a set of points, which are numbered anew: see [`numbering`](Self::numbering).
+    /// A mesh of positions and faces, which name them from 0 on; without faces, a set of points, which are numbered anew: see
+    /// [`numbering`](Self::numbering).
     ///
     /// # Errors
     /// [`MeshSolveError::Mesh`] names the first element that makes the mesh unusable.
@@ -179,7 +180,8 @@ impl<'a> Eigen<'a> {
         Ok(hsim::solve(&surface, &operator.problem, &parameters, false, self.monitor)?)
     }
 
-    /// The pairs in a space of locally supported functions, each with an estimate of its error, which is to be at most `goal` of the value: [`approximate`].
+    /// The pairs in a space of locally supported functions, each with an estimate of its error, which is to be at most `goal` of the value:
+    /// [`approximate`].
     ///
     /// # Errors
     /// [`MeshSolveError`]: an operator that the mesh does not allow, or a space that does not hold so many pairs.

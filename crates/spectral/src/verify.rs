@@ -1,7 +1,7 @@
 //! An eigenbasis judged again from its mesh, by whoever received it.
 //!
-//! Nothing of a solver takes part: the operator is assembled anew, residuals and inner products are summed column by column from the functions as they are
-//! stored, and eigenvalues are counted by another factorisation ([`eigenvalues_below`]). For each pair some exact eigenvalue lies within
+//! Nothing of a solver takes part: the operator is assembled anew, residuals and inner products are summed column by column from the functions as
+//! they are stored, and eigenvalues are counted by another factorisation ([`eigenvalues_below`]). For each pair some exact eigenvalue lies within
 //! `‖Sx − θMx‖_{M⁻¹} / ‖x‖_M` of its value; where the count below a shift in a gap between these intervals is the number of values below it, none is
 //! missing there.
 
@@ -49,7 +49,8 @@ impl Verification {
         }
     }
 
-    /// `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing is wrong and something could not be judged.
+    /// `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing is wrong and something could
+    /// not be judged.
     pub fn verdict(&self) -> &'static str {
         if self.findings.is_empty() {
             "confirmed"
@@ -116,7 +117,8 @@ struct Claims {
     residuals: bool,
     /// Whether its certificate has counts, where it claims to be complete.
     counts: bool,
-    /// Where the functions are gradients, and the values the Rayleigh quotients of what they are the gradients of: the lowest value above zero, on unit area.
+    /// Where the functions are gradients, and the values the Rayleigh quotients of what they are the gradients of: the lowest value above zero, on
+    /// unit area.
     gradients_of: Option<f64>,
     /// Half a unit in the last place of what is stored.
     unit: f64,
@@ -380,8 +382,9 @@ impl Subject<'_> {
         Ok(defect)
     }
 
-    /// Counts at the highest shift of the certificate, and where that does not settle it in the highest gap between the values. Residuals of approximate pairs leave
-    /// no gap; that they are the lowest, index by index, rests on bounds that are not derived again, so that nothing is said beyond the count.
+    /// Counts at the highest shift of the certificate, and where that does not settle it in the highest gap between the values. Residuals of
+    /// approximate pairs leave no gap; that they are the lowest, index by index, rests on bounds that are not derived again, so that nothing is said
+    /// beyond the count.
     fn count(&self, verification: &mut Verification, monitor: &dyn Monitor) -> Result<(), Cancelled> {
         let (values, first) = (&self.basis.eigenvalues, self.basis.certificate.first);
         let last = first + values.len();
@@ -458,8 +461,8 @@ impl Subject<'_> {
         Ok(())
     }
 
-    /// Whether as many eigenvalues lie below the first pair as its index says, counted again at the highest shift of the certificate below `least`, which is
-    /// the lower end of all intervals.
+    /// Whether as many eigenvalues lie below the first pair as its index says, counted again at the highest shift of the certificate below `least`,
+    /// which is the lower end of all intervals.
     fn first_is_counted(&self, least: f64, verification: &mut Verification, monitor: &dyn Monitor) -> bool {
         let first = self.basis.certificate.first;
         let claims = self.basis.certificate.inertia.iter().filter(|claim| claim.shift < least);

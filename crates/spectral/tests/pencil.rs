@@ -162,7 +162,8 @@ fn diagonal_matrices_are_their_own_spectra() {
     proven(&matrix(2, &[(0, 0, 4.0), (1, 1, 4.0)]), &Mass::Identity, &lowest(2), &[4.0; 2], 1e-12);
 }
 
-/// A random symmetric matrix of `n` rows with about `each` entries in a row beside the diagonal, which is `diagonal` plus a share of their magnitudes.
+/// A random symmetric matrix of `n` rows with about `each` entries in a row beside the diagonal, which is `diagonal` plus a share of their
+/// magnitudes.
 fn random(n: usize, each: usize, diagonal: f64, share: f64, seed: u64) -> SparseMatrix {
     let mut random = SplitMix64::new(seed);
     let mut entries: Vec<_> = (0..n).map(|k| (k, k, diagonal)).collect();

@@ -80,7 +80,8 @@ fn corners(surface: &FieldSurface) -> Vec<(usize, [[usize; 2]; 2])> {
     both.collect()
 }
 
-/// The greatest jump of coordinates across an edge that is not cut, and of their differences along one that is, after its quarter turns; and all translations.
+/// The greatest jump of coordinates across an edge that is not cut, and of their differences along one that is, after its quarter turns; and all
+/// translations.
 fn seams(surface: &FieldSurface, combed: &Combed, found: &Parametrisation) -> (f64, Vec<Planar>) {
     let at = |corner: usize| found.coordinates[corner / 3][corner % 3];
     let (mut worst, mut translations) = (0.0f64, Vec::new());

@@ -51,8 +51,8 @@ pub enum DistanceKind {
         #[serde(default)]
         #[cfg_attr(feature = "schema", schema(inline))]
         method: GeodesicMethod,
-        /// How long heat flows, in length² of the mesh; without it, the square of the mean edge, and by `spectral` for each face the shortest of a ladder of
-        /// times at which heat reaches it. Not for `exact`.
+        /// How long heat flows, in length² of the mesh; without it, the square of the mean edge, and by `spectral` for each face the shortest of a
+        /// ladder of times at which heat reaches it. Not for `exact`.
         time: Option<f64>,
     },
 }

@@ -131,9 +131,10 @@ impl MapCollectionParameters {
 
     /// An estimate of the memory that the job needs on so many threads, beside the server itself, in bytes.
     ///
-    /// Meshes and bases are there twice while they come from the store. Of every shape embeddings in single precision stay until the end; signatures and
-    /// oriented derivatives take most, but only of the shapes that are looked at at once. The latent basis is a dense eigenproblem of shapes times pairs,
-    /// held four times. Of every pair there are the maps, with those before, and twelve bytes a match beside the eight of the result and those of its file.
+    /// Meshes and bases are there twice while they come from the store. Of every shape embeddings in single precision stay until the end; signatures
+    /// and oriented derivatives take most, but only of the shapes that are looked at at once. The latent basis is a dense eigenproblem of shapes
+    /// times pairs, held four times. Of every pair there are the maps, with those before, and twelve bytes a match beside the eight of the result and
+    /// those of its file.
     pub fn shapes_memory_bytes(&self, shapes: &[StoredShape], threads: usize) -> u64 {
         let request = self.request();
         let (n, k, start) = (shapes.len() as u64, request.pairs as u64, request.start as u64);

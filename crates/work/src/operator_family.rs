@@ -20,8 +20,8 @@ pub const LARGEST_DIMENSION: usize = 4000;
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct OperatorFamilyParameters {
-    /// The most functions of the subspace, 10 to 4000. An equal share of them are eigenfunctions of each anchor; spectra are accurate up to about three
-    /// quarters of that many pairs.
+    /// The most functions of the subspace, 10 to 4000. An equal share of them are eigenfunctions of each anchor; spectra are accurate up to about
+    /// three quarters of that many pairs.
     #[cfg_attr(feature = "schema", schema(minimum = 10, maximum = 4000, example = 780))]
     pub dimension: usize,
     /// Seeds everything that is drawn at random.

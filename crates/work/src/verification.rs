@@ -27,8 +27,8 @@ pub enum JudgeError {
     Verify(#[from] VerifyError),
 }
 
-/// The problem that a basis is said to solve: operator, mass and boundary condition of the job that made it; `operator` takes the place of that of the
-/// basis, which does not carry a potential that came with the job.
+/// The problem that a basis is said to solve: operator, mass and boundary condition of the job that made it; `operator` takes the place of that of
+/// the basis, which does not carry a potential that came with the job.
 ///
 /// # Errors
 /// [`ParameterError::Value`] where no operator is named.
@@ -63,7 +63,8 @@ pub fn vibration_of(modes: &ModalBasis, clamped: Option<Vec<u32>>) -> Result<Vib
     VibrationBasisParameters::parse(&parameters)
 }
 
-/// Assembles the operator of `parameters` on the mesh, or on the solid whose surface it is, and judges the basis by it. Stages: those of the operator, then `residuals`, `orthonormality`, `count`.
+/// Assembles the operator of `parameters` on the mesh, or on the solid whose surface it is, and judges the basis by it. Stages: those of the
+/// operator, then `residuals`, `orthonormality`, `count`.
 ///
 /// # Errors
 /// [`JudgeError`]; whatever is wrong with the basis is a finding.
@@ -83,7 +84,8 @@ pub fn judge(
     Ok(verify(basis, &operator, monitor)?)
 }
 
-/// Assembles the object of `parameters` on the mesh, or on the solid whose surface it is, and judges the modes by it. Stages: `operator`, `residuals`, `orthonormality`, `count`.
+/// Assembles the object of `parameters` on the mesh, or on the solid whose surface it is, and judges the modes by it. Stages: `operator`,
+/// `residuals`, `orthonormality`, `count`.
 ///
 /// # Errors
 /// [`JudgeError`]; whatever is wrong with the modes is a finding.
@@ -100,8 +102,8 @@ pub fn judge_modes(
     Ok(verify_modes(modes, elastic, monitor)?)
 }
 
-/// The memory that judging `count` functions of `rows` numbers takes, in bytes: the functions, once more where a boundary is held, some of their products, the
-/// operator and a factor, which fills in more in a solid.
+/// The memory that judging `count` functions of `rows` numbers takes, in bytes: the functions, once more where a boundary is held, some of their
+/// products, the operator and a factor, which fills in more in a solid.
 ///
 /// Without `faces` they are functions on points, whose triangles are made.
 pub fn judging_bytes(rows: usize, faces: usize, count: usize, parameters: &EigenbasisParameters) -> u64 {
@@ -219,7 +221,8 @@ fn receipt_of(
     })
 }
 
-/// Judges a basis of a problem by its matrices. Residuals are relative to `‖(S + cM) x‖`, with the `moved` of its metadata for `c`; rows of `fixed` have to be zero.
+/// Judges a basis of a problem by its matrices. Residuals are relative to `‖(S + cM) x‖`, with the `moved` of its metadata for `c`; rows of `fixed`
+/// have to be zero.
 ///
 /// # Errors
 /// [`JudgeError`]; whatever is wrong with the basis is a finding.

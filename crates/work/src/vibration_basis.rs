@@ -209,8 +209,8 @@ impl VibrationBasisParameters {
         fill as u64
     }
 
-    /// The memory of one factor of the problem on `n` vertices and of its structure, in bytes. Of a shell of 172,970 vertices it is some 200 million entries, six tenths
-    /// of what [`fill`](Self::fill) allows for.
+    /// The memory of one factor of the problem on `n` vertices and of its structure, in bytes. Of a shell of 172,970 vertices it is some 200 million
+    /// entries, six tenths of what [`fill`](Self::fill) allows for.
     fn factor_bytes(&self, n: u64) -> u64 {
         if self.thickness.is_some() { 6 * self.fill(n) } else { 16 * self.fill(n) }
     }

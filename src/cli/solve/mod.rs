@@ -43,8 +43,8 @@ pub struct SolveArguments {
     #[arg(long, value_name = "M", help_heading = "Problem")]
     at_most: Option<usize>,
 
-    /// Operator: auto, laplace, polygon, robust; volume, on the tetrahedra of a solid; graph, of the edges alone; extrinsic:T with T from 0 to 1; hamiltonian:T with the potential T (κ1² + κ2²), or
-    /// hamiltonian:@FILE with one number for each vertex
+    /// Operator: auto, laplace, polygon, robust; volume, on the tetrahedra of a solid; graph, of the edges alone; extrinsic:T with T from 0 to 1;
+    /// hamiltonian:T with the potential T (κ1² + κ2²), or hamiltonian:@FILE with one number for each vertex
     #[arg(long, value_name = "OPERATOR", help_heading = "Problem")]
     operator: Option<String>,
 

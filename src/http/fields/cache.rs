@@ -68,8 +68,8 @@ impl FieldCache {
     }
 }
 
-/// Something by its key, made by `make` on the pool of solves with the bytes that it takes. `stage` names the time that it takes to those who ask, and
-/// keeps kinds apart: one stage, one type.
+/// Something by its key, made by `make` on the pool of solves with the bytes that it takes. `stage` names the time that it takes to those who ask,
+/// and keeps kinds apart: one stage, one type.
 ///
 /// # Errors
 /// Whatever `make` answers.

@@ -35,8 +35,8 @@ pub fn routes() -> OpenApiRouter<AppState> {
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct DesignQuery {
-    /// Lifts the field to the faces and says how it is written. Without it JSON has the coefficients alone; raw answers, and those to requests with `faces`, are in
-    /// `world` form.
+    /// Lifts the field to the faces and says how it is written. Without it JSON has the coefficients alone; raw answers, and those to requests with
+    /// `faces`, are in `world` form.
     #[param(inline)]
     form: Option<Form>,
     /// Whether to tell the singular vertices. Takes a pass over all vertices.
@@ -82,8 +82,8 @@ struct DesignAnswer {
     faces: Vec<u32>,
     /// For each constraint the length of what is missing, in stored numbers.
     residuals: Vec<f64>,
-    /// How far the field of the coefficients is from that of least energy among all fields of the surface, as a share of its length (norms by area). With `refine`
-    /// that field is the answer, and this is the distance; with `error` it is an estimate of it; else null.
+    /// How far the field of the coefficients is from that of least energy among all fields of the surface, as a share of its length (norms by area).
+    /// With `refine` that field is the answer, and this is the distance; with `error` it is an estimate of it; else null.
     error: Option<f64>,
     /// The field on the faces, where `form` asks for it.
     field: Option<LiftedField>,
@@ -93,7 +93,8 @@ struct DesignAnswer {
     index_sum: Option<f64>,
     /// The Euler characteristic of the surface.
     euler_characteristic: Option<i64>,
-    /// With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a turn; all others match by the least angle.
+    /// With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a turn; all others match by the
+    /// least angle.
     matching: Option<Vec<MatchedFaces>>,
 }
 
@@ -102,8 +103,8 @@ struct DesignAnswer {
 struct MatchedFaces {
     /// The faces.
     faces: [u32; 2],
-    /// Full turns of the representation from the first face to the second, beyond the least angle: of n directions number k goes on as the `turns` next one
-    /// after that which is nearest to it.
+    /// Full turns of the representation from the first face to the second, beyond the least angle: of n directions number k goes on as the `turns`
+    /// next one after that which is nearest to it.
     turns: i32,
 }
 
@@ -111,18 +112,20 @@ problems!(DesignFieldProblems: SOLVE BODY JSON [UNKNOWN_FIELD, INVALID_DESIGN, N
 
 /// Designs a field
 ///
-/// The field of least energy `w₁ · harmonic + w₂ · biharmonic` in the space that deviates little from strokes and an alignment, by their weights, and meets
-/// hard constraints exactly (Schur complement). Strokes and constraints name a face, or a point whose nearest face is meant, and a direction
-/// in ℝ³ or in the frame of the face (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each
-/// request: what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept connection.
+/// The field of least energy `w₁ · harmonic + w₂ · biharmonic` in the space that deviates little from strokes and an alignment, by their weights, and
+/// meets hard constraints exactly (Schur complement). Strokes and constraints name a face, or a point whose nearest face is meant, and a direction in
+/// ℝ³ or in the frame of the face (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each request:
+/// what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept connection.
 ///
-/// A field of the space of the basis stands for one of all fields of the surface under the same constraints. With `error` the answer says how far it is from that
-/// one, with `refine` that one is the answer, to a tolerance: coefficients stay those of the basis, energies, residuals and the field are those of the refined one.
+/// A field of the space of the basis stands for one of all fields of the surface under the same constraints. With `error` the answer says how far it
+/// is from that one, with `refine` that one is the answer, to a tolerance: coefficients stay those of the basis, energies, residuals and the field
+/// are those of the refined one.
 ///
-/// With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, f16 or octahedral directions (`encoding`), face after face, with its shape in
-/// `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment), the largest residual of a
-/// constraint in `Chladni-Residual`, and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000 bytes, half of that in f16, a third as octahedral directions, whatever the
-/// surface. Which faces a sample has is in `field.faces` of a JSON answer, and stays the same.
+/// With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, f16 or octahedral directions (`encoding`), face after
+/// face, with its shape in `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment), the largest
+/// residual of a constraint in `Chladni-Residual`, and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000
+/// bytes, half of that in f16, a third as octahedral directions, whatever the surface. Which faces a sample has is in `field.faces` of a JSON answer,
+/// and stays the same.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/design", tag = "fields", operation_id = "designField",
     params(BasisId, NumberingQuery, DesignQuery),

@@ -1,5 +1,5 @@
-//! One right-hand side on all threads. The elimination tree is cut where it forks into large subtrees: these have nothing in common but rows above them, so that
-//! each is eliminated by itself, with a copy of these rows, and what they share comes after.
+//! One right-hand side on all threads. The elimination tree is cut where it forks into large subtrees: these have nothing in common but rows above
+//! them, so that each is eliminated by itself, with a copy of these rows, and what they share comes after.
 
 use std::ops::Range;
 

@@ -1,5 +1,5 @@
-//! Solving for eight right-hand sides on all threads. Subtrees of the elimination tree have nothing in common but rows above them: each is eliminated by itself,
-//! with a copy of these rows, and what they share comes after.
+//! Solving for eight right-hand sides on all threads. Subtrees of the elimination tree have nothing in common but rows above them: each is eliminated
+//! by itself, with a copy of these rows, and what they share comes after.
 
 use rayon::prelude::*;
 

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError, RwLock};
 
 use chladni_base::Monitor;
+use chladni_base::notes::DENSE_SOLVER;
 
 use super::GpuChoice;
 use super::engine::Engine;
@@ -13,9 +14,6 @@ use crate::eigen::{ComputedOn, EigenError, EigenPairs, Pencil, SymmetricDefinite
 
 /// How often a device that failed is opened again, in the life of a process.
 const REOPENINGS: i64 = 3;
-
-/// Under this name a job's result tells what solved its dense problems, where that was not simply the CPU.
-const NOTE: &str = "dense_solver";
 
 /// Sizes below which no device is opened: the CPU needs milliseconds for them, and any device longer.
 const LEAST_SIZE: usize = 64;
@@ -161,7 +159,7 @@ impl Accelerator {
 
     /// Counts and notes that work failed on the device.
     pub(super) fn failed(&self, engine: &Arc<Engine>, error: &GpuError, monitor: &dyn Monitor) {
-        monitor.note(NOTE, &format!("the CPU instead of {}: {error}", engine.name()));
+        monitor.note(DENSE_SOLVER, &format!("the CPU instead of {}: {error}", engine.name()));
         self.fallbacks.fetch_add(1, Ordering::Relaxed);
         let mut state = self.state();
         if error.is_final() && state.engine.as_ref().is_some_and(|open| Arc::ptr_eq(open, engine)) {
@@ -196,7 +194,7 @@ impl SymmetricDefiniteSolver for Accelerator {
             match solved {
                 Ok((values, vectors)) => {
                     let mut pairs = pencil.finish(values, vectors, monitor);
-                    monitor.note(NOTE, &adapter);
+                    monitor.note(DENSE_SOLVER, &adapter);
                     pairs.computed_on = ComputedOn::Gpu { adapter };
                     return Ok(pairs);
                 }

@@ -1,7 +1,5 @@
 //! Rows gathered into aggregates, and the smoothed prolongation from these.
 
-use rayon::prelude::*;
-
 use crate::SparseMatrix;
 
 /// Entries below this share of the geometric mean of the two diagonals connect weakly.
@@ -25,35 +23,11 @@ pub(super) fn prolongation(stiffness: &SparseMatrix) -> SparseMatrix<f32> {
         column as usize != row && value < 0.0 && size > 0.0 && value * value > STRENGTH * STRENGTH * size
     };
     let (aggregates, count) = aggregate(stiffness, &strong);
-    let chunks: Vec<(Vec<usize>, Vec<u32>, Vec<f32>)> = (0..n.div_ceil(ROWS))
-        .into_par_iter()
-        .map(|chunk| {
-            let rows = chunk * ROWS..n.min((chunk + 1) * ROWS);
-            let (mut ends, mut indices, mut values) = (Vec::with_capacity(ROWS), Vec::new(), Vec::new());
-            let mut entries: Vec<(u32, f64)> = Vec::new();
-            for row in rows {
-                smoothed(row, stiffness, &aggregates, &strong, &mut entries);
-                indices.extend(entries.iter().map(|entry| entry.0));
-                values.extend(entries.iter().map(|entry| entry.1 as f32));
-                ends.push(indices.len());
-            }
-            (ends, indices, values)
-        })
-        .collect();
-    let mut offsets = Vec::with_capacity(n + 1);
-    let (mut indices, mut values) = (Vec::with_capacity(3 * n), Vec::with_capacity(3 * n));
-    offsets.push(0);
-    for (ends, columns, entries) in chunks {
-        let start = indices.len();
-        offsets.extend(ends.iter().map(|end| start + end));
-        indices.extend(columns);
-        values.extend(entries);
-    }
-    SparseMatrix::from_sorted_parts(n, count, offsets, indices, values)
+    SparseMatrix::from_rows(n, count, Vec::new, |sums, row, entries| {
+        smoothed(row, stiffness, &aggregates, &strong, sums);
+        entries.extend(sums.iter().map(|&(aggregate, share)| (aggregate, share as f32)));
+    })
 }
-
-/// Rows that a thread makes at once.
-const ROWS: usize = 4096;
 
 /// The entries of a row of the prolongation, by ascending column.
 fn smoothed(

@@ -4,10 +4,11 @@ use rayon::prelude::*;
 
 use crate::SparseMatrix;
 
-/// Coarse rows that a thread makes at once.
+/// Coarse rows whose mass a thread sums up at once.
 const ROWS: usize = 512;
 
-/// `PᵀSP` and the diagonal of the lumped `PᵀMP`: `prolongation` is `P`, `n × d`, `stiffness` is `S`, symmetric, and `masses` hold the diagonal of `M`.
+/// `PᵀSP` and the diagonal of the lumped `PᵀMP`: `prolongation` is `P`, `n × d`, `stiffness` is `S`, symmetric, and `masses` hold the diagonal of
+/// `M`.
 ///
 /// Row by row of the result, each sum in the order of the rows of `P`, so that it does not depend on the number of threads.
 /// [`galerkin`](crate::galerkin), with its small dense products, is for functions of many rows; these have about eight.
@@ -19,83 +20,49 @@ pub(super) fn restricted(
     assert_eq!((stiffness.rows(), masses.len()), (prolongation.rows(), prolongation.rows()), "a row for each row");
     let d = prolongation.columns();
     let members = prolongation.transpose();
-    let chunks: Vec<Rows> = (0..d.div_ceil(ROWS))
-        .into_par_iter()
-        .map_init(
-            || vec![0.0; d],
-            |sums, chunk| {
-                let mut rows = Rows::default();
-                for row in chunk * ROWS..d.min((chunk + 1) * ROWS) {
-                    rows.add(members.row(row), prolongation, stiffness, masses, sums);
-                }
-                rows
-            },
-        )
-        .collect();
-    let entries = chunks.iter().map(|rows| rows.indices.len()).sum();
-    let (mut offsets, mut indices, mut values) =
-        (Vec::with_capacity(d + 1), Vec::with_capacity(entries), Vec::with_capacity(entries));
-    offsets.push(0);
-    let mut lumped = Vec::with_capacity(d);
-    for rows in chunks {
-        let start = indices.len();
-        offsets.extend(rows.ends.iter().map(|end| start + end));
-        indices.extend(rows.indices);
-        values.extend(rows.values);
-        lumped.extend(rows.masses);
-    }
-    (SparseMatrix::from_sorted_parts(d, d, offsets, indices, values), lumped)
+    let coarse = SparseMatrix::from_rows(
+        d,
+        d,
+        || vec![0.0; d],
+        |sums, row, entries| {
+            sum_up(members.row(row), prolongation, stiffness, sums, entries);
+        },
+    );
+    let weight = |row: usize| prolongation.row(row).1.iter().map(|&weight| f64::from(weight)).sum::<f64>();
+    let lumped = |row: usize| {
+        let (members, own) = members.row(row);
+        let parts = members.iter().zip(own).map(|(&member, &own)| (member as usize, f64::from(own)));
+        parts.fold(0.0, |sum, (member, own)| sum + own * masses[member] * weight(member))
+    };
+    (coarse, (0..d).into_par_iter().with_min_len(ROWS).map(lumped).collect())
 }
 
-/// Some rows of the result, one after the other.
-#[derive(Default)]
-struct Rows {
-    ends: Vec<usize>,
-    indices: Vec<u32>,
-    values: Vec<f64>,
-    masses: Vec<f64>,
-}
-
-impl Rows {
-    /// Adds the row whose column of `P` has these rows and entries; `sums` are zeros, and are so again.
-    fn add(
-        &mut self,
-        (members, own): (&[u32], &[f32]),
-        prolongation: &SparseMatrix<f32>,
-        stiffness: &SparseMatrix,
-        masses: &[f64],
-        sums: &mut [f64],
-    ) {
-        let (start, mut lumped) = (self.indices.len(), 0.0);
-        for (&member, &weight) in members.iter().zip(own) {
-            let (member, weight) = (member as usize, f64::from(weight));
-            let (others, values) = stiffness.row(member);
-            for (&other, &value) in others.iter().zip(values) {
-                let (columns, weights) = prolongation.row(other as usize);
-                for (&column, &other) in columns.iter().zip(weights) {
-                    let sum = &mut sums[column as usize];
-                    // A sum that comes back to zero lists its column again: that is mended below.
-                    if *sum == 0.0 {
-                        self.indices.push(column);
-                    }
-                    *sum += weight * value * f64::from(other);
+/// Sums up the row whose column of `P` has these rows and entries, into `entries`; `sums` are zeros, and are so again.
+fn sum_up(
+    (members, own): (&[u32], &[f32]),
+    prolongation: &SparseMatrix<f32>,
+    stiffness: &SparseMatrix,
+    sums: &mut [f64],
+    entries: &mut Vec<(u32, f64)>,
+) {
+    for (&member, &weight) in members.iter().zip(own) {
+        let (others, values) = stiffness.row(member as usize);
+        for (&other, &value) in others.iter().zip(values) {
+            let (columns, weights) = prolongation.row(other as usize);
+            for (&column, &other) in columns.iter().zip(weights) {
+                let sum = &mut sums[column as usize];
+                // A sum that comes back to zero lists its column again: that is mended below.
+                if *sum == 0.0 {
+                    entries.push((column, 0.0));
                 }
-            }
-            lumped += weight * masses[member] * prolongation.row(member).1.iter().map(|&w| f64::from(w)).sum::<f64>();
-        }
-        let mut columns = self.indices.split_off(start);
-        columns.sort_unstable();
-        columns.dedup();
-        for column in columns {
-            let value = std::mem::take(&mut sums[column as usize]);
-            if value != 0.0 {
-                self.indices.push(column);
-                self.values.push(value);
+                *sum += f64::from(weight) * value * f64::from(other);
             }
         }
-        self.ends.push(self.indices.len());
-        self.masses.push(lumped);
     }
+    entries.sort_unstable_by_key(|entry| entry.0);
+    entries.dedup_by_key(|entry| entry.0);
+    entries.iter_mut().for_each(|(column, value)| *value = std::mem::take(&mut sums[*column as usize]));
+    entries.retain(|entry| entry.1 != 0.0);
 }
 
 #[cfg(test)]

@@ -147,8 +147,8 @@ impl Attributes {
         }
     }
 
-    /// The attributes of a mesh of which every face was divided into four ([`subdivided`](crate::subdivide::subdivided)): texture coordinates at midpoints
-    /// are means, normals means of length one.
+    /// The attributes of a mesh of which every face was divided into four ([`subdivided`](crate::subdivide::subdivided)): texture coordinates at
+    /// midpoints are means, normals means of length one.
     pub(crate) fn divided(self) -> Self {
         let unit = |sum: [f64; 3]| {
             let length = sum.iter().map(|x| x * x).sum::<f64>().sqrt();

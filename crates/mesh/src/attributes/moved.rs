@@ -10,9 +10,9 @@ use crate::TriangleMesh;
 type Vector = [f64; 3];
 
 impl Attributes {
-    /// The attributes of a surface whose vertices have moved. Normals follow it: at each vertex, what one normal of the file was to the faces that share
-    /// it, its successor is to these faces as they lie now, so that smooth places stay smooth, creases sharp, and
-    /// normals that stood a little off their surface do so again. All else stays as it is.
+    /// The attributes of a surface whose vertices have moved. Normals follow it: at each vertex, what one normal of the file was to the faces that
+    /// share it, its successor is to these faces as they lie now, so that smooth places stay smooth, creases sharp, and normals that stood a little
+    /// off their surface do so again. All else stays as it is.
     ///
     /// A face turns its normals as the inverse transpose of its deformation does, with its thickness kept; faces that share a normal at a vertex
     /// give the mean, weighted by their areas now. A normal all of whose faces are flat, before or after, stays.

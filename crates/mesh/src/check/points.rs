@@ -3,7 +3,9 @@
 use chladni_base::Unwatched;
 use rayon::prelude::*;
 
-use super::{CheckOptions, CheckedMesh, Examined, Found, Merge, MeshError, bounding_box, tally, total_area};
+use super::examine::{Examined, Found, tally};
+use super::extent::{bounding_box, total_area};
+use super::{CheckOptions, CheckedMesh, Merge, MeshError};
 use crate::TriangleMesh;
 use crate::numbering::{self, Numbering, nearest_vertices};
 use crate::points::{COVERS, Known, with_local_triangles};
@@ -29,8 +31,8 @@ pub fn has_points_alone(raw: &RawMesh) -> bool {
         && raw.short_faces_dropped == 0
 }
 
-/// Checks points without faces: the mesh has their positions alone, and they are numbered along a curve through space, so that whatever is computed of them
-/// does not depend on the order in which they came.
+/// Checks points without faces: the mesh has their positions alone, and they are numbered along a curve through space, so that whatever is computed
+/// of them does not depend on the order in which they came.
 ///
 /// Points at equal positions become one, but for [`Merge::Never`]; those that no local triangulation uses are dropped.
 ///

@@ -79,9 +79,9 @@ impl IntrinsicTriangulation {
     }
 }
 
-/// The order in which triangles at one angle lie on each other around the edge from `low` to `high`: by their numbers, seen from the side on
-/// which the three vertices turn counter-clockwise by theirs. So equal triangles lie in one order at all three edges, and each but the outer two sides of the stack
-/// is glued to the next by all of them; in different orders they would be tangled, and the triangulation depend on the order of the faces.
+/// The order in which triangles at one angle lie on each other around the edge from `low` to `high`: by their numbers, seen from the side on which
+/// the three vertices turn counter-clockwise by theirs. So equal triangles lie in one order at all three edges, and each but the outer two sides of
+/// the stack is glued to the next by all of them; in different orders they would be tangled, and the triangulation depend on the order of the faces.
 fn stacked(faces: &[[u32; 3]], low: u32, high: u32, a: u64, b: u64) -> Ordering {
     let [p, q] = [a, b].map(|record| apex(faces, half_edge(record)));
     let order = p.cmp(&q).then(half_edge(a).cmp(&half_edge(b)));

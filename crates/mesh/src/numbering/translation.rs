@@ -146,7 +146,8 @@ impl Translation {
         Self { turned: self.turned.map(|_| faces), ..self }
     }
 
-    /// How many faces the check turned over, as [`turning`](Self::turning) was told: their frames are others than in the file, though no number changes.
+    /// How many faces the check turned over, as [`turning`](Self::turning) was told: their frames are others than in the file, though no number
+    /// changes.
     pub fn turned_faces(&self) -> usize {
         self.turned.unwrap_or(0)
     }
@@ -298,9 +299,9 @@ impl Translation {
         Ok(pulled)
     }
 
-    /// The adjoint of [`pull`](Self::pull): what a linear function of the numbers at kept vertices, `width` of each, is of those at the vertices of the file.
-    /// Merged vertices have equal shares of what the kept one has, dropped ones nothing, and the ends of an edge half each of what the vertex has that
-    /// subdivision made of it. So a gradient by kept positions becomes one by those of the file.
+    /// The adjoint of [`pull`](Self::pull): what a linear function of the numbers at kept vertices, `width` of each, is of those at the vertices of
+    /// the file. Merged vertices have equal shares of what the kept one has, dropped ones nothing, and the ends of an edge half each of what the
+    /// vertex has that subdivision made of it. So a gradient by kept positions becomes one by those of the file.
     pub fn pull_adjoint(&self, values: &[f64], width: usize) -> Vec<f64> {
         let Some(numbering) = self.of_vertices() else { return values.to_vec() };
         let mut kept = values.to_vec();
@@ -329,8 +330,8 @@ impl Translation {
             .collect()
     }
 
-    /// The adjoint of [`push`](Self::push): what a linear function of the values at the vertices of the file is of those at the first `rows` kept ones. What
-    /// merged vertices count is added up; what dropped ones count is left out.
+    /// The adjoint of [`push`](Self::push): what a linear function of the values at the vertices of the file is of those at the first `rows` kept
+    /// ones. What merged vertices count is added up; what dropped ones count is left out.
     ///
     /// # Errors
     /// [`NumberingError::Length`].

@@ -64,8 +64,8 @@ pub fn with_local_triangles(positions: &[[f64; 3]], monitor: &dyn Monitor) -> Re
     Ok(TriangleMesh { positions: positions.to_vec(), faces, ..Default::default() })
 }
 
-/// Triangles around points that were made already, for whoever needs them next: they take longer than anything else that a check does. They follow from the
-/// positions, so that meshes which differ in what is known are equal, and say nothing once positions have changed.
+/// Triangles around points that were made already, for whoever needs them next: they take longer than anything else that a check does. They follow
+/// from the positions, so that meshes which differ in what is known are equal, and say nothing once positions have changed.
 #[derive(Debug, Clone, Default)]
 pub struct Known(Option<(u64, Arc<Vec<[u32; 3]>>)>);
 

@@ -124,8 +124,8 @@ fn begin(seen: &[Seen]) -> (usize, bool) {
     (nearest, false)
 }
 
-/// Whether the circle through the point and two neighbours, the second counter-clockwise of the first, holds no other neighbour, or hardly. The one that it was
-/// found to hold is asked first the next time: it is inside of most circles that are not empty.
+/// Whether the circle through the point and two neighbours, the second counter-clockwise of the first, holds no other neighbour, or hardly. The one
+/// that it was found to hold is asked first the next time: it is inside of most circles that are not empty.
 fn is_empty(seen: &[Seen], a: [f64; 2], b: [f64; 2], extent: f64, inside: &mut usize) -> bool {
     let (aa, bb) = (a[0] * a[0] + a[1] * a[1], b[0] * b[0] + b[1] * b[1]);
     let cross = a[0] * b[1] - a[1] * b[0];

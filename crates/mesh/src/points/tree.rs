@@ -58,8 +58,8 @@ pub struct Nearest {
 }
 
 impl Nearest {
-    /// Squared distances and points, nearest first; of equally distant ones the lowest first. Where more points than are wanted stand on the place itself, they are any
-    /// of those, always the same ones.
+    /// Squared distances and points, nearest first; of equally distant ones the lowest first. Where more points than are wanted stand on the place
+    /// itself, they are any of those, always the same ones.
     pub fn found(&self) -> &[(f64, u32)] {
         &self.found
     }
@@ -125,8 +125,8 @@ impl PointTree {
         }
     }
 
-    /// The same where `nearest` still has those of another place, not far away: none of the wanted ones is farther than the farthest of these and the way there.
-    /// Known beforehand, that saves keeping the nearest so far in order.
+    /// The same where `nearest` still has those of another place, not far away: none of the wanted ones is farther than the farthest of these and the
+    /// way there. Known beforehand, that saves keeping the nearest so far in order.
     pub fn nearest_after(&self, place: [f64; 3], except: Option<u32>, most: usize, nearest: &mut Nearest) {
         let square = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>();
         let (farthest, way) = (nearest.farthest().sqrt(), square(place, nearest.place).sqrt());

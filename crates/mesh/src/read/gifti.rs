@@ -14,8 +14,8 @@ use super::{MeshFormat, RawMesh, ReadLimits};
 /// Compressed arrays unfold to at most so many times the bytes of their text; real ones do to less than ten times.
 const UNFOLDED: usize = 24;
 
-/// The most elements, comments and the like of a text, and the most attributes: the parser makes room for as many as there are `<` and `=` before it looks at any,
-/// and compares each attribute with all others of its element. A surface has some hundreds.
+/// The most elements, comments and the like of a text, and the most attributes: the parser makes room for as many as there are `<` and `=` before it
+/// looks at any, and compares each attribute with all others of its element. A surface has some hundreds.
 const MOST_TAGS: usize = 1 << 16;
 const MOST_ATTRIBUTES: usize = 1 << 14;
 

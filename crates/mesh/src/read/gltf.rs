@@ -16,7 +16,8 @@ use super::{MeshFormat, RawMesh, ReadLimits};
 /// The first bytes of a binary file.
 pub(super) const MAGIC: &[u8] = b"glTF";
 
-/// A mesh may stand at many nodes, and accessors may share bytes; so many vertices and triangles may come of a file beside those that its size lets expect.
+/// A mesh may stand at many nodes, and accessors may share bytes; so many vertices and triangles may come of a file beside those that its size lets
+/// expect.
 const SHARED: usize = 1 << 16;
 
 /// The most objects of the JSON: each takes up to fifty times as much memory as text.

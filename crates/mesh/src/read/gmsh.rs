@@ -5,8 +5,8 @@ use super::error::{Place, ReadError, shorten};
 use super::text::Text;
 use super::{MeshFormat, RawMesh, ReadLimits};
 
-/// Reads nodes, and of the elements triangles, quadrilaterals and tetrahedra; points and lines are passed over. Of elements of higher order the corners are
-/// taken. Nodes keep the order of the file; their tags may be any numbers.
+/// Reads nodes, and of the elements triangles, quadrilaterals and tetrahedra; points and lines are passed over. Of elements of higher order the
+/// corners are taken. Nodes keep the order of the file; their tags may be any numbers.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut text = Text::new(bytes);
     let mut builder = Builder::new(limits);

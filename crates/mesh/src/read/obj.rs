@@ -7,9 +7,9 @@ use super::obj_attributes::Found;
 use super::text::Text;
 use super::{MeshFormat, RawMesh, ReadLimits};
 
-/// Reads an OBJ file. Vertices are the `v` lines in their order, whatever texture or normal indices say; faces may refer
-/// to vertices that follow; `w` and colours after the coordinates are ignored. Texture coordinates, normals and names of groups, objects and materials are
-/// the attributes of the mesh.
+/// Reads an OBJ file. Vertices are the `v` lines in their order, whatever texture or normal indices say; faces may refer to vertices that follow; `w`
+/// and colours after the coordinates are ignored. Texture coordinates, normals and names of groups, objects and materials are the attributes of the
+/// mesh.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut text = Text::new(bytes);
     let mut builder = Builder::new(limits);

@@ -13,7 +13,8 @@ pub fn sort_spatially(mesh: &TriangleMesh, samples: &mut [u32]) {
     samples.sort_by_cached_key(|&v| (code(v), v));
 }
 
-/// Sorts points in the same way; those on one place of the curve by their coordinates, so that the order follows from the positions alone as long as they differ.
+/// Sorts points in the same way; those on one place of the curve by their coordinates, so that the order follows from the positions alone as long as
+/// they differ.
 pub fn spatial_order(positions: &[[f64; 3]], points: &mut [u32]) {
     let code = codes(positions, points);
     let mut keyed: Vec<(u64, u32)> = points.par_iter().map(|&point| (code(point), point)).collect();

@@ -6,8 +6,9 @@ use super::{PlyPrecision, check_colours};
 use crate::TriangleMesh;
 use crate::attributes::{Attributes, Labels, NONE};
 
-/// Writes an OBJ as [`write_obj`](super::write_obj) does, with what its file had beside positions and faces: `vt` and `vn` lines in their order, corners that
-/// name them, and `mtllib`, `o`, `g` and `usemtl`. A file of triangles that was read comes back but for its comments and smoothing groups.
+/// Writes an OBJ as [`write_obj`](super::write_obj) does, with what its file had beside positions and faces: `vt` and `vn` lines in their order,
+/// corners that name them, and `mtllib`, `o`, `g` and `usemtl`. A file of triangles that was read comes back but for its comments and smoothing
+/// groups.
 ///
 /// Fails with `InvalidInput` where the attributes are of other faces.
 pub fn write_obj_with(mesh: &TriangleMesh, attributes: &Attributes, out: &mut dyn Write) -> io::Result<()> {
@@ -75,9 +76,9 @@ fn check_faces(mesh: &TriangleMesh, attributes: &Attributes) -> io::Result<()> {
 
 /// Writes a PLY as [`write_ply_with`](super::write_ply_with) does, with what the file of the mesh had beside positions and faces.
 ///
-/// Normals are those of vertices: `nx`, `ny`, `nz`, the mean where the corners of one have several. Texture coordinates are `s` and `t` of vertices where each
-/// vertex has one, else, where there are seams, the list `texcoord` of each face, as MeshLab has it; corners without any have zeros. Names are numbers of faces,
-/// `group`, `object` and `material`, −1 for none; comments say which name a number stands for.
+/// Normals are those of vertices: `nx`, `ny`, `nz`, the mean where the corners of one have several. Texture coordinates are `s` and `t` of vertices
+/// where each vertex has one, else, where there are seams, the list `texcoord` of each face, as MeshLab has it; corners without any have zeros. Names
+/// are numbers of faces, `group`, `object` and `material`, −1 for none; comments say which name a number stands for.
 ///
 /// Fails with `InvalidInput` unless there is one colour for each vertex, and where the attributes are of other faces.
 pub fn write_ply_attributed(

@@ -10,8 +10,8 @@ use serde_json::json;
 
 use super::cases::{Question, Request};
 
-/// Writes one solve. The pencil follows as rows, columns and values of all entries of `S`, then of `M`; then values and bounds on unit area, and the columns on
-/// the unknowns one after the other.
+/// Writes one solve. The pencil follows as rows, columns and values of all entries of `S`, then of `M`; then values and bounds on unit area, and the
+/// columns on the unknowns one after the other.
 pub fn write(
     path: &Path,
     (name, question): (&str, &Question),

@@ -1,7 +1,7 @@
 //! Spectral compression of functions on a mesh, coordinates above all (Karni and Gotsman 2000): coefficients in a basis, rounded and packed.
 //!
-//! The receiver has the basis; what is sent is a few bytes a coefficient. Since the basis is orthonormal, an error of a coefficient is an error of the
-//! function of the same norm, and equal steps for all coefficients are best.
+//! The receiver has the basis; what is sent is a few bytes a coefficient. Since the basis is orthonormal, an error of a coefficient is an error of
+//! the function of the same norm, and equal steps for all coefficients are best.
 //!
 //! The form, little-endian: `CHLC`, version 1 as u32, then u32 `m` (modes), u32 `k` (functions), u32 `n` (vertices), f64 step; the rest is zstd of
 //! the rounded coefficients as i32, mode after mode within a function, their bytes zigzagged and split into planes, lowest bytes first.

@@ -5,8 +5,8 @@
 //! The mesh is needed for gradients alone.
 //!
 //! The shorter the time, the nearer the field is to that of the distance, as long as `u` can be told from the errors of the modes: these are some
-//! thousandth of its largest value, while `u` falls as `e^{−d²/4t}`. So, unless a time is asked for, a ladder of times is used, and each face takes the
-//! shortest at which all its corners are warm enough.
+//! thousandth of its largest value, while `u` falls as `e^{−d²/4t}`. So, unless a time is asked for, a ladder of times is used, and each face takes
+//! the shortest at which all its corners are warm enough.
 
 use chladni_algebra::{DenseMatrix, vectorized};
 use chladni_mesh::TriangleMesh;
@@ -190,8 +190,8 @@ impl Edges {
     }
 }
 
-/// The integrated divergence `∫ X · ∇λ_i` of `X = −∇u / |∇u|` at each vertex, for some ladders of heat: with the first `u` of the ladder from which on
-/// all corners of a face are warm, or the last. Faces without area, and those where `u` does not change, have none.
+/// The integrated divergence `∫ X · ∇λ_i` of `X = −∇u / |∇u|` at each vertex, for some ladders of heat: with the first `u` of the ladder from which
+/// on all corners of a face are warm, or the last. Faces without area, and those where `u` does not change, have none.
 fn unit_divergences(mesh: &TriangleMesh, ladders: &[Vec<&[f32]>]) -> Vec<Vec<f64>> {
     // The ladders of a thread go through the faces together: what is known of a face serves them all.
     let each = ladders.len().div_ceil(rayon::current_num_threads()).max(1);

@@ -1,12 +1,13 @@
 //! Geodesic distance by the heat method (Crane, Weischedel and Wardetzky 2013) on the mesh, with two sparse factors that serve every source.
 //!
-//! Heat that starts at the sources flows for a short time, `(M + t S) u = δ`; of its gradients the directions are kept, `X = −∇u / |∇u|`, and of all functions
-//! the one whose gradient is nearest to `X` solves `S φ = ∇·X`. Both systems are those of the robust Laplacian (Sharp and Crane 2020), and gradients are taken on its
-//! intrinsic Delaunay triangulation: no weight is negative, so that heat is positive everywhere and is known to full relative precision however small.
-//! Both factors are in single precision: a single source takes the time in which they are read, and distances change by a millionth of the largest
-//! (`docs/decisions/0097-neighbours-in-many-dimensions.md`). Where that is not enough they are in double precision: single precision has no number for what little heat
-//! gets from one separator to the next on a surface that is many times as long as heat flows, and few digits for the potential of one that is long and thin. Both show in the residuals
-//! of two sources. Threads share a source (`docs/decisions/0085-one-source-on-all-threads.md`).
+//! Heat that starts at the sources flows for a short time, `(M + t S) u = δ`; of its gradients the directions are kept, `X = −∇u / |∇u|`, and of all
+//! functions the one whose gradient is nearest to `X` solves `S φ = ∇·X`. Both systems are those of the robust Laplacian (Sharp and Crane 2020), and
+//! gradients are taken on its intrinsic Delaunay triangulation: no weight is negative, so that heat is positive everywhere and is known to full
+//! relative precision however small. Both factors are in single precision: a single source takes the time in which they are read, and distances
+//! change by a millionth of the largest (`docs/decisions/0097-neighbours-in-many-dimensions.md`). Where that is not enough they are in double
+//! precision: single precision has no number for what little heat gets from one separator to the next on a surface that is many times as long as heat
+//! flows, and few digits for the potential of one that is long and thin. Both show in the residuals of two sources. Threads share a source
+//! (`docs/decisions/0085-one-source-on-all-threads.md`).
 //!
 //! Nothing but half cotangents `h` and the area `A` is needed of a triangle: with `w_k = h_k (u_i − u_j)` the flux `∫ ∇u · ∇λ_i` of corner `i` is
 //! `w_k − w_j`, and `A |∇u|² = Σ h_k (u_i − u_j)²`.
@@ -26,8 +27,8 @@ use crate::operator::robust;
 /// Heat flows at least so long, as a share of the diagonal of the mesh: else it would be below the least number on the far side.
 const SHORTEST: f64 = 1.0 / 200.0;
 
-/// What is added to the stiffness, as a share of the mass, to make it definite while it is factored in single and in double precision. Potentials are zero at the last vertex of each component then,
-/// so that nothing is divided by the pivot which is all of that.
+/// What is added to the stiffness, as a share of the mass, to make it definite while it is factored in single and in double precision. Potentials are
+/// zero at the last vertex of each component then, so that nothing is divided by the pivot which is all of that.
 const FLOOR: f64 = 1e-9;
 const FLOOR_OF_DOUBLE: f64 = 1e-13;
 
@@ -95,8 +96,8 @@ impl HeatGeodesics {
     /// Factors both systems. `time` is how long heat flows, in length² of the mesh; without it, the square of the mean edge.
     ///
     /// # Errors
-    /// [`AnalysisError`]: a time that is not above zero, a mesh without area or with corners or coordinates that cannot be, a matrix that cannot be factored,
-    /// cancellation.
+    /// [`AnalysisError`]: a time that is not above zero, a mesh without area or with corners or coordinates that cannot be, a matrix that cannot be
+    /// factored, cancellation.
     pub fn new(mesh: &TriangleMesh, time: Option<f64>, monitor: &dyn Monitor) -> Result<Self, AnalysisError> {
         if let Some(time) = time {
             error::positive("time", time)?;
@@ -139,7 +140,8 @@ impl HeatGeodesics {
         (entry * self.symbolic.entries() + 400 * self.vertices() + 60 * self.gradients.faces()) as u64
     }
 
-    /// Distances in the units of the mesh of all vertices from the nearest vertex of each of some groups: `n × groups`, infinite in components without one.
+    /// Distances in the units of the mesh of all vertices from the nearest vertex of each of some groups: `n × groups`, infinite in components
+    /// without one.
     ///
     /// # Errors
     /// [`AnalysisError::Vertex`] names a source that is no vertex; cancellation.

@@ -18,7 +18,8 @@ const FARTHEST: i32 = 16;
 const COLOURS: [&str; 8] = ["#1b6ca8", "#d1495b", "#3a7d44", "#8e5ea2", "#e08e28", "#2aa198", "#7a5c3e", "#5b5f97"];
 
 /// Draws places, `s × 2` or `s × 3`, with a label each. Labels that are equal but for digits at their end have one colour. A third dimension is the
-/// size of the points. Names give way to each other, up or down; one that finds no place shows when the pointer rests on its point. `held`: how much of the variation each dimension holds, for the axes.
+/// size of the points. Names give way to each other, up or down; one that finds no place shows when the pointer rests on its point. `held`: how much
+/// of the variation each dimension holds, for the axes.
 pub fn svg(places: &DenseMatrix, labels: &[String], held: &[f64]) -> String {
     let range = |axis: usize| {
         let values = places.column(axis);

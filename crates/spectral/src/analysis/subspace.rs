@@ -42,8 +42,8 @@ pub struct SubspaceComparison {
     pub eigenspaces: Vec<Eigenspace>,
 }
 
-/// Compares the first `pairs` functions of two bases; the mass is that of the reference. Eigenvalues of the reference that follow on each other with a
-/// relative gap of at most `gap` are one cluster.
+/// Compares the first `pairs` functions of two bases; the mass is that of the reference. Eigenvalues of the reference that follow on each other with
+/// a relative gap of at most `gap` are one cluster.
 ///
 /// # Errors
 /// [`AnalysisError`]: more pairs than a basis has, bases on different numbers of vertices, a gap that is no number from 0 on, cancellation.
@@ -92,7 +92,8 @@ pub fn compare(
     })
 }
 
-/// Runs of ascending values in which each follows on the one before with a relative gap of at most `gap`; zeros, as far as rounding tells, are one run.
+/// Runs of ascending values in which each follows on the one before with a relative gap of at most `gap`; zeros, as far as rounding tells, are one
+/// run.
 fn clusters(values: &[f64], gap: f64) -> Vec<Range<usize>> {
     let largest = values.last().copied().unwrap_or(0.0).abs();
     let zero = super::spectrum::NEARLY * largest;

@@ -166,9 +166,9 @@ pub struct LevelReport {
 /// What inertia counts prove about ascending eigenvalues that a solver found: `None` where there are no counts; `Some(true)` where
 /// every count at a shift among the values equals the values below it, and a further count lies above the last value.
 ///
-/// A count above the last value may be larger than the values: a solver that computed a whole cluster delivers as many of it as were
-/// asked for. Where the pairs begin at another index than the `first` of all, counts below the first value are at most that, and those among the values equal
-/// it and the values below.
+/// A count above the last value may be larger than the values: a solver that computed a whole cluster delivers as many of it as were asked for. Where
+/// the pairs begin at another index than the `first` of all, counts below the first value are at most that, and those among the values equal it and
+/// the values below.
 pub fn completeness(first: usize, values: &[f64], inertia: &[InertiaCount]) -> Option<bool> {
     if inertia.is_empty() {
         return None;

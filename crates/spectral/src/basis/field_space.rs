@@ -6,7 +6,8 @@ use rayon::prelude::*;
 /// Faces that one task handles.
 const FACES_PER_TASK: usize = 4096;
 
-/// A sparse basis `U` of fields, `B F × d` with `B = 2` or `3` numbers per face: first the columns of the groups, `B` each, then columns that are dense.
+/// A sparse basis `U` of fields, `B F × d` with `B = 2` or `3` numbers per face: first the columns of the groups, `B` each, then columns that are
+/// dense.
 ///
 /// Face-major: the blocks of a face lie together, so that lifting is one pass over memory.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,8 +28,8 @@ pub struct FieldSpace {
 pub struct SpaceError(pub &'static str);
 
 impl FieldSpace {
-    /// A space from its parts: `offsets` (`F + 1`) say where the entries of each face begin, `group_of` is ascending within a face, `values` holds `block²`
-    /// numbers for each entry, `dense` columns of `block · F` numbers.
+    /// A space from its parts: `offsets` (`F + 1`) say where the entries of each face begin, `group_of` is ascending within a face, `values` holds
+    /// `block²` numbers for each entry, `dense` columns of `block · F` numbers.
     ///
     /// # Errors
     /// [`SpaceError`] says which part does not fit.

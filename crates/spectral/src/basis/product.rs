@@ -4,6 +4,7 @@
 
 use std::sync::Arc;
 
+use chladni_base::notes;
 use serde_json::{Map, Value, json};
 
 use super::family::FamilyBasis;
@@ -67,10 +68,6 @@ pub struct Summary {
     pub dense_bytes: u64,
 }
 
-/// What long work may note of itself (see [`Monitor::note`](chladni_base::Monitor::note)): what solved its dense problems, and where it gave a
-/// faster way up for a surer one.
-const NOTES: [&str; 2] = ["dense_solver", "fallbacks"];
-
 impl ProductKind {
     /// Every kind.
     pub const ALL: [Self; 6] = [
@@ -116,9 +113,9 @@ impl Product {
     /// What its record shows.
     pub fn summary(&self) -> Summary {
         let mut summary = self.own_summary();
-        for name in NOTES {
-            if let Some(notes) = self.metadata().get(name) {
-                summary.details[name] = notes.clone();
+        for name in notes::ALL {
+            if let Some(list) = self.metadata().get(name) {
+                summary.details[name] = list.clone();
             }
         }
         summary

@@ -92,8 +92,8 @@ pub struct FieldParameters {
     /// One positive weight per face: where it is large, columns are smaller and denser.
     #[serde(default)]
     pub weights: Option<Vec<f64>>,
-    /// Whether spaces of vector fields carry the harmonic fields of the surface as dense columns; without them no field that runs around a handle is near
-    /// the space.
+    /// Whether spaces of vector fields carry the harmonic fields of the surface as dense columns; without them no field that runs around a handle is
+    /// near the space.
     #[serde(default = "yes")]
     pub harmonic_fields: bool,
     /// Draws the first sample.

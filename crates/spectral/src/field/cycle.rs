@@ -1,7 +1,7 @@
 //! Multigrid cycles for `S + γM` on all faces, any γ > 0, in single precision: what preconditions solves in the space of all fields.
 //!
-//! The levels are those of [`super::hierarchy`]; γ may differ from call to call, so that one hierarchy serves every choice of weights. The smoother is a Chebyshev
-//! polynomial, the same before and after the coarse correction: a cycle is symmetric and positive definite.
+//! The levels are those of [`super::hierarchy`]; γ may differ from call to call, so that one hierarchy serves every choice of weights. The smoother
+//! is a Chebyshev polynomial, the same before and after the coarse correction: a cycle is symmetric and positive definite.
 
 use chladni_algebra::{BlockMatrix, DefiniteFactor, DenseMatrix};
 use chladni_base::{Cancelled, Monitor};

@@ -1,7 +1,8 @@
 //! Hodge decomposition of a tangential vector field: a gradient, a co-gradient and a harmonic field, orthogonal to each other.
 //!
-//! `X = G u + J G* v + H` with the conforming gradient `G` of hat functions and the non-conforming gradient `G*` of Crouzeix–Raviart functions (Polthier and Preuß
-//! 2003; thesis, section 3.1). At a boundary one of the two has no functions, or the parts would not be orthogonal: see [`FieldBoundary`].
+//! `X = G u + J G* v + H` with the conforming gradient `G` of hat functions and the non-conforming gradient `G*` of Crouzeix–Raviart functions
+//! (Polthier and Preuß 2003; thesis, section 3.1). At a boundary one of the two has no functions, or the parts would not be orthogonal: see
+//! [`FieldBoundary`].
 
 use chladni_base::Monitor;
 use chladni_mesh::dual::NO_FACE;
@@ -26,7 +27,8 @@ pub struct HodgeParts {
     pub cogradient: Vec<f64>,
     /// Neither.
     pub harmonic: Vec<f64>,
-    /// `u` at the vertices, in the units of the mesh times those of the field; its integral over each component that has no boundary values is zero up to rounding.
+    /// `u` at the vertices, in the units of the mesh times those of the field; its integral over each component that has no boundary values is zero
+    /// up to rounding.
     pub potential: Vec<f64>,
 }
 

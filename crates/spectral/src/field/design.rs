@@ -1,14 +1,13 @@
 //! Designing fields in a reduced space: weighted harmonic and biharmonic energies, soft and hard constraints, alignment to a field
 //! (thesis, eqs. 3.8 to 3.11).
 //!
-//! In spaces of up to [`MOST_DIMENSIONS`] dimensions one dense eigenproblem at set-up makes both energies diagonal: `Λ` and `Λ²` in Ritz coordinates `z`,
-//! `x = X z`. The biharmonic energy is thereby
-//! `B̃ = S̄ M̄⁻¹ S̄`, that of the projected Laplacian; `UᵀSM⁻¹SU` would see the noise of the basis at the spacing of the samples, and its
-//! minimisers are useless. New weights then cost nothing and `k` constraints a system of their own size:
+//! In spaces of up to [`MOST_DIMENSIONS`] dimensions one dense eigenproblem at set-up makes both energies diagonal: `Λ` and `Λ²` in Ritz coordinates
+//! `z`, `x = X z`. The biharmonic energy is thereby `B̃ = S̄ M̄⁻¹ S̄`, that of the projected Laplacian; `UᵀSM⁻¹SU` would see the noise of the basis
+//! at the spacing of the samples, and its minimisers are useless. New weights then cost nothing and `k` constraints a system of their own size:
 //! `z = z₀ + K⁻¹Cᵀ (W⁻¹ + C K⁻¹ Cᵀ)⁻¹ (c − C z₀)`, where hard constraints have `W⁻¹ = 0` (the Schur complement).
 //!
-//! In larger spaces, for alignments with weights per face and for the full biharmonic energy `K⁻¹` is a sparse factor (see [`super::pencil`]), made once
-//! for given weights.
+//! In larger spaces, for alignments with weights per face and for the full biharmonic energy `K⁻¹` is a sparse factor (see [`super::pencil`]), made
+//! once for given weights.
 
 use std::sync::{Arc, OnceLock};
 
@@ -163,8 +162,8 @@ pub struct Constraint {
 /// How firmly a constraint holds a field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Hold {
-    /// Softly, against what the field resists with at this face: a lone constraint of strength `s` misses the share `1 / (1 + 100 s)` of its length, whatever the
-    /// surface, its scale, the energies and the space. At 1 that is a percent.
+    /// Softly, against what the field resists with at this face: a lone constraint of strength `s` misses the share `1 / (1 + 100 s)` of its length,
+    /// whatever the surface, its scale, the energies and the space. At 1 that is a percent.
     Strength(f64),
     /// Softly, with a weight of the squared deviation on the surface of unit area.
     Weight(f64),
@@ -191,8 +190,8 @@ pub(super) const FIRM: f64 = 100.0;
 
 /// Weights of the energies, on the surface of unit area.
 ///
-/// With points alone and no biharmonic energy there is no answer: a field of finite harmonic energy has no value at a point, and what a space gives depends on its
-/// dimension. See [`BENDING`].
+/// With points alone and no biharmonic energy there is no answer: a field of finite harmonic energy has no value at a point, and what a space gives
+/// depends on its dimension. See [`BENDING`].
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EnergyWeights {
@@ -202,8 +201,8 @@ pub struct EnergyWeights {
     pub biharmonic: f64,
 }
 
-/// The biharmonic weight that goes with a harmonic weight of 1 where nobody says otherwise: below a length of `√BENDING`, of a surface of unit area, the
-/// energy that takes values at points rules, above it the harmonic one.
+/// The biharmonic weight that goes with a harmonic weight of 1 where nobody says otherwise: below a length of `√BENDING`, of a surface of unit area,
+/// the energy that takes values at points rules, above it the harmonic one.
 pub const BENDING: f64 = 0.05;
 
 impl Default for EnergyWeights {

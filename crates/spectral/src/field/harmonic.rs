@@ -1,8 +1,8 @@
 //! Harmonic fields: neither divergence nor curl, the kernel of the Hodge–Laplacian. No locally supported field comes near them, so a
 //! basis carries them as dense columns.
 //!
-//! Counting how often a loop of faces crosses each edge is a closed 1-form; the field with these integrals along edges has no curl, and taking away the
-//! gradient part leaves the harmonic field.
+//! Counting how often a loop of faces crosses each edge is a closed 1-form; the field with these integrals along edges has no curl, and taking away
+//! the gradient part leaves the harmonic field.
 
 use chladni_algebra::{DenseMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, orthonormalise};
 use chladni_base::Monitor;
@@ -33,11 +33,11 @@ pub enum HarmonicError {
     Poisson(#[from] PoissonError),
 }
 
-/// An orthonormal basis of the harmonic fields, `2F` numbers each, on unit area: `2g` for a closed surface of genus `g`, and `b − 1` more where it has `b`
-/// boundaries that fields run along, or that they run across. None for clamped boundaries.
+/// An orthonormal basis of the harmonic fields, `2F` numbers each, on unit area: `2g` for a closed surface of genus `g`, and `b − 1` more where it
+/// has `b` boundaries that fields run along, or that they run across. None for clamped boundaries.
 ///
-/// Fields that run across a boundary have no integral along it: their forms are those of closed loops, which do not cross it, and the potentials of what is
-/// taken away vanish there.
+/// Fields that run across a boundary have no integral along it: their forms are those of closed loops, which do not cross it, and the potentials of
+/// what is taken away vanish there.
 ///
 /// One sparse factorisation on the vertices, and a solve for each 32 fields.
 ///

@@ -30,8 +30,8 @@ pub(super) const DUAL_TO_SURFACE: f32 = 0.83;
 /// Levels are coarsened until there are at most so many nodes a sample.
 const NODES_PER_SAMPLE: usize = 90;
 
-/// The share of the largest block on a node, and of a column, up to which its blocks are shrunk away: some block always stays. Where a sample lies on a
-/// small tip, what it begins with flows off until the whole column is below the threshold.
+/// The share of the largest block on a node, and of a column, up to which its blocks are shrunk away: some block always stays. Where a sample lies on
+/// a small tip, what it begins with flows off until the whole column is below the threshold.
 const KEEP_SHARE: f32 = 0.3;
 
 /// How columns are smoothed; lengths and times are relative to the surface of unit area and the number of samples `N`.

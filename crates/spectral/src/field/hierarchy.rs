@@ -13,7 +13,8 @@ use crate::operator::transport::{FieldKind, transport_block, turn};
 /// Weight of the smoothing step on the interpolation, where the spectrum ends at 2.
 const INTERPOLATION_WEIGHT: f64 = 0.75;
 
-/// What rows that are coupled to nothing share in the interpolation: not quite nothing, so that levels stay definite where all of an aggregate are such rows.
+/// What rows that are coupled to nothing share in the interpolation: not quite nothing, so that levels stay definite where all of an aggregate are
+/// such rows.
 const UNCOUPLED: f64 = 0.03;
 
 /// A neighbour, and the turn that carries its numbers here.

@@ -53,7 +53,14 @@ impl Kernel<'_> {
 }
 
 /// `X ← P K⁻¹ Pᵀ X` for `d × k` numbers, column after column, where `P` takes idle fields out: what is left of the inverse moves nothing of them.
-pub(super) fn without(idle: &[Idle], vectors: &mut [f64], inverse: impl Fn(&mut [f64])) {
+///
+/// # Errors
+/// That of the inverse.
+pub(super) fn without<E>(
+    idle: &[Idle],
+    vectors: &mut [f64],
+    inverse: impl Fn(&mut [f64]) -> Result<(), E>,
+) -> Result<(), E> {
     let Some(d) = idle.first().map(|idle| idle.field.len()) else { return inverse(vectors) };
     let take = |vectors: &mut [f64], along: fn(&Idle) -> (&[f64], &[f64])| {
         for column in vectors.chunks_exact_mut(d.max(1)) {
@@ -65,12 +72,13 @@ pub(super) fn without(idle: &[Idle], vectors: &mut [f64], inverse: impl Fn(&mut 
         }
     };
     take(vectors, |idle| (&idle.field, &idle.image));
-    inverse(vectors);
+    inverse(vectors)?;
     take(vectors, |idle| (&idle.image, &idle.field));
+    Ok(())
 }
 
-/// Looks for them by two steps of subspace iteration: `inverse` turns `d` numbers, column after column, into `K⁻¹` times them, `floor` is what holds a field of
-/// norm 1 without energy.
+/// Looks for them by two steps of subspace iteration: `inverse` turns `d` numbers, column after column, into `K⁻¹` times them, `floor` is what holds
+/// a field of norm 1 without energy.
 pub(super) fn find(inverse: impl Fn(&mut [f64]), mass: &SparseMatrix, floor: f64) -> Vec<Idle> {
     let d = mass.rows();
     let count = MOST.min(d);

@@ -1,7 +1,7 @@
 //! Independent loops of faces on a surface, and the closed forms that count how often they cross each edge.
 //!
-//! A spanning tree of faces cuts the surface open to a disk; a spanning tree of vertices among the edges it does not cross leaves as many edges as there
-//! are independent loops (Eppstein 2003): through such an edge, and back along the tree of faces.
+//! A spanning tree of faces cuts the surface open to a disk; a spanning tree of vertices among the edges it does not cross leaves as many edges as
+//! there are independent loops (Eppstein 2003): through such an edge, and back along the tree of faces.
 
 use chladni_mesh::dual::NO_FACE;
 

@@ -1,11 +1,12 @@
 //! Designs under many constraints.
 //!
-//! A system of the size of the constraints grows with their cube, though a space of `d` dimensions cannot follow more than `d` of them. Beyond a share of `d` they
-//! go into the matrix of the energies: `H = K + Σ w rᵀr`, `d × d`, with the rows `r` of the space at their faces, which have a few dozen entries. `H` does not
-//! depend on the directions that are asked for.
+//! A system of the size of the constraints grows with their cube, though a space of `d` dimensions cannot follow more than `d` of them. Beyond a
+//! share of `d` they go into the matrix of the energies: `H = K + Σ w rᵀr`, `d × d`, with the rows `r` of the space at their faces, which have a few
+//! dozen entries. `H` does not depend on the directions that are asked for.
 //!
-//! While a stroke is dragged most constraints stay as they are. The factor of those that stay is kept; what is new or has another weight is added by a system of
-//! its own size, `(W⁻¹ + R H⁻¹ Rᵀ) y = v − R H⁻¹ g`: with `v = 0` for soft constraints, whose pull is part of `g`. Hard constraints are always added in this way.
+//! While a stroke is dragged most constraints stay as they are. The factor of those that stay is kept; what is new or has another weight is added by
+//! a system of its own size, `(W⁻¹ + R H⁻¹ Rᵀ) y = v − R H⁻¹ g`: with `v = 0` for soft constraints, whose pull is part of `g`. Hard constraints are
+//! always added in this way.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -27,8 +28,8 @@ const MOST_ADDED: f64 = 0.15;
 /// Spaces of more dimensions have no dense matrices kept: five of them take 380 MB here, and the fields of a server have half a gigabyte by default.
 const MOST_DIMENSIONS: usize = 3072;
 
-/// What fields of no energy resist with, as a share of what the constraints hold them with. Where these do not say how much of such a field there is, it is as little
-/// as possible.
+/// What fields of no energy resist with, as a share of what the constraints hold them with. Where these do not say how much of such a field there is,
+/// it is as little as possible.
 const IDLE: f64 = 1e-9;
 
 /// What is kept for designs under many constraints, for one choice of weights.
@@ -200,7 +201,8 @@ impl Setting<'_> {
 }
 
 impl Many {
-    /// The coefficients of least energy under constraints without repetitions, and the pull `force` of alignments. `None` where the matrix is not definite.
+    /// The coefficients of least energy under constraints without repetitions, and the pull `force` of alignments. `None` where the matrix is not
+    /// definite.
     ///
     /// # Errors
     /// [`DesignError`]: a hard constraint that the space cannot meet besides the others, or too little memory.

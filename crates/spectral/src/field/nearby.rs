@@ -1,9 +1,11 @@
 //! The inverse of a sum of energies from the factor of another one, whose weights are not far: what a slider takes from one place to the next.
 //!
-//! `K = α (K₀ + δ G)`, where `K₀` is factored and `G` is the Gram matrix of an alignment with weights per face. Where `δ` is zero the factor is that of `K` but for `α`. Elsewhere conjugate gradients are
-//! preconditioned by it: with a weight of `G` that is `r` times that in `K₀`, all eigenvalues of `K₀⁻¹ K / α` lie between 1 and `r`, so that the number of steps does not depend on anything else.
+//! `K = α (K₀ + δ G)`, where `K₀` is factored and `G` is the Gram matrix of an alignment with weights per face. Where `δ` is zero the factor is that
+//! of `K` but for `α`. Elsewhere conjugate gradients are preconditioned by it: with a weight of `G` that is `r` times that in `K₀`, all eigenvalues
+//! of `K₀⁻¹ K / α` lie between 1 and `r`, so that the number of steps does not depend on anything else. Where rounding has it otherwise and the steps
+//! do not converge, `K` is factored itself.
 
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use chladni_algebra::{FactorError, PANEL_WIDTH, SparseMatrix};
 
@@ -12,7 +14,8 @@ use super::pencil::{Pencil, SparseInverse, Sum};
 /// How far the weight of an alignment may be from that of the factor, either way: at three, a step leaves a quarter of the error.
 const FARTHEST: f64 = 3.0;
 
-/// The error that is left, relative to the right-hand side in the norm of the factor, and the most steps.
+/// The error that is left, relative to the right-hand side in the norm of the factor, and the most steps: where weights are three times apart, some
+/// twenty lead there.
 const TOLERANCE: f64 = 1e-12;
 const MOST_STEPS: usize = 40;
 
@@ -24,8 +27,38 @@ pub(super) struct Nearby {
     factor: Arc<SparseInverse>,
     /// `α`.
     scale: f64,
-    /// `G` and `δ`.
-    change: Option<(Arc<SparseMatrix>, f64)>,
+    change: Option<Change>,
+}
+
+/// What `K` has beside the matrix of the factor.
+struct Change {
+    /// `G`.
+    gram: Arc<SparseMatrix>,
+    /// `δ`.
+    by: f64,
+    pencil: Arc<Pencil>,
+    /// Those of `K`.
+    weights: Weights,
+    /// The factor of `K`, made where steps on the other one did not converge.
+    own: OnceLock<Result<SparseInverse, FactorError>>,
+}
+
+impl Change {
+    /// The factor of `K`.
+    fn own(&self) -> Result<&SparseInverse, FactorError> {
+        let made = self.own.get_or_init(|| self.pencil.factor(&sum(&self.gram, self.weights)));
+        made.as_ref().map_err(Clone::clone)
+    }
+
+    /// The same where it was made.
+    fn made(&self) -> Option<&SparseInverse> {
+        self.own.get()?.as_ref().ok()
+    }
+}
+
+/// The sum of the energies and an alignment.
+fn sum(gram: &SparseMatrix, [harmonic, biharmonic, weight]: Weights) -> Sum<'_> {
+    Sum { harmonic, biharmonic, uniform: 0.0, grams: vec![(gram, weight)] }
 }
 
 /// The weights of a factor: harmonic, biharmonic, of the alignment.
@@ -58,21 +91,20 @@ impl LastFactor {
     /// [`FactorError`], where a factor is made.
     pub fn inverse(
         &self,
-        pencil: &Pencil,
+        pencil: &Arc<Pencil>,
         gram: &Arc<SparseMatrix>,
-        [harmonic, biharmonic, weight]: Weights,
+        weights: Weights,
     ) -> Result<Nearby, FactorError> {
         let last = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
         if let Some((before, factor)) = last.and_then(|(before, factor)| Some((before, factor.upgrade()?)))
-            && let Some((scale, change)) = between(before, [harmonic, biharmonic, weight])
+            && let Some((scale, by)) = between(before, weights)
         {
-            let change = (change != 0.0).then(|| (gram.clone(), change));
+            let (gram, pencil) = (gram.clone(), pencil.clone());
+            let change = (by != 0.0).then(|| Change { gram, by, pencil, weights, own: OnceLock::new() });
             return Ok(Nearby { factor, scale, change });
         }
-        let sum = Sum { harmonic, biharmonic, uniform: 0.0, grams: vec![(gram, weight)] };
-        let factor = Arc::new(pencil.factor(&sum)?);
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) =
-            Some(([harmonic, biharmonic, weight], Arc::downgrade(&factor)));
+        let factor = Arc::new(pencil.factor(&sum(gram, weights))?);
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((weights, Arc::downgrade(&factor)));
         Ok(factor.into())
     }
 }
@@ -102,26 +134,41 @@ impl Nearby {
         Arc::ptr_eq(&self.factor, &other.factor)
     }
 
-    /// About the bytes of the factor, which others may hold too.
+    /// The factor, where it is that of the sum itself.
+    pub fn alone(&self) -> Option<&SparseInverse> {
+        (self.change.is_none() && self.scale == 1.0).then_some(&self.factor)
+    }
+
+    /// About the bytes of the factors, one of which others may hold too.
     pub fn bytes(&self) -> u64 {
-        self.factor.bytes()
+        let own = self.change.as_ref().and_then(Change::made);
+        self.factor.bytes() + own.map_or(0, SparseInverse::bytes)
     }
 
     /// `X ← K⁻¹ X` for `d × k` numbers, column after column.
-    pub fn apply(&self, vectors: &mut [f64]) {
-        vectors.iter_mut().for_each(|x| *x /= self.scale);
-        match &self.change {
-            None => self.factor.apply(vectors),
-            Some((gram, change)) => {
-                for columns in vectors.chunks_mut(self.factor.size().max(1) * PANEL_WIDTH) {
-                    self.corrected(gram, *change, columns);
-                }
+    ///
+    /// # Errors
+    /// [`FactorError`], where steps on a factor nearby do not converge and `K` has none of its own.
+    pub fn apply(&self, vectors: &mut [f64]) -> Result<(), FactorError> {
+        let Some(change) = &self.change else {
+            vectors.iter_mut().for_each(|x| *x /= self.scale);
+            self.factor.apply(vectors);
+            return Ok(());
+        };
+        if change.own.get().is_none() {
+            let mut found: Vec<f64> = vectors.iter().map(|x| x / self.scale).collect();
+            let columns = self.factor.size().max(1) * PANEL_WIDTH;
+            if found.chunks_mut(columns).all(|columns| self.corrected(change, columns)) {
+                vectors.copy_from_slice(&found);
+                return Ok(());
             }
         }
+        change.own()?.apply(vectors);
+        Ok(())
     }
 
-    /// `X ← (K₀ + δ G)⁻¹ X`.
-    fn corrected(&self, gram: &SparseMatrix, change: f64, x: &mut [f64]) {
+    /// `X ← (K₀ + δ G)⁻¹ X`; says whether the steps converged.
+    fn corrected(&self, Change { gram, by: change, .. }: &Change, x: &mut [f64]) -> bool {
         let d = self.factor.size().max(1);
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let inner = |a: &[f64], b: &[f64]| -> Vec<f64> {
@@ -166,13 +213,17 @@ impl Nearby {
             }
             squares = next;
         }
+        squares.iter().zip(&goals).all(|(square, goal)| square <= goal)
     }
 
     /// `M̄⁻¹ S̄ x` for `x = K⁻¹ f`, whose `S̄ x` is `image`; `None` for a full biharmonic energy.
     pub fn laplacian(&self, f: &[f64], x: &[f64], image: &[f64]) -> Option<Vec<f64>> {
+        if let Some(own) = self.change.as_ref().and_then(Change::made) {
+            return own.laplacian(f, image);
+        }
         let mut own: Vec<f64> = f.iter().map(|f| f / self.scale).collect();
-        if let Some((gram, change)) = &self.change {
-            own.iter_mut().zip(gram.multiply(x)).for_each(|(f, g)| *f -= change * g);
+        if let Some(Change { gram, by, .. }) = &self.change {
+            own.iter_mut().zip(gram.multiply(x)).for_each(|(f, g)| *f -= by * g);
         }
         self.factor.laplacian(&own, image)
     }
@@ -181,6 +232,63 @@ impl Nearby {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::field::basis::restricted;
+    use crate::field::{FieldParameters, FieldSurface, field_basis};
+    use crate::operator::transport::FieldKind;
+    use chladni_base::{SplitMix64, Unwatched};
+    use chladni_mesh::shape::{Shape, generate};
+
+    /// The inverse for the first weights from the factor for the second, however far that is, a right-hand side, and the solution by a factor of its
+    /// own.
+    fn from_afar(weights: Weights, factored: Weights) -> (Nearby, Vec<f64>, Vec<f64>) {
+        let surface = FieldSurface::new(generate(Shape::Torus, 800).unwrap()).unwrap();
+        let basis = field_basis(&surface, &FieldParameters::new(FieldKind::NVector { n: 4 }, 120), &Unwatched).unwrap();
+        // The alignment holds one part of the surface.
+        let areas = surface.frames().areas().iter().enumerate();
+        let masses: Vec<f64> = areas.map(|(face, area)| if face % 3 == 0 { *area } else { 0.0 }).collect();
+        let gram = Arc::new(restricted(&basis.space, &masses, &Unwatched).unwrap());
+        let pencil = Arc::new(Pencil::new(&basis));
+        let factor = Arc::new(pencil.factor(&sum(&gram, factored)).unwrap());
+        let mut random = SplitMix64::new(7);
+        let right: Vec<f64> = (0..2 * pencil.size()).map(|_| random.signed_unit()).collect();
+        let mut exact = right.clone();
+        pencil.factor(&sum(&gram, weights)).unwrap().apply(&mut exact);
+        let scale = weights[0] / factored[0];
+        let by = weights[2] / scale - factored[2];
+        let change = Some(Change { gram, by, pencil, weights, own: OnceLock::new() });
+        (Nearby { factor, scale, change }, right, exact)
+    }
+
+    fn distance(a: &[f64], b: &[f64]) -> f64 {
+        let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
+        norm(&mut a.iter().zip(b).map(|(a, b)| a - b)) / norm(&mut b.iter().copied())
+    }
+
+    #[test]
+    fn steps_on_a_factor_nearby_lead_to_the_solution() {
+        for weight in [2.0 / FARTHEST, 3.0, 2.0 * FARTHEST] {
+            let (nearby, mut x, exact) = from_afar([2.0, 0.1, 2.0 * weight], [1.0, 0.05, 2.0]);
+            nearby.apply(&mut x).unwrap();
+            assert!(distance(&x, &exact) < 1e-9, "{weight}: {}", distance(&x, &exact));
+            assert!(nearby.change.unwrap().own.get().is_none(), "{weight}: factored again");
+        }
+    }
+
+    #[test]
+    fn steps_that_do_not_converge_give_way_to_a_factor_of_the_sum_itself() {
+        let (nearby, right, exact) = from_afar([1.0, 0.05, 1e7], [1.0, 0.05, 1e-1]);
+        let change = nearby.change.as_ref().unwrap();
+        // This far away the steps are too few.
+        let mut x = right.clone();
+        assert!(!nearby.corrected(change, &mut x) && distance(&x, &exact) > 1e-6, "{}", distance(&x, &exact));
+        // Twice, since the factor is kept.
+        for _ in 0..2 {
+            let mut x = right.clone();
+            nearby.apply(&mut x).unwrap();
+            assert_eq!(x, exact);
+        }
+        assert!(nearby.bytes() > nearby.factor.bytes());
+    }
 
     #[test]
     fn weights_that_are_scaled_alike_are_those_of_the_factor() {

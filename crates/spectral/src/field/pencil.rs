@@ -1,5 +1,5 @@
-//! The restricted matrices, factored for any weights: what designs in spaces too large for a dense eigenproblem, and wherever a sum is not diagonal in
-//! Ritz coordinates.
+//! The restricted matrices, factored for any weights: what designs in spaces too large for a dense eigenproblem, and wherever a sum is not diagonal
+//! in Ritz coordinates.
 //!
 //! `K = A + μ S̄ M̄⁻¹ S̄` is never formed: its second part is dense. With `y = √μ M̄⁻¹ S̄ x` the system `K x = f` becomes
 //! `[A, √μ S̄; √μ S̄, −M̄] (x, y) = (f, 0)`, which is sparse, and quasi-definite if `A` is definite: `LDLᵀ` exists in every order (Vanderbei 1995).

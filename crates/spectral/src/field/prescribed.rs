@@ -174,8 +174,8 @@ impl PrescribedField {
         stored(self.kind, multiply(turn, self.phases[face]))
     }
 
-    /// The edges across which the field turns by more than half a turn, so that the least angle between the numbers stored there, `field`, is another one: with
-    /// few and large faces around a vertex, or much curvature in it, there is no other way.
+    /// The edges across which the field turns by more than half a turn, so that the least angle between the numbers stored there, `field`, is another
+    /// one: with few and large faces around a vertex, or much curvature in it, there is no other way.
     ///
     /// # Panics
     /// Where `field` has another size than the surface has numbers of this kind.

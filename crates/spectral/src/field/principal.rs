@@ -41,8 +41,8 @@ pub struct DirectionField {
     pub weights: Vec<f64>,
 }
 
-/// The eigendirections of stored tensors, of the larger eigenvalue for `n = 2`, of both for `n = 4` and so on, as an n-field. `None` unless `n` is even and
-/// the tensors are three numbers a face.
+/// The eigendirections of stored tensors, of the larger eigenvalue for `n = 2`, of both for `n = 4` and so on, as an n-field. `None` unless `n` is
+/// even and the tensors are three numbers a face.
 pub fn principal_directions(tensors: &[f64], n: u32) -> Option<DirectionField> {
     if n == 0 || !n.is_multiple_of(2) || !tensors.len().is_multiple_of(3) {
         return None;
@@ -69,8 +69,8 @@ pub struct Strand {
     pub tip: [f64; 3],
 }
 
-/// A combed coat: one strand per face, that leans towards a vector field of two numbers per face by at most `tilt` radians, which it reaches where the
-/// field is as long as `full` or longer. `None` unless the field fits and the numbers are finite.
+/// A combed coat: one strand per face, that leans towards a vector field of two numbers per face by at most `tilt` radians, which it reaches where
+/// the field is as long as `full` or longer. `None` unless the field fits and the numbers are finite.
 pub fn fur(surface: &FieldSurface, field: &[f32], length: f64, tilt: f64, full: f64) -> Option<Vec<Strand>> {
     let sound = length.is_finite() && tilt.is_finite() && full > 0.0;
     if field.len() != 2 * surface.faces() || !sound {

@@ -1,8 +1,9 @@
 //! Designs in the space of all fields: how far a reduced design is from the field that it stands for, and that field itself.
 //!
 //! With the numbers `C u` of the constrained faces and what holds them, `W`, the field of least energy is `u = K⁻¹(f + Cᵀ y) + Z c` with
-//! `(W⁻¹ + C K⁻¹ Cᵀ) y + C Z c = v − C K⁻¹ f` and `ZᵀCᵀ y = 0`, where `Z` has no energy. Conjugate gradients on the pulls `y` are preconditioned by the compliance
-//! that the reduced space has at those faces, as it misses only what is finer than its columns; `K⁻¹` is applied by [`super::refine_response`].
+//! `(W⁻¹ + C K⁻¹ Cᵀ) y + C Z c = v − C K⁻¹ f` and `ZᵀCᵀ y = 0`, where `Z` has no energy. Conjugate gradients on the pulls `y` are preconditioned by
+//! the compliance that the reduced space has at those faces, as it misses only what is finer than its columns; `K⁻¹` is applied by
+//! [`super::refine_response`].
 
 use std::sync::OnceLock;
 
@@ -161,8 +162,8 @@ impl FullSpace {
         }
     }
 
-    /// The field of least energy among all fields under the constraints of a design of the same model: constraints and alignments have the weights that the design has
-    /// given them, and both biharmonic energies are `uᵀ S M⁻¹ S u`.
+    /// The field of least energy among all fields under the constraints of a design of the same model: constraints and alignments have the weights
+    /// that the design has given them, and both biharmonic energies are `uᵀ S M⁻¹ S u`.
     ///
     /// `tolerance` is relative: 1e-8 leaves about that share of the field.
     ///
@@ -336,8 +337,8 @@ fn solved(factor: &DefiniteFactor, right: &[f64]) -> Result<Vec<f64>, RefineErro
     Ok(x.column(0).to_vec())
 }
 
-/// The mixtures that constraints hold, by the eigenpairs of `(CZ)ᵀ P⁻¹ CZ`. Those that they hardly hold are left out: as `Z` is orthonormal by area, the field then has as
-/// little of them as possible.
+/// The mixtures that constraints hold, by the eigenpairs of `(CZ)ᵀ P⁻¹ CZ`. Those that they hardly hold are left out: as `Z` is orthonormal by area,
+/// the field then has as little of them as possible.
 fn held(fields: &[Vec<f64>], precondition: &DefiniteFactor) -> Result<Vec<Idle>, RefineError> {
     let count = fields.len();
     let pulls = fields.iter().map(|field| solved(precondition, field)).collect::<Result<Vec<_>, _>>()?;

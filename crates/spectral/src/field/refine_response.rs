@@ -1,7 +1,8 @@
 //! What forces move in the space of all fields of a surface: `K⁻¹ f` for `K = h S + μ S M⁻¹ S + A`, by conjugate gradients with multigrid cycles.
 //!
-//! With `A = a M` and `(h / μ)² ≥ 4 a / μ` the biharmonic sum is a product, `K = μ (S + αM) M⁻¹ (S + βM)` with `α + β = h / μ` and `αβ = a / μ`, so that it takes two
-//! solves of second order, whose condition is the root of that of `K`. Any other `K` is solved with the nearest product as preconditioner.
+//! With `A = a M` and `(h / μ)² ≥ 4 a / μ` the biharmonic sum is a product, `K = μ (S + αM) M⁻¹ (S + βM)` with `α + β = h / μ` and `αβ = a / μ`, so
+//! that it takes two solves of second order, whose condition is the root of that of `K`. Any other `K` is solved with the nearest product as
+//! preconditioner.
 
 use std::sync::OnceLock;
 
@@ -303,7 +304,8 @@ impl<'a, const B: usize> Response<'a, B> {
     }
 }
 
-/// Conjugate gradients from zero, until the residual is that much smaller in the norm of the preconditioner, which may differ a little from step to step.
+/// Conjugate gradients from zero, until the residual is that much smaller in the norm of the preconditioner, which may differ a little from step to
+/// step.
 pub(super) fn conjugate_gradients(
     apply: impl Fn(&[f64]) -> Vec<f64>,
     precondition: impl Fn(&[f64]) -> Result<Vec<f64>, RefineError>,

@@ -42,12 +42,13 @@ pub struct Matching {
     pub edge: u32,
     /// The lower face of the edge and the upper one.
     pub faces: [u32; 2],
-    /// Full turns from the lower face to the upper one, not 0. Of the `n` directions number `k` of the lower face goes on as the `turns` next one beyond that
-    /// which is nearest to it.
+    /// Full turns from the lower face to the upper one, not 0. Of the `n` directions number `k` of the lower face goes on as the `turns` next one
+    /// beyond that which is nearest to it.
     pub turns: i32,
 }
 
-/// The singular vertices of a field whose faces are matched: without a matching, a turn of more than 180° is read as the smaller one the other way round.
+/// The singular vertices of a field whose faces are matched: without a matching, a turn of more than 180° is read as the smaller one the other way
+/// round.
 pub fn matched_singularities(
     surface: &FieldSurface,
     kind: FieldKind,

@@ -1,8 +1,10 @@
 //! Vectors carried over a surface from where they are given, along shortest paths: the vector heat method (Sharp, Soliman and Crane 2019).
 //!
-//! Card. `(M + tS) Y = Σ x_i δ_i` with the connection Laplacian of [`crate::operator::transport`] has the directions; `(M + tL)` with the Laplacian of numbers on faces, of the
-//! same weights, has the lengths: `Y / |Y| · u / φ` with right-hand sides `|x_i|` and 1. Where sources compete, the nearest wins. On planes it is exact; on a sphere the mean angle to what great circles carry is .011, .007 and .006
-//! with 1,280, 5,120 and 20,480 faces: it does not vanish with their size, as differences across edges are not consistent and heat takes ways that are a little longer than the shortest.
+//! Card. `(M + tS) Y = Σ x_i δ_i` with the connection Laplacian of [`crate::operator::transport`] has the directions; `(M + tL)` with the Laplacian
+//! of numbers on faces, of the same weights, has the lengths: `Y / |Y| · u / φ` with right-hand sides `|x_i|` and 1. Where sources compete, the
+//! nearest wins. On planes it is exact; on a sphere the mean angle to what great circles carry is .011, .007 and .006 with 1,280, 5,120 and 20,480
+//! faces: it does not vanish with their size, as differences across edges are not consistent and heat takes ways that are a little longer than the
+//! shortest.
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
@@ -13,7 +15,8 @@ use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::FieldKind;
 
-/// Heat decays by a factor of e over `√t`. Beyond so many of them double precision has nothing left, with a margin for ways that are longer than a box.
+/// Heat decays by a factor of e over `√t`. Beyond so many of them double precision has nothing left, with a margin for ways that are longer than a
+/// box.
 const FARTHEST: f64 = 120.0;
 
 /// The time of the heat steps for each length of an edge, both on the surface of unit area.

@@ -1,13 +1,13 @@
-//! What makes a space reproduce fields that are parallel as far as the surface lets them be: the blocks of each face, freed from what carries them, are
-//! made to add up to one.
+//! What makes a space reproduce fields that are parallel as far as the surface lets them be: the blocks of each face, freed from what carries them,
+//! are made to add up to one.
 //!
-//! Column `g` holds at face `f` a block `w_fg T_fg` with the transport `T_fg` from the sample of `g` and a weight. Where transport does not depend on the way,
-//! a parallel field has as coefficients its own numbers at the samples, and the space holds it to the last bit if `Σ_g w_fg = 1` on every face: the patch
-//! test of finite elements. Shrinking blocks breaks that sum, by the more the more columns there are; dividing by it puts it right.
+//! Column `g` holds at face `f` a block `w_fg T_fg` with the transport `T_fg` from the sample of `g` and a weight. Where transport does not depend on
+//! the way, a parallel field has as coefficients its own numbers at the samples, and the space holds it to the last bit if `Σ_g w_fg = 1` on every
+//! face: the patch test of finite elements. Shrinking blocks breaks that sum, by the more the more columns there are; dividing by it puts it right.
 //!
-//! `T` is not stored: it is the phase that a block had before it was smoothed for the last time. For n-vectors weights are complex numbers and so is their
-//! sum; tensors have a real one for their trace beside that of their deviator. Spaces of the Hodge–Laplacian stay as they are: what it has as kernel are the
-//! harmonic fields, which are dense columns.
+//! `T` is not stored: it is the phase that a block had before it was smoothed for the last time. For n-vectors weights are complex numbers and so is
+//! their sum; tensors have a real one for their trace beside that of their deviator. Spaces of the Hodge–Laplacian stay as they are: what it has as
+//! kernel are the harmonic fields, which are dense columns.
 
 use rayon::prelude::*;
 

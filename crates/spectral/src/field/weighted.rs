@@ -4,7 +4,7 @@ mod multipliers;
 
 use std::sync::{Arc, OnceLock};
 
-use chladni_algebra::{DenseMatrix, SparseMatrix};
+use chladni_algebra::{DenseMatrix, FactorError, SparseMatrix};
 
 use crate::basis::FieldBasis;
 use crate::operator::frames::Planar;
@@ -22,8 +22,8 @@ use super::refine_response as whole;
 /// Ritz values below this share of the largest count as zero.
 const KERNEL: f64 = 1e-10;
 
-/// What the faces around a prescribed singularity give way, as such a share. A space is hardly able to give them all what they should have: forced to, it gets other
-/// singularities. Where a field does not have the singularity yet, its faces give way less.
+/// What the faces around a prescribed singularity give way, as such a share. A space is hardly able to give them all what they should have: forced
+/// to, it gets other singularities. Where a field does not have the singularity yet, its faces give way less.
 const AROUND: f64 = 1e-3;
 
 /// So often at most faces around singularities are made to give way less.
@@ -66,9 +66,9 @@ enum Inverse {
 }
 
 impl DesignModel {
-    /// Makes the model ready for some weights. Free of cost in Ritz coordinates; a sparse factorisation where the space has none, or the alignment has
-    /// weights per face. One alignment with weights per face goes on with the factor of the last model that is still there, where both energies and their alignment are up to three times
-    /// apart from what they are in that.
+    /// Makes the model ready for some weights. Free of cost in Ritz coordinates; a sparse factorisation where the space has none, or the alignment
+    /// has weights per face. One alignment with weights per face goes on with the factor of the last model that is still there, where both energies
+    /// and their alignment are up to three times apart from what they are in that.
     ///
     /// # Errors
     /// [`DesignError`]: weights that are negative or all zero.
@@ -104,44 +104,14 @@ impl DesignModel {
         let prescription = prescription.filter(|p| p.1 > 0.0);
         let uniform = alignments.iter().filter(|a| a.0.gram.is_none()).map(|a| a.1).sum::<f64>()
             + prescription.as_ref().map_or(0.0, |p| p.1);
-        let mut kernel = Vec::new();
         let full = self.pencil.as_ref().is_some_and(|pencil| pencil.full_biharmonic.is_some());
         let diagonal = self.has_ritz() && !full && alignments.iter().all(|a| a.0.gram.is_none());
-        let mut pencil = None;
-        let inverse = if diagonal {
-            let values = self.values();
-            let largest = values.last().copied().unwrap_or(0.0);
-            let one = |(i, &value): (usize, &f64)| {
-                if uniform == 0.0 && value <= KERNEL * largest {
-                    kernel.push(i);
-                    0.0
-                } else {
-                    1.0 / (weights.harmonic * value + weights.biharmonic * value * value + uniform)
-                }
-            };
-            Inverse::Ritz(values.iter().enumerate().map(one).collect())
+        let (inverse, kernel, pencil) = if diagonal {
+            let (inverse, kernel) = self.diagonal_inverse(weights, uniform);
+            (Inverse::Ritz(inverse), kernel, None)
         } else {
-            let known = self.pencil.clone().or_else(|| alignments.iter().find_map(|a| a.0.pencil.clone()));
-            let missing = || DesignError::Dimension { dimension: self.dimension(), most: MOST_DIMENSIONS };
-            let known = known.ok_or_else(missing)?;
-            let inverse = match (&alignments[..], uniform == 0.0) {
-                ([(one, weight)], true) if one.pencil.as_ref().is_some_and(|own| Arc::ptr_eq(own, &known)) => {
-                    one.inverse(weights, *weight)?
-                }
-                _ => None,
-            };
-            let inverse = match inverse {
-                Some(inverse) => inverse,
-                None => {
-                    let of = |a: &'_ (Arc<Alignment>, f64)| Some((a.0.gram.clone()?, a.1));
-                    let grams: Vec<(Arc<SparseMatrix>, f64)> = alignments.iter().filter_map(of).collect();
-                    let grams = grams.iter().map(|(gram, weight)| (&**gram, *weight)).collect();
-                    let sum = Sum { harmonic: weights.harmonic, biharmonic: weights.biharmonic, uniform, grams };
-                    Arc::new(known.factor(&sum)?).into()
-                }
-            };
-            pencil = Some(known);
-            Inverse::Sparse(inverse)
+            let (inverse, pencil) = self.sparse_inverse(weights, uniform, &alignments)?;
+            (Inverse::Sparse(inverse), Vec::new(), Some(pencil))
         };
         let d = self.dimension();
         let pull = |fields: &[(&Alignment, f64)]| {
@@ -152,13 +122,15 @@ impl DesignModel {
             }
             let mut field = force.clone();
             if !fields.is_empty() {
-                inverse.apply(&mut field);
+                inverse.apply(&mut field)?;
             }
-            Pull { force, field }
+            Ok::<_, DesignError>(Pull { force, field })
         };
-        let free = pull(&alignments.iter().map(|(field, weight)| (&**field, *weight)).collect::<Vec<_>>());
-        let turned =
-            prescription.as_ref().map(|(p, weight)| [pull(&[(&p.along, *weight)]), pull(&[(&p.across, *weight)])]);
+        let free = pull(&alignments.iter().map(|(field, weight)| (&**field, *weight)).collect::<Vec<_>>())?;
+        let turned = match &prescription {
+            Some((p, weight)) => Some([pull(&[(&p.along, *weight)])?, pull(&[(&p.across, *weight)])?]),
+            None => None,
+        };
         let model = self.clone();
         Ok(WeightedModel {
             model,
@@ -174,15 +146,56 @@ impl DesignModel {
             many: Many::default(),
         })
     }
+
+    /// `K⁻¹` in Ritz coordinates, and those that have no energy.
+    fn diagonal_inverse(&self, weights: EnergyWeights, uniform: f64) -> (Vec<f64>, Vec<usize>) {
+        let values = self.values();
+        let largest = values.last().copied().unwrap_or(0.0);
+        let mut kernel = Vec::new();
+        let one = |(i, &value): (usize, &f64)| {
+            if uniform == 0.0 && value <= KERNEL * largest {
+                kernel.push(i);
+                0.0
+            } else {
+                1.0 / (weights.harmonic * value + weights.biharmonic * value * value + uniform)
+            }
+        };
+        (values.iter().enumerate().map(one).collect(), kernel)
+    }
+
+    /// `K⁻¹` by a sparse factor, where there is one alignment with weights per face by one nearby if there is one; and the matrices that it is made
+    /// of.
+    fn sparse_inverse(
+        &self,
+        weights: EnergyWeights,
+        uniform: f64,
+        alignments: &[(Arc<Alignment>, f64)],
+    ) -> Result<(Nearby, Arc<Pencil>), DesignError> {
+        let known = self.pencil.clone().or_else(|| alignments.iter().find_map(|a| a.0.pencil.clone()));
+        let missing = || DesignError::Dimension { dimension: self.dimension(), most: MOST_DIMENSIONS };
+        let known = known.ok_or_else(missing)?;
+        if let ([(one, weight)], true) = (alignments, uniform == 0.0)
+            && one.pencil.as_ref().is_some_and(|own| Arc::ptr_eq(own, &known))
+            && let Some(inverse) = one.inverse(weights, *weight)?
+        {
+            return Ok((inverse, known));
+        }
+        let of = |a: &(Arc<Alignment>, f64)| Some((a.0.gram.clone()?, a.1));
+        let grams: Vec<(Arc<SparseMatrix>, f64)> = alignments.iter().filter_map(of).collect();
+        let grams = grams.iter().map(|(gram, weight)| (&**gram, *weight)).collect();
+        let sum = Sum { harmonic: weights.harmonic, biharmonic: weights.biharmonic, uniform, grams };
+        Ok((Arc::new(known.factor(&sum)?).into(), known))
+    }
 }
 
 impl Inverse {
-    fn apply(&self, vectors: &mut [f64]) {
+    fn apply(&self, vectors: &mut [f64]) -> Result<(), FactorError> {
         match self {
             Self::Ritz(diagonal) => {
                 for vector in vectors.chunks_mut(diagonal.len().max(1)) {
                     vector.iter_mut().zip(diagonal).for_each(|(x, d)| *x *= d);
                 }
+                Ok(())
             }
             Self::Sparse(inverse) => inverse.apply(vectors),
         }
@@ -345,7 +358,7 @@ impl WeightedModel {
             return Ok(());
         }
         let kernel = self.free(conditions);
-        let solved = self.moved_by(rows, kernel);
+        let solved = self.moved_by(rows, kernel)?;
         let y = self.multipliers(rows, &solved, conditions, (b, kernel), &mut found.field)?;
         for (column, &y) in y.iter().enumerate() {
             found.field.iter_mut().zip(solved.column(column)).for_each(|(z, s)| *z += y * s);
@@ -355,17 +368,17 @@ impl WeightedModel {
     }
 
     /// What unit pulls at rows move, without what has no energy.
-    fn moved_by(&self, rows: &DenseMatrix, kernel: Kernel<'_>) -> DenseMatrix {
+    fn moved_by(&self, rows: &DenseMatrix, kernel: Kernel<'_>) -> Result<DenseMatrix, FactorError> {
         let mut moved = rows.clone();
         match kernel {
-            Kernel::Fields(idle) => idle::without(idle, moved.values_mut(), |x| self.inverse.apply(x)),
-            Kernel::Coordinates(_) => self.inverse.apply(moved.values_mut()),
+            Kernel::Fields(idle) => idle::without(idle, moved.values_mut(), |x| self.inverse.apply(x))?,
+            Kernel::Coordinates(_) => self.inverse.apply(moved.values_mut())?,
         }
-        moved
+        Ok(moved)
     }
 
-    /// What has no energy and is to be told apart from what yields: strengths are measured by the latter. Ritz coordinates know it; with a sparse factor it is
-    /// looked for once.
+    /// What has no energy and is to be told apart from what yields: strengths are measured by the latter. Ritz coordinates know it; with a sparse
+    /// factor it is looked for once.
     fn free(&self, conditions: &[Condition]) -> Kernel<'_> {
         if let Inverse::Ritz(_) = self.inverse {
             return Kernel::Coordinates(&self.kernel);
@@ -377,11 +390,12 @@ impl WeightedModel {
         self.idle().map_or(Kernel::Coordinates(&[]), Kernel::Fields)
     }
 
-    /// Fields of next to no energy, where the inverse is a sparse factor.
+    /// Fields of next to no energy, where the inverse is a sparse factor of the energies: beside an alignment there are none.
     fn idle(&self) -> Option<&[Idle]> {
         let (Inverse::Sparse(inverse), Some(pencil)) = (&self.inverse, &self.pencil) else { return None };
+        let factor = inverse.alone()?;
         let floor = floor(self.weights.harmonic, self.weights.biharmonic);
-        Some(self.idle.get_or_init(|| idle::find(|x| inverse.apply(x), &pencil.mass, floor)))
+        Some(self.idle.get_or_init(|| idle::find(|x| factor.apply(x), &pencil.mass, floor)))
     }
 
     /// Whether designs stay close to prescribed singularities.
@@ -444,7 +458,7 @@ impl WeightedModel {
         let kept = without_repetitions(constraints);
         let conditions = conditions(&kept, constraints);
         let rows = self.rows(basis, &conditions);
-        let solved = self.moved_by(&rows, self.free(&conditions));
+        let solved = self.moved_by(&rows, self.free(&conditions))?;
         let moved = rows.transposed_times(&solved);
         Ok(Compliance::new(&conditions, moved, b))
     }

@@ -2,30 +2,27 @@
 
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
-use chladni_mesh::intrinsic::Rim;
-use chladni_mesh::points::{COVERS, are_points};
+use chladni_mesh::points::are_points;
 use serde::{Deserialize, Serialize};
 
-use super::curvature::Surface;
-use super::manifold::Topology;
+use super::assembly::{Triangles, assemble_on};
 use super::points::{assemble_local, local_triangles};
-use super::polygon::Refined;
-use super::weighted::{self, Parts};
-use super::{EigenProblem, MassKind, OperatorError, boundary, extrinsic, graph, hamiltonian, laplace, robust};
+use super::weighted::Parts;
+use super::{EigenProblem, MassKind, OperatorError, boundary};
 
 /// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"polygon"`, `"robust"`, `"volume"`, `"graph"`, `"hodge"`, `{"extrinsic": {"t": 0.5}}`,
 /// `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}`, `{"hamiltonian": {"potential": {"values": [0.0, …]}}}`,
 /// `{"weighted": {"scalars": [1.0, …], "fixed": [0, …]}}`.
 ///
-/// [`assemble`], which has a surface alone, refuses `volume` and `hodge`, which acts on no functions: see [`super::volume`], [`super::hodge`] and, for
-/// `graph`, [`super::graph`].
+/// [`assemble`], which has a surface alone, refuses `volume` and `hodge`, which acts on no functions: see [`super::volume`], [`super::hodge`] and,
+/// for `graph`, [`super::graph`].
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "schema", schema(description = "Which operator is wanted."))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum OperatorKind {
-    /// Laplace–Beltrami: by cotangents, or of the polygons where the file has any of more than three corners, where the mesh is manifold, next to none of its
-    /// triangles thin and none a needle; the robust one otherwise.
+    /// Laplace–Beltrami: by cotangents, or of the polygons where the file has any of more than three corners, where the mesh is manifold, next to
+    /// none of its triangles thin and none a needle; the robust one otherwise.
     #[default]
     Auto,
     /// Laplace–Beltrami by the cotangents of the triangles as they are.
@@ -223,7 +220,7 @@ pub struct MeshOperator {
     /// The eigenproblem.
     pub problem: EigenProblem,
     /// The Laplacian with all vertices as unknowns; `None` where `problem` is that.
-    base: Option<EigenProblem>,
+    pub(super) base: Option<EigenProblem>,
     /// A lower bound on the eigenvalues of the problem, on unit area: the least value of a potential that is negative somewhere, else 0.
     pub floor: f64,
     /// What was chosen, and why.
@@ -264,10 +261,8 @@ impl MeshOperator {
     }
 }
 
-/// From this many faces in a thousand on, thin ones call for the robust Laplacian.
-const THIN_PER_MILLE: usize = 1;
-
-/// Makes the operator that is asked for; that of points without faces by [`assemble_local`](super::points::assemble_local). Announces the stage `operator`.
+/// Makes the operator that is asked for; that of points without faces by [`assemble_local`](super::points::assemble_local). Announces the stage
+/// `operator`.
 ///
 /// # Errors
 /// [`OperatorError`]: parameters out of range, a mesh without area or unknowns, an operator that needs faces where there are none, cancellation.
@@ -281,223 +276,4 @@ pub fn assemble(
         return assemble_local(&local_triangles(mesh, monitor)?, parameters, monitor);
     }
     assemble_on(mesh, Triangles::Surface, parameters, monitor)
-}
-
-/// What the triangles of a mesh are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Triangles {
-    /// A surface.
-    Surface,
-    /// Those around each of some points, which cover a surface [`COVERS`] times.
-    Local,
-}
-
-/// As [`assemble`], on given triangles.
-pub(super) fn assemble_on(
-    mesh: &TriangleMesh,
-    triangles: Triangles,
-    parameters: &OperatorParameters,
-    monitor: &dyn Monitor,
-) -> Result<MeshOperator, OperatorError> {
-    monitor.stage("operator");
-    parameters.check()?;
-    parameters.check_mesh(mesh.positions.len())?;
-    if let OperatorKind::Weighted(parts) = &parameters.operator {
-        parts.check_mesh(mesh.positions.len(), mesh.faces.len())?;
-    }
-    if parameters.operator == OperatorKind::Hodge {
-        let reason = "\"hodge\" acts on tangential fields, not on functions".to_owned();
-        return Err(OperatorError::Parameter { name: "operator", reason });
-    }
-    match parameters.operator {
-        OperatorKind::Volume => {
-            let reason = "\"volume\" acts on the tetrahedra of a solid, not on a surface".to_owned();
-            return Err(OperatorError::Parameter { name: "operator", reason });
-        }
-        OperatorKind::Graph => return graph::assemble(mesh, parameters),
-        _ => {}
-    }
-    let measured = laplace::measure(mesh)?;
-    let (topology, covers) = match triangles {
-        Triangles::Surface => (Topology::new(mesh.positions.len(), &mesh.faces, &measured.corners), 1.0),
-        Triangles::Local => (Topology::default(), COVERS),
-    };
-    monitor.checkpoint()?;
-
-    let refined = match triangles {
-        Triangles::Surface => refined(&parameters.operator, mesh)?,
-        Triangles::Local => None,
-    };
-    let mut of_polygons = None;
-    let (laplacian, reason) = match triangles {
-        Triangles::Surface => choose(&parameters.operator, mesh, &measured, refined.as_ref(), &topology),
-        Triangles::Local => choose_local(&parameters.operator, mesh, &measured),
-    };
-    let mut report = OperatorReport {
-        laplacian,
-        reason,
-        non_manifold_edges: topology.non_manifold_edges,
-        non_manifold_vertices: topology.non_manifold_vertices,
-        thin_faces: measured.thin_faces,
-        zero_area_faces: measured.zero_area_faces,
-        ..OperatorReport::default()
-    };
-    let dirichlet = parameters.boundary == Boundary::Dirichlet && !topology.boundary.is_empty();
-    let triangulation;
-    let (laplacian, faces, shapes) = match laplacian {
-        // The other two act on no triangles, and were made or refused above.
-        Laplacian::Cotangent | Laplacian::Volume | Laplacian::Graph => {
-            let (problem, massless) = laplace::cotangent(mesh, &measured, covers, parameters.mass);
-            report.massless_vertices = massless;
-            (problem, &mesh.faces[..], &measured.shapes[..])
-        }
-        Laplacian::Polygon => {
-            let refined = of_polygons.insert(refined.ok_or(OperatorError::NoArea)?);
-            let (problem, massless) = refined.problem(parameters.mass);
-            report.massless_vertices = massless;
-            report.polygons = refined.polygons();
-            report.thin_faces = refined.measured.thin_faces;
-            report.zero_area_faces = refined.measured.zero_area_faces;
-            (problem, &mesh.faces[..], &measured.shapes[..])
-        }
-        Laplacian::Robust => {
-            let rim = if dirichlet { Rim::Fixed } else { Rim::Free };
-            let found;
-            (triangulation, found) = robust::triangulate(mesh, &measured, rim, monitor)?;
-            let (problem, found) =
-                robust::of_triangulation(mesh, &measured, &triangulation, covers, found, parameters.mass)?;
-            report.mollification = found.mollification;
-            report.flips = found.flips;
-            report.delaunay = found.delaunay;
-            report.massless_vertices = found.massless_vertices;
-            (problem, triangulation.faces(), triangulation.shapes())
-        }
-    };
-    monitor.checkpoint()?;
-
-    let stiffness = match &parameters.operator {
-        OperatorKind::Auto
-        | OperatorKind::Laplace
-        | OperatorKind::Polygon
-        | OperatorKind::Robust
-        | OperatorKind::Hodge
-        | OperatorKind::Volume
-        | OperatorKind::Graph => None,
-        OperatorKind::Weighted(parts) => Some(weighted::stiffness(&laplacian, mesh, shapes, measured.scale, parts)),
-        OperatorKind::Extrinsic { t } => {
-            let normals = match &of_polygons {
-                Some(refined) => refined.normals(),
-                None => Surface::new(mesh, &measured).normals(&measured.corners),
-            };
-            Some(extrinsic::blend(&laplacian.stiffness, &normals, *t))
-        }
-        OperatorKind::Hamiltonian { potential } => {
-            let values = match potential {
-                Potential::Values(values) => values,
-                Potential::Curvature { t } => {
-                    let squares = match &of_polygons {
-                        Some(refined) => refined.squared_curvatures(),
-                        None => Surface::new(mesh, &measured).curvatures(&measured.corners).squares(),
-                    };
-                    let most = hamiltonian::LARGEST / laplacian.area;
-                    &squares.iter().map(|square| (t * square).min(most)).collect()
-                }
-            };
-            let scaled = hamiltonian::scaled(&laplacian, values)?;
-            Some(match &of_polygons {
-                Some(refined) => refined.with_potential(&laplacian, &scaled),
-                None => hamiltonian::add_potential(&laplacian, faces, shapes, &scaled),
-            })
-        }
-    };
-    let floor = match &parameters.operator {
-        OperatorKind::Hamiltonian { potential: Potential::Values(values) } => {
-            laplacian.area * values.iter().copied().fold(0.0, f64::min)
-        }
-        _ => 0.0,
-    };
-    let whole = stiffness.map(|stiffness| EigenProblem {
-        stiffness,
-        mass: laplacian.mass.clone(),
-        area: laplacian.area,
-        unknowns: None,
-    });
-    let mut held: Vec<u32> = if dirichlet { topology.boundary.clone() } else { Vec::new() };
-    if let OperatorKind::Weighted(parts) = &parameters.operator {
-        held.extend(&parts.fixed);
-        held.sort_unstable();
-        held.dedup();
-    }
-    if held.is_empty() {
-        return Ok(match whole {
-            Some(problem) => MeshOperator { problem, base: Some(laplacian), floor, report },
-            None => MeshOperator { problem: laplacian, base: None, floor, report },
-        });
-    }
-    report.removed_vertices = held.len();
-    let problem = boundary::without(whole.as_ref().unwrap_or(&laplacian), &held)?;
-    Ok(MeshOperator { problem, base: Some(laplacian), floor, report })
-}
-
-/// The finer mesh that the Laplacian of polygons is made of, where that may be taken and there are any.
-fn refined(wanted: &OperatorKind, mesh: &TriangleMesh) -> Result<Option<Refined>, OperatorError> {
-    // The Hodge–Laplacian and weights are of faces.
-    let takes = matches!(
-        wanted,
-        OperatorKind::Auto | OperatorKind::Polygon | OperatorKind::Extrinsic { .. } | OperatorKind::Hamiltonian { .. }
-    );
-    if takes { Refined::of(mesh) } else { Ok(None) }
-}
-
-/// Which Laplacian to take on local triangulations: cotangents, unless the robust one is asked for or some triangles are thin.
-fn choose_local(wanted: &OperatorKind, mesh: &TriangleMesh, measured: &laplace::Measured) -> (Laplacian, Reason) {
-    if *wanted == OperatorKind::Robust {
-        return (Laplacian::Robust, Reason::Requested);
-    }
-    if 1000 * measured.thin_faces > THIN_PER_MILLE * mesh.faces.len() {
-        (Laplacian::Robust, Reason::ThinFaces)
-    } else if measured.needles > 0 {
-        (Laplacian::Robust, Reason::Needle)
-    } else {
-        (Laplacian::Cotangent, Reason::Points)
-    }
-}
-
-/// Which Laplacian to take.
-fn choose(
-    wanted: &OperatorKind,
-    mesh: &TriangleMesh,
-    measured: &laplace::Measured,
-    refined: Option<&Refined>,
-    topology: &Topology,
-) -> (Laplacian, Reason) {
-    // What is measured is what the operator would be made of.
-    let (measured, faces) =
-        refined.map_or((measured, mesh.faces.len()), |refined| (&refined.measured, refined.faces()));
-    match wanted {
-        OperatorKind::Polygon => match refined {
-            Some(_) => (Laplacian::Polygon, Reason::Requested),
-            None => (Laplacian::Cotangent, Reason::Requested),
-        },
-        OperatorKind::Laplace | OperatorKind::Weighted(_) => (Laplacian::Cotangent, Reason::Requested),
-        OperatorKind::Robust => (Laplacian::Robust, Reason::Requested),
-        OperatorKind::Auto
-        | OperatorKind::Extrinsic { .. }
-        | OperatorKind::Hamiltonian { .. }
-        | OperatorKind::Hodge
-        | OperatorKind::Volume
-        | OperatorKind::Graph => {
-            if topology.non_manifold_edges + topology.non_manifold_vertices > 0 {
-                (Laplacian::Robust, Reason::NonManifold)
-            } else if 1000 * measured.thin_faces > THIN_PER_MILLE * faces {
-                (Laplacian::Robust, Reason::ThinFaces)
-            } else if measured.needles > 0 {
-                (Laplacian::Robust, Reason::Needle)
-            } else if refined.is_some() {
-                (Laplacian::Polygon, Reason::Polygons)
-            } else {
-                (Laplacian::Cotangent, Reason::FairMesh)
-            }
-        }
-    }
 }

@@ -55,9 +55,9 @@ impl<T: bytemuck::Pod + Default + Into<f64> + Send + Sync> Number for T {}
 /// Functions that are added side by side, so that they fit vectors.
 const LANES: usize = 8;
 
-/// `Σ_k stiffness_k x_kᵀ S x_k + mass_k x_kᵀ M x_k` of functions that stay as they are, as far as its gradient by the positions of vertices needs it: a few
-/// sums for each element and one for each vertex, to which functions are added some at a time. Masses are consistent, or lumped with equal shares of each
-/// element.
+/// `Σ_k stiffness_k x_kᵀ S x_k + mass_k x_kᵀ M x_k` of functions that stay as they are, as far as its gradient by the positions of vertices needs it:
+/// a few sums for each element and one for each vertex, to which functions are added some at a time. Masses are consistent, or lumped with equal
+/// shares of each element.
 pub(crate) struct FormSums<'a>(Kind<'a>);
 
 enum Kind<'a> {

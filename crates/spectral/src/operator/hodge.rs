@@ -5,7 +5,8 @@
 //! of genus `g` exactly `2g`-dimensional. Symmetric positive semi-definite; mass = face area; eigenvalues in 1/length². With both parts
 //! non-conforming it would be the connection Laplacian of [`super::transport`].
 //!
-//! At a boundary one of the two parts has to leave out its boundary functions, or the fields of the two decompose no longer. [`FieldBoundary`] says which.
+//! At a boundary one of the two parts has to leave out its boundary functions, or the fields of the two decompose no longer. [`FieldBoundary`] says
+//! which.
 
 use chladni_algebra::{Block, BlockMatrix, MassMatrix, SparseMatrix};
 use chladni_mesh::TriangleMesh;
@@ -26,7 +27,8 @@ pub enum FieldBoundary {
     Tangential,
     /// They run across it: the other way round.
     Normal,
-    /// They vanish there: both tests see the boundary (the formula of the thesis taken by the letter). Gradients and co-gradients are then no longer orthogonal.
+    /// They vanish there: both tests see the boundary (the formula of the thesis taken by the letter). Gradients and co-gradients are then no longer
+    /// orthogonal.
     Clamped,
 }
 
@@ -142,9 +144,9 @@ pub fn conforming_problem(mesh: &TriangleMesh, frames: &FaceFrames) -> (EigenPro
     (EigenProblem { stiffness, mass, area: frames.area(), unknowns: None }, None)
 }
 
-/// The eigenproblem of Crouzeix–Raviart functions whose eigenfunctions have the co-gradients of the Hodge spectrum of fields that run along the boundary:
-/// boundary edges are no unknowns. Beside it the row of each edge (beyond all rows where it has none; `None` where row `i` is edge `i`), and before it the
-/// midpoints of the edges as the positions of a mesh, a face of which joins those of a face.
+/// The eigenproblem of Crouzeix–Raviart functions whose eigenfunctions have the co-gradients of the Hodge spectrum of fields that run along the
+/// boundary: boundary edges are no unknowns. Beside it the row of each edge (beyond all rows where it has none; `None` where row `i` is edge `i`),
+/// and before it the midpoints of the edges as the positions of a mesh, a face of which joins those of a face.
 #[allow(clippy::type_complexity)]
 pub fn nonconforming_problem(
     mesh: &TriangleMesh,

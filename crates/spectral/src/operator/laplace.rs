@@ -89,7 +89,8 @@ pub(super) fn measure(mesh: &TriangleMesh) -> Result<Measured, OperatorError> {
     Ok(Measured { scale, corners, shapes, area, zero_area_faces, thin_faces, needles })
 }
 
-/// The problem that follows from the cotangents of the faces as they are, which cover the surface `covers` times, and the number of vertices without mass.
+/// The problem that follows from the cotangents of the faces as they are, which cover the surface `covers` times, and the number of vertices without
+/// mass.
 pub(super) fn cotangent(
     mesh: &TriangleMesh,
     measured: &Measured,

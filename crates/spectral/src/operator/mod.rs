@@ -1,6 +1,7 @@
 //! Operators on a mesh: one public operator per file. Solvers take an [`EigenProblem`]; [`assemble`] makes the one that a client
 //! describes by [`OperatorParameters`].
 
+mod assembly;
 pub(crate) mod boundary;
 mod choice;
 mod corners;

@@ -10,8 +10,8 @@
 //! | source | Bunge, Herholz, Kazhdan and Botsch 2020, Polygon Laplacian Made Simple |
 //!
 //! Each polygon gets a point in its middle, where the squared areas of the triangles from it to the edges are least, as an affine combination of its
-//! corners. Functions take the same combination of their values there, so that these points are no unknowns: with `P` that prolongs functions to them,
-//! `S = Pᵀ S' P` and `M = Pᵀ M' P` for the cotangents of the finer mesh. No diagonal is preferred.
+//! corners. Functions take the same combination of their values there, so that these points are no unknowns: with `P` that prolongs functions to
+//! them, `S = Pᵀ S' P` and `M = Pᵀ M' P` for the cotangents of the finer mesh. No diagonal is preferred.
 
 use chladni_algebra::SparseMatrix;
 use chladni_mesh::TriangleMesh;
@@ -99,8 +99,8 @@ impl Refined {
         (EigenProblem { stiffness, mass, area: fine.area, unknowns: None }, massless)
     }
 
-    /// The stiffness of that [`problem`](Self::problem) with a potential, one value for each vertex of the mesh on unit area. Lumped masses carry the values of
-    /// their vertices; else values in the middles are those of functions, within what the corners have.
+    /// The stiffness of that [`problem`](Self::problem) with a potential, one value for each vertex of the mesh on unit area. Lumped masses carry the
+    /// values of their vertices; else values in the middles are those of functions, within what the corners have.
     pub fn with_potential(&self, problem: &EigenProblem, scaled: &[f64]) -> SparseMatrix {
         if let MassMatrix::Diagonal(_) = &problem.mass {
             return hamiltonian::add_potential(problem, &[], &[], scaled);
@@ -231,7 +231,8 @@ impl Around {
     }
 }
 
-/// The affine combination of the corners that is where the squared areas of the fan are least; of all such combinations the one with the least squares.
+/// The affine combination of the corners that is where the squared areas of the fan are least; of all such combinations the one with the least
+/// squares.
 fn shares(mesh: &TriangleMesh, corners: &[u32]) -> Vec<f64> {
     let n = corners.len();
     let even = 1.0 / n as f64;

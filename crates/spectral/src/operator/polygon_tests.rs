@@ -317,8 +317,8 @@ fn auto_keeps_polygons_and_says_so_unless_the_mesh_is_broken() {
     assert_eq!(assemble(&mesh, &dirichlet, &Unwatched).unwrap().problem.size(), 16);
 }
 
-/// Values that are linear on a flat polygon are linear in its middle too: the matrix is the integral of `V φ_i φ_j` over the finer mesh, summed over points of a rule
-/// that is exact for cubic functions.
+/// Values that are linear on a flat polygon are linear in its middle too: the matrix is the integral of `V φ_i φ_j` over the finer mesh, summed over
+/// points of a rule that is exact for cubic functions.
 #[test]
 fn potentials_are_integrated_over_polygons() {
     let mesh = quads(4, |x, y| [x + 0.06 * (8.0 * y).sin(), y + 0.05 * (9.0 * x).sin(), 0.0]);

@@ -1,9 +1,9 @@
 //! The weighted transport Laplacian of n-fields (Brandt et al. 2018) and symmetric tensor fields (thesis, appendix 3.A).
 //!
-//! Card. Energy `Σ_e w_e |u_i − P u_j|²` over interior edges, `w_e = 3 |e|² / (A_i + A_j)`, mass = face area. Symmetric positive
-//! semi-definite; the boundary is natural. Weights are independent of scale, so eigenvalues are in 1/length². On equal triangles `w` is twice the weight of
-//! the finite-volume Laplacian: this is the sum of a non-conforming divergence and a non-conforming curl energy, each of which is
-//! consistent by itself. So eigenvalues are about twice those of the connection Laplacian on fair triangles, and where triangles are stretched or all point one way they
+//! Card. Energy `Σ_e w_e |u_i − P u_j|²` over interior edges, `w_e = 3 |e|² / (A_i + A_j)`, mass = face area. Symmetric positive semi-definite; the
+//! boundary is natural. Weights are independent of scale, so eigenvalues are in 1/length². On equal triangles `w` is twice the weight of the
+//! finite-volume Laplacian: this is the sum of a non-conforming divergence and a non-conforming curl energy, each of which is consistent by itself.
+//! So eigenvalues are about twice those of the connection Laplacian on fair triangles, and where triangles are stretched or all point one way they
 //! depend on the direction, however fine the mesh.
 
 use chladni_algebra::{Block, BlockMatrix};

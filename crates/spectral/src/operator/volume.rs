@@ -28,7 +28,8 @@ const ROWS_PER_TASK: usize = 2048;
 
 type Vector = [f64; 3];
 
-/// Assembles the operator of a solid; its rows are all vertices, those on the boundary first where the solid was checked. Announces the stage `operator`.
+/// Assembles the operator of a solid; its rows are all vertices, those on the boundary first where the solid was checked. Announces the stage
+/// `operator`.
 ///
 /// # Errors
 /// [`OperatorError`]: a Voronoi mass, a vertex out of range or not finite, a solid without volume or unknowns, cancellation.

@@ -28,8 +28,8 @@ pub struct Parts {
     #[cfg_attr(feature = "schema", schema(required = false))]
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub scalars: Vec<f64>,
-    /// Three numbers for each face, one after the other: `xx`, `xy` and `yy` of a positive definite tensor in the frame of the face, whose `x` runs along the
-    /// edge from its first corner to its second, and `y` to the side of the third.
+    /// Three numbers for each face, one after the other: `xx`, `xy` and `yy` of a positive definite tensor in the frame of the face, whose `x` runs
+    /// along the edge from its first corner to its second, and `y` to the side of the third.
     #[cfg_attr(feature = "schema", schema(required = false))]
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tensors: Vec<f64>,
@@ -109,8 +109,8 @@ impl Parts {
     }
 }
 
-/// The stiffness with the weights of the faces, in the pattern of that of `laplacian`, which was made of the same faces; `shapes` are theirs. Faces without area contribute
-/// nothing.
+/// The stiffness with the weights of the faces, in the pattern of that of `laplacian`, which was made of the same faces; `shapes` are theirs. Faces
+/// without area contribute nothing.
 pub(super) fn stiffness(
     laplacian: &EigenProblem,
     mesh: &TriangleMesh,

@@ -104,12 +104,12 @@ const FEW_VERTICES_FOR_HEAT: usize = 20;
 
 /// Computes the lowest `m` Ritz pairs of an operator in a subspace of `d` locally supported functions.
 ///
-/// Where the estimated error of a pair exceeds the goal, the space is made finer and the pairs computed again, as often as the goal allows: by columns that
-/// diffuse for longer, where they have few vertices; by hat functions where the residuals sit, if that is at few vertices; else by a larger `d`. The
-/// certificate tells what came of it.
+/// Where the estimated error of a pair exceeds the goal, the space is made finer and the pairs computed again, as often as the goal allows: by
+/// columns that diffuse for longer, where they have few vertices; by hat functions where the residuals sit, if that is at few vertices; else by a
+/// larger `d`. The certificate tells what came of it.
 ///
-/// Stages: `sampling`, `basis`, `reduce`, `eigen`, `bounds`; the last three, or all, once more for each round; `certify`. Eigenvalues ascend, are upper
-/// bounds of the exact ones, and are in 1/length² of the input; eigenfunctions are orthonormal for the mass of the input. The metadata are left
+/// Stages: `sampling`, `basis`, `reduce`, `eigen`, `bounds`; the last three, or all, once more for each round; `certify`. Eigenvalues ascend, are
+/// upper bounds of the exact ones, and are in 1/length² of the input; eigenfunctions are orthonormal for the mass of the input. The metadata are left
 /// empty. The same input and seed give the same answer, up to rounding in the dense eigenproblem where the number of threads differs.
 ///
 /// # Errors
@@ -213,9 +213,9 @@ pub fn approximate(
     })
 }
 
-/// Makes distances of values, ascending, from some eigenvalue those from the eigenvalue of the same index, if no two values belong to one eigenvalue: a pair that is closer
-/// than its neighbours stands one place too low where an eigenvalue below it has its value above. No distance gets smaller; they are in units of the values over
-/// `unit`.
+/// Makes distances of values, ascending, from some eigenvalue those from the eigenvalue of the same index, if no two values belong to one eigenvalue:
+/// a pair that is closer than its neighbours stands one place too low where an eigenvalue below it has its value above. No distance gets smaller;
+/// they are in units of the values over `unit`.
 fn by_index(values: &[f64], distances: &mut [f64], unit: f64) {
     let mut lower: Vec<f64> = values
         .iter()

@@ -178,8 +178,8 @@ fn bounds_are_narrow_and_hold_beside_triangles_of_next_to_no_area() {
     }
 }
 
-/// Twice the same column, but for the last bits of one entry: the difference has a mass and an energy of nothing but rounding errors, and whatever quotient
-/// of the two it likes.
+/// Twice the same column, but for the last bits of one entry: the difference has a mass and an energy of nothing but rounding errors, and whatever
+/// quotient of the two it likes.
 #[test]
 fn columns_that_all_but_equal_others_add_no_pairs() {
     let mesh = generate(Shape::Sphere, 2_000).unwrap();

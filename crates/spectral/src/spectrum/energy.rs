@@ -1,7 +1,7 @@
 //! Residuals in the norm that belongs to them: that of the inverse operator.
 //!
-//! `K = S + cM` is positive semi-definite (`c` is 0 but for negative potentials), `A = K + σM`, `r = S x − θ M x`. With `z = A^½ x` and `B = A^-½ M A^-½`,
-//! `A^-½ r = (1 − (θ + c + σ) B) z`, so some exact eigenvalue λ has
+//! `K = S + cM` is positive semi-definite (`c` is 0 but for negative potentials), `A = K + σM`, `r = S x − θ M x`. With `z = A^½ x` and
+//! `B = A^-½ M A^-½`, `A^-½ r = (1 − (θ + c + σ) B) z`, so some exact eigenvalue λ has
 //!
 //! ```text
 //! |λ − θ| ≤ η (λ + c + σ),   η = ‖r‖_{A⁻¹} / ‖x‖_A.
@@ -43,8 +43,8 @@ use chladni_base::{Cancelled, Monitor};
 /// estimates fall below the errors.
 const SHIFT: f64 = 0.7;
 
-/// Another cycle is taken where the square of the upper end exceeds that of the lower one by more than `SLACK` times and the bound is above `CLOSE` of
-/// the value; cycles at most.
+/// Another cycle is taken where the square of the upper end exceeds that of the lower one by more than `SLACK` times and the bound is above `CLOSE`
+/// of the value; cycles at most.
 const SLACK: f64 = 3.0;
 const CLOSE: f64 = 0.08;
 const MOST_STEPS: usize = 4;

@@ -54,8 +54,8 @@ pub struct HodgeSpectrum {
 /// Computes the lowest `count` eigenfields of a surface whose fields run along its boundary, if it has one. `harmonic` are its harmonic fields, `2F`
 /// numbers each, orthonormal on unit area; they count among the eigenfields.
 ///
-/// Tolerance and seed are those of `parameters`. The tolerance is that of the fields: a gradient weighs what is left of its function by frequency, so that the
-/// scalar problems are solved to less than it, and once more where that was not enough.
+/// Tolerance and seed are those of `parameters`. The tolerance is that of the fields: a gradient weighs what is left of its function by frequency, so
+/// that the scalar problems are solved to less than it, and once more where that was not enough.
 ///
 /// # Errors
 /// [`HsimError`]: more fields than there are, pairs that do not converge, cancellation.

@@ -1,17 +1,17 @@
 //! Enclosures of approximate eigenvalues, index by index: one inertia count and the bounds of Lehmann and Goerisch.
 //!
-//! Ritz values lie above the eigenvalues of their index. For bounds from below let at most `k` eigenvalues lie below a pole `ρ`, and let `V` be Ritz vectors with
-//! values `Θ` below it. With `A = S + (c + σ) M`, hats for values plus `c + σ`, the operator `A⁻¹M` has the eigenvalues `1 / λ̂`, and Lehmann's bounds on those
-//! next to `1 / ρ̂` need `(MV)ᵀA⁻¹(MV)`, which is known up to `G ⪰ RᵀA⁻¹R`, `R` the residuals. What remains is a symmetric matrix: with `D = ρ̂ − Θ̂` and
-//! `VᵀMV = I`, `VᵀAV = Θ̂`, the eigenvalues `κ₁ ≤ κ₂ ≤ …` of
+//! Ritz values lie above the eigenvalues of their index. For bounds from below let at most `k` eigenvalues lie below a pole `ρ`, and let `V` be Ritz
+//! vectors with values `Θ` below it. With `A = S + (c + σ) M`, hats for values plus `c + σ`, the operator `A⁻¹M` has the eigenvalues `1 / λ̂`, and
+//! Lehmann's bounds on those next to `1 / ρ̂` need `(MV)ᵀA⁻¹(MV)`, which is known up to `G ⪰ RᵀA⁻¹R`, `R` the residuals. What remains is a symmetric
+//! matrix: with `D = ρ̂ − Θ̂` and `VᵀMV = I`, `VᵀAV = Θ̂`, the eigenvalues `κ₁ ≤ κ₂ ≤ …` of
 //!
 //! ```text
 //! Θ̂⁻¹ + ρ̂ Θ̂⁻¹ D^-½ G D^-½ Θ̂⁻¹
 //! ```
 //!
-//! give `λ̂_{k+1−j} ≥ 1 / κⱼ` (Goerisch and He, 1990; Behnke and Goerisch, 1994). The lower bound of a pair is a pole for those below it, so one count is enough
-//! for any number of pairs. Where more eigenvalues were counted than Ritz values lie below the pole, the indices shift by the difference: bounds hold, and are wider.
-//! That `VᵀMV` and `VᵀAV` are diagonal up to rounding alone is part of the bound.
+//! give `λ̂_{k+1−j} ≥ 1 / κⱼ` (Goerisch and He, 1990; Behnke and Goerisch, 1994). The lower bound of a pair is a pole for those below it, so one
+//! count is enough for any number of pairs. Where more eigenvalues were counted than Ritz values lie below the pole, the indices shift by the
+//! difference: bounds hold, and are wider. That `VᵀMV` and `VᵀAV` are diagonal up to rounding alone is part of the bound.
 
 use rayon::prelude::*;
 use std::ops::Range;
@@ -119,8 +119,8 @@ pub(super) fn enclose(
     Ok(Enclosed { shift, below, bounds: found })
 }
 
-/// A pole behind the last pair, and those below that put indices right: where more eigenvalues were counted than Ritz values lie below, the pairs below the one that is
-/// missing have bounds of their own index only from a pole below it.
+/// A pole behind the last pair, and those below that put indices right: where more eigenvalues were counted than Ritz values lie below, the pairs
+/// below the one that is missing have bounds of their own index only from a pole below it.
 fn poles(
     pencil: &ShiftedPencil,
     values: &[f64],
@@ -190,8 +190,8 @@ fn gaps(values: &[f64], estimates: &[f64], places: Range<usize>) -> Vec<f64> {
     wide.into_iter().map(|k| values[k] + 0.75 * gap(k) * size(k)).collect()
 }
 
-/// A shift behind one of some values, how many eigenvalues lie below, and how uncertain that is: the first of a few where no more lie below than values, if
-/// there is one.
+/// A shift behind one of some values, how many eigenvalues lie below, and how uncertain that is: the first of a few where no more lie below than
+/// values, if there is one.
 fn anchor(
     pencil: &ShiftedPencil,
     values: &[f64],
@@ -211,7 +211,8 @@ fn anchor(
     Ok(found)
 }
 
-/// Lower bounds of the eigenvalues of the lowest indices, from a pole below which at most so many lie; that of the whole operator where there is none.
+/// Lower bounds of the eigenvalues of the lowest indices, from a pole below which at most so many lie; that of the whole operator where there is
+/// none.
 #[expect(clippy::too_many_arguments, reason = "pairs in three parts, and where they are enclosed")]
 fn lower_bounds(
     energy: &Energy<'_>,
@@ -260,8 +261,8 @@ fn lower_bounds(
 /// What rounding may have done to the row of a pair: it takes the first off `D / ρ̂`, and adds the second to what is divided by it.
 type Rounding = (f64, f64);
 
-/// `1 / κⱼ`, from the one next to the pole downward: what `λ̂` of the `j`-th eigenvalue below the pole is at least. Nothing where rounding leaves nothing of a
-/// distance to the pole.
+/// `1 / κⱼ`, from the one next to the pole downward: what `λ̂` of the `j`-th eigenvalue below the pole is at least. Nothing where rounding leaves
+/// nothing of a distance to the pole.
 fn goerisch(
     hats: &[f64],
     pole: f64,

@@ -211,10 +211,10 @@ fn nearest(connectivity: &Connectivity, vertex: u32, vertices: usize) -> f64 {
 
 /// The columns of `U` around `samples`: `n × d`, each row non-negative with sum 1, and no row empty.
 ///
-/// Column `j` is the profile of the distance from sample `j`, over the support radius that follows from `sigma` and the area of the
-/// mesh; where samples crowd, their supports are shrunk until each keeps a fair share of its own vertex, so that columns stay
-/// independent. Vertices that lie in no support become samples themselves, in ascending order after the given ones, so `d ≥ samples.len()`; where they are many, each of
-/// their functions holds several of them, and there are at most [`most_columns`].
+/// Column `j` is the profile of the distance from sample `j`, over the support radius that follows from `sigma` and the area of the mesh; where
+/// samples crowd, their supports are shrunk until each keeps a fair share of its own vertex, so that columns stay independent. Vertices that lie in
+/// no support become samples themselves, in ascending order after the given ones, so `d ≥ samples.len()`; where they are many, each of their
+/// functions holds several of them, and there are at most [`most_columns`].
 ///
 /// # Errors
 /// [`RadialError`] for samples that are not vertices, for a mesh without vertices, samples or area, and when cancelled.
@@ -341,9 +341,9 @@ impl Supports<'_> {
 
     /// Gives vertices outside all supports functions, until there is none.
     ///
-    /// Where few are outside, as at the end of a limb, each becomes a sample. Where many are, area says nothing of how far apart vertices lie: a surface squashed to a line has
-    /// none, and each of its vertices would be a column. There a function holds several of the nearest vertices. Where that does not suffice either, as on thousands of spikes, the
-    /// rest joins the function of the nearest centre: see [`most_columns`].
+    /// Where few are outside, as at the end of a limb, each becomes a sample. Where many are, area says nothing of how far apart vertices lie: a
+    /// surface squashed to a line has none, and each of its vertices would be a column. There a function holds several of the nearest vertices. Where
+    /// that does not suffice either, as on thousands of spikes, the rest joins the function of the nearest centre: see [`most_columns`].
     fn cover(&mut self, connectivity: &Connectivity, radius: f64, monitor: &dyn Monitor) -> Result<(), Cancelled> {
         let samples = self.centres.len();
         let outside = self.covered.iter().filter(|covered| !covered.load(Ordering::Relaxed)).count();

@@ -106,8 +106,8 @@ pub(super) fn inverse_iterations(
     inverse_iterations_until(problem, vectors, values, monitor, |done, vectors, _| Ok((vectors, done >= iterations)))
 }
 
-/// Inverse iterations `X ← (K + σM)⁻¹ M X`, of which there is one at least. After each of them `after` is given their number, the columns, and the shift
-/// `σ > 0`; it gives columns to go on with, and whether they are enough.
+/// Inverse iterations `X ← (K + σM)⁻¹ M X`, of which there is one at least. After each of them `after` is given their number, the columns, and the
+/// shift `σ > 0`; it gives columns to go on with, and whether they are enough.
 pub(super) fn inverse_iterations_until<E: From<ApproximationError> + From<Cancelled> + Send>(
     problem: &EigenProblem,
     mut vectors: PanelMatrix,

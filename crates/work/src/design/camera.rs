@@ -20,7 +20,8 @@ pub struct CameraRequest {
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub target: Option<[f64; 3]>,
-    /// In place of `eye` and `target`: from the mesh to the eye, which is so far away that all of the mesh is seen. `[0.4, 0.3, 1]` where it is left out.
+    /// In place of `eye` and `target`: from the mesh to the eye, which is so far away that all of the mesh is seen. `[0.4, 0.3, 1]` where it is left
+    /// out.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub from: Option<[f64; 3]>,

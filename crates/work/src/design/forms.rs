@@ -19,8 +19,8 @@ pub enum Form {
     Frames,
     /// All n vectors in ℝ³, one after the other; of a tensor the two unit eigendirections, of the larger eigenvalue first, each times its eigenvalue.
     Roots,
-    /// Of a tensor both eigenvalues, the larger first, and the unit direction of the larger in ℝ³: five numbers. Of vectors and n-vectors their length
-    /// and the unit direction of the first: four numbers.
+    /// Of a tensor both eigenvalues, the larger first, and the unit direction of the larger in ℝ³: five numbers. Of vectors and n-vectors their
+    /// length and the unit direction of the first: four numbers.
     Axes,
 }
 

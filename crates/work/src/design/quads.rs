@@ -30,8 +30,8 @@ pub struct QuadsRequest {
     /// parametrisation is seamless alone, which costs one solve.
     #[serde(default)]
     pub integers: bool,
-    /// From how many degrees between the normals of its faces on an edge is to lie on a grid line, where the field runs along it; null for none. Boundaries are as
-    /// `field` says, or are followed.
+    /// From how many degrees between the normals of its faces on an edge is to lie on a grid line, where the field runs along it; null for none.
+    /// Boundaries are as `field` says, or are followed.
     #[serde(default = "sharp")]
     #[cfg_attr(feature = "schema", schema(default = 35.0, minimum = 0.0, maximum = 180.0))]
     pub creases: Option<f64>,
@@ -60,8 +60,8 @@ fn yes() -> bool {
 pub enum CrossSource {
     /// The smoothest one of all that follow creases and boundaries.
     Aligned(CrossRequest),
-    /// A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the frame of the face, two numbers whose angle is four
-    /// times that of the directions.
+    /// A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the frame of the face, two numbers
+    /// whose angle is four times that of the directions.
     Table(Table),
     /// A field of a basis: of 4-vectors, or of what has directions to be completed to crosses, vectors, 2-vectors and tensors.
     Basis(BasisField),
@@ -99,8 +99,8 @@ pub struct CrossRequest {
     #[serde(default = "yes")]
     #[cfg_attr(feature = "schema", schema(default = true))]
     pub boundary: bool,
-    /// Whether faces with several creases at no right angles are split at their barycentres, so that each part follows one of them: without it such a face follows the longest. Whatever is
-    /// answered is then of the mesh with these parts, which files have in the place of the kept one.
+    /// Whether faces with several creases at no right angles are split at their barycentres, so that each part follows one of them: without it such a
+    /// face follows the longest. Whatever is answered is then of the mesh with these parts, which files have in the place of the kept one.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(default = false))]
     pub split: bool,
@@ -127,7 +127,8 @@ pub struct QuadsAnswer {
     pub coordinates: Table,
     /// For each face one of its four directions in ℝ³, along which `u` grows; the same one from face to face, but across the cut.
     pub directions: Table,
-    /// The cut: for each of its edges, its two vertices and the quarter turns by which the directions of the second face are further than those of the first.
+    /// The cut: for each of its edges, its two vertices and the quarter turns by which the directions of the second face are further than those of
+    /// the first.
     pub cut: Vec<CutEdge>,
     /// The singular vertices.
     pub singularities: Vec<SingularVertex>,

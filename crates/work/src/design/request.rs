@@ -37,8 +37,8 @@ pub struct DesignRequest {
     /// Whether to estimate how far the field is from that of least energy among all fields of the surface, as a share of its length.
     #[serde(default)]
     pub error: bool,
-    /// Asks for the field of least energy among all fields of the surface itself, in place of that in the space of the basis: to this relative tolerance, from
-    /// 1e-10 to below 1.
+    /// Asks for the field of least energy among all fields of the surface itself, in place of that in the space of the basis: to this relative
+    /// tolerance, from 1e-10 to below 1.
     #[cfg_attr(feature = "schema", schema(minimum = 1e-10, maximum = 1.0))]
     pub refine: Option<f64>,
     /// The faces that the field is told of; without it, all.
@@ -54,12 +54,13 @@ pub struct Weights {
     #[serde(default = "one")]
     #[cfg_attr(feature = "schema", schema(default = 1.0, minimum = 0.0))]
     pub harmonic: f64,
-    /// Of the biharmonic energy, without which a field has no value at a point: with 0 the answer to strokes and constraints on single faces depends on the
-    /// dimension of the basis. By default a twentieth of `harmonic`.
+    /// Of the biharmonic energy, without which a field has no value at a point: with 0 the answer to strokes and constraints on single faces depends
+    /// on the dimension of the basis. By default a twentieth of `harmonic`.
     #[cfg_attr(feature = "schema", schema(minimum = 0.0))]
     pub biharmonic: Option<f64>,
     /// Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the full (unreduced) one of the whole
-    /// mesh restricted to the space, which sees the noise of its columns. The second is for comparison; every choice of weights costs a factorisation.
+    /// mesh restricted to the space, which sees the noise of its columns. The second is for comparison; every choice of weights costs a
+    /// factorisation.
     #[serde(default)]
     pub biharmonic_energy: BiharmonicEnergy,
 }
@@ -124,8 +125,8 @@ pub struct Stroke {
     /// A symmetric tensor in the frame of the face: a₁₁, a₂₂, a₁₂.
     #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub tensor: Option<[f64; 3]>,
-    /// How firmly the stroke holds, against what the field resists with there: alone, a stroke of strength `s` on one face misses the share `1 / (1 + 100 s)` of its
-    /// length. 1 is met to a percent, 0.1 to a tenth, on every surface, at every scale and with all weights of the energies.
+    /// How firmly the stroke holds, against what the field resists with there: alone, a stroke of strength `s` on one face misses the share
+    /// `1 / (1 + 100 s)` of its length. 1 is met to a percent, 0.1 to a tenth, on every surface, at every scale and with all weights of the energies.
     #[cfg_attr(feature = "schema", schema(default = 1.0))]
     pub strength: Option<f64>,
 }
@@ -159,11 +160,13 @@ pub struct Pin {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct AlignmentRequest {
-    /// `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that are stored in a face; or the id of a stored field.
+    /// `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that are stored in a face; or the id
+    /// of a stored field.
     pub to: Target,
     /// The weight of the squared deviation.
     pub weight: f64,
-    /// A weight for each face, itself or by the id of a stored field, or `anisotropy`: how clearly the principal directions differ, from 0 to 1. Without it all faces count alike.
+    /// A weight for each face, itself or by the id of a stored field, or `anisotropy`: how clearly the principal directions differ, from 0 to 1.
+    /// Without it all faces count alike.
     #[serde(default)]
     pub per_face: Option<PerFace>,
 }
@@ -236,8 +239,8 @@ pub struct SingularitiesRequest {
     #[serde(default = "hundred")]
     #[cfg_attr(feature = "schema", schema(default = 100.0))]
     pub weight: f64,
-    /// Whether the field itself is wanted: of length 1 everywhere, not of the space, with exactly these singularities, on each component turned to fit the
-    /// strokes there. Coefficients and energies are those of the design that stays close to it.
+    /// Whether the field itself is wanted: of length 1 everywhere, not of the space, with exactly these singularities, on each component turned to
+    /// fit the strokes there. Coefficients and energies are those of the design that stays close to it.
     #[serde(default)]
     pub exact: bool,
 }

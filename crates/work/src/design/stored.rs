@@ -85,8 +85,8 @@ pub(super) fn nowhere(place: &str) -> DesignFault {
 }
 
 impl KeptField {
-    /// Its numbers as the basis stores them. Fields of fewer directions are fields of more where the one number divides the other; of the three columns of
-    /// an upload, vectors in ℝ³ are meant unless the basis is of tensors.
+    /// Its numbers as the basis stores them. Fields of fewer directions are fields of more where the one number divides the other; of the three
+    /// columns of an upload, vectors in ℝ³ are meant unless the basis is of tensors.
     ///
     /// # Errors
     /// [`DesignFault::Request`] says what does not fit.

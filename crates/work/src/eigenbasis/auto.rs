@@ -1,6 +1,7 @@
 //! The method `auto`: which of the others a mesh and a count call for.
 
 use chladni_base::Monitor;
+use chladni_base::notes::FALLBACKS;
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{AccuracyReport, Basis};
 use chladni_spectral::operator::MeshOperator;
@@ -13,8 +14,8 @@ use crate::{JobError, ParameterError};
 /// The exact method is taken where it is expected to need at most so many seconds of one core.
 const SECONDS: f64 = 1.0;
 
-/// What misses its goal by the approximation is computed exactly where that needs no more memory than this: what an ordinary machine has to spare. Beyond, the
-/// exact method is one to be asked for, and the approximation says by how much it misses.
+/// What misses its goal by the approximation is computed exactly where that needs no more memory than this: what an ordinary machine has to spare.
+/// Beyond, the exact method is one to be asked for, and the approximation says by how much it misses.
 const MOST_BYTES: u64 = 8 << 30;
 
 /// Both methods with their defaults; which one runs is decided by the size of the mesh.
@@ -49,7 +50,8 @@ impl Auto {
         self.exact.memory_bytes(vertices) <= MOST_BYTES
     }
 
-    /// Computes the basis, and by which method: one that misses its goal by the approximation is computed exactly, unless that would need too much memory.
+    /// Computes the basis, and by which method: one that misses its goal by the approximation is computed exactly, unless that would need too much
+    /// memory.
     ///
     /// # Errors
     /// [`JobError`]: as the methods.
@@ -71,10 +73,10 @@ impl Auto {
             );
             if !self.may_become_exact(mesh.positions.len() as u64) {
                 let beside = format!("{missed}; not computed exactly, since that would need more than 8 GiB of memory");
-                monitor.note("fallbacks", &beside);
+                monitor.note(FALLBACKS, &beside);
                 return Ok((basis, "approximate"));
             }
-            monitor.note("fallbacks", &missed);
+            monitor.note(FALLBACKS, &missed);
         }
         Ok((self.exact.run(mesh, operator, seed, monitor)?, "hsim"))
     }
@@ -83,8 +85,11 @@ impl Auto {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::EigenbasisParameters;
+    use crate::eigenbasis::{Accuracy, Method};
     use crate::packed::Packed;
+    use crate::{EigenbasisParameters, JobParameters};
+    use chladni_base::Unwatched;
+    use chladni_mesh::shape::{Shape, generate};
     use serde_json::json;
 
     fn auto(count: usize) -> Auto {
@@ -97,6 +102,29 @@ mod tests {
             [(5_000, 100, true), (40_000, 50, true), (10_000, 200, true), (134_000, 50, false), (10_000, 1_000, false)]
         {
             assert_eq!(auto(count).is_exact(vertices), exact, "{vertices} vertices, {count} pairs");
+        }
+    }
+
+    #[test]
+    fn a_basis_that_needed_a_surer_method_says_so() {
+        let mesh = generate(Shape::Torus, 3_000).unwrap();
+        // So many pairs are approximated at first, and no approximation meets this goal; fewer are exact from the beginning.
+        for (count, expected) in [(700, true), (60, false)] {
+            let mut parameters = EigenbasisParameters::parse(&json!({"count": count})).unwrap();
+            let Method::Auto(auto) = &mut parameters.method else { panic!("not the method auto") };
+            auto.approximate.accuracy = Accuracy::Goal(1e-6);
+            let product = JobParameters::Eigenbasis(parameters).run(&mesh, &Unwatched).unwrap().product;
+            let details = product.summary().details;
+            match details[FALLBACKS].as_array().map(Vec::as_slice) {
+                Some([missed]) if expected => {
+                    let text = missed.as_str().unwrap();
+                    assert!(text.starts_with("approximation: ") && text.contains("1.00e-6"), "{text}");
+                }
+                None if !expected => {}
+                other => panic!("{count}: {other:?}"),
+            }
+            let basis = product.into_eigenbasis().unwrap();
+            assert_eq!(basis.metadata["method"], "hsim", "{count} pairs");
         }
     }
 

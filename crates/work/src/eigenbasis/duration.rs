@@ -1,6 +1,6 @@
 //! About how long the methods take on one core: for the choice between them, and to warn before long work begins. Fitted to meshes of 10,000 to
-//! 134,000 vertices on a processor with AVX-512. Eleven solves of three of them, 50 to 1,000 pairs beside other work on the machine, took .7 to 2.1 times as long as told
-//! (`chladni solve rocker-arm.off -n 500 --method hsim --threads 1`, likewise armadillo and igea, both methods).
+//! 134,000 vertices on a processor with AVX-512. Eleven solves of three of them, 50 to 1,000 pairs beside other work on the machine, took .7 to 2.1
+//! times as long as told (`chladni solve rocker-arm.off -n 500 --method hsim --threads 1`, likewise armadillo and igea, both methods).
 
 use chladni_spectral::spectrum::hsim::{Variant, Wanted};
 

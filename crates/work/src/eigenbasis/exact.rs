@@ -149,10 +149,10 @@ impl Exact {
 
     /// An estimate of the memory that the work needs beside mesh and operator, in bytes.
     ///
-    /// The factor of a mesh of `n` vertices has about `4.7 n log₂ n` nonzeros (2.5 million at 41 thousand, 9.7 at 134, 60 at 655), of
-    /// which two are held, with their indices, where two threads work at two shifts. Of the `q` columns that are iterated on, in double
-    /// precision, two and a half copies were measured, beside a few `q × q` matrices, the finest space of the hierarchy, and the result. What an iteration
-    /// does not settle is left to a dense solve, where that is small.
+    /// The factor of a mesh of `n` vertices has about `4.7 n log₂ n` nonzeros (2.5 million at 41 thousand, 9.7 at 134, 60 at 655), of which two are
+    /// held, with their indices, where two threads work at two shifts. Of the `q` columns that are iterated on, in double precision, two and a half
+    /// copies were measured, beside a few `q × q` matrices, the finest space of the hierarchy, and the result. What an iteration does not settle is
+    /// left to a dense solve, where that is small.
     pub fn memory_bytes(&self, vertices: u64) -> u64 {
         let n = vertices.max(2);
         let p = (self.most_pairs() as u64).min(n);
@@ -280,7 +280,8 @@ impl Exact {
     }
 }
 
-/// The residuals (4.6) of columns that are rounded to single precision; those of a kernel remain what they are in double precision. Values are in the units of the input.
+/// The residuals (4.6) of columns that are rounded to single precision; those of a kernel remain what they are in double precision. Values are in the
+/// units of the input.
 pub(super) fn residuals_as_stored(
     (vectors, values, residuals): (&PanelMatrix, &[f64], &[f64]),
     problem: &EigenProblem,

@@ -177,7 +177,8 @@ impl EigenbasisParameters {
         }
     }
 
-    /// The parameters as a basis carries them. Values of a potential and weights of faces, which may be more than everything else, stay out, and the operator with them.
+    /// The parameters as a basis carries them. Values of a potential and weights of faces, which may be more than everything else, stay out, and the
+    /// operator with them.
     fn to_be_recorded(&self) -> Value {
         let mut parameters = self.canonical();
         let long = matches!(

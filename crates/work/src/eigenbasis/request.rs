@@ -68,7 +68,8 @@ pub struct Request {
     #[cfg_attr(feature = "schema", schema(example = 900.0))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub below: Option<f64>,
-    /// `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are computed.
+    /// `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are
+    /// computed.
     #[cfg_attr(feature = "schema", schema(min_items = 2, max_items = 2, example = json!([100.0, 900.0])))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub between: Option<[f64; 2]>,
@@ -92,11 +93,12 @@ pub struct Request {
     /// How the subspace is built; `heat`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub construction: Option<Construction>,
-    /// The largest relative error of an eigenvalue that is good enough, as estimated: columns are added until it is reached, at most five times. `standard`,
-    /// unless it is given.
+    /// The largest relative error of an eigenvalue that is good enough, as estimated: columns are added until it is reached, at most five times.
+    /// `standard`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<Accuracy>,
-    /// Details of the construction `heat`. Where they are the usual ones, columns of few vertices diffuse for longer: `accuracy.heat_steps` of the result.
+    /// Details of the construction `heat`. Where they are the usual ones, columns of few vertices diffuse for longer: `accuracy.heat_steps` of the
+    /// result.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heat: Option<HeatParameters>,
     /// Details of the construction `radial`.
@@ -138,9 +140,9 @@ pub struct Request {
     /// How eigenfunctions are stored; `dense`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub storage: Option<StorageKind>,
-    /// The type of the numbers of a dense basis. Unless it is given, `f32` where columns in single precision keep the tolerance, and `f64` where they do not,
-    /// as below 1e-4 and on large meshes; eigenfields of `hodge` are stored in `f64`, and what inverse iteration refined in `f32`. With `f32` given, the
-    /// certificate says what tolerance is kept.
+    /// The type of the numbers of a dense basis. Unless it is given, `f32` where columns in single precision keep the tolerance, and `f64` where they
+    /// do not, as below 1e-4 and on large meshes; eigenfields of `hodge` are stored in `f64`, and what inverse iteration refined in `f32`. With `f32`
+    /// given, the certificate says what tolerance is kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub precision: Option<Precision>,
     /// Seeds everything that is drawn at random; 0, unless it is given.

@@ -156,7 +156,8 @@ fn around_the_apex_of_a_cone_paths_are_those_of_the_unrolled_cone() {
     }
 }
 
-/// All distances of a small mesh, by unfolding every sequence of faces that some straight path from a vertex crosses, and then by paths over vertices.
+/// All distances of a small mesh, by unfolding every sequence of faces that some straight path from a vertex crosses, and then by paths over
+/// vertices.
 fn by_brute_force(mesh: &TriangleMesh) -> Vec<Vec<f64>> {
     let n = mesh.positions.len();
     let mut direct = vec![vec![f64::INFINITY; n]; n];

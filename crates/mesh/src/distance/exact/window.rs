@@ -62,8 +62,8 @@ impl Window {
         (self.from < self.to).then_some(self)
     }
 
-    /// Whether all of it is as far as the way through the corner of the face that it left, which lies on the side of its end. `distance` is that of the corner,
-    /// which has its place along the edge and behind it.
+    /// Whether all of it is as far as the way through the corner of the face that it left, which lies on the side of its end. `distance` is that of
+    /// the corner, which has its place along the edge and behind it.
     pub fn is_beaten_by(&self, distance: f64, (along, behind): (f64, f64)) -> bool {
         distance + hypotenuse(self.from - along, behind) <= self.at(self.from)
     }
@@ -77,8 +77,8 @@ impl Window {
         seen.then(|| (self.before + hypotenuse(along - self.along, height), place))
     }
 
-    /// What leaves the face by the side between the begin of the edge and the third corner, in the plane of that side and measured from the begin of the
-    /// edge; `side` is its length.
+    /// What leaves the face by the side between the begin of the edge and the third corner, in the plane of that side and measured from the begin of
+    /// the edge; `side` is its length.
     pub fn through(&self, (along, above): (f64, f64), side: f64) -> Option<Self> {
         let height = self.behind + above;
         // A source on the line of the edge sees nothing above it.

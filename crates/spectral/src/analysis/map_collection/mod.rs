@@ -1,11 +1,11 @@
 //! Maps between all shapes of a collection at once, without landmarks.
 //!
 //! For every pair a first map follows from wave kernel signatures: it takes them to each other, commutes with the Laplacians, with products by the
-//! signatures (Nogneng and Ovsjanikov 2017) and with their oriented derivatives (Ren et al. 2018), which tell the left side of a symmetric shape from the
-//! right. ZoomOut makes it larger. Single pairs fail even so; together they need not: a common latent basis in which all maps are nearly the identity
-//! (Wang et al. 2013; Huang et al. 2020, Consistent ZoomOut) follows mostly the maps that agree with each other. All shapes are then embedded in the latent
-//! space, neighbours in it make new maps, these a larger latent basis, and so on. At the end each pair is polished by itself: most shapes are nearer to each
-//! other than to what all have in common.
+//! signatures (Nogneng and Ovsjanikov 2017) and with their oriented derivatives (Ren et al. 2018), which tell the left side of a symmetric shape from
+//! the right. ZoomOut makes it larger. Single pairs fail even so; together they need not: a common latent basis in which all maps are nearly the
+//! identity (Wang et al. 2013; Huang et al. 2020, Consistent ZoomOut) follows mostly the maps that agree with each other. All shapes are then
+//! embedded in the latent space, neighbours in it make new maps, these a larger latent basis, and so on. At the end each pair is polished by itself:
+//! most shapes are nearer to each other than to what all have in common.
 
 mod cost;
 mod cycles;

@@ -29,8 +29,8 @@ pub const MOST_PIXELS: u32 = 8192;
 const FILLED: f64 = 0.94;
 
 impl Camera {
-    /// The camera that sees all of a mesh from a direction, as large as its picture allows, with `margin` around it in the units of the mesh. A direction along
-    /// `up` is turned a little. What cannot be seen at all gives a camera that no picture is drawn with.
+    /// The camera that sees all of a mesh from a direction, as large as its picture allows, with `margin` around it in the units of the mesh. A
+    /// direction along `up` is turned a little. What cannot be seen at all gives a camera that no picture is drawn with.
     pub fn fitted(mesh: &TriangleMesh, from: [f64; 3], margin: f64, camera: Self) -> Self {
         let away = unit_vector(from);
         let lies_along = dot(cross(camera.up, away), cross(camera.up, away)) <= 1e-12 * dot(camera.up, camera.up);

@@ -1,7 +1,8 @@
 //! Hatchings: which parts of the lines on a surface are drawn, and how wide, so that their density is the tone of the light.
 //!
-//! Lines come in levels, each of half the distance of the one before. Darker places take more levels, and lines swell as they are needed; from a darkness on
-//! the lines of other directions cross the first. What turns away from the eye would look darker than it is, as its lines stand closer: it takes fewer.
+//! Lines come in levels, each of half the distance of the one before. Darker places take more levels, and lines swell as they are needed; from a
+//! darkness on the lines of other directions cross the first. What turns away from the eye would look darker than it is, as its lines stand closer:
+//! it takes fewer.
 
 use chladni_mesh::TriangleMesh;
 

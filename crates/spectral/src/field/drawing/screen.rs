@@ -91,7 +91,8 @@ impl<'a> Screen<'a> {
         self.view.pixel(p[0], p[1]).is_some() && p[2] <= self.depth_at(p[0], p[1]) + self.slack
     }
 
-    /// The same of a point at the edge of what is seen, `reach` pixels of which may be on either side of the edge: it shows where anything around it does.
+    /// The same of a point at the edge of what is seen, `reach` pixels of which may be on either side of the edge: it shows where anything around it
+    /// does.
     pub fn shows_edge(&self, p: [f64; 3], reach: i32) -> bool {
         let around = || (-reach..=reach).map(f64::from);
         let far = p[2] - 4.0 * self.slack;

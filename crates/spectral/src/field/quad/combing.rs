@@ -1,8 +1,8 @@
 //! Directions of a cross field that go on from face to face, everywhere but across a cut.
 //!
-//! A tree of shortest paths joins the singular vertices and the boundaries; a tree of faces that crosses none of them leaves the edges of handles beside (Eppstein 2003). Along
-//! the tree of faces the first direction of a face is the one that the first of its parent goes on as. What hangs free among the edges that are not crossed is taken off again: around an
-//! ordinary vertex with one edge left, directions go on across that too.
+//! A tree of shortest paths joins the singular vertices and the boundaries; a tree of faces that crosses none of them leaves the edges of handles
+//! beside (Eppstein 2003). Along the tree of faces the first direction of a face is the one that the first of its parent goes on as. What hangs free
+//! among the edges that are not crossed is taken off again: around an ordinary vertex with one edge left, directions go on across that too.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
@@ -24,8 +24,8 @@ use crate::operator::transport::FieldKind;
 pub struct Combed {
     /// One of the four directions of each face, of length 1 in its frame: inside the cut it goes on from face to face.
     pub directions: Vec<Planar>,
-    /// For each edge, from its lower face to the upper one: direction `k` of four, counted counter-clockwise from the one with the least angle from 0 to 90 degrees in
-    /// the frame, goes on as direction `k + matching`.
+    /// For each edge, from its lower face to the upper one: direction `k` of four, counted counter-clockwise from the one with the least angle from 0
+    /// to 90 degrees in the frame, goes on as direction `k + matching`.
     pub matching: Vec<u8>,
     /// For each edge: the direction of the upper face is that of the lower one, turned by so many quarters; 0 but on the cut.
     pub jumps: Vec<u8>,
@@ -125,7 +125,8 @@ fn singular_vertices(surface: &FieldSurface, angles: &[f64], matching: &[u8]) ->
     vertices.map_init(Vec::new, one).flatten_iter().collect()
 }
 
-/// The edges of paths that join singular vertices and boundaries, on each component: of the shortest ways between those that are next to each other as many as make a tree.
+/// The edges of paths that join singular vertices and boundaries, on each component: of the shortest ways between those that are next to each other
+/// as many as make a tree.
 fn joined(surface: &FieldSurface, singular: &[bool], boundary: &[bool]) -> Vec<bool> {
     let (mesh, dual) = (surface.mesh(), surface.dual());
     let vertices = mesh.positions.len();

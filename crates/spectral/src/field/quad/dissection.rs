@@ -1,4 +1,5 @@
-//! Nested dissection of the vertices of a large surface by planes (after Heath and Raghavan 1995): parts are halved across their longest direction, and what lies beside the cut on one side comes last.
+//! Nested dissection of the vertices of a large surface by planes (after Heath and Raghavan 1995): parts are halved across their longest direction,
+//! and what lies beside the cut on one side comes last.
 //!
 //! On surfaces planes separate about as well as what graph partitioning finds, and are found in a tenth of the time, on all threads.
 
@@ -25,7 +26,8 @@ pub(super) struct Neighbours<'a> {
 struct Dissection<'a> {
     positions: &'a [[f64; 3]],
     neighbours: &'a Neighbours<'a>,
-    /// The part that a vertex belongs to. Each is written by the one task that has its part; what others read of it is never the label that they look for.
+    /// The part that a vertex belongs to. Each is written by the one task that has its part; what others read of it is never the label that they look
+    /// for.
     labels: Vec<AtomicU32>,
     /// Whether some large part is cut by too wide a row of vertices.
     wide: AtomicBool,

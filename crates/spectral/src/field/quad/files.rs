@@ -61,7 +61,8 @@ pub fn write_obj(
     Ok(())
 }
 
-/// Legacy VTK (text): points are those of the surface cut open, with `uv` on them; cells have the first direction of the cross and whether they are turned over.
+/// Legacy VTK (text): points are those of the surface cut open, with `uv` on them; cells have the first direction of the cross and whether they are
+/// turned over.
 ///
 /// # Errors
 /// Those of the writer.
@@ -115,7 +116,8 @@ pub fn write_raw_field(surface: &FieldSurface, combed: &Combed, out: &mut dyn Wr
     Ok(())
 }
 
-/// Directional's `.matching` of the directions in [`write_raw_field`]: for each inner edge its faces, its vertices, and by how much numbers of directions go on from the first face to the second.
+/// Directional's `.matching` of the directions in [`write_raw_field`]: for each inner edge its faces, its vertices, and by how much numbers of
+/// directions go on from the first face to the second.
 ///
 /// # Errors
 /// Those of the writer.

@@ -1,7 +1,7 @@
 //! Coordinates whose grid lines follow a cross field, seamless across its cut (Kälberer, Nieser and Polthier 2007; Bommes, Zimmer and Kobbelt 2009).
 //!
-//! `Σ_f A_f w_f |∇z − X_f / h|²` is least under the transitions of [`super::seams`], by one sparse factor. Where faces come out turned over, and it is wanted, they are made stiffer and the factor is computed
-//! again.
+//! `Σ_f A_f w_f |∇z − X_f / h|²` is least under the transitions of [`super::seams`], by one sparse factor. Where faces come out turned over, and it
+//! is wanted, they are made stiffer and the factor is computed again.
 
 use chladni_algebra::{Ordering, SparseMatrix, fill_reducing_order};
 use chladni_base::Monitor;
@@ -102,7 +102,8 @@ pub struct ParametrisationParameters {
     pub integers: bool,
     /// Edges that are to lie on grid lines.
     pub creases: Vec<u32>,
-    /// How often faces that are turned over are made stiffer, at most; where it is not 0, what is left of them is turned back by moving vertices around it.
+    /// How often faces that are turned over are made stiffer, at most; where it is not 0, what is left of them is turned back by moving vertices
+    /// around it.
     pub stiffening: u32,
 }
 
@@ -115,7 +116,8 @@ pub struct Parametrisation {
     pub inverted: Vec<u32>,
     /// The root of the mean square, by area, of how far gradients are from the directions, where 1 is the length of those.
     pub deviation: f64,
-    /// The length between grid lines in the units of the mesh: half of what was asked for where singular vertices and translations can be whole only so.
+    /// The length between grid lines in the units of the mesh: half of what was asked for where singular vertices and translations can be whole only
+    /// so.
     pub spacing: f64,
     /// With whole translations, how far the worst is from a whole number.
     pub misfit: Option<f64>,

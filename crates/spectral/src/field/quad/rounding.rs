@@ -1,6 +1,8 @@
-//! Whole numbers for some unknowns: one after the other the one that is nearest to a whole number, with all others following (Bommes, Zimmer and Kobbelt 2009).
+//! Whole numbers for some unknowns: one after the other the one that is nearest to a whole number, with all others following (Bommes, Zimmer and
+//! Kobbelt 2009).
 //!
-//! How unknowns follow is known from the compliance `C = Eᵀ A⁻¹ E` of those that are to be whole, a dense matrix: fixing one is an update of rank one, and not a solve.
+//! How unknowns follow is known from the compliance `C = Eᵀ A⁻¹ E` of those that are to be whole, a dense matrix: fixing one is an update of rank
+//! one, and not a solve.
 
 use chladni_base::Monitor;
 
@@ -16,7 +18,8 @@ const FOLLOWS: f64 = 1e-8;
 /// What is nearer to a whole number than this is made that number, so that closures hold exactly.
 const WHOLE: f64 = 1e-3;
 
-/// Rounds unknowns of a solution, the `leading` ones of them before the others. How far the worst of them is from a whole number after it: a half where whole numbers of the others force it.
+/// Rounds unknowns of a solution, the `leading` ones of them before the others. How far the worst of them is from a whole number after it: a half
+/// where whole numbers of the others force it.
 ///
 /// # Errors
 /// Cancellation.

@@ -1,7 +1,8 @@
 //! Cross fields of least energy, where values are held on some faces, or pulled, or neither.
 //!
-//! On small surfaces by one sparse factor of the faces that are free. Where a factor would take seconds, by conjugate gradients with the multigrid cycles that spaces of fields are built with: held faces are rows
-//! without neighbours, which no coarser level sees, and where nothing is held the quotient of energy and length is made least, from a field of the coarsest level on.
+//! On small surfaces by one sparse factor of the faces that are free. Where a factor would take seconds, by conjugate gradients with the multigrid
+//! cycles that spaces of fields are built with: held faces are rows without neighbours, which no coarser level sees, and where nothing is held the
+//! quotient of energy and length is made least, from a field of the coarsest level on.
 
 use chladni_algebra::{Block, BlockMatrix, DefiniteFactor, DenseMatrix};
 use chladni_base::{Cancelled, Monitor, SplitMix64};

@@ -25,8 +25,8 @@ pub fn crowded(surface: &FieldSurface, edges: &[u32]) -> Vec<u32> {
     found
 }
 
-/// The mesh with some faces split in three at their barycentres. Of face number `k` in the list the vertex is number `V + k`; the part on its first edge, from corner 0 to corner 1, has the
-/// place of the face, those on the other two are faces `F + 2k` and `F + 2k + 1`.
+/// The mesh with some faces split in three at their barycentres. Of face number `k` in the list the vertex is number `V + k`; the part on its first
+/// edge, from corner 0 to corner 1, has the place of the face, those on the other two are faces `F + 2k` and `F + 2k + 1`.
 ///
 /// # Panics
 /// Where the list names a face that is not there.

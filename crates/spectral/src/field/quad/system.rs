@@ -1,7 +1,7 @@
 //! The equations of a seamless parametrisation: the coordinates whose gradients are nearest to the directions, under what closes around nodes.
 //!
-//! Unknowns are `u`, `v` of each vertex (`2v`, `2v + 1`), then those of each translation, then two multipliers for each node. Faces away from the cut give the cotangent Laplacian for `u` and for `v`
-//! alone; only corners beyond a seam mix the two.
+//! Unknowns are `u`, `v` of each vertex (`2v`, `2v + 1`), then those of each translation, then two multipliers for each node. Faces away from the cut
+//! give the cotangent Laplacian for `u` and for `v` alone; only corners beyond a seam mix the two.
 
 use chladni_algebra::SparseMatrix;
 use rayon::prelude::*;
@@ -213,7 +213,8 @@ impl Parts<'_> {
         System { matrix, right, order }
     }
 
-    /// Of each component the vertex that lies at zero: a singular one, else one on a crease, else any. It and vertices without faces have a weight of their own.
+    /// Of each component the vertex that lies at zero: a singular one, else one on a crease, else any. It and vertices without faces have a weight of
+    /// their own.
     fn grounds(&self) -> Vec<(u32, f64)> {
         let mesh = self.surface.mesh();
         let (components, count) = self.surface.dual().components();
@@ -237,7 +238,8 @@ impl Parts<'_> {
         chosen.into_iter().flatten().chain(lone).flat_map(|v| [(2 * v, 1.0), (2 * v + 1, 1.0)]).collect()
     }
 
-    /// The unknowns that are whole numbers where grid lines meet across the cut: the coordinates of singular vertices, translations, and of each chain of creases the coordinate that stays.
+    /// The unknowns that are whole numbers where grid lines meet across the cut: the coordinates of singular vertices, translations, and of each
+    /// chain of creases the coordinate that stays.
     ///
     /// And how many of them come first: a translation is whole where the singular vertices of its seam are, but not the other way round.
     pub fn whole_unknowns(&self) -> (Vec<u32>, usize) {
@@ -286,9 +288,6 @@ fn real(terms: &[(u32, Whole)], part: Real) -> Vec<(u32, f64)> {
     sum
 }
 
-/// Rows that one task sums up.
-const ROWS: usize = 1 << 13;
-
 /// What takes an entry: row, column, value.
 type Put<'a> = dyn FnMut(u32, u32, f64) + 'a;
 
@@ -305,43 +304,19 @@ fn gather(size: usize, visit: &dyn Fn(&mut Put<'_>)) -> SparseMatrix {
         entries[next[row as usize]] = (column, value);
         next[row as usize] += 1;
     });
-    // Rows are sorted and summed up in pieces of them.
-    let mut pieces = Vec::new();
-    let (mut rest, mut row) = (entries.as_mut_slice(), 0);
-    while row < size {
-        let end = size.min(row + ROWS);
-        let (own, after) = rest.split_at_mut(begins[end] - begins[row]);
-        pieces.push((row..end, own));
-        (rest, row) = (after, end);
-    }
-    let summed = |(rows, entries): (std::ops::Range<usize>, &mut [(u32, f64)])| {
-        let first = begins[rows.start];
-        let (mut lengths, mut indices, mut values) = (Vec::with_capacity(rows.len()), Vec::new(), Vec::new());
-        for row in rows {
-            let own = &mut entries[begins[row] - first..begins[row + 1] - first];
-            own.sort_by_key(|entry| entry.0);
-            let before = indices.len();
-            for same in own.chunk_by(|a, b| a.0 == b.0) {
-                indices.push(same[0].0);
-                values.push(same.iter().map(|entry| entry.1).sum::<f64>());
-            }
-            lengths.push(indices.len() - before);
-        }
-        (lengths, indices, values)
-    };
-    let pieces: Vec<(Vec<usize>, Vec<u32>, Vec<f64>)> = pieces.into_par_iter().map(summed).collect();
-    let mut offsets = Vec::with_capacity(size + 1);
-    let count = pieces.iter().map(|piece| piece.1.len()).sum();
-    let (mut indices, mut values) = (Vec::with_capacity(count), Vec::with_capacity(count));
-    let mut end = 0;
-    offsets.push(0);
-    for (lengths, own, numbers) in pieces {
-        offsets.extend(lengths.into_iter().map(|length| {
-            end += length;
-            end
-        }));
-        indices.extend(own);
-        values.extend(numbers);
-    }
-    SparseMatrix::from_sorted_parts(size, size, offsets, indices, values)
+    SparseMatrix::from_rows(
+        size,
+        size,
+        || (),
+        |(), row, sums| {
+            sums.extend_from_slice(&entries[begins[row]..begins[row + 1]]);
+            // In the order in which they came, so that equal input gives equal sums.
+            sums.sort_by_key(|entry| entry.0);
+            sums.dedup_by(|next, sum| {
+                let same = next.0 == sum.0;
+                sum.1 += if same { next.1 } else { 0.0 };
+                same
+            });
+        },
+    )
 }

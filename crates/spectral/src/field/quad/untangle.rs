@@ -1,9 +1,12 @@
-//! Faces that are turned over are turned back by moving vertices one by one: each to where the smallest of the faces around it is largest (Freitag and Plassmann 2000).
+//! Faces that are turned over are turned back by moving vertices one by one: each to where the smallest of the faces around it is largest (Freitag
+//! and Plassmann 2000).
 //!
-//! A step that would turn more faces over than it turns back is not taken, so that there are never more of them. Those that a step does turn over are visited in their turn.
+//! A step that would turn more faces over than it turns back is not taken, so that there are never more of them. Those that a step does turn over are
+//! visited in their turn.
 //!
-//! The area of a face is linear in the coordinates of one of its vertices, and so this is a linear program in two coordinates and the least area. What ties coordinates to each other
-//! stays: singular vertices and boundaries are not moved, vertices of a crease that is a grid line slide along it.
+//! The area of a face is linear in the coordinates of one of its vertices, and so this is a linear program in two coordinates and the least area.
+//! What ties coordinates to each other stays: singular vertices and boundaries are not moved, vertices of a crease that is a grid line slide along
+//! it.
 
 use chladni_base::{Cancelled, Monitor};
 

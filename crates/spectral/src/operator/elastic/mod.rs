@@ -98,8 +98,8 @@ impl ElasticBody<'_> {
 pub struct Clamps {
     /// Vertices that are held fast.
     pub vertices: Vec<u32>,
-    /// Whether faces of a shell are held from turning about edges whose two ends are held: a clamp. Else they turn without a moment there: a hinge. A solid has no
-    /// choice: a face of a tetrahedron all of whose corners are held cannot turn.
+    /// Whether faces of a shell are held from turning about edges whose two ends are held: a clamp. Else they turn without a moment there: a hinge. A
+    /// solid has no choice: a face of a tetrahedron all of whose corners are held cannot turn.
     pub rotations: bool,
 }
 

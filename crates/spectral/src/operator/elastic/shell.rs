@@ -1,14 +1,14 @@
 //! Thin shells: membrane and bending energy of a triangle mesh, at rest.
 //!
-//! Membrane: linear triangles in plane stress. Bending: the changes of the three dihedral angles of a face tell the change `δT` of its
-//! curvature tensor, and the energy is that of a plate, `D/2 ∫ ν tr² + (1 − ν) |δT|²`. The tensor is that of the quadratic function through
-//! the corners of the face and the three apexes beyond its edges, unfolded into its plane, so constant curvature is exact on every mesh.
-//! Where the six points do not determine it, it is that of the mid-edge normals, `δT = Σ_k (l_k / 2A) δθ_k n_k n_kᵀ` (Grinspun et al. 2006;
-//! Oñate and Zárate 2000): on equilateral triangles the two agree. The sum over edges of squared angles (Grinspun et al. 2003), which
-//! the thesis' source takes, has a Poisson's ratio of its own, −1/3 on equilateral triangles, another on others, and gives a free plate
-//! the wrong frequencies. At a free edge no angle is known, and no moment acts: the angle that costs least energy is taken, which is that
-//! very condition. The same holds where the ends of the edge are held, as by a hinge. Where rotations are held as well, a clamp, the shell goes on beyond the edge as its
-//! mirror image, which moves as it does: the angle is then twice that by which the face itself turns.
+//! Membrane: linear triangles in plane stress. Bending: the changes of the three dihedral angles of a face tell the change `δT` of its curvature
+//! tensor, and the energy is that of a plate, `D/2 ∫ ν tr² + (1 − ν) |δT|²`. The tensor is that of the quadratic function through the corners of the
+//! face and the three apexes beyond its edges, unfolded into its plane, so constant curvature is exact on every mesh. Where the six points do not
+//! determine it, it is that of the mid-edge normals, `δT = Σ_k (l_k / 2A) δθ_k n_k n_kᵀ` (Grinspun et al. 2006; Oñate and Zárate 2000): on
+//! equilateral triangles the two agree. The sum over edges of squared angles (Grinspun et al. 2003), which the thesis' source takes, has a Poisson's
+//! ratio of its own, −1/3 on equilateral triangles, another on others, and gives a free plate the wrong frequencies. At a free edge no angle is
+//! known, and no moment acts: the angle that costs least energy is taken, which is that very condition. The same holds where the ends of the edge are
+//! held, as by a hinge. Where rotations are held as well, a clamp, the shell goes on beyond the edge as its mirror image, which moves as it does: the
+//! angle is then twice that by which the face itself turns.
 
 use chladni_algebra::Block;
 use chladni_mesh::TriangleMesh;
@@ -142,8 +142,8 @@ fn doubled_area(mesh: &TriangleMesh, corners: &[u32; 3]) -> Option<f64> {
     (doubled > 2.0 * FLAT * longest).then_some(doubled)
 }
 
-/// For each face the corner of its neighbour beyond each edge, or [`MIRRORED`] where both ends of the edge are held; and how many edges these are. Where an edge
-/// has several neighbours, each face looks at the next, in the order of their numbers.
+/// For each face the corner of its neighbour beyond each edge, or [`MIRRORED`] where both ends of the edge are held; and how many edges these are.
+/// Where an edge has several neighbours, each face looks at the next, in the order of their numbers.
 fn apexes(mesh: &TriangleMesh, sound: &[bool], held: &[bool]) -> (Vec<[u32; 3]>, usize) {
     let mut edges: Vec<([u32; 2], u32, u8)> = Vec::with_capacity(3 * mesh.faces.len());
     for (f, face) in mesh.faces.iter().enumerate().filter(|(f, _)| sound[*f]) {

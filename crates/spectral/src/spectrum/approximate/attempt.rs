@@ -25,8 +25,8 @@ const GROWTH: f64 = 1.6;
 /// A space grows to no more than this share of the unknowns: beyond it columns have too few vertices to be smooth.
 const LARGEST_SHARE: f64 = 0.25;
 
-/// The columns that the space of a mesh of `n` vertices may grow to from a dimension, by hat functions or by a larger dimension: dense problems grow with it, and whoever
-/// promises memory has to know how far.
+/// The columns that the space of a mesh of `n` vertices may grow to from a dimension, by hat functions or by a larger dimension: dense problems grow
+/// with it, and whoever promises memory has to know how far.
 pub fn most_columns(n: usize, dimension: usize) -> usize {
     let most = if n <= SMALL { n } else { n / 2 };
     (dimension + dimension.max(MANY_HATS)).min(most).max(dimension)
@@ -155,7 +155,8 @@ impl Attempt {
         if self.hidden > 0 { estimated.max(1.0 + self.hidden as f64) } else { estimated }
     }
 
-    /// The columns that a space may grow to. Five dense matrices are promised memory; where functions reach far, the sparse ones of this space and the next are not much smaller.
+    /// The columns that a space may grow to. Five dense matrices are promised memory; where functions reach far, the sparse ones of this space and
+    /// the next are not much smaller.
     fn most_beside_entries(&self) -> usize {
         let d = self.ritz.space.columns().max(1) as f64;
         let filled = self.ritz.mass.entries() as f64 / (d * d);

@@ -58,14 +58,15 @@ pub(in crate::spectrum) fn ritz(
     reduce(problem, space, count, monitor)
 }
 
-/// Where the mass of a space is not definite in double precision, columns this close to a combination of others are dropped, one bound after the other.
+/// Where the mass of a space is not definite in double precision, columns this close to a combination of others are dropped, one bound after the
+/// other.
 const DEPENDENT: [f64; 3] = [1e-5, 1e-4, 1e-3];
 
 /// Rounding may change no Ritz value by more than this share of the largest.
 const MOST_ROUNDING: f64 = 1e-6;
 
-/// Whether some Ritz value is nothing but what rounding leaves of a sum of large terms: a combination of columns that all but cancel has next to no mass and
-/// next to no energy, and any quotient of the two.
+/// Whether some Ritz value is nothing but what rounding leaves of a sum of large terms: a combination of columns that all but cancel has next to no
+/// mass and next to no energy, and any quotient of the two.
 fn lost_to_rounding(stiffness: &SparseMatrix, pairs: &EigenPairs) -> bool {
     let largest = pairs.values.last().map_or(0.0, |value| value.abs());
     (0..pairs.values.len()).into_par_iter().any(|k| {

@@ -25,8 +25,8 @@ const EXACT_RATIO: f64 = 1.5;
 /// Rows of more entries than this are those of functions that reach everywhere, on what is no surface. They do not diffuse for longer.
 pub(super) const FEW_ENTRIES: usize = 25;
 
-/// The space that the approximation begins with: local functions, and hat functions where those are too coarse. `parameters` tell afterwards how the functions
-/// were made.
+/// The space that the approximation begins with: local functions, and hat functions where those are too coarse. `parameters` tell afterwards how the
+/// functions were made.
 pub(super) fn initial_space(
     mesh: &TriangleMesh,
     operator: &MeshOperator,
@@ -57,8 +57,8 @@ pub(super) fn initial_space(
     Ok(if with_hats.columns() <= most_initial_columns(n, d) { with_hats } else { space })
 }
 
-/// The columns that a space of a dimension begins with at most on a mesh of `n` vertices: those of its samples, and as many hat functions; but for one in each component that has
-/// no sample.
+/// The columns that a space of a dimension begins with at most on a mesh of `n` vertices: those of its samples, and as many hat functions; but for
+/// one in each component that has no sample.
 pub fn most_initial_columns(n: usize, dimension: usize) -> usize {
     (radial::most_columns(dimension) + dimension).min(n)
 }

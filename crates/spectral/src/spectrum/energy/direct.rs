@@ -1,7 +1,7 @@
 //! `y = A⁻¹ r` by a factor, where cycles leave too much.
 //!
-//! Where triangles differ in size by many orders of magnitude, what four cycles leave of `r − Ay` is divided by masses next to nothing, and the bound says
-//! no more than that something is there. A factor of `A` closes it; the enclosure holds for any `y`, so that nothing rests on the factor.
+//! Where triangles differ in size by many orders of magnitude, what four cycles leave of `r − Ay` is divided by masses next to nothing, and the bound
+//! says no more than that something is there. A factor of `A` closes it; the enclosure holds for any `y`, so that nothing rests on the factor.
 
 use rayon::prelude::*;
 
@@ -19,8 +19,8 @@ const _: () = assert!(WIDE > CLOSE, "what is close enough is never measured anew
 /// Problems of more unknowns stay as they are measured by cycles: a factor would take longer than everything else, and more memory.
 pub const MOST_FACTORED: usize = 250_000;
 
-/// Bytes of such a factor for each unknown. On surfaces of so many unknowns at most it takes 850; one that fills in further, as triangles at random do, is not
-/// worth its memory, since memory for the whole was promised by the size of the mesh.
+/// Bytes of such a factor for each unknown. On surfaces of so many unknowns at most it takes 850; one that fills in further, as triangles at random
+/// do, is not worth its memory, since memory for the whole was promised by the size of the mesh.
 pub const FACTOR_BYTES: u64 = 1_200;
 
 const _: () = assert!(PANEL_WIDTH == LIFT_WIDTH, "a panel that is lifted is solved at once");

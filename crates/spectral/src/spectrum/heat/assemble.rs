@@ -3,8 +3,8 @@
 use super::panel::Lanes;
 use chladni_algebra::SparseMatrix;
 
-/// Entries a row on average, beyond which columns reach everywhere: 600 spaces of surfaces, flipped, squashed and cut (`cargo bench --bench campaign`), had 56 at
-/// most.
+/// Entries a row on average, beyond which columns reach everywhere: 600 spaces of surfaces, flipped, squashed and cut
+/// (`cargo bench --bench campaign`), had 56 at most.
 const MOST_ENTRIES: usize = 100;
 /// Then each row keeps so many, the largest.
 const WIDEST: usize = 64;

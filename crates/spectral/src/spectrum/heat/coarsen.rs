@@ -343,8 +343,8 @@ struct Link {
     length: f32,
 }
 
-/// Adds up the weights of links to one cell, in the order in which they came; `more` joins the rest. Looking each of them up would be quadratic in the
-/// valence of a cell.
+/// Adds up the weights of links to one cell, in the order in which they came; `more` joins the rest. Looking each of them up would be quadratic in
+/// the valence of a cell.
 fn merge(row: &mut Vec<Link>, more: impl Fn(&mut Link, &Link)) {
     row.sort_by_key(|link| link.other);
     row.dedup_by(|later, sum| {

@@ -78,9 +78,9 @@ impl HeatParameters {
         Self { threshold: 0.002, tolerance: 1e-3, ..Self::default() }
     }
 
-    /// The usual parameters, [`Self::default`] or [`Self::accurate`], for cells of few vertices: twice the steps, and next to no thinning. A column of a dozen
-    /// vertices that has diffused for less than the square of an edge, or is cut off early, is a step, and a limb or a crowd of thin triangles is missed by
-    /// several percent; the longer rows cost little there, beside the dense part. `None` for parameters that somebody chose.
+    /// The usual parameters, [`Self::default`] or [`Self::accurate`], for cells of few vertices: twice the steps, and next to no thinning. A column
+    /// of a dozen vertices that has diffused for less than the square of an edge, or is cut off early, is a step, and a limb or a crowd of thin
+    /// triangles is missed by several percent; the longer rows cost little there, beside the dense part. `None` for parameters that somebody chose.
     pub fn for_few_vertices(self) -> Option<Self> {
         (self == Self::default() || self == Self::accurate()).then_some(Self {
             steps: 8,
@@ -169,9 +169,9 @@ pub enum HeatError {
 
 /// Smooths `columns` (`n × d`, rows sum to 1) by heat steps and returns the final `n × d` matrix.
 ///
-/// `problem` is the eigenproblem of `mesh` on unit area, `connectivity` its edges. Every row of the
-/// result sums to 1 and every column has an entry; negative entries are cut. The result does not depend on the number of threads. A consistent mass is used
-/// lumped: only the smoothness of the columns depends on it, not the exactness of what is computed with them later.
+/// `problem` is the eigenproblem of `mesh` on unit area, `connectivity` its edges. Every row of the result sums to 1 and every column has an entry;
+/// negative entries are cut. The result does not depend on the number of threads. A consistent mass is used lumped: only the smoothness of the
+/// columns depends on it, not the exactness of what is computed with them later.
 ///
 /// # Errors
 /// [`HeatError`] names what is wrong with the parameters or the inputs, or says that the monitor cancelled.

@@ -57,6 +57,7 @@ pub(super) fn prolong(
     // Where the fine mesh is no finer than the coarse one there is nothing to smooth: time steps are limited.
     let limit = coarsening.reach * coarsening.reach / 16.0;
     let scales: Vec<f32> = (0..n).into_par_iter().map(|v| scale(fine, v, limit)).collect();
+    let smoothing = Smoothing { fine, coarsening, columns, scales: &scales, smoother: *smoother, thinning: *thinning };
     let done = AtomicUsize::new(0);
     let parts: Vec<Part> = blocks
         .par_iter()
@@ -69,7 +70,7 @@ pub(super) fn prolong(
             },
             |scratch, block| {
                 monitor.checkpoint()?;
-                let part = smooth_block(fine, coarsening, columns, &scales, block, smoother, thinning, scratch);
+                let part = smoothing.block(block, scratch);
                 let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
                 if finished.is_multiple_of(16) {
                     monitor.progress(finished as f64 / blocks.len() as f64);
@@ -164,142 +165,160 @@ struct Part {
     values: Vec<f32>,
 }
 
-#[expect(clippy::too_many_arguments, reason = "all of them are what one block needs")]
-fn smooth_block(
-    fine: &Level,
-    coarsening: &Coarsening,
-    columns: &SparseMatrix<f32>,
-    scales: &[f32],
-    block: &[u32],
-    smoother: &Smoother,
-    thinning: &Thinning,
-    scratch: &mut Scratch,
-) -> Part {
-    let Scratch { local, lanes, seen, stamp } = scratch;
-    *stamp += 1;
-    // The block, then ring after ring.
-    let mut vertices = block.to_vec();
-    for (k, &v) in vertices.iter().enumerate() {
-        local[v as usize] = k as u32;
+/// What blocks are smoothed with.
+struct Smoothing<'a> {
+    fine: &'a Level,
+    coarsening: &'a Coarsening,
+    columns: &'a SparseMatrix<f32>,
+    /// The factor of each row of the stiffness.
+    scales: &'a [f32],
+    smoother: Smoother,
+    thinning: Thinning,
+}
+
+impl Smoothing<'_> {
+    /// Interpolates, smooths and thins out the rows of a block.
+    fn block(&self, block: &[u32], scratch: &mut Scratch) -> Part {
+        let (vertices, ends) = self.rings(block, &mut scratch.local);
+        let names = self.columns_over(&vertices, scratch);
+        let chunks = names.len().div_ceil(WIDTH).max(1);
+        let x = self.interpolated(&vertices, &scratch.lanes, chunks);
+        // The outermost ring has no row.
+        let matrix = self.rows(&vertices[..ends[self.smoother.degree.saturating_sub(1)]], &scratch.local);
+        vertices.iter().for_each(|&v| scratch.local[v as usize] = u32::MAX);
+        names.iter().for_each(|&column| scratch.lanes[column as usize] = u32::MAX);
+        let x = self.iterate(&matrix, &ends, chunks, x);
+        let room = 20 * block.len();
+        let mut part = Part {
+            ends: Vec::with_capacity(block.len()),
+            indices: Vec::with_capacity(room),
+            values: Vec::with_capacity(room),
+        };
+        let Thinning { drop, threshold } = self.thinning;
+        for k in 0..block.len() {
+            let row = &x[k * chunks..(k + 1) * chunks].as_flattened()[..names.len()];
+            push_row(&names, row, drop, threshold, &mut part.indices, &mut part.values);
+            part.ends.push(part.indices.len() as u32);
+        }
+        part
     }
-    let mut ends = vec![vertices.len()];
-    let mut begin = 0;
-    for _ in 0..smoother.degree {
-        let end = vertices.len();
-        for k in begin..end {
-            // What is kept asks for no neighbours.
-            if scales[vertices[k] as usize] == 0.0 {
-                continue;
-            }
-            for edge in fine.edges(vertices[k] as usize) {
-                let other = fine.neighbours[edge];
-                if local[other as usize] == u32::MAX {
-                    local[other as usize] = vertices.len() as u32;
-                    vertices.push(other);
+
+    /// The vertices of a block, then ring after ring around it, and where each of these ends. `local` is told their places.
+    fn rings(&self, block: &[u32], local: &mut [u32]) -> (Vec<u32>, Vec<usize>) {
+        let mut vertices = block.to_vec();
+        for (k, &v) in vertices.iter().enumerate() {
+            local[v as usize] = k as u32;
+        }
+        let mut ends = vec![vertices.len()];
+        let mut begin = 0;
+        for _ in 0..self.smoother.degree {
+            let end = vertices.len();
+            for k in begin..end {
+                // What is kept asks for no neighbours.
+                if self.scales[vertices[k] as usize] == 0.0 {
+                    continue;
+                }
+                for edge in self.fine.edges(vertices[k] as usize) {
+                    let other = self.fine.neighbours[edge];
+                    if local[other as usize] == u32::MAX {
+                        local[other as usize] = vertices.len() as u32;
+                        vertices.push(other);
+                    }
                 }
             }
+            begin = end;
+            ends.push(vertices.len());
         }
-        begin = end;
-        ends.push(vertices.len());
+        (vertices, ends)
     }
-    let n = vertices.len();
-    // The columns over the block and its halo.
-    let mut names: Vec<u32> = Vec::new();
-    for &v in &vertices {
-        let (corners, weights) = coarsening.corners[v as usize];
-        for (corner, weight) in corners.into_iter().zip(weights) {
-            if weight > 0.0 && seen[corner as usize] != *stamp {
-                seen[corner as usize] = *stamp;
-                for &column in columns.row(corner as usize).0 {
-                    if lanes[column as usize] == u32::MAX {
-                        lanes[column as usize] = 0;
-                        names.push(column);
+
+    /// The columns over some vertices, ascending. Lanes are told their places.
+    fn columns_over(&self, vertices: &[u32], Scratch { lanes, seen, stamp, .. }: &mut Scratch) -> Vec<u32> {
+        *stamp += 1;
+        let mut names: Vec<u32> = Vec::new();
+        for &v in vertices {
+            let (corners, weights) = self.coarsening.corners[v as usize];
+            for (corner, weight) in corners.into_iter().zip(weights) {
+                if weight > 0.0 && seen[corner as usize] != *stamp {
+                    seen[corner as usize] = *stamp;
+                    for &column in self.columns.row(corner as usize).0 {
+                        if lanes[column as usize] == u32::MAX {
+                            lanes[column as usize] = 0;
+                            names.push(column);
+                        }
                     }
                 }
             }
         }
+        names.sort_unstable();
+        for (lane, &column) in names.iter().enumerate() {
+            lanes[column as usize] = lane as u32;
+        }
+        names
     }
-    names.sort_unstable();
-    for (lane, &column) in names.iter().enumerate() {
-        lanes[column as usize] = lane as u32;
-    }
-    let chunks = names.len().div_ceil(WIDTH).max(1);
-    let mut x = vec![[0f32; WIDTH]; n * chunks];
-    for (k, &v) in vertices.iter().enumerate() {
-        let row = x[k * chunks..(k + 1) * chunks].as_flattened_mut();
-        let (corners, weights) = coarsening.corners[v as usize];
-        for (corner, weight) in corners.into_iter().zip(weights) {
-            if weight > 0.0 {
-                let (indices, values) = columns.row(corner as usize);
-                for (&column, &value) in indices.iter().zip(values) {
-                    row[lanes[column as usize] as usize] += weight * value;
+
+    /// The values of columns at vertices, `chunks` of lanes for each.
+    fn interpolated(&self, vertices: &[u32], lanes: &[u32], chunks: usize) -> Vec<Lanes> {
+        let mut x = vec![[0f32; WIDTH]; vertices.len() * chunks];
+        for (k, &v) in vertices.iter().enumerate() {
+            let row = x[k * chunks..(k + 1) * chunks].as_flattened_mut();
+            let (corners, weights) = self.coarsening.corners[v as usize];
+            for (corner, weight) in corners.into_iter().zip(weights) {
+                if weight > 0.0 {
+                    let (indices, values) = self.columns.row(corner as usize);
+                    for (&column, &value) in indices.iter().zip(values) {
+                        row[lanes[column as usize] as usize] += weight * value;
+                    }
                 }
             }
         }
+        x
     }
-    // The scaled stiffness there; the outermost ring has no row.
-    let rows = ends[smoother.degree.saturating_sub(1)];
-    let mut matrix = Rows {
-        offsets: Vec::with_capacity(rows + 1),
-        entries: Vec::with_capacity(7 * rows),
-        diagonal: Vec::with_capacity(rows),
-    };
-    matrix.offsets.push(0);
-    for &v in &vertices[..rows] {
-        let factor = scales[v as usize];
-        if factor != 0.0 {
-            for edge in fine.edges(v as usize) {
-                matrix.entries.push((local[fine.neighbours[edge] as usize], factor * fine.weights[edge]));
+
+    /// The scaled stiffness at vertices, columns by their places.
+    fn rows(&self, vertices: &[u32], local: &[u32]) -> Rows {
+        let mut matrix = Rows {
+            offsets: Vec::with_capacity(vertices.len() + 1),
+            entries: Vec::with_capacity(7 * vertices.len()),
+            diagonal: Vec::with_capacity(vertices.len()),
+        };
+        matrix.offsets.push(0);
+        for &v in vertices {
+            let factor = self.scales[v as usize];
+            if factor != 0.0 {
+                for edge in self.fine.edges(v as usize) {
+                    let other = self.fine.neighbours[edge] as usize;
+                    matrix.entries.push((local[other], factor * self.fine.weights[edge]));
+                }
             }
+            matrix.offsets.push(matrix.entries.len() as u32);
+            matrix.diagonal.push(factor * self.fine.diagonal[v as usize]);
         }
-        matrix.offsets.push(matrix.entries.len() as u32);
-        matrix.diagonal.push(factor * fine.diagonal[v as usize]);
+        matrix
     }
-    for &v in &vertices {
-        local[v as usize] = u32::MAX;
+
+    /// Chebyshev semi-iteration towards zero: `x ← x + β(x − before) − γ B x`, each step on a ring less.
+    fn iterate(&self, matrix: &Rows, ends: &[usize], chunks: usize, mut x: Vec<Lanes>) -> Vec<Lanes> {
+        let Smoother { degree, least, .. } = self.smoother;
+        let mut before = x.clone();
+        let (middle, half) = (0.5 * (GREATEST + least), 0.5 * (GREATEST - least));
+        let arch = Arch::new();
+        let mut rho = half / middle;
+        for step in 0..degree {
+            let (beta, gamma) = if step == 0 {
+                (0.0, 1.0 / middle)
+            } else {
+                let next = 1.0 / (2.0 * middle / half - rho);
+                let pair = (next * rho, 2.0 * next / half);
+                rho = next;
+                pair
+            };
+            let (rows, beta, gamma) = (ends[degree - 1 - step], beta as f32, gamma as f32);
+            arch.dispatch(Sweep { matrix, rows, chunks, beta, gamma, x: &x, before: &mut before });
+            std::mem::swap(&mut x, &mut before);
+        }
+        x
     }
-    for &column in &names {
-        lanes[column as usize] = u32::MAX;
-    }
-    // Chebyshev semi-iteration towards zero: x ← x + β(x − before) − γ B x.
-    let mut before = x.clone();
-    let (middle, half) = (0.5 * (GREATEST + smoother.least), 0.5 * (GREATEST - smoother.least));
-    let arch = Arch::new();
-    let mut rho = half / middle;
-    for step in 0..smoother.degree {
-        let (beta, gamma) = if step == 0 {
-            (0.0, 1.0 / middle)
-        } else {
-            let next = 1.0 / (2.0 * middle / half - rho);
-            let pair = (next * rho, 2.0 * next / half);
-            rho = next;
-            pair
-        };
-        let count = ends[smoother.degree - 1 - step];
-        let sweep = Sweep {
-            matrix: &matrix,
-            rows: count,
-            chunks,
-            beta: beta as f32,
-            gamma: gamma as f32,
-            x: &x,
-            before: &mut before,
-        };
-        arch.dispatch(sweep);
-        std::mem::swap(&mut x, &mut before);
-    }
-    let room = 20 * block.len();
-    let mut part = Part {
-        ends: Vec::with_capacity(block.len()),
-        indices: Vec::with_capacity(room),
-        values: Vec::with_capacity(room),
-    };
-    for k in 0..block.len() {
-        let row = &x[k * chunks..(k + 1) * chunks].as_flattened()[..names.len()];
-        push_row(&names, row, thinning.drop, thinning.threshold, &mut part.indices, &mut part.values);
-        part.ends.push(part.indices.len() as u32);
-    }
-    part
 }
 
 /// Rows of the scaled stiffness: off-diagonal entries negated.

@@ -1,8 +1,9 @@
 //! HSIM on a pencil of which nothing is known but its matrices: no mesh, no positions, no sign.
 //!
-//! Residuals (4.6) are relative to `‖S x‖`, which tells nothing where an eigenvalue is next to zero. Constants are known to be in the kernel of a Laplacian, and
-//! are kept out of the iteration. What else lies next to zero, or below, is moved: the pencil `S + cM` has the same vectors, and its eigenvalues are
-//! positive. With `c` about the distance of the lowest eigenvalue from the next, residuals are those of a Laplacian with the constants taken out.
+//! Residuals (4.6) are relative to `‖S x‖`, which tells nothing where an eigenvalue is next to zero. Constants are known to be in the kernel of a
+//! Laplacian, and are kept out of the iteration. What else lies next to zero, or below, is moved: the pencil `S + cM` has the same vectors, and its
+//! eigenvalues are positive. With `c` about the distance of the lowest eigenvalue from the next, residuals are those of a Laplacian with the
+//! constants taken out.
 
 use chladni_algebra::{MassMatrix, Ordering, SparseMatrix, SymbolicFactor, fill_reducing_order};
 use chladni_base::Monitor;
@@ -18,21 +19,10 @@ use super::lanczos;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
 use super::scout::{NEGLIGIBLE, Scout, fills_in};
-use super::solve::{Begun, Columns, Estimate, Finest, LARGE, SLACK, Task, estimate, within};
+use super::solve::{Aim, Begun, Columns, Finest, Task, aim, within};
+use super::tuning::TUNING;
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
 use crate::operator::EigenProblem;
-
-/// Pencils of so few rows are solved densely.
-const SMALL: usize = 800;
-
-/// So are those of which more than this share of all pairs is wanted.
-const MOST_SHARE: usize = 3;
-
-/// The most rows of a dense solve: it takes several dense matrices, of 3.2 GB each.
-const MOST_DENSE: usize = 20_000;
-
-/// Above this size a matrix that fills in more than those of surfaces is ordered by nested dissection.
-const MANY_ROWS: usize = 5_000;
 
 /// Values that differ by less than this share of the width of all are taken for one, such as those of rigid motions.
 const CLUSTERED: f64 = 1e-4;
@@ -96,20 +86,12 @@ impl Begun {
 impl Bench<'_> {
     fn solve(&self, mut finest: Finest) -> Result<Bare, HsimError> {
         let n = finest.level.size();
-        let (goal, wanted) = match self.parameters.wanted {
-            Wanted::Count(count) => (Goal::Count(count), count),
-            Wanted::Below { bound, most } | Wanted::Between { to: bound, most, .. } => {
-                match estimate(&finest, bound, known(&finest.level))? {
-                    Estimate::Nothing(count) => {
-                        let pairs = nothing(&self.mesh, self.problem, n, count, 0.0);
-                        return Ok(Bare { pairs, moved: 0.0 });
-                    }
-                    Estimate::About(wanted) if wanted > most.saturating_add(wanted.min(SLACK)) => {
-                        return Err(HsimError::Count { wanted, most });
-                    }
-                    Estimate::About(wanted) => (Goal::Below(bound), wanted),
-                }
+        let (goal, wanted) = match aim(&finest, self.parameters.wanted, |bound| bound, known(&finest.level))? {
+            Aim::Nothing(count) => {
+                let pairs = nothing(&self.mesh, self.problem, n, count, 0.0);
+                return Ok(Bare { pairs, moved: 0.0 });
             }
+            Aim::Pairs(goal, wanted) => (goal, wanted),
         };
         let mut begun = self.begin(&mut finest, goal, wanted)?;
         let mut moved = self.distance(&finest, &begun, wanted);
@@ -131,11 +113,11 @@ impl Bench<'_> {
         loop {
             let kernel = known(&finest.level);
             let q = hierarchy::columns(nontrivial(wanted, kernel, n), n - kernel);
-            if n <= SMALL || MOST_SHARE * q >= n {
-                if n > MOST_DENSE {
-                    let reason = format!(
-                        "{wanted} of {n} eigenpairs take a dense solve; one of at most {MOST_DENSE} rows is made"
-                    );
+            if n <= TUNING.dense.small || TUNING.dense.most_share * q >= n {
+                let most = TUNING.dense.most;
+                if n > most {
+                    let reason =
+                        format!("{wanted} of {n} eigenpairs take a dense solve; one of at most {most} rows is made");
                     return Err(HsimError::Memory(reason));
                 }
                 let (values, vectors) = dense_pairs(&finest.level, q, self.monitor)?;
@@ -176,8 +158,8 @@ impl Bench<'_> {
         }
     }
 
-    /// The multiple of the mass that has to be added for residuals to tell something: nothing for a Laplacian with its constants, or where the lowest eigenvalue
-    /// is as far from zero as from the others.
+    /// The multiple of the mass that has to be added for residuals to tell something: nothing for a Laplacian with its constants, or where the lowest
+    /// eigenvalue is as far from zero as from the others.
     fn distance(&self, finest: &Finest, begun: &Begun, wanted: usize) -> f64 {
         let values = &begun.values;
         let (Some(&first), Some(&last)) = (values.first(), values.get(wanted.min(values.len()).saturating_sub(1)))
@@ -269,9 +251,9 @@ pub(super) fn in_order(problem: &EigenProblem, wanted: Wanted, monitor: &dyn Mon
 
 /// The order in which a matrix fills in least, where so many columns are solved for.
 pub(in crate::spectrum) fn ordering(stiffness: &SparseMatrix, columns: usize) -> Ordering {
-    let n = stiffness.rows();
-    let dissect =
-        n > LARGE || if fills_in(stiffness) { n > MANY_ROWS } else { columns >= 128 && n * columns > 30_000_000 };
+    let (n, order) = (stiffness.rows(), TUNING.order);
+    let pays = columns >= order.columns && n as f64 * columns as f64 > order.numbers;
+    let dissect = n > order.large || if fills_in(stiffness) { n > order.many_rows } else { pays };
     if dissect { Ordering::NestedDissection } else { Ordering::Amd }
 }
 

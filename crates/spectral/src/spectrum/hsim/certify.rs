@@ -6,15 +6,9 @@ use chladni_base::SplitMix64;
 use super::HsimError;
 use super::iterate::{Iteration, Plan};
 use super::judge::Count;
-
 use super::ritz::ritz;
 use super::shifts::factor_near;
-
-/// Searches for missing pairs that may find none before the others are given up.
-const VAIN_ROUNDS: u64 = 4;
-
-/// The most steps that each round may take.
-const PASSES: usize = 24;
+use super::tuning::TUNING;
 
 /// Which pairs have to be there, the kernel included.
 #[derive(Debug, Clone, Copy)]
@@ -55,7 +49,7 @@ pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, s
         match converge(iteration, &plan) {
             // What belongs to the cluster of the last wanted pair does not converge, or not as far as the columns reach.
             Err(error @ HsimError::NotConverged { .. }) if plan.wanted > asked && matches!(goal, Goal::Count(_)) => {
-                plan = Plan { wanted: asked, most_passes: iteration.passes + PASSES, ..plan };
+                plan = Plan { wanted: asked, most_passes: iteration.passes + TUNING.iteration.most_passes, ..plan };
                 converge(iteration, &plan)?;
                 return match below_cluster(iteration, goal, &plan)? {
                     Some(below) => Ok(Proof { above: count_above(iteration)?, below_cluster: Some(below) }),
@@ -75,22 +69,22 @@ pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, s
                 if (!sharper || !sharp) && counted <= iteration.values.len() {
                     // As many columns are there. Those that nobody waited for may be what is missing; then, those whose values are too large still.
                     (guards, sharp) = (counted.max(guards), sharper);
-                    let tolerance = if sharper { SHARP.min(plan.tolerance) } else { plan.tolerance };
-                    let most_passes = iteration.passes + GUARD_PASSES;
+                    let tolerance = if sharper { TUNING.proof.sharp.min(plan.tolerance) } else { plan.tolerance };
+                    let most_passes = iteration.passes + TUNING.proof.guard_passes;
                     iteration.run(&Plan { wanted: counted, tolerance, most_passes, ..plan })?;
                     iteration.take_quotients()?;
-                    plan.most_passes = iteration.passes + PASSES;
+                    plan.most_passes = iteration.passes + TUNING.iteration.most_passes;
                     continue;
                 }
                 vain += u64::from(missing >= least);
                 least = least.min(missing);
                 // What one search may find is worth one: a whole cluster tells more than a part of it.
-                if (missing > PANEL_WIDTH || vain >= VAIN_ROUNDS)
+                if (missing > PANEL_WIDTH || vain >= TUNING.proof.vain_rounds)
                     && let Some(below) = below_cluster(iteration, goal, &plan)?
                 {
                     return Ok(Proof { above: count, below_cluster: Some(below) });
                 }
-                if vain >= VAIN_ROUNDS {
+                if vain >= TUNING.proof.vain_rounds {
                     return Err(HsimError::Incomplete { missing, shift });
                 }
                 iteration.monitor.stage("repair");
@@ -105,7 +99,7 @@ pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, s
                 round += 1;
             }
         }
-        plan.most_passes = iteration.passes + PASSES;
+        plan.most_passes = iteration.passes + TUNING.iteration.most_passes;
     }
 }
 
@@ -158,8 +152,8 @@ fn attempt(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Result<Out
 
 fn converge(iteration: &mut Iteration<'_>, plan: &Plan) -> Result<(), HsimError> {
     // First everything to a loose tolerance, which finds what the start did not contain; then the wanted one.
-    if plan.tolerance < LOOSE {
-        iteration.run(&Plan { tolerance: LOOSE, solves: 1, ..*plan })?;
+    if plan.tolerance < TUNING.proof.loose {
+        iteration.run(&Plan { tolerance: TUNING.proof.loose, solves: 1, ..*plan })?;
     }
     iteration.run(plan)?;
     iteration.take_quotients()?;
@@ -174,8 +168,8 @@ fn converge(iteration: &mut Iteration<'_>, plan: &Plan) -> Result<(), HsimError>
 fn below_cluster(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Result<Option<Count>, HsimError> {
     let Goal::Count(wanted) = goal else { return Ok(None) };
     // Values that are still too large lie inside the cluster, or above it.
-    let most_passes = iteration.passes + GUARD_PASSES;
-    iteration.run(&Plan { tolerance: plan.tolerance.min(SHARP), most_passes, ..*plan })?;
+    let most_passes = iteration.passes + TUNING.proof.guard_passes;
+    iteration.run(&Plan { tolerance: plan.tolerance.min(TUNING.proof.sharp), most_passes, ..*plan })?;
     iteration.take_quotients()?;
     let values = iteration.all_values();
     let Some(&last) = wanted.checked_sub(1).and_then(|last| values.get(last)) else { return Ok(None) };
@@ -197,17 +191,8 @@ fn count_above(iteration: &mut Iteration<'_>) -> Result<Count, HsimError> {
     iteration.count(top + ABOVE * top.abs() + 1e-9 * iteration.spread)
 }
 
-/// The most steps on columns beside the wanted ones.
-const GUARD_PASSES: usize = 8;
-
 /// What belongs to a cluster lies this far apart at most, relative to its value; the narrower, the better its members are enclosed.
 const WIDTHS: [f64; 2] = [1e-6, 1e-4];
-
-/// A residual that leaves less than that of a value.
-const SHARP: f64 = 1e-5;
-
-/// A tolerance at which everything is found before the wanted one is approached.
-const LOOSE: f64 = 1e-2;
 
 /// Shifts above the lowest `least` values and above `floor`, each with the number of values below it, the best first: in wide gaps, nearer to their
 /// lower ends since values that are still being iterated on are too large. `size` is the number of all pairs there are, `spread` at
@@ -253,8 +238,8 @@ const NO_GAP: f64 = 1e-7;
 /// How far above a cluster its members are counted, relative to it.
 const ABOVE: f64 = 1e-3;
 
-/// Looks for eigenvectors below `shift` that the columns do not contain, starting from random vectors where counts and values first disagree. Gives how
-/// many columns that added.
+/// Looks for eigenvectors below `shift` that the columns do not contain, starting from random vectors where counts and values first disagree. Gives
+/// how many columns that added.
 fn search(iteration: &mut Iteration<'_>, shift: f64, seed: u64) -> Result<usize, HsimError> {
     let (level, monitor) = (iteration.level, iteration.monitor);
     let room = level.size().saturating_sub(iteration.kernel.dimension() + iteration.values.len());
@@ -279,18 +264,14 @@ fn search(iteration: &mut Iteration<'_>, shift: f64, seed: u64) -> Result<usize,
     let at = gap.map_or(middle, |pair| pair[0] + 0.382 * (pair[1] - pair[0]));
     let storage = iteration.storage();
     let (at, factor) = factor_near(level, iteration.symbolic, at, iteration.spread, storage)?;
-    iteration.inertia.push(Count {
-        shift: at,
-        below: factor.eigenvalues_below(),
-        radius: factor.uncertainty(&level.stiffness, &level.mass, at),
-    });
+    iteration.inertia.push(Count::of(level, at, &factor));
     let mut random = SplitMix64::new(seed ^ 0x6d15_5126);
     let width = PANEL_WIDTH.min(room);
     let mut columns = PanelMatrix::zeros(level.size(), width);
     for row in columns.panels_mut()[0].as_chunks_mut::<PANEL_WIDTH>().0 {
         row[..width].iter_mut().for_each(|x| *x = random.signed_unit());
     }
-    for _ in 0..SEARCH_SOLVES {
+    for _ in 0..TUNING.proof.search_solves {
         monitor.checkpoint()?;
         let mut products = vec![0.0; columns.panels()[0].len()];
         chladni_algebra::mass_times_panel(&level.mass, &columns.panels()[0], &mut products);
@@ -310,6 +291,3 @@ fn search(iteration: &mut Iteration<'_>, shift: f64, seed: u64) -> Result<usize,
     iteration.append(&columns, &ritz_values[..new])?;
     Ok(new)
 }
-
-/// Solves with random vectors before a Rayleigh–Ritz.
-const SEARCH_SOLVES: usize = 3;

@@ -2,13 +2,14 @@
 
 use chladni_algebra::PanelMatrix;
 use chladni_base::Monitor;
+use chladni_base::notes::FALLBACKS;
 use chladni_mesh::TriangleMesh;
 
 use super::certify::{Goal, Proof};
 use super::iterate::Iteration;
 use super::judge::{Count, Found, Verdict, certify};
 use super::judge_slices::certify_segments;
-use super::{CutCluster, Eigenpairs, FALLBACKS, HsimError, InertiaCount, LevelReport, OnBound};
+use super::{CutCluster, Eigenpairs, HsimError, InertiaCount, LevelReport, OnBound};
 use crate::operator::EigenProblem;
 
 /// What is delivered of the pairs found, and in which form.
@@ -45,8 +46,9 @@ pub(super) fn nothing(mesh: &TriangleMesh, problem: &EigenProblem, n: usize, cou
     }
 }
 
-/// Orders and judges what was found below the shift of a count, or of a cut cluster as many as are wanted, and scales it. Where the judgement is against them, the iteration is left with
-/// its columns below the shift; so it is where it has to go on to tell on which side of the bound a pair lies, which `None` says.
+/// Orders and judges what was found below the shift of a count, or of a cut cluster as many as are wanted, and scales it. Where the judgement is
+/// against them, the iteration is left with its columns below the shift; so it is where it has to go on to tell on which side of the bound a pair
+/// lies, which `None` says.
 ///
 /// # Errors
 /// Those of the judgement: see [`certify`].
@@ -56,11 +58,22 @@ pub(super) fn finish(
     delivery: &Delivery<'_>,
     monitor: &dyn Monitor,
 ) -> Result<Option<Eigenpairs>, HsimError> {
-    let count = proof.above;
-    let known = iteration.kernel_below(count.shift);
+    let known = iteration.kernel_below(proof.above.shift);
+    keep_counted(iteration, proof, delivery, known)?;
+    let Some((verdict, wanted)) = judged(iteration, proof, delivery, known, monitor)? else { return Ok(None) };
+    delivered(iteration, proof, delivery, verdict, wanted).map(Some)
+}
+
+/// Keeps the columns that were counted, those of the kernel left out, as orthonormal Ritz vectors. `known` is the part of the kernel below the shift.
+fn keep_counted(
+    iteration: &mut Iteration<'_>,
+    proof: Proof,
+    delivery: &Delivery<'_>,
+    known: usize,
+) -> Result<(), HsimError> {
     let pairs = match (delivery.goal, proof.below_cluster) {
         (Goal::Count(wanted), Some(_)) => wanted,
-        _ => count.below,
+        _ => proof.above.below,
     };
     let mut order = iteration.order();
     order.truncate(pairs.saturating_sub(known));
@@ -69,13 +82,29 @@ pub(super) fn finish(
     if !iteration.ritz {
         iteration.orthonormalise()?;
     }
+    polish_wanted(iteration, delivery, known)
+}
+
+/// Polishes what is delivered beside the kernel.
+fn polish_wanted(iteration: &mut Iteration<'_>, delivery: &Delivery<'_>, known: usize) -> Result<(), HsimError> {
     let open = match delivery.goal {
         Goal::Count(wanted) => wanted.saturating_sub(known),
         Goal::Below(_) => iteration.values.len(),
     };
-    iteration.polish(open, delivery.tolerance)?;
+    iteration.polish(open, delivery.tolerance)
+}
+
+/// What is proven of the columns, the kernel among them, and how many of them are wanted; nothing where it is open on which side of the bound a pair
+/// lies. Columns that are refused for what they are get one more Rayleigh–Ritz.
+fn judged(
+    iteration: &mut Iteration<'_>,
+    proof: Proof,
+    delivery: &Delivery<'_>,
+    known: usize,
+    monitor: &dyn Monitor,
+) -> Result<Option<(Verdict, usize)>, HsimError> {
     let mut again = true;
-    let (verdict, wanted) = loop {
+    loop {
         let kernel = iteration.insert_kernel(known)?;
         let wanted = match delivery.goal {
             Goal::Count(wanted) => wanted,
@@ -86,7 +115,7 @@ pub(super) fn finish(
             vectors: &iteration.vectors,
             values: &iteration.values,
             kernel: &kernel,
-            count,
+            count: proof.above,
             floor: None,
             below_cluster: proof.below_cluster,
             wanted,
@@ -97,30 +126,37 @@ pub(super) fn finish(
             None => certify(&found, monitor),
             Some(cuts) => certify_segments(&found, cuts, monitor),
         };
-        match verdict {
+        let error = match verdict {
             Ok(verdict) if delivery.decide || !is_open(delivery.goal, &iteration.values, &verdict) => {
-                break (verdict, wanted);
+                return Ok(Some((verdict, wanted)));
             }
-            Ok(_) => {
-                let columns = iteration.values.len();
-                iteration.keep((0..kernel.start).chain(kernel.end..columns).collect());
-                return Ok(None);
-            }
-            Err(error) => {
-                let columns = iteration.values.len();
-                iteration.keep((0..kernel.start).chain(kernel.end..columns).collect());
-                // Columns that were added one after the other may be less orthonormal than has to be.
-                if !(std::mem::take(&mut again) && matches!(error, HsimError::Unproven { .. })) {
-                    return Err(error);
-                }
-                if iteration.cuts.is_some() {
-                    monitor.note(FALLBACKS, &format!("proof by segments: {error}"));
-                }
-                iteration.orthonormalise()?;
-                iteration.polish(open, delivery.tolerance)?;
-            }
+            Ok(_) => None,
+            Err(error) => Some(error),
+        };
+        let columns = iteration.values.len();
+        iteration.keep((0..kernel.start).chain(kernel.end..columns).collect());
+        let Some(error) = error else { return Ok(None) };
+        // Columns that were added one after the other may be less orthonormal than has to be.
+        if !(std::mem::take(&mut again) && matches!(error, HsimError::Unproven { .. })) {
+            return Err(error);
         }
-    };
+        if iteration.cuts.is_some() {
+            monitor.note(FALLBACKS, &format!("proof by segments: {error}"));
+        }
+        iteration.orthonormalise()?;
+        polish_wanted(iteration, delivery, known)?;
+    }
+}
+
+/// The pairs in the units of the problem, on the vertices of the mesh. Takes the columns.
+fn delivered(
+    iteration: &mut Iteration<'_>,
+    proof: Proof,
+    delivery: &Delivery<'_>,
+    verdict: Verdict,
+    wanted: usize,
+) -> Result<Eigenpairs, HsimError> {
+    let count = proof.above;
     let first = delivery.from.map_or(0, |from| iteration.values[..wanted].partition_point(|&value| value < from));
     count_below(iteration, first)?;
     let mut counts = iteration.counts(count);
@@ -135,20 +171,20 @@ pub(super) fn finish(
         (Goal::Count(_), Some(below)) => Some(CutCluster { first: below.below, end: count.below }),
         (Goal::Count(_), None) => cut(&iteration.values, &bounds, wanted),
     };
-    let delivered = first..wanted;
+    let range = first..wanted;
     let signs = sums.iter().map(|sums| if sums.lowest < -sums.highest { -1.0 } else { 1.0 });
     let factors: Vec<f64> = signs.map(|sign| sign / area.sqrt()).take(wanted).skip(first).collect();
     let mut vectors = std::mem::take(&mut iteration.vectors);
     if first == 0 {
         vectors.keep_columns(wanted);
     } else {
-        vectors = vectors.select(&delivered.clone().collect::<Vec<_>>());
+        vectors = vectors.select(&range.clone().collect::<Vec<_>>());
     }
-    Ok(Some(Eigenpairs {
-        values: iteration.values[delivered.clone()].iter().map(|value| (value + offset) / area).collect(),
+    Ok(Eigenpairs {
+        values: iteration.values[range.clone()].iter().map(|value| (value + offset) / area).collect(),
         vectors: vectors.spread(delivery.mesh.positions.len(), delivery.vertices, &factors),
-        residuals: residuals[delivered.clone()].to_vec(),
-        bounds: bounds[delivered].iter().map(|bound| bound / area).collect(),
+        residuals: residuals[range.clone()].to_vec(),
+        bounds: bounds[range].iter().map(|bound| bound / area).collect(),
         orthonormality_defect: defect,
         inertia: counts
             .into_iter()
@@ -159,11 +195,11 @@ pub(super) fn finish(
         cut,
         levels: Vec::new(),
         space: None,
-    }))
+    })
 }
 
-/// Counts the eigenvalues below the first delivered pair, where there is a gap to count in: with the count above the last one, two that say how many there
-/// are between. Each pair is enclosed with its index whether or not there is.
+/// Counts the eigenvalues below the first delivered pair, where there is a gap to count in: with the count above the last one, two that say how many
+/// there are between. Each pair is enclosed with its index whether or not there is.
 fn count_below(iteration: &mut Iteration<'_>, first: usize) -> Result<(), HsimError> {
     let values = &iteration.values;
     if let (Some(&low), Some(&high)) = (first.checked_sub(1).and_then(|k| values.get(k)), values.get(first))

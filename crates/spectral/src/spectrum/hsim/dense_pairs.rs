@@ -7,6 +7,7 @@ use super::HsimError;
 use super::graded::{by_inverse, sharpen};
 use super::level::{Level, NO_KERNEL};
 use super::ritz::ritz;
+use super::tuning::TUNING;
 
 /// The lowest `q` pairs of a level beside its kernel, ascending by value, by dense solves.
 pub(super) fn dense_pairs(
@@ -95,23 +96,17 @@ impl Level {
     }
 }
 
-/// The largest problem, in rows, of which what an iteration did not settle is left to a dense solve.
-const REPAIRED: usize = 1500;
-
-/// The most rows of all blocks together: the columns of such a repair are as long.
-const REPAIRED_IN_ALL: usize = 12_000;
-
 /// The bytes that such a solve takes for each entry of its largest block: ten matrices were measured.
 const REPAIR_BYTES: u64 = 80;
 
 /// The memory that the dense solve takes at most, in bytes, that what an iteration on so many rows did not settle is left to.
 pub fn repair_bytes(rows: u64) -> u64 {
-    let repaired = if rows <= REPAIRED_IN_ALL as u64 { rows.min(REPAIRED as u64) } else { 0 };
+    let repaired = if rows <= TUNING.dense.repaired_in_all as u64 { rows.min(TUNING.dense.repaired as u64) } else { 0 };
     REPAIR_BYTES * repaired * repaired
 }
 
-/// The pairs beside the kernel that a dense solve gives where an iteration from `columns` columns failed, as [`dense_pairs`]: all there are, or as many as the
-/// largest problem of one block that is repaired has rows. `None` where that would take too long.
+/// The pairs beside the kernel that a dense solve gives where an iteration from `columns` columns failed, as [`dense_pairs`]: all there are, or as
+/// many as the largest problem of one block that is repaired has rows. `None` where that would take too long.
 pub(super) fn instead(
     level: &Level,
     columns: usize,
@@ -119,11 +114,12 @@ pub(super) fn instead(
     monitor: &dyn Monitor,
 ) -> Result<Option<(Vec<f64>, PanelMatrix)>, HsimError> {
     let n = level.size();
-    if n > REPAIRED_IN_ALL || dense_rows(&level.stiffness, &level.mass) > REPAIRED {
+    let most = TUNING.dense.repaired;
+    if n > TUNING.dense.repaired_in_all || dense_rows(&level.stiffness, &level.mass) > most {
         return Ok(None);
     }
     monitor.stage("repair");
-    dense_pairs(level, (n - kernel).min(columns.max(REPAIRED)), monitor).map(Some)
+    dense_pairs(level, (n - kernel).min(columns.max(most)), monitor).map(Some)
 }
 
 /// The same for a level that is one block.

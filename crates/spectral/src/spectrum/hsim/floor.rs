@@ -16,9 +16,9 @@ const SETTLED: f64 = 0.3;
 const BY_LUCK: f64 = 0.25;
 
 impl Iteration<'_> {
-    /// Refuses a tolerance that double precision does not allow, before anything is iterated: each number of a column is rounded when it is stored, which alone
-    /// leaves a residual of about `u ‖(Σ_i S_ij²)^{1/2} x_j‖`. The lowest columns, of which the start holds good estimates, tell: with their values it is
-    /// largest.
+    /// Refuses a tolerance that double precision does not allow, before anything is iterated: each number of a column is rounded when it is stored,
+    /// which alone leaves a residual of about `u ‖(Σ_i S_ij²)^{1/2} x_j‖`. The lowest columns, of which the start holds good estimates, tell: with
+    /// their values it is largest.
     ///
     /// # Errors
     /// [`HsimError::Floor`].

@@ -7,10 +7,8 @@ use super::dense_pairs::dense_pairs;
 use super::iterate::{Iteration, Plan};
 use super::kernel::Kernel;
 use super::level::{Level, coarsened, space};
+use super::tuning::TUNING;
 use super::{HsimError, LevelReport};
-
-/// Overlap of the supports of prolongation functions.
-pub(super) const SIGMA: f64 = 10.0;
 
 /// Where to start from.
 pub(super) struct Start {
@@ -26,7 +24,8 @@ pub(super) struct Start {
 
 /// Columns to iterate on for so many wanted pairs: guards, and whole panels.
 pub(super) fn columns(wanted: usize, size: usize) -> usize {
-    let guards = (wanted / 32).max(14);
+    let (share, least) = TUNING.hierarchy.guards;
+    let guards = (wanted / share).max(least);
     (wanted + guards).next_multiple_of(chladni_algebra::PANEL_WIDTH).min(size)
 }
 
@@ -36,11 +35,11 @@ pub(super) fn columns(wanted: usize, size: usize) -> usize {
 pub(super) fn sizes(n: usize, q: usize, levels: Option<usize>) -> Vec<usize> {
     let coarsest = (4 * q).clamp(400, 1000).max(q + q.min(1000) * 4 / 5);
     let middle = (1500 + 10 * q).max(2000);
-    if n < 2 * coarsest && (n < SMALL || 5 * n < 6 * coarsest) {
+    if n < 2 * coarsest && (n < TUNING.hierarchy.small || 5 * n < 6 * coarsest) {
         return Vec::new();
     }
     match levels {
-        None if n < FEW.max(4 * coarsest) => vec![coarsest],
+        None if n < TUNING.hierarchy.few.max(4 * coarsest) => vec![coarsest],
         None if n < 6 * middle => vec![coarsest, ((n as f64 * coarsest as f64).sqrt() as usize).max(coarsest * 3 / 2)],
         None => vec![coarsest, middle],
         Some(levels) => {
@@ -50,12 +49,6 @@ pub(super) fn sizes(n: usize, q: usize, levels: Option<usize>) -> Vec<usize> {
         }
     }
 }
-
-/// On meshes of fewer vertices a level between the coarsest and the mesh costs more than it saves.
-const FEW: usize = 12_000;
-
-/// Meshes of so few vertices are solved densely where that is not much larger than the coarsest level.
-const SMALL: usize = 3000;
 
 /// Solves on the levels above the mesh; `sizes` are theirs, the coarsest first and at least one. The finest may be `given`.
 pub(super) fn start(
@@ -94,7 +87,8 @@ pub(super) fn start(
         let vectors_here = prolong(&spaces[k + 1], &vectors);
         let mut iteration = Iteration::new(level, &symbolic, &kernel, vectors_here, values, monitor);
         let wanted = q - (q / 8).min(16);
-        iteration.run(&Plan { wanted, tolerance: MIDDLE_TOLERANCE, panels_per_shift: 2, solves: 2, most_passes: 4 })?;
+        let tolerance = TUNING.hierarchy.middle_tolerance;
+        iteration.run(&Plan { wanted, tolerance, panels_per_shift: 2, solves: 2, most_passes: 4 })?;
         let mut order = iteration.order();
         order.truncate(q);
         reports.push(LevelReport {
@@ -122,6 +116,3 @@ fn peaks(space: &SparseMatrix<f32>) -> Vec<u32> {
     }
     peaks.into_iter().map(|peak| peak.0).collect()
 }
-
-/// The residual (4.6) up to which levels between the coarsest and the mesh are solved: what is left, the mesh removes.
-const MIDDLE_TOLERANCE: f64 = 0.1;

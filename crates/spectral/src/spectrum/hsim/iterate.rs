@@ -26,6 +26,7 @@ use super::level::Level;
 use super::ritz::ritz;
 use super::shifts::{Group, factor_near, groups};
 use super::slices::Cuts;
+use super::tuning::TUNING;
 
 /// How the columns of one level are iterated.
 #[derive(Debug, Clone, Copy)]
@@ -41,16 +42,6 @@ pub(super) struct Plan {
     /// The most Rayleigh–Ritz steps.
     pub most_passes: usize,
 }
-
-/// Where more than this share of the columns has to be improved, all are replaced at once.
-const REPLACE_SHARE: f64 = 0.4;
-
-/// A step that leaves the worst residual above this share of what it was has stalled; the next one is made with this share of the tolerance.
-const STALLED: f64 = 0.6;
-const STRICT: f64 = 0.01;
-
-/// So many such steps in a row are the end of it.
-const MOST_STALLED: usize = 4;
 
 /// Columns that span everything are made Ritz vectors so often.
 const ON_ALL: usize = 3;
@@ -139,13 +130,14 @@ impl<'a> Iteration<'a> {
 
     /// Writes down the count of a factor that is not needed any more.
     fn counted(&mut self, shift: f64, factor: Factor<'_>) -> Count {
-        let count = self.count_of(shift, &factor);
+        let count = Count::of(self.level, shift, &factor);
         self.inertia.push(count);
         self.storage.push(factor.into_storage());
         count
     }
 
-    /// The same at exactly this shift, with pivots from the beginning, which leaves less uncertain and takes longer. Nothing where the shift lies on an eigenvalue.
+    /// The same at exactly this shift, with pivots from the beginning, which leaves less uncertain and takes longer. Nothing where the shift lies on
+    /// an eigenvalue.
     pub fn count_closely(&mut self, shift: f64) -> Result<Option<Count>, HsimError> {
         let storage = self.storage();
         let (stiffness, mass) = (&self.level.stiffness, &self.level.mass);
@@ -190,6 +182,7 @@ impl<'a> Iteration<'a> {
         if self.values.len() + self.kernel.dimension() >= self.level.size() {
             return self.run_on_all(plan);
         }
+        let tuning = TUNING.iteration;
         let (mut last, mut least, mut vain) = (f64::INFINITY, (usize::MAX, f64::INFINITY), 0);
         while self.passes < plan.most_passes {
             let pending = self.unconverged(plan);
@@ -200,21 +193,21 @@ impl<'a> Iteration<'a> {
             self.monitor
                 .detail(&format!("dimension {size}, iteration {pass}, {open} of {} pairs to converge", plan.wanted));
             self.monitor.progress(1.0 - open as f64 / plan.wanted.max(1) as f64);
-            if self.sums.is_empty() || pending.len() as f64 > REPLACE_SHARE * self.values.len() as f64 {
+            if self.sums.is_empty() || pending.len() as f64 > tuning.replace_share * self.values.len() as f64 {
                 self.replace(plan)?;
             } else {
                 let worst = pending.iter().map(|&column| self.residual(column)).fold(0.0, f64::max);
-                let stalled = worst > STALLED * last;
+                let stalled = worst > tuning.stalled * last;
                 last = worst;
-                vain = if pending.len() < least.0 || worst < STALLED * least.1 { 0 } else { vain + 1 };
-                if vain == MOST_STALLED {
+                vain = if pending.len() < least.0 || worst < tuning.stalled * least.1 { 0 } else { vain + 1 };
+                if vain == tuning.most_stalled {
                     return Ok(());
                 }
                 least = (least.0.min(pending.len()), least.1.min(worst));
                 if stalled {
                     // What was left out as too weak a coupling, or a shift too far away, is what keeps the rest from converging.
                     self.release();
-                    self.refine(&pending, STRICT * plan.tolerance)?;
+                    self.refine(&pending, tuning.strict * plan.tolerance)?;
                 } else {
                     self.refine(&pending, plan.tolerance)?;
                 }
@@ -271,15 +264,15 @@ impl<'a> Iteration<'a> {
         Ok(())
     }
 
-    /// One step of plain subspace iteration with a single shift: inverse iterations for the columns from `done` on, and one Rayleigh–Ritz over all. Columns
-    /// ascend by value before and after.
+    /// One step of plain subspace iteration with a single shift: inverse iterations for the columns from `done` on, and one Rayleigh–Ritz over all.
+    /// Columns ascend by value before and after.
     pub fn step(&mut self, shift: f64, done: usize, solves: usize) -> Result<(), HsimError> {
         let (level, monitor, kernel) = (self.level, self.monitor, self.kernel);
         if !self.kept.iter().any(|kept| kept.0 == shift) {
             self.release();
             let storage = self.storage();
             let (at, factor) = factor_near(level, self.symbolic, shift, self.spread, storage)?;
-            self.inertia.push(self.count_of(at, &factor));
+            self.inertia.push(Count::of(level, at, &factor));
             self.kept.push((shift, factor));
         }
         let moving: Vec<usize> = (done..self.vectors.columns()).collect();
@@ -342,11 +335,6 @@ impl<'a> Iteration<'a> {
             *value += shift;
         }
         if moved { self.measure() } else { Ok(()) }
-    }
-
-    fn count_of(&self, shift: f64, factor: &Factor<'_>) -> Count {
-        let radius = factor.uncertainty(&self.level.stiffness, &self.level.mass, shift);
-        Count { shift, below: factor.eigenvalues_below(), radius }
     }
 
     /// Takes the kernel and the block off some columns and drops those of which next to nothing is left: where the block holds all there is, that is
@@ -431,7 +419,7 @@ impl<'a> Iteration<'a> {
     fn note(&mut self, factors: Vec<(f64, Factor<'a>)>) {
         let room = self.level.size() * self.values.len();
         for (shift, factor) in factors {
-            self.inertia.push(self.count_of(shift, &factor));
+            self.inertia.push(Count::of(self.level, shift, &factor));
             if (self.kept.len() + 1) * self.symbolic.entries() <= room {
                 self.kept.push((shift, factor));
             } else {

@@ -1,22 +1,24 @@
 //! What is proven about pairs as they are delivered: one judgement of the final columns, the kernel among them, by an inertia count.
 //!
-//! With `N` eigenvalues below a shift (up to what rounding may have done to the factor) and `N` orthonormal columns whose Ritz values lie below
-//! it, the Ritz values bound the lowest `N` eigenvalues from above, each the one of its index (Cauchy), and nothing is missing. From below, Lehmann's
+//! With `N` eigenvalues below a shift (up to what rounding may have done to the factor) and `N` orthonormal columns whose Ritz values lie below it,
+//! the Ritz values bound the lowest `N` eigenvalues from above, each the one of its index (Cauchy), and nothing is missing. From below, Lehmann's
 //! bounds hold, index by index as well: where exactly `t` eigenvalues lie below `β`, the `j`-th is at least the `j`-th least of the eigenvalues of
 //! `Θ − D^{-1/2} RᵀM⁻¹R D^{-1/2}` with `D = β − Θ`. The positive semi-definite matrix that is taken off is at most the diagonal matrix of its
 //! weighted row sums, with any weights; those by the inverse norms of its rows leave `‖r‖² / (β − θ)` times the sum of the cosines between the
-//! residuals: the bound of Temple for each, without an assumption on gaps. `β` is the shift for all pairs, and then the lower bound of pair `t + 1` for
-//! the first `t`.
+//! residuals: the bound of Temple for each, without an assumption on gaps. `β` is the shift for all pairs, and then the lower bound of pair `t + 1`
+//! for the first `t`.
 //!
-//! Of a cluster that is cut, with more members than were found, a second shift lies just below it, with `t` eigenvalues below. Those are bounded as above with
-//! that shift, and what was found of the cluster lies between the shift (whatever is the `j`-th eigenvalue, with `j > t`, is not below it) and its Ritz value.
+//! Of a cluster that is cut, with more members than were found, a second shift lies just below it, with `t` eigenvalues below. Those are bounded as
+//! above with that shift, and what was found of the cluster lies between the shift (whatever is the `j`-th eigenvalue, with `j > t`, is not below it)
+//! and its Ritz value.
 //!
-//! Of a segment between two counts, with as many columns of its own as eigenvalues, Lehmann's bounds need no column from outside (Zimmermann and Mertins 1995):
-//! above `Θ − D^{-1/2} RᵀM⁻¹R D^{-1/2}` and below `β` lie as many eigenvalues as columns, and at most so many are counted there. From above they are enclosed in
-//! the same way, with the count below.
+//! Of a segment between two counts, with as many columns of its own as eigenvalues, Lehmann's bounds need no column from outside (Zimmermann and
+//! Mertins 1995): above `Θ − D^{-1/2} RᵀM⁻¹R D^{-1/2}` and below `β` lie as many eigenvalues as columns, and at most so many are counted there. From
+//! above they are enclosed in the same way, with the count below.
 
 use chladni_algebra::{
-    ColumnSums, DenseMatrix, Magnitudes, PanelMatrix, residual_gram, residual_magnitudes, residual_sums, restrict,
+    ColumnSums, DenseMatrix, Factor, Magnitudes, PanelMatrix, residual_gram, residual_magnitudes, residual_sums,
+    restrict,
 };
 use chladni_base::Monitor;
 
@@ -32,6 +34,12 @@ pub(super) struct Count {
 }
 
 impl Count {
+    /// What a factor of a level at a shift says.
+    pub fn of(level: &Level, shift: f64, factor: &Factor<'_>) -> Self {
+        let radius = factor.uncertainty(&level.stiffness, &level.mass, shift);
+        Self { shift, below: factor.eigenvalues_below(), radius }
+    }
+
     /// Whether no value lies so close to the shift that the count may have taken it for one on the other side. `values` ascend.
     pub fn is_clear_of(&self, values: &[f64]) -> bool {
         let reach = 2.0 * self.radius;
@@ -95,7 +103,8 @@ pub(super) const AS_GOOD_AS_ZERO: f64 = 0.5;
 /// Judges columns as they are.
 ///
 /// # Errors
-/// [`HsimError::Incomplete`] where columns and count differ, [`HsimError::NotConverged`] and [`HsimError::Unproven`] where the columns are no such pairs.
+/// [`HsimError::Incomplete`] where columns and count differ, [`HsimError::NotConverged`] and [`HsimError::Unproven`] where the columns are no such
+/// pairs.
 pub(super) fn certify(found: &Found<'_>, monitor: &dyn Monitor) -> Result<Verdict, HsimError> {
     let Found { level, vectors, values, kernel, count, wanted, .. } = *found;
     let k = values.len();
@@ -295,8 +304,8 @@ fn bounds(
     (0..k).map(|j| (values[j] - lower[j]).max(above(j)).max(0.0) + errors[j]).collect()
 }
 
-/// What the eigenvalues that belong to ascending values are at least, where at most `below` of them, counted from the first, lie below `ceiling`: `weighted` are
-/// their residuals by Lehmann's bound.
+/// What the eigenvalues that belong to ascending values are at least, where at most `below` of them, counted from the first, lie below `ceiling`:
+/// `weighted` are their residuals by Lehmann's bound.
 fn lower_bounds(values: &[f64], errors: &[f64], weighted: &[f64], below: usize, ceiling: f64) -> Vec<f64> {
     let mut lower = vec![f64::NEG_INFINITY; values.len()];
     lower[below..].fill(ceiling);

@@ -12,18 +12,13 @@ use super::kernel::Kernel;
 use super::level::Level;
 use super::ritz::ritz;
 use super::scout::Scout;
-
-/// Columns of the space over those of the start.
-const WIDER: (usize, usize) = (3, 2);
-
-/// Blocks in a space, at least.
-const BLOCKS: usize = 4;
+use super::tuning::TUNING;
 
 /// A column of which orthogonalisation leaves less than this share is not worth more than a random one.
 const SPENT: f64 = 1e-8;
 
-/// Pairs to start from where nothing is known of the level but its matrices, or where another start led nowhere: as [`start`], with a shift below the lowest
-/// eigenvalue, which counts find.
+/// Pairs to start from where nothing is known of the level but its matrices, or where another start led nowhere: as [`start`], with a shift below the
+/// lowest eigenvalue, which counts find.
 pub(super) fn afresh(
     (level, symbolic): (&Level, &SymbolicFactor),
     kernel: &Kernel<'_>,
@@ -39,8 +34,8 @@ pub(super) fn afresh(
 
 /// About `columns` Ritz pairs of the level beside the kernel, ascending by value, from a factor at a shift below the wanted eigenvalues.
 ///
-/// Columns are made orthogonal to all before them, once: the Rayleigh–Ritz in the end takes their Gram matrix. Where the space is exhausted, as it is soon
-/// where there are few distinct eigenvalues, random columns go on.
+/// Columns are made orthogonal to all before them, once: the Rayleigh–Ritz in the end takes their Gram matrix. Where the space is exhausted, as it is
+/// soon where there are few distinct eigenvalues, random columns go on.
 pub(super) fn start(
     level: &Level,
     kernel: &Kernel<'_>,
@@ -50,8 +45,9 @@ pub(super) fn start(
     monitor: &dyn Monitor,
 ) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
     let room = level.size() - kernel.dimension();
-    let size =
-        (columns * WIDER.0 / WIDER.1).max(columns + BLOCKS * PANEL_WIDTH).next_multiple_of(PANEL_WIDTH).min(room);
+    let (wider, than) = TUNING.iteration.wider;
+    let least = columns + TUNING.iteration.blocks * PANEL_WIDTH;
+    let size = (columns * wider / than).max(least).next_multiple_of(PANEL_WIDTH).min(room);
     let mut random = SplitMix64::new(seed ^ 0x9e37_79b9);
     let mut basis = PanelMatrix::zeros(level.size(), 0);
     // Random vectors hold every frequency alike; two solves leave the low ones.

@@ -1,11 +1,11 @@
 //! Pairs without a start: block Lanczos on the inverse at one shift in the middle of what is wanted.
 //!
-//! A step of subspace iteration takes a solve for every column, and divides errors by a constant. A Krylov space of narrow blocks grows by powers of the
-//! operator instead: with eight columns in a block, about two columns for each wanted pair hold all of them to nine digits (Grimes, Lewis and Simon 1994). Only
-//! where a good start and a single step are enough, as on large meshes at loose tolerances, is a hierarchy cheaper.
+//! A step of subspace iteration takes a solve for every column, and divides errors by a constant. A Krylov space of narrow blocks grows by powers of
+//! the operator instead: with eight columns in a block, about two columns for each wanted pair hold all of them to nine digits (Grimes, Lewis and
+//! Simon 1994). Only where a good start and a single step are enough, as on large meshes at loose tolerances, is a hierarchy cheaper.
 //!
-//! The operator is `T = (S − μM)⁻¹M`, self-adjoint for the inner product of the mass. Its eigenvalues are `ν = 1 / (λ − μ)`: those below the shift are negative,
-//! and the count at `μ` says how many. Blocks are made orthogonal to all before them.
+//! The operator is `T = (S − μM)⁻¹M`, self-adjoint for the inner product of the mass. Its eigenvalues are `ν = 1 / (λ − μ)`: those below the shift
+//! are negative, and the count at `μ` says how many. Blocks are made orthogonal to all before them.
 
 use chladni_algebra::{
     DenseMatrix, EigenError, Factor, KRYLOV_WIDTH, KrylovRow, KrylovSquare, PANEL_WIDTH, PanelMatrix, SolveScratch,
@@ -18,6 +18,7 @@ use super::HsimError;
 use super::kernel::Kernel;
 use super::level::Level;
 use super::scout::{NEGLIGIBLE, Scout};
+use super::tuning::TUNING;
 
 /// What is wanted, beside the kernel.
 #[derive(Debug, Clone, Copy)]
@@ -35,32 +36,42 @@ pub(super) struct Wanted {
     /// The least shift, as a share of the largest eigenvalue.
     pub least_shift: f64,
     pub seed: u64,
-    /// Whether none of them may be left to an iteration.
-    pub all: bool,
-    /// Whether columns are added as long as there may be more, before any pair is left: where an iteration takes more memory than they do.
-    pub patient: bool,
+    /// How many pairs may be left to an iteration.
+    pub leave: Leave,
     /// So many of the lowest eigenvalues are zero, and residuals are relative to `‖(S + σM) x‖`, where `σ` is the next one.
     pub zeros: Option<usize>,
     /// Whether columns may be orthonormal to some eight digits only, for half of the products with the basis.
     pub loosely: bool,
 }
 
-impl Wanted {
-    /// How many pairs may be left to an iteration after so many looks, or when the space cannot grow.
-    fn left(&self, at_last: bool, looks: usize) -> usize {
-        match (self.all, at_last) {
-            (true, _) => 0,
-            (false, true) => self.pairs / MANY_LEFT,
-            (false, false) if self.patient => 0,
-            (false, false) => looks / FEW_LEFT,
+/// Which of the wanted pairs may be left, before they have converged, to an iteration that refines what is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Leave {
+    /// None: what is found is joined to other pairs as it is.
+    Nothing,
+    /// Some, once the space may not grow any more: where an iteration takes more memory than columns do.
+    WhenFull,
+    /// A few after some looks too: where an iteration takes less time than columns do.
+    Stragglers,
+}
+
+impl Leave {
+    /// How many of so many wanted pairs may be left after so many looks, or when the space cannot grow.
+    fn most(self, pairs: usize, is_full: bool, looks: usize) -> usize {
+        match (self, is_full) {
+            (Self::Nothing, _) | (Self::WhenFull, false) => 0,
+            (Self::WhenFull | Self::Stragglers, true) => pairs / TUNING.krylov.many_left,
+            (Self::Stragglers, false) => looks / TUNING.krylov.few_left,
         }
     }
+}
 
+impl Wanted {
     /// The lowest pairs of a level of a size.
     pub fn lowest(size: usize, pairs: usize, columns: usize, tolerance: f64, seed: u64) -> Self {
         let (most, least_shift) = (most(size, pairs), NEGLIGIBLE);
-        let (all, patient, zeros, loosely) = (false, false, None, false);
-        Self { from: 0, pairs, columns, tolerance, most, least_shift, seed, all, patient, zeros, loosely }
+        let (leave, zeros, loosely) = (Leave::Stragglers, None, false);
+        Self { from: 0, pairs, columns, tolerance, most, least_shift, seed, leave, zeros, loosely }
     }
 }
 
@@ -81,31 +92,12 @@ pub(super) struct Shift<'a> {
     pub below: usize,
 }
 
-/// Columns of the space for each wanted pair, more for each digit of the residual, and some beside them, when convergence is looked at first at the latest.
-const FIRST_LOOK: (f64, f64, usize) = (1.25, 0.06, 48);
-
-/// The most blocks between two looks, where a look costs much beside a block.
-const MOST_BLOCKS: usize = 3;
-
 /// Operations of a look for each cube of a column; of a block for each row, for each column of the space and for the solve.
 const LOOK: f64 = 12.0;
 const GROWTH: (f64, f64) = (32.0, 60.0);
 
 /// So many columns are what is told of as one look.
-const ONE_LOOK: usize = MOST_BLOCKS * KRYLOV_WIDTH;
-
-/// The most columns of the space, for each two wanted pairs and beside them: no more memory than an iteration takes.
-const MOST: (usize, usize) = (5, 96);
-
-/// The same where memory is scarce: beyond those of the first look, for each hundred wanted pairs and beside them.
-const MOST_SPARING: (usize, usize) = (35, 48);
-
-/// At that size, this share of the wanted pairs may be left to an iteration; and before, one for every so many looks, such as a zero that nobody knew of.
-const MANY_LEFT: usize = 8;
-const FEW_LEFT: usize = 2;
-
-/// The space has at most this share of the unknowns.
-pub(super) const LARGEST_SHARE: usize = 3;
+const ONE_LOOK: usize = TUNING.krylov.most_between_looks * KRYLOV_WIDTH;
 
 /// A column of a block of which less than this share of the operator's size is left depends on the columns before it.
 const SPENT: f64 = 1e-13;
@@ -120,26 +112,19 @@ const NOTHING: f64 = 1e-15;
 /// Residuals of eigenvalues below this share of the shift are taken relative to that.
 const LEAST: f64 = 5e-3;
 
-/// Residuals are estimated, and have to be so much smaller than what is wanted.
-const SAFE: f64 = 0.3;
-
-/// Residuals above this take so little of a subspace iteration that on large meshes the space costs more.
-const LOOSE: f64 = 2e-3;
-const LARGE: usize = 60_000;
-
 /// Whether so many pairs of a level of a size, with such residuals, are had for less in a Krylov space than from a hierarchy.
 pub(super) fn pays(size: usize, pairs: usize, tolerance: f64) -> bool {
-    (tolerance <= LOOSE || size <= LARGE) && has_room(size, pairs, tolerance)
+    (tolerance <= TUNING.krylov.loose || size <= TUNING.krylov.large) && has_room(size, pairs, tolerance)
 }
 
 /// Whether a level of a size has room for the space.
 pub(super) fn has_room(size: usize, pairs: usize, tolerance: f64) -> bool {
-    LARGEST_SHARE * first_look(pairs, tolerance) <= size
+    TUNING.krylov.largest_share * first_look(pairs, tolerance) <= size
 }
 
 /// The columns that the space has when convergence is looked at first.
 fn first_look(pairs: usize, tolerance: f64) -> usize {
-    let (columns, more, beside) = FIRST_LOOK;
+    let (columns, more, beside) = TUNING.krylov.first_look;
     let digits = -tolerance.log10().clamp(-12.0, -1.0);
     (((columns + more * digits) * pairs as f64) as usize + beside).next_multiple_of(KRYLOV_WIDTH)
 }
@@ -149,17 +134,19 @@ fn first_look(pairs: usize, tolerance: f64) -> usize {
 fn blocks_between_looks(size: usize, columns: usize) -> usize {
     let (size, columns) = (size as f64, columns as f64);
     let blocks = 2.0 * LOOK * columns.powi(3) / (GROWTH.0 * size * (columns + GROWTH.1));
-    (blocks.ceil() as usize).clamp(1, MOST_BLOCKS)
+    (blocks.ceil() as usize).clamp(1, TUNING.krylov.most_between_looks)
 }
 
 /// The most columns of a space for so many pairs of a level of a size: no more memory than an iteration takes.
 pub(super) fn most(size: usize, pairs: usize) -> usize {
-    (MOST.0 * pairs / 2 + MOST.1).min(size / LARGEST_SHARE)
+    let (for_two, beside) = TUNING.krylov.most;
+    (for_two * pairs / 2 + beside).min(size / TUNING.krylov.largest_share)
 }
 
 /// The same where memory is scarce. More columns are rarely needed.
 pub(super) fn most_sparing(size: usize, pairs: usize, tolerance: f64) -> usize {
-    (first_look(pairs, tolerance) + MOST_SPARING.0 * pairs / 100 + MOST_SPARING.1).min(size / LARGEST_SHARE)
+    let (for_hundred, beside) = TUNING.krylov.most_sparing;
+    (first_look(pairs, tolerance) + for_hundred * pairs / 100 + beside).min(size / TUNING.krylov.largest_share)
 }
 
 /// As [`pairs`] with a shift that counts find; nothing where they find none, or the space breaks down or does not hold what is wanted.
@@ -180,8 +167,8 @@ pub(super) fn start(
     }
 }
 
-/// Ritz pairs beside the kernel from one factor, with a shift among them. Those that are wanted have converged, or all but a few; nothing where more have not, as
-/// where an eigenvalue has far more eigenvectors than a block has columns. `memory` of panels is used and given back.
+/// Ritz pairs beside the kernel from one factor, with a shift among them. Those that are wanted have converged, or all but a few; nothing where more
+/// have not, as where an eigenvalue has far more eigenvectors than a block has columns. `memory` of panels is used and given back.
 pub(super) fn pairs(
     level: &Level,
     symbolic: &SymbolicFactor,
@@ -207,14 +194,17 @@ pub(super) fn pairs(
         }
         let ritz = space.ritz()?;
         let chosen = ritz.from(wanted.from, shift, wanted.columns);
-        let pending = chosen.iter().take(wanted.pairs).filter(|&&k| !(ritz.residuals[k] <= SAFE * wanted.tolerance));
+        let pending = chosen
+            .iter()
+            .take(wanted.pairs)
+            .filter(|&&k| !(ritz.residuals[k] <= TUNING.krylov.safe * wanted.tolerance));
         // Of the pairs below the shift all are known to be there, if the space reaches that far down.
         let down =
             if wanted.from == 0 { ritz.below() == shift.below } else { ritz.below() + wanted.from >= shift.below };
         let complete = down && chosen.len() >= wanted.pairs;
         match pending.count() {
             0 if complete => return space.vectors(&ritz, &chosen, memory).map(Some),
-            few if complete && few <= wanted.left(look == most, (look - first) / ONE_LOOK) => {
+            few if complete && few <= wanted.leave.most(wanted.pairs, look == most, (look - first) / ONE_LOOK) => {
                 return space.vectors(&ritz, &chosen, memory).map(Some);
             }
             _ if look == most => return Ok(None),
@@ -382,8 +372,8 @@ impl<'a> Space<'a> {
         Ok(())
     }
 
-    /// Makes a block that is orthogonal to the space orthonormal; gives `R` with the block as it was equal to the new one times `R`. Columns that depend on
-    /// others, next to the size of the operator, are replaced by random ones.
+    /// Makes a block that is orthogonal to the space orthonormal; gives `R` with the block as it was equal to the new one times `R`. Columns that
+    /// depend on others, next to the size of the operator, are replaced by random ones.
     fn orthonormalise(&mut self, block: &mut Block, scratch: &mut Block, size: f64) -> Result<KrylovSquare, HsimError> {
         let mass = &self.level.mass;
         let (first, spent) = cholesky(&block_gram(mass, block, scratch), SPENT * size);
@@ -478,8 +468,8 @@ impl<'a> Space<'a> {
 
     /// Some Ritz pairs, after one application of the operator more, which is known already: it takes off what they have of stiff directions.
     ///
-    /// It is orthogonal to the space: what becomes of a Ritz vector `x` is `y = T x / ν = x + Q f`, with the next block `Q`. So `YᵀMY = I + FᵀF`, and from
-    /// `(S − μM) T = M` follows `Yᵀ(S − μM)Y = diag(1 / ν)`: the Ritz pairs of their span are those of a small pencil.
+    /// It is orthogonal to the space: what becomes of a Ritz vector `x` is `y = T x / ν = x + Q f`, with the next block `Q`. So `YᵀMY = I + FᵀF`, and
+    /// from `(S − μM) T = M` follows `Yᵀ(S − μM)Y = diag(1 / ν)`: the Ritz pairs of their span are those of a small pencil.
     fn vectors(mut self, ritz: &Ritz, chosen: &[usize], memory: &mut Vec<Vec<f64>>) -> Result<Found, HsimError> {
         let (m, q) = (self.columns(), chosen.len());
         let mut coefficients = DenseMatrix::zeros(m + KRYLOV_WIDTH, q);
@@ -532,8 +522,8 @@ impl Ritz {
         self.operator.partition_point(|&nu| nu < 0.0)
     }
 
-    /// By ascending eigenvalue of the pencil from an index on, which lies below the shift: those below it, by descending `ν`, then those above by descending `ν`
-    /// again.
+    /// By ascending eigenvalue of the pencil from an index on, which lies below the shift: those below it, by descending `ν`, then those above by
+    /// descending `ν` again.
     fn from(&self, first: usize, shift: &Shift<'_>, columns: usize) -> Vec<usize> {
         let below = self.below();
         // Of the negative ones, the smallest are no eigenvalues yet, where more are there than lie below.

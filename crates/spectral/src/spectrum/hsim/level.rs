@@ -80,7 +80,8 @@ pub(super) fn space(
     Ok((local::functions(level, &centres, radius, monitor)?, centres))
 }
 
-/// Areas tell how far apart samples lie where a surface is as wide as it is long. Where there are more samples than this many times the wanted ones, the spacing is searched for.
+/// Areas tell how far apart samples lie where a surface is as wide as it is long. Where there are more samples than this many times the wanted ones,
+/// the spacing is searched for.
 const MOST_EXCESS: usize = 2;
 
 /// At most so many spacings are tried.

@@ -1,9 +1,11 @@
-//! HSIM, the hierarchical subspace iteration method (thesis, chapter 4): the lowest eigenpairs to any tolerance, proven complete. What a hierarchy does
-//! not do for less comes from a Krylov space (`lanczos.rs`), many pairs from one for each slice of the spectrum (`slices.rs`); counts and judgement are the same.
+//! HSIM, the hierarchical subspace iteration method (thesis, chapter 4): the lowest eigenpairs to any tolerance, proven complete. What a hierarchy
+//! does not do for less comes from a Krylov space (`lanczos.rs`), many pairs from one for each slice of the spectrum (`slices.rs`); counts and
+//! judgement are the same.
 
 mod bare;
 mod certificate;
 mod certify;
+mod climb;
 mod columns;
 mod deliver;
 mod dense_pairs;
@@ -26,6 +28,7 @@ mod semidefinite;
 mod shifts;
 mod slices;
 mod solve;
+mod tuning;
 
 use serde::{Deserialize, Serialize};
 
@@ -38,7 +41,8 @@ use chladni_base::Cancelled;
 pub enum Wanted {
     /// The lowest so many, the kernel included.
     Count(usize),
-    /// All whose eigenvalue lies below this, in the unit of the eigenvalues (1/length² of the input, for a mesh); at most so many are delivered, more are an error.
+    /// All whose eigenvalue lies below this, in the unit of the eigenvalues (1/length² of the input, for a mesh); at most so many are delivered, more
+    /// are an error.
     Below {
         /// The bound on the eigenvalues.
         bound: f64,
@@ -60,8 +64,8 @@ pub enum Wanted {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Variant {
-    /// Ours: a Krylov space where that takes less, or several for slices of the spectrum; else better starting spaces, every group of eigenvalues with its own
-    /// shift, one Rayleigh–Ritz over all.
+    /// Ours: a Krylov space where that takes less, or several for slices of the spectrum; else better starting spaces, every group of eigenvalues
+    /// with its own shift, one Rayleigh–Ritz over all.
     #[default]
     Sliced,
     /// The thesis' Algorithms 1 to 3: linear prolongations, one shift a level.
@@ -71,9 +75,6 @@ pub enum Variant {
     /// Plain subspace iteration from Bathe's unit vectors: a baseline.
     Bathe,
 }
-
-/// The name of the notes that say where a faster way was given up for a surer one, and why.
-const FALLBACKS: &str = "fallbacks";
 
 /// What is to be solved, and how well.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -212,12 +213,12 @@ impl HsimError {
 }
 
 pub(in crate::spectrum) use bare::{ordering as bare_ordering, plus_mass, solve as solve_bare};
+pub(in crate::spectrum) use climb::{columns, is_dense, is_dense_by_blocks, solve_from};
+pub use climb::{solve, solve_with_space};
 pub use dense_pairs::repair_bytes;
 pub(in crate::spectrum) use offset::constants_in_kernel;
 pub use semidefinite::krylov_columns;
 pub(in crate::spectrum) use semidefinite::{AboveKernel, above_kernel};
-pub(in crate::spectrum) use solve::{columns, is_dense, is_dense_by_blocks, solve_from};
-pub use solve::{solve, solve_with_space};
 
 impl HsimParameters {
     /// Checks every parameter against its range.

@@ -1,11 +1,13 @@
 //! What Rayleigh–Ritz leaves of rounding errors in stiff directions, taken off column by column.
 //!
-//! A column that is a sum of others is rounded in every entry, and an entry of the matrix of 1e9, as beside a needle or a hair, makes a residual of such an
-//! error that no solve followed by a sum removes. `x ← x − (S − μM)⁻¹(S x − θ M x)` is an inverse iteration of which only a small correction is rounded. With
-//! `μ` as far below zero as the values lie above it, it changes what belongs to them by less than twice its error, and takes off what lies far above.
+//! A column that is a sum of others is rounded in every entry, and an entry of the matrix of 1e9, as beside a needle or a hair, makes a residual of
+//! such an error that no solve followed by a sum removes. `x ← x − (S − μM)⁻¹(S x − θ M x)` is an inverse iteration of which only a small correction
+//! is rounded. With `μ` as far below zero as the values lie above it, it changes what belongs to them by less than twice its error, and takes off
+//! what lies far above.
 //!
-//! What a stiff direction leaves in two columns couples them, by the product of both parts with its eigenvalue: a Rayleigh–Ritz turns the columns into each
-//! other by that over the gap between their values. Where this is more than rounding, it is made anew for the columns that are clear of the stiff direction.
+//! What a stiff direction leaves in two columns couples them, by the product of both parts with its eigenvalue: a Rayleigh–Ritz turns the columns
+//! into each other by that over the gap between their values. Where this is more than rounding, it is made anew for the columns that are clear of the
+//! stiff direction.
 
 use chladni_algebra::{Factor, PANEL_WIDTH, PanelMatrix, residual_panel, residual_sums, restrict, rotate};
 use rayon::prelude::*;

@@ -113,8 +113,8 @@ pub(super) fn start(
     Ok(Start { vectors, values, space: Some(spaces.swap_remove(0)), reports })
 }
 
-/// Algorithm 1: two inverse iterations, one Rayleigh–Ritz, until the wanted pairs pass (4.6). The first vectors stop once all of them are ten times better
-/// than they have to be.
+/// Algorithm 1: two inverse iterations, one Rayleigh–Ritz, until the wanted pairs pass (4.6). The first vectors stop once all of them are ten times
+/// better than they have to be.
 pub(super) fn subspace_iteration(
     iteration: &mut Iteration<'_>,
     shift: f64,

@@ -17,7 +17,8 @@ const MOST: usize = 8;
 /// So many times the wanted number of eigenvalues are aimed at.
 const ABUNDANT: f64 = 1.6;
 
-/// What lies below a shift in the middle, as shares of all that is wanted: aimed at, good enough, and good enough after some shifts, as among multiplets.
+/// What lies below a shift in the middle, as shares of all that is wanted: aimed at, good enough, and good enough after some shifts, as among
+/// multiplets.
 const MIDDLE: f64 = 0.48;
 const MIDDLE_ENOUGH: std::ops::RangeInclusive<f64> = 0.42..=0.56;
 const MIDDLE_AT_LAST: std::ops::RangeInclusive<f64> = 0.1..=0.85;
@@ -141,8 +142,8 @@ impl<'a> Scout<'a> {
         self.tighten(low, high, kernel && semidefinite, semidefinite)
     }
 
-    /// A positive shift with about half of the lowest `wanted` eigenvalues below that are not those of the kernel; nothing where none is found, as among
-    /// eigenvalues of high multiplicity or many negative ones, or below the `least` share of the spread.
+    /// A positive shift with about half of the lowest `wanted` eigenvalues below that are not those of the kernel; nothing where none is found, as
+    /// among eigenvalues of high multiplicity or many negative ones, or below the `least` share of the spread.
     pub fn middle(
         &mut self,
         (wanted, kernel): (usize, usize),
@@ -158,8 +159,8 @@ impl<'a> Scout<'a> {
         self.shift_below(&target, (first, least), kernel, monitor)
     }
 
-    /// A positive shift with about so many eigenvalues below that are not those of the kernel, looked for from a first guess; nothing where none is found that
-    /// is at least some share of the spread.
+    /// A positive shift with about so many eigenvalues below that are not those of the kernel, looked for from a first guess; nothing where none is
+    /// found that is at least some share of the spread.
     pub fn shift_below(
         &mut self,
         target: &Target,
@@ -203,7 +204,8 @@ impl<'a> Scout<'a> {
         self.storage = factor.into_storage();
     }
 
-    /// How far above zero so many eigenvalues reach, roughly: by Weyl's law in two dimensions or in three. Where there are positions, the mass is area.
+    /// How far above zero so many eigenvalues reach, roughly: by Weyl's law in two dimensions or in three. Where there are positions, the mass is
+    /// area.
     pub fn distance(&self, wanted: f64) -> f64 {
         let (n, fills_in) = (self.level.size(), fills_in(&self.level.stiffness));
         if !fills_in && !self.level.positions.is_empty() {

@@ -1,7 +1,8 @@
 //! Pairs of a semidefinite pencil of whose kernel only the dimension is known, such as the rigid motions of an elastic object, from a Krylov space.
 //!
-//! The space needs nothing to start from, and takes a solve for each of its columns where inverse iterations take several. Residuals (4.6) are relative to `‖S x‖`,
-//! which tells nothing next to zero: what is measured and judged is the pencil `S / σ + M`, where `σ` is the lowest eigenvalue that is not zero.
+//! The space needs nothing to start from, and takes a solve for each of its columns where inverse iterations take several. Residuals (4.6) are
+//! relative to `‖S x‖`, which tells nothing next to zero: what is measured and judged is the pencil `S / σ + M`, where `σ` is the lowest eigenvalue
+//! that is not zero.
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
@@ -14,23 +15,20 @@ use super::kernel::Kernel;
 use super::lanczos;
 use super::level::NO_KERNEL;
 use super::solve::{Columns, Finest, Task};
+use super::tuning::TUNING;
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
 use crate::operator::EigenProblem;
 
-/// The least shift, as a share of the largest eigenvalue: a single triangle that is thin makes that of an elastic object so large that modes lie at `1e-12` of it.
-/// What rounding lets one count is judged at the end.
+/// The least shift, as a share of the largest eigenvalue: a single triangle that is thin makes that of an elastic object so large that modes lie at
+/// `1e-12` of it. What rounding lets one count is judged at the end.
 const LEAST_SHIFT: f64 = 1e-13;
 
 /// So many pairs are looked for at least: more than half of fewer may be those of the kernel, with no shift in their middle.
 const FEWEST: usize = 16;
 
-/// So many pairs beyond the wanted ones have to converge with them: a count needs a gap, and whatever lies below it is judged. An iteration on what is missing there takes a factor
-/// and a copy of all columns, more than the space ever does.
-const BEYOND: usize = 12;
-
 /// The pairs that a space has to hold where so many are wanted.
 fn looked_for(count: usize) -> usize {
-    (count + BEYOND).max(FEWEST)
+    (count + TUNING.krylov.beyond_modes).max(FEWEST)
 }
 
 /// Eigenpairs of `S / σ + M`, those of the kernel included, whose values are about one.
@@ -41,15 +39,15 @@ pub(in crate::spectrum) struct AboveKernel {
     pub unit: f64,
 }
 
-/// The most columns of the Krylov space in which so many modes of an object with so many unknowns are looked for; `None` where there is no room for one. They
-/// take most of the memory.
+/// The most columns of the Krylov space in which so many modes of an object with so many unknowns are looked for; `None` where there is no room for
+/// one. They take most of the memory.
 pub fn krylov_columns(unknowns: usize, count: usize, tolerance: f64) -> Option<usize> {
     let pairs = looked_for(count);
     lanczos::has_room(unknowns, pairs, tolerance).then(|| lanczos::most_sparing(unknowns, pairs, tolerance))
 }
 
-/// Computes the lowest eigenpairs of a pencil whose rows are all unknowns, in its own units; `area` has to be 1. Nothing where a Krylov space does not hold them, as
-/// where eigenvalues have far more eigenvectors than its blocks have columns. Stages: `hierarchy`, `iterate`, `certify`.
+/// Computes the lowest eigenpairs of a pencil whose rows are all unknowns, in its own units; `area` has to be 1. Nothing where a Krylov space does
+/// not hold them, as where eigenvalues have far more eigenvectors than its blocks have columns. Stages: `hierarchy`, `iterate`, `certify`.
 ///
 /// # Errors
 /// [`HsimError`], as [`solve`](super::solve).
@@ -71,7 +69,8 @@ pub(in crate::spectrum) fn above_kernel(
     finest.level.component.fill(NO_KERNEL);
     monitor.stage("iterate");
     let wanted = lanczos::Wanted::lowest(n, pairs, hierarchy::columns(pairs, n), tolerance, seed);
-    let wanted = lanczos::Wanted { most, least_shift: LEAST_SHIFT, patient: true, zeros: Some(kernel), ..wanted };
+    let (leave, zeros) = (lanczos::Leave::WhenFull, Some(kernel));
+    let wanted = lanczos::Wanted { most, least_shift: LEAST_SHIFT, leave, zeros, ..wanted };
     let found = {
         let Finest { level, symbolic, .. } = &finest;
         lanczos::start(level, symbolic, &Kernel::new(level), wanted, monitor)?

@@ -1,11 +1,11 @@
 //! Many pairs slice by slice: each slice of the spectrum has a shift in its middle and a Krylov space of its own.
 //!
-//! What a space costs beside its solves grows with the square of its columns, so that a few spaces side by side are cheaper than one, and take less memory. Counts
-//! at the shifts give every Ritz value its index, so that a slice begins where the one before it ends.
+//! What a space costs beside its solves grows with the square of its columns, so that a few spaces side by side are cheaper than one, and take less
+//! memory. Counts at the shifts give every Ritz value its index, so that a slice begins where the one before it ends.
 //!
-//! Spaces know nothing of each other: columns of two slices are orthogonal up to their residuals. Between two shifts lie the upper half of one slice and the lower
-//! half of the next, and a Rayleigh–Ritz makes them pairs of one segment. Segments meet at the shifts, where columns of one space are at their most exact; what is
-//! left of products between columns of different segments is taken off, from the less exact one of each two.
+//! Spaces know nothing of each other: columns of two slices are orthogonal up to their residuals. Between two shifts lie the upper half of one slice
+//! and the lower half of the next, and a Rayleigh–Ritz makes them pairs of one segment. Segments meet at the shifts, where columns of one space are
+//! at their most exact; what is left of products between columns of different segments is taken off, from the less exact one of each two.
 
 use std::ops::Range;
 
@@ -13,17 +13,16 @@ use chladni_algebra::{
     DenseMatrix, PANEL_WIDTH, PanelMatrix, SymbolicFactor, gram, residual_sums, restrict, rotate, subtract_combinations,
 };
 use chladni_base::Monitor;
+use chladni_base::notes::FALLBACKS;
 
+use super::HsimError;
 use super::judge::Count;
 use super::kernel::Kernel;
-use super::lanczos::{self, Wanted};
+use super::lanczos::{self, Leave, Wanted};
 use super::level::Level;
 use super::ritz::ritz;
 use super::scout::{Scout, Target};
-use super::{FALLBACKS, HsimError};
-
-/// Pairs of a slice, about.
-pub(super) const SLICE: usize = 250;
+use super::tuning::TUNING;
 
 /// A joint between slices lies in the widest gap among so many pairs to either side.
 const JOINT: usize = 8;
@@ -31,19 +30,12 @@ const JOINT: usize = 8;
 /// A relative gap that is wide enough for a joint.
 const LEAST_GAP: f64 = 1e-7;
 
-/// Residuals of slices are at most this, and less the higher they lie: products between columns of different segments are of their size over the gap between
-/// them, which is half a slice, and are to be small.
-const CLOSE: f64 = 1e-6;
-const CLOSE_UP_TO: usize = 1000;
-
-/// From this tolerance on, columns of a slice need not be orthonormal to rounding before they are joined.
-const LOOSE: f64 = 1e-7;
-
 /// How far from its target a count may be, as a share of the slice, at first and at last.
 const NEAR: f64 = 0.12;
 const NEAR_ENOUGH: f64 = 0.25;
 
-/// Products between columns of different segments that may stay, those whose squares may, and those that are too large for columns of different eigenvalues.
+/// Products between columns of different segments that may stay, those whose squares may, and those that are too large for columns of different
+/// eigenvalues.
 const NOTHING: f64 = 1e-10;
 const SMALL: f64 = 2e-6;
 const LARGE: f64 = 1e-2;
@@ -69,11 +61,8 @@ pub(super) struct Cuts {
 
 /// Whether so many pairs of a level of a size are had for less in slices than in one space.
 pub(super) fn pays(size: usize, pairs: usize, tolerance: f64) -> bool {
-    pairs >= FEWEST && lanczos::has_room(size, SLICE, tolerance)
+    pairs >= TUNING.slices.fewest && lanczos::has_room(size, TUNING.slices.pairs, tolerance)
 }
-
-/// Fewer pairs than this are taken from one space.
-const FEWEST: usize = 600;
 
 /// The lowest pairs beside the kernel, in slices of about so many; nothing where counts and spaces do not find them so.
 pub(super) fn start(
@@ -147,21 +136,20 @@ impl Slices<'_> {
             let last = end + size as usize / 4 >= total;
             let pairs = if last { total - from } else { (end + JOINT).min(total) - from };
             let (n, more) = (level.size(), pairs / 2 + PANEL_WIDTH);
-            let close = CLOSE * (CLOSE_UP_TO as f64 / (from + pairs) as f64).min(1.0);
+            let close = TUNING.slices.close * (TUNING.slices.close_up_to as f64 / (from + pairs) as f64).min(1.0);
             let tolerance = self.wanted.tolerance.min(close);
             let wanted = Wanted {
                 from,
                 // A slice with others on both sides takes more for each pair, and is one of several.
-                most: lanczos::most(n, pairs).saturating_add(more).min(n / lanczos::LARGEST_SHARE),
+                most: lanczos::most(n, pairs).saturating_add(more).min(n / TUNING.krylov.largest_share),
                 least_shift: self.wanted.least_shift,
                 pairs,
                 columns: pairs,
                 tolerance,
                 seed: self.wanted.seed.wrapping_add(self.counts.len() as u64),
-                all: true,
-                patient: true,
+                leave: Leave::Nothing,
                 zeros: None,
-                loosely: tolerance >= LOOSE,
+                loosely: tolerance >= TUNING.slices.loose,
             };
             monitor.detail(&format!("slice of pairs {from} to {} of {total}", from + pairs));
             let Some(mut found) = lanczos::pairs(level, symbolic, kernel, &shift, wanted, &mut self.memory, monitor)?
@@ -180,9 +168,9 @@ impl Slices<'_> {
             self.vectors.assign(&(from..from + taken).collect::<Vec<_>>(), &found.vectors);
             self.values.extend_from_slice(&found.values[..taken]);
             self.memory.extend(found.vectors.into_panels());
-            let radius = shift.factor.uncertainty(&level.stiffness, &level.mass, shift.at);
+            // Those of the kernel lie below the shift as well.
             let below = shift.below + self.kernel.dimension();
-            self.counts.push(Count { shift: shift.at, below, radius });
+            self.counts.push(Count { below, ..Count::of(level, shift.at, &shift.factor) });
             scout.keep_storage(shift.factor);
         }
         self.keep_certain_counts();
@@ -205,7 +193,8 @@ impl Slices<'_> {
         last + 0.5 * size * (last - self.values[from - step]) / (step - 1) as f64
     }
 
-    /// Gives up counts whose shift lies next to a value: they prove nothing there, and the segments on both sides become one. Of many shifts some happen to lie so.
+    /// Gives up counts whose shift lies next to a value: they prove nothing there, and the segments on both sides become one. Of many shifts some
+    /// happen to lie so.
     fn keep_certain_counts(&mut self) {
         let (known, values) = (self.kernel.dimension(), &self.values);
         self.counts.retain(|count| is_certain(count, values, known));
@@ -238,7 +227,8 @@ impl Slices<'_> {
         Ok(self.values.is_sorted())
     }
 
-    /// Makes columns of different segments orthogonal; gives a bound on what is left of their products, nothing where they are no columns of different pairs.
+    /// Makes columns of different segments orthogonal; gives a bound on what is left of their products, nothing where they are no columns of
+    /// different pairs.
     fn separate(&mut self) -> Result<Option<f64>, HsimError> {
         let Self { level, monitor, .. } = *self;
         for _ in 0..MOST_TIMES {
@@ -272,8 +262,8 @@ impl Slices<'_> {
         Ok(None)
     }
 
-    /// Takes the products of columns of different segments off them. From which of two is a matter of their residuals: what a column has of another is an error of
-    /// the one that is less exact, and taken off the other it would be one of that.
+    /// Takes the products of columns of different segments off them. From which of two is a matter of their residuals: what a column has of another
+    /// is an error of the one that is less exact, and taken off the other it would be one of that.
     fn take_off(&mut self, products: &DenseMatrix) -> Result<(), HsimError> {
         let sums = residual_sums(&self.level.stiffness, &self.level.mass, &self.vectors, &self.values, self.monitor)?;
         let share = |of: usize, other: usize| {
@@ -291,7 +281,7 @@ impl Slices<'_> {
             self.monitor.detail(&format!("{} columns take off {}", range.len(), others.len()));
             let mut columns = self.vectors.select_into(&range, &mut self.memory);
             // Some at a time: a copy of all would be one of the whole.
-            for others in others.chunks(SLICE) {
+            for others in others.chunks(TUNING.slices.pairs) {
                 let mut parts = DenseMatrix::zeros(others.len(), range.len());
                 for (to, &column) in range.iter().enumerate() {
                     let entries = parts.column_mut(to).iter_mut();

@@ -111,7 +111,8 @@ impl Default for Parameters {
 pub struct Pairs {
     /// `m` eigenvalues, ascending.
     pub values: Vec<f64>,
-    /// `n × m`, a column for each value, orthonormal for the mass; rows that were fixed are zero. In each column the entry of largest magnitude is positive.
+    /// `n × m`, a column for each value, orthonormal for the mass; rows that were fixed are zero. In each column the entry of largest magnitude is
+    /// positive.
     pub vectors: DenseMatrix,
     /// Residuals, enclosures and inertia counts, in the units of the pencil.
     pub certificate: Certificate,
@@ -222,8 +223,9 @@ impl PencilError {
 }
 
 impl Pencil {
-    /// Checks a pencil of an `n × n` matrix with both triangles stored and a mass. The rows and columns of `fixed` are taken out, in any order: vectors are
-    /// zero there (Dirichlet). Entries on either side of the diagonal may differ by rounding, 1e-12 of the largest in their rows; their mean is taken.
+    /// Checks a pencil of an `n × n` matrix with both triangles stored and a mass. The rows and columns of `fixed` are taken out, in any order:
+    /// vectors are zero there (Dirichlet). Entries on either side of the diagonal may differ by rounding, 1e-12 of the largest in their rows; their
+    /// mean is taken.
     ///
     /// # Errors
     /// [`PencilError`] names the first entry or row that does not fit.
@@ -265,7 +267,8 @@ impl Pencil {
     }
 }
 
-/// Brings the entries of a pencil to where no square overflows, by powers of two; gives what eigenvalues and entries of vectors have to be multiplied by.
+/// Brings the entries of a pencil to where no square overflows, by powers of two; gives what eigenvalues and entries of vectors have to be multiplied
+/// by.
 fn scale(problem: &mut EigenProblem) -> (f64, f64) {
     let diagonal = |matrix: &SparseMatrix, row: usize| {
         let (columns, values) = matrix.row(row);
@@ -294,8 +297,8 @@ fn power(number: f64, step: i32) -> f64 {
     f64::from(exponent.clamp(-1000, 1000)).exp2()
 }
 
-/// Computes eigenpairs of a pencil and proves by inertia that none is missing. Stages: `hierarchy`, `iterate`, `certify`, and `repair` where something was
-/// missing; before them `count`, where pairs around a shift are wanted.
+/// Computes eigenpairs of a pencil and proves by inertia that none is missing. Stages: `hierarchy`, `iterate`, `certify`, and `repair` where
+/// something was missing; before them `count`, where pairs around a shift are wanted.
 ///
 /// # Errors
 /// [`PencilError`]: more pairs than there are, pairs that do not converge, stay missing or cannot be proven, cancellation.

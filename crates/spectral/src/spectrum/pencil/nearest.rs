@@ -1,7 +1,8 @@
 //! The pairs nearest to a number inside the spectrum.
 //!
-//! With `c` eigenvalues below the shift, the `k` nearest are among the lowest `c + k`: of those, `k` lie at the shift or above, each nearer than whatever comes
-//! after. One inertia count tells `c`; the lowest `c + k` pairs are proven complete as always, and enclosures tell which of them are the nearest.
+//! With `c` eigenvalues below the shift, the `k` nearest are among the lowest `c + k`: of those, `k` lie at the shift or above, each nearer than
+//! whatever comes after. One inertia count tells `c`; the lowest `c + k` pairs are proven complete as always, and enclosures tell which of them are
+//! the nearest.
 
 use chladni_algebra::{FactorError, MassMatrix, SparseMatrix, SymbolicFactor, fill_reducing_order};
 use chladni_base::Monitor;
@@ -124,8 +125,8 @@ fn nearest(mut pairs: Pairs, shift: f64, count: usize, counter: &Counter) -> Res
     Ok(pairs)
 }
 
-/// The `count` of ascending values that are nearest to `shift` are neighbours: from the first of these numbers to before the second. Of two as near, the one
-/// with fewer others between.
+/// The `count` of ascending values that are nearest to `shift` are neighbours: from the first of these numbers to before the second. Of two as near,
+/// the one with fewer others between.
 fn window(values: &[f64], shift: f64, count: usize) -> (usize, usize) {
     let place = values.partition_point(|&value| value < shift);
     let (mut start, mut end) = (place, place);

@@ -72,8 +72,8 @@ pub(super) fn modes(
     beside_rigid(elastic, rigid, pairs, unit, monitor)
 }
 
-/// Refuses an iteration that takes more memory than all of the work was promised, which is what a Krylov space takes: three blocks of columns, the problem twice, and two
-/// factors with some seven times its entries each.
+/// Refuses an iteration that takes more memory than all of the work was promised, which is what a Krylov space takes: three blocks of columns, the
+/// problem twice, and two factors with some seven times its entries each.
 fn refuse_beyond_promise(problem: &EigenProblem, count: usize, monitor: &dyn Monitor) -> Result<(), VibrationError> {
     let bytes = 24 * problem.size() as u64 * (count as u64 + 64) + 136 * problem.stiffness.entries() as u64;
     match monitor.promised_bytes() {

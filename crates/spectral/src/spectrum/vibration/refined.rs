@@ -1,9 +1,10 @@
-//! A refinement of approximate modes: inverse iterations on the mesh, each followed by Ritz pairs of what it gives. What stiffens a mode in the space of
-//! local functions, stretching where it should bend, are high modes; an inverse iteration damps them by the ratio of eigenvalues.
+//! A refinement of approximate modes: inverse iterations on the mesh, each followed by Ritz pairs of what it gives. What stiffens a mode in the space
+//! of local functions, stretching where it should bend, are high modes; an inverse iteration damps them by the ratio of eigenvalues.
 //!
 //! How far a frequency still is from that of the mesh is estimated from its last change. An iteration multiplies what a mode holds of others by
-//! `(λ + σ) / (μ + σ)` at most, where `μ` is the highest value that the columns hold, and so the error of its eigenvalue by the square `ρ` of that: after
-//! a change of `δ` about `δ ρ / (1 − ρ)` is left. The highest guards are far too high themselves, so `μ` is taken from the middle of the guards.
+//! `(λ + σ) / (μ + σ)` at most, where `μ` is the highest value that the columns hold, and so the error of its eigenvalue by the square `ρ` of that:
+//! after a change of `δ` about `δ ρ / (1 − ρ)` is left. The highest guards are far too high themselves, so `μ` is taken from the middle of the
+//! guards.
 
 use chladni_algebra::{DenseMatrix, PanelMatrix, SparseMatrix, SymmetricDefiniteSolver, gpu};
 use chladni_base::Quiet;
