@@ -128,9 +128,11 @@ pub fn approximate(
     if parameters.certify {
         guards = guards.max(lehmann::guards(count));
     }
-    let columns = (count + guards).min(parameters.dimension.max(count)).min(problem.size()).max(count);
-    let most = most_columns(problem.size(), parameters.dimension.max(count));
     let kernel = hsim::constants_in_kernel(&problem.stiffness, &problem.mass);
+    // Eigenvalues are counted above the kernel, even if only a part of that is wanted.
+    let pairs = if parameters.certify { count.max(kernel) } else { count };
+    let columns = (pairs + guards).min(parameters.dimension.max(pairs)).min(problem.size()).max(count);
+    let most = most_columns(problem.size(), parameters.dimension.max(count));
     let mut attempt =
         Attempt::new(ritz(mesh, operator, &mut parameters, columns, monitor)?.with_zeros(kernel), count, most);
     let mut built = parameters.space;

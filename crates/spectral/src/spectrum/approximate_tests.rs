@@ -357,3 +357,23 @@ fn a_small_mesh_is_solved_whole_where_columns_do_not_reach_the_goal() {
     let told = basis.certificate.accuracy.unwrap();
     assert!(told.reached && told.rounds > 0, "{told:?}");
 }
+
+#[test]
+fn pairs_that_are_a_part_of_the_kernel_are_certified() {
+    let sphere = generate(Shape::Sphere, 40).unwrap();
+    let parts: Vec<TriangleMesh> =
+        (0..25).map(|k| placed(sphere.clone(), 1.0, [3.0 * f64::from(k), 0.0, 0.0])).collect();
+    let mesh = union(&parts);
+    let made = operator(&mesh, OperatorKind::Laplace, MassKind::Barycentric, Boundary::Neumann);
+    let parameters = ApproximationParameters {
+        count: 10,
+        dimension: 200,
+        space: Space::Heat(HeatParameters::default()),
+        goal: None,
+        certify: true,
+        seed: 0,
+    };
+    let basis = approximate(&mesh, &made, &parameters, &Unwatched).unwrap();
+    assert_eq!(basis.eigenvalues, [0.0; 10]);
+    assert!(basis.certificate.complete == Some(true) && basis.certificate.inertia[0].below >= 25);
+}

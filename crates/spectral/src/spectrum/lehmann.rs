@@ -82,7 +82,9 @@ pub(super) fn enclose(
     let pencil = ShiftedPencil::new(problem, monitor)?;
     // Bounds are the closer, the farther the pole.
     let last = values.len() - 1;
-    let first = (count.max(1) - 1 + (last + 1 - count) / 3).min(last);
+    let first = count.max(1) - 1 + (last + 1 - count) / 3;
+    // There is no gap among zeros.
+    let first = first.max(values.partition_point(|&value| value <= 0.0)).min(last);
     let (shift, below, radius) = anchor(&pencil, values, estimates, first..last, monitor)?;
     if !(radius < LARGEST_RADIUS * shift.abs()) {
         let (at, by) = (shift / problem.area, radius / problem.area);
