@@ -1,6 +1,6 @@
 """Stiffness and consistent mass of linear elements on a cube of tetrahedra, as `chladni eigsh` takes them.
 
-    python3 benches/tetrahedra.py 67 FOLDER                # 67³ = 300,763 unknowns: FOLDER/S.npz, FOLDER/M.npz
+    python3 benches/tetrahedra.py 67 FOLDER                # 67³ = 300,763 unknowns: FOLDER/S.npz, FOLDER/M.npz, FOLDER/cube.mesh
     /usr/bin/time -v chladni eigsh FOLDER/S.npz FOLDER/M.npz -n 200 --tolerance 1e-6 --json > pairs.json
 
 Each small cube is divided into six tetrahedra around a diagonal. Edges of the cube are 1, 1.1 and 1.21 long, so that few eigenvalues are equal.
@@ -43,7 +43,14 @@ def assemble(positions, tetrahedra):
 
 if __name__ == "__main__":
     side, folder = int(sys.argv[1]), pathlib.Path(sys.argv[2])
-    for name, matrix in zip("SM", assemble(*cube(side))):
+    positions, tetrahedra = cube(side)
+    with open(folder / "cube.mesh", "w") as file:
+        file.write(f"MeshVersionFormatted 2\nDimension 3\nVertices\n{len(positions)}\n")
+        file.writelines("%.17g %.17g %.17g 0\n" % tuple(p) for p in positions)
+        file.write(f"Tetrahedra\n{len(tetrahedra)}\n")
+        file.writelines("%d %d %d %d 0\n" % tuple(corners + 1) for corners in tetrahedra)
+        file.write("End\n")
+    for name, matrix in zip("SM", assemble(positions, tetrahedra)):
         # Both triangles are the same to the last bit.
         matrix = (matrix + matrix.T) / 2
         scipy.sparse.save_npz(folder / f"{name}.npz", matrix, compressed=False)

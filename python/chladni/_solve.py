@@ -135,7 +135,7 @@ def eigenbasis_request(
         request["at_most"] = int(k)
     elif not interval:
         request["count"] = 50 if k is None else int(k)
-    exact = method in ("hsim", "sim") or (method == "auto" and (interval or operator in ("hodge", "volume", "graph")))
+    exact = method in ("hsim", "sim") or (method == "auto" and (interval or operator in ("hodge", "graph")))
     if tol is None and exact:
         tol = TOLERANCE
     if tol is not None:

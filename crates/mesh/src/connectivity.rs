@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use rayon::prelude::*;
 
-use super::TriangleMesh;
+use super::{TetMesh, TriangleMesh};
 
 /// The edge graph of a mesh (both directions stored, neighbours ascending) and the faces around each vertex.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,6 +46,29 @@ impl Connectivity {
             part_lengths.copy_from_slice(&block.lengths);
         });
         Self { vertex_offsets, neighbours, lengths, face_offsets, faces_around }
+    }
+
+    /// The edges of a solid. There are no faces.
+    pub fn of_solid(solid: &TetMesh) -> Self {
+        let mut pairs: Vec<u64> = Vec::with_capacity(12 * solid.tetrahedra.len());
+        for corners in &solid.tetrahedra {
+            for &a in corners {
+                pairs.extend(corners.iter().filter(|&&b| b != a).map(|&b| u64::from(a) << 32 | u64::from(b)));
+            }
+        }
+        pairs.par_sort_unstable();
+        pairs.dedup();
+        let mut offsets = vec![0u32; solid.positions.len() + 1];
+        pairs.iter().for_each(|&pair| offsets[(pair >> 32) as usize + 1] += 1);
+        for v in 0..solid.positions.len() {
+            offsets[v + 1] += offsets[v];
+        }
+        let length = |&pair: &u64| {
+            let (p, q) = (solid.positions[(pair >> 32) as usize], solid.positions[pair as u32 as usize]);
+            (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt()
+        };
+        let lengths = pairs.par_iter().map(length).collect();
+        Self::from_graph(offsets, pairs.iter().map(|&pair| pair as u32).collect(), lengths)
     }
 
     /// A graph without faces. `offsets` are where the edges of each vertex begin and end.
@@ -223,6 +246,17 @@ mod tests {
             (0..connectivity.vertices() as u32).map(|v| connectivity.face_range(v).len()).sum::<usize>(),
             3 * mesh.faces.len()
         );
+    }
+
+    #[test]
+    fn edges_of_a_solid_are_those_of_its_tetrahedra() {
+        let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0], [1.0, 1.0, 1.0], [9.0; 3]];
+        let solid = TetMesh { positions, tetrahedra: vec![[0, 1, 2, 3], [4, 3, 2, 1]] };
+        let graph = Connectivity::of_solid(&solid);
+        assert_eq!((graph.vertices(), graph.neighbours(5).0.len()), (6, 0));
+        assert_eq!(graph.neighbours(0), (&[1, 2, 3][..], &[1.0, 2.0, 3.0][..]));
+        assert_eq!(graph.neighbours(2).0, [0, 1, 3, 4]);
+        assert_eq!(graph.neighbours(4).0, [1, 2, 3]);
     }
 
     #[test]

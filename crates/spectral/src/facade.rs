@@ -195,7 +195,7 @@ impl<'a> Eigen<'a> {
             certify: false,
             seed: self.seed,
         };
-        Ok(approximate(&surface, &operator, &parameters, self.monitor)?)
+        Ok(approximate(&*surface, &operator, &parameters, self.monitor)?)
     }
 }
 

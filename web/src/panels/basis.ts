@@ -47,7 +47,7 @@ export function basisHead(app: App, panel: () => Panel, name: string, form: HTML
 }
 
 /** Operators that the hierarchical method alone takes. */
-const EXACT_ONLY = ["hodge", "volume", "graph"];
+const EXACT_ONLY = ["hodge", "graph"];
 /** The longest list of values that goes with a job. */
 const MOST_VALUES = 500_000;
 

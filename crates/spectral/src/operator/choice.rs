@@ -250,6 +250,24 @@ impl MeshOperator {
         Ok(Self { problem, base: Some(whole), floor: 0.0, report })
     }
 
+    /// The operator of a solid, brought to unit volume: `area` is the square of the length that is 1 there, so that eigenvalues of the problem over it are those of the input, as on
+    /// surfaces.
+    pub(crate) fn on_unit_volume(&self) -> Self {
+        let length = self.laplacian().area.cbrt();
+        let scaled = |problem: &EigenProblem| EigenProblem {
+            stiffness: problem.stiffness.scaled(length.recip()),
+            mass: problem.mass.clone(),
+            area: length * length,
+            unknowns: problem.unknowns.clone(),
+        };
+        Self {
+            problem: scaled(&self.problem),
+            base: self.base.as_ref().map(scaled),
+            floor: self.floor / length,
+            report: self.report.clone(),
+        }
+    }
+
     /// Whether the problem is that of the Laplacian on all vertices.
     pub fn is_laplacian(&self) -> bool {
         self.base.is_none()

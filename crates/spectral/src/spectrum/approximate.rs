@@ -6,6 +6,7 @@ mod reduce;
 mod space;
 
 use super::certificate::CertificateError;
+use super::domain::Domain;
 use super::energy::Energy;
 use super::envelope::on_all_vertices;
 use super::hats;
@@ -17,10 +18,9 @@ use crate::basis::{AccuracyReport, Basis, Compact, Functions, InertiaCount};
 use crate::operator::MeshOperator;
 use chladni_algebra::EigenError;
 use chladni_base::Monitor;
-use chladni_mesh::TriangleMesh;
 
-pub use attempt::most_columns;
 use attempt::{Attempt, Remedies};
+pub use attempt::{MOST_COUNTED_IN_SOLID, most_columns};
 pub use error::ApproximationError;
 use reduce::reduce;
 pub(super) use reduce::{Ritz, ritz};
@@ -102,7 +102,7 @@ pub const FEW_VERTICES: usize = 60;
 /// Columns of fewer vertices than this diffuse for longer from the beginning.
 const FEW_VERTICES_FOR_HEAT: usize = 20;
 
-/// Computes the lowest `m` Ritz pairs of an operator in a subspace of `d` locally supported functions.
+/// Computes the lowest `m` Ritz pairs of an operator on a surface, or of the Laplacian in a solid, in a subspace of `d` locally supported functions.
 ///
 /// Where the estimated error of a pair exceeds the goal, the space is made finer and the pairs computed again, as often as the goal allows: by
 /// columns that diffuse for longer, where they have few vertices; by hat functions where the residuals sit, if that is at few vertices; else by a
@@ -113,10 +113,33 @@ const FEW_VERTICES_FOR_HEAT: usize = 20;
 /// empty. The same input and seed give the same answer, up to rounding in the dense eigenproblem where the number of threads differs.
 ///
 /// # Errors
-/// [`ApproximationError`]: a mesh without area, more pairs than vertices, a restricted problem that is not definite,
+/// [`ApproximationError`]: a mesh without area, radial functions in a solid, more pairs than vertices, a restricted problem that is not definite,
 /// cancellation.
-pub fn approximate(
-    mesh: &TriangleMesh,
+pub fn approximate<'a>(
+    domain: impl Into<Domain<'a>>,
+    operator: &MeshOperator,
+    parameters: &ApproximationParameters,
+    monitor: &dyn Monitor,
+) -> Result<Basis, ApproximationError> {
+    let domain = domain.into();
+    if let Domain::Surface(_) = domain {
+        return on_unit_size(domain, operator, parameters, monitor);
+    }
+    let unit = operator.on_unit_volume();
+    let mut basis = on_unit_size(domain, &unit, parameters, monitor)?;
+    // Values are as in the input now; masses and functions are still over a square, instead of a volume.
+    let laplacian = operator.laplacian();
+    basis.mass = laplacian.mass.scaled(laplacian.area);
+    let scale = (unit.problem.area / laplacian.area).sqrt();
+    if let Functions::Compact(compact) = &mut basis.functions {
+        compact.coefficients.values_mut().iter_mut().for_each(|value| *value *= scale);
+    }
+    Ok(basis)
+}
+
+/// [`approximate`] on a problem of unit size, whose area is the square of the length that is 1 there.
+fn on_unit_size(
+    domain: Domain<'_>,
     operator: &MeshOperator,
     parameters: &ApproximationParameters,
     monitor: &dyn Monitor,
@@ -134,12 +157,12 @@ pub fn approximate(
     let columns = (pairs + guards).min(parameters.dimension.max(pairs)).min(problem.size()).max(count);
     let most = most_columns(problem.size(), parameters.dimension.max(count));
     let mut attempt =
-        Attempt::new(ritz(mesh, operator, &mut parameters, columns, monitor)?.with_zeros(kernel), count, most);
+        Attempt::new(ritz(domain, operator, &mut parameters, columns, monitor)?.with_zeros(kernel), count, most);
     let mut built = parameters.space;
     monitor.stage("bounds");
     let energy = Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?;
     attempt.judge(&energy, problem, goal, monitor)?;
-    attempt.look_for_hidden(operator, goal, monitor)?;
+    attempt.look_for_hidden(domain, operator, goal, monitor)?;
     let mut rounds = 0;
     let mut remedies = Remedies { hats: true, longer: true };
     while let Some(goal) = goal
@@ -147,7 +170,7 @@ pub fn approximate(
         && rounds < parameters.goal.map_or(0, |goal| goal.rounds)
     {
         let (before, construction) = (parameters.dimension, parameters.space);
-        let finer = attempt.finer_space(mesh, operator, &mut parameters, goal, &mut remedies, monitor)?;
+        let finer = attempt.finer_space(domain, operator, &mut parameters, goal, &mut remedies, monitor)?;
         // A space that lost more columns than it was given would lose the pairs as well.
         let Some(space) = finer.filter(|space| space.columns() >= count) else { break };
         rounds += 1;
@@ -160,7 +183,7 @@ pub fn approximate(
         };
         monitor.stage("bounds");
         next.judge(&energy, problem, Some(goal), monitor)?;
-        next.look_for_hidden(operator, Some(goal), monitor)?;
+        next.look_for_hidden(domain, operator, Some(goal), monitor)?;
         let gained = attempt.excess(goal) / next.excess(goal);
         if gained > 1.0 {
             (attempt, built) = (next, parameters.space);
@@ -188,7 +211,7 @@ pub fn approximate(
         dimension: space.columns(),
         hats: hats::count(&space),
         heat_steps: match built {
-            Space::Heat(heat) => Some(heat.steps),
+            Space::Heat(heat) => Some(domain.heat(heat).steps),
             Space::Radial(_) => None,
         },
     });
@@ -203,7 +226,7 @@ pub fn approximate(
     let (value_scale, vector_scale) = (problem.area.recip(), problem.area.sqrt().recip());
     pairs.vectors.values_mut().iter_mut().for_each(|value| *value *= vector_scale);
     let space = match &problem.unknowns {
-        Some(unknowns) => on_all_vertices(space, unknowns, mesh.positions.len()),
+        Some(unknowns) => on_all_vertices(space, unknowns, domain.positions().len()),
         None => space,
     };
     Ok(Basis {

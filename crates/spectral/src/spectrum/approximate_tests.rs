@@ -2,6 +2,7 @@
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::Unwatched;
+use chladni_mesh::TriangleMesh;
 use chladni_mesh::fixtures::{grid, placed, union};
 use chladni_mesh::shape::{Shape, generate, noisy};
 

@@ -11,9 +11,10 @@ use chladni_algebra::SparseMatrix;
 use chladni_base::{Cancelled, Monitor};
 use rayon::prelude::*;
 
+use super::domain::Domain;
 use crate::operator::{EigenProblem, MeshOperator};
 
-/// The time of the heat step is this over the number of columns, on unit area: the envelope changes over about one column's width.
+/// The time of the heat step is this times the square of a column's width, on unit size: the envelope changes over about one column's width.
 /// Twice or half of it costs the Dirichlet spectra of real meshes up to a fifth in accuracy.
 const TIME: f64 = 1.0;
 
@@ -32,6 +33,7 @@ const RANGE: (f64, f64) = (1e-6, 1e3);
 /// # Errors
 /// [`Cancelled`], when asked to stop.
 pub fn envelop(
+    domain: Domain<'_>,
     space: SparseMatrix<f32>,
     operator: &MeshOperator,
     monitor: &dyn Monitor,
@@ -40,7 +42,7 @@ pub fn envelop(
     if operator.is_laplacian() {
         return Ok(space);
     }
-    let envelope = envelope(problem, TIME / space.columns().max(1) as f64, monitor)?;
+    let envelope = envelope(problem, TIME * domain.cell(space.columns()), monitor)?;
     let mut offsets = Vec::with_capacity(envelope.len() + 1);
     let (mut indices, mut values) = (Vec::with_capacity(space.entries()), Vec::with_capacity(space.entries()));
     let mut used = vec![false; space.columns()];

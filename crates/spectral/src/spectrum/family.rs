@@ -190,7 +190,7 @@ fn local(
     let space = Space::Heat(HeatParameters::default());
     let count = dimension / 2;
     let mut parameters = ApproximationParameters { count, dimension, space, goal: None, certify: false, seed };
-    let Ritz { space, pairs, .. } = ritz(mesh, &operators.laplacian, &mut parameters, count, &Quiet(monitor))?;
+    let Ritz { space, pairs, .. } = ritz(mesh.into(), &operators.laplacian, &mut parameters, count, &Quiet(monitor))?;
     Ok(gpu::accelerator().lift(&space, &pairs.vectors, monitor)?)
 }
 

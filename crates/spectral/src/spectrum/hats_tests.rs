@@ -1,5 +1,6 @@
 use chladni_algebra::MassMatrix;
 use chladni_base::Unwatched;
+use chladni_mesh::TriangleMesh;
 use chladni_mesh::shape::{Shape, generate};
 
 use super::*;
@@ -65,15 +66,15 @@ fn a_density_on_few_rows_is_found_and_one_that_is_everywhere_is_not() {
 fn vertices_of_long_edges_and_beside_needles_are_too_coarse() {
     let mut mesh = generate(Shape::Sphere, 2000).unwrap();
     let problem = |mesh: &TriangleMesh| laplace::assemble(mesh, MassKind::Barycentric).unwrap();
-    assert!(!too_coarse(&mesh, &problem(&mesh), 50, 50).contains(&true));
+    assert!(!too_coarse((&mesh).into(), &problem(&mesh), 50, 50).contains(&true));
     // Twice as many columns as vertices: every edge is longer than a cell. The most that may be taken are.
-    let all = too_coarse(&mesh, &problem(&mesh), 4000, 900);
+    let all = too_coarse((&mesh).into(), &problem(&mesh), 4000, 900);
     assert_eq!(all.iter().filter(|&&v| v).count(), 900);
     // A vertex moved to within a hair of the opposite edge.
     let face = mesh.faces[0];
     let [p, q] = [face[1], face[2]].map(|v| mesh.positions[v as usize]);
     mesh.positions[face[0] as usize] =
         std::array::from_fn(|k| 0.5 * (p[k] + q[k]) * (1.0 - 1e-7) + 1e-7 * mesh.positions[face[0] as usize][k]);
-    let found = too_coarse(&mesh, &problem(&mesh), 50, 50);
+    let found = too_coarse((&mesh).into(), &problem(&mesh), 50, 50);
     assert!(found[face[0] as usize] && found.iter().filter(|&&v| v).count() <= 12);
 }

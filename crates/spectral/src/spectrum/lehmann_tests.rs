@@ -42,7 +42,7 @@ fn hold_by(
     let space = Space::Heat(HeatParameters::default());
     let mut parameters = ApproximationParameters { count, dimension, space, goal: None, certify: true, seed: 3 };
     let computed = (count + guards(count)).min(dimension);
-    let ritz = ritz(mesh, operator, &mut parameters, computed, &Unwatched).unwrap();
+    let ritz = ritz(mesh.into(), operator, &mut parameters, computed, &Unwatched).unwrap();
     let values = &ritz.pairs.values;
     let energy = Energy::new(problem, operator.floor, &Unwatched).unwrap();
     let shift = gaps(values, &vec![0.0; values.len()], count - 1..values.len() - 1)[0];

@@ -2,6 +2,7 @@
 
 mod approximate;
 pub mod certificate;
+mod domain;
 pub mod energy;
 pub mod envelope;
 pub mod family;
@@ -20,8 +21,9 @@ mod shifted;
 pub mod vibration;
 
 pub use approximate::{
-    ApproximationError, ApproximationParameters, FEW_VERTICES, Goal, MOST_ROUNDS, Space, approximate, dimension_for,
-    most_columns, most_initial_columns, subspace,
+    ApproximationError, ApproximationParameters, FEW_VERTICES, Goal, MOST_COUNTED_IN_SOLID, MOST_ROUNDS, Space,
+    approximate, dimension_for, most_columns, most_initial_columns, subspace,
 };
+pub use domain::Domain;
 pub use energy::{FACTOR_BYTES, MOST_FACTORED};
 pub use refine::{Refinement, approximate_refined};

@@ -227,17 +227,33 @@ pub fn columns(
     sigma: f64,
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, RadialError> {
+    let area = surface_area(mesh);
+    let radius = support_radius(area, sigma, samples.len());
+    if !(radius > 0.0 && radius.is_finite()) && !samples.is_empty() && connectivity.vertices() > 0 {
+        return Err(RadialError::Radius { sigma, area });
+    }
+    columns_within(mesh, connectivity, samples, distance, profile, (sigma, radius), monitor)
+}
+
+/// [`columns`] with supports of a given radius, which holds about `sigma` samples: for what is no surface. Of `mesh`, the distance along edges needs no more than the positions.
+///
+/// # Errors
+/// As [`columns`].
+pub fn columns_within(
+    mesh: &TriangleMesh,
+    connectivity: &Connectivity,
+    samples: &[u32],
+    distance: DistanceKind,
+    profile: Profile,
+    (sigma, radius): (f64, f64),
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix<f32>, RadialError> {
     let n = connectivity.vertices();
     if n == 0 || samples.is_empty() {
         return Err(RadialError::Empty { vertices: n, samples: samples.len() });
     }
     if let Some((sample, &vertex)) = samples.iter().enumerate().find(|&(_, &v)| v as usize >= n) {
         return Err(RadialError::Sample { sample, vertex, vertices: n });
-    }
-    let area = surface_area(mesh);
-    let radius = support_radius(area, sigma, samples.len());
-    if !(radius > 0.0 && radius.is_finite()) {
-        return Err(RadialError::Radius { sigma, area });
     }
     let geometry = DistanceGeometry::new(mesh, connectivity, distance, radius);
     let mut supports = Supports {

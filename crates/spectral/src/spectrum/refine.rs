@@ -8,12 +8,12 @@ use chladni_algebra::{
     fill_reducing_order, gpu, mass_times_panel, residual_panel, residual_sums,
 };
 use chladni_base::{Cancelled, Monitor, Quiet};
-use chladni_mesh::TriangleMesh;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::approximate::{ApproximationError, ApproximationParameters, Ritz, ritz};
 use super::certificate::KERNEL;
+use super::domain::Domain;
 use super::hsim::Eigenpairs;
 use crate::operator::{EigenProblem, MeshOperator};
 
@@ -71,8 +71,28 @@ const SHIFT: f64 = 0.01;
 ///
 /// # Errors
 /// [`ApproximationError`], as the approximation; a filter that does not fit, or a factorisation that fails.
-pub fn approximate_refined(
-    mesh: &TriangleMesh,
+pub fn approximate_refined<'a>(
+    domain: impl Into<Domain<'a>>,
+    operator: &MeshOperator,
+    parameters: &ApproximationParameters,
+    refinement: Refinement,
+    monitor: &dyn Monitor,
+) -> Result<Eigenpairs, ApproximationError> {
+    let domain = domain.into();
+    if let Domain::Surface(_) = domain {
+        return on_unit_size(domain, operator, parameters, refinement, monitor);
+    }
+    let unit = operator.on_unit_volume();
+    let mut pairs = on_unit_size(domain, &unit, parameters, refinement, monitor)?;
+    // Values are as in the input now; functions are still over a square, instead of a volume.
+    let scale = (unit.problem.area / operator.problem.area).sqrt();
+    pairs.vectors.panels_mut().par_iter_mut().flatten().for_each(|x| *x *= scale);
+    Ok(pairs)
+}
+
+/// [`approximate_refined`] on a problem of unit size, whose area is the square of the length that is 1 there.
+fn on_unit_size(
+    domain: Domain<'_>,
     operator: &MeshOperator,
     parameters: &ApproximationParameters,
     refinement: Refinement,
@@ -82,7 +102,7 @@ pub fn approximate_refined(
     refinement.check(matches!(problem.mass, MassMatrix::Diagonal(_)))?;
     let count = parameters.count;
     let columns = (count + guards(count)).min(parameters.dimension.max(count)).min(problem.size()).max(1);
-    let Ritz { space, pairs, .. } = ritz(mesh, operator, &mut parameters.fitted(problem.size()), columns, monitor)?;
+    let Ritz { space, pairs, .. } = ritz(domain, operator, &mut parameters.fitted(problem.size()), columns, monitor)?;
 
     monitor.stage("refine");
     let vectors = gpu::accelerator().lift(&space, &pairs.vectors, monitor)?;
@@ -92,7 +112,7 @@ pub fn approximate_refined(
         Refinement::Chebyshev { degree } => chebyshev(problem, vectors, &pairs.values, degree, monitor)?,
     };
     monitor.checkpoint()?;
-    rayleigh_ritz(operator, vectors, count, mesh.positions.len(), monitor)
+    rayleigh_ritz(operator, vectors, count, domain.positions().len(), monitor)
 }
 
 /// `((K + σM)⁻¹ M)ᵏ X` for `k` iterations; `values` are the Ritz values of the columns, ascending.

@@ -2,15 +2,15 @@
 
 use chladni_algebra::gpu;
 use chladni_base::Monitor;
-use chladni_mesh::TriangleMesh;
 use chladni_mesh::distance::{DistanceKind, STVD_WINDOW_MAX};
 use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Precision};
 use chladni_spectral::operator::{MassKind, MeshOperator};
 use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use chladni_spectral::spectrum::{
-    ApproximationError, ApproximationParameters, FACTOR_BYTES, FEW_VERTICES, Goal, MOST_FACTORED, MOST_ROUNDS,
-    Refinement, Space, approximate, approximate_refined, dimension_for, most_columns, most_initial_columns,
+    ApproximationError, ApproximationParameters, Domain, FACTOR_BYTES, FEW_VERTICES, Goal, MOST_COUNTED_IN_SOLID,
+    MOST_FACTORED, MOST_ROUNDS, Refinement, Space, approximate, approximate_refined, dimension_for, most_columns,
+    most_initial_columns,
 };
 use serde::{Deserialize, Serialize};
 
@@ -126,7 +126,7 @@ impl Approximate {
     /// [`JobError`]: as the approximation.
     pub fn run(
         &self,
-        mesh: &TriangleMesh,
+        domain: Domain<'_>,
         operator: &MeshOperator,
         seed: u64,
         monitor: &dyn Monitor,
@@ -135,9 +135,9 @@ impl Approximate {
         let parameters =
             ApproximationParameters { count, dimension, space, goal: Some(self.goal()), certify: self.certify, seed };
         let Some((refinement, precision)) = self.refinement else {
-            return dense_where_smaller(approximate(mesh, operator, &parameters, monitor)?, monitor);
+            return dense_where_smaller(approximate(domain, operator, &parameters, monitor)?, monitor);
         };
-        let pairs = approximate_refined(mesh, operator, &parameters, refinement, monitor)?;
+        let pairs = approximate_refined(domain, operator, &parameters, refinement, monitor)?;
         Ok(Basis {
             functions: Functions::Dense(DenseFunctions::from_panels(pairs.vectors, precision)),
             eigenvalues: pairs.values,
@@ -172,6 +172,20 @@ impl Approximate {
                 (request.construction, request.radial) = (Some(Construction::Radial), Some(radial));
             }
         }
+    }
+
+    /// The same in a solid: rows have so many more entries, and a factor fills in further.
+    pub fn memory_bytes_in_solid(&self, vertices: u64) -> u64 {
+        let panels = (self.count as u64 / 32 + 1).min(rayon::current_num_threads() as u64);
+        // Two spaces of 130 entries a row where surfaces have 25 or 50, one of them with its panels; a pencil on unit volume; a hierarchy of twice the entries a row.
+        let wider = vertices * (3 * 130 * 8 + 15 * 20 + 260 + 720 * panels);
+        let factor = if self.certify || matches!(self.refinement, Some((Refinement::InverseIteration, _))) {
+            factor_bytes_in_solid(vertices)
+        } else {
+            // Where eigenfunctions may be hidden, they are counted.
+            factor_bytes_in_solid(vertices.min(MOST_COUNTED_IN_SOLID as u64))
+        };
+        self.memory_bytes(vertices) + wider + factor
     }
 
     /// An estimate of the memory that the work needs beside mesh and operator, in bytes: the basis per vertex, the dense problem per
@@ -211,6 +225,11 @@ impl Approximate {
             Some((Refinement::Chebyshev { .. }, _)) => compact + 2 * columns,
         }
     }
+}
+
+/// What a factor takes in a solid: 40 n^(4/3) entries of ten bytes each.
+fn factor_bytes_in_solid(vertices: u64) -> u64 {
+    (400.0 * (vertices as f64).powf(4.0 / 3.0)) as u64
 }
 
 /// A compact basis, unless its eigenfunctions themselves take less: few vertices for the dimension.

@@ -2,17 +2,20 @@
 
 use chladni_base::Monitor;
 use chladni_base::notes::FALLBACKS;
-use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{AccuracyReport, Basis};
 use chladni_spectral::operator::MeshOperator;
+use chladni_spectral::spectrum::Domain;
 
-use super::duration::exact_seconds;
+use super::duration::{exact_seconds, exact_seconds_in_solid};
 use super::request::Request;
 use super::{Approximate, Exact};
 use crate::{JobError, ParameterError};
 
 /// The exact method is taken where it is expected to need at most so many seconds of one core.
 const SECONDS: f64 = 1.0;
+
+/// The same in solids, where columns cost more as well: up to here the exact method is the faster one.
+const SECONDS_IN_SOLID: f64 = 15.0;
 
 /// What misses its goal by the approximation is computed exactly where that needs no more memory than this: what an ordinary machine has to spare.
 /// Beyond, the exact method is one to be asked for, and the approximation says by how much it misses.
@@ -45,25 +48,36 @@ impl Auto {
         exact_seconds(vertices, pairs) <= SECONDS
     }
 
-    /// Whether a mesh of so many vertices is solved exactly where the approximation misses its goal.
-    pub fn may_become_exact(&self, vertices: u64) -> bool {
-        self.exact.memory_bytes(vertices) <= MOST_BYTES
+    /// Whether a solid of so many vertices is solved exactly.
+    pub fn is_exact_in_solid(&self, vertices: usize) -> bool {
+        let pairs = self.approximate.count.min(vertices);
+        exact_seconds_in_solid(vertices, pairs) <= SECONDS_IN_SOLID
     }
 
-    /// Computes the basis, and by which method: one that misses its goal by the approximation is computed exactly, unless that would need too much
-    /// memory.
+    /// Whether what takes so many bytes to solve exactly is so where the approximation misses its goal.
+    pub fn may_become_exact(bytes: u64) -> bool {
+        bytes <= MOST_BYTES
+    }
+
+    /// Computes the basis, and by which method. `exact` does so by the exact method, and needs so many bytes: one that misses its goal by the
+    /// approximation is computed exactly, unless that would need too much memory.
     ///
     /// # Errors
     /// [`JobError`]: as the methods.
     pub fn run(
         &self,
-        mesh: &TriangleMesh,
+        domain: Domain<'_>,
         operator: &MeshOperator,
+        (bytes, exact): (u64, impl FnOnce() -> Result<Basis, JobError>),
         seed: u64,
         monitor: &dyn Monitor,
     ) -> Result<(Basis, &'static str), JobError> {
-        if !self.is_exact(operator.problem.size()) {
-            let basis = self.approximate.run(mesh, operator, seed, monitor)?;
+        let is_exact = match domain {
+            Domain::Surface(_) => self.is_exact(operator.problem.size()),
+            Domain::Solid(_) => self.is_exact_in_solid(operator.problem.size()),
+        };
+        if !is_exact {
+            let basis = self.approximate.run(domain, operator, seed, monitor)?;
             let missed = basis.certificate.accuracy.filter(|accuracy| !accuracy.reached);
             let Some(AccuracyReport { largest_estimate, goal, .. }) = missed else {
                 return Ok((basis, "approximate"));
@@ -71,14 +85,14 @@ impl Auto {
             let missed = format!(
                 "approximation: an estimated error of {largest_estimate:.2e} where at most {goal:.2e} is asked for"
             );
-            if !self.may_become_exact(mesh.positions.len() as u64) {
+            if !Self::may_become_exact(bytes) {
                 let beside = format!("{missed}; not computed exactly, since that would need more than 8 GiB of memory");
                 monitor.note(FALLBACKS, &beside);
                 return Ok((basis, "approximate"));
             }
             monitor.note(FALLBACKS, &missed);
         }
-        Ok((self.exact.run(mesh, operator, seed, monitor)?, "hsim"))
+        Ok((exact()?, "hsim"))
     }
 }
 
@@ -130,7 +144,8 @@ mod tests {
 
     #[test]
     fn a_mesh_too_large_to_be_solved_exactly_needs_what_its_approximation_does() {
-        assert!(auto(500).may_become_exact(134_345) && !auto(500).may_become_exact(2_149_490));
+        let may = |vertices| Auto::may_become_exact(auto(500).exact.memory_bytes(vertices));
+        assert!(may(134_345) && !may(2_149_490));
         let needed = |method: &str| {
             let parameters = json!({"method": method, "count": 500});
             EigenbasisParameters::parse(&parameters).unwrap().memory_bytes(2_149_490, 4_298_976)

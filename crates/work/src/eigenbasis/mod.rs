@@ -240,7 +240,7 @@ impl EigenbasisParameters {
         let method = match &self.method {
             // What misses its goal is computed exactly after all.
             Method::Auto(auto) if auto.is_exact(vertices) => operator + auto.exact.memory_bytes(n),
-            Method::Auto(auto) if auto.may_become_exact(n) => {
+            Method::Auto(auto) if Auto::may_become_exact(auto.exact.memory_bytes(n)) => {
                 auto.approximate.memory_bytes(n).max(operator + auto.exact.memory_bytes(n))
             }
             Method::Auto(Auto { approximate, .. }) => approximate.memory_bytes(n),
@@ -319,10 +319,14 @@ impl EigenbasisParameters {
             (self.assemble(mesh, solid, monitor)?, mesh)
         };
         let (mut basis, method) = match &self.method {
-            Method::Auto(auto) => auto.run(mesh, &operator, self.seed, monitor)?,
-            Method::Approximate(approximate) => {
-                (approximate.run(mesh, &operator, self.seed, monitor)?, self.method_name().name())
+            Method::Auto(auto) => {
+                let exact = self.exactly(&auto.exact, mesh, solid, &operator, monitor);
+                auto.run(nested::domain(&self.operator.operator, mesh, solid), &operator, exact, self.seed, monitor)?
             }
+            Method::Approximate(approximate) => (
+                approximate.run(nested::domain(&self.operator.operator, mesh, solid), &operator, self.seed, monitor)?,
+                self.method_name().name(),
+            ),
             Method::Exact(exact) if self.is_nested() => {
                 (nested::run(exact, &operator, mesh, solid, self.seed, monitor)?, self.method_name().name())
             }
@@ -335,6 +339,31 @@ impl EigenbasisParameters {
             basis.metadata["interval"] = interval;
         }
         Ok(basis)
+    }
+
+    /// How the exact method computes the basis, and how many bytes that takes.
+    fn exactly<'a>(
+        &self,
+        exact: &'a Exact,
+        mesh: &'a TriangleMesh,
+        solid: Option<&'a TetMesh>,
+        operator: &'a MeshOperator,
+        monitor: &'a dyn Monitor,
+    ) -> (u64, impl FnOnce() -> Result<Basis, JobError> + use<'a>) {
+        let (nested, seed) = (self.is_nested(), self.seed);
+        let bytes = if nested {
+            nested::memory_bytes(&self.operator.operator, exact, MeshSize::of_body(mesh, solid))
+        } else {
+            exact.memory_bytes(mesh.positions.len() as u64)
+        };
+        let run = move || {
+            if nested {
+                nested::run(exact, operator, mesh, solid, seed, monitor)
+            } else {
+                exact.run(mesh, operator, seed, monitor)
+            }
+        };
+        (bytes, run)
     }
 
     /// What a basis says about itself; that of a solid, whether it is of its inside or of its skin.
@@ -373,9 +402,9 @@ impl Work for EigenbasisParameters {
     }
 
     fn memory_bytes(&self, mesh: MeshSize) -> u64 {
-        if let (true, Method::Exact(exact)) = (self.is_nested(), &self.method) {
+        if self.is_nested() {
             let surface = 24 * mesh.vertices as u64 + 12 * mesh.faces as u64;
-            return surface + nested::memory_bytes(&self.operator.operator, exact, mesh) + (64 << 20);
+            return surface + nested::bytes_of(&self.operator.operator, &self.method, mesh) + (64 << 20);
         }
         self.memory_bytes(mesh.vertices, mesh.faces)
     }

@@ -1,4 +1,4 @@
-//! The operators `volume` and `graph`: their rows lie in no surface, so that they have one method, and a start of their own.
+//! The operators `volume` and `graph`: their rows lie in no surface, so that they have a start of their own, and a solid local functions of its own.
 
 use chladni_base::Monitor;
 use chladni_mesh::{TetMesh, TriangleMesh};
@@ -6,8 +6,9 @@ use chladni_spectral::basis::Basis;
 use chladni_spectral::operator::{Laplacian, MassKind, MeshOperator, OperatorKind, OperatorParameters, graph};
 use chladni_spectral::spectrum::hsim::{Variant, Wanted};
 use chladni_spectral::spectrum::nested::Places;
+use chladni_spectral::spectrum::{Domain, Space};
 
-use super::{Exact, Method, StorageKind, value};
+use super::{Approximate, Auto, Exact, Method, StorageKind, value};
 use crate::{JobError, MeshSize, ParameterError};
 
 /// Whether an operator is one of them.
@@ -19,17 +20,36 @@ fn name(operator: &OperatorKind) -> &'static str {
     if *operator == OperatorKind::Volume { "volume" } else { "graph" }
 }
 
+/// What the functions of an operator live on.
+pub fn domain<'a>(operator: &OperatorKind, mesh: &'a TriangleMesh, solid: Option<&'a TetMesh>) -> Domain<'a> {
+    match solid {
+        Some(solid) if *operator == OperatorKind::Volume => Domain::Solid(solid),
+        _ => Domain::Surface(mesh),
+    }
+}
+
 /// Checks that nothing is asked for that only operators on surfaces have.
 ///
 /// # Errors
 /// [`ParameterError::Value`] names it.
 pub fn check(method: &Method, parameters: &OperatorParameters) -> Result<(), ParameterError> {
     let name = name(&parameters.operator);
-    let Method::Exact(exact) = method else {
-        let reason = format!(
-            "the operator \"{name}\" takes the method \"hsim\": local functions to approximate with are made on surfaces"
-        );
-        return Err(value("method", reason));
+    let exact = match method {
+        Method::Exact(exact) => exact,
+        Method::Approximate(approximate) if parameters.operator == OperatorKind::Volume => {
+            if matches!(approximate.space, Space::Radial(_)) {
+                let reason = "the operator \"volume\" takes the construction \"heat\": functions of the distance alone err by half of an eigenvalue in solids";
+                return Err(value("construction", reason.to_owned()));
+            }
+            return check_mass(parameters);
+        }
+        Method::Auto(_) if parameters.operator == OperatorKind::Volume => return check_mass(parameters),
+        _ => {
+            let reason = format!(
+                "the operator \"{name}\" takes the method \"hsim\": local functions to approximate with are made on surfaces and in solids"
+            );
+            return Err(value("method", reason));
+        }
     };
     let refusal = match (exact.solver.variant, exact.solver.wanted, exact.storage) {
         (Variant::Random | Variant::Bathe, _, _) => Some(("method", "takes the method \"hsim\"")),
@@ -46,10 +66,17 @@ pub fn check(method: &Method, parameters: &OperatorParameters) -> Result<(), Par
     }
     match parameters.operator {
         OperatorKind::Graph => Ok(graph::check(parameters)?),
-        _ if parameters.mass == MassKind::Voronoi => {
+        _ => check_mass(parameters),
+    }
+}
+
+/// Checks the mass in a solid.
+fn check_mass(parameters: &OperatorParameters) -> Result<(), ParameterError> {
+    match parameters.mass {
+        MassKind::Voronoi => {
             Err(value("mass", "the operator \"volume\" has the masses \"barycentric\" and \"consistent\"".to_owned()))
         }
-        _ => Ok(()),
+        MassKind::Barycentric | MassKind::Consistent => Ok(()),
     }
 }
 
@@ -70,18 +97,40 @@ pub fn no_solid() -> ParameterError {
     value("operator", "\"volume\" needs a solid, and the mesh has no tetrahedra".to_owned())
 }
 
-/// An estimate of the memory of the work, in bytes, beside the mesh.
+/// An estimate of the memory of the work by any method, in bytes, beside the mesh.
+pub fn bytes_of(operator: &OperatorKind, method: &Method, mesh: MeshSize) -> u64 {
+    let approximately = |approximate: &Approximate| {
+        assembly_bytes(mesh) + approximate.memory_bytes_in_solid(mesh.solid_vertices as u64)
+    };
+    match method {
+        Method::Exact(exact) => memory_bytes(operator, exact, mesh),
+        Method::Approximate(approximate) => approximately(approximate),
+        Method::Auto(auto) => {
+            let exact = memory_bytes(operator, &auto.exact, mesh);
+            match auto.is_exact_in_solid(mesh.solid_vertices) {
+                true => exact,
+                false if Auto::may_become_exact(exact) => exact.max(approximately(&auto.approximate)),
+                false => approximately(&auto.approximate),
+            }
+        }
+    }
+}
+
+/// What tetrahedra and matrices take: shapes and corners of tetrahedra; about fifteen entries a row of stiffness, mass and a copy of either.
+fn assembly_bytes(mesh: MeshSize) -> u64 {
+    176 * mesh.tetrahedra as u64 + mesh.solid_vertices as u64 * 15 * 40
+}
+
+/// An estimate of the memory of the work by the exact method, in bytes, beside the mesh.
 pub fn memory_bytes(operator: &OperatorKind, exact: &Exact, mesh: MeshSize) -> u64 {
     if *operator != OperatorKind::Volume {
         let n = mesh.vertices as u64;
         return 300 * n + exact.memory_bytes(n);
     }
     let n = mesh.solid_vertices as u64;
-    // Shapes and corners of tetrahedra; about fifteen entries a row of stiffness, mass and a copy of either. A factor in space fills in faster than
-    // one of a surface, which is counted too.
-    let assembly = 160 * mesh.tetrahedra as u64 + n * 15 * 40;
+    // A factor in space fills in faster than one of a surface, which is counted too.
     let fill = (4.0 * (n as f64).powf(4.0 / 3.0)) as u64 * 20;
-    16 * mesh.tetrahedra as u64 + assembly + fill + exact.memory_bytes(n)
+    assembly_bytes(mesh) + fill + exact.memory_bytes(n)
 }
 
 /// Computes the basis: a row for each vertex of the solid, those of its surface first, or of the mesh.
@@ -116,7 +165,8 @@ mod tests {
     #[test]
     fn what_only_surfaces_have_is_refused_by_name() {
         for (parameters, name) in [
-            (json!({"method": "approximate", "operator": "volume"}), "method"),
+            (json!({"construction": "radial", "operator": "volume"}), "construction"),
+            (json!({"method": "approximate", "mass": "voronoi", "operator": "volume"}), "mass"),
             (json!({"method": "approximate", "operator": "graph"}), "method"),
             (json!({"method": "sim", "operator": "volume"}), "method"),
             (json!({"variant": "published", "operator": "volume"}), "variant"),
@@ -132,7 +182,7 @@ mod tests {
             assert!(matches!(error, ParameterError::Value { name: found, .. } if found == name), "{error}");
         }
         let volume = EigenbasisParameters::parse(&json!({"operator": "volume", "count": 5})).unwrap();
-        assert_eq!(volume.canonical()["method"], "hsim");
+        assert_eq!(volume.canonical()["method"], "auto");
         assert_eq!(EigenbasisParameters::parse(&volume.canonical()).unwrap(), volume);
         let surface = generate(Shape::Sphere, 200).unwrap();
         let refused = Work::check_mesh(&volume, MeshSize::from(&surface)).unwrap_err().to_string();

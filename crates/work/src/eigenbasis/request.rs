@@ -7,7 +7,6 @@ use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use serde::{Deserialize, Serialize};
 
-use super::nested::is_nested;
 use super::{Accuracy, Construction, Start, StorageKind};
 use crate::ParameterError;
 use crate::packed::Packed;
@@ -77,7 +76,7 @@ pub struct Request {
     #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 20000, example = 400))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_most: Option<usize>,
-    /// The operator; `auto`, unless it is given. `volume`, `graph` and `hodge` take the method `hsim`.
+    /// The operator; `auto`, unless it is given. `graph` and `hodge` take the method `hsim`, `volume` that and `approximate`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub operator: Option<OperatorKind>,
     /// The mass matrix; `barycentric`, unless it is given.
@@ -223,7 +222,7 @@ impl Request {
         } else if any_of(HSIM)
             || any_of(EXACT)
             || self.precision.is_some()
-            || self.operator.as_ref().is_some_and(|own| *own == OperatorKind::Hodge || is_nested(own))
+            || self.operator.as_ref().is_some_and(|own| matches!(own, OperatorKind::Hodge | OperatorKind::Graph))
         {
             MethodName::Hsim
         } else if any_of(SIM) {

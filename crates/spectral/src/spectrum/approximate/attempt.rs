@@ -1,6 +1,7 @@
 //! Pairs in one space, judged, and the space that would hold what they miss.
 
 use super::super::certificate::{KERNEL, certify};
+use super::super::domain::Domain;
 use super::super::energy::Energy;
 use super::super::lehmann::{self, Enclosed};
 use super::super::{hats, hidden};
@@ -11,7 +12,6 @@ use crate::basis::Certificate;
 use crate::operator::{EigenProblem, MeshOperator};
 use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
-use chladni_mesh::TriangleMesh;
 
 /// The mean of the estimated errors is to be at most this share of the goal, which is for the largest.
 const MEAN_SHARE: f64 = 0.2;
@@ -37,6 +37,9 @@ const SMALL: usize = 1500;
 
 /// Eigenfunctions on the mesh that are farther from orthonormal than this come from a dense problem that rounding has decided.
 const LARGEST_DEFECT: f64 = 1e-3;
+
+/// In a solid of more unknowns than this nobody looks for hidden eigenfunctions unasked: the factor takes longer than everything else.
+pub const MOST_COUNTED_IN_SOLID: usize = 20_000;
 
 /// What may still help.
 pub(super) struct Remedies {
@@ -114,13 +117,15 @@ impl Attempt {
     /// Where columns may be too coarse for a limb and all seems well: whether there are eigenfunctions that the space does not know of.
     pub(super) fn look_for_hidden(
         &mut self,
+        domain: Domain<'_>,
         operator: &MeshOperator,
         goal: Option<f64>,
         monitor: &dyn Monitor,
     ) -> Result<(), ApproximationError> {
         let Ritz { space, mass, pairs, .. } = &self.ritz;
         let problem = &operator.problem;
-        let coarse = space.rows() / space.columns().max(1) < FEW_VERTICES;
+        let costly = matches!(domain, Domain::Solid(_)) && space.rows() > MOST_COUNTED_IN_SOLID;
+        let coarse = !costly && space.rows() / space.columns().max(1) < FEW_VERTICES;
         if !coarse || goal.is_none_or(|goal| self.excess(goal) > 1.0) {
             return Ok(());
         }
@@ -166,7 +171,7 @@ impl Attempt {
     /// A space that holds what this one misses; `None` where the mesh has no room for one.
     pub(super) fn finer_space(
         &self,
-        mesh: &TriangleMesh,
+        domain: Domain<'_>,
         operator: &MeshOperator,
         parameters: &mut ApproximationParameters,
         goal: f64,
@@ -179,14 +184,15 @@ impl Attempt {
             return Ok(None);
         }
         // Smoother columns of the same number take less room than more of them, and the dense problem does not grow.
-        let few = n < FEW_VERTICES * parameters.dimension.max(1) && space.entries() <= FEW_ENTRIES * n;
+        let far = matches!(domain, Domain::Surface(_)) && space.entries() > FEW_ENTRIES * n;
+        let few = n < FEW_VERTICES * parameters.dimension.max(1) && !far;
         if few
             && self.hidden == 0
             && std::mem::take(&mut remedies.longer)
             && let Some(longer) = parameters.space.for_few_vertices()
         {
             parameters.space = longer;
-            let finer = initial_space(mesh, operator, parameters, monitor)?;
+            let finer = initial_space(domain, operator, parameters, monitor)?;
             if parameters.space == longer && finer.columns() <= self.most {
                 return Ok(Some(finer));
             }
@@ -215,7 +221,7 @@ impl Attempt {
             return Ok((n <= SMALL.min(self.most)).then(|| SparseMatrix::identity(n)));
         }
         parameters.dimension = wanted as usize;
-        let finer = initial_space(mesh, operator, parameters, monitor)?;
+        let finer = initial_space(domain, operator, parameters, monitor)?;
         // Vertices that no function reaches, and those of long edges, are columns beyond the dimension.
         Ok(Some(finer).filter(|finer| finer.columns() <= self.most))
     }

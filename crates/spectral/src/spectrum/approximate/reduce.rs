@@ -2,13 +2,13 @@
 
 use rayon::prelude::*;
 
+use super::super::domain::Domain;
 use super::super::hats;
 use super::space::initial_space;
 use super::{ApproximationError, ApproximationParameters};
 use crate::operator::{EigenProblem, MeshOperator};
 use chladni_algebra::{EigenError, EigenPairs, SparseMatrix, SymmetricDefiniteSolver, galerkin, gpu};
 use chladni_base::Monitor;
-use chladni_mesh::TriangleMesh;
 
 /// Ritz pairs in the space, on unit area.
 pub(in crate::spectrum) struct Ritz {
@@ -42,7 +42,7 @@ impl Ritz {
 
 /// Builds the space and computes the lowest `count` Ritz pairs in it. `parameters` tell afterwards how its functions were made.
 pub(in crate::spectrum) fn ritz(
-    mesh: &TriangleMesh,
+    domain: Domain<'_>,
     operator: &MeshOperator,
     parameters: &mut ApproximationParameters,
     count: usize,
@@ -52,7 +52,7 @@ pub(in crate::spectrum) fn ritz(
     if count > problem.size() {
         return Err(ApproximationError::Count { count, unknowns: problem.size() });
     }
-    let space = initial_space(mesh, operator, parameters, monitor)?;
+    let space = initial_space(domain, operator, parameters, monitor)?;
     // Guards may be more than the space has.
     let count = count.min(space.columns().max(parameters.count));
     reduce(problem, space, count, monitor)

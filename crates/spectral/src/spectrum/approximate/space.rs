@@ -1,5 +1,6 @@
 //! The space: locally supported functions, and hat functions where those are too coarse.
 
+use super::super::domain::Domain;
 use super::super::envelope::envelop;
 use super::super::radial::{self, Profile};
 use super::super::{hats, heat};
@@ -7,10 +8,10 @@ use super::{ApproximationError, ApproximationParameters, Space};
 use crate::operator::{EigenProblem, MeshOperator};
 use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
-use chladni_mesh::TriangleMesh;
 use chladni_mesh::connectivity::Connectivity;
 use chladni_mesh::distance::DistanceKind;
 use chladni_mesh::sample::well_spread_points;
+use chladni_mesh::{TetMesh, TriangleMesh};
 
 /// The overlap of supports, `σ`: the thesis takes 7 to 10.
 const SIGMA: f64 = 10.0;
@@ -28,19 +29,19 @@ pub(super) const FEW_ENTRIES: usize = 25;
 /// The space that the approximation begins with: local functions, and hat functions where those are too coarse. `parameters` tell afterwards how the
 /// functions were made.
 pub(super) fn initial_space(
-    mesh: &TriangleMesh,
+    domain: Domain<'_>,
     operator: &MeshOperator,
     parameters: &mut ApproximationParameters,
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, ApproximationError> {
-    let (space, made) = functions(mesh, operator, parameters, monitor)?;
+    let (space, made) = functions(domain, operator, parameters, monitor)?;
     parameters.space = made;
     let n = operator.problem.size();
     if !matches!(parameters.space, Space::Heat(_)) || space.columns() >= n {
         return Ok(space);
     }
     let d = parameters.dimension.max(parameters.count);
-    let rows = hats::too_coarse(mesh, operator.laplacian(), d, d);
+    let rows = hats::too_coarse(domain, operator.laplacian(), d, d);
     let rows = match &operator.problem.unknowns {
         Some(unknowns) => unknowns.iter().map(|&v| rows[v as usize]).collect(),
         None => rows,
@@ -68,18 +69,23 @@ pub fn most_initial_columns(n: usize, dimension: usize) -> usize {
 ///
 /// # Errors
 /// [`ApproximationError`]: a mesh without area, or cancellation.
-pub fn subspace(
-    mesh: &TriangleMesh,
+pub fn subspace<'a>(
+    domain: impl Into<Domain<'a>>,
     operator: &MeshOperator,
     parameters: &ApproximationParameters,
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, ApproximationError> {
-    functions(mesh, operator, parameters, monitor).map(|(space, _)| space)
+    let domain = domain.into();
+    match domain {
+        Domain::Surface(_) => functions(domain, operator, parameters, monitor),
+        Domain::Solid(_) => functions(domain, &operator.on_unit_volume(), parameters, monitor),
+    }
+    .map(|(space, _)| space)
 }
 
 /// [`subspace`], and how it was made.
 fn functions(
-    mesh: &TriangleMesh,
+    domain: Domain<'_>,
     operator: &MeshOperator,
     parameters: &ApproximationParameters,
     monitor: &dyn Monitor,
@@ -88,18 +94,22 @@ fn functions(
     if (n as f64) < EXACT_RATIO * d as f64 {
         return Ok((SparseMatrix::identity(n), parameters.space));
     }
-    let (space, made) = local_functions(mesh, operator.laplacian(), d, parameters, monitor)?;
-    Ok((envelop(space, operator, monitor)?, made))
+    let (space, made) = local_functions(domain, operator.laplacian(), d, parameters, monitor)?;
+    Ok((envelop(domain, space, operator, monitor)?, made))
 }
 
 /// Locally supported functions on all vertices, rows with sum 1, and how they were made. They follow the Laplacian, whatever the operator.
 fn local_functions(
-    mesh: &TriangleMesh,
+    domain: Domain<'_>,
     laplacian: &EigenProblem,
     d: usize,
     parameters: &ApproximationParameters,
     monitor: &dyn Monitor,
 ) -> Result<(SparseMatrix<f32>, Space), ApproximationError> {
+    let mesh = match domain {
+        Domain::Surface(mesh) => mesh,
+        Domain::Solid(solid) => return in_solid(solid, laplacian, d, parameters, monitor),
+    };
     monitor.stage("sampling");
     let connectivity = Connectivity::new(mesh);
     monitor.checkpoint()?;
@@ -121,6 +131,39 @@ fn local_functions(
         }
     }
 }
+
+/// The same in a solid, whose `laplacian` is on unit volume.
+fn in_solid(
+    solid: &TetMesh,
+    laplacian: &EigenProblem,
+    d: usize,
+    parameters: &ApproximationParameters,
+    monitor: &dyn Monitor,
+) -> Result<(SparseMatrix<f32>, Space), ApproximationError> {
+    let Space::Heat(heat) = parameters.space else {
+        let reason = "functions of the distance alone err by half of an eigenvalue in solids; take heat".to_owned();
+        return Err(ApproximationError::Parameter { name: "space", reason });
+    };
+    monitor.stage("sampling");
+    let connectivity = Connectivity::of_solid(solid);
+    // Edges are all that samples and distances ask for.
+    let vertices = TriangleMesh { positions: solid.positions.clone(), faces: Vec::new(), ..Default::default() };
+    monitor.checkpoint()?;
+    let masses = laplacian.mass.lumped();
+    let samples = well_spread_points(&vertices, &connectivity, &masses, d, LLOYD_MOVES, parameters.seed, monitor)?;
+    monitor.stage("basis");
+    let radius = REACH_IN_SOLID * (laplacian.area / (samples.len().max(1) as f64).powf(2.0 / 3.0)).sqrt();
+    let inside = (4.0 / 3.0 * std::f64::consts::PI * REACH_IN_SOLID.powi(3), radius);
+    let (kind, profile) = (DistanceKind::Dijkstra, Profile::Cubic);
+    let start = radial::columns_within(&vertices, &connectivity, &samples, kind, profile, inside, monitor)?;
+    drop(vertices);
+    let smooth = heat::smooth_in_solid(laplacian, &connectivity, &start, &heat.in_solid(), monitor)?;
+    Ok((smooth, parameters.space))
+}
+
+/// The support of a function in a solid over the width of a cell, before it diffuses. With less than 1.5 columns that have diffused are 40 % worse, with 2.2 a tenth better for a tenth more
+/// entries.
+const REACH_IN_SOLID: f64 = 1.8;
 
 /// From this many vertices per sample on, Dijkstra's distances start the heat steps as well as those of fast marching.
 const DIJKSTRA_SUFFICES: usize = 500;

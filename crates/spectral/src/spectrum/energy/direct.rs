@@ -19,6 +19,10 @@ const _: () = assert!(WIDE > CLOSE, "what is close enough is never measured anew
 /// Problems of more unknowns stay as they are measured by cycles: a factor would take longer than everything else, and more memory.
 pub const MOST_FACTORED: usize = 250_000;
 
+/// Matrices of more entries a row than this are of solids: a factor fills in as n^(4/3), and fewer rows are worth one.
+const ENTRIES_OF_SURFACES: usize = 10;
+const MOST_FACTORED_OF_SOLIDS: usize = 20_000;
+
 /// Bytes of such a factor for each unknown. On surfaces of so many unknowns at most it takes 850; one that fills in further, as triangles at random
 /// do, is not worth its memory, since memory for the whole was promised by the size of the mesh.
 pub const FACTOR_BYTES: u64 = 1_200;
@@ -77,7 +81,9 @@ impl Energy<'_> {
         let Some(lowest) = ritz.iter().map(|theta| theta + self.floor).find(|&theta| theta > limits.kernel) else {
             return Ok(());
         };
-        if wide.is_empty() || self.size() > MOST_FACTORED {
+        let of_solid = self.problem.stiffness.entries() > ENTRIES_OF_SURFACES * self.size();
+        let most = if of_solid { MOST_FACTORED_OF_SOLIDS } else { MOST_FACTORED };
+        if wide.is_empty() || self.size() > most {
             return Ok(());
         }
         let sigma = SHIFT * lowest;

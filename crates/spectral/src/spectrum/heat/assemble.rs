@@ -9,9 +9,33 @@ const MOST_ENTRIES: usize = 100;
 /// Then each row keeps so many, the largest.
 const WIDEST: usize = 64;
 
-/// Entries that are kept as they are, for `n` rows: several times those of any surface.
-pub(super) fn most_entries(n: usize) -> usize {
-    (MOST_ENTRIES * n).max(1 << 20)
+/// Which entries of diffused columns stay.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Kept {
+    /// Smaller ones are dropped.
+    pub least: f32,
+    /// Whether negative ones stay, too, by their size: beside flat tetrahedra columns follow the stiffness only with them.
+    pub signed: bool,
+    /// Entries a row on average, beyond which columns reach everywhere, and how many each row keeps then.
+    pub most: (usize, usize),
+}
+
+impl Kept {
+    /// What surfaces have.
+    pub fn positive(least: f32) -> Self {
+        Self { least, signed: false, most: (MOST_ENTRIES, WIDEST) }
+    }
+
+    /// Whether an entry stays.
+    #[inline]
+    pub fn keeps(&self, x: f32) -> bool {
+        if self.signed { x.abs() >= self.least } else { x >= self.least }
+    }
+
+    /// Entries that are kept as they are, for `n` rows: several times those of any surface.
+    pub fn most_entries(&self, n: usize) -> usize {
+        (self.most.0 * n).max(1 << 20)
+    }
 }
 
 /// A solved panel.
@@ -25,13 +49,13 @@ pub(super) struct Part {
 }
 
 impl Part {
-    /// How many entries are at least `least`.
-    pub fn entries(&self, least: f32) -> usize {
-        self.values.iter().map(|row| row[..self.lanes.len()].iter().filter(|&&x| x >= least).count()).sum()
+    /// How many entries stay.
+    pub fn entries(&self, kept: &Kept) -> usize {
+        self.values.iter().map(|row| row[..self.lanes.len()].iter().filter(|&&x| kept.keeps(x)).count()).sum()
     }
 }
 
-/// The largest `WIDEST` entries of each row, of panels in any order: triangles between vertices at random have columns that reach
+/// The largest entries of each row, of panels in any order: triangles between vertices at random have columns that reach
 /// everywhere, whose entries together would be a dense matrix.
 pub(super) struct WidestRows {
     rows: Vec<Vec<(u32, f32)>>,
@@ -42,14 +66,15 @@ impl WidestRows {
         Self { rows: vec![Vec::new(); n] }
     }
 
-    pub fn add(&mut self, part: &Part, least: f32) {
+    pub fn add(&mut self, part: &Part, kept: &Kept) {
+        let widest = kept.most.1;
         for (&v, values) in part.vertices.iter().zip(&part.values) {
             let row = &mut self.rows[v as usize];
-            row.extend(part.lanes.iter().zip(values).filter(|&(_, &x)| x >= least).map(|(&lane, &x)| (lane, x)));
-            if row.len() > WIDEST {
+            row.extend(part.lanes.iter().zip(values).filter(|&(_, &x)| kept.keeps(x)).map(|(&lane, &x)| (lane, x)));
+            if row.len() > widest {
                 // A total order, so that what is left does not depend on the order of the panels.
-                row.select_nth_unstable_by(WIDEST - 1, |a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-                row.truncate(WIDEST);
+                row.select_nth_unstable_by(widest - 1, |a, b| b.1.abs().total_cmp(&a.1.abs()).then(a.0.cmp(&b.0)));
+                row.truncate(widest);
             }
         }
     }
@@ -76,13 +101,13 @@ impl WidestRows {
     }
 }
 
-/// Puts the panels together as rows, without entries below `least`. A row that would be empty keeps its entries of before.
-pub(super) fn assemble(columns: &SparseMatrix<f32>, parts: &[Part], least: f32) -> SparseMatrix<f32> {
+/// Puts the panels together as rows of the entries that stay. A row that would be empty keeps its entries of before.
+pub(super) fn assemble(columns: &SparseMatrix<f32>, parts: &[Part], kept: &Kept) -> SparseMatrix<f32> {
     let n = columns.rows();
     let mut counts = vec![0usize; n];
     for part in parts {
         for (&v, row) in part.vertices.iter().zip(&part.values) {
-            counts[v as usize] += row[..part.lanes.len()].iter().filter(|&&x| x >= least).count();
+            counts[v as usize] += row[..part.lanes.len()].iter().filter(|&&x| kept.keeps(x)).count();
         }
     }
     let mut offsets = Vec::with_capacity(n + 1);
@@ -97,7 +122,7 @@ pub(super) fn assemble(columns: &SparseMatrix<f32>, parts: &[Part], least: f32) 
     for part in parts {
         for (&v, row) in part.vertices.iter().zip(&part.values) {
             for (&lane, &x) in part.lanes.iter().zip(row) {
-                if x >= least {
+                if kept.keeps(x) {
                     entries[next[v as usize]] = (lane, x);
                     next[v as usize] += 1;
                 }
@@ -132,11 +157,11 @@ mod tests {
             values: [0, 2].map(|v| std::array::from_fn(|l| value(v, first + l as u32))).to_vec(),
         };
         let parts: Vec<Part> = (0..8).map(|k| part(16 * k)).collect();
-        assert_eq!(parts[0].entries(0.0), 32);
+        assert_eq!(parts[0].entries(&Kept::positive(0.0)), 32);
         let columns = SparseMatrix::from_sorted_parts(3, 128, vec![0, 0, 1, 1], vec![5], vec![0.5]);
         let gather = |parts: &mut dyn Iterator<Item = &Part>| {
             let mut rows = WidestRows::new(3);
-            parts.for_each(|part| rows.add(part, 1.0));
+            parts.for_each(|part| rows.add(part, &Kept::positive(1.0)));
             rows.finish(&columns)
         };
         let (forth, back) = (gather(&mut parts.iter()), gather(&mut parts.iter().rev()));
@@ -152,6 +177,6 @@ mod tests {
             assert_eq!(indices.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>(), all);
         }
         // Where there are few, both constructions agree.
-        assert_eq!(gather(&mut parts[..2].iter()), assemble(&columns, &parts[..2], 1.0));
+        assert_eq!(gather(&mut parts[..2].iter()), assemble(&columns, &parts[..2], &Kept::positive(1.0)));
     }
 }

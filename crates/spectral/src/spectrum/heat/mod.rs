@@ -15,6 +15,7 @@ mod level;
 mod panel;
 mod polish;
 mod shrink;
+mod solid;
 #[cfg(test)]
 mod tests;
 
@@ -24,8 +25,10 @@ use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::connectivity::Connectivity;
 
+use assemble::Kept;
 use coarsen::{Coarsening, Surface};
 use level::Level;
+pub use solid::smooth_in_solid;
 
 /// A level of at most so many vertices a column is coarse enough to take heat steps on. Measured: with a third of that the error
 /// of the eigenvalues grows by a half.
@@ -195,7 +198,7 @@ pub fn smooth(
         steps: parameters.steps,
         time: (parameters.time / d.max(1) as f64) as f32,
         margin: (parameters.margin * (parameters.steps as f64 * parameters.time / d.max(1) as f64).sqrt()) as f32,
-        drop: parameters.drop as f32,
+        kept: Kept::positive(parameters.drop as f32),
         tolerance: parameters.tolerance as f32,
     };
     let origin = mesh.positions.first().copied().unwrap_or_default();
@@ -225,7 +228,7 @@ pub fn smooth(
     }
     let initial = columns.select_rows(&vertices);
     let coarse_drop = (COARSE_DROP * parameters.threshold).max(parameters.drop) as f32;
-    let heat = panel::Heat { drop: coarse_drop, ..heat };
+    let heat = panel::Heat { kept: Kept::positive(coarse_drop), ..heat };
     let mut spread = panel::diffuse(&coarsest.level, &initial, &tops, &heat, monitor)?;
     for (k, coarsening) in hierarchy.iter().enumerate().rev() {
         let fine = if k > 0 { &hierarchy[k - 1].level } else { &level };

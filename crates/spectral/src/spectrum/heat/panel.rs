@@ -12,7 +12,7 @@ use std::sync::{Mutex, PoisonError};
 use chladni_algebra::simd::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::assemble::{Part, WidestRows, assemble, most_entries};
+use super::assemble::{Kept, Part, WidestRows, assemble};
 use super::level::Level;
 use chladni_algebra::SparseMatrix;
 use chladni_base::{Cancelled, Monitor};
@@ -30,11 +30,11 @@ pub(super) struct Heat {
     pub steps: usize,
     pub time: f32,
     pub margin: f32,
-    pub drop: f32,
+    pub kept: Kept,
     pub tolerance: f32,
 }
 
-/// Diffuses `columns` (rows: vertices of `level`) and returns every entry of at least `heat.drop`, or the largest of each row where columns reach
+/// Diffuses `columns` (rows: vertices of `level`) and returns every entry that stays, or the largest of each row where columns reach
 /// everywhere; rows are not normalised.
 /// `peaks` is a vertex in the middle of each column; panels are gathered around them.
 pub(super) fn diffuse(
@@ -55,12 +55,12 @@ pub(super) fn diffuse(
         Ok(Part { lanes: lanes.clone(), vertices: patch.vertices, values })
     };
     let scratch = || Scratch::new(level.vertices());
-    let (most, entries) = (most_entries(columns.rows()), AtomicUsize::new(0));
+    let (most, entries) = (heat.kept.most_entries(columns.rows()), AtomicUsize::new(0));
     let parts: Result<Vec<Part>, Ended> = panels
         .par_iter()
         .map_init(scratch, |scratch, lanes| {
             let part = solve(scratch, lanes).map_err(Ended::Cancelled)?;
-            let own = part.entries(heat.drop);
+            let own = part.entries(&heat.kept);
             if entries.fetch_add(own, Ordering::Relaxed) + own > most { Err(Ended::Everywhere) } else { Ok(part) }
         })
         .collect();
@@ -72,14 +72,14 @@ pub(super) fn diffuse(
             done.store(0, Ordering::Relaxed);
             let rows = Mutex::new(WidestRows::new(columns.rows()));
             panels.par_iter().map_init(scratch, &solve).try_for_each(|part| {
-                rows.lock().unwrap_or_else(PoisonError::into_inner).add(&part?, heat.drop);
+                rows.lock().unwrap_or_else(PoisonError::into_inner).add(&part?, &heat.kept);
                 Ok(())
             })?;
             return Ok(rows.into_inner().unwrap_or_else(PoisonError::into_inner).finish(columns));
         }
     };
     monitor.checkpoint()?;
-    Ok(assemble(columns, &parts, heat.drop))
+    Ok(assemble(columns, &parts, &heat.kept))
 }
 
 /// Why not all panels are there.
