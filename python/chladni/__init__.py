@@ -18,10 +18,11 @@ from ._errors import Cancelled, ClientError, Error, FormatError, MeshError, Para
 from ._fields import Fields, fields
 from ._maps import CollectionMap, FunctionalMap, MapCollection, PointMap, functional_map, map_collection
 from ._mesh import Mesh
-from ._native import SOLVER_VERSION, __version__, get_threads, set_threads
+from ._native import SOLVER_VERSION, __version__, get_threads
 from ._operators import Operators, operators
 from ._pencil import Eigenpairs, eigsh
 from ._solve import eigs
+from ._threads import set_threads
 from ._vibration import Vibration, vibration
 
 __all__ = [

@@ -49,6 +49,32 @@ def numeric(values: Any, what: str) -> np.ndarray:
     return array.astype(np.float64, copy=False)
 
 
+def whole(value: Any, name: str, least: int = 0) -> int:
+    """A whole number: of any type that holds one exactly, but no truth value and no text."""
+    truth = isinstance(value, (bool, np.bool_))
+    try:
+        given = None if truth or isinstance(value, (str, bytes)) else int(value)
+        exact = given is not None and bool(given == value)
+    except (TypeError, ValueError, OverflowError):
+        exact = False
+    if not exact or given is None:
+        raise parameter_error(f"{name} is {value!r}, where a whole number is due")
+    if given < least:
+        raise parameter_error(f"{name} is {given}, where at least {least} is due")
+    return given
+
+
+def number(value: Any, name: str) -> float:
+    """A finite number."""
+    try:
+        given = float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise parameter_error(f"{name} is {value!r}, where a number is due") from None
+    if not np.isfinite(given):
+        raise parameter_error(f"{name} is {given}, where a finite number is due")
+    return given
+
+
 def functions(values: Any, rows: int, what: str) -> tuple[np.ndarray, bool]:
     """Functions in Fortran order, (rows, k), and whether it was a single one of the shape (rows,)."""
     array = numeric(values, what)

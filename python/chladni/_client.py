@@ -220,7 +220,7 @@ class Client:
             raise _arrays.parameter_error("S is the identifier of a problem, which has its own mass: M belongs to matrices")
         identifier = S if isinstance(S, str) else self.problem(S, M)
         rows, _ = _arrays.vertex_list(fixed, "fixed") if np.size(fixed) else ([], False)
-        parameters: dict[str, Any] = {"tolerance": float(tol) or _pencil._LEAST, "seed": int(seed), "precision": "f64"}
+        parameters: dict[str, Any] = {"tolerance": _arrays.number(tol, "tol") or _pencil._LEAST, "seed": _arrays.whole(seed, "seed"), "precision": "f64"}
         parameters["fixed"] = [int(row) for row in rows]
         if below is not None:
             parameters["below"] = float(below)
@@ -229,11 +229,11 @@ class Client:
         if sigma is not None:
             parameters["around"] = float(sigma)
         if below is None and between is None:
-            parameters["count"] = 6 if k is None else int(k)
+            parameters["count"] = 6 if k is None else _arrays.whole(k, "k", least=1)
         elif at_most is None:
             at_most = k
         if at_most is not None:
-            parameters["at_most"] = int(at_most)
+            parameters["at_most"] = _arrays.whole(at_most, "k" if at_most is k else "at_most")
         job = self._json("POST", "/v1/jobs", body={"kind": "pencil_basis", "pencil": identifier, "parameters": parameters})
         job = self._finished(job, progress)
         record = self._json("GET", f"/v1/bases/{job['basis']}")

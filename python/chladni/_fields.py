@@ -124,11 +124,11 @@ def fields(
     """
     _arrays.flag(kind, "kind", ("vector", "n_vector", "tensor"))
     mesh = as_mesh(vertices, faces)
-    request: dict[str, Any] = {"field": kind, "seed": int(seed), **parameters}
+    request: dict[str, Any] = {"field": kind, "seed": _arrays.whole(seed, "seed"), **parameters}
     if dimension is not None:
-        request["dimension"] = int(dimension)
+        request["dimension"] = _arrays.whole(dimension, "dimension")
     if n is not None:
-        request["n"] = int(n)
+        request["n"] = _arrays.whole(n, "n")
     told, close = _arrays.progress_callback(progress)
     try:
         native = _native.design_space(mesh._core, json.dumps(request, default=_plain), told)

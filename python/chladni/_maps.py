@@ -135,8 +135,8 @@ def functional_map(
         "signatures": bool(signatures),
         "start": start,
         "pairs": pairs,
-        "step": int(step),
-        "samples": int(samples),
+        "step": _arrays.whole(step, "step"),
+        "samples": _arrays.whole(samples, "samples"),
         "commutativity": float(commutativity),
         "all_points": bool(all_points),
         "both_ways": bool(both_ways),
@@ -230,8 +230,8 @@ def collection_request(
     return {
         "start": start,
         "pairs": pairs,
-        "step": int(step),
-        "samples": int(samples),
+        "step": _arrays.whole(step, "step"),
+        "samples": _arrays.whole(samples, "samples"),
         "oriented": bool(oriented),
         "polish": bool(polish),
     }

@@ -59,7 +59,7 @@ class Mesh:
         if faces is None:
             vertices, faces = arrays_of(vertices)
         positions, triangles = _arrays.positions(vertices), _arrays.triangles(faces)
-        self._core = _native.Mesh.from_arrays(positions, triangles, merge, int(subdivide))
+        self._core = _native.Mesh.from_arrays(positions, triangles, merge, _arrays.whole(subdivide, "subdivide"))
 
     @classmethod
     def _of(cls, native: _native.Mesh) -> Mesh:
@@ -109,7 +109,7 @@ class Mesh:
         if content[:2] == b"\x1f\x8b":
             content = gzip.decompress(content)
             name = name[:-3] if name.lower().endswith(".gz") else name
-        return cls._of(_native.Mesh.from_bytes(content, os.path.basename(name), format, merge, surface, int(subdivide)))
+        return cls._of(_native.Mesh.from_bytes(content, os.path.basename(name), format, merge, surface, _arrays.whole(subdivide, "subdivide")))
 
     @classmethod
     def sample(cls, shape: str, vertices: int = 1000) -> Mesh:
@@ -132,7 +132,7 @@ class Mesh:
         >>> chladni.Mesh.sample("genus-2", 2000).report["genus"]
         2
         """
-        return cls(*_native.sample(shape, int(vertices)))
+        return cls(*_native.sample(shape, _arrays.whole(vertices, "vertices")))
 
     @cached_property
     def _given(self) -> tuple[np.ndarray, np.ndarray]:

@@ -234,7 +234,7 @@ def operators(
             "vertices were merged or made, so that rows would be none of the mesh; use Mesh(mesh.kept_vertices, mesh.kept_faces)"
         )
     S, M = mesh.laplacian(operator)
-    pairs = min(int(k), len(mesh.kept_vertices))
+    pairs = min(_arrays.whole(k, "k", least=1), len(mesh.kept_vertices))
     basis = eigs(mesh, k=pairs, method="hsim", tol=tol, operator=operator, seed=seed, progress=progress)
     frames, offsets, indices, values = _native.gradients(mesh.vertices, mesh.faces, float(regularisation))
     gradients = [

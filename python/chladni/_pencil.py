@@ -127,7 +127,7 @@ def eigsh(
     n = stiffness.shape[0]
     diagonal, mass = _mass(M, n)
     rows, _ = _arrays.vertex_list(fixed, "fixed") if np.size(fixed) else ([], False)
-    request: dict[str, Any] = {"tolerance": float(tol) or _LEAST, "seed": int(seed), "most": n if k is None else int(k)}
+    request: dict[str, Any] = {"tolerance": _arrays.number(tol, "tol") or _LEAST, "seed": _arrays.whole(seed, "seed"), "most": n if k is None else _arrays.whole(k, "k", least=1)}
     if below is not None:
         request["below"] = float(below)
     if between is not None:
@@ -136,7 +136,7 @@ def eigsh(
     if sigma is not None:
         request["around"], request["most"] = float(sigma), n
     if not interval:
-        request["count"] = 6 if k is None else int(k)
+        request["count"] = 6 if k is None else _arrays.whole(k, "k", least=1)
     try:
         arguments = _parts(stiffness), diagonal, None if mass is None else _parts(mass), rows
         values, vectors, certificate, moved = _native.pencil(n, *arguments, json.dumps(request), told)

@@ -125,21 +125,21 @@ def eigenbasis_request(
 ) -> str:
     """The parameters of a job ``eigenbasis`` as JSON, of the arguments of `eigs`."""
     _arrays.flag(method, "method", ("auto", "hsim", "approximate", "sim"))
-    request: dict[str, Any] = {"method": method, "operator": operator, "mass": mass, "boundary": boundary, "seed": int(seed), **parameters}
+    request: dict[str, Any] = {"method": method, "operator": operator, "mass": mass, "boundary": boundary, "seed": _arrays.whole(seed, "seed"), **parameters}
     interval = below is not None or between is not None
     if below is not None:
-        request["below"] = float(below)
+        request["below"] = _arrays.number(below, "below")
     if between is not None:
-        request["between"] = [float(end) for end in between]
+        request["between"] = [_arrays.number(end, "between") for end in between]
     if interval and k is not None:
-        request["at_most"] = int(k)
+        request["at_most"] = _arrays.whole(k, "k", least=1)
     elif not interval:
-        request["count"] = 50 if k is None else int(k)
+        request["count"] = 50 if k is None else _arrays.whole(k, "k", least=1)
     exact = method in ("hsim", "sim") or (method == "auto" and (interval or operator in ("hodge", "graph")))
     if tol is None and exact:
         tol = TOLERANCE
     if tol is not None:
-        request["tolerance"] = float(tol)
+        request["tolerance"] = _arrays.number(tol, "tol")
         if request.get("storage", "dense") == "dense" and method != "approximate":
             request.setdefault("precision", "f64")
     return json.dumps(request, default=_plain)

@@ -194,7 +194,7 @@ def vibration(
     if any(value is not None for value in given.values()):
         request["material"] = {name: float(value) for name, value in given.items() if value is not None}
     if k is not None:
-        request["count"] = int(k)
+        request["count"] = _arrays.whole(k, "k", least=1)
     if thickness is not None:
         request["thickness"] = float(thickness)
     held = np.asarray(clamped, dtype=np.int64).ravel()

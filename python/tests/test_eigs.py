@@ -120,7 +120,7 @@ def test_two_components_have_two_zeros_and_stages_take_time(sphere):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"k": 0}, "count"),
+        ({"k": 0}, "^k is 0, where at least 1 is due"),
         ({"k": 10_000}, "count"),
         ({"method": "magic"}, "method is 'magic'"),
         ({"tol": 1e-30}, "tolerance"),
@@ -138,3 +138,28 @@ def test_refusals_name_the_argument(sphere, arguments, message):
     with pytest.raises(chladni.ParameterError, match=message) as caught:
         chladni.eigs(sphere, **arguments)
     assert isinstance(caught.value, (chladni.Error, ValueError)) and caught.value.code == "invalid-parameters"
+
+
+@pytest.mark.parametrize("k", [2.999, "5", True, float("nan"), float("inf"), [3], 2.5])
+@pytest.mark.parametrize("call", ["eigs", "eigsh", "vibration", "interval"])
+def test_counts_that_are_no_whole_numbers_are_refused(sphere, k, call):
+    calls = {
+        "eigs": lambda: chladni.eigs(sphere, k=k),
+        "interval": lambda: chladni.eigs(sphere, k=k, below=3.0),
+        "eigsh": lambda: chladni.eigsh(scipy.sparse.eye(5), k=k),
+        "vibration": lambda: chladni.vibration(sphere, k=k, thickness=0.01),
+    }
+    with pytest.raises(chladni.ParameterError, match="^k is .*, where a whole number is due"):
+        calls[call]()
+
+
+def test_whole_numbers_of_any_type_are_counts(sphere):
+    for k in (4, 4.0, np.int16(4), np.float64(4.0), np.array(4)):
+        assert len(chladni.eigs(sphere, k=k).values) == 4
+
+
+@pytest.mark.parametrize("arguments", [{"tol": np.nan}, {"tol": "small"}, {"below": np.inf}, {"between": (0.0, np.nan)}, {"seed": 1.5}])
+def test_numbers_that_are_none_are_refused_by_name(sphere, arguments):
+    (name,) = arguments
+    with pytest.raises(chladni.ParameterError, match=f"^{name} is "):
+        chladni.eigs(sphere, **arguments)

@@ -103,7 +103,7 @@ def indefinite():
 @pytest.mark.parametrize(
     ("change", "arguments", "message"),
     [
-        (lambda S: S, {"k": 0}, "asked|count"),
+        (lambda S: S, {"k": 0}, "^k is 0"),
         (lambda S: S, {"k": 101}, "100"),
         (lambda S: S, {"which": "LM"}, "sigma"),
         (lambda S: S, {"which": "BE"}, "which"),

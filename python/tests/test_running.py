@@ -107,6 +107,14 @@ def test_threads_are_set(knot, knot_basis):
     assert chladni.get_threads() == before
 
 
+@pytest.mark.parametrize("count", [-1, 1.5, 100_000, "2", True, None])
+def test_a_number_of_threads_that_there_cannot_be_is_refused(count):
+    before = chladni.get_threads()
+    with pytest.raises(chladni.ParameterError, match="^count is "):
+        chladni.set_threads(count)
+    assert chladni.get_threads() == before
+
+
 def test_nothing_but_the_public_names_is_imported(tmp_path):
     """SciPy and tqdm come with the first call that needs them."""
     script = "import sys, chladni; print(sorted(m for m in ('scipy', 'tqdm', 'torch') if m in sys.modules))"

@@ -46,8 +46,9 @@ impl Edges {
         for (face, own) in faces.iter().zip(lengths.as_chunks::<3>().0) {
             let doubled = doubled_area(face.map(at));
             for i in 0..3 {
-                let (base, right, left) = (own[i], own[(i + 1) % 3], own[(i + 2) % 3]);
-                let along = if base > 0.0 { ((left - right) * (left + right) / base + base) / 2.0 } else { 0.0 };
+                let (base, left) = (own[i], own[(i + 2) % 3]);
+                // Lengths of sides that are long beside the base would lose it.
+                let along = if base > 0.0 { along(face.map(at), i) / base } else { 0.0 };
                 let above = if base > 0.0 { doubled / base } else { left };
                 apexes.push((along, above));
                 angles[face[i] as usize] += above.atan2(along);
@@ -138,7 +139,18 @@ fn unit(mesh: &TriangleMesh) -> f64 {
     if longest > 1e-300 && longest < 1e300 { longest.log2().round().exp2() } else { 1.0 }
 }
 
-fn doubled_area([p, q, r]: [[f64; 3]; 3]) -> f64 {
+/// The product of side `i` and of the way from where it begins to the corner that does not lie on it.
+fn along(corners: [[f64; 3]; 3], i: usize) -> f64 {
+    let [p, q, r] = [0, 1, 2].map(|k| corners[(i + k) % 3]);
+    (0..3).map(|k| (q[k] - p[k]) * (r[k] - p[k])).sum()
+}
+
+fn doubled_area(corners: [[f64; 3]; 3]) -> f64 {
+    let square = |p: [f64; 3], q: [f64; 3]| (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>();
+    // From the two shorter sides: two long ones are nearly parallel where the third is short, and their product is what rounding leaves.
+    let opposite = [0, 1, 2].map(|i| square(corners[(i + 1) % 3], corners[(i + 2) % 3]));
+    let at = (0..3).fold(0, |best, i| if opposite[i] > opposite[best] { i } else { best });
+    let [p, q, r] = [0, 1, 2].map(|k| corners[(at + k) % 3]);
     let (a, b) = ([0, 1, 2].map(|k| q[k] - p[k]), [0, 1, 2].map(|k| r[k] - p[k]));
     let normal = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]).sqrt()

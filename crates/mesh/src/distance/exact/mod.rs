@@ -27,7 +27,7 @@ use std::collections::BinaryHeap;
 use chladni_base::{Cancelled, Monitor};
 
 use self::edges::Edges;
-use self::window::Window;
+use self::window::{Reached, Window};
 use crate::TriangleMesh;
 
 /// Events between two checkpoints.
@@ -158,8 +158,11 @@ impl Front<'_> {
         let Some(window) = self.useful(window) else { return };
         let (apex, length) = (edges.apex(window.edge), edges.length(window.edge));
         let (mut before, mut beyond) = (window, window);
-        if let Some((distance, place)) = window.sees(apex, length) {
-            self.reach(edges.third(window.edge), distance);
+        // A corner in line with a vertex that was passed lies on the rim of the windows on both sides of it, and for rounding in neither. No path turns at an ordinary vertex,
+        // so that its own way would not be found again; one that turns by a rounding error at the rim is as short.
+        let Reached { distance, place, seen } = window.reaches(apex);
+        self.reach(edges.third(window.edge), distance);
+        if seen {
             let owner = &mut self.owners[window.edge as usize];
             if distance < owner.0 {
                 *owner = (distance, place);

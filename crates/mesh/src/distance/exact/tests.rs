@@ -37,6 +37,42 @@ fn on_a_convex_plate_paths_are_straight_however_it_is_cut() {
     }
 }
 
+/// A rectangle of `[across, up]` vertices and these sides, turned in space and moved away from the origin.
+fn rectangle([across, up]: [usize; 2], sides: [f64; 2], angle: f64, away: [f64; 3]) -> TriangleMesh {
+    let (sine, cosine) = angle.sin_cos();
+    let mut mesh = TriangleMesh::default();
+    for (i, j) in (0..up).flat_map(|j| (0..across).map(move |i| (i, j))) {
+        let (x, y) = (sides[0] * i as f64 / (across - 1) as f64, sides[1] * j as f64 / (up - 1) as f64);
+        let (u, v) = (cosine * x - sine * y, sine * x + cosine * y);
+        mesh.positions.push([u + away[0], 0.8 * v + away[1], 0.6 * v + away[2]]);
+    }
+    for (i, j) in (0..up - 1).flat_map(|j| (0..across - 1).map(move |i| (i, j))) {
+        let a = (j * across + i) as u32;
+        let [b, c, d] = [a + 1, a + across as u32 + 1, a + across as u32];
+        mesh.faces.extend([[a, b, c], [a, c, d]]);
+    }
+    mesh
+}
+
+/// Rays run through rows of vertices there, and leave the rims of windows to rounding.
+#[test]
+fn on_a_rectangle_paths_are_straight_to_rounding_however_it_is_stretched_turned_and_moved() {
+    for (counts, sides) in
+        [([40, 40], [1.0, 0.02]), ([60, 60], [1.0, 0.001]), ([20, 100], [1.0, 0.02]), ([30, 30], [1.0, 1e-5])]
+    {
+        for (angle, away) in [(0.0, [0.0; 3]), (0.3, [3.0, 4.0, 5.0]), (1.1, [-10.0, 0.1, 2.0])] {
+            let mesh = rectangle(counts, sides, angle, away);
+            let n = mesh.positions.len();
+            for source in [0, 3, n / 2, n / 3] {
+                let found = distances(&mesh, source as u32);
+                let off = |v: usize| (found[v] - straight(&mesh, source, v)).abs();
+                let worst = (0..n).map(off).fold(0.0, f64::max);
+                assert!(worst < 1e-12, "{counts:?} {sides:?}, by {angle}, from {source}: {worst:e}");
+            }
+        }
+    }
+}
+
 #[test]
 fn around_the_inner_corner_of_a_plate_paths_turn() {
     let mut mesh = grid(11);

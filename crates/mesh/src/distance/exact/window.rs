@@ -1,11 +1,19 @@
 //! Windows in the plane of an edge: the edge lies on the first axis, from 0 on, and the face that is entered above it.
 
-/// Vertices that lie so near beside a window are seen, in multiples of the edge.
-const SLACK: f64 = 1e-10;
-
 /// Lengths are near 1, so squares neither overflow nor vanish; `hypot`, which provides for that, takes several times as long.
 fn hypotenuse(a: f64, b: f64) -> f64 {
     (a * a + b * b).sqrt()
+}
+
+/// A way through a window to the corner of the face behind it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reached {
+    /// Its length from the source.
+    pub distance: f64,
+    /// Where it crosses the edge.
+    pub place: f64,
+    /// Whether it is straight.
+    pub seen: bool,
 }
 
 /// An interval of an edge that straight paths come through from one point below it.
@@ -68,13 +76,20 @@ impl Window {
         distance + hypotenuse(self.from - along, behind) <= self.at(self.from)
     }
 
-    /// The distance of the third corner of the face, if it is seen through the window, and through which place. `length` is that of the edge.
-    pub fn sees(&self, (along, above): (f64, f64), length: f64) -> Option<(f64, f64)> {
+    /// The shortest way through the window to the third corner of the face, and whether that is straight: where it is not, it turns at an end of the window. Either way a path
+    /// of that length is there.
+    pub fn reaches(&self, (along, above): (f64, f64)) -> Reached {
         let height = self.behind + above;
-        let place = if height > 0.0 { self.along + (along - self.along) * self.behind / height } else { along };
-        let slack = SLACK * length;
-        let seen = place >= self.from - slack && place <= self.to + slack;
-        seen.then(|| (self.before + hypotenuse(along - self.along, height), place))
+        let straight = if height > 0.0 { self.along + (along - self.along) * self.behind / height } else { along };
+        if straight >= self.from && straight <= self.to {
+            return Reached {
+                distance: self.before + hypotenuse(along - self.along, height),
+                place: straight,
+                seen: true,
+            };
+        }
+        let place = if straight < self.from { self.from } else { self.to };
+        Reached { distance: self.at(place) + hypotenuse(along - place, above), place, seen: false }
     }
 
     /// What leaves the face by the side between the begin of the edge and the third corner, in the plane of that side and measured from the begin of
