@@ -3291,8 +3291,9 @@ export interface components {
         /** @description What is stored in a face. */
         FieldKind: components["schemas"]["FieldKindVector"] | components["schemas"]["FieldKindNVector"] | components["schemas"]["FieldKindTensor"];
         /**
-         * @description `n` vectors, equal up to turns by 360°/n, as one representation vector: its angle is `n` times theirs. For `n = 1` a tangent vector,
-         *     with the connection Laplacian.
+         * @description `n` vectors, equal up to turns by 360°/n, as one representation vector: its angle is `n` times theirs. For `n = 1` a tangent vector.
+         *     The operator carries vectors from face to face and weighs what differs as the thesis does; it is no discretisation of the connection Laplacian: on equal triangles
+         *     its eigenvalues are twice those, and where triangles point one way they differ by direction.
          */
         FieldKindNVector: {
             /**
@@ -3627,7 +3628,7 @@ export interface components {
             field: components["schemas"]["FieldSource"];
             /**
              * Format: double
-             * @description The length of the field at which strands lean that far. By default `1.0`.
+             * @description The length of the field at which strands lean that far, above 0. By default `1.0`.
              */
             full?: number;
             /**
@@ -3637,10 +3638,10 @@ export interface components {
             gravity?: number | null;
             /**
              * Format: double
-             * @description The length of strands in the units of the mesh.
+             * @description The length of strands in the units of the mesh, above 0.
              */
             length: number;
-            /** @description A factor of the length for each face. */
+            /** @description A factor of the length for each face, 0 or more. */
             lengths?: number[] | null;
             look?: components["schemas"]["HairRequest"] | null;
             /**
@@ -3659,7 +3660,7 @@ export interface components {
             strands?: number | null;
             /**
              * Format: double
-             * @description How far strands lean at most, in radians from the normal. By default `1.0`.
+             * @description How far strands lean at most, in radians from the normal, up to π. By default `1.0`.
              */
             tilt?: number;
         };
