@@ -243,6 +243,53 @@ fn grid_lines_of_a_cube_run_along_its_edges_and_meet_across_the_cut() {
     assert_eq!(found.spacing, 0.3);
 }
 
+/// A mesh with each face cut into four at the middles of its sides.
+fn halved(mesh: &TriangleMesh) -> TriangleMesh {
+    let mut fine = TriangleMesh { positions: mesh.positions.clone(), faces: Vec::new(), ..Default::default() };
+    let mut middles = std::collections::HashMap::new();
+    for &[a, b, c] in &mesh.faces {
+        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
+            *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
+                let (p, q) = (mesh.positions[p as usize], mesh.positions[q as usize]);
+                fine.positions.push([0, 1, 2].map(|i| (p[i] + q[i]) / 2.0));
+                fine.positions.len() as u32 - 1
+            })
+        });
+        fine.faces.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+    }
+    fine
+}
+
+/// Four edges of a cube may be whole together where one is not: then no whole number of squares fits an edge.
+#[test]
+fn whole_numbers_on_cubes_agree_whatever_the_spacing() {
+    let mut box_of_twelve = cube(1);
+    for times in 1..=4 {
+        box_of_twelve = halved(&box_of_twelve);
+        for mesh in [box_of_twelve.clone(), cube(1 << times)].into_iter().filter(|_| times > 1) {
+            let surface = FieldSurface::new(mesh).unwrap();
+            let cross = CrossField::aligned(&surface, &CrossParameters::default(), &Unwatched).unwrap();
+            let combed = comb(&surface, &cross.field, &[]).unwrap();
+            assert_eq!(combed.singularities.len(), 8);
+            for spacing in [150f64.sqrt().recip(), 0.08, 0.1, 0.125, 0.13, 0.19, 0.3] {
+                let creases = cross.creases.clone();
+                let wanted = ParametrisationParameters { spacing, integers: true, creases, stiffening: 0 };
+                let found = coordinates(&surface, &combed, &wanted);
+                let (worst, translations) = seams(&surface, &combed, &found);
+                let context = format!("cut {times} times, {spacing}: {:?} {worst:e}", found.misfit);
+                assert!(found.misfit.unwrap() < 1e-8 && worst < 1e-6 && found.inverted.is_empty(), "{context}");
+                assert!(translations.iter().flatten().all(|x| (x - x.round()).abs() < 1e-6), "{context}");
+                for (corners, z) in surface.mesh().faces.iter().zip(&found.coordinates) {
+                    let singular = |v: u32| combed.singularities.iter().any(|s| s.vertex == v);
+                    for z in corners.iter().zip(z).filter(|(v, _)| singular(**v)).map(|(_, z)| z) {
+                        assert!(z.iter().all(|x| (x - x.round()).abs() < 1e-6), "{context}: {z:?}");
+                    }
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn whole_translations_are_whole_on_surfaces_with_handles() {
     for (shape, vertices) in [(Shape::Torus, 600), (Shape::Genus(2), 1500), (Shape::Sphere, 642)] {

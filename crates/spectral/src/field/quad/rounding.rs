@@ -1,6 +1,10 @@
 //! Whole numbers for some unknowns: one after the other the one that is nearest to a whole number, with all others following (Bommes, Zimmer and
 //! Kobbelt 2009).
 //!
+//! Where one that is fixed decides others with it, these have to come out whole as well: of four edges of one length the sum is whole for quarters
+//! of edges too. So of all that are decided together the one that moves least comes first, and takes the nearest whole number that makes the others
+//! whole.
+//!
 //! How unknowns follow is known from the compliance `C = Eᵀ A⁻¹ E` of those that are to be whole, a dense matrix: fixing one is an update of rank
 //! one, and not a solve.
 
@@ -14,6 +18,15 @@ const AT_ONCE: usize = 32;
 
 /// An unknown whose compliance falls below this share follows from those that are fixed.
 const FOLLOWS: f64 = 1e-8;
+
+/// One whose compliance falls below this share follows but for the give of creases, which are stiff and not rigid: that is not used up to make it whole.
+const STIFF: f64 = 1e-5;
+
+/// What follows is whole if it comes so near to a whole number.
+const NEAR: f64 = 0.02;
+
+/// Whole numbers that are tried for an unknown on each side of the nearest.
+const TRIED: i32 = 12;
 
 /// What is nearer to a whole number than this is made that number, so that closures hold exactly.
 const WHOLE: f64 = 1e-3;
@@ -59,7 +72,13 @@ pub(super) fn round(
         let rank = |j: usize| (j >= leading, distance(j));
         let before = |a: &usize, b: &usize| rank(*a).0.cmp(&rank(*b).0).then(rank(*a).1.total_cmp(&rank(*b).1));
         let Some(next) = open.iter().copied().min_by(before) else { break };
-        let step = (values[next].round() - values[next]) / compliance[next][next];
+        if compliance[next][next] <= STIFF * first[next] && distance(next) > NEAR {
+            // Whole numbers of the others force it; nothing but a crease that gives way would make it whole.
+            open.retain(|&j| j != next);
+            continue;
+        }
+        let (next, whole) = decided(&compliance, &values, &first, &open, next);
+        let step = (whole - values[next]) / compliance[next][next];
         let (column, pull) = (compliance[next].clone(), pulls[next].clone());
         values.iter_mut().zip(&column).for_each(|(value, c)| *value += step * c);
         force.iter_mut().zip(&pull).for_each(|(force, p)| *force += step * p);
@@ -84,4 +103,29 @@ pub(super) fn round(
         }
     });
     Ok(misfit)
+}
+
+/// Which of the unknowns that are decided together with `next` is fixed, and the whole number that it takes.
+fn decided(compliance: &[Vec<f64>], values: &[f64], first: &[f64], open: &[usize], next: usize) -> (usize, f64) {
+    let left = |j: usize| compliance[j][j] - compliance[next][j].powi(2) / compliance[next][next];
+    let together = |&j: &usize| compliance[j][j] > STIFF * first[j] && left(j) <= STIFF * first[j];
+    let mut others: Vec<usize> = open.iter().copied().filter(|&j| j != next).filter(together).collect();
+    let share = |j: usize| (compliance[next][j] / compliance[next][next]).abs();
+    // Those that move alike are as good as each other.
+    let least =
+        others.iter().copied().min_by(|&a, &b| share(a).total_cmp(&share(b))).filter(|&j| share(j) < 1.0 - NEAR);
+    let chosen = least.unwrap_or(next);
+    if chosen != next {
+        others.retain(|&j| j != chosen);
+        others.push(next);
+    }
+    let (value, own) = (values[chosen], compliance[chosen][chosen]);
+    let nearest = value.round();
+    let follows = |&whole: &f64| {
+        let place = |j: usize| values[j] + (whole - value) * compliance[chosen][j] / own;
+        others.iter().all(|&j| (place(j) - place(j).round()).abs() < NEAR)
+    };
+    let mut tried: Vec<f64> = (-TRIED..=TRIED).map(|step| nearest + f64::from(step)).collect();
+    tried.sort_by(|a, b| (a - value).abs().total_cmp(&(b - value).abs()));
+    (chosen, tried.into_iter().find(follows).unwrap_or(nearest))
 }
