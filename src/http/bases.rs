@@ -14,7 +14,7 @@ use uuid::Uuid;
 
 use super::client::ClientState;
 use super::conditional;
-use super::extract::QueryOf;
+use super::extract::{self, QueryOf};
 use super::ids::BasisId;
 use super::problem::{self, Problem};
 use super::problems::problems;
@@ -58,6 +58,7 @@ problems!(ListBasesProblems: PAGE []);
     security(("bearer" = ["read"]))
 )]
 async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<Json<PageOf<BasisSummary>>, Problem> {
+    extract::known_kind(query.kind.as_deref())?;
     let filter = BasisFilter { mesh: query.mesh, kind: query.kind };
     let page = state.store.bases(&filter, &super::extract::page(query.limit, query.from)?).await?;
     Ok(Json(PageOf::of(page, BasisSummary::from)))

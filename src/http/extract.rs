@@ -4,6 +4,7 @@ use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{FromRequestParts, Path, Query};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
+use chladni_work::KINDS;
 use chladni_work::packed::Packed;
 use chladni_work::plain;
 use serde::de::DeserializeOwned;
@@ -62,6 +63,20 @@ pub fn page(limit: Option<u32>, from: Option<String>) -> Result<PageRequest, Pro
         ));
     }
     Ok(PageRequest { limit, from })
+}
+
+/// Refuses a kind of job that there is not.
+///
+/// # Errors
+/// `invalid-query`.
+pub fn known_kind(kind: Option<&str>) -> Result<(), Problem> {
+    match kind {
+        Some(kind) if !KINDS.contains(&kind) => Err(Problem::new(
+            &problem::INVALID_QUERY,
+            format!("kind: must be one of {}, not {kind:?}.", KINDS.join(", ")),
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// The media type of a request body, lower case and without parameters.

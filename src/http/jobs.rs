@@ -346,6 +346,7 @@ problems!(ListJobsProblems: PAGE []);
     security(("bearer" = ["read"]))
 )]
 async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<Json<PageOf<JobResource>>, Problem> {
+    extract::known_kind(query.kind.as_deref())?;
     let filter = JobFilter { status: query.status.map(Into::into), kind: query.kind, mesh: query.mesh };
     let (page, store) = (extract::page(query.limit, query.from)?, state.store.clone());
     let resources = async move {

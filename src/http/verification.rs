@@ -18,7 +18,6 @@ use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::bases::find_kind;
 use super::body;
 use super::client::ClientState;
 use super::exchange::Answer;
@@ -147,11 +146,14 @@ async fn verify_basis(state: ClientState, BasisId(id): BasisId, headers: HeaderM
         | JobParameters::OperatorFamily(_)
         | JobParameters::MapCollection(_)
         | JobParameters::Idle(_) => {
-            // It is of another kind, and this says so.
-            Err(find_kind(&state, id, ProductKind::Eigenbasis)
-                .await
-                .err()
-                .unwrap_or_else(|| Problem::internal("a basis has the parameters of another kind")))
+            let kinds = [ProductKind::Eigenbasis, ProductKind::VibrationBasis, ProductKind::PencilBasis]
+                .map(|kind| kind.name());
+            let detail = format!(
+                "Basis {id} is of the kind {}; those of the kinds {} are verified.",
+                record.kind,
+                kinds.join(", ")
+            );
+            Err(Problem::new(&problem::BASIS_KIND, detail).with("kind", record.kind).with("kinds", kinds.to_vec()))
         }
     }
 }

@@ -165,7 +165,7 @@ impl VibrationBasisParameters {
             return Err(value("clamped_rotations", reason));
         }
         if read.clamped_rotations && read.clamped.len() < 2 {
-            let reason = "needs clamped vertices: an edge is held by its two ends".to_owned();
+            let reason = "needs two clamped vertices at least: an edge is held by its two ends".to_owned();
             return Err(value("clamped_rotations", reason));
         }
         if let Some((name, ..)) = BELONGINGS.iter().find(|(_, method, given)| *method != read.method && given(&read)) {

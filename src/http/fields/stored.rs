@@ -7,7 +7,7 @@ use axum::body::Body;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use bytes::Bytes;
-use chladni_mesh::numbering::{NumberingError, Translation};
+use chladni_mesh::numbering::Translation;
 use chladni_spectral::formats::npz;
 use chladni_spectral::operator::transport::FieldKind;
 use chladni_work::design::{DesignRequest, Form, written as written_as};
@@ -162,8 +162,10 @@ fn kept_rows(table: &Table, to: &Translation, faces: usize) -> Result<Vec<f32>, 
             "values: {found} numbers are given; {rows} rows of {columns} are needed, one for each face."
         )));
     }
-    if columns == 2 && (to.turned_faces() > 0 || to.divides_faces()) {
-        return Err(refused(format!("values: {}.", NumberingError::Turned { faces: to.turned_faces() })));
+    if columns == 2
+        && let Some(error) = to.refuses_frames()
+    {
+        return Err(refused(format!("values: {error}.")));
     }
     let pulled = to.pull_faces(&table.values, columns)?;
     let values: Vec<f32> = pulled.iter().map(|&x| x as f32).collect();

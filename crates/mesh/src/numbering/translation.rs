@@ -88,7 +88,7 @@ pub enum NumberingError {
     },
     /// A function has two values at vertices that are one.
     #[error(
-        "vertices {first} and {second} of the file are one vertex of the mesh, but have the values {one:e} and {other:e}"
+        "vertices {first} and {second} of the file are one vertex of the mesh, but have the values {one} and {other}"
     )]
     Disagreement {
         /// The first vertex.
@@ -187,6 +187,15 @@ impl Translation {
     /// Whether a face that is named stands for several kept ones.
     pub fn divides_faces(&self) -> bool {
         self.of_faces().is_some_and(Numbering::divides_faces)
+    }
+
+    /// Why numbers in the frames of faces cannot be taken in this numbering; nothing where they can.
+    pub fn refuses_frames(&self) -> Option<NumberingError> {
+        match self.turned_faces() {
+            _ if self.divides_faces() => Some(NumberingError::Frames),
+            0 => None,
+            faces => Some(NumberingError::Turned { faces }),
+        }
     }
 
     /// The kept vertex that is meant, of the first `rows`. Where nothing is converted, an index out of range is left to who uses it.

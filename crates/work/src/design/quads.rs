@@ -1,7 +1,7 @@
 //! From a cross field to quads: a field that follows creases and boundaries, and a seamless parametrisation along it.
 
 use chladni_base::Monitor;
-use chladni_mesh::numbering::{NumberingError, Translation};
+use chladni_mesh::numbering::Translation;
 use chladni_spectral::field::FieldSurface;
 use chladni_spectral::field::quad::{
     Combed, CrossField, CrossParameters, Parametrisation, ParametrisationParameters, VertexOrder, comb, creases,
@@ -236,9 +236,10 @@ impl CrossSource {
                 done
             }
             Self::Table(table) => {
-                let planar = table.columns == 2 && (to.turned_faces() > 0 || to.divides_faces());
-                if planar {
-                    return Err(refused("field", "field.table", NumberingError::Turned { faces: to.turned_faces() }));
+                if table.columns == 2
+                    && let Some(error) = to.refuses_frames()
+                {
+                    return Err(refused("field", "field.table", error));
                 }
                 let pulled = to.pull_faces(&table.values, table.columns);
                 table.values = pulled.map_err(|error| refused("field", "field.table", error))?;

@@ -53,7 +53,7 @@ pub(super) fn start(
     let coarsest = ((1.5 * wanted as f64).ceil() as usize).max(1000).max(q);
     if levels < 2 || n < 2 * coarsest {
         return Err(HsimError::Parameter {
-            name: "levels",
+            name: if parameters.levels.is_some() { "levels" } else { "variant" },
             reason: format!("a mesh of {n} unknowns is too small for a coarsest level of {coarsest}"),
         });
     }
