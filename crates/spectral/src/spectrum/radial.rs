@@ -229,7 +229,10 @@ pub fn columns(
 ) -> Result<SparseMatrix<f32>, RadialError> {
     let area = surface_area(mesh);
     let radius = support_radius(area, sigma, samples.len());
-    if !(radius > 0.0 && radius.is_finite()) && !samples.is_empty() && connectivity.vertices() > 0 {
+    let has_radius = radius > 0.0 && radius.is_finite();
+    // What is empty is told below.
+    let is_empty = samples.is_empty() || connectivity.vertices() == 0;
+    if !has_radius && !is_empty {
         return Err(RadialError::Radius { sigma, area });
     }
     columns_within(mesh, connectivity, samples, distance, profile, (sigma, radius), monitor)
