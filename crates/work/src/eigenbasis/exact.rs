@@ -337,12 +337,13 @@ fn wanted(request: &Request, count: usize) -> Result<Wanted, ParameterError> {
         (Some(_), Some(_)) => {
             return Err(value("between", "give one bound on the eigenvalues, or an interval, not both".to_owned()));
         }
-        (Some(bound), None) if !bound.is_finite() => {
-            return Err(value("below", format!("must be a finite number, not {bound}")));
+        (Some(bound), None) if !(bound.abs() <= MOST_BOUND) => {
+            return Err(value("below", format!("must be a number from -1e300 to 1e300, not {bound:e}")));
         }
         (Some(bound), None) => Wanted::Below { bound, most },
-        (None, Some([from, to])) if !(from < to && from.is_finite() && to.is_finite()) => {
-            let reason = format!("must be two finite numbers, the lower one first, not {from} and {to}");
+        (None, Some([from, to])) if !(from < to && from.abs() <= MOST_BOUND && to.abs() <= MOST_BOUND) => {
+            let reason =
+                format!("must be two numbers from -1e300 to 1e300, the lower one first, not {from:e} and {to:e}");
             return Err(value("between", reason));
         }
         (None, Some([from, to])) => Wanted::Between { from, to, most },
@@ -356,6 +357,9 @@ fn wanted(request: &Request, count: usize) -> Result<Wanted, ParameterError> {
     }
     Ok(wanted)
 }
+
+/// Matrices are shifted by bounds, and must stay finite.
+const MOST_BOUND: f64 = 1e300;
 
 #[cfg(test)]
 #[path = "exact_tests.rs"]
