@@ -156,8 +156,11 @@ fn on_unit_size(
     let pairs = if parameters.certify { count.max(kernel) } else { count };
     let columns = (pairs + guards).min(parameters.dimension.max(pairs)).min(problem.size()).max(count);
     let most = most_columns(problem.size(), parameters.dimension.max(count));
-    let mut attempt =
-        Attempt::new(ritz(domain, operator, &mut parameters, columns, monitor)?.with_zeros(kernel), count, most);
+    let mut attempt = Attempt::new(
+        ritz(domain, operator, &mut parameters, columns, monitor)?.with_zeros(problem, kernel),
+        count,
+        most,
+    );
     let mut built = parameters.space;
     monitor.stage("bounds");
     let energy = Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?;
@@ -176,7 +179,7 @@ fn on_unit_size(
         rounds += 1;
         let columns = columns.min(space.columns());
         let mut next = match reduce(problem, space, columns, monitor) {
-            Ok(ritz) => Attempt::new(ritz.with_zeros(kernel), count, most),
+            Ok(ritz) => Attempt::new(ritz.with_zeros(problem, kernel), count, most),
             // What was found before is good enough to be judged, and says how good.
             Err(ApproximationError::Eigen(EigenError::NotPositiveDefinite { .. })) => break,
             Err(error) => return Err(error),

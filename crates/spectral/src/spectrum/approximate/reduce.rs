@@ -22,17 +22,25 @@ pub(in crate::spectrum) struct Ritz {
     pub pairs: EigenPairs,
 }
 
-/// The largest share of the last value that rounding makes of a zero; or of the largest that functions of the space have by themselves.
-const ROUNDING: (f64, f64) = (1e-6, 1e-13);
+/// The largest share of the last value that rounding makes of a zero, where the parts of a mesh have about one size.
+const ROUNDING: f64 = 1e-6;
+
+/// The same of the largest eigenvalue of the mesh: of a part that is far smaller than the others, the constant is rounded as its own values are.
+const UNIT: f64 = 64.0 * f64::EPSILON;
+
+/// What is more than this share of the last value is no zero.
+const MOST: f64 = 1e-3;
 
 impl Ritz {
-    /// With the lowest values exactly zero where constants on so many components are in the kernel: the functions of a space sum to one, and what a dense solver finds
-    /// instead is rounding, relative to the largest value of the space. Values that are small for another reason can be told from them then.
-    pub(super) fn with_zeros(mut self, kernel: usize) -> Self {
-        let own = |column: usize| entry(&self.stiffness, column) / entry(&self.mass, column);
-        let largest = (0..self.mass.rows()).map(own).filter(|value| value.is_finite()).fold(0.0, f64::max);
+    /// With the lowest values exactly zero where constants on so many components are in the kernel: the functions of a space sum to one, and what a
+    /// dense solver finds instead is rounding. Values that are small for another reason can be told from them then.
+    pub(super) fn with_zeros(mut self, problem: &EigenProblem, kernel: usize) -> Self {
+        let mass = problem.mass.lumped();
+        let own = |row: usize| problem.stiffness.row(row).1.iter().map(|entry| entry.abs()).sum::<f64>() / mass[row];
+        let largest = (0..mass.len()).map(own).filter(|value| value.is_finite()).fold(0.0, f64::max);
         let values = &mut self.pairs.values;
-        let rounding = (ROUNDING.0 * values.last().copied().unwrap_or(0.0)).max(ROUNDING.1 * largest);
+        let last = values.last().copied().unwrap_or(0.0);
+        let rounding = (ROUNDING * last).max(UNIT * largest).min(MOST * last);
         if let Some(lowest) = values.get_mut(..kernel)
             && lowest.iter().all(|value| value.abs() <= rounding)
         {
@@ -40,12 +48,6 @@ impl Ritz {
         }
         self
     }
-}
-
-/// An entry of the diagonal.
-fn entry(matrix: &SparseMatrix, row: usize) -> f64 {
-    let (columns, values) = matrix.row(row);
-    columns.binary_search(&(row as u32)).map_or(0.0, |at| values[at])
 }
 
 /// Builds the space and computes the lowest `count` Ritz pairs in it. `parameters` tell afterwards how its functions were made.

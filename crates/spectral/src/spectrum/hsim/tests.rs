@@ -412,7 +412,7 @@ fn the_baselines_take_all_pairs_of_a_small_mesh() {
     }
     let error =
         solve(&mesh, &problem, &HsimParameters { variant: Variant::Published, ..count(5, 1e-2) }, false, &Unwatched);
-    assert!(matches!(error, Err(HsimError::Parameter { name: "levels", .. })));
+    assert!(matches!(error, Err(HsimError::Parameter { name: "variant", .. })), "no levels were asked for");
 }
 
 #[test]
