@@ -89,8 +89,8 @@ def test_pairs_of_matrices_are_those_of_here(client):
 
 
 def test_refusals_are_the_servers_sentences(client, knot):
-    with pytest.raises(chladni.ClientError, match="count") as caught:
-        client.eigs(knot, k=0)
+    with pytest.raises(chladni.ClientError, match="tolerance") as caught:
+        client.eigs(knot, k=5, method="hsim", tol=0.9)
     assert caught.value.status == 422 and caught.value.code == "invalid-parameter"
     with pytest.raises(chladni.ClientError) as caught:
         client.basis("nothing").values
