@@ -1,29 +1,18 @@
 //! Fewer entries for little error: shrink small ones smoothly to zero and restore the partition of unity.
 
-use rayon::prelude::*;
-
 use chladni_algebra::SparseMatrix;
 
 /// Drops entries below `least`, normalises rows, takes every remaining `x` to `(x − threshold)²/x` where it exceeds the
 /// threshold and to nothing elsewhere, and normalises again. A row never becomes empty: its largest entry stays.
 pub(super) fn shrink(spread: &SparseMatrix<f32>, least: f32, threshold: f32) -> SparseMatrix<f32> {
-    let rows_per_chunk = 4096;
-    let n = spread.rows();
-    let chunks: Vec<(Vec<u32>, Vec<u32>, Vec<f32>)> = (0..n.div_ceil(rows_per_chunk))
-        .into_par_iter()
-        .map(|chunk| {
-            let rows = chunk * rows_per_chunk..((chunk + 1) * rows_per_chunk).min(n);
-            let (mut counts, mut indices, mut values) = (Vec::new(), Vec::new(), Vec::new());
-            for row in rows {
-                let before = indices.len();
-                let (c, x) = spread.row(row);
-                push_row(c, x, least, threshold, &mut indices, &mut values);
-                counts.push((indices.len() - before) as u32);
-            }
-            (counts, indices, values)
-        })
-        .collect();
-    assemble(n, spread.columns(), chunks)
+    SparseMatrix::from_rows(spread.rows(), spread.columns(), Default::default, |(indices, values), row, entries| {
+        let (indices, values): (&mut Vec<u32>, &mut Vec<f32>) = (indices, values);
+        indices.clear();
+        values.clear();
+        let (columns, row) = spread.row(row);
+        push_row(columns, row, least, threshold, indices, values);
+        entries.extend(indices.iter().copied().zip(values.iter().copied()));
+    })
 }
 
 /// Puts runs of rows (counts, indices, values) together.

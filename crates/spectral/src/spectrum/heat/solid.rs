@@ -104,22 +104,13 @@ fn shares(level: &Level) -> Vec<f32> {
 /// Drops entries smaller than `least` times the share of their row, and normalises rows. What an entry of less loses by shrinking smoothly is more than what it loses by being cut
 /// off: beside flat tetrahedra a relation between values holds for sums, and for no other function of them.
 fn cut(spread: &SparseMatrix<f32>, least: f32, shares: &[f32]) -> SparseMatrix<f32> {
-    let rows_per_chunk = 4096;
-    let n = spread.rows();
-    let chunks: Vec<(Vec<u32>, Vec<u32>, Vec<f32>)> = (0..n.div_ceil(rows_per_chunk))
-        .into_par_iter()
-        .map(|chunk| {
-            let rows = chunk * rows_per_chunk..((chunk + 1) * rows_per_chunk).min(n);
-            let (mut counts, mut indices, mut values) = (Vec::new(), Vec::new(), Vec::new());
-            for row in rows {
-                let before = indices.len();
-                push_row(spread.row(row), least * shares[row], &mut indices, &mut values);
-                counts.push((indices.len() - before) as u32);
-            }
-            (counts, indices, values)
-        })
-        .collect();
-    shrink::assemble(n, spread.columns(), chunks)
+    SparseMatrix::from_rows(spread.rows(), spread.columns(), Default::default, |(indices, values), row, entries| {
+        let (indices, values): (&mut Vec<u32>, &mut Vec<f32>) = (indices, values);
+        indices.clear();
+        values.clear();
+        push_row(spread.row(row), least * shares[row], indices, values);
+        entries.extend(indices.iter().copied().zip(values.iter().copied()));
+    })
 }
 
 /// Appends one row.
